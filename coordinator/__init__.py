@@ -1,0 +1,1 @@
+"""From a scenario to a fleet in motion: the only package that plans."""

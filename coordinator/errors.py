@@ -1,0 +1,17 @@
+"""The two ways in which planning can end without a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class InputError(Exception):
+    """Bad input from a person: every problem found, one line each.  Exit code 2."""
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        super().__init__("\n".join(problems))
+        self.problems = tuple(problems)
+
+
+class PlanError(Exception):
+    """No plan exists, or none was found: who blocks whom, where, what would help.  Exit code 1."""

@@ -1,0 +1,146 @@
+"""The plan document: everything that is known about one epoch's plan, as written to plan.json.
+
+Decides: the document's fields.  All path, profile and stop numbers are the float32 values of the
+wire.  Must not know: how a plan is found (planner.py) or proven (proof.py); wire.py turns it into
+messages.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Final
+
+import msgspec
+
+from coordinator.errors import InputError
+from coordinator.scenario import Point, Policy
+
+FORMAT: Final = "splinefleet.plan/1"
+
+
+class Path(msgspec.Struct, frozen=True, kw_only=True):
+    """A clamped NURBS curve: len(knots) = len(control_points) + degree + 1; points in metres."""
+
+    degree: int
+    knots: list[float]
+    control_points: list[Point]
+    weights: list[float]
+
+
+class Stop(msgspec.Struct, frozen=True, kw_only=True):
+    """At rest at arc length s [m] from `arrive` to `depart` [s], for another robot's sake."""
+
+    s: float
+    arrive: float
+    depart: float
+    yields_to: str = ""
+
+
+class Limits(msgspec.Struct, frozen=True, kw_only=True):
+    """What the robot can do: [m/s], [m/s^2] (null: no limit), [m]."""
+
+    max_speed: float
+    max_accel: float | None = None
+    max_lateral_accel: float | None = None
+    min_turn_radius: float = 0.0
+
+
+class RobotPlan(msgspec.Struct, frozen=True, kw_only=True):
+    """One robot's part: path, speed knots [s, v] and stops; times in seconds of plan time."""
+
+    id: str
+    radius: float
+    start_time: float
+    finish_time: float
+    length: float
+    path: Path
+    profile: list[tuple[float, float]]
+    stops: list[Stop]
+    wire_bytes: int
+    start_yields_to: str = ""
+    limits: Limits | None = None
+
+
+class Crossing(msgspec.Struct, frozen=True, kw_only=True):
+    """A point where two paths meet, and what the schedule says about it."""
+
+    a: str
+    b: str
+    x: float
+    y: float
+    s_a: float
+    s_b: float
+    t_a: float
+    t_b: float
+    verdict: str
+
+
+class Proof(msgspec.Struct, frozen=True, kw_only=True):
+    """What proof.py found; distances between centres [m], clearance beyond the radius [m]."""
+
+    holds: bool
+    pairs: int
+    least_separation: float | None
+    least_clearance: float | None
+    survives: list[str]
+    tightest: str = ""
+    failures: list[str] = []
+
+
+class Floor(msgspec.Struct, frozen=True, kw_only=True):
+    """The floor that the clearance was proven on, so that a plan file stands alone."""
+
+    boundary: list[Point]
+    obstacles: list[list[Point]] = []
+
+
+class PlanDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """The whole plan of one epoch; `tau` [s], `margin` [m]."""
+
+    format: str = FORMAT
+    scenario: str
+    epoch: int
+    policy: Policy
+    tau: float
+    margin: float
+    robots: list[RobotPlan]
+    crossings: list[Crossing] = []
+    proof: Proof | None = None
+    timing: dict[str, float] = {}
+    workspace: Floor | None = None
+    notes: list[str] = []
+
+    def robot(self, robot_id: str) -> RobotPlan:
+        """Return one robot's plan; KeyError when there is none of that name."""
+        for robot in self.robots:
+            if robot.id == robot_id:
+                return robot
+        raise KeyError(robot_id)
+
+
+def to_json(document: PlanDocument) -> bytes:
+    """Return the document as indented JSON."""
+    return msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n"
+
+
+def from_json(text: bytes, name: str = "plan") -> PlanDocument:
+    """Parse plan.json; raises InputError naming the file and the field."""
+    try:
+        document = msgspec.json.decode(text, type=PlanDocument)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise InputError([f"{name}: {error}"]) from None
+    if document.format != FORMAT:
+        raise InputError([f"{name}: format is {document.format!r}, this reads {FORMAT!r}"])
+    ids = [robot.id for robot in document.robots]
+    if len(set(ids)) != len(ids):
+        raise InputError([f"{name}: robots: an id stands twice"])
+    return document
+
+
+def read(path: FilePath) -> PlanDocument:
+    """Read a plan file; raises InputError when it cannot be read or understood."""
+    try:
+        text = path.read_bytes()
+    except OSError as error:
+        raise InputError([f"{path}: {error.strerror}"]) from None
+    return from_json(text, str(path))

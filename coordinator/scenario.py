@@ -1,0 +1,66 @@
+"""What a user asks for: a floor, robots with starts and goals, and how safe to be.
+
+Decides: the fields, their units and defaults.  Must not know: files (scenario_file.py reads and
+checks them) or plans.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import msgspec
+
+Point = tuple[float, float]
+Pose = tuple[float, float] | tuple[float, float, float]
+Policy = Literal["safe", "paper"]
+
+
+class Robot(msgspec.Struct, frozen=True, kw_only=True):
+    """One robot: lengths [m], speeds [m/s], accelerations [m/s^2], headings [rad]."""
+
+    id: str
+    start: Pose
+    goal: Pose
+    radius: float
+    max_speed: float
+    via: tuple[Point, ...] = ()
+    max_accel: float
+    """Default: max_speed within 1 s; inf starts and stops at once."""
+    max_lateral_accel: float
+    """Default: max_accel."""
+    min_turn_radius: float = 0.0
+    priority: int = 0
+
+
+class Workspace(msgspec.Struct, frozen=True, kw_only=True):
+    """The floor: its outline (counter-clockwise corners [m]) and what stands on it."""
+
+    boundary: tuple[Point, ...]
+    obstacles: tuple[tuple[Point, ...], ...] = ()
+
+
+class Scenario(msgspec.Struct, frozen=True, kw_only=True):
+    """A checked scenario; `tau` is in seconds or "auto" for the fault budget."""
+
+    name: str
+    workspace: Workspace
+    robots: tuple[Robot, ...]
+    tau: float | Literal["auto"] = "auto"
+    margin: float = 0.05
+    policy: Policy = "safe"
+    stop_time: float = 2.0
+    speed_reserve: float = 0.05
+
+    def need(self, a: Robot, b: Robot) -> float:
+        """Return the least distance [m] between the centres of two robots."""
+        return a.radius + b.radius + self.margin
+
+    def planned_speed(self, robot: Robot) -> float:
+        """Return the speed [m/s] that plans may use: the limit less the reserve."""
+        return robot.max_speed * (1.0 - self.speed_reserve)
+
+
+def starts_at_once(robot: Robot) -> bool:
+    """Tell whether the robot reaches any speed in no time, as the paper's robots do."""
+    return math.isinf(robot.max_accel)

@@ -1,0 +1,152 @@
+"""The curve as a robot evaluates it: a rational B-spline by arc length, in plain Python.
+
+Decides: how the numbers on the wire become places.  Firmware: only `math` is imported, nothing is
+allocated by `evaluate` and `place`, results are left in attributes.  The coordinator has the
+vectorised twin in coordinator/nurbs.py.
+"""
+
+from math import hypot
+
+_GAUSS = (
+    (-0.9061798459386640, 0.2369268850561891),
+    (-0.5384693101056831, 0.4786286704993665),
+    (0.0, 0.5688888888888889),
+    (0.5384693101056831, 0.4786286704993665),
+    (0.9061798459386640, 0.2369268850561891),
+)
+_CELLS_PER_SPAN = 8
+
+
+def clamped_knots(degree: int, wire_knots: list[float]) -> list[float]:
+    """Return the full clamped knot vector from the wire's inner knots and last knot."""
+    return [0.0] * (degree + 1) + wire_knots[:-1] + [wire_knots[-1]] * (degree + 1)
+
+
+class Curve:
+    """A planar NURBS curve C(u), Eq. (5) with the rational basis of Eq. (7).
+
+    degree k, `knots` of length n + k + 1 (clamped, not decreasing, first 0), control points
+    (xs[i], ys[i]) [m] and positive weights, n of each.  Raises ValueError when these do not fit.
+    After `evaluate(u)` or `place(s)` the attributes x, y [m] and dx, dy (derivative by u) hold
+    the result.
+    """
+
+    def __init__(
+        self,
+        degree: int,
+        knots: list[float],
+        xs: list[float],
+        ys: list[float],
+        weights: list[float],
+    ) -> None:
+        count = len(xs)
+        if count <= degree:
+            raise ValueError(f"{count} control points are too few for degree {degree}")
+        if len(ys) != count or len(weights) != count or len(knots) != count + degree + 1:
+            raise ValueError(
+                f"{count} control points need {count} weights and {count + degree + 1} knots, "
+                f"not {len(weights)} and {len(knots)}"
+            )
+        if knots[0] != 0.0 or not knots[-1] > 0.0:
+            raise ValueError(f"knots run from {knots[0]} to {knots[-1]}, not up from 0")
+        if any(not a <= b for a, b in zip(knots, knots[1:])):  # noqa: B905
+            raise ValueError("knots decrease")
+        if not min(weights) > 0.0:
+            raise ValueError(f"weight {min(weights)} is not positive")
+        self.degree = degree
+        self.knots = knots
+        self.x = self.y = self.dx = self.dy = 0.0
+        self._hx = [x * w for x, w in zip(xs, weights)]  # noqa: B905
+        self._hy = [y * w for y, w in zip(ys, weights)]  # noqa: B905
+        self._hw = list(weights)
+        self._span = degree
+        self._bx = [0.0] * (degree + 1)
+        self._by = [0.0] * (degree + 1)
+        self._bw = [0.0] * (degree + 1)
+        self._cell = 0
+        self._cell_u = [0.0]
+        self._cell_s = [0.0]
+        self._cell_slope: list[float] = []
+        self._measure()
+        self.length = self._cell_s[-1]
+        if not 0.0 < self.length < 1e6:
+            raise ValueError(f"a curve of length {self.length} m is not a path")
+
+    def evaluate(self, u: float) -> None:
+        """Evaluate C(u) and C'(u) by de Boor's algorithm; u is clamped into the domain."""
+        degree, knots = self.degree, self.knots
+        u = min(max(u, 0.0), knots[-1])
+        span, last = self._span, len(self._hw) - 1
+        while span < last and u >= knots[span + 1]:
+            span += 1
+        while span > degree and u < knots[span]:
+            span -= 1
+        self._span = span
+        bx, by, bw = self._bx, self._by, self._bw
+        for i in range(degree + 1):
+            bx[i], by[i] = self._hx[span - degree + i], self._hy[span - degree + i]
+            bw[i] = self._hw[span - degree + i]
+        for level in range(1, degree):
+            for i in range(degree, level - 1, -1):
+                low = knots[span - degree + i]
+                part = (u - low) / (knots[span + 1 + i - level] - low)
+                bx[i] += (1.0 - part) * (bx[i - 1] - bx[i])
+                by[i] += (1.0 - part) * (by[i - 1] - by[i])
+                bw[i] += (1.0 - part) * (bw[i - 1] - bw[i])
+        low = knots[span]
+        width = knots[span + 1] - low
+        part = (u - low) / width
+        ax, ay, aw = bx[degree] - bx[degree - 1], by[degree] - by[degree - 1], 0.0
+        aw = bw[degree] - bw[degree - 1]
+        w = bw[degree - 1] + part * aw
+        self.x = (bx[degree - 1] + part * ax) / w
+        self.y = (by[degree - 1] + part * ay) / w
+        scale = degree / (width * w)
+        self.dx = scale * (ax - aw * self.x)
+        self.dy = scale * (ay - aw * self.y)
+
+    def place(self, s: float) -> None:
+        """Evaluate the curve at arc length s [m], clamped to [0, length]."""
+        self.evaluate(self.parameter_at(s))
+
+    def parameter_at(self, s: float) -> float:
+        """Return the parameter u at arc length s: a cubic Hermite piece per cell of the table."""
+        table_s, cell = self._cell_s, self._cell
+        s = min(max(s, 0.0), self.length)
+        while cell < len(table_s) - 2 and s >= table_s[cell + 1]:
+            cell += 1
+        while cell > 0 and s < table_s[cell]:
+            cell -= 1
+        self._cell = cell
+        size = table_s[cell + 1] - table_s[cell]
+        part = (s - table_s[cell]) / size
+        rest = 1.0 - part
+        u0, u1 = self._cell_u[cell], self._cell_u[cell + 1]
+        m0, m1 = self._cell_slope[cell] * size, self._cell_slope[cell + 1] * size
+        value = rest * rest * ((1.0 + 2.0 * part) * u0 + part * m0)
+        return value + part * part * ((3.0 - 2.0 * part) * u1 - rest * m1)
+
+    def _speed(self, u: float) -> float:
+        self.evaluate(u)
+        return hypot(self.dx, self.dy)
+
+    def _measure(self) -> None:
+        """Fill the table of arc lengths: Gauss quadrature with 5 nodes over 8 cells per span."""
+        self._cell_slope.append(1.0 / max(self._speed(0.0), 1e-9))
+        previous = 0.0
+        for knot in self.knots:
+            step = (knot - previous) / _CELLS_PER_SPAN
+            if step <= 0.0:
+                continue
+            for cell in range(_CELLS_PER_SPAN):
+                u0 = previous + cell * step
+                u1 = knot if cell == _CELLS_PER_SPAN - 1 else u0 + step
+                size = 0.0
+                for node, weight in _GAUSS:
+                    size += weight * self._speed(0.5 * (u0 + u1) + 0.5 * (u1 - u0) * node)
+                size *= 0.5 * (u1 - u0)
+                if size > 0.0:
+                    self._cell_u.append(u1)
+                    self._cell_s.append(self._cell_s[-1] + size)
+                    self._cell_slope.append(1.0 / max(self._speed(u1), 1e-9))
+            previous = knot

@@ -1,0 +1,50 @@
+"""Key expressions: which message lives where.
+
+Decides: the names of the keys.  Must not know: what is sent on them.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+ROOT: Final = "splinefleet"
+NAME: Final = re.compile(r"[A-Za-z0-9_.-]{1,32}")
+"""What a fleet's or a robot's name may be: Zenoh itself would accept nearly anything."""
+
+
+def hello(fleet: str, robot: str) -> str:
+    """Return the key on which a robot introduces itself."""
+    return f"{ROOT}/{fleet}/hello/{robot}"
+
+
+def plan(fleet: str, robot: str) -> str:
+    """Return the key on which a robot gets its plan or its refusal."""
+    return f"{ROOT}/{fleet}/plan/{robot}"
+
+
+def command(fleet: str) -> str:
+    """Return the key on which the coordinator states what should be."""
+    return f"{ROOT}/{fleet}/command"
+
+
+def report(fleet: str, robot: str) -> str:
+    """Return the key on which a robot reports its state."""
+    return f"{ROOT}/{fleet}/report/{robot}"
+
+
+def clock(fleet: str, robot: str) -> str:
+    """Return the key on which a robot asks for the time and is answered."""
+    return f"{ROOT}/{fleet}/clock/{robot}"
+
+
+def split(key: str) -> tuple[str, str, str] | None:
+    """Split a key into (fleet, kind, robot); robot is empty for `command`; None if not ours."""
+    parts = key.split("/")
+    if parts[0] != ROOT or not all(NAME.fullmatch(part) for part in parts[1:]):
+        return None
+    if len(parts) == 3 and parts[2] == "command":
+        return parts[1], "command", ""
+    if len(parts) == 4 and parts[2] in ("hello", "plan", "report", "clock"):
+        return parts[1], parts[2], parts[3]
+    return None

@@ -1,0 +1,116 @@
+"""The messages of the wire as frozen structs, and the numbers inside them.
+
+Decides: the fields, their units, their bounds.  Must not know: how bytes travel, who plans.
+Every struct is a msgpack array led by its tag; a new field goes last and has a default.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Final
+
+import msgspec
+
+PROTOCOL_VERSION: Final = 1
+
+MAX_MESSAGE_BYTES: Final = 4_000
+"""No message to a robot may be longer: zenoh-pico loses larger payloads without a word."""
+
+Counter = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
+Nanoseconds = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
+Duration = Annotated[int, msgspec.Meta(ge=0, le=10**12)]
+Packed = Annotated[bytes, msgspec.Meta(max_length=3_600)]
+RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}$")]
+
+
+class Hello(msgspec.Struct, frozen=True, array_like=True, tag=1):
+    """A robot introduces itself; repeated until it holds a plan.
+
+    A limit of 0 means "not stated": the robot can do what the scenario asks.
+    """
+
+    version: Annotated[int, msgspec.Meta(ge=0, le=255)]
+    boot: Counter
+    radius_m: float = 0.0
+    max_speed_mps: float = 0.0
+    max_accel_mps2: float = 0.0
+
+
+class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):
+    """One robot's path and time-table for one epoch.
+
+    Packed fields are little-endian.  `points`: float32 x, y per control point [m].
+    `knots`: float32, the inner knots and the last one; the first knot is 0 and both ends are
+    clamped.  `weights`: float32 per control point, empty when all are 1.  `profile`: float32
+    s [m], v [m/s] per speed knot.  `stops`: float32 s [m] and int64 departure [ns after the
+    start] per stop.
+    """
+
+    epoch: Counter
+    boot: Counter
+    robot: RobotId
+    tau_ns: Duration
+    late_ns: Duration
+    lease_ns: Duration
+    track_mm: Annotated[int, msgspec.Meta(ge=0, le=65_535)]
+    brake_mmps2: Counter
+    degree: Annotated[int, msgspec.Meta(ge=1, le=7)]
+    points: Packed
+    knots: Packed
+    weights: Packed
+    profile: Packed
+    stops: Packed
+    checksum: Counter
+
+
+class Refusal(msgspec.Struct, frozen=True, array_like=True, tag=6):
+    """Sent in place of a Plan to a robot that cannot join; `boot` is that robot's."""
+
+    boot: Counter
+    reason: Annotated[str, msgspec.Meta(max_length=200)]
+
+
+class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
+    """What should be, repeated every COMMAND_PERIOD: level-triggered, so a lost one is harmless.
+
+    `start_ns` is the plan's time zero on the coordinator's clock (0 unless the phase is GO or
+    FREEZE).  `wanted` names frozen robots whose arc length has not been heard yet.
+    """
+
+    boot: Counter
+    sequence: Counter
+    epoch: Counter
+    phase: Annotated[int, msgspec.Meta(ge=0, le=3)]
+    start_ns: Nanoseconds
+    wanted: Annotated[tuple[RobotId, ...], msgspec.Meta(max_length=100)] = ()
+
+
+class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
+    """A robot's state, sent on change and every REPORT_PERIOD.
+
+    `epoch` is the one whose plan the robot holds (0: none); an older one than the Command's is
+    the request for the plan.  `s_m` is the arc length at which a frozen robot rests; nothing
+    else on this wire says where a robot is.
+    """
+
+    boot: Counter
+    sequence: Counter
+    epoch: Counter
+    phase: Annotated[int, msgspec.Meta(ge=0, le=5)]
+    fault: Annotated[int, msgspec.Meta(ge=0, le=7)] = 0
+    s_m: Annotated[float, msgspec.Meta(ge=0.0)] | None = None
+
+
+class Clock(msgspec.Struct, frozen=True, array_like=True, tag=5):
+    """The four time stamps of NTP: the robot asks with the first, the answer carries three.
+
+    `sent_ns` is on the robot's clock, `received_ns` and `answered_ns` are on the coordinator's;
+    the fourth is the arrival of the answer and stays with the robot.
+    """
+
+    boot: Counter
+    sent_ns: Nanoseconds
+    received_ns: Nanoseconds | None = None
+    answered_ns: Nanoseconds | None = None
+
+
+Message = Hello | Plan | Refusal | Command | Report | Clock

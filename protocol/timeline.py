@@ -1,0 +1,117 @@
+"""Where along its path a robot is at which plan time: speed knots and stops made into s(t).
+
+Decides: the meaning of `profile` and `stops` on the wire.  Firmware: no imports, no allocation
+after construction.  Used by the robot and by the proof, so that what is proven is what is driven.
+"""
+
+
+class Timeline:
+    """The motion s(t) along a path; times [s] count from the plan's start, s is arc length [m].
+
+    `profile_s`, `profile_v`: speed knots, v^2 linear in s between neighbours (constant
+    acceleration).  `stop_s`, `stop_depart`: the robot rests at stop_s until plan time
+    stop_depart (not at all when it arrives later); a stop at s = 0 is a late start.
+    Raises ValueError when the numbers do not describe a motion.
+    """
+
+    def __init__(
+        self,
+        profile_s: list[float],
+        profile_v: list[float],
+        stop_s: list[float],
+        stop_depart: list[float],
+    ) -> None:
+        _check(profile_s, profile_v, stop_s, stop_depart)
+        self.t0: list[float] = []
+        self.t1: list[float] = []
+        self.s0: list[float] = []
+        self.s1: list[float] = []
+        self.v0: list[float] = []
+        self.v1: list[float] = []
+        self.arrivals: list[float] = []
+        self._leg = 0
+        time, stop = 0.0, 0
+        for i in range(len(profile_s) - 1):
+            s, v = profile_s[i], profile_v[i]
+            end_s, end_v = profile_s[i + 1], profile_v[i + 1]
+            slope = (end_v * end_v - v * v) / (end_s - s)
+            while stop < len(stop_s) and stop_s[stop] < end_s:
+                if stop_s[stop] > s:
+                    next_v = (v * v + slope * (stop_s[stop] - s)) ** 0.5
+                    time = self._add_leg(time, s, stop_s[stop], v, next_v)
+                    s, v = stop_s[stop], next_v
+                self.arrivals.append(time)
+                time = max(time, stop_depart[stop])
+                stop += 1
+            time = self._add_leg(time, s, end_s, v, end_v)
+        self.finish = time
+        self.length = profile_s[-1]
+
+    def s_at(self, time: float) -> float:
+        """Return the arc length [m] at a plan time [s]; before the start 0, at the end length."""
+        leg = self._find(time)
+        passed = time - self.t0[leg]
+        if passed <= 0.0:
+            return self.s0[leg]
+        if time >= self.t1[leg]:
+            return self.s1[leg]
+        rate = (self.v1[leg] - self.v0[leg]) / (self.t1[leg] - self.t0[leg])
+        return self.s0[leg] + passed * (self.v0[leg] + 0.5 * rate * passed)
+
+    def v_at(self, time: float) -> float:
+        """Return the speed [m/s] at a plan time [s]; 0 while the robot rests."""
+        leg = self._find(time)
+        passed = time - self.t0[leg]
+        if passed < 0.0 or time >= self.t1[leg]:
+            return 0.0
+        rate = (self.v1[leg] - self.v0[leg]) / (self.t1[leg] - self.t0[leg])
+        return self.v0[leg] + rate * passed
+
+    def next_stop(self, time: float) -> tuple[float, float] | None:
+        """Return (s, departure) of the rest that the robot is in or comes to next, or None."""
+        for leg in range(self._find(time), len(self.t0)):
+            if time < self.t0[leg] and (leg == 0 or self.t1[leg - 1] < self.t0[leg]):
+                return self.s0[leg], self.t0[leg]
+        return None
+
+    def _find(self, time: float) -> int:
+        """Return the last leg that has begun (the first one before that), from the last answer."""
+        leg = self._leg
+        while leg < len(self.t0) - 1 and time >= self.t0[leg + 1]:
+            leg += 1
+        while leg > 0 and time < self.t0[leg]:
+            leg -= 1
+        self._leg = leg
+        return leg
+
+    def _add_leg(self, time: float, s0: float, s1: float, v0: float, v1: float) -> float:
+        end = time + 2.0 * (s1 - s0) / (v0 + v1)
+        self.t0.append(time)
+        self.t1.append(end)
+        self.s0.append(s0)
+        self.s1.append(s1)
+        self.v0.append(v0)
+        self.v1.append(v1)
+        return end
+
+
+def _check(
+    profile_s: list[float],
+    profile_v: list[float],
+    stop_s: list[float],
+    stop_depart: list[float],
+) -> None:
+    if len(profile_s) < 2 or len(profile_v) != len(profile_s) or profile_s[0] != 0.0:
+        raise ValueError("a speed profile has at least two knots and begins at s = 0")
+    for i in range(len(profile_s)):
+        if not 0.0 <= profile_v[i] < 1e3:
+            raise ValueError(f"speed {profile_v[i]} m/s at s = {profile_s[i]} m is no speed")
+        if i and not profile_s[i] > profile_s[i - 1]:
+            raise ValueError(f"speed knots do not increase at s = {profile_s[i]} m")
+        if i and not profile_v[i] + profile_v[i - 1] > 0.0:
+            raise ValueError(f"the robot would stand for ever before s = {profile_s[i]} m")
+    for i in range(len(stop_s)):
+        if not 0.0 <= stop_s[i] < profile_s[-1] or (i and not stop_s[i] > stop_s[i - 1]):
+            raise ValueError(f"stop at s = {stop_s[i]} m is out of order or off the path")
+        if not -1e6 < stop_depart[i] < 1e6:
+            raise ValueError(f"departure at {stop_depart[i]} s is no plan time")

@@ -1,0 +1,53 @@
+"""The contract between the project and whatever carries its bytes.
+
+Two implementations stand behind it: Zenoh (protocol/zenoh_transport.py) and the in-memory link
+with seeded loss, delay, doubling and reordering (sim/memory_transport.py).  One test suite holds
+both to what is written here.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+Handler = Callable[[str, bytes, int | None], None]
+"""Called as handler(key, payload, sent_ns); sent_ns is the sender's time stamp or None.
+
+It may run on any thread and must return at once: it only enqueues.
+"""
+
+
+class TransportError(Exception):
+    """The link cannot be opened; the text is one sentence for the person who started it."""
+
+
+class Transport(ABC):
+    """Publish and subscribe on keys.
+
+    Obligations of every implementation:
+    - Bytes arrive whole or not at all, on the key they were put on.
+    - A put may be lost, doubled, delayed or overtaken by a later one; nobody is told.
+    - A session does not receive its own puts.
+    - `put` never blocks for longer than a millisecond and never raises because of the link.
+    - After `close` no handler is called and puts are ignored; `close` may be called twice.
+    """
+
+    @abstractmethod
+    def put(self, key: str, payload: bytes) -> None:
+        """Send bytes to all subscribers of the key, best effort."""
+
+    @abstractmethod
+    def subscribe(self, key_expression: str, handler: Handler) -> None:
+        """Call the handler for everything that arrives; `*` stands for one part of a key."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End the session."""
+
+    def __enter__(self) -> Transport:
+        """Return the transport itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the transport."""
+        self.close()
