@@ -120,6 +120,14 @@ def _is_sane(message: Message) -> bool:
             and len(message.profile) % 8 == 0
             and len(message.stops) % 12 == 0
             and all(len(field) % 4 == 0 for field in packed)
+            and _is_finite(message)
             and checksum(message) == message.checksum
         )
     return True
+
+
+def _is_finite(plan: Plan) -> bool:
+    """Tell whether all packed numbers are finite; the packed lengths have been checked."""
+    numbers = unpack_floats(plan.points + plan.knots + plan.weights + plan.profile)
+    numbers += [s for s, _ in unpack_stops(plan.stops)]
+    return all(map(math.isfinite, numbers))

@@ -49,7 +49,7 @@ class Curve:
             )
         if knots[0] != 0.0 or not knots[-1] > 0.0:
             raise ValueError(f"knots run from {knots[0]} to {knots[-1]}, not up from 0")
-        if any(not a <= b for a, b in zip(knots, knots[1:])):  # noqa: B905
+        if any(not a <= b for a, b in zip(knots, knots[1:])):  # noqa: B905, RUF007
             raise ValueError("knots decrease")
         if not min(weights) > 0.0:
             raise ValueError(f"weight {min(weights)} is not positive")

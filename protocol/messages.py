@@ -19,7 +19,7 @@ Counter = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 Nanoseconds = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
 Duration = Annotated[int, msgspec.Meta(ge=0, le=10**12)]
 Packed = Annotated[bytes, msgspec.Meta(max_length=3_600)]
-RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}$")]
+RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}(?!\n)$")]
 
 
 class Hello(msgspec.Struct, frozen=True, array_like=True, tag=1):

@@ -1,0 +1,87 @@
+"""When no order works: somebody has to bend.
+
+Finds pairs of robots that can pass each other in neither order (two that swap places on a line),
+and gives one of them a path that keeps off the other's, beside it like a passing lane.
+Decides: who takes another way.  Must not know: how orders are searched (schedule.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from coordinator.errors import PlanError
+from coordinator.floor import Disc
+from coordinator.nurbs import Array, Nurbs
+from coordinator.scenario import Robot, Scenario
+from coordinator.schedule import Deadlock, Junctions, place_in_order
+
+_LANE_ROOM = 0.01
+_SPACING = 0.25
+
+
+def stuck_pairs(junctions: Junctions) -> list[tuple[int, int]]:
+    """Return the pairs that find no motion in either order, even alone on the floor."""
+    return [
+        (a, b)
+        for a, b in junctions.conflicts
+        if isinstance(place_in_order(junctions, (a, b)), Deadlock)
+        and isinstance(place_in_order(junctions, (b, a)), Deadlock)
+    ]
+
+
+def blocking_pairs(junctions: Junctions, deadlock: Deadlock) -> list[tuple[int, int]]:
+    """Return the loser of a deadlock with each winner that it meets, the last one first."""
+    loser = deadlock.loser
+    return [
+        (min(loser, other), max(loser, other))
+        for other in reversed(deadlock.winners)
+        if junctions.runs(loser, other) is not None
+    ]
+
+
+def lanes(scenario: Scenario, mover: int, other: int, path: Nurbs) -> Iterator[list[Disc]]:
+    """Yield sets of places for `mover` to keep off, so that it passes `other` on its path.
+
+    First the whole path, then its middle half: where the first leaves no way the second may.
+    """
+    robot = scenario.robots[mover]
+    reach = scenario.need(robot, scenario.robots[other]) + _LANE_ROOM
+    anchors = np.array([robot.start[:2], *robot.via, robot.goal[:2]])
+    for low, high in ((0.0, 1.0), (0.25, 0.75)):
+        count = 2 + int((high - low) * path.length / (_SPACING * reach))
+        centers = path.at_arc(np.linspace(low, high, count) * path.length)
+        yield [
+            Disc(x, y, reach)
+            for x, y in centers.tolist()
+            if np.hypot(*(anchors - (x, y)).T).min() > 1.15 * reach
+        ]
+
+
+def say_stuck(scenario: Scenario, paths: Sequence[Nurbs], pair: tuple[int, int]) -> PlanError:
+    """Return the error that says who blocks whom, where, and what would help."""
+    a, b = scenario.robots[pair[0]], scenario.robots[pair[1]]
+    need = scenario.need(a, b)
+    facts = [*_facts(a, b, paths[pair[1]], need), *_facts(b, a, paths[pair[0]], need)]
+    because = ", ".join(facts) or "each is in the other's way"
+    return PlanError(
+        f"{a.id} and {b.id} block each other whoever goes first: {because}; no way around was "
+        "found. A wider passage, a via point or another goal would help"
+    )
+
+
+def _facts(me: Robot, other: Robot, way: Nurbs, need: float) -> list[str]:
+    """Say which of my places lie on another robot's way."""
+    points = way.at_arc(np.linspace(0.0, way.length, 2 + int(way.length / 0.05)))
+    facts = []
+    for name, place in (("start", me.start), ("goal", me.goal)):
+        if _nearest(points, np.array(place[:2])) < need:
+            facts.append(
+                f"{me.id}'s {name} ({place[0]:.2f}, {place[1]:.2f}) lies on {other.id}'s way"
+            )
+    return facts
+
+
+def _nearest(points: Array, place: Array) -> float:
+    return float(np.hypot(*(points - place).T).min())

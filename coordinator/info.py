@@ -1,0 +1,271 @@
+"""What happened, told from a log: epochs, arrivals, stops, faults, bytes, positions on the wire.
+
+Decides: how a log is summed up.  Must not know: files (logbook.py reads them), what a plan should
+look like, or how the summary is shown (info_table.py).
+
+Times `t` and `start` count in seconds from the log's first message, arrivals from the GO of their
+epoch, both on the coordinator's clock.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+
+from coordinator import plan as plan_file
+from coordinator.errors import InputError
+from protocol import codec, keys, phases
+from protocol.messages import Clock, Command, Hello, Message, Plan, Refusal, Report
+
+if TYPE_CHECKING:
+    from coordinator.logbook import Log, Record
+
+_ENDINGS: Final = {phases.OVER: "over", phases.FREEZE: "frozen"}
+_POINT_BYTES: Final = 8
+
+
+class Traffic(msgspec.Struct):
+    """What went over one key; payload bytes."""
+
+    messages: int = 0
+    bytes: int = 0
+
+
+class PhaseChange(msgspec.Struct):
+    """From `t` [s] on the Command stated this phase."""
+
+    t: float
+    phase: str
+
+
+class EpochSummary(msgspec.Struct):
+    """One epoch: its plan's time zero `start` [s], null if it never got a GO; arrivals [s]."""
+
+    epoch: int
+    start: float | None = None
+    phases: list[PhaseChange] = []
+    arrivals: dict[str, float] = {}
+    ended: str = "running"
+
+
+class StopSummary(msgspec.Struct):
+    """A planned rest at arc length s [m] until plan time `depart` [s]."""
+
+    s: float
+    depart: float
+    yields_to: str
+
+
+class RobotSummary(msgspec.Struct):
+    """One robot: plan from the last plan that names it, the rest from the wire; times [s]."""
+
+    plan_bytes: int = 0
+    control_points: int = 0
+    planned_start: float | None = None
+    planned_finish: float | None = None
+    stops: list[StopSummary] = []
+    arrived: float | None = None
+    reports: int = 0
+    bytes_sent: int = 0
+    fault: str | None = None
+
+
+class FaultSummary(msgspec.Struct):
+    """A fault that a robot reported (kind "report") or a freeze of the fleet (kind "freeze")."""
+
+    t: float
+    robot: str
+    fault: str
+    kind: str
+
+
+class Summary(msgspec.Struct):
+    """The whole; `duration` [s] of the log, `tau` [s] of its first plan.
+
+    `bad_messages`: payloads on the fleet's keys that no receiver accepts.  `damage`: where the
+    file is not as it was written.  `robot_payload_bytes_per_second`: of the busiest robot, from
+    the first GO to the last arrival, null when there was none.
+    """
+
+    fleet: str
+    policy: str | None
+    tau: float | None
+    duration: float
+    complete: bool
+    damage: str
+    messages: int
+    bad_messages: int = 0
+    positions_on_wire: int = 0
+    largest_plan_bytes: int = 0
+    largest_message_to_robot_bytes: int = 0
+    robot_payload_bytes_per_second: float | None = None
+    epochs: list[EpochSummary] = []
+    robots: dict[str, RobotSummary] = {}
+    faults: list[FaultSummary] = []
+    keys: dict[str, Traffic] = {}
+
+
+def summarise(log: Log) -> dict[str, object]:
+    """Return the summary of a log as plain data, the fields of `Summary`."""
+    summary: dict[str, object] = msgspec.to_builtins(_Telling(log).summary)
+    return summary
+
+
+class _Telling:
+    """Goes through a log once and fills in the summary."""
+
+    def __init__(self, log: Log) -> None:
+        records = log.records
+        self._begin_ns = records[0].log_ns if records else 0
+        self._epochs: dict[int, EpochSummary] = {}
+        self._starts_ns: dict[int, int] = {}
+        self._phase: tuple[int, int] | None = None
+        self._faults: dict[str, int] = {}
+        self._sent: list[tuple[str, int, int]] = []
+        self._last_arrival_ns: int | None = None
+        self.summary = Summary(
+            fleet=log.metadata.get("fleet", ""),
+            policy=log.metadata.get("policy"),
+            tau=None,
+            duration=self._seconds(records[-1].log_ns) if records else 0.0,
+            complete=log.complete,
+            damage=log.damage,
+            messages=len(records),
+        )
+        self._read_plans(log.attachments)
+        for record in records:
+            self._count(record)
+        self.summary.epochs = list(self._epochs.values())
+        self.summary.robot_payload_bytes_per_second = self._busiest_robot()
+
+    def _seconds(self, time_ns: int) -> float:
+        return (time_ns - self._begin_ns) / 1e9
+
+    def _robot(self, name: str) -> RobotSummary:
+        return self.summary.robots.setdefault(name, RobotSummary())
+
+    def _read_plans(self, attachments: dict[str, bytes]) -> None:
+        """Take each robot's stops from the last plan attachment that names it."""
+        documents = []
+        for name, data in attachments.items():
+            if name.startswith("plan-"):
+                try:
+                    documents.append(plan_file.from_json(data, name))
+                except InputError:
+                    continue
+        documents.sort(key=lambda document: document.epoch)
+        for document in documents:
+            for robot in document.robots:
+                told = self._robot(robot.id)
+                told.planned_start = robot.start_time
+                told.planned_finish = robot.finish_time
+                told.stops = [
+                    StopSummary(stop.s, stop.depart, stop.yields_to) for stop in robot.stops
+                ]
+        if documents:
+            self.summary.tau = documents[0].tau
+            self.summary.policy = self.summary.policy or documents[0].policy
+
+    def _count(self, record: Record) -> None:
+        size = len(record.payload)
+        traffic = self.summary.keys.setdefault(record.key, Traffic())
+        traffic.messages += 1
+        traffic.bytes += size
+        address = keys.split(record.key)
+        if address is None:
+            self._count_stranger(record.key)
+            return
+        fleet, kind, robot = address
+        self.summary.fleet = self.summary.fleet or fleet
+        if fleet != self.summary.fleet:
+            return
+        message = codec.decode(kind, record.payload)
+        if message is None:
+            self.summary.bad_messages += 1
+            return
+        if isinstance(message, Hello | Report) or _is_question(message):
+            self._robot(robot).bytes_sent += size
+            self._sent.append((robot, record.log_ns, size))
+        else:
+            self.summary.largest_message_to_robot_bytes = max(
+                self.summary.largest_message_to_robot_bytes, size
+            )
+        self._tell(message, robot, record)
+
+    def _count_stranger(self, key: str) -> None:
+        """Count what is on the fleet's keys without being a message: nobody knows what it says."""
+        if self.summary.fleet and key.startswith(f"{keys.ROOT}/{self.summary.fleet}/"):
+            self.summary.positions_on_wire += 1
+
+    def _tell(self, message: Message, robot: str, record: Record) -> None:
+        if isinstance(message, Command):
+            self._tell_command(message, record.log_ns)
+        elif isinstance(message, Report):
+            self._tell_report(message, robot, record.log_ns)
+        elif isinstance(message, Plan):
+            size = len(record.payload)
+            told = self._robot(robot)
+            told.plan_bytes = max(told.plan_bytes, size)
+            told.control_points = len(message.points) // _POINT_BYTES
+            self.summary.largest_plan_bytes = max(self.summary.largest_plan_bytes, size)
+        elif isinstance(message, Refusal):
+            self._tell_fault(record.log_ns, robot, message.reason, "refusal")
+
+    def _tell_command(self, command: Command, log_ns: int) -> None:
+        if self._phase == (command.epoch, command.phase):
+            return
+        self._phase = (command.epoch, command.phase)
+        epoch = self._epochs.setdefault(command.epoch, EpochSummary(command.epoch))
+        name = phases.COMMAND_NAMES[command.phase]
+        epoch.phases.append(PhaseChange(self._seconds(log_ns), name))
+        epoch.ended = _ENDINGS.get(command.phase, "running")
+        if command.phase == phases.GO:
+            self._starts_ns.setdefault(command.epoch, command.start_ns)
+            epoch.start = self._seconds(self._starts_ns[command.epoch])
+        if command.phase == phases.FREEZE:
+            self._tell_fault(log_ns, "", "the fleet was told to freeze", "freeze")
+
+    def _tell_report(self, report: Report, robot: str, log_ns: int) -> None:
+        told = self._robot(robot)
+        told.reports += 1
+        if report.s_m is not None and report.phase != phases.FROZEN:
+            self.summary.positions_on_wire += 1
+        if report.fault != self._faults.get(robot, phases.NO_FAULT):
+            self._faults[robot] = report.fault
+            if report.fault != phases.NO_FAULT:
+                told.fault = _fault_name(report.fault)
+                self._tell_fault(log_ns, robot, told.fault, "report")
+        start_ns = self._starts_ns.get(report.epoch)
+        if report.phase != phases.DONE or start_ns is None:
+            return
+        epoch = self._epochs[report.epoch]
+        if robot not in epoch.arrivals:
+            epoch.arrivals[robot] = (log_ns - start_ns) / 1e9
+            told.arrived = epoch.arrivals[robot] if told.arrived is None else told.arrived
+            self._last_arrival_ns = log_ns
+
+    def _tell_fault(self, log_ns: int, robot: str, fault: str, kind: str) -> None:
+        self.summary.faults.append(FaultSummary(self._seconds(log_ns), robot, fault, kind))
+
+    def _busiest_robot(self) -> float | None:
+        """Return the most payload that a robot sent while the fleet drove [bytes/s]."""
+        if self._last_arrival_ns is None:
+            return None
+        first_ns, last_ns = min(self._starts_ns.values()), self._last_arrival_ns
+        if last_ns <= first_ns:
+            return None
+        sent: dict[str, int] = {}
+        for robot, log_ns, size in self._sent:
+            if first_ns <= log_ns <= last_ns:
+                sent[robot] = sent.get(robot, 0) + size
+        return max(sent.values()) * 1e9 / (last_ns - first_ns)
+
+
+def _is_question(message: Message) -> bool:
+    return isinstance(message, Clock) and message.received_ns is None
+
+
+def _fault_name(fault: int) -> str:
+    """Return a fault's name; a robot may know more faults than are named here."""
+    return phases.FAULT_NAMES[fault] if fault < len(phases.FAULT_NAMES) else f"fault {fault}"

@@ -1,0 +1,140 @@
+"""One path per robot: around obstacles, off the places of other robots, smooth.
+
+Decides: the way each robot takes, alone.  Must not know: times and who goes first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import shapely
+
+from coordinator.errors import PlanError
+from coordinator.floor import Disc, Floor, Ground
+from coordinator.nurbs import Array, Nurbs
+from coordinator.route import shortest_way
+from coordinator.scenario import Robot, Scenario
+from coordinator.smoothing import Flags, smooth
+
+_ROOMS: Final = (0.02, 0.003)
+"""Room for rounding corners [m]: the first that leaves a way is taken."""
+
+_TOUCH: Final = 0.0005
+"""Curves keep this much more [m] than needed: float32 and the samples between which they bend."""
+
+_LEADS: Final = (0.6, 0.3, 0.15, 0.08)
+
+
+class Pathfinder:
+    """Finds the robots' paths on one floor."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        workspace = scenario.workspace
+        self.floor = Floor(workspace.boundary, workspace.obstacles)
+
+    def path(self, index: int, detours: Sequence[Disc] = ()) -> Nurbs:
+        """Return robot `index`'s path; it keeps off other robots' starts and goals if it can.
+
+        `detours`: further places to keep off.  Raises PlanError when there is no way.
+        """
+        robot = self.scenario.robots[index]
+        starts, goals = self._places(index)
+        last: PlanError | None = None
+        for places in ([*starts, *goals], goals, starts, []):
+            for room in _ROOMS:
+                try:
+                    return self._path_among(robot, [*places, *detours], room)
+                except PlanError as error:
+                    last = error
+        raise PlanError(f"{robot.id}: {last}")
+
+    def _places(self, index: int) -> tuple[list[Disc], list[Disc]]:
+        """Return the discs of the other robots' starts and goals that this one can keep off."""
+        me, robots = self.scenario.robots[index], self.scenario.robots
+        anchors = np.array([me.start[:2], *me.via, me.goal[:2]])
+        found: tuple[list[Disc], list[Disc]] = ([], [])
+        for other in robots[:index] + robots[index + 1 :]:
+            reach = self.scenario.need(me, other) + 2.0 * _TOUCH
+            for discs, place in zip(found, (other.start, other.goal), strict=True):
+                if np.hypot(*(anchors - place[:2]).T).min() > reach * 1.1:
+                    discs.append(Disc(place[0], place[1], reach))
+        return found
+
+    def _path_among(self, robot: Robot, discs: Sequence[Disc], room: float) -> Nurbs:
+        reach = robot.radius + self.scenario.margin
+        ground = self.floor.ground(reach + _TOUCH, room, discs)
+
+        def clear(points: Array) -> Flags:
+            free = self.floor.distance(points) >= reach + 0.5 * _TOUCH
+            for disc in discs:
+                free &= np.hypot(points[:, 0] - disc.x, points[:, 1] - disc.y) >= disc.radius
+            return free
+
+        polygon, exact = self._polygon(robot, ground)
+        return smooth(polygon, exact, clear, robot.min_turn_radius)
+
+    def _polygon(self, robot: Robot, ground: Ground) -> tuple[Array, Flags]:
+        """Return the control polygon (n, 2) and which vertices are passed exactly."""
+        anchors = [np.array(robot.start[:2], dtype=np.float64)]
+        anchors += _lead(robot.start, +1.0, ground)
+        via = [np.array(point) for point in robot.via]
+        anchors += via
+        anchors += _lead(robot.goal, -1.0, ground)
+        anchors.append(np.array(robot.goal[:2], dtype=np.float64))
+        vertices, exact = [anchors[0]], [True]
+        for start, goal in pairwise(anchors):
+            way = shortest_way(ground, start, goal)
+            if way is None:
+                raise self._no_way(robot, ground, start, goal)
+            vertices += list(way[1:])
+            exact += [False] * (len(way) - 2) + [any(goal is point for point in via)]
+        exact[-1] = True
+        return np.array(vertices), np.array(exact)
+
+    def _no_way(self, robot: Robot, ground: Ground, start: Array, goal: Array) -> PlanError:
+        """Say what closes the robot in, and how small it would have to be to pass."""
+        free = shapely.difference(self.floor.outline, ground.blocked)
+        here = shapely.Point(start)
+        pieces = shapely.get_parts(free)
+        rooms = pieces[shapely.distance(pieces, here) < 1e-6]
+        closing = self.floor.names_near(rooms[0], robot.radius) if len(rooms) else []
+        by = " and ".join(closing[:4]) or "other robots' places"
+        return PlanError(
+            f"no way from ({start[0]:.2f}, {start[1]:.2f}) to ({goal[0]:.2f}, {goal[1]:.2f}) for "
+            f"radius {robot.radius} m + margin {self.scenario.margin} m: {by} close it in"
+            f"{self._what_helps(robot, start, goal)}"
+        )
+
+    def _what_helps(self, robot: Robot, start: Array, goal: Array) -> str:
+        """Return the largest radius for which there is a way, found by halving."""
+        low, high = 0.0, robot.radius
+        for _ in range(8):
+            radius = 0.5 * (low + high)
+            ground = self.floor.ground(radius + self.scenario.margin + _TOUCH, _ROOMS[-1])
+            if shortest_way(ground, start, goal) is None:
+                high = radius
+            else:
+                low = radius
+        if low <= 0.0:
+            return "; another goal or fewer obstacles would help"
+        return f"; a radius of {low:.3f} m would pass"
+
+
+def _lead(pose: Sequence[float], sign: float, ground: Ground) -> list[Array]:
+    """Return the point that makes the path leave (or reach) a place with its heading."""
+    if len(pose) < 3:
+        return []
+    place = np.array(pose[:2], dtype=np.float64)
+    along = sign * np.array([math.cos(pose[2]), math.sin(pose[2])])
+    for size in _LEADS:
+        point = place + size * along
+        if bool(ground.clear(place, point[None, :])[0]):
+            return [point]
+    raise PlanError(
+        f"no room to move along heading {pose[2]:.2f} rad at ({pose[0]:.2f}, {pose[1]:.2f})"
+    )

@@ -1,0 +1,147 @@
+"""From a scenario to a proven plan: paths, zones, schedule, wire bytes, proof, in this order.
+
+Decides: the order of the stages, and that nothing leaves without its proof.  Must not know: files,
+clocks (a timer is an argument) or links.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+from msgspec.structs import replace
+
+from coordinator import paper_policy
+from coordinator.budget import budget_for, resolve_tau
+from coordinator.detours import blocking_pairs, lanes, say_stuck, stuck_pairs
+from coordinator.document import limits_of, make_document
+from coordinator.errors import PlanError
+from coordinator.motion import Motion, limits_on
+from coordinator.nurbs import Nurbs
+from coordinator.paths import Pathfinder
+from coordinator.plan import PlanDocument
+from coordinator.scenario import Scenario
+from coordinator.schedule import Deadlock, Junctions, find_schedule, place_in_order
+from coordinator.verify import prove_document
+from coordinator.waiting import Track
+from coordinator.zones import cut
+
+DEFAULT_EFFORT = 20
+
+_NEED_PAD = 0.0015
+_TAU_PAD = 0.004
+"""The schedule keeps this much more [m], [s] than needed, for what rounding to the wire costs."""
+
+Timer = Callable[[], float]
+
+
+def plan_scenario(
+    scenario: Scenario,
+    *,
+    effort: int = DEFAULT_EFFORT,
+    epoch: int = 1,
+    timer: Timer = lambda: 0.0,
+) -> PlanDocument:
+    """Return the plan of a scenario with its proof.
+
+    Policy "safe": raises PlanError when no plan is found; what is returned is proven.
+    Policy "paper": the proof may fail; the document says so and must not be driven.
+    """
+    tau = resolve_tau(scenario.tau, budget_for(limits_of(robot) for robot in scenario.robots))
+    stages = _Stages(scenario, tau)
+    marks = [timer()]
+    for stage in (stages.find_paths, stages.find_zones):
+        stage()
+        marks.append(timer())
+    motions = stages.schedule(effort)
+    marks.append(timer())
+    document = make_document(scenario, stages.paths, motions, tau, epoch, stages.notes)
+    proof = prove_document(document, scenario)
+    marks.append(timer())
+    names = ("paths", "zones", "schedule", "proof")
+    timing = {n: round(b - a, 4) for n, (a, b) in zip(names, pairwise(marks), strict=True)}
+    if scenario.policy == "safe" and not proof.holds:
+        raise PlanError("the plan found does not pass its proof: " + "; ".join(proof.failures))
+    return replace(document, proof=proof, timing=timing)
+
+
+class _Stages:
+    """The stages of one planning run and what they hand on."""
+
+    def __init__(self, scenario: Scenario, tau: float) -> None:
+        self.scenario = scenario
+        self.tau = tau
+        self.pathfinder = Pathfinder(scenario)
+        self.paths: list[Nurbs] = []
+        self.tracks: list[Track] = []
+        self.notes: list[str] = []
+        self.junctions: Junctions
+
+    def find_paths(self) -> None:
+        """Find every robot's path, alone."""
+        self.paths = [self.pathfinder.path(index) for index in range(len(self.scenario.robots))]
+
+    def find_zones(self) -> None:
+        """Find where the robots conflict on these paths."""
+        self.tracks = [self._track(index, path) for index, path in enumerate(self.paths)]
+        self.junctions = self._meet(self.tracks)
+
+    def schedule(self, effort: int) -> list[Motion]:
+        """Return the robots' motions; reroutes robots as long as no order works."""
+        scenario = self.scenario
+        if scenario.policy == "paper":
+            limits = [track.limits for track in self.tracks]
+            return paper_policy.schedule(scenario, self.paths, limits, self.tau)
+        priorities = [robot.priority for robot in scenario.robots]
+        rerouted: set[tuple[int, int]] = set()
+        while True:
+            result = find_schedule(self.junctions, priorities, effort)
+            if not isinstance(result, Deadlock):
+                return [result[index] for index in range(len(scenario.robots))]
+            stuck = stuck_pairs(self.junctions)
+            pairs = stuck or blocking_pairs(self.junctions, result)
+            solved = [self._reroute(pair, rerouted) for pair in pairs]
+            if not any(solved):
+                raise say_stuck(scenario, self.paths, pairs[0])
+
+    def _reroute(self, pair: tuple[int, int], rerouted: set[tuple[int, int]]) -> bool:
+        """Give one of a pair a way beside the other's; tell whether the two now pass."""
+        for mover, other in (pair, pair[::-1]):
+            if (mover, other) in rerouted:
+                continue
+            rerouted.add((mover, other))
+            for discs in lanes(self.scenario, mover, other, self.paths[other]):
+                if not discs:
+                    continue
+                try:
+                    path = self.pathfinder.path(mover, discs)
+                except PlanError:
+                    continue
+                if self._pass_each_other(mover, other, path):
+                    self._take(mover, path)
+                    names = [self.scenario.robots[index].id for index in (mover, other)]
+                    self.notes.append(f"{names[0]} keeps beside {names[1]}'s path to let it pass")
+                    return True
+        return False
+
+    def _pass_each_other(self, mover: int, other: int, path: Nurbs) -> bool:
+        pair = self._meet([self._track(mover, path), self.tracks[other]], (mover, other))
+        orders = ((0, 1), (1, 0))
+        return any(not isinstance(place_in_order(pair, order), Deadlock) for order in orders)
+
+    def _take(self, index: int, path: Nurbs) -> None:
+        self.paths[index] = path
+        self.tracks[index] = self._track(index, path)
+        self.junctions = self._meet(self.tracks)
+
+    def _track(self, index: int, path: Nurbs) -> Track:
+        robot = self.scenario.robots[index]
+        speed = self.scenario.planned_speed(robot)
+        limits = limits_on(path, speed, robot.max_accel, robot.max_lateral_accel)
+        return Track(limits, cut(path))
+
+    def _meet(self, tracks: list[Track], indices: tuple[int, ...] | None = None) -> Junctions:
+        robots = self.scenario.robots
+        chosen = robots if indices is None else [robots[index] for index in indices]
+        needs = [[self.scenario.need(a, b) + _NEED_PAD for b in chosen] for a in chosen]
+        return Junctions(tracks, needs, self.tau + _TAU_PAD)

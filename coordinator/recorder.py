@@ -1,0 +1,208 @@
+"""Everything on the wire into an MCAP file, as the raw bytes that went by.
+
+Decides: how a log is laid out and when it reaches the file.  Must not know: what the messages
+mean.  The file is written by a thread of its own, so that no caller ever waits for a disk, and
+flushed so often that a killed coordinator loses at most its last 100 ms.
+
+Layout: metadata record "splinefleet", attachments, then chunks (zstd, with CRCs) with one
+channel per key.  log_time is the coordinator's clock plus `wall_offset_ns`, publish_time the
+sender's time stamp where there is one.  The order of the records is the order of the calls.
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+from collections import deque
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from mcap.exceptions import McapError
+from mcap.writer import CompressionType, Writer
+from zstandard import ZstdError
+
+from coordinator.errors import InputError
+from protocol import keys
+from protocol.schema import json_schema, schema_name
+
+METADATA_NAME: Final = "splinefleet"
+WALL_OFFSET: Final = "wall_offset_ns"
+"""The metadata entry that turns log times back into the coordinator's clock."""
+
+FLUSH_PERIOD_S: Final = 0.08
+"""100 ms is what may be lost; the rest is left for the write itself."""
+
+CHUNK_BYTES: Final = 128 * 1024
+"""A larger chunk would hold the interpreter for too long when it is compressed."""
+
+_LAST_STAMP: Final = 2**64 - 1
+_WRITE_ERRORS: Final = (OSError, ValueError, struct.error, McapError, ZstdError)
+
+
+class LogError(Exception):
+    """The log could not be written to its end; the text is one sentence."""
+
+
+class Attachment(NamedTuple):
+    """A file inside the log, such as scenario.json."""
+
+    name: str
+    media_type: str
+    data: bytes
+
+
+class _Entry(NamedTuple):
+    key: str
+    payload: bytes
+    log_time: int
+    publish_time: int
+
+
+class Recorder:
+    """An open log.  Every method may be called from any thread; none but `close` waits.
+
+    `metadata` is written as it is, with `wall_offset_ns` [ns, wall clock less the coordinator's
+    clock] added.  Metadata and attachments are in the file when the constructor returns.  Raises
+    InputError when the file cannot be created or written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        metadata: Mapping[str, str],
+        wall_offset_ns: int,
+        attachments: Iterable[Attachment] = (),
+    ) -> None:
+        self.path = path
+        self.error: str | None = None
+        """What went wrong while writing; from then on nothing more is recorded."""
+        self._wall_offset_ns = wall_offset_ns
+        self._waiting: deque[_Entry | Attachment] = deque()
+        self._closing = threading.Event()
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._sequences: dict[str, int] = {}
+        try:
+            self._open({**metadata, WALL_OFFSET: str(wall_offset_ns)}, attachments)
+        except OSError as error:
+            raise InputError([_sentence(path, error)]) from None
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    def record(self, key: str, payload: bytes, now_ns: int, sent_ns: int | None = None) -> None:
+        """Record a message that passed at `now_ns` on the coordinator's clock.
+
+        `sent_ns` is the sender's time stamp since 1970.  After `close` or an error: no effect.
+        """
+        if self.error is None and not self._closing.is_set():
+            log_time = _stamp(now_ns + self._wall_offset_ns)
+            publish_time = log_time if sent_ns is None else _stamp(sent_ns)
+            self._waiting.append(_Entry(key, payload, log_time, publish_time))
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Add a file to the log; it is on its way within the flush period."""
+        if self.error is None and not self._closing.is_set():
+            self._waiting.append(Attachment(name, media_type, data))
+
+    def close(self) -> None:
+        """Write what is left and end the file; further calls do nothing.
+
+        Raises LogError, once, when anything since the opening could not be written.
+        """
+        first = not self._closing.is_set()
+        self._closing.set()
+        self._thread.join()
+        if first and self.error is not None:
+            raise LogError(self.error)
+
+    def __enter__(self) -> Recorder:
+        """Return the recorder itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the recorder."""
+        self.close()
+
+    def _open(self, metadata: dict[str, str], attachments: Iterable[Attachment]) -> None:
+        self._stream = self.path.open("wb")
+        try:
+            self._writer = Writer(
+                self._stream,
+                chunk_size=CHUNK_BYTES,
+                compression=CompressionType.ZSTD,
+                enable_crcs=True,
+                enable_data_crcs=True,
+            )
+            self._writer.start(profile="", library="splinefleet")
+            self._writer.add_metadata(METADATA_NAME, metadata)
+            for attachment in attachments:
+                self._add_attachment(attachment)
+            self._writer.flush()  # type: ignore[no-untyped-call]
+        except BaseException:
+            with suppress(OSError):
+                self._stream.close()
+            raise
+
+    def _run(self) -> None:
+        """Write what is waiting, once in a period, until the recorder is closed."""
+        try:
+            while not self._closing.wait(FLUSH_PERIOD_S):
+                self._write_waiting()
+            self._write_waiting()
+            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._stream.close()
+        except _WRITE_ERRORS as error:
+            self.error = _sentence(self.path, error)
+            self._waiting.clear()
+            with suppress(OSError):
+                self._stream.close()
+
+    def _write_waiting(self) -> None:
+        if not self._waiting:
+            return
+        while self._waiting:
+            item = self._waiting.popleft()
+            if isinstance(item, Attachment):
+                self._add_attachment(item)
+            else:
+                self._add_message(item)
+        self._writer.flush()  # type: ignore[no-untyped-call]
+
+    def _add_attachment(self, attachment: Attachment) -> None:
+        name, media_type, data = attachment
+        self._writer.add_attachment(0, 0, name, media_type, data)
+
+    def _add_message(self, entry: _Entry) -> None:
+        channel = self._channels.get(entry.key)
+        if channel is None:
+            channel = self._channels[entry.key] = self._register(entry.key)
+        sequence = self._sequences.get(entry.key, 0)
+        self._sequences[entry.key] = (sequence + 1) % 2**32
+        self._writer.add_message(
+            channel, entry.log_time, entry.payload, entry.publish_time, sequence
+        )
+
+    def _register(self, key: str) -> int:
+        """Register a channel: ours with the schema of its kind, any other as plain bytes."""
+        ours = keys.split(key)
+        if ours is None:
+            return self._writer.register_channel(key, "application/octet-stream", 0)
+        kind = ours[1]
+        if kind not in self._schemas:
+            self._schemas[kind] = self._writer.register_schema(
+                schema_name(kind), "jsonschema", json_schema(kind)
+            )
+        return self._writer.register_channel(key, "msgpack", self._schemas[kind])
+
+
+def _stamp(time_ns: int) -> int:
+    """Return a time that fits the format: a sender's clock may say anything."""
+    return min(max(time_ns, 0), _LAST_STAMP)
+
+
+def _sentence(path: Path, error: Exception) -> str:
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return f"{path}: the log cannot be written: {reason}"

@@ -1,0 +1,211 @@
+"""From a control polygon to a cubic curve: straight where the way is straight, C2 at corners.
+
+The curve is the variation-diminishing spline (Schoenberg) of the polygon by arc length: with the
+knots a - d, a, a + d for a corner at arc length a, the second derivative is a hat of height
+|t1 - t0| / d over [a - d, a + d] and zero elsewhere (t0, t1: unit directions before and after).
+For a turn by theta this gives, exactly,
+
+    cut of the corner        d / 3 * sin(theta / 2)
+    greatest curvature       2 sin(theta / 2) / (d cos(theta / 2)^2)
+
+Decides: the half-width d of each corner: the widest that stays clear.  Must not know: where the
+polygon comes from, other robots, times.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from coordinator.errors import PlanError
+from coordinator.nurbs import Array, Nurbs, nurbs
+
+Flags = npt.NDArray[np.bool_]
+Clear = Callable[[Array], Flags]
+
+_WIDEST: Final = 1.5
+_NARROWEST: Final = 2e-3
+_SHRINK: Final = 0.75
+_SHARPEST: Final = math.radians(100.0)
+_STEP: Final = 0.01
+
+
+def smooth(polygon: Array, exact: Flags, clear: Clear, min_turn_radius: float = 0.0) -> Nurbs:
+    """Return the cubic curve along a polygon (n, 2) [m], with the numbers of the wire (float32).
+
+    exact (n,): vertices that the curve passes exactly; the others are cut.  `clear` tells for
+    points (m, 2) whether the curve may be there.  Raises PlanError when a turn does not fit.
+    """
+    polygon, exact = _blunt(*_without_straight(polygon, exact), clear)
+    polygon, exact = _without_straight(polygon, exact)
+    widths = _widest(polygon)
+    while True:
+        curve, centers = _spline(polygon, exact, widths)
+        arcs = np.linspace(0.0, curve.length, 2 + int(curve.length / _STEP))
+        u = np.concatenate((curve.parameter_at(arcs), _corner_samples(centers, widths)))
+        hit = u[~clear(curve.evaluate(u))]
+        if len(hit) == 0:
+            break
+        _shrink(widths, centers, hit, curve)
+    _check_turns(polygon, widths, min_turn_radius)
+    return curve
+
+
+def _without_straight(polygon: Array, exact: Flags) -> tuple[Array, Flags]:
+    """Drop doubled vertices and vertices at which the way does not turn."""
+    keep = np.ones(len(polygon), dtype=np.bool_)
+    last = 0
+    for i in range(1, len(polygon)):
+        if np.hypot(*(polygon[i] - polygon[last])) < 1e-6:
+            exact[last] |= exact[i]
+            keep[i] = False
+        else:
+            last = i
+    polygon, exact = polygon[keep], exact[keep]
+    turns = np.concatenate(([1.0], np.abs(_turns(polygon)), [1.0]))
+    keep = turns > 1e-6
+    return polygon[keep], exact[keep]
+
+
+def _directions(polygon: Array) -> tuple[Array, Array]:
+    """Return unit directions (n - 1, 2) and lengths (n - 1,) of the legs."""
+    legs = np.diff(polygon, axis=0)
+    sizes = np.hypot(legs[:, 0], legs[:, 1])
+    return legs / sizes[:, None], sizes
+
+
+def _turns(polygon: Array) -> Array:
+    """Return the signed turn [rad] at each inner vertex, (n - 2,)."""
+    unit, _ = _directions(polygon)
+    cross = unit[:-1, 0] * unit[1:, 1] - unit[:-1, 1] * unit[1:, 0]
+    return np.asarray(np.arctan2(cross, np.einsum("ij,ij->i", unit[:-1], unit[1:])))
+
+
+def _blunt(polygon: Array, exact: Flags, clear: Clear) -> tuple[Array, Flags]:
+    """Replace turns too sharp to round by two turns, using what room there is."""
+    vertices = [polygon[0]]
+    flags = [bool(exact[0])]
+    for i in range(1, len(polygon) - 1):
+        here, after = polygon[i], polygon[i + 1]
+        turn = _turns(np.stack((vertices[-1], here, after)))[0]
+        if abs(turn) <= _SHARPEST:
+            vertices.append(here)
+            flags.append(bool(exact[i]))
+            continue
+        extra = _two_turns(vertices[-1], here, after, bool(exact[i]), clear)
+        vertices.extend(extra)
+        flags.extend([False] * len(extra))
+    return np.array([*vertices, polygon[-1]]), np.array([*flags, exact[-1]])
+
+
+def _two_turns(before: Array, here: Array, after: Array, exact: bool, clear: Clear) -> list[Array]:
+    """Return two vertices for one sharp turn; an exact vertex stays on the leg between them."""
+    into = (here - before) / np.hypot(*(here - before))
+    onward = (after - here) / np.hypot(*(after - here))
+    side = np.array([-into[1], into[0]])
+    if side @ onward < 0.0:
+        side = -side
+    bisector = into + onward
+    size = np.hypot(*bisector)
+    along = bisector / size if exact and size > 0.1 else side
+    for width in (0.5, 0.25, 0.12, 0.06, 0.03):
+        for across in (along, -along):
+            pair = [here - width * across, here + width * across]
+            if not exact:
+                pair = [here, here + width * across]
+            if bool(clear(_trail(np.stack((before, *pair, after)))).all()):
+                return pair
+    raise PlanError(
+        f"no room to turn round at ({here[0]:.2f}, {here[1]:.2f}); "
+        "more room there or another heading would help"
+    )
+
+
+def _trail(polygon: Array) -> Array:
+    """Return points (m, 2) along a polygon, at most 2 cm apart."""
+    parts = [
+        a + (b - a) * np.linspace(0.0, 1.0, 2 + int(np.hypot(*(b - a)) / 0.02))[:, None]
+        for a, b in pairwise(polygon)
+    ]
+    return np.concatenate(parts)
+
+
+def _widest(polygon: Array) -> Array:
+    """Return the greatest half-width of each corner, (n - 2,): legs are shared evenly."""
+    _, sizes = _directions(polygon)
+    share = 0.5 * sizes
+    if len(sizes) > 1:
+        share[0], share[-1] = sizes[0], sizes[-1]
+    return np.minimum(np.minimum(share[:-1], share[1:]), _WIDEST)
+
+
+def _spline(polygon: Array, exact: Flags, widths: Array) -> tuple[Nurbs, Array]:
+    """Return the spline of the polygon and the parameters of its corners (n - 2,)."""
+    bent = _bent_outwards(polygon, exact, widths)
+    _, sizes = _directions(bent)
+    arc = np.concatenate(([0.0], np.cumsum(sizes)))
+    centers = arc[1:-1]
+    share = np.minimum(_widest(bent), widths)
+    inner = np.sort(np.concatenate((centers - share, centers, centers + share)))
+    inner = inner[(inner > 1e-5) & (inner < arc[-1] - 1e-5)]
+    inner = inner[np.append(True, np.diff(inner) > 1e-5)] if len(inner) else inner
+    knots = np.concatenate((np.zeros(4), inner, np.full(4, arc[-1])))
+    greville = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3.0
+    points = np.column_stack(
+        (np.interp(greville, arc, bent[:, 0]), np.interp(greville, arc, bent[:, 1]))
+    )
+    points[0], points[-1] = polygon[0], polygon[-1]
+    return nurbs(3, knots.astype(np.float32), points.astype(np.float32)), centers
+
+
+def _bent_outwards(polygon: Array, exact: Flags, widths: Array) -> Array:
+    """Move exact vertices out by the cut, so that the curve passes where they were."""
+    bent = polygon.copy()
+    inner = np.flatnonzero(exact[1:-1]) + 1
+    for _ in range(40 if len(inner) else 0):
+        unit, _ = _directions(bent)
+        share = np.minimum(_widest(bent), widths)
+        turn = (unit[1:] - unit[:-1]) * (share / 6.0)[:, None]
+        bent[inner] = polygon[inner] - turn[inner - 1]
+    return bent
+
+
+def _corner_samples(centers: Array, widths: Array) -> Array:
+    """Return parameters that look closely at every corner."""
+    offsets = np.linspace(-1.0, 1.0, 17)
+    return np.asarray((centers[:, None] + widths[:, None] * offsets).ravel())
+
+
+def _shrink(widths: Array, centers: Array, hit: Array, curve: Nurbs) -> None:
+    """Narrow the corners nearest to the parameters where the curve is not clear."""
+    if len(centers) == 0:
+        raise _blocked(curve, hit)
+    nearest = np.unique(np.argmin(np.abs(centers[:, None] - hit), axis=0))
+    if np.all(widths[nearest] <= _NARROWEST):
+        raise _blocked(curve, hit)
+    widths[nearest] = np.maximum(_SHRINK * widths[nearest], _NARROWEST)
+
+
+def _blocked(curve: Nurbs, hit: Array) -> PlanError:
+    x, y = curve.evaluate(hit[:1])[0]
+    return PlanError(f"no smooth way past ({x:.2f}, {y:.2f}); more room there would help")
+
+
+def _check_turns(polygon: Array, widths: Array, min_turn_radius: float) -> None:
+    """Raise PlanError when a corner is tighter than the robot can turn."""
+    if len(polygon) < 3 or min_turn_radius <= 0.0:
+        return
+    half = 0.5 * np.abs(_turns(polygon))
+    radius = widths * np.cos(half) ** 2 / (2.0 * np.sin(half))
+    worst = int(np.argmin(radius))
+    if radius[worst] < min_turn_radius:
+        x, y = polygon[worst + 1]
+        raise PlanError(
+            f"the turn at ({x:.2f}, {y:.2f}) leaves room for a radius of {radius[worst]:.3f} m, "
+            f"min_turn_radius is {min_turn_radius} m"
+        )

@@ -1,0 +1,172 @@
+"""The transport over Zenoh: the coordinator's session routes, the robots are its clients.
+
+Decides: Zenoh's settings, and which sentence a person reads when the link cannot be opened.
+Must not know: what the bytes mean.  Zenoh is imported when a link is opened, not before.
+
+A process that ends with a session open hangs for ever, through `sys.exit` and exceptions too:
+hold a transport in a `with` block, or close it in a `finally`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import re
+import threading
+import time
+from typing import TYPE_CHECKING, Any, Final
+
+from protocol.transport import Handler, Transport, TransportError
+
+if TYPE_CHECKING:
+    import zenoh
+
+_ENDPOINT: Final = re.compile(r"tcp/(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9_.-]+):(\d{1,5})")
+
+_ATTEMPT_MS: Final = 2_000
+"""The longest single attempt to connect: Zenoh ignores Ctrl-C while it tries."""
+
+_COMMON: Final[dict[str, Any]] = {
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
+    "scouting/delay": 0,
+    "transport/shared_memory/enabled": False,
+    "transport/link/tx/lease": 1_000,
+    "transport/link/tx/keep_alive": 4,
+    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 500,
+    "transport/link/rx/max_message_size": 1_048_576,
+}
+_ROUTER: Final[dict[str, Any]] = {
+    "mode": "router",
+    "transport/unicast/accept_timeout": 2_000,
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": 500_000,
+    "timestamping/enabled": True,
+}
+_CLIENT: Final[dict[str, Any]] = {
+    "mode": "client",
+    "connect/retry": {
+        "period_init_ms": 100,
+        "period_max_ms": 500,
+        "period_increase_factor": 1.5,
+    },
+}
+
+
+class ZenohTransport(Transport):
+    """One Zenoh session; made by `listen` (the coordinator) or `connect` (a robot).
+
+    `sent_ns` is in nanoseconds since 1970, on the clock of the coordinator's host: its session
+    stamps what passes through it, so that a robot's wrong clock harms nobody.
+    """
+
+    def __init__(self, session: zenoh.Session) -> None:
+        import zenoh
+
+        self._session = session
+        self._drop = zenoh.CongestionControl.DROP
+        self._remote = zenoh.Locality.REMOTE
+        self._error = zenoh.ZError
+        self._gate = threading.RLock()
+        self._closed = False
+
+    @classmethod
+    def listen(cls, endpoint: str) -> ZenohTransport:
+        """Open the coordinator's session, which routes between all that connect.
+
+        Raises TransportError when the endpoint is malformed, in use or not this machine's.
+        """
+        import zenoh
+
+        _check_endpoint(endpoint)
+        try:
+            return cls(_open({**_COMMON, **_ROUTER, "listen/endpoints": [endpoint]}))
+        except zenoh.ZError as error:
+            raise TransportError(f"{endpoint}: {_why_not_listening(str(error))}") from None
+
+    @classmethod
+    def connect(cls, endpoint: str, timeout_s: float = 5.0) -> ZenohTransport:
+        """Open a robot's session; the coordinator may begin to listen up to timeout_s later.
+
+        Once open, a session whose link breaks connects again by itself, however long that takes.
+        Raises TransportError when the endpoint is malformed or nobody answers within timeout_s.
+        """
+        import zenoh
+
+        _check_endpoint(endpoint)
+        settings = {**_COMMON, **_CLIENT, "connect/endpoints": [endpoint]}
+        deadline = time.monotonic() + timeout_s
+        while True:
+            left_ms = max(1, round((deadline - time.monotonic()) * 1_000))
+            settings["connect/timeout_ms"] = min(left_ms, _ATTEMPT_MS)
+            try:
+                return cls(_open(settings))
+            except zenoh.ZError:
+                if time.monotonic() >= deadline:
+                    sentence = f"{endpoint}: nobody answers; is the coordinator running?"
+                    raise TransportError(sentence) from None
+
+    def put(self, key: str, payload: bytes) -> None:
+        """Send bytes; dropped when the link is congested, broken or closed.
+
+        Raises zenoh.ZError only for a malformed key.
+        """
+        if self._closed:
+            return
+        try:
+            self._session.put(key, payload, congestion_control=self._drop, express=True)
+        except self._error:
+            if not self._closed:  # another thread may have closed it meanwhile
+                raise
+
+    def subscribe(self, key_expression: str, handler: Handler) -> None:
+        """Call the handler, on one of Zenoh's threads, for what other sessions put."""
+        if self._closed:
+            return
+
+        def deliver(sample: zenoh.Sample) -> None:
+            stamp = sample.timestamp
+            sent_ns = None if stamp is None else stamp.get_time_as_ntp64().as_nanos()
+            key, payload = str(sample.key_expr), sample.payload.to_bytes()
+            with self._gate:
+                if not self._closed:
+                    handler(key, payload, sent_ns)
+
+        self._session.declare_subscriber(key_expression, deliver, allowed_origin=self._remote)
+
+    def close(self) -> None:
+        """End the session; when this returns, no handler runs or will run.
+
+        Takes milliseconds, but up to 10 s when a peer hangs behind socket buffers that are full.
+        """
+        with self._gate:
+            self._closed = True
+        # Zenoh gives such a link up after 10 s with an error; the process can end all the same.
+        with contextlib.suppress(self._error):
+            self._session.close()  # type: ignore[no-untyped-call]
+
+
+def _open(settings: dict[str, Any]) -> zenoh.Session:
+    import zenoh
+
+    config = zenoh.Config()
+    for name, value in settings.items():
+        config.insert_json5(name, json.dumps(value))
+    return zenoh.open(config)
+
+
+def _check_endpoint(endpoint: str) -> None:
+    """Refuse what Zenoh would refuse late (a client tries a malformed one until its time-out)."""
+    parts = _ENDPOINT.fullmatch(endpoint)
+    if parts is None or not 0 < int(parts[2]) < 65_536:
+        raise TransportError(
+            f"{endpoint!r} is no endpoint; one looks like tcp/HOST:PORT, as in tcp/127.0.0.1:7447"
+        )
+
+
+def _why_not_listening(reason: str) -> str:
+    """Return the cause within Zenoh's message, without the source files that it names."""
+    if f"os error {errno.EADDRINUSE})" in reason:
+        return "the port is in use; is another coordinator running?"
+    cause = reason.split(" at /")[0].rsplit(": ", 1)[-1].strip("[]. ")
+    return f"cannot listen there: {cause}"

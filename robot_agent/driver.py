@@ -1,0 +1,58 @@
+"""The contract between the agent and whatever has wheels.
+
+Decides: what a driver owes the agent.  A simulated body (sim/body.py) and a real base stand behind
+it; nothing else of the robot changes.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+Pose = tuple[float, float, float]
+"""x [m], y [m], heading [rad, counter-clockwise from +x], on the scenario's floor."""
+
+
+class DriverError(Exception):
+    """The base cannot do what it should; the text says why."""
+
+
+class Driver(ABC):
+    """A base that travels along arcs.
+
+    Obligations of every implementation:
+    - It never travels farther than the distance it was last given, whatever happens to the loop.
+    - It stops by itself when `drive` has not been called for WATCHDOG_NS: a hung program does not
+      drive on.
+    - It never reverses.
+    - No method blocks for longer than a millisecond.
+    """
+
+    WATCHDOG_NS = 50_000_000
+
+    @abstractmethod
+    def step(self, now_ns: int) -> None:
+        """Let time pass until now_ns on the robot's clock; called once before each `pose`."""
+
+    @abstractmethod
+    def pose(self) -> Pose | None:
+        """Return where the robot believes to be; None when it has never been told or seen."""
+
+    @abstractmethod
+    def place(self, x: float, y: float, heading: float) -> None:
+        """Take this for the pose: a person has put the robot there (a simulated one is moved)."""
+
+    @abstractmethod
+    def drive(self, speed_mps: float, curvature_radpm: float, distance_m: float) -> None:
+        """Travel along an arc at this speed for at most this distance, then hold.
+
+        Speed and distance are not negative; a positive curvature turns left.  Replaces the order
+        before; speed 0 brakes and holds.
+        """
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Brake as hard as the base can and hold; works in every state."""
+
+    def true_pose(self) -> Pose | None:
+        """Return where the robot truly is, for the black box; differs in simulation only."""
+        return self.pose()

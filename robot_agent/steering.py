@@ -1,0 +1,94 @@
+"""Finding oneself on a path, and steering along it.
+
+Decides: the robot's own arc length and the curvature to drive.  Must not know: time, speed plans,
+phases.  Firmware: only `math`, nothing is allocated after construction.
+
+The curvature is the path's own just ahead plus the linear law of Samson (1992) for a unicycle,
+-(lambda^2 e + 2 lambda theta): lateral error e and heading error theta die out, critically damped,
+over the length 1 / lambda.
+"""
+
+from math import atan2, cos, hypot, inf, sin
+
+from protocol.curve import Curve
+
+SETTLING_LENGTH = 0.1
+"""1 / lambda [m]; grows with the distance travelled per tick, which the law must not outrun."""
+
+_TICKS_TO_SETTLE = 5.0
+_LOOK_AHEAD_TICKS = 1.5
+_LEAST_LOOK_AHEAD = 0.002
+_SHARPEST = 50.0
+_LONGEST_STEP = 0.05
+_CLOSE_ENOUGH = 2e-4
+
+
+class PathFollower:
+    """A robot on a curve: after `locate`, `s` [m] along it, `lateral` [m] left of it.
+
+    `heading_error` [rad] is the robot's heading less the path's.  A pose that is no number leaves s
+    as it was and makes `lateral` infinite.
+    """
+
+    def __init__(self, curve: Curve) -> None:
+        self.s = 0.0
+        self.lateral = 0.0
+        self.heading_error = 0.0
+        self._curve = curve
+        self._tx = 1.0
+        self._ty = 0.0
+
+    def start_pose(self) -> tuple[float, float, float]:
+        """Return x, y [m] and heading [rad] at the curve's beginning."""
+        self._tangent_at(0.0)
+        return self._curve.x, self._curve.y, atan2(self._ty, self._tx)
+
+    def distance_to_start(self, x: float, y: float) -> float:
+        """Return how far [m] a point is from the curve's beginning."""
+        self._curve.evaluate(0.0)
+        return hypot(x - self._curve.x, y - self._curve.y)
+
+    def locate(self, x: float, y: float, heading: float) -> None:
+        """Project a pose on the path near the last place: Newton steps of one evaluation each."""
+        if not abs(x) + abs(y) + abs(heading) < 1e9:
+            self.lateral = inf
+            return
+        curve, s = self._curve, self.s
+        for _ in range(4):
+            self._tangent_at(s)
+            along = (x - curve.x) * self._tx + (y - curve.y) * self._ty
+            before = s
+            s = min(max(s + min(max(along, -_LONGEST_STEP), _LONGEST_STEP), 0.0), curve.length)
+            if abs(s - before) < _CLOSE_ENOUGH:
+                break
+        self.s = s
+        self.lateral = (y - curve.y) * self._tx - (x - curve.x) * self._ty
+        facing_x, facing_y = cos(heading), sin(heading)
+        self.heading_error = atan2(
+            facing_y * self._tx - facing_x * self._ty, facing_x * self._tx + facing_y * self._ty
+        )
+
+    def curvature(self, travel: float) -> float:
+        """Return the curvature [rad/m] to drive, `travel` [m] being the way until the next tick.
+
+        To be called after `locate`: the tangent found there is where the look-ahead begins.
+        """
+        ahead = max(_LOOK_AHEAD_TICKS * travel, _LEAST_LOOK_AHEAD)
+        ahead = min(ahead, self._curve.length - self.s)
+        bend = 0.0
+        if ahead > _CLOSE_ENOUGH:
+            tx, ty = self._tx, self._ty
+            self._tangent_at(self.s + ahead)
+            bend = atan2(tx * self._ty - ty * self._tx, tx * self._tx + ty * self._ty) / ahead
+        if self.lateral < inf:
+            rate = 1.0 / max(SETTLING_LENGTH, _TICKS_TO_SETTLE * travel)
+            bend -= rate * (rate * self.lateral + 2.0 * self.heading_error)
+        return min(max(bend, -_SHARPEST), _SHARPEST)
+
+    def _tangent_at(self, s: float) -> None:
+        """Place the curve at s and keep its direction; the last one where it has none."""
+        curve = self._curve
+        curve.place(s)
+        size = hypot(curve.dx, curve.dy)
+        if size > 1e-9:
+            self._tx, self._ty = curve.dx / size, curve.dy / size

@@ -1,0 +1,107 @@
+"""A simulated base: a unicycle that keeps the driver's contract.
+
+Decides: where the body truly is.  Must not know: plans, phases, messages; other bodies.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+
+from robot_agent.driver import Driver, Pose
+
+SLEW_SHARE = 1.25
+"""How much harder the motors can accelerate than plans ask them to."""
+
+
+class SimulatedBody(Driver):
+    """A unicycle on a plane; arcs are integrated exactly.
+
+    `max_accel` [m/s^2]: the plan's limit, inf changes speed at once.  `wheel_gain`: metres rolled
+    per metre ordered, a constant error of the wheels.  `noise` [m]: standard deviation of the
+    measured place, drawn from `seed`; x, y and heading themselves are the truth.  The end of an
+    ordered distance and the watchdog stop the body at once.
+    """
+
+    def __init__(
+        self,
+        max_accel: float = math.inf,
+        *,
+        wheel_gain: float = 1.0,
+        noise: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        self.x = self.y = self.heading = math.nan
+        self.speed = 0.0
+        self._accel = max_accel * SLEW_SHARE
+        self._gain = wheel_gain
+        self._noise = noise
+        self._random = random.Random(seed)
+        self._now_ns: int | None = None
+        self._powered_ns = 0
+        self._wanted = 0.0
+        self._curvature = 0.0
+        self._room = 0.0
+
+    def place(self, x: float, y: float, heading: float) -> None:
+        """Put the body somewhere, at rest."""
+        self.x, self.y, self.heading = x, y, heading
+        self.stop()
+
+    def true_pose(self) -> Pose | None:
+        """Return the body's pose without noise."""
+        return None if math.isnan(self.x) else (self.x, self.y, self.heading)
+
+    def pose(self) -> Pose | None:
+        """Return the measured pose."""
+        if math.isnan(self.x) or not self._noise:
+            return self.true_pose()
+        noise = (self._random.gauss(0.0, self._noise), self._random.gauss(0.0, self._noise))
+        return self.x + noise[0], self.y + noise[1], self.heading
+
+    def drive(self, speed_mps: float, curvature_radpm: float, distance_m: float) -> None:
+        """Take an order; it holds from the last `step` for WATCHDOG_NS."""
+        self._wanted = max(speed_mps, 0.0)
+        self._curvature = curvature_radpm
+        self._room = max(distance_m, 0.0)
+        self._powered_ns = self.WATCHDOG_NS
+
+    def stop(self) -> None:
+        """Rest at once."""
+        self._wanted = self._room = self.speed = 0.0
+
+    def step(self, now_ns: int) -> None:
+        """Integrate the motion from the last step until now; time never runs back."""
+        before = now_ns if self._now_ns is None else self._now_ns
+        passed = max(now_ns - before, 0)
+        self._now_ns = before + passed
+        driven = min(passed, self._powered_ns)
+        self._powered_ns -= driven
+        ordered = self._ramp(driven / 1e9)
+        if ordered >= self._room:
+            ordered = self._room
+            self.speed = 0.0
+        if passed > driven:
+            self.speed = 0.0
+        self._room -= ordered
+        self._roll(ordered * self._gain)
+
+    def _ramp(self, seconds: float) -> float:
+        """Change speed towards the wanted one; return the way [m] that this takes up."""
+        change = self._wanted - self.speed
+        ramp, end = abs(change) / self._accel, self._wanted
+        if ramp > seconds:
+            ramp, end = seconds, self.speed + math.copysign(seconds * self._accel, change)
+        way = 0.5 * (self.speed + end) * ramp + end * (seconds - ramp)
+        self.speed = end
+        return way
+
+    def _roll(self, way: float) -> None:
+        """Move along an arc of the ordered curvature."""
+        if math.isnan(self.x) or way <= 0.0:
+            return
+        turn = 0.5 * way * self._curvature
+        chord = way if abs(turn) < 1e-9 else way * math.sin(turn) / turn
+        self.x += chord * math.cos(self.heading + turn)
+        self.y += chord * math.sin(self.heading + turn)
+        self.heading = math.remainder(self.heading + 2.0 * turn, math.tau)

@@ -1,0 +1,233 @@
+"""What a log tells, on logs made by hand through the recorder."""
+
+import io
+import subprocess
+import sys
+
+import pytest
+from rich.console import Console
+
+from coordinator import plan as plan_file
+from coordinator.info import summarise
+from coordinator.info_table import render
+from coordinator.logbook import Log, read_log
+from coordinator.recorder import Attachment, Recorder
+from protocol import codec, keys, phases
+from protocol.messages import Clock, Command, Hello, Plan, Refusal, Report
+
+SECOND = 1_000_000_000
+BEGIN = 40 * SECOND
+GO_AT = BEGIN + 2 * SECOND
+
+
+def plan_message(robot: str) -> Plan:
+    points = codec.pack_floats([0.0, 0.0, 1.0, 0.0, 2.0, 0.0, 3.0, 0.0])
+    return codec.seal(
+        Plan(
+            1, 9, robot, SECOND // 2, 1, 1, 20, 500, 3, points,
+            codec.pack_floats([1.0]), b"", codec.pack_floats([0.0, 0.5, 3.0, 0.0]), b"", 0,
+        )
+    )  # fmt: skip
+
+
+def plan_attachment() -> Attachment:
+    path = plan_file.Path(degree=3, knots=[], control_points=[], weights=[])
+    stop = plan_file.Stop(s=1.5, arrive=3.0, depart=4.5, yields_to="R2")
+    robots = [
+        plan_file.RobotPlan(
+            id=name, radius=0.2, start_time=start, finish_time=finish, length=3.0, path=path,
+            profile=[], stops=stops, wire_bytes=0,
+        )
+        for name, start, finish, stops in (("R1", 0.0, 8.0, [stop]), ("R2", 1.0, 7.0, []))
+    ]  # fmt: skip
+    document = plan_file.PlanDocument(
+        scenario="s", epoch=1, policy="safe", tau=0.5, margin=0.02, robots=robots
+    )
+    return Attachment("plan-1.json", "application/json", plan_file.to_json(document))
+
+
+def log_of(tmp_path, messages, metadata=None) -> Log:
+    """Record (seconds since BEGIN, key, message or bytes) and read the log back."""
+    path = tmp_path / "run.mcap"
+    with Recorder(
+        path,
+        metadata={"fleet": "f"} if metadata is None else metadata,
+        wall_offset_ns=10**18,
+        attachments=[plan_attachment()],
+    ) as log:
+        for seconds, key, message in messages:
+            payload = message if isinstance(message, bytes) else codec.encode(message)
+            log.record(key, payload, BEGIN + round(seconds * SECOND))
+    return read_log(path)
+
+
+def command(sequence: int, epoch: int, phase: int) -> Command:
+    start = GO_AT if phase in (phases.GO, phases.FREEZE) else 0
+    return Command(9, sequence, epoch, phase, start)
+
+
+def good_run():
+    R1, R2, C = keys.report("f", "R1"), keys.report("f", "R2"), keys.command("f")
+    return [
+        (0.0, C, command(1, 1, phases.HOLD)),
+        (0.1, keys.hello("f", "R1"), Hello(1, 9)),
+        (0.2, keys.plan("f", "R1"), plan_message("R1")),
+        (0.3, keys.clock("f", "R1"), Clock(9, 5)),
+        (0.4, keys.clock("f", "R1"), Clock(9, 5, 6, 7)),
+        (0.5, R1, Report(9, 1, 1, phases.ARMED)),
+        (1.0, C, command(2, 1, phases.GO)),
+        (1.1, C, command(3, 1, phases.GO)),
+        (2.5, R1, Report(9, 2, 1, phases.MOVING)),
+        (9.0, R2, Report(9, 1, 1, phases.DONE)),
+        (10.0, R1, Report(9, 3, 1, phases.DONE)),
+        (10.2, R1, Report(9, 4, 1, phases.DONE)),
+        (10.5, C, command(4, 1, phases.OVER)),
+    ]
+
+
+def test_a_good_run_is_told_from_hold_to_over(tmp_path):
+    told = summarise(log_of(tmp_path, good_run()))
+    assert told["epochs"] == [
+        {
+            "epoch": 1,
+            "start": 2.0,
+            "phases": [
+                {"t": 0.0, "phase": "HOLD"},
+                {"t": 1.0, "phase": "GO"},
+                {"t": 10.5, "phase": "OVER"},
+            ],
+            "arrivals": {"R2": 7.0, "R1": 8.0},
+            "ended": "over",
+        }
+    ]
+    assert told["messages"] == 13
+    assert told["keys"]["splinefleet/f/report/R2"] == {"messages": 1, "bytes": 6}
+    assert (told["positions_on_wire"], told["bad_messages"], told["faults"]) == (0, 0, [])
+    assert (told["fleet"], told["policy"], told["tau"]) == ("f", "safe", 0.5)
+    assert (told["duration"], told["complete"], told["damage"]) == (10.5, True, "")
+
+
+def test_a_robot_is_told_with_its_plan_its_stops_and_what_it_sent(tmp_path):
+    messages = good_run()
+    told = summarise(log_of(tmp_path, messages))
+    size = len(codec.encode(plan_message("R1")))
+    by_hand = sum(
+        len(codec.encode(message))
+        for _, _, message in messages
+        if isinstance(message, Hello)
+        or (isinstance(message, Clock) and message.received_ns is None)
+        or (isinstance(message, Report) and message.sequence != 1)
+    ) + len(codec.encode(Report(9, 1, 1, phases.ARMED)))
+    assert told["robots"]["R1"] == {
+        "plan_bytes": size,
+        "control_points": 4,
+        "planned_start": 0.0,
+        "planned_finish": 8.0,
+        "stops": [{"s": 1.5, "depart": 4.5, "yields_to": "R2"}],
+        "arrived": 8.0,
+        "reports": 4,
+        "bytes_sent": by_hand,
+        "fault": None,
+    }
+    assert told["robots"]["R2"]["planned_start"] == 1.0
+    assert told["largest_plan_bytes"] == told["largest_message_to_robot_bytes"] == size
+
+
+def test_the_busiest_robots_rate_counts_from_go_to_the_last_arrival(tmp_path):
+    told = summarise(log_of(tmp_path, good_run()))
+    two_reports = 2 * len(codec.encode(Report(9, 2, 1, phases.MOVING)))
+    assert told["robot_payload_bytes_per_second"] == pytest.approx(two_reports / 8.0)
+
+
+def test_a_run_without_arrivals_has_no_rate(tmp_path):
+    told = summarise(log_of(tmp_path, good_run()[:9]))
+    assert told["robot_payload_bytes_per_second"] is None
+    assert told["epochs"][0]["ended"] == "running"
+    assert told["robots"]["R1"]["arrived"] is None
+
+
+def test_a_position_on_the_wire_is_counted_except_from_a_frozen_robot(tmp_path):
+    R1 = keys.report("f", "R1")
+    told = summarise(
+        log_of(
+            tmp_path,
+            [
+                (0.0, R1, Report(9, 1, 1, phases.FROZEN, 0, 1.25)),
+                (0.1, R1, Report(9, 2, 1, phases.MOVING, 0, 1.25)),
+                (0.2, R1, Report(9, 3, 1, phases.BRAKING, 0, 0.0)),
+                (0.3, "splinefleet/f/pose/R1", b"\x01"),
+                (0.4, "splinefleet/other/pose/R1", b"\x01"),
+                (0.5, "weather", b"rain"),
+            ],
+        )
+    )
+    assert told["positions_on_wire"] == 3
+    assert told["messages"] == 6
+
+
+def test_bytes_that_no_receiver_accepts_are_counted_and_believed_in_nothing(tmp_path):
+    told = summarise(
+        log_of(
+            tmp_path,
+            [
+                (0.0, keys.report("f", "R1"), b"\xc1"),
+                (0.1, keys.command("f"), codec.encode(Report(9, 1, 1, phases.DONE))),
+                (0.2, keys.plan("f", "R1"), bytes(5_000)),
+            ],
+        )
+    )
+    assert told["bad_messages"] == 3
+    assert told["epochs"] == []
+    assert told["largest_plan_bytes"] == 0
+
+
+def test_faults_refusals_and_freezes_are_told_once_each(tmp_path):
+    R1, C = keys.report("f", "R1"), keys.command("f")
+    told = summarise(
+        log_of(
+            tmp_path,
+            [
+                (0.0, C, command(1, 1, phases.GO)),
+                (1.0, R1, Report(9, 1, 1, phases.BRAKING, phases.LATE)),
+                (1.1, R1, Report(9, 2, 1, phases.BRAKING, phases.LATE)),
+                (1.2, C, command(2, 1, phases.FREEZE)),
+                (1.3, C, command(3, 1, phases.FREEZE)),
+                (1.4, R1, Report(9, 3, 1, phases.FROZEN, 7, 1.0)),
+                (1.5, keys.plan("f", "R9"), Refusal(3, "not in the scenario")),
+            ],
+        )
+    )
+    assert [(f["t"], f["robot"], f["fault"], f["kind"]) for f in told["faults"]] == [
+        (1.0, "R1", "behind its plan", "report"),
+        (1.2, "", "the fleet was told to freeze", "freeze"),
+        (1.4, "R1", "fault 7", "report"),
+        (1.5, "R9", "not in the scenario", "refusal"),
+    ]
+    assert told["epochs"][0]["ended"] == "frozen"
+
+
+def test_an_empty_log_and_a_log_without_names_are_told_too(tmp_path):
+    empty = summarise(Log(metadata={}, attachments={}, records=[], complete=False, damage="x"))
+    assert (empty["messages"], empty["duration"], empty["tau"]) == (0, 0.0, None)
+    nameless = summarise(log_of(tmp_path, good_run(), metadata={}))
+    assert nameless["fleet"] == "f"
+
+
+def test_a_spoilt_plan_attachment_is_passed_over():
+    log = Log({"fleet": "f"}, {"plan-1.json": b"{"}, [], True, "")
+    assert summarise(log)["robots"] == {}
+
+
+def test_the_tables_show_arrivals_stops_and_silence(tmp_path):
+    for messages in (good_run(), []):
+        text = io.StringIO()
+        told = summarise(log_of(tmp_path, messages))
+        Console(file=text, width=140).print(render(told))
+        assert "positions on the wire" in text.getvalue()
+    Console(file=text, width=140).print(render(summarise(log_of(tmp_path, good_run()))))
+    assert "s 1.50 m until 4.50 s for R2" in text.getvalue()
+
+
+def test_the_summary_is_imported_without_the_file_format():
+    code = "import sys, coordinator.info; sys.exit('mcap' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,276 @@
+import math
+import struct
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from protocol import codec
+from protocol.messages import (
+    MAX_MESSAGE_BYTES,
+    Clock,
+    Command,
+    Hello,
+    Plan,
+    Refusal,
+    Report,
+)
+from tests.golden import make_messages
+from tests.protocol.test_wire_format import a_plan
+
+QUICK = settings(derandomize=True, max_examples=60, database=None, deadline=None)
+GOLDEN = [line.split() for line in make_messages.FILE.read_text().splitlines()]
+
+counters = st.integers(0, 2**32 - 1)
+names = st.from_regex(r"[A-Za-z0-9_.-]{1,32}", fullmatch=True)
+times = st.integers(-(2**62), 2**62)
+durations = st.integers(0, 10**12)
+amounts = st.floats(0.0, allow_infinity=False)
+
+
+def packed(most, multiple=1):
+    numbers = st.floats(width=32, allow_nan=False, allow_infinity=False)
+    lists = st.integers(0, most).flatmap(
+        lambda n: st.lists(numbers, min_size=n * multiple, max_size=n * multiple)
+    )
+    return lists.map(codec.pack_floats)
+
+
+plans = st.builds(
+    Plan,
+    epoch=counters,
+    boot=counters,
+    robot=names,
+    tau_ns=durations,
+    late_ns=durations,
+    lease_ns=durations,
+    track_mm=st.integers(0, 65_535),
+    brake_mmps2=counters,
+    degree=st.integers(1, 7),
+    points=packed(8, 2),
+    knots=packed(8),
+    weights=packed(8),
+    profile=packed(8, 2),
+    stops=st.lists(
+        st.tuples(st.floats(0.0, 100.0, width=32), st.integers(-(2**63), 2**63 - 1)), max_size=4
+    ).map(codec.pack_stops),
+    checksum=st.just(0),
+).map(codec.seal)
+
+messages = st.one_of(
+    st.tuples(
+        st.just("hello"),
+        st.builds(Hello, st.integers(0, 255), counters, amounts, amounts, amounts),
+    ),
+    st.tuples(st.just("plan"), plans),
+    st.tuples(st.just("plan"), st.builds(Refusal, counters, st.text(max_size=200))),
+    st.tuples(
+        st.just("command"),
+        st.builds(
+            Command,
+            counters,
+            counters,
+            counters,
+            st.integers(0, 3),
+            times,
+            st.lists(names, max_size=5).map(tuple),
+        ),
+    ),
+    st.tuples(
+        st.just("report"),
+        st.builds(
+            Report,
+            counters,
+            counters,
+            counters,
+            st.integers(0, 5),
+            st.integers(0, 7),
+            st.none() | amounts,
+        ),
+    ),
+    st.tuples(
+        st.just("clock"),
+        st.builds(Clock, counters, times, st.none() | times, st.none() | times),
+    ),
+)
+
+
+def raw(*fields):
+    return msgspec.msgpack.encode(fields)
+
+
+@QUICK
+@given(messages)
+def test_every_message_comes_back_as_it_was_sent(sent):
+    kind, message = sent
+    assert codec.decode(kind, codec.encode(message)) == message
+
+
+@QUICK
+@given(messages, st.data())
+def test_a_truncated_message_is_dropped(sent, data):
+    kind, message = sent
+    payload = codec.encode(message)
+    assert codec.decode(kind, payload[: data.draw(st.integers(0, len(payload) - 1))]) is None
+
+
+@QUICK
+@given(messages)
+def test_bytes_after_the_message_make_it_unacceptable(sent):
+    kind, message = sent
+    assert codec.decode(kind, codec.encode(message) + b"\0") is None
+
+
+@QUICK
+@given(messages, st.data())
+def test_bytes_flipped_on_the_way_never_raise(sent, data):
+    kind, message = sent
+    payload = bytearray(codec.encode(message))
+    for _ in range(data.draw(st.integers(1, 4))):
+        payload[data.draw(st.integers(0, len(payload) - 1))] ^= data.draw(st.integers(1, 255))
+    codec.decode(kind, bytes(payload))
+
+
+@settings(QUICK, max_examples=300)
+@given(st.sampled_from(sorted(codec.KINDS)), st.binary(max_size=80))
+def test_random_bytes_never_raise_and_what_is_accepted_is_a_message_of_that_kind(kind, noise):
+    message = codec.decode(kind, noise)
+    assert message is None or isinstance(message, codec.KINDS[kind])
+
+
+@settings(QUICK, max_examples=300)
+@given(st.sampled_from(sorted(codec.KINDS)), st.integers(1, 6), st.lists(st.integers() | st.none()))
+def test_arrays_of_numbers_never_raise(kind, tag, numbers):
+    fields = [number for number in numbers if number is None or -(2**63) <= number < 2**64]
+    message = codec.decode(kind, raw(tag, *fields))
+    assert message is None or isinstance(message, codec.KINDS[kind])
+
+
+def test_no_single_flipped_bit_of_a_plan_is_accepted():
+    payload = codec.encode(a_plan())
+    for place in range(len(payload)):
+        for bit in range(8):
+            bad = bytearray(payload)
+            bad[place] ^= 1 << bit
+            assert codec.decode("plan", bytes(bad)) is None, (place, bit)
+
+
+@pytest.mark.parametrize(("name", "right", "text"), GOLDEN, ids=[row[0] for row in GOLDEN])
+def test_a_message_on_a_key_of_another_kind_is_dropped(name, right, text):
+    for kind in [*codec.KINDS, "position", ""]:
+        assert (codec.decode(kind, bytes.fromhex(text)) is not None) == (kind == right), name
+
+
+def test_a_field_that_a_later_version_adds_is_ignored_by_this_one():
+    assert codec.decode("report", raw(4, 1, 2, 3, 4, 0, None, "new")) == Report(1, 2, 3, 4)
+
+
+def test_a_payload_longer_than_a_robot_receives_is_dropped_before_it_is_read():
+    padded = raw(4, 1, 2, 3, 4, 0, None, bytes(MAX_MESSAGE_BYTES - 11))
+    assert len(padded) == MAX_MESSAGE_BYTES
+    assert codec.decode("report", padded) is not None
+    assert codec.decode("report", raw(4, 1, 2, 3, 4, 0, None, bytes(MAX_MESSAGE_BYTES))) is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "payload"),
+    [
+        ("report", b"\x91" * MAX_MESSAGE_BYTES),
+        ("report", b"\x98\x04\x01\x02\x03\x04\x00\xc0" + b"\x91" * 3_900),
+        ("command", b"\x97\x03\x01\x01\x01\x01\x00\xdd\xff\xff\xff\xff"),
+        ("plan", b"\xdc\x00\x10\x02\xc6\xff\xff\xff\xff"),
+        ("plan", b"\xdd\xff\xff\xff\xff"),
+        ("plan", b"\x93\x06\x01\xa2\xff\xfe"),
+    ],
+    ids=["nested", "nested behind", "100 names", "long bytes", "long array", "no UTF-8"],
+)
+def test_bytes_made_to_exhaust_the_reader_are_dropped(kind, payload):
+    assert codec.decode(kind, payload) is None
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf, -1.0])
+def test_a_number_that_is_not_finite_or_below_zero_is_dropped(number):
+    assert codec.decode("report", raw(4, 1, 2, 3, 4, 0, number)) is None
+    for place in range(3):
+        limits = [0.1, 0.2, 0.3]
+        limits[place] = number
+        assert codec.decode("hello", raw(1, 1, 7, *limits)) is None
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("field", ["points", "knots", "weights", "profile", "stops"])
+def test_a_plan_with_a_number_that_is_not_finite_is_dropped(field, number):
+    bad = struct.pack("<2f", 0.0, number)
+    if field == "stops":
+        bad = struct.pack("<fq", number, 0)
+    plan = codec.seal(msgspec.structs.replace(a_plan(), **{field: bad}))
+    assert codec.decode("plan", codec.encode(plan)) is None
+
+
+@pytest.mark.parametrize(
+    ("field", "length"),
+    [("points", 4), ("points", 9), ("knots", 3), ("weights", 5), ("profile", 4), ("stops", 8)],
+)
+def test_a_plan_with_a_packed_field_of_no_whole_length_is_dropped(field, length):
+    plan = codec.seal(msgspec.structs.replace(a_plan(), **{field: bytes(length)}))
+    assert codec.decode("plan", codec.encode(plan)) is None
+
+
+def test_a_plan_whose_checksum_does_not_match_is_dropped():
+    plan = a_plan()
+    assert codec.decode("plan", codec.encode(plan)) == plan
+    for bad in (plan.checksum ^ 1, 0):
+        wrong = msgspec.structs.replace(plan, checksum=bad)
+        assert codec.decode("plan", codec.encode(wrong)) is None
+    other = msgspec.structs.replace(plan, epoch=2)
+    assert codec.decode("plan", codec.encode(other)) is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields"),
+    [
+        ("hello", (1, 256, 7)),
+        ("hello", (1, -1, 7)),
+        ("hello", (1, 1, 2**32)),
+        ("hello", (1, 1, "7")),
+        ("hello", (1, 1)),
+        ("command", (3, 1, 1, 1, 4, 0)),
+        ("command", (3, 1, 1, 1, 0, 2**62 + 1)),
+        ("command", (3, 1, 1, 1, 0, 0.5)),
+        ("command", (3, 1, 1, 1, 0, 0, ["R1"] * 101)),
+        ("command", (3, 1, 1, 1, 0, 0, ["R 1"])),
+        ("command", (3, 1, 1, 1, 0, 0, ["R1\n"])),
+        ("command", (3, 1, 1, 1, 0, 0, [""])),
+        ("command", (3, 1, 1, 1, 0, 0, ["R" * 33])),
+        ("report", (4, 1, 1, 1, 6)),
+        ("report", (4, 1, 1, 1, 0, 8)),
+        ("report", (4, 1, -1, 1, 0)),
+        ("clock", (5, 1, -(2**62) - 1)),
+        ("clock", (5, 1, 2**64 - 1)),
+        ("plan", (6, 1, "x" * 201)),
+        ("plan", (7, 1, "unknown tag")),
+        ("plan", ()),
+    ],
+)
+def test_a_field_out_of_its_bounds_is_dropped(kind, fields):
+    assert codec.decode(kind, raw(*fields)) is None
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("robot", "R1\n"),
+        ("robot", "../R1"),
+        ("tau_ns", -1),
+        ("tau_ns", 10**12 + 1),
+        ("track_mm", 65_536),
+        ("degree", 0),
+        ("degree", 8),
+        ("points", bytes(3_608)),
+    ],
+)
+def test_a_plan_with_a_field_out_of_its_bounds_is_dropped(field, value):
+    small = a_plan(points=0, knots=0, profile=0, stops=0)
+    plan = codec.seal(msgspec.structs.replace(small, **{field: value}))
+    assert codec.decode("plan", codec.encode(plan)) is None

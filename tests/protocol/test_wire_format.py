@@ -1,0 +1,91 @@
+"""The bytes themselves: golden, short enough, packed as robots expect."""
+
+import msgspec
+import pytest
+
+from protocol import codec
+from protocol.messages import (
+    MAX_MESSAGE_BYTES,
+    Clock,
+    Command,
+    Hello,
+    Plan,
+    Refusal,
+    Report,
+)
+from tests.golden import make_messages
+
+TYPES = {1: Hello, 2: Plan, 3: Command, 4: Report, 5: Clock, 6: Refusal}
+GOLDEN = [line.split() for line in make_messages.FILE.read_text().splitlines()]
+
+
+def a_plan(points=12, knots=9, profile=13, stops=3):
+    return codec.seal(
+        Plan(
+            epoch=1,
+            boot=2**32 - 1,
+            robot="robot-07",
+            tau_ns=1_500_000_000,
+            late_ns=250_000_000,
+            lease_ns=600_000_000,
+            track_mm=25,
+            brake_mmps2=500,
+            degree=3,
+            points=codec.pack_floats([0.1 * i for i in range(2 * points)]),
+            knots=codec.pack_floats([1.3 * i for i in range(knots)]),
+            weights=b"",
+            profile=codec.pack_floats([0.2 * i for i in range(2 * profile)]),
+            stops=codec.pack_stops([(1.1 * i, i * 10**10) for i in range(stops)]),
+            checksum=0,
+        )
+    )
+
+
+@pytest.mark.parametrize(("name", "kind", "text"), GOLDEN, ids=[row[0] for row in GOLDEN])
+def test_the_golden_bytes_are_what_the_codec_writes_and_reads(name, kind, text):
+    tag, *fields = make_messages.fields(name)
+    message = TYPES[tag](*(tuple(f) if isinstance(f, list) else f for f in fields))
+    assert codec.encode(message).hex() == text
+    assert codec.decode(kind, bytes.fromhex(text)) == message
+
+
+def test_the_golden_file_is_what_its_script_makes_and_holds_every_message():
+    assert make_messages.FILE.read_text() == make_messages.text()
+    assert {row[0] for _, row in make_messages.MESSAGES.values()} == set(TYPES)
+
+
+def test_a_message_too_long_for_a_robot_is_refused_at_the_sender_with_both_numbers():
+    longest = a_plan(points=440)
+    with pytest.raises(codec.OversizeError) as caught:
+        codec.encode(msgspec.structs.replace(longest, profile=bytes(1_000)))
+    spoken = str(caught.value)
+    real = len(msgspec.msgpack.encode(longest)) - len(longest.profile) + 1_000 + 1
+    assert f"{real} bytes" in spoken
+    assert str(MAX_MESSAGE_BYTES) in spoken
+    assert "robot-07" in spoken
+
+
+def test_a_plan_with_12_control_points_and_3_stops_is_at_most_350_bytes_long():
+    assert len(codec.encode(a_plan(points=12, knots=9, profile=13, stops=3))) <= 350
+
+
+def test_a_report_on_the_move_is_at_most_14_bytes_long():
+    for boot, sequence, epoch in [(0, 0, 0), (2**32 - 1, 2**16 - 1, 127)]:
+        assert len(codec.encode(Report(boot, sequence, epoch, phase=5, fault=7))) <= 14
+
+
+def test_packed_numbers_come_back_as_float32():
+    numbers = [0.0, -1.5, 3.0e38, 2.0**-149]
+    assert codec.unpack_floats(codec.pack_floats(numbers)) == pytest.approx(numbers, rel=1e-7)
+    assert codec.pack_floats([1.0]) == b"\x00\x00\x80\x3f"
+    stops = [(0.5, -1), (2.0, 2**62)]
+    assert codec.unpack_stops(codec.pack_stops(stops)) == stops
+
+
+def test_packing_and_unpacking_refuse_what_does_not_fit():
+    with pytest.raises(OverflowError):
+        codec.pack_floats([1e39])
+    with pytest.raises(ValueError, match="5 bytes"):
+        codec.unpack_floats(bytes(5))
+    with pytest.raises(ValueError, match="13 bytes"):
+        codec.unpack_stops(bytes(13))

@@ -1,0 +1,132 @@
+"""What only Zenoh can get wrong: opening, losing and finding the link again."""
+
+import socket
+import threading
+import time
+
+import pytest
+
+from protocol.transport import TransportError
+from protocol.zenoh_transport import ZenohTransport
+from tests.protocol.links import PATIENCE_S, Inbox, ZenohLink, free_endpoint
+
+
+@pytest.fixture
+def link():
+    made = ZenohLink()
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def test_a_second_coordinator_on_the_same_port_is_told_so(link, capfd):
+    link.session("coordinator")
+    with pytest.raises(TransportError) as caught:
+        ZenohTransport.listen(link.endpoint)
+    assert str(caught.value) == (
+        f"{link.endpoint}: the port is in use; is another coordinator running?"
+    )
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_robot_that_finds_nobody_is_told_so_in_time(capfd):
+    endpoint = free_endpoint()
+    began = time.monotonic()
+    with pytest.raises(TransportError) as caught:
+        ZenohTransport.connect(endpoint, timeout_s=0.2)
+    assert time.monotonic() - began < 2.0
+    assert str(caught.value) == f"{endpoint}: nobody answers; is the coordinator running?"
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_robot_is_not_held_up_by_a_port_that_accepts_and_says_nothing():
+    with socket.socket() as mute:
+        mute.bind(("127.0.0.1", 0))
+        mute.listen()
+        endpoint = f"tcp/127.0.0.1:{mute.getsockname()[1]}"
+        with pytest.raises(TransportError, match="nobody answers"):
+            ZenohTransport.connect(endpoint, timeout_s=0.2)
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    [
+        "",
+        "nonsense",
+        "127.0.0.1:7447",
+        "tcp/127.0.0.1",
+        "tcp/:7447",
+        "tcp/127.0.0.1:port",
+        "tcp/127.0.0.1:0",
+        "tcp/127.0.0.1:65536",
+        "foo/127.0.0.1:7447",
+        "tcp/a b:7447",
+        "tcp/127.0.0.1:7447\n",
+        "tcp/127.0.0.1:7447#iface=lo",
+    ],
+)
+@pytest.mark.parametrize("opening", [ZenohTransport.listen, ZenohTransport.connect])
+def test_a_malformed_endpoint_is_refused_at_once_in_one_sentence(opening, endpoint):
+    with pytest.raises(TransportError) as caught:
+        opening(endpoint)
+    assert repr(endpoint) in str(caught.value)
+    assert "tcp/HOST:PORT" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_address_of_another_machine_cannot_be_listened_on():
+    with pytest.raises(TransportError) as caught:
+        ZenohTransport.listen("tcp/192.0.2.1:7447")  # RFC 5737: nobody's address
+    assert str(caught.value).startswith("tcp/192.0.2.1:7447: cannot listen there: ")
+    assert ".rs:" not in str(caught.value)
+
+
+def test_a_robot_may_start_before_its_coordinator(link):
+    opened = []
+
+    def connect():
+        opened.append(link.session("R1"))
+
+    robot_starts = threading.Thread(target=connect)
+    robot_starts.start()
+    try:
+        coordinator = link.session("coordinator")
+    finally:
+        robot_starts.join(PATIENCE_S)
+    inbox = Inbox()
+    opened[0].subscribe("f/command", inbox)
+    link.say_until_heard(coordinator, "f/command", b"go", inbox)
+
+
+def test_a_robot_finds_a_coordinator_that_was_restarted(link):
+    first = link.session("coordinator")
+    robot = link.session("R1")
+    down, up = Inbox(), Inbox()
+    robot.subscribe("f/command", down)
+    link.say_until_heard(first, "f/command", b"first", down)
+    first.close()
+    robot.put("f/report", b"into the void")
+    second = link.session("coordinator")
+    second.subscribe("f/report", up)
+    link.say_until_heard(second, "f/command", b"second", down)
+    link.say_until_heard(robot, "f/report", b"here", up)
+    assert set(up.payloads()) <= {b"into the void", b"here"}
+
+
+def test_the_time_stamp_is_in_nanoseconds_since_1970(link):
+    coordinator, robot, inbox = link.session("coordinator"), link.session("R1"), Inbox()
+    robot.subscribe("f/command", inbox)
+    link.say_until_heard(coordinator, "f/command", b"go", inbox)
+    sent_ns = inbox.heard[0][2]
+    assert isinstance(sent_ns, int)
+    assert abs(sent_ns - time.time_ns()) < 60 * 10**9
+
+
+def test_a_put_with_nobody_connected_returns_at_once(link):
+    coordinator, robot = link.session("coordinator"), link.session("R1")
+    coordinator.close()
+    began = time.monotonic()
+    for _ in range(100):
+        robot.put("f/report", bytes(4_000))
+    assert time.monotonic() - began < 1.0
