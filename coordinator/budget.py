@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from coordinator.plan import Limits
-from protocol.timing import CLOCK_ERROR, LATENESS, LEASE, REPORT_TIMEOUT, SECOND
+from protocol.timing import CLOCK_ERROR, LATENESS, LEASE, REPORT_TIMEOUT, SECOND, late_share
 
 
 @dataclass(frozen=True)
@@ -78,4 +78,4 @@ def resolve_tau(tau: float | str, budget: Budget) -> float:
 
 def share_for_lateness(tau: float) -> float:
     """Return how late [s] a robot may run before it faults: less when tau is smaller."""
-    return min(LATENESS / SECOND, 0.5 * tau)
+    return late_share(round(tau * SECOND)) / SECOND

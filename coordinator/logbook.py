@@ -233,6 +233,8 @@ def _messages(sound: list[_Sound], wall_offset_ns: int) -> Iterator[Record]:
 
 def _check_data_section(data: bytes, frame: _Frame, record: mcap_records.DataEnd) -> None:
     """Compare the checksum over everything before; chunks and attachments have their own."""
+    if record.data_section_crc == 0:
+        raise _DamageError("the checksum over all bytes before it is missing")
     if zlib.crc32(data[: frame.offset]) != record.data_section_crc:
         raise _DamageError(
             "the checksum over all bytes before it is wrong, though chunks and attachments are "

@@ -11,11 +11,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Final
+
+import numpy as np
+import shapely
 
 from coordinator.crossings import find_crossings
 from coordinator.motion import Motion, SpeedLimits, Wait
 from coordinator.nurbs import Nurbs
 from coordinator.scenario import Scenario
+
+_STEP: Final = 0.01
+"""How finely places to stop are looked for [m]."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +48,13 @@ class Verdict:
     """The robot that stops for T before the crossing, or None."""
 
 
-def algorithm_2(encounters: Iterable[Encounter], stop_time: float, tau: float) -> list[Verdict]:
-    """Run Algorithm 2 over crossings in the order given; stop_time T and tau in seconds."""
+def algorithm_2(
+    encounters: Iterable[Encounter], stop_time: float, tau: float, *, slower_first: bool = False
+) -> list[Verdict]:
+    """Run Algorithm 2 over crossings in the order given; stop_time T and tau in seconds.
+
+    `slower_first` turns its priority round: Table 1 stops the faster robot, Algorithm 2 the slower.
+    """
     stopped: dict[int, int] = {}
     verdicts = []
     for at in encounters:
@@ -50,7 +62,8 @@ def algorithm_2(encounters: Iterable[Encounter], stop_time: float, tau: float) -
         t_p = at.d_p / at.v_p + stop_time * stopped.get(at.p, 0)
         loser = None
         if abs(t_i - t_p) <= tau:
-            loser = at.i if at.v_p >= at.v_i else at.p
+            i_yields = at.v_p <= at.v_i if slower_first else at.v_p >= at.v_i
+            loser = at.i if i_yields else at.p
             stopped[loser] = stopped.get(loser, 0) + 1
         verdicts.append(Verdict(at, t_i, t_p, loser))
     return verdicts
@@ -67,15 +80,27 @@ def schedule(
             encounters.append(Encounter(i, p, meeting.s_a, meeting.s_b, speeds[0], speeds[1]))
     stops: list[list[tuple[float, int]]] = [[] for _ in paths]
     for verdict in algorithm_2(encounters, scenario.stop_time, tau):
-        at = verdict.encounter
-        if verdict.stops is None:
+        at, loser = verdict.encounter, verdict.stops
+        if loser is None:
             continue
-        distance, winner = (at.d_i, at.p) if verdict.stops == at.i else (at.d_p, at.i)
-        before = scenario.need(scenario.robots[at.i], scenario.robots[at.p])
-        stops[verdict.stops].append((max(distance - before, 0.0), winner))
+        distance, winner = (at.d_i, at.p) if loser == at.i else (at.d_p, at.i)
+        need = scenario.need(scenario.robots[loser], scenario.robots[winner])
+        place = _place_before(paths[loser], paths[winner], distance, need)
+        stops[loser].append((place, winner))
     return [
         _with_stops(limits[index], places, scenario.stop_time) for index, places in enumerate(stops)
     ]
+
+
+def _place_before(path: Nurbs, other: Nurbs, s: float, need: float) -> float:
+    """Return the last place before s that is `need` away from the other's path, else 0; all [m].
+
+    The paper leaves b open: it only has to keep the robot out of the collision zone.
+    """
+    line = shapely.linestrings(other.at_arc(np.arange(0.0, other.length + _STEP, _STEP)))
+    back = np.arange(s, 0.0, -_STEP)
+    far = shapely.distance(shapely.points(path.at_arc(back)), line) >= need + _STEP
+    return float(back[np.argmax(far)]) if far.any() else 0.0
 
 
 def _with_stops(limits: SpeedLimits, places: list[tuple[float, int]], stop_time: float) -> Motion:

@@ -76,7 +76,8 @@ class Pathfinder:
             return free
 
         polygon, exact = self._polygon(robot, ground)
-        return smooth(polygon, exact, clear, robot.min_turn_radius)
+        headed = (len(robot.start) == 3, len(robot.goal) == 3)
+        return smooth(polygon, exact, clear, robot.min_turn_radius, headed)
 
     def _polygon(self, robot: Robot, ground: Ground) -> tuple[Array, Flags]:
         """Return the control polygon (n, 2) and which vertices are passed exactly."""
@@ -102,7 +103,11 @@ class Pathfinder:
         here = shapely.Point(start)
         pieces = shapely.get_parts(free)
         rooms = pieces[shapely.distance(pieces, here) < 1e-6]
-        closing = self.floor.names_near(rooms[0], robot.radius) if len(rooms) else []
+        closing = (
+            self.floor.names_near(rooms[0], robot.radius + self.scenario.margin)
+            if len(rooms)
+            else []
+        )
         by = " and ".join(closing[:4]) or "other robots' places"
         return PlanError(
             f"no way from ({start[0]:.2f}, {start[1]:.2f}) to ({goal[0]:.2f}, {goal[1]:.2f}) for "

@@ -35,14 +35,22 @@ _SHARPEST: Final = math.radians(100.0)
 _STEP: Final = 0.01
 
 
-def smooth(polygon: Array, exact: Flags, clear: Clear, min_turn_radius: float = 0.0) -> Nurbs:
+def smooth(
+    polygon: Array,
+    exact: Flags,
+    clear: Clear,
+    min_turn_radius: float = 0.0,
+    headed: tuple[bool, bool] = (False, False),
+) -> Nurbs:
     """Return the cubic curve along a polygon (n, 2) [m], with the numbers of the wire (float32).
 
     exact (n,): vertices that the curve passes exactly; the others are cut.  `clear` tells for
-    points (m, 2) whether the curve may be there.  Raises PlanError when a turn does not fit.
+    points (m, 2) whether the curve may be there.  `headed`: whether the directions of the first
+    and of the last leg are asked for.  Raises PlanError when a turn does not fit.
     """
-    polygon, exact = _blunt(*_without_straight(polygon, exact), clear)
-    polygon, exact = _without_straight(polygon, exact)
+    polygon, exact = _without_straight(polygon, exact, headed)
+    polygon, exact = _blunt(polygon, exact, clear, headed[1])
+    polygon, exact = _without_straight(polygon, exact, headed)
     widths = _widest(polygon)
     while True:
         curve, centers = _spline(polygon, exact, widths)
@@ -56,8 +64,13 @@ def smooth(polygon: Array, exact: Flags, clear: Clear, min_turn_radius: float = 
     return curve
 
 
-def _without_straight(polygon: Array, exact: Flags) -> tuple[Array, Flags]:
-    """Drop doubled vertices and vertices at which the way does not turn."""
+def _without_straight(
+    polygon: Array, exact: Flags, headed: tuple[bool, bool]
+) -> tuple[Array, Flags]:
+    """Drop doubled vertices and those at which the way does not turn.
+
+    Exact vertices and the ends of headed legs stay: a turn beyond them must not reach past them.
+    """
     keep = np.ones(len(polygon), dtype=np.bool_)
     last = 0
     for i in range(1, len(polygon)):
@@ -68,7 +81,9 @@ def _without_straight(polygon: Array, exact: Flags) -> tuple[Array, Flags]:
             last = i
     polygon, exact = polygon[keep], exact[keep]
     turns = np.concatenate(([1.0], np.abs(_turns(polygon)), [1.0]))
-    keep = turns > 1e-6
+    keep = exact | (turns > 1e-6)
+    keep[1] |= headed[0]
+    keep[-2] |= headed[1]
     return polygon[keep], exact[keep]
 
 
@@ -86,8 +101,11 @@ def _turns(polygon: Array) -> Array:
     return np.asarray(np.arctan2(cross, np.einsum("ij,ij->i", unit[:-1], unit[1:])))
 
 
-def _blunt(polygon: Array, exact: Flags, clear: Clear) -> tuple[Array, Flags]:
-    """Replace turns too sharp to round by two turns, using what room there is."""
+def _blunt(polygon: Array, exact: Flags, clear: Clear, keep_last: bool) -> tuple[Array, Flags]:
+    """Replace turns too sharp to round by two turns, using what room there is.
+
+    The first leg keeps its direction, the last one too when it has to.
+    """
     vertices = [polygon[0]]
     flags = [bool(exact[0])]
     for i in range(1, len(polygon) - 1):
@@ -97,7 +115,10 @@ def _blunt(polygon: Array, exact: Flags, clear: Clear) -> tuple[Array, Flags]:
             vertices.append(here)
             flags.append(bool(exact[i]))
             continue
-        extra = _two_turns(vertices[-1], here, after, bool(exact[i]), clear)
+        if keep_last and i == len(polygon) - 2:
+            extra = _two_turns(after, here, vertices[-1], bool(exact[i]), clear)[::-1]
+        else:
+            extra = _two_turns(vertices[-1], here, after, bool(exact[i]), clear)
         vertices.extend(extra)
         flags.extend([False] * len(extra))
     return np.array([*vertices, polygon[-1]]), np.array([*flags, exact[-1]])
@@ -151,7 +172,9 @@ def _spline(polygon: Array, exact: Flags, widths: Array) -> tuple[Nurbs, Array]:
     arc = np.concatenate(([0.0], np.cumsum(sizes)))
     centers = arc[1:-1]
     share = np.minimum(_widest(bent), widths)
-    inner = np.sort(np.concatenate((centers - share, centers, centers + share)))
+    turns = np.abs(_turns(bent)) > 1e-6
+    corner, width = centers[turns], share[turns]
+    inner = np.sort(np.concatenate((corner - width, corner, corner + width)))
     inner = inner[(inner > 1e-5) & (inner < arc[-1] - 1e-5)]
     inner = inner[np.append(True, np.diff(inner) > 1e-5)] if len(inner) else inner
     knots = np.concatenate((np.zeros(4), inner, np.full(4, arc[-1])))
@@ -201,7 +224,7 @@ def _check_turns(polygon: Array, widths: Array, min_turn_radius: float) -> None:
     if len(polygon) < 3 or min_turn_radius <= 0.0:
         return
     half = 0.5 * np.abs(_turns(polygon))
-    radius = widths * np.cos(half) ** 2 / (2.0 * np.sin(half))
+    radius = widths * np.cos(half) ** 2 / np.maximum(2.0 * np.sin(half), 1e-9)
     worst = int(np.argmin(radius))
     if radius[worst] < min_turn_radius:
         x, y = polygon[worst + 1]

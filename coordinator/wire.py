@@ -13,23 +13,16 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from coordinator.budget import share_for_lateness
 from coordinator.errors import InputError
 from coordinator.nurbs import Nurbs, nurbs
 from coordinator.plan import Path, PlanDocument, RobotPlan
-from protocol.codec import (
-    decode,
-    encode,
-    pack_floats,
-    pack_stops,
-    seal,
-    unpack_floats,
-    unpack_stops,
-)
-from protocol.curve import Curve, clamped_knots
+from protocol.codec import decode, encode, seal
+from protocol.curve import Curve
 from protocol.messages import Plan
+from protocol.packing import pack_floats, pack_points, pack_profile, pack_stops
+from protocol.plan_parts import unpack_plan
 from protocol.timeline import Timeline
-from protocol.timing import LEASE, SECOND
+from protocol.timing import SECOND
 
 
 @dataclass(frozen=True)
@@ -50,21 +43,22 @@ def pack(document: PlanDocument, robot: RobotPlan, boot: int = 0) -> bytes:
     stops = [(stop.s, round(stop.depart * SECOND)) for stop in robot.stops]
     if robot.start_time > 0.0:
         stops.insert(0, (0.0, round(robot.start_time * SECOND)))
+    rests = {stop.s for stop in robot.stops} if accel is not None else set()
+    speeds, profile = pack_profile([(s, v) for s, v in robot.profile if s not in rests])
     path = robot.path
     plan = Plan(
         epoch=document.epoch,
         boot=boot,
         robot=robot.id,
         tau_ns=round(document.tau * SECOND),
-        late_ns=round(share_for_lateness(document.tau) * SECOND),
-        lease_ns=LEASE,
         track_mm=max(1, math.floor(500.0 * document.margin)),
         brake_mmps2=0 if accel is None else max(1, min(math.floor(1000.0 * accel), 2**32 - 1)),
         degree=path.degree,
-        points=pack_floats([value for point in path.control_points for value in point]),
+        points=pack_points(path.control_points),
         knots=pack_floats(path.knots[path.degree + 1 : len(path.knots) - path.degree]),
         weights=pack_floats([] if all(w == 1.0 for w in path.weights) else path.weights),
-        profile=pack_floats([value for knot in robot.profile for value in knot]),
+        speeds=speeds,
+        profile=profile,
         stops=pack_stops(stops),
         checksum=0,
     )
@@ -76,23 +70,15 @@ def unpack(payload: bytes, radius: float) -> Driven:
     plan = decode("plan", payload)
     if not isinstance(plan, Plan):
         raise ValueError("the message is not an acceptable plan")
-    points = np.array(unpack_floats(plan.points)).reshape(-1, 2)
-    knots = clamped_knots(plan.degree, unpack_floats(plan.knots) or [0.0])
-    weights = unpack_floats(plan.weights) or [1.0] * len(points)
-    scalar = Curve(plan.degree, knots, points[:, 0].tolist(), points[:, 1].tolist(), weights)
-    profile = unpack_floats(plan.profile)
-    stops = unpack_stops(plan.stops)
-    timeline = Timeline(
-        profile[::2],
-        profile[1::2],
-        [s for s, _ in stops],
-        [depart_ns / SECOND for _, depart_ns in stops],
-    )
+    parts = unpack_plan(plan)
+    scalar, timeline = Curve(*parts.path), Timeline(*parts.motion)
     if abs(timeline.length - scalar.length) > 1e-4 + 1e-6 * scalar.length:
         raise ValueError(
             f"the speed profile ends at {timeline.length} m, the curve at {scalar.length} m"
         )
-    return Driven(plan.robot, radius, nurbs(plan.degree, knots, points, weights), timeline, plan)
+    degree, knots, xs, ys, weights = parts.path
+    curve = nurbs(degree, knots, np.column_stack((xs, ys)), weights)
+    return Driven(plan.robot, radius, curve, timeline, plan)
 
 
 def drive(document: PlanDocument) -> list[Driven]:

@@ -7,9 +7,7 @@ None for anything that is too long, malformed, of the wrong kind for its key or 
 from __future__ import annotations
 
 import math
-import struct
 import zlib
-from collections.abc import Sequence
 from typing import Final
 
 import msgspec
@@ -23,6 +21,13 @@ from protocol.messages import (
     Plan,
     Refusal,
     Report,
+)
+from protocol.packing import (
+    OversizeError,
+    unpack_floats,
+    unpack_points,
+    unpack_profile,
+    unpack_stops,
 )
 
 KINDS: Final[dict[str, tuple[type[Message], ...]]] = {
@@ -39,10 +44,6 @@ _decoders: Final = {
     kind: msgspec.msgpack.Decoder(Plan | Refusal if kind == "plan" else types[0])
     for kind, types in KINDS.items()
 }
-
-
-class OversizeError(ValueError):
-    """A message is longer than a robot can receive."""
 
 
 def encode(message: Message) -> bytes:
@@ -82,30 +83,6 @@ def checksum(plan: Plan) -> int:
     return zlib.crc32(_encoder.encode(msgspec.structs.replace(plan, checksum=0)))
 
 
-def pack_floats(values: Sequence[float]) -> bytes:
-    """Pack numbers as little-endian float32; OverflowError beyond its range."""
-    return struct.pack(f"<{len(values)}f", *values)
-
-
-def unpack_floats(packed: bytes) -> list[float]:
-    """Unpack little-endian float32; ValueError when the length does not fit."""
-    if len(packed) % 4:
-        raise ValueError(f"{len(packed)} bytes are no whole number of float32")
-    return list(struct.unpack(f"<{len(packed) // 4}f", packed))
-
-
-def pack_stops(stops: Sequence[tuple[float, int]]) -> bytes:
-    """Pack (arc length [m], departure [ns]) pairs."""
-    return b"".join(struct.pack("<fq", s, depart_ns) for s, depart_ns in stops)
-
-
-def unpack_stops(packed: bytes) -> list[tuple[float, int]]:
-    """Unpack (arc length [m], departure [ns]) pairs; ValueError when the length does not fit."""
-    if len(packed) % 12:
-        raise ValueError(f"{len(packed)} bytes are no whole number of stops")
-    return [(s, depart_ns) for s, depart_ns in struct.iter_unpack("<fq", packed)]
-
-
 def _is_sane(message: Message) -> bool:
     """Check what msgspec cannot: finite numbers, packed lengths, the checksum."""
     if isinstance(message, Hello):
@@ -114,20 +91,17 @@ def _is_sane(message: Message) -> bool:
     if isinstance(message, Report):
         return message.s_m is None or math.isfinite(message.s_m)
     if isinstance(message, Plan):
-        packed = (message.knots, message.weights)
-        return (
-            len(message.points) % 8 == 0
-            and len(message.profile) % 8 == 0
-            and len(message.stops) % 12 == 0
-            and all(len(field) % 4 == 0 for field in packed)
-            and _is_finite(message)
-            and checksum(message) == message.checksum
-        )
+        return _is_finite(message) and checksum(message) == message.checksum
     return True
 
 
 def _is_finite(plan: Plan) -> bool:
-    """Tell whether all packed numbers are finite; the packed lengths have been checked."""
-    numbers = unpack_floats(plan.points + plan.knots + plan.weights + plan.profile)
-    numbers += [s for s, _ in unpack_stops(plan.stops)]
-    return all(map(math.isfinite, numbers))
+    """Tell whether all packed fields are whole and their numbers finite."""
+    try:
+        numbers = unpack_floats(plan.knots + plan.weights + plan.speeds)
+        numbers += [value for place in unpack_points(plan.points) for value in place]
+        numbers += [s for s, _ in unpack_profile(plan.speeds, plan.profile)]
+        numbers += [s for s, _ in unpack_stops(plan.stops)]
+    except ValueError:
+        return False
+    return len(plan.knots) % 4 == len(plan.weights) % 4 == 0 and all(map(math.isfinite, numbers))

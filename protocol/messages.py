@@ -40,23 +40,23 @@ class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):
 
     Packed fields are little-endian.  `points`: float32 x, y per control point [m].
     `knots`: float32, the inner knots and the last one; the first knot is 0 and both ends are
-    clamped.  `weights`: float32 per control point, empty when all are 1.  `profile`: float32
-    s [m], v [m/s] per speed knot.  `stops`: float32 s [m] and int64 departure [ns after the
-    start] per stop.
+    clamped.  `weights`: float32 per control point, empty when all are 1.  `speeds`: the distinct
+    speeds, float32 [m/s].  `profile`: float32 s [m] and the uint8 index of its speed per speed
+    knot.  `stops`: float32 s [m] and int64 departure [ns after the start] per stop; a robot that
+    brakes (`brake_mmps2` > 0) has speed 0 there, which the profile does not repeat.
     """
 
     epoch: Counter
     boot: Counter
     robot: RobotId
     tau_ns: Duration
-    late_ns: Duration
-    lease_ns: Duration
     track_mm: Annotated[int, msgspec.Meta(ge=0, le=65_535)]
     brake_mmps2: Counter
     degree: Annotated[int, msgspec.Meta(ge=1, le=7)]
     points: Packed
     knots: Packed
     weights: Packed
+    speeds: Packed
     profile: Packed
     stops: Packed
     checksum: Counter

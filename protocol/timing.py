@@ -26,3 +26,8 @@ CLOCK_ERROR = 10 * MILLISECOND
 CLOCK_PERIOD_FAST = 40 * MILLISECOND
 CLOCK_PERIOD = 2 * SECOND
 CLOCK_SAMPLES = 8
+
+
+def late_share(tau_ns: int) -> int:
+    """Return how late [ns] a robot may run before it faults: its share of tau."""
+    return min(LATENESS, tau_ns // 2)

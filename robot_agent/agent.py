@@ -19,7 +19,6 @@ The rules:
   report that says it is frozen, and again when the coordinator asks for it.
 """
 
-from protocol.curve import Curve
 from protocol.phases import (
     ARMED,
     BAD_PLAN,
@@ -30,29 +29,25 @@ from protocol.phases import (
     FREEZE,
     FROZEN,
     GO,
-    HOLD,
     IDLE,
-    LATE,
     LEASE_OUT,
     MOVING,
     NO_FAULT,
     OFF_PATH,
     OVER,
 )
-from protocol.timeline import Timeline
 from protocol.timing import (
     CLOCK_ERROR,
     CLOCK_PERIOD,
     CLOCK_PERIOD_FAST,
     CLOCK_SAMPLES,
     HELLO_PERIOD,
-    LEASE,
     MILLISECOND,
     REPORT_PERIOD,
     SECOND,
 )
 from robot_agent.clock_sync import ClockSync
-from robot_agent.steering import PathFollower
+from robot_agent.ride import Ride
 
 READY = "ready"
 GO_IN_TIME = "go in time"
@@ -81,17 +76,6 @@ TRANSITIONS = {
 }
 """(phase, event) -> phase; whatever does not stand here changes nothing."""
 
-ARRIVAL_SLACK = 1e-3
-"""How near [m] to its goal a robot has arrived, and how far behind still counts as in time."""
-
-HOLD_OUT = 0.05
-"""For how long [s] an order to the driver lasts, should the next tick not come."""
-
-REST_NS = 60 * MILLISECOND
-"""A robot that has not moved by a millimetre for this long, at speed 0, rests."""
-
-_CATCH_UP_RATE = 20.0
-_SPARE_SPEED = 1.05
 _NEVER = -(1 << 62)
 
 
@@ -100,30 +84,205 @@ class Agent:
 
     Read after `tick`: drive_speed [m/s], drive_curvature [rad/m], drive_distance [m].
     Read after `report_due`: report_sequence, epoch, phase, fault and report_s [m] or None.
+    `ride` is the plan held, with the robot's place on it, or None.
     """
 
     def __init__(self, boot: int, max_speed: float = 0.0, period_ns: int = 10 * MILLISECOND) -> None:
+        self.boot = boot
         self.clock = ClockSync()
         self.phase = IDLE
         self.fault = NO_FAULT
         self.epoch = 0
         self.finished = False
-        self.follower: PathFollower | None = None
+        self.ride: Ride | None = None
         self.drive_speed = self.drive_curvature = self.drive_distance = 0.0
         self.report_sequence = 0
         self.report_s: float | None = None
-        self._boot = boot
         self._max_speed = max_speed
-        self._speed_limit = max_speed
         self._period = period_ns / SECOND
         self._coordinator = self._sequence = -1
         self._command_epoch = self._spent_epoch = self._start_ns = 0
         self._command_ns = _NEVER
-        self._timeline: Timeline | None = None
-        self._late = self._track = self._brake = 0.0
-        self._lease_ns = LEASE
-        self._brake_ns = self._rest_ns = 0
-        self._brake_speed = self._rest_x = self._rest_y = 0.0
         self._tell_s = False
-        self._reported = (-1, -1, -1)
+        self._reported = (0, 0, 0)
         self._reported_ns = self._hello_ns = self._asked_ns = _NEVER
+
+    def hear_command(
+        self,
+        boot: int,
+        sequence: int,
+        epoch: int,
+        phase: int,
+        start_ns: int,
+        wanted: bool,
+        now_ns: int,
+    ) -> None:
+        """Take a Command; `wanted` tells whether it asks for this robot's arc length."""
+        if boot != self._coordinator:
+            if not self._believes(boot, epoch, now_ns):
+                return
+        elif sequence <= self._sequence:
+            return
+        if epoch != self._command_epoch and self.ride is None:
+            self.fault = NO_FAULT
+        self._sequence, self._command_epoch, self._command_ns = sequence, epoch, now_ns
+        if phase == FREEZE:
+            self._apply(TOLD_TO_FREEZE, now_ns)
+        elif phase == OVER:
+            self.finished = self.phase not in (MOVING, BRAKING)
+        elif epoch > self.epoch:
+            self._apply(NEW_EPOCH, now_ns)
+        elif phase == GO and epoch == self.epoch and self.phase == ARMED:
+            self._hear_go(start_ns, now_ns)
+        self._tell_s = self._tell_s or (wanted and self.phase == FROZEN)
+
+    def hear_plan(
+        self,
+        boot: int,
+        epoch: int,
+        rules: tuple[int, int, int, int],
+        path: tuple[int, list[float], list[float], list[float], list[float]],
+        motion: tuple[list[float], list[float], list[float], list[float]],
+    ) -> None:
+        """Take a plan (see Ride for its parts); `boot` is whom it is for or from, or 0.
+
+        One that makes no sense is reported as BAD_PLAN and not held.
+        """
+        if self._coordinator >= 0 and epoch != self._command_epoch:
+            return
+        if boot not in (0, self.boot, self._coordinator) or epoch <= self._spent_epoch:
+            return
+        if self.phase not in (IDLE, ARMED) or epoch == self.epoch:
+            return
+        self._drop_plan()
+        try:
+            self.ride = Ride(epoch, rules, path, motion, self._max_speed, self._period)
+            self.epoch = epoch
+        except (ValueError, ArithmeticError, IndexError):
+            self.fault = BAD_PLAN
+
+    def hear_clock(self, sent_ns: int, received_ns: int, answered_ns: int, now_ns: int) -> None:
+        """Take the coordinator's answer to a question about the time."""
+        self.clock.add(sent_ns, received_ns, answered_ns, now_ns)
+
+    def hear_driver_error(self, now_ns: int) -> None:
+        """Take note that the base, or the program around this core, has failed."""
+        self._fail(DRIVER_ERROR, now_ns)
+
+    def tick(self, now_ns: int, x: float, y: float, heading: float) -> None:
+        """Look where the robot is and decide what it does until the next tick."""
+        ride = self.ride
+        self.drive_speed = self.drive_curvature = self.drive_distance = 0.0
+        if ride is None:
+            return
+        if self.phase == IDLE:
+            self._try_to_arm(ride, now_ns, x, y)
+        elif self.phase in (MOVING, BRAKING):
+            ride.follower.locate(x, y, heading)
+            time = self._plan_time(now_ns)
+            if self.phase == MOVING:
+                self._keep_to_plan(ride, time, now_ns)
+            if self.phase == BRAKING:
+                ride.keep_braking(time)
+                if ride.rests(time, x, y):
+                    self._apply(AT_REST, now_ns)
+            self.drive_speed, self.drive_distance = ride.speed, ride.distance
+            self.drive_curvature = ride.curvature
+
+    def report_due(self, now_ns: int) -> bool:
+        """Tell whether to report now, which then counts as done."""
+        state = (self.epoch, self.phase, self.fault)
+        if state == self._reported and now_ns - self._reported_ns < REPORT_PERIOD:
+            return False
+        self._reported, self._reported_ns = state, now_ns
+        self.report_sequence += 1
+        self.report_s = None
+        if self._tell_s and self.phase == FROZEN and self.ride is not None:
+            self.report_s = self.ride.follower.s
+        self._tell_s = False
+        return True
+
+    def hello_due(self, now_ns: int) -> bool:
+        """Tell whether to introduce itself now, which then counts as done."""
+        if self.ride is not None or now_ns - self._hello_ns < HELLO_PERIOD:
+            return False
+        self._hello_ns = now_ns
+        return True
+
+    def clock_due(self, now_ns: int) -> bool:
+        """Tell whether to ask for the time now, which then counts as done.
+
+        Often at first and as long as the answers are not good enough; rarely on the move.
+        """
+        certain = self.clock.good >= CLOCK_SAMPLES and self.clock.error_ns(now_ns) <= CLOCK_ERROR
+        rarely = certain or self.phase in (MOVING, BRAKING)
+        if now_ns - self._asked_ns < (CLOCK_PERIOD if rarely else CLOCK_PERIOD_FAST):
+            return False
+        self._asked_ns = now_ns
+        return True
+
+    def may_leave(self, now_ns: int) -> bool:
+        """Tell whether nothing is left to do: all over, or at the goal and the fleet is gone."""
+        return self.finished or (self.phase == DONE and self._is_alone(now_ns))
+
+    def _believes(self, boot: int, epoch: int, now_ns: int) -> bool:
+        """Decide about a coordinator not heard before; another one means another plan and clock."""
+        if self.phase not in (IDLE, ARMED) and epoch <= self._command_epoch:
+            return False
+        if self._coordinator >= 0:
+            self.clock.reset(now_ns)
+            self._apply(NEW_EPOCH, now_ns)
+        self._coordinator = boot
+        return True
+
+    def _hear_go(self, start_ns: int, now_ns: int) -> None:
+        self._start_ns = start_ns
+        if self.ride is not None and self.ride.missed(self._plan_time(now_ns)):
+            self.fault = LATE
+            self._apply(GO_TOO_LATE, now_ns)
+        else:
+            self._apply(GO_IN_TIME, now_ns)
+
+    def _try_to_arm(self, ride: Ride, now_ns: int, x: float, y: float) -> None:
+        if not ride.follower.distance_to_start(x, y) <= ride.track:
+            self.fault = OFF_PATH
+        elif self.clock.error_ns(now_ns) > CLOCK_ERROR:
+            self.fault = CLOCK_UNSURE
+        else:
+            self.fault = NO_FAULT
+            self._apply(READY, now_ns)
+
+    def _keep_to_plan(self, ride: Ride, time: float, now_ns: int) -> None:
+        fault = LEASE_OUT if self._is_alone(now_ns) else ride.trouble(time)
+        if fault == NO_FAULT and self.clock.error_ns(now_ns) > CLOCK_ERROR:
+            fault = CLOCK_UNSURE
+        if ride.arrived(time) and fault in (NO_FAULT, LATE):
+            self._apply(ARRIVED, now_ns)
+        elif fault != NO_FAULT:
+            self._fail(fault, now_ns)
+        else:
+            ride.keep_to_plan(time)
+
+    def _fail(self, fault: int, now_ns: int) -> None:
+        """Remember the first fault and brake."""
+        if self.fault == NO_FAULT and self.phase != DONE:
+            self.fault = fault
+        self._apply(TROUBLE, now_ns)
+
+    def _apply(self, event: str, now_ns: int) -> None:
+        """Go to the next phase by the table and do what entering it takes."""
+        before = self.phase
+        self.phase = TRANSITIONS.get((before, event), before)
+        if self.phase == IDLE:
+            self._drop_plan()
+        elif self.phase != before and self.ride is not None:
+            if self.phase == BRAKING:
+                self.ride.begin_to_brake(self._plan_time(now_ns))
+            elif self.phase == FROZEN:
+                self._tell_s = True
+            if self.phase in (FROZEN, DONE):
+                self.ride.stand()
+            if self.phase != ARMED:
+                self._spent_epoch = self.epoch
+
+    def _drop_plan(self) -> None: ...

@@ -67,21 +67,21 @@ def command(sequence: int, epoch: int, phase: int) -> Command:
 
 
 def good_run():
-    R1, R2, C = keys.report("f", "R1"), keys.report("f", "R2"), keys.command("f")
+    one, two, all_robots = keys.report("f", "R1"), keys.report("f", "R2"), keys.command("f")
     return [
-        (0.0, C, command(1, 1, phases.HOLD)),
+        (0.0, all_robots, command(1, 1, phases.HOLD)),
         (0.1, keys.hello("f", "R1"), Hello(1, 9)),
         (0.2, keys.plan("f", "R1"), plan_message("R1")),
         (0.3, keys.clock("f", "R1"), Clock(9, 5)),
         (0.4, keys.clock("f", "R1"), Clock(9, 5, 6, 7)),
-        (0.5, R1, Report(9, 1, 1, phases.ARMED)),
-        (1.0, C, command(2, 1, phases.GO)),
-        (1.1, C, command(3, 1, phases.GO)),
-        (2.5, R1, Report(9, 2, 1, phases.MOVING)),
-        (9.0, R2, Report(9, 1, 1, phases.DONE)),
-        (10.0, R1, Report(9, 3, 1, phases.DONE)),
-        (10.2, R1, Report(9, 4, 1, phases.DONE)),
-        (10.5, C, command(4, 1, phases.OVER)),
+        (0.5, one, Report(9, 1, 1, phases.ARMED)),
+        (1.0, all_robots, command(2, 1, phases.GO)),
+        (1.1, all_robots, command(3, 1, phases.GO)),
+        (2.5, one, Report(9, 2, 1, phases.MOVING)),
+        (9.0, two, Report(9, 1, 1, phases.DONE)),
+        (10.0, one, Report(9, 3, 1, phases.DONE)),
+        (10.2, one, Report(9, 4, 1, phases.DONE)),
+        (10.5, all_robots, command(4, 1, phases.OVER)),
     ]
 
 
@@ -101,7 +101,7 @@ def test_a_good_run_is_told_from_hold_to_over(tmp_path):
         }
     ]
     assert told["messages"] == 13
-    assert told["keys"]["splinefleet/f/report/R2"] == {"messages": 1, "bytes": 6}
+    assert told["keys"]["splinefleet/f/report/R2"] == {"messages": 1, "bytes": 8}
     assert (told["positions_on_wire"], told["bad_messages"], told["faults"]) == (0, 0, [])
     assert (told["fleet"], told["policy"], told["tau"]) == ("f", "safe", 0.5)
     assert (told["duration"], told["complete"], told["damage"]) == (10.5, True, "")
@@ -147,14 +147,14 @@ def test_a_run_without_arrivals_has_no_rate(tmp_path):
 
 
 def test_a_position_on_the_wire_is_counted_except_from_a_frozen_robot(tmp_path):
-    R1 = keys.report("f", "R1")
+    one = keys.report("f", "R1")
     told = summarise(
         log_of(
             tmp_path,
             [
-                (0.0, R1, Report(9, 1, 1, phases.FROZEN, 0, 1.25)),
-                (0.1, R1, Report(9, 2, 1, phases.MOVING, 0, 1.25)),
-                (0.2, R1, Report(9, 3, 1, phases.BRAKING, 0, 0.0)),
+                (0.0, one, Report(9, 1, 1, phases.FROZEN, 0, 1.25)),
+                (0.1, one, Report(9, 2, 1, phases.MOVING, 0, 1.25)),
+                (0.2, one, Report(9, 3, 1, phases.BRAKING, 0, 0.0)),
                 (0.3, "splinefleet/f/pose/R1", b"\x01"),
                 (0.4, "splinefleet/other/pose/R1", b"\x01"),
                 (0.5, "weather", b"rain"),
@@ -182,17 +182,17 @@ def test_bytes_that_no_receiver_accepts_are_counted_and_believed_in_nothing(tmp_
 
 
 def test_faults_refusals_and_freezes_are_told_once_each(tmp_path):
-    R1, C = keys.report("f", "R1"), keys.command("f")
+    one, all_robots = keys.report("f", "R1"), keys.command("f")
     told = summarise(
         log_of(
             tmp_path,
             [
-                (0.0, C, command(1, 1, phases.GO)),
-                (1.0, R1, Report(9, 1, 1, phases.BRAKING, phases.LATE)),
-                (1.1, R1, Report(9, 2, 1, phases.BRAKING, phases.LATE)),
-                (1.2, C, command(2, 1, phases.FREEZE)),
-                (1.3, C, command(3, 1, phases.FREEZE)),
-                (1.4, R1, Report(9, 3, 1, phases.FROZEN, 7, 1.0)),
+                (0.0, all_robots, command(1, 1, phases.GO)),
+                (1.0, one, Report(9, 1, 1, phases.BRAKING, phases.LATE)),
+                (1.1, one, Report(9, 2, 1, phases.BRAKING, phases.LATE)),
+                (1.2, all_robots, command(2, 1, phases.FREEZE)),
+                (1.3, all_robots, command(3, 1, phases.FREEZE)),
+                (1.4, one, Report(9, 3, 1, phases.FROZEN, 7, 1.0)),
                 (1.5, keys.plan("f", "R9"), Refusal(3, "not in the scenario")),
             ],
         )

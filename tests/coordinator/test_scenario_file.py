@@ -1,4 +1,5 @@
 import copy
+import itertools
 import json
 import math
 import random
@@ -10,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coordinator.errors import InputError
-from coordinator.scenario import Scenario
 from coordinator.scenario_file import parse_scenario, read_scenario, scenario_to_json
 from protocol.keys import NAME
 
@@ -35,7 +35,6 @@ an unknown key of a robot | robots.1.colour = "red" | robots[1].colour | unknown
 a misspelled key | robots.1.radius = ; robots.1.raduis = 1 | robots[1].raduis | is radius
 a misspelled outline | workspace.boundary = ; workspace.bound = 1 | workspace.bound | is bound
 no workspace | workspace = | workspace | is missing
-a workspace that is a number | workspace = 3 | workspace | 3 is not a table
 no robots key | robots = | robots | is missing
 an empty list of robots | robots = [] | robots | at least one
 a robot that is a string | robots.1 = "R2" | robots[1] | 'R2' is not a table
@@ -54,7 +53,7 @@ a start beyond float32 | robots.0.start.1 = -2e5 | robots[0].start[1] | is below
 a start of one number | robots.0.start = [1] | robots[0].start | [x, y] or [x, y, heading]
 a heading that is NaN | robots.0.goal.2 = NaN | robots[0].goal[2] | nan is not a finite number
 off the floor | robots.0.start.0 = -1 | robots[0].start | is 1 m outside the floor, radius +
-a start at the edge | robots.0.start = [0.125, 1] | robots[0].start | is 0.125 m from the edge of the
+a start at the edge | robots.0.start = [0.125, 1] | robots[0].start | is 0.125 m from the edge of
 in an obstacle | robots.0.goal = [5, 5] | robots[0].goal | is inside workspace.obstacles[0], rad
 a via near one | robots.1.via.0.1 = 3.75 | robots[1].via[0] | is 0.25 m from workspace.obst
 close starts | robots.1.start.1 = 1.5 | robots[1].start | R2 is 0.5 m from the start of R1,
@@ -75,11 +74,9 @@ a negative turning radius | robots.0.min_turn_radius = -1 | robots[0].min_turn_r
 a priority and a half | robots.0.priority = 1.5 | robots[0].priority | 1.5 is not an integer
 a priority that is true | robots.0.priority = true | robots[0].priority | true is not an integer
 a margin of zero | margin = 0 | margin | 0 m is not positive
-a margin of null | margin = null | margin | null is not a number
 a negative tau | tau = -0.5 | tau | -0.5 s is below 0
 a tau of an hour | tau = 3600 | tau | 3600 s is above 60 s
 a tau in words | tau = "atuo" | tau | 'atuo' is not a number or "auto"
-a stop of no time | stop_time = 0 | stop_time | 0 s is not positive
 a reserve of everything | speed_reserve = 1 | speed_reserve | 1 is not below 1
 an unknown policy | policy = "bold" | policy | 'bold' is not one of safe, paper
 an id twice | robots.2.id = "R1" | robots[2].id | 'R1' is already the id of robots[0]
@@ -124,6 +121,7 @@ def test_one_fault_makes_one_line_that_names_its_field(row):
     assert words in problem
 
 
+# Fault: (bytes, file name, words of the line).
 UNREADABLE = {
     "an empty file": (b" \n", "bad.toml", "is empty"),
     "a file that is not UTF-8": (b"a = 1\nname = '\xff'", "bad.toml", "line 2: is not UTF-8"),
@@ -131,11 +129,9 @@ UNREADABLE = {
     "TOML that ends early": (b"a = 1\nb = [1,", "bad.toml", "line 2: "),
     "a TOML key that stands twice": (b"a = 1\na = 2", "bad.toml", "line 2: "),
     "JSON with a syntax error": (b'{"a": 1,\n,}', "bad.toml", "line 2: "),
-    "TOML in a JSON file": (b"a = 1", "bad.json", "line 1: "),
     "a JSON key that stands twice": (b'{"a": 1, "a": 2}', "bad.json", "a: the key stands twice"),
     "JSON that is a list": (b"[]", "bad.json", "file: a list of 0 is not a table"),
     "lists in lists without end": (b"a = " + b"[" * 100_000, "bad.toml", "nested too deeply"),
-    "JSON lists in lists without end": (b"[" * 100_000, "bad.json", "nested too deeply"),
     "an integer of 5000 digits": (b"a = 1" + b"0" * 5000, "bad.toml", "limit"),
 }
 
@@ -174,9 +170,9 @@ def test_many_faults_are_all_listed_at_once():
         "workspace.obstacles = [[[1, 7], [3, 9], [3, 7], [1, 9]], [[4, 4], [6, 4], [6, 6], [4, 6]]]"
     )
     fields = sorted(problem.split(": ")[1] for problem in problems_of(document))
-    missing = [f"robots[2].{key}" for key in ("goal", "id", "max_speed", "radius", "start")]
-    wrong = ["robots[0].radius", "robots[0].start", "robots[1].goal", "robots[1].id"]
-    assert fields == ["margin", "polcy", *wrong, *missing, "workspace.obstacles[0]"]
+    wrong = "0].radius 0].start 1].goal 1].id 2].goal 2].id 2].max_speed 2].radius 2].start"
+    wrong = [f"robots[{field}" for field in wrong.split()]
+    assert fields == ["margin", "polcy", *wrong, "workspace.obstacles[0]"]
 
 
 def test_a_good_toml_file_is_read_with_its_defaults(tmp_path):
@@ -203,10 +199,10 @@ def test_a_missing_name_comes_from_the_file_and_fits_the_wire():
 
 
 def test_every_outline_becomes_counter_clockwise_corners():
-    corners = ((0, 0), (10, 0), (10, 10), (0, 10))
-    clockwise = changed("workspace.boundary = [[0, 0], [0, 10], [10, 10], [10, 0], [0, 0]]")
-    assert read(clockwise).workspace.boundary == corners
-    assert read(changed("BOUNDS = [0, 0, 10, 10]")).workspace.boundary == corners
+    clockwise = "workspace.boundary = [[0,0],[0,10],[10,10],[10,0],[0,0]]"
+    for outline in (clockwise, "BOUNDS = [0, 0, 10, 10]"):
+        corners = read(changed(outline)).workspace.boundary
+        assert corners == ((0, 0), (10, 0), (10, 10), (0, 10))
 
 
 def test_places_with_exactly_the_room_they_need_are_accepted():
@@ -236,15 +232,13 @@ def test_overlapping_starts_are_found_as_by_comparing_every_pair():
     starts = [[draw.uniform(2.0, 40.0), draw.uniform(2.0, 40.0)] for _ in range(400)]
     radii = [0.1 + 0.8 * (i % 17 == 0) + 0.02 * (i % 5) for i in range(400)]
     pairs = [
-        (f"robots[{b}].start", f"R{a},")
-        for b in range(400)
-        for a in range(b)
+        (f"robots[{b}].start:", f"R{a},")
+        for a, b in itertools.combinations(range(400), 2)
         if math.dist(starts[a], starts[b]) < radii[a] + radii[b] + 0.05
     ]
     lines = [problem.split() for problem in problems_of(fleet(starts, radii))]
-    named = sorted((line[1][:-1], line[10]) for line in lines if ".start" in line[1])
     assert len(pairs) > 20
-    assert named == sorted(pairs)
+    assert sorted((line[1], line[10]) for line in lines) == sorted(pairs)
 
 
 def test_a_thousand_robots_among_500_obstacles_are_checked_within_a_second():
@@ -265,7 +259,6 @@ def judge(text, name):
     except InputError:
         assert problems_of(text, name)
         return
-    assert isinstance(scenario, Scenario)
     assert parse_scenario(scenario_to_json(scenario), "again.json") == scenario
 
 
@@ -288,13 +281,12 @@ def test_a_scenario_with_anything_changed_is_read_or_refused(data):
     document = copy.deepcopy(GOOD)
     for _ in range(data.draw(st.integers(1, 3))):
         place = data.draw(st.sampled_from([c for c in containers(document) if c] or [{"": 0}]))
-        key = data.draw(
-            st.sampled_from(list(place if isinstance(place, dict) else range(len(place))))
-        )
+        keys = list(place) if isinstance(place, dict) else range(len(place))
+        key = data.draw(st.sampled_from(keys))
         if data.draw(st.booleans()):
             del place[key]
-        if isinstance(place, list):
-            place.insert(key, data.draw(JSONISH))
+        elif isinstance(place, list):
+            place[key : key + data.draw(st.integers(0, 1))] = [data.draw(JSONISH)]
         else:
             place[data.draw(st.just(key) | KEYS)] = data.draw(JSONISH)
     judge(json.dumps(document).encode(), "mutated.json")

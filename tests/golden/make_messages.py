@@ -27,7 +27,8 @@ _INTEGERS = (
 )
 
 POINTS = struct.pack("<8f", 0.0, 0.0, 1.0, 0.5, 2.0, -0.5, 3.0, 0.0)
-PROFILE = struct.pack("<6f", 0.0, 0.0, 0.25, 0.5, 3.25, 0.0)
+SPEEDS = struct.pack("<2f", 0.0, 0.5)
+PROFILE = struct.pack("<fBfBfB", 0.0, 0, 0.25, 1, 3.25, 0)
 STOPS = struct.pack("<fq", 1.5, 8_400_000_000)
 KNOTS = struct.pack("<f", 3.0)
 WEIGHTS = struct.pack("<4f", 1.0, 0.75, 0.75, 1.0)
@@ -43,21 +44,20 @@ MESSAGES: dict[str, tuple[str, list]] = {
             77,
             "R1",
             5 * 10**8,
-            2**28,
-            6 * 10**8,
             20,
             500,
             3,
             POINTS,
             KNOTS,
             b"",
+            SPEEDS,
             PROFILE,
             STOPS,
         ],
     ),
     "plan_with_weights_without_stops": (
         "plan",
-        [2, 300, 77, "robot-2", 10**12, 0, 0, 65_535, 0, 3, POINTS, KNOTS, WEIGHTS, PROFILE, b""],
+        [2, 300, 77, "robot-2", 10**12, 65_535, 0, 3, POINTS, KNOTS, WEIGHTS, SPEEDS, PROFILE, b""],
     ),
     "refusal": ("plan", [6, 77, "R9 stands in no scenario"]),
     "command_hold": ("command", [3, 5, 1, 0, 0, 0, []]),

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol import codec
+from protocol import codec, packing
 from protocol.messages import (
     MAX_MESSAGE_BYTES,
     Clock,
@@ -34,7 +34,7 @@ def packed(most, multiple=1):
     lists = st.integers(0, most).flatmap(
         lambda n: st.lists(numbers, min_size=n * multiple, max_size=n * multiple)
     )
-    return lists.map(codec.pack_floats)
+    return lists.map(packing.pack_floats)
 
 
 plans = st.builds(
@@ -43,18 +43,19 @@ plans = st.builds(
     boot=counters,
     robot=names,
     tau_ns=durations,
-    late_ns=durations,
-    lease_ns=durations,
     track_mm=st.integers(0, 65_535),
     brake_mmps2=counters,
     degree=st.integers(1, 7),
     points=packed(8, 2),
     knots=packed(8),
     weights=packed(8),
-    profile=packed(8, 2),
+    speeds=packed(4).filter(bool),
+    profile=st.lists(
+        st.floats(0.0, 100.0, width=32).map(lambda s: struct.pack("<fB", s, 0)), max_size=4
+    ).map(b"".join),
     stops=st.lists(
         st.tuples(st.floats(0.0, 100.0, width=32), st.integers(-(2**63), 2**63 - 1)), max_size=4
-    ).map(codec.pack_stops),
+    ).map(packing.pack_stops),
     checksum=st.just(0),
 ).map(codec.seal)
 
@@ -199,9 +200,13 @@ def test_a_number_that_is_not_finite_or_below_zero_is_dropped(number):
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("field", ["points", "knots", "weights", "profile", "stops"])
+@pytest.mark.parametrize("field", ["points", "knots", "weights", "speeds", "profile", "stops"])
 def test_a_plan_with_a_number_that_is_not_finite_is_dropped(field, number):
     bad = struct.pack("<2f", 0.0, number)
+    if field == "speeds":
+        bad = struct.pack("<13f", *[0.1] * 12, number)
+    if field == "profile":
+        bad = struct.pack("<fB", number, 0)
     if field == "stops":
         bad = struct.pack("<fq", number, 0)
     plan = codec.seal(msgspec.structs.replace(a_plan(), **{field: bad}))
@@ -210,7 +215,15 @@ def test_a_plan_with_a_number_that_is_not_finite_is_dropped(field, number):
 
 @pytest.mark.parametrize(
     ("field", "length"),
-    [("points", 4), ("points", 9), ("knots", 3), ("weights", 5), ("profile", 4), ("stops", 8)],
+    [
+        ("points", 4),
+        ("points", 9),
+        ("knots", 3),
+        ("weights", 5),
+        ("profile", 4),
+        ("stops", 8),
+        ("speeds", 0),
+    ],
 )
 def test_a_plan_with_a_packed_field_of_no_whole_length_is_dropped(field, length):
     plan = codec.seal(msgspec.structs.replace(a_plan(), **{field: bytes(length)}))

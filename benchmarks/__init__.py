@@ -1,0 +1,1 @@
+"""Measurements and tables; not part of the installed packages."""

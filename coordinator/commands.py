@@ -1,0 +1,202 @@
+"""The coordinator's commands: plan, verify, coordinator, replay, info, plot.
+
+Decides: options and exit codes.  Heavy modules are imported when a command needs them.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import typer
+
+from coordinator.console import answer_json, answers, tell, write_file
+from coordinator.errors import InputError
+
+commands = typer.Typer()
+
+ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")]
+PlanFile = Annotated[Path, typer.Argument(help="Plan file, as `plan -o` writes it.")]
+LogFile = Annotated[Path, typer.Argument(help="Log of a run, MCAP.")]
+Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
+Speed = Annotated[float, typer.Option(min=0.01, max=1000.0, help="Times real time.")]
+Effort = Annotated[int, typer.Option(min=0, max=100_000, help="Rounds of improvement.")]
+
+
+@commands.command()
+def plan(
+    scenario: ScenarioFile,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="plan.json.")] = None,
+    csv: Annotated[Path | None, typer.Option(help="The motions as rows over time.")] = None,
+    step: Annotated[float, typer.Option(min=1e-4, max=1e3, help="Seconds a CSV row.")] = 0.02,
+    policy: Annotated[Literal["safe", "paper"] | None, typer.Option(help="How to wait.")] = None,
+    effort: Effort = 20,
+    as_json: Json = False,
+) -> None:
+    """Plan a scenario, prove the plan, write it.
+
+    Example: splinefleet plan examples/paper_five.toml -o plan.json --csv plan.csv
+    """
+    from coordinator.plan import to_json
+    from coordinator.plan_table import render
+    from coordinator.planner import plan_scenario
+    from coordinator.scenario_file import read_scenario
+    from coordinator.trajectory import csv_rows
+
+    asked = read_scenario(scenario)
+    if policy is not None:
+        asked = msgspec.structs.replace(asked, policy=policy)
+    document = plan_scenario(asked, effort=effort, timer=time.perf_counter)
+    if output is not None:
+        write_file(output, to_json(document))
+    if csv is not None:
+        write_file(csv, ("\n".join(csv_rows(document, step)) + "\n").encode())
+    if as_json:
+        answer_json(document)
+    else:
+        answers.print(render(document))
+    if document.proof is None or not document.proof.holds:
+        tell("the proof does not hold; this plan is for study and is never sent to robots")
+        raise typer.Exit(1)
+
+
+@commands.command()
+def verify(
+    plan: PlanFile,
+    scenario: Annotated[Path | None, typer.Option(help="Prove against this scenario.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Prove a plan again, from its file alone.
+
+    Example: splinefleet verify plan.json --scenario examples/paper_five.toml
+    """
+    from coordinator.plan import read
+    from coordinator.plan_table import render_proof
+    from coordinator.scenario_file import read_scenario
+    from coordinator.verify import prove_document
+
+    proof = prove_document(read(plan), None if scenario is None else read_scenario(scenario))
+    if as_json:
+        answer_json(proof)
+    else:
+        answers.print(render_proof(proof))
+    if not proof.holds:
+        raise typer.Exit(1)
+
+
+@commands.command()
+def coordinator(
+    scenario: ScenarioFile,
+    listen: Annotated[str, typer.Option(help="tcp/HOST:PORT")] = "tcp/127.0.0.1:7447",
+    log: Annotated[Path | None, typer.Option(help="Record everything into this file.")] = None,
+    resume: Annotated[Path | None, typer.Option(help="Go on from this log.")] = None,
+    plan_out: Annotated[Path | None, typer.Option(help="Write plan.json here.")] = None,
+    speed: Speed = 1.0,
+    effort: Effort = 20,
+    wait: Annotated[float, typer.Option(min=0.1, help="Seconds to wait for all robots.")] = 60.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Events as JSON lines.")] = False,
+) -> None:
+    """Run the coordinator alone; robots connect to it.
+
+    Example: splinefleet coordinator site.toml --listen tcp/127.0.0.1:7447 --log run.mcap
+    """
+    from coordinator.launch import Coordinator
+    from coordinator.scenario_file import read_scenario
+
+    if resume is not None:
+        raise InputError(["--resume: this version cannot go on from a log; start without it"])
+    asked = read_scenario(scenario)
+    runner = Coordinator(asked, effort=effort, speed=speed, events=as_json)
+    raise typer.Exit(runner.run(listen, log, plan_out, wait))
+
+
+@commands.command()
+def replay(
+    log: LogFile,
+    check: Annotated[bool, typer.Option("--check", help="Run the log again, compare.")] = False,
+    speed: Speed = 1.0,
+    listen: Annotated[str, typer.Option(help="tcp/HOST:PORT")] = "tcp/127.0.0.1:7447",
+    as_json: Json = False,
+) -> None:
+    """Publish a log's traffic again in time, or check that it can be reproduced byte for byte.
+
+    Example: splinefleet replay runs/demo/run.mcap --check
+    """
+    if check:
+        _check(log, as_json)
+        return
+    from coordinator.logbook import read_log
+    from coordinator.replay import play
+    from protocol.zenoh_transport import ZenohTransport
+
+    recorded = read_log(log)
+    if recorded.damage:
+        tell(f"{log}: {recorded.damage}; what is whole is played")
+    with ZenohTransport.listen(listen) as transport:
+        tell(f"playing {len(recorded.records)} messages on {listen}")
+        begin = time.monotonic()
+
+        def wait_until(seconds: float) -> None:
+            time.sleep(max(0.0, begin + seconds - time.monotonic()))
+
+        count = play(recorded, transport, wait_until, speed)
+    if as_json:
+        answer_json({"messages": count})
+
+
+def _check(log: Path, as_json: bool) -> None:
+    from coordinator.logbook import check_bytes, read_log
+    from coordinator.replay import Check, check_log
+
+    damage = check_bytes(log)
+    result = Check(0, 0, damage) if damage else check_log(read_log(log))
+    if as_json:
+        answer_json(result._asdict())
+    elif not result.difference:
+        answers.print(f"{result.plans} plans and {result.commands} commands: every byte agrees")
+    if result.difference:
+        tell(f"{log}: {result.difference}")
+        raise typer.Exit(1)
+
+
+@commands.command()
+def info(log: LogFile, as_json: Json = False) -> None:
+    """Tell what happened: epochs, stops, faults, bytes per key, positions on the wire.
+
+    Example: splinefleet info runs/demo/run.mcap --json
+    """
+    from coordinator.info import summarise
+    from coordinator.info_table import render
+    from coordinator.logbook import read_log
+
+    summary = summarise(read_log(log))
+    if as_json:
+        answer_json(summary)
+    else:
+        answers.print(render(summary))
+
+
+@commands.command()
+def plot(
+    source: Annotated[Path, typer.Argument(help="Plan file or log.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="FILE.svg or FILE.png")],
+) -> None:
+    """Draw the floor with paths, crossings and stops, and the distance-time diagram.
+
+    Example: splinefleet plot plan.json -o plan.svg
+    """
+    from coordinator.figure import draw_plan
+    from coordinator.logbook import read_log
+    from coordinator.plan import from_json, read
+
+    if source.suffix == ".mcap":
+        attachments = read_log(source).attachments
+        if "plan-1.json" not in attachments:
+            raise InputError([f"{source}: holds no plan"])
+        document = from_json(attachments["plan-1.json"], f"{source}: plan-1.json")
+    else:
+        document = read(source)
+    draw_plan(document, output)
+    tell(f"wrote {output}")

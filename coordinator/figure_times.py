@@ -1,0 +1,129 @@
+"""The distance-time diagram: a lane per robot, in it how far along its path the robot is.
+
+Decides: the lanes and what is written into them.  Must not know: the floor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from coordinator.figure_robots import Pictured, font_size
+from coordinator.plan import PlanDocument
+
+_FULL: Final = 0.78
+"""Height of a lane's curve at the goal, in lanes."""
+_FEW: Final = 12
+"""Up to so many robots, crossings are shown in the lanes."""
+
+
+def draw_times(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) -> None:
+    """Draw every robot's way over time, with its waits and for whom it waits."""
+    count = len(robots)
+    end = max(robot.plan.finish_time for robot in robots.values())
+    axes.set(xlim=(0.0, end), ylim=(-float(count), 0.0), yticks=[])
+    told = ";  dots: crossings, in the other's colour" if count <= _FEW else ""
+    axes.set_xlabel(f"plan time [s]   (a lane: its path from start to goal{told})")
+    axes.grid(axis="x", color="#e3e6ea", lw=0.6)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=9, length=3)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    width, height = 72.0 * axes.bbox.size / figure.dpi
+    size = min(1.15 * font_size(count), 10.0, 0.85 * height / count)
+    for index, robot in enumerate(robots.values()):
+        lane = _Lane(axes, robot, -index - 1.0, end, width / end, height / count, size)
+        lane.draw_way()
+        for pause in robot.pauses:
+            owner = robots.get(pause[3])
+            lane.draw_pause(pause, robot.ink if owner is None else owner.ink)
+    if count <= _FEW:
+        _draw_crossings(axes, document, robots)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lane:
+    """One robot's lane: where its base is, and the scales of its axes."""
+
+    axes: Axes
+    robot: Pictured
+    base: float
+    end: float
+    second: float
+    """Width of a second [pt]."""
+    tall: float
+    """Height of a lane [pt]."""
+    size: float
+
+    def draw_way(self) -> None:
+        """Draw the robot's name, its way over time, and when it arrives."""
+        plan, colour, end = self.robot.plan, self.robot.colour, self.end
+        marks = [plan.start_time, plan.finish_time]
+        times = np.unique(np.append(np.linspace(0.0, end, 300), marks))
+        height = self._height(self.robot.progress(times))
+        moving = times <= plan.finish_time
+        self.axes.axhline(self.base, color="#c9cdd3", lw=0.5, zorder=1)
+        self.axes.fill_between(times, self.base, height, color=colour, alpha=0.13, lw=0, zorder=2)
+        thick = min(1.7, 0.2 * self.size)
+        self.axes.plot(times[moving], height[moving], color=colour, lw=thick, zorder=4)
+        self.axes.plot(times[~moving], height[~moving], color=colour, lw=0.7, alpha=0.5, zorder=4)
+        style: dict[str, Any] = {"color": self.robot.ink, "size": self.size, "va": "center"}
+        middle = self.base + 0.5 * _FULL
+        self.axes.text(-0.01 * end, middle, self.robot.id, ha="right", weight="bold", **style)
+        arrival = f"{plan.length:.1f} m, {plan.finish_time:.1f} s"
+        self.axes.text(1.01 * end, middle, arrival, ha="left", **style)
+
+    def draw_pause(self, pause: tuple[float, float, float, str], ink: str) -> None:
+        """Draw one wait as a thick plateau, and say above it who is let pass.
+
+        The curve never comes down, so left of the departure there is room above it; a text that is
+        too long for that stands above what the curve reaches below it.
+        """
+        s, since, until, owner = pause
+        height = float(self._height(np.array(s)))
+        thick = min(4.5, 0.2 * self.tall)
+        line = [height, height]
+        self.axes.plot([since, until], line, color=self.robot.colour, lw=thick, zorder=5)
+        text = f"{until - since:.1f} s for {owner}" if owner else f"{until - since:.1f} s"
+        size = 0.9 * self.size
+        width = 0.58 * size * len(text) / self.second
+        roomy = self.tall > 2.6 * size
+        if not roomy and (until - since < width or self.tall < 1.7 * size):
+            return
+        right = max(until, width)
+        if right > until:
+            height = float(self._height(self.robot.progress(np.array([right])))[0])
+        self.axes.annotate(
+            text,
+            (right, height),
+            (-3.0 if right == until else 3.0, 0.5 * thick + 1.0),
+            textcoords="offset points",
+            ha="right",
+            va="bottom",
+            size=size,
+            color=ink,
+            zorder=7,
+        )
+
+    def _height(self, s: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        """Return the heights in the diagram of arc lengths [m]."""
+        return np.asarray(self.base + _FULL * s / self.robot.driven.timeline.length)
+
+
+def _draw_crossings(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) -> None:
+    """Put a dot in both lanes where a crossing is passed, in the colour of the other robot."""
+    names = list(robots)
+    for crossing in document.crossings:
+        for me, other, time, s in (
+            (crossing.a, crossing.b, crossing.t_a, crossing.s_a),
+            (crossing.b, crossing.a, crossing.t_b, crossing.s_b),
+        ):
+            if me in robots and other in robots:
+                share = s / robots[me].driven.timeline.length
+                height = -names.index(me) - 1.0 + _FULL * share
+                colour = robots[other].colour
+                axes.plot(time, height, "o", mfc=colour, mec="white", mew=0.8, ms=6.0, zorder=6)

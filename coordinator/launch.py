@@ -1,0 +1,148 @@
+"""One coordinator from start to end: plan, listen, log, run, tell what happened.
+
+Decides: the order of these steps, and that the log is closed whatever happens.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import platform
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+
+from coordinator.console import answer_json, tell, write_file
+from coordinator.errors import InputError
+from coordinator.fleet import Fleet
+from coordinator.muster import muster
+from coordinator.plan import PlanDocument, to_json
+from coordinator.planner import plan_scenario
+from coordinator.recorder import Attachment, Recorder
+from coordinator.scenario import Scenario
+from coordinator.scenario_file import scenario_to_json
+from coordinator.service import Service
+from coordinator.table import FleetTable
+from protocol.messages import PROTOCOL_VERSION
+from protocol.phases import PHASE_NAMES
+from protocol.zenoh_transport import ZenohTransport
+
+VERSIONED = ("splinefleet", "eclipse-zenoh", "mcap", "msgspec", "numpy", "scipy", "shapely")
+
+
+class Coordinator:
+    """Runs the fleet of one scenario; `speed` makes its clock run that many times faster."""
+
+    def __init__(self, scenario: Scenario, *, effort: int, speed: float, events: bool) -> None:
+        self.scenario = scenario
+        self.effort = effort
+        self.speed = speed
+        self._events = events
+        self._told = 0
+
+    def clock(self) -> int:
+        """Return the coordinator's time [ns]: the host's monotonic clock, times `speed`."""
+        return int(time.monotonic_ns() * self.speed)
+
+    def run(self, endpoint: str, log: Path | None, plan_file: Path | None, patience: float) -> int:
+        """Run to the end and return the exit code.
+
+        Raises InputError, PlanError and TransportError before anything moves.
+        """
+        if self.scenario.policy != "safe":
+            raise InputError(["policy: only policy safe is sent to robots"])
+        document = plan_scenario(self.scenario, effort=self.effort, timer=time.perf_counter)
+        if plan_file is not None:
+            write_file(plan_file, to_json(document))
+        boot = int.from_bytes(os.urandom(4), "little")
+        fleet = muster(document, boot)
+        with ZenohTransport.listen(endpoint) as transport:
+            recorder = self._recorder(log, document, boot)
+            try:
+                self._say("listening", endpoint=endpoint)
+                with FleetTable(document) as table:
+                    service = Service(
+                        fleet, transport, recorder, self.clock, self.speed, self._watcher(table)
+                    )
+                    arrived = asyncio.run(service.run(patience))
+            finally:
+                recorder.close()
+        self._tell_incidents(fleet)
+        self._summarise(fleet, arrived)
+        return 0 if arrived else 1
+
+    def _recorder(self, log: Path | None, document: PlanDocument, boot: int) -> Recorder:
+        now = self.clock()
+        metadata = {
+            "fleet": document.scenario,
+            "policy": document.policy,
+            "boot": str(boot),
+            "effort": str(self.effort),
+            "speed": str(self.speed),
+            "protocol": str(PROTOCOL_VERSION),
+            "python": platform.python_version(),
+            **{name: version(name) for name in VERSIONED},
+        }
+        attachments = [
+            Attachment("scenario.json", "application/json", scenario_to_json(self.scenario)),
+            Attachment(f"plan-{document.epoch}.json", "application/json", to_json(document)),
+        ]
+        path = log if log is not None else Path(os.devnull)
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+        return Recorder(
+            path, metadata=metadata, wall_offset_ns=time.time_ns() - now, attachments=attachments
+        )
+
+    def _watcher(self, table: FleetTable) -> Callable[[Fleet, int], None]:
+        def watch(fleet: Fleet, now_ns: int) -> None:
+            self._tell_incidents(fleet)
+            table.watch(fleet, now_ns)
+
+        return watch
+
+    def _tell_incidents(self, fleet: Fleet) -> None:
+        """Tell what has happened since the last time."""
+        for incident in fleet.incidents[self._told :]:
+            self._say(
+                incident.kind,
+                robot=incident.robot,
+                text=incident.text,
+                now_ns=incident.now_ns,
+                start_ns=fleet.start_ns,
+            )
+        self._told = len(fleet.incidents)
+
+    def _say(self, event: str, **facts: object) -> None:
+        if self._events:
+            answer_json({"event": event, **facts})
+        elif event == "listening":
+            tell(f"{self.scenario.name}: listening on {facts['endpoint']}")
+        elif event != "report":
+            tell(str(facts["text"]))
+
+    def _summarise(self, fleet: Fleet, arrived: bool) -> None:
+        """Tell how every robot ended."""
+        robots = [
+            {
+                "id": member.id,
+                "phase": "lost" if member.lost else PHASE_NAMES[member.phase],
+                "arrived": None
+                if member.done_ns is None
+                else round((member.done_ns - fleet.start_ns) / 1e9, 3),
+                "rest_s": member.rest_s,
+            }
+            for member in fleet.members.values()
+        ]
+        if self._events:
+            bad = fleet.bad_messages
+            answer_json(
+                {"event": "summary", "arrived": arrived, "robots": robots, "bad_messages": bad}
+            )
+            return
+        for robot in robots:
+            when = robot["arrived"]
+            text = f"arrived at {when} s" if when is not None else f"ended {robot['phase']}"
+            tell(f"{robot['id']}: {text}")

@@ -1,0 +1,64 @@
+"""A plan and its proof as tables for people.
+
+Decides: what is shown on the terminal after planning.
+"""
+
+from __future__ import annotations
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from coordinator.plan import PlanDocument, Proof, RobotPlan
+
+
+def render(document: PlanDocument) -> RenderableType:
+    """Return a plan as tables: robots, crossings where somebody waits, the proof."""
+    title = f"{document.scenario} · policy {document.policy} · tau {document.tau} s"
+    table = Table("robot", "path m", "points", "start s", "finish s", "stops", "bytes", title=title)
+    for robot in document.robots:
+        table.add_row(
+            robot.id,
+            f"{robot.length:.2f}",
+            str(len(robot.path.control_points)),
+            _start(robot),
+            f"{robot.finish_time:.2f}",
+            ", ".join(
+                f"{stop.depart - stop.arrive:.1f} s at {stop.s:.2f} m"
+                + (f" for {stop.yields_to}" if stop.yields_to else "")
+                for stop in robot.stops
+            ),
+            str(robot.wire_bytes),
+        )
+    parts: list[RenderableType] = [table]
+    parts += [Text(note) for note in document.notes]
+    if document.proof is not None:
+        parts.append(render_proof(document.proof))
+    spent = sum(document.timing.values())
+    stages = ", ".join(f"{name} {seconds:.3f} s" for name, seconds in document.timing.items())
+    parts.append(Text(f"planned in {spent:.3f} s: {stages}"))
+    return Group(*parts)
+
+
+def _start(robot: RobotPlan) -> str:
+    owner = f" for {robot.start_yields_to}" if robot.start_yields_to else ""
+    return f"{robot.start_time:.2f}{owner}"
+
+
+def render_proof(proof: Proof) -> RenderableType:
+    """Return the proof in a few lines."""
+    verdict = Text("proof holds", "green") if proof.holds else Text("proof does not hold", "red")
+    lines: list[RenderableType] = [verdict]
+    lines += [Text(f"  {failure}") for failure in proof.failures]
+    if proof.least_separation is not None:
+        lines.append(
+            Text(f"  {proof.pairs} pairs, least separation {proof.least_separation:.4f} m")
+        )
+    if proof.tightest:
+        lines.append(Text(f"  tightest: {proof.tightest}"))
+    if proof.least_clearance is not None:
+        lines.append(Text(f"  least clearance {proof.least_clearance:.4f} m"))
+    faults = {"late": "a late robot", "stop": "a dead robot", "coordinator": "a lost coordinator"}
+    named = ", ".join(faults[name] for name in proof.survives) or "no fault"
+    lines.append(Text(f"  survives {named}"))
+    return Group(*lines)

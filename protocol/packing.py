@@ -1,0 +1,75 @@
+"""Numbers packed into the fields of a Plan, little-endian, and unpacked again.
+
+Decides: how control points, speed knots and stops lie in the bytes.  Must not know: messages.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+Pair = tuple[float, float]
+
+
+class OversizeError(ValueError):
+    """A message is longer than a robot can receive, or says more than it can hold."""
+
+
+def pack_floats(values: Sequence[float]) -> bytes:
+    """Pack numbers as float32; OverflowError beyond its range."""
+    return struct.pack(f"<{len(values)}f", *values)
+
+
+def unpack_floats(packed: bytes) -> list[float]:
+    """Unpack float32; ValueError when the length does not fit."""
+    _check(packed, 4, "float32")
+    return list(struct.unpack(f"<{len(packed) // 4}f", packed))
+
+
+def pack_points(points: Sequence[Pair]) -> bytes:
+    """Pack points (x, y) [m] as float32."""
+    return pack_floats([value for point in points for value in point])
+
+
+def unpack_points(packed: bytes) -> list[Pair]:
+    """Unpack points (x, y) [m]; ValueError when the length does not fit."""
+    _check(packed, 8, "points")
+    return list(struct.iter_unpack("<ff", packed))
+
+
+def pack_profile(knots: Sequence[Pair]) -> tuple[bytes, bytes]:
+    """Pack speed knots (s [m], v [m/s]) into the distinct speeds and s with a speed's index.
+
+    Raises OversizeError beyond 256 distinct speeds.
+    """
+    speeds = sorted({v for _, v in knots})
+    if len(speeds) > 256:
+        raise OversizeError(f"{len(speeds)} different speeds, a plan can tell 256 apart")
+    index = {v: i for i, v in enumerate(speeds)}
+    return pack_floats(speeds), b"".join(struct.pack("<fB", s, index[v]) for s, v in knots)
+
+
+def unpack_profile(packed_speeds: bytes, packed: bytes) -> list[Pair]:
+    """Unpack speed knots (s [m], v [m/s]); ValueError when the fields do not fit together."""
+    speeds = unpack_floats(packed_speeds)
+    _check(packed, 5, "speed knots")
+    knots = list(struct.iter_unpack("<fB", packed))
+    if any(index >= len(speeds) for _, index in knots):
+        raise ValueError(f"a speed knot names one of {len(speeds)} speeds that is not there")
+    return [(s, speeds[index]) for s, index in knots]
+
+
+def pack_stops(stops: Sequence[tuple[float, int]]) -> bytes:
+    """Pack stops (s [m], departure [ns])."""
+    return b"".join(struct.pack("<fq", s, depart_ns) for s, depart_ns in stops)
+
+
+def unpack_stops(packed: bytes) -> list[tuple[float, int]]:
+    """Unpack stops (s [m], departure [ns]); ValueError when the length does not fit."""
+    _check(packed, 12, "stops")
+    return list(struct.iter_unpack("<fq", packed))
+
+
+def _check(packed: bytes, size: int, what: str) -> None:
+    if len(packed) % size:
+        raise ValueError(f"{len(packed)} bytes are no whole number of {what}")

@@ -1,0 +1,50 @@
+"""A Plan message as a robot takes it: rules, path and motion in numbers.
+
+Decides: what the fields of a Plan mean together.  Both sides use it: the robot to drive, the
+coordinator to prove what it sends.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from protocol.curve import clamped_knots
+from protocol.messages import Plan
+from protocol.packing import unpack_floats, unpack_points, unpack_profile, unpack_stops
+from protocol.timing import LEASE, SECOND, late_share
+
+
+class PlanParts(NamedTuple):
+    """What a Plan says, each part in the order in which its user takes it."""
+
+    rules: tuple[int, int, int, int]
+    """late [ns], lease [ns], track [mm], brake [mm/s^2]."""
+    path: tuple[int, list[float], list[float], list[float], list[float]]
+    """degree, full knot vector, x, y, weights: the arguments of Curve."""
+    motion: tuple[list[float], list[float], list[float], list[float]]
+    """Speed knots s and v, stops s and departures [s]: the arguments of Timeline."""
+
+
+def unpack_plan(plan: Plan) -> PlanParts:
+    """Unpack a Plan; ValueError when a packed field is not whole."""
+    points = unpack_points(plan.points)
+    stops = unpack_stops(plan.stops)
+    profile = unpack_profile(plan.speeds, plan.profile)
+    if plan.brake_mmps2:
+        profile = sorted(profile + [(s, 0.0) for s, _ in stops if s > 0.0])
+    return PlanParts(
+        (late_share(plan.tau_ns), LEASE, plan.track_mm, plan.brake_mmps2),
+        (
+            plan.degree,
+            clamped_knots(plan.degree, unpack_floats(plan.knots) or [0.0]),
+            [x for x, _ in points],
+            [y for _, y in points],
+            unpack_floats(plan.weights) or [1.0] * len(points),
+        ),
+        (
+            [s for s, _ in profile],
+            [v for _, v in profile],
+            [s for s, _ in stops],
+            [depart_ns / SECOND for _, depart_ns in stops],
+        ),
+    )

@@ -1,0 +1,122 @@
+"""A plan being driven: where on it the robot is, whether it keeps up, how fast to go on.
+
+Decides: speed and reach of every order to the driver, lateness, arrival, rest.  Must not know:
+phases, messages, clocks: `time` is plan time in seconds.  Firmware: `math` and the shared numbers.
+"""
+
+from math import inf
+
+from protocol.curve import Curve
+from protocol.phases import LATE, NO_FAULT, OFF_PATH
+from protocol.timeline import Timeline
+from protocol.timing import SECOND
+from robot_agent.steering import PathFollower
+
+ARRIVAL_SLACK = 1e-3
+"""How near [m] to its goal a robot has arrived, and how far behind still counts as in time."""
+
+HOLD_OUT = 0.05
+"""For how long [s] an order to the driver lasts should the next tick not come."""
+
+REST_TIME = 0.06
+"""A robot ordered to stand that has not moved by a millimetre for this long [s] rests."""
+
+_CATCH_UP_RATE = 1.0 / HOLD_OUT
+_SPARE_SPEED = 1.05
+
+
+class Ride:
+    """One plan and the robot on it.
+
+    `rules`: late [ns], lease [ns], track [mm], brake [mm/s^2, 0 stops at once].  `path`: the
+    arguments of Curve.  `motion`: the arguments of Timeline.  Raises ValueError when these make no
+    plan.  The order to the driver is left in speed [m/s], curvature [rad/m] and distance [m].
+    """
+
+    def __init__(
+        self,
+        epoch: int,
+        rules: tuple[int, int, int, int],
+        path: tuple[int, list[float], list[float], list[float], list[float]],
+        motion: tuple[list[float], list[float], list[float], list[float]],
+        max_speed: float,
+        period: float,
+    ) -> None:
+        late_ns, self.lease_ns, track_mm, brake_mmps2 = rules
+        self.epoch = epoch
+        self.late = late_ns / SECOND
+        self.track = track_mm / 1000.0
+        self.speed = self.curvature = self.distance = 0.0
+        self._brake = brake_mmps2 / 1000.0 or inf
+        self._period = period
+        curve = Curve(*path)
+        self.follower = PathFollower(curve)
+        self._timeline = Timeline(*motion)
+        if abs(self._timeline.length - curve.length) > ARRIVAL_SLACK:
+            raise ValueError(
+                f"the motion ends at {self._timeline.length} m, the path at {curve.length} m"
+            )
+        self._limit = max_speed or _SPARE_SPEED * max(motion[1])
+        self._brake_speed = 0.0
+        self._brake_from = -inf
+        self._rest_from = inf
+        self._rest_x = self._rest_y = 0.0
+
+    def missed(self, time: float) -> bool:
+        """Tell whether the plan is farther ahead than its share of tau allows."""
+        behind = self._timeline.s_at(time - self.late) - ARRIVAL_SLACK
+        return not self.follower.s >= behind
+
+    def trouble(self, time: float) -> int:
+        """Return the fault that ends the ride now, or NO_FAULT."""
+        if not abs(self.follower.lateral) <= self.track:
+            return OFF_PATH
+        return LATE if self.missed(time) else NO_FAULT
+
+    def arrived(self, time: float) -> bool:
+        """Tell whether the plan is over and the robot at its goal.
+
+        Within the track tolerance is near enough once it has had its share of tau to come closer.
+        """
+        left = self._timeline.length - self.follower.s
+        over = time - self._timeline.finish
+        return over >= 0.0 and (left <= ARRIVAL_SLACK or (over >= self.late and left <= self.track))
+
+    def keep_to_plan(self, time: float) -> None:
+        """Order the plan's speed until the next tick, and a part of what the robot lags behind.
+
+        The distance ends where the plan will be after HOLD_OUT: a late tick overshoots no stop.
+        """
+        timeline, s = self._timeline, self.follower.s
+        planned = timeline.s_at(time)
+        speed = (timeline.s_at(time + self._period) - planned) / self._period
+        self.speed = min(max(speed + (planned - s) * _CATCH_UP_RATE, 0.0), self._limit)
+        self._reach(timeline.s_at(time + HOLD_OUT) - s)
+
+    def begin_to_brake(self, time: float) -> None:
+        """Brake from the last order's speed on."""
+        self._brake_speed = self.speed
+        self._brake_from = time
+        self._rest_from = inf
+
+    def keep_braking(self, time: float) -> None:
+        """Order less speed, evenly; a braking robot stands wherever the plan does."""
+        passed = max(time - self._brake_from, 1e-9)
+        self.speed = max(self._brake_speed - self._brake * passed, 0.0)
+        room = self._timeline.s_at(time + HOLD_OUT) - self.follower.s
+        self._reach(min(room, self.speed * HOLD_OUT))
+
+    def rests(self, time: float, x: float, y: float) -> bool:
+        """Tell whether the robot has come to rest; to be asked every tick while it brakes."""
+        moved = not abs(x - self._rest_x) + abs(y - self._rest_y) <= ARRIVAL_SLACK
+        if self.speed > 0.0 or moved or self._rest_from == inf:
+            self._rest_from, self._rest_x, self._rest_y = time, x, y
+        return time - self._rest_from >= REST_TIME
+
+    def stand(self) -> None:
+        """Order to hold."""
+        self.speed = self.curvature = self.distance = 0.0
+
+    def _reach(self, distance: float) -> None:
+        self.distance = max(distance, 0.0)
+        self.curvature = self.follower.curvature(self.speed * self._period)

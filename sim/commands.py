@@ -1,0 +1,89 @@
+"""The commands that run and judge whole fleets on this machine: run, judge.
+
+Decides: options and exit codes.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from coordinator.console import answer_json, answers, tell, write_file
+
+commands = typer.Typer()
+
+
+@commands.command()
+def run(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
+    out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
+    speed: Annotated[float, typer.Option(min=0.1, max=20.0, help="Times real time.")] = 1.0,
+    fault: Annotated[list[str] | None, typer.Option(help="kill:ROBOT@SECONDS and others.")] = None,
+    effort: Annotated[int, typer.Option(min=0, max=100_000, help="Improvement rounds.")] = 20,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Run a fleet: one coordinator and one process per robot, on this machine.
+
+    Example: splinefleet run examples/paper_five.toml --fault kill:R3@8
+    """
+    import msgspec
+
+    from coordinator.figure import draw_plan
+    from coordinator.info import summarise
+    from coordinator.logbook import read_log
+    from coordinator.plan import read
+    from coordinator.scenario_file import read_scenario
+    from sim.faults import parse_faults
+    from sim.judge import judge as judge_run
+    from sim.local_fleet import LocalFleet
+    from sim.summary import RunSummary, files_of, render, succeeded
+
+    asked = read_scenario(scenario)
+    faults = parse_faults(fault or [], [robot.id for robot in asked.robots])
+    folder = out or Path("runs") / f"{asked.name}-{time.strftime('%Y%m%d-%H%M%S')}"
+    fleet = LocalFleet(asked, folder, speed=speed, effort=effort, faults=faults)
+    outcome = fleet.run()
+    if not outcome.started:
+        raise typer.Exit(outcome.code or 1)
+    for name in ("plan.svg", "plan.png"):
+        draw_plan(read(folder / "plan.json"), folder / name)
+    verdict = judge_run(folder)
+    summary = RunSummary(
+        scenario=asked.name,
+        succeeded=succeeded(outcome.code, verdict),
+        judge=verdict,
+        info=summarise(read_log(folder / "run.mcap")),
+        files=files_of(folder),
+    )
+    write_file(folder / "summary.json", msgspec.json.format(msgspec.json.encode(summary), indent=1))
+    if as_json:
+        answer_json(summary)
+    else:
+        answers.print(render(summary))
+    if not summary.succeeded:
+        tell(f"the run did not succeed; see {folder}", "red")
+        raise typer.Exit(1)
+
+
+@commands.command()
+def judge(
+    folder: Annotated[Path, typer.Argument(help="Folder of a run.")],
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Tell from the black boxes what truly happened: separations, arrivals, tracking error.
+
+    Example: splinefleet judge runs/demo
+    """
+    from sim.judge import judge as judge_run
+    from sim.summary import render_verdict
+
+    verdict = judge_run(folder)
+    if as_json:
+        answer_json(verdict)
+    else:
+        answers.print(render_verdict(verdict))
+    if verdict.collisions or not all(robot.arrived for robot in verdict.robots):
+        raise typer.Exit(1)

@@ -1,0 +1,193 @@
+"""Ground truth after a run: did anybody touch, did everybody arrive, how well was the plan kept.
+
+Between two rows of a black box a robot is taken to move straight; the least distance of two robots
+is exact for that motion, not sampled.
+Decides: what counts as a collision (centres nearer than r_i + r_j) and as tracking error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import combinations
+from pathlib import Path
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from coordinator.budget import share_for_lateness
+from coordinator.errors import InputError
+from coordinator.nurbs import Array
+from coordinator.plan import PlanDocument, read
+from coordinator.wire import Driven, drive
+from protocol.phases import DONE, MOVING, PHASE_NAMES
+from sim.blackbox import BlackBox, read_blackbox
+
+_GRID: Final = 0.001
+_SLACK: Final = 0.02
+"""Time [s] by which a black box row may be off: it is written once per control tick."""
+
+_TIMED: Final = tuple(PHASE_NAMES[phase] for phase in (MOVING, DONE))
+
+
+class PairVerdict(msgspec.Struct, frozen=True):
+    """The least true centre distance of two robots [m] and when [s]."""
+
+    a: str
+    b: str
+    separation: float
+    t: float
+
+
+class RobotVerdict(msgspec.Struct, frozen=True):
+    """How one robot ended; arrival time [s], tracking error and lateness at their worst."""
+
+    id: str
+    arrived: bool
+    t: float | None
+    tracking_error: float
+    lateness: float
+    fault: str
+
+
+class Verdict(msgspec.Struct, frozen=True):
+    """The judge's answer, in the contract's form."""
+
+    collisions: int
+    least_separation: float | None
+    pairs: list[PairVerdict]
+    robots: list[RobotVerdict]
+
+
+def judge(folder: Path) -> Verdict:
+    """Judge a run's folder; InputError when its plan or a black box is missing."""
+    document = read(folder / "plan.json")
+    boxes: dict[str, BlackBox] = {}
+    problems: list[str] = []
+    for robot in document.robots:
+        try:
+            boxes[robot.id] = read_blackbox(folder / "blackbox" / f"{robot.id}.csv")
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    return judge_boxes(document, boxes)
+
+
+def judge_boxes(document: PlanDocument, boxes: Mapping[str, BlackBox]) -> Verdict:
+    """Judge black boxes against a plan; a robot that never moved stands at its start."""
+    driven = {one.id: one for one in drive(document)}
+    whole = {name: _from_start(driven[name], box) for name, box in boxes.items()}
+    pairs, collisions = [], 0
+    for a, b in combinations(document.robots, 2):
+        separation, t = least_separation(whole[a.id], whole[b.id])
+        pairs.append(PairVerdict(a.id, b.id, round(separation, 6), round(t, 3)))
+        collisions += separation < a.radius + b.radius
+    end = max((float(box.t[-1]) for box in whole.values()), default=0.0)
+    return Verdict(
+        collisions=collisions,
+        least_separation=min((pair.separation for pair in pairs), default=None),
+        pairs=pairs,
+        robots=[
+            _judge_robot(document, driven[robot.id], whole[robot.id], end)
+            for robot in document.robots
+        ],
+    )
+
+
+def least_separation(a: BlackBox, b: BlackBox) -> tuple[float, float]:
+    """Return the least distance [m] of two robots and when [s], exact between rows."""
+    time = np.union1d(a.t, b.t)
+    apart = a.at(time) - b.at(time)
+    if len(time) == 1:
+        return float(np.hypot(*apart[0])), float(time[0])
+    step = np.diff(apart, axis=0)
+    square = np.einsum("ij,ij->i", step, step)
+    towards = -np.einsum("ij,ij->i", apart[:-1], step)
+    part = np.clip(towards / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
+    nearest = apart[:-1] + part[:, None] * step
+    distance = np.hypot(nearest[:, 0], nearest[:, 1])
+    at = int(np.argmin(distance))
+    return float(distance[at]), float(time[at] + part[at] * (time[at + 1] - time[at]))
+
+
+def _from_start(driven: Driven, box: BlackBox) -> BlackBox:
+    """Return the box with a first row at the planned start when it holds none."""
+    if len(box.t):
+        return box
+    start = driven.curve.at_arc([0.0])
+    return BlackBox(np.zeros(1), start, np.zeros(1), (PHASE_NAMES[0],))
+
+
+def _judge_robot(document: PlanDocument, driven: Driven, box: BlackBox, end: float) -> RobotVerdict:
+    tolerance = 0.5 * document.margin
+    goal = driven.curve.at_arc([driven.curve.length])[0]
+    done = [t for t, phase in zip(box.t, box.phases, strict=True) if phase == PHASE_NAMES[DONE]]
+    near = bool(np.hypot(*(box.places[-1] - goal)) <= tolerance)
+    late = share_for_lateness(document.tau) + _SLACK
+    fault = ""
+    if not done:
+        ended = float(box.t[-1])
+        silent = box.phases[-1] == PHASE_NAMES[MOVING] and ended < end - 0.5
+        fault = f"recording ends at {ended:.2f} s" if silent else f"ended {box.phases[-1]}"
+    return RobotVerdict(
+        id=driven.id,
+        arrived=bool(done) and near,
+        t=round(float(done[0]), 3) if done else None,
+        tracking_error=round(tracking_error(driven, box, late), 6),
+        lateness=round(_lateness(driven, box), 3),
+        fault=fault,
+    )
+
+
+def tracking_error(driven: Driven, box: BlackBox, late: float) -> float:
+    """Return the greatest distance [m] from the plan.
+
+    For a robot under way: to the places that the plan has it at between `late` [s] ago and now.
+    For one that gave up its time-table: to all places that the plan has had it at so far.
+    """
+    count = 2 + int(driven.curve.length / _GRID)
+    arcs = np.linspace(0.0, driven.curve.length, count)
+    line = driven.curve.at_arc(arcs)
+    now = np.array([driven.timeline.s_at(t + _SLACK) for t in box.t])
+    ago = np.array([driven.timeline.s_at(t - late) for t in box.t])
+    timed = np.array([phase in _TIMED for phase in box.phases])
+    low = np.searchsorted(arcs, np.where(timed, ago, 0.0), side="right") - 1
+    high = np.searchsorted(arcs, now, side="left")
+    worst = 0.0
+    for place, first, last in zip(box.places, low.tolist(), high.tolist(), strict=True):
+        worst = max(worst, _distance(line[first : last + 2], place))
+    return worst
+
+
+def _distance(line: Array, place: Array) -> float:
+    """Return the distance [m] from a place to a polyline (n, 2)."""
+    if len(line) < 2:
+        return float(np.hypot(*(line[0] - place)))
+    legs, to_place = np.diff(line, axis=0), place - line[:-1]
+    square = np.maximum(np.einsum("ij,ij->i", legs, legs), 1e-18)
+    part = np.clip(np.einsum("ij,ij->i", legs, to_place) / square, 0.0, 1.0)
+    miss = to_place - part[:, None] * legs
+    return float(np.sqrt(np.einsum("ij,ij->i", miss, miss).min()))
+
+
+def _lateness(driven: Driven, box: BlackBox) -> float:
+    """Return how long [s] the robot was behind its plan at most while under way."""
+    legs = driven.timeline
+    knots_t = np.column_stack((legs.t0, legs.t1)).ravel()
+    knots_s = np.column_stack((legs.s0, legs.s1)).ravel()
+    fine_t = np.linspace(0.0, legs.finish, 2 + int(legs.finish / 0.01))
+    fine_t = np.union1d(fine_t, knots_t)
+    fine_s = np.maximum.accumulate([legs.s_at(t) for t in fine_t])
+    moving = [phase == PHASE_NAMES[MOVING] for phase in box.phases]
+    if not any(moving) or len(knots_s) == 0:
+        return 0.0
+    reached = np.minimum(box.s[moving] + 1e-4, driven.curve.length)
+    due = np.interp(reached, *_latest(fine_s, fine_t))
+    return float(max(0.0, np.max(np.minimum(box.t[moving], legs.finish) - due)))
+
+
+def _latest(s: Array, t: Array) -> tuple[Array, Array]:
+    """Return strictly increasing s with the last time at each: waiting is not lateness."""
+    last = np.append(np.diff(s) > 1e-9, True)
+    return s[last], t[last]
