@@ -58,16 +58,6 @@ def make_document(
     return msgspec.structs.replace(bare, robots=robots, crossings=crossings)
 
 
-def limits_of(robot: Robot) -> Limits:
-    """Return a robot's limits as the document has them."""
-    return Limits(
-        max_speed=robot.max_speed,
-        max_accel=None if math.isinf(robot.max_accel) else robot.max_accel,
-        max_lateral_accel=None if math.isinf(robot.max_lateral_accel) else robot.max_lateral_accel,
-        min_turn_radius=robot.min_turn_radius,
-    )
-
-
 def _robot_plan(robot: Robot, path: Nurbs, motion: Motion, names: Sequence[str]) -> RobotPlan:
     waits = [wait for wait in motion.waits if wait.s > 0.0]
     starts = [wait for wait in motion.waits if wait.s <= 0.0]
@@ -96,7 +86,7 @@ def _robot_plan(robot: Robot, path: Nurbs, motion: Motion, names: Sequence[str])
         stops=stops,
         wire_bytes=0,
         start_yields_to=names[starts[0].owner] if starts and starts[0].owner >= 0 else "",
-        limits=limits_of(robot),
+        limits=Limits.of(robot),
     )
 
 

@@ -20,6 +20,8 @@ from coordinator.plan import PlanDocument
 _WALL = "#6b7280"
 _OBSTACLE = "#d3d7de"
 _POINTS = 240
+_SMALLEST = 5.5
+"""Size of the smallest labels [pt]; those without room are left out."""
 
 
 def floor_bounds(
@@ -49,10 +51,12 @@ def draw_floor(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) 
     size = font_size(len(robots))
     for robot in robots.values():
         _draw_way(axes, robot, size)
+        _draw_stops(axes, robot, size)
     _draw_crossings(axes, document, size)
     labels = Labels(axes, _busy(document, robots))
+    size = max(size, _SMALLEST)
     _label_ends(labels, robots, size)
-    _label_stops(labels, axes, robots, size)
+    _label_stops(labels, robots, size)
     _label_crossings(labels, document, robots, size)
 
 
@@ -71,6 +75,7 @@ def _path(robot: Pictured) -> Array:
 def _busy(document: PlanDocument, robots: dict[str, Pictured]) -> Array:
     """Return points (n, 2) [m] that labels should not cover: paths, crossings, walls."""
     busy = [_path(robot) for robot in robots.values()]
+    busy += [_arrow(robot) for robot in robots.values()]
     busy += [np.array([(crossing.x, crossing.y)] * 6) for crossing in document.crossings]
     share = np.linspace(0.0, 1.0, 60)[:, None]
     for outline in _outline(document):
@@ -78,6 +83,13 @@ def _busy(document: PlanDocument, robots: dict[str, Pictured]) -> Array:
         for corner, following in zip(corners, np.roll(corners, -1, axis=0), strict=True):
             busy.append(corner + share * (following - corner))
     return np.vstack(busy)
+
+
+def _arrow(robot: Pictured) -> Array:
+    """Return points (n, 2) [m] along the arrow that shows the heading at the start."""
+    start = robot.driven.curve.at_arc([0.0, 1e-3 * robot.driven.curve.length])
+    share = np.linspace(0.0, 1.0, 8)[:, None]
+    return np.asarray(start[0] + 1.9 * robot.plan.radius * share * _direction(start))
 
 
 def _draw_workspace(axes: Axes, document: PlanDocument) -> None:
@@ -104,11 +116,11 @@ def _draw_way(axes: Axes, robot: Pictured, size: float) -> None:
         Circle(path[-1], radius, fill=False, ec=colour, lw=1.0, ls=(0, (3, 2)), zorder=6)
     )
     axes.plot(*path[-1], "X", color=colour, ms=0.6 * size, mew=0, zorder=7)
-    way = _direction(path[:2])
+    arrow = _arrow(robot)
     axes.annotate(
         "",
-        path[0] + 1.9 * radius * way,
-        path[0],
+        arrow[-1],
+        arrow[0],
         arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.3, "shrinkA": 0, "shrinkB": 0},
         zorder=7,
     )
@@ -127,6 +139,15 @@ def _draw_crossings(axes: Axes, document: PlanDocument, size: float) -> None:
             ls="",
             zorder=6,
         )
+
+
+def _draw_stops(axes: Axes, robot: Pictured, size: float) -> None:
+    """Draw a square on the path wherever the robot stops for a while."""
+    for s, *_ in robot.pauses:
+        if s > 0.0:
+            spot = robot.driven.curve.at_arc(s)[0]
+            edge, wide = 0.08 * size, 0.8 * size
+            axes.plot(*spot, "s", mfc=robot.colour, mec="white", mew=edge, ms=wide, zorder=8)
 
 
 def _label_ends(labels: Labels, robots: dict[str, Pictured], size: float) -> None:
@@ -151,26 +172,16 @@ def _label_ends(labels: Labels, robots: dict[str, Pictured], size: float) -> Non
             )
 
 
-def _label_stops(labels: Labels, axes: Axes, robots: dict[str, Pictured], size: float) -> None:
-    """Mark every stop with a square, and with how long it lasts."""
+def _label_stops(labels: Labels, robots: dict[str, Pictured], size: float) -> None:
+    """Say at a stop how long it lasts, while there is room to say it."""
     for robot in robots.values():
         for s, since, until, _ in robot.pauses:
             x, y = robot.driven.curve.at_arc(s)[0].tolist()
             if s > 0.0:
-                axes.plot(
-                    x,
-                    y,
-                    "s",
-                    mfc=robot.colour,
-                    mec="white",
-                    mew=0.08 * size,
-                    ms=0.8 * size,
-                    zorder=8,
-                )
                 labels.place(
                     f"{robot.id} {until - since:.1f} s",
                     (x, y),
-                    size=0.9 * size,
+                    size=max(0.9 * size, _SMALLEST),
                     colour=robot.ink,
                     optional=True,
                 )
@@ -186,7 +197,7 @@ def _label_crossings(
             labels.place(
                 crossing.verdict,
                 (crossing.x, crossing.y),
-                size=0.85 * size,
+                size=max(0.85 * size, _SMALLEST),
                 colour=who.ink,
                 optional=True,
             )

@@ -20,7 +20,7 @@ _RINGS: Final = (3.0, 9.0, 17.0, 27.0, 40.0, 56.0, 75.0, 100.0)
 _ANGLES: Final = 16
 _HIDDEN: Final = 12.0
 """An optional label may cover so many busy points."""
-_LEADER: Final = 12.0
+_LEADER: Final = 6.0
 """Labels farther than this from their anchor [pt] get a line to it."""
 
 
@@ -35,7 +35,7 @@ class Labels:
         figure = axes.get_figure(root=True)
         assert figure is not None
         self._axes = axes
-        self._renderer = FigureCanvasAgg(figure).get_renderer()
+        self._renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
         self._pixel = figure.dpi / 72.0
         self._busy = axes.transData.transform(busy)
         self._taken = np.empty((0, 4))
@@ -73,7 +73,7 @@ class Labels:
         center = self._axes.transData.transform(anchor)
         boxes, gaps = self._candidates(label, center, away, heading)
         hidden, overlap = self._covered(boxes)
-        best = int(np.argmin(gaps + 4.0 * hidden + 400.0 * overlap))
+        best = int(np.argmin(gaps + 6.0 * hidden + 400.0 * overlap))
         if optional and (overlap[best] > 0.0 or hidden[best] > _HIDDEN):
             label.remove()
             return False
@@ -89,7 +89,7 @@ class Labels:
     def keep_free(self, anchor: tuple[float, float], radius: float) -> None:
         """Let no label cover a disc; anchor and radius in data units."""
         x, y = self._axes.transData.transform(anchor)
-        half = 0.8 * self._pixels(radius)
+        half = 0.9 * self._pixels(radius)
         self._taken = np.vstack((self._taken, [x - half, y - half, x + half, y + half]))
 
     def _pixels(self, length: float) -> float:
@@ -120,7 +120,8 @@ class Labels:
         area = (boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1])
         covered = _overlaps(boxes, self._taken).sum(axis=1) / area
         outside = 1.0 - _overlaps(boxes, self._frame[None])[:, 0] / area
-        x, y = self._busy[:, 0], self._busy[:, 1]
+        low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+        x, y = self._busy[np.all((self._busy > low) & (self._busy < high), axis=1)].T
         inside = (x > boxes[:, 0:1]) & (x < boxes[:, 2:3])
         inside &= (y > boxes[:, 1:2]) & (y < boxes[:, 3:4])
         overlap = covered + np.where(outside > 1e-6, outside, 0.0)
@@ -132,7 +133,7 @@ class Labels:
         way = end - center
         begin = center + way * min(self._pixels(away) / max(float(np.hypot(*way)), 1e-9), 1.0)
         line = self._axes.transData.inverted().transform([begin, end])
-        self._axes.plot(*line.T, color=colour, lw=0.5, alpha=0.8, zorder=8)
+        self._axes.plot(*line.T, color=colour, lw=0.7, alpha=0.9, zorder=8)
 
 
 def _overlaps(boxes: Array, others: Array) -> Array:

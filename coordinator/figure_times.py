@@ -33,7 +33,7 @@ def draw_times(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) 
     axes.spines[["top", "right", "left"]].set_visible(False)
     figure = axes.get_figure(root=True)
     assert figure is not None
-    width, height = 72.0 * axes.bbox.size / figure.dpi
+    width, height = 72.0 * axes.bbox.width / figure.dpi, 72.0 * axes.bbox.height / figure.dpi
     size = min(1.15 * font_size(count), 10.0, 0.85 * height / count)
     for index, robot in enumerate(robots.values()):
         lane = _Lane(axes, robot, -index - 1.0, end, width / end, height / count, size)

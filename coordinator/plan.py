@@ -7,13 +7,14 @@ messages.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path as FilePath
 from typing import Final
 
 import msgspec
 
 from coordinator.errors import InputError
-from coordinator.scenario import Point, Policy
+from coordinator.scenario import Point, Policy, Robot
 
 FORMAT: Final = "splinefleet.plan/1"
 
@@ -43,6 +44,17 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True):
     max_accel: float | None = None
     max_lateral_accel: float | None = None
     min_turn_radius: float = 0.0
+
+    @classmethod
+    def of(cls, robot: Robot) -> Limits:
+        """Return a scenario robot's limits."""
+        lateral = robot.max_lateral_accel
+        return cls(
+            max_speed=robot.max_speed,
+            max_accel=None if math.isinf(robot.max_accel) else robot.max_accel,
+            max_lateral_accel=None if math.isinf(lateral) else lateral,
+            min_turn_radius=robot.min_turn_radius,
+        )
 
 
 class RobotPlan(msgspec.Struct, frozen=True, kw_only=True):

@@ -14,12 +14,12 @@ from msgspec.structs import replace
 from coordinator import paper_policy
 from coordinator.budget import budget_for, resolve_tau
 from coordinator.detours import blocking_pairs, lanes, say_stuck, stuck_pairs
-from coordinator.document import limits_of, make_document
+from coordinator.document import make_document
 from coordinator.errors import PlanError
 from coordinator.motion import Motion, limits_on
 from coordinator.nurbs import Nurbs
 from coordinator.paths import Pathfinder
-from coordinator.plan import PlanDocument
+from coordinator.plan import Limits, PlanDocument
 from coordinator.scenario import Scenario
 from coordinator.schedule import Deadlock, Junctions, find_schedule, place_in_order
 from coordinator.verify import prove_document
@@ -47,7 +47,7 @@ def plan_scenario(
     Policy "safe": raises PlanError when no plan is found; what is returned is proven.
     Policy "paper": the proof may fail; the document says so and must not be driven.
     """
-    tau = resolve_tau(scenario.tau, budget_for(limits_of(robot) for robot in scenario.robots))
+    tau = resolve_tau(scenario.tau, budget_for(Limits.of(robot) for robot in scenario.robots))
     stages = _Stages(scenario, tau)
     marks = [timer()]
     for stage in (stages.find_paths, stages.find_zones):

@@ -108,7 +108,7 @@ def least_slack(flights: Sequence[Flight], tau: float, need: Array) -> Closest |
     if len(flights) < 2:
         return None
     size = _BLOCK
-    boxes = _first_boxes(flights).in_band(tau, size)
+    boxes = _first_boxes(flights, tau)
     best: Closest | None = None
     while len(boxes.p):
         low, slack, middle = _bounds(boxes, flights, size, need)
@@ -132,18 +132,21 @@ def least_slack(flights: Sequence[Flight], tau: float, need: Array) -> Closest |
     return best
 
 
-def _first_boxes(flights: Sequence[Flight]) -> _Boxes:
+def _first_boxes(flights: Sequence[Flight], tau: float) -> _Boxes:
     """Return boxes over all times from 0 until both robots of a pair stand at their goals.
 
     Earlier and later times repeat places that these boxes hold already.
     """
     parts = []
     blocks = [math.ceil(flight.finish / _BLOCK) + 1 for flight in flights]
+    band = np.arange(-int(tau / _BLOCK) - 1, int(tau / _BLOCK) + 2, dtype=np.int64)
     for a in range(len(flights)):
         for b in range(a + 1, len(flights)):
             count = max(blocks[a], blocks[b])
-            p, q = np.divmod(np.arange(count * count, dtype=np.int64), count)
-            parts.append(_Boxes(np.full_like(p, a), p, np.full_like(p, b), q))
+            p = np.repeat(np.arange(count, dtype=np.int64), len(band))
+            q = p + np.tile(band, count)
+            boxes = _Boxes(np.full_like(p, a), p, np.full_like(p, b), q)
+            parts.append(boxes.pick((q >= 0) & (q < count)))
     return _Boxes(
         *(np.concatenate([getattr(part, name) for part in parts]) for name in ("a", "p", "b", "q"))
     )

@@ -33,6 +33,8 @@ _NARROWEST: Final = 2e-3
 _SHRINK: Final = 0.75
 _SHARPEST: Final = math.radians(100.0)
 _STEP: Final = 0.01
+_END_SHARE: Final = 0.9
+"""Share of the first and last leg that a corner may take: a knot near the end would stall there."""
 
 
 def smooth(
@@ -55,12 +57,13 @@ def smooth(
     while True:
         curve, centers = _spline(polygon, exact, widths)
         arcs = np.linspace(0.0, curve.length, 2 + int(curve.length / _STEP))
-        u = np.concatenate((curve.parameter_at(arcs), _corner_samples(centers, widths)))
+        corners = _corner_samples(centers, widths)
+        u = np.concatenate((curve.parameter_at(arcs), corners))
         hit = u[~clear(curve.evaluate(u))]
         if len(hit) == 0:
             break
         _shrink(widths, centers, hit, curve)
-    _check_turns(polygon, widths, min_turn_radius)
+    _check_turns(curve, corners, min_turn_radius)
     return curve
 
 
@@ -157,11 +160,11 @@ def _trail(polygon: Array) -> Array:
 
 
 def _widest(polygon: Array) -> Array:
-    """Return the greatest half-width of each corner, (n - 2,): legs are shared evenly."""
+    """Return the greatest half-width of each corner, (n - 2,): inner legs are shared evenly."""
     _, sizes = _directions(polygon)
     share = 0.5 * sizes
     if len(sizes) > 1:
-        share[0], share[-1] = sizes[0], sizes[-1]
+        share[0], share[-1] = _END_SHARE * sizes[0], _END_SHARE * sizes[-1]
     return np.minimum(np.minimum(share[:-1], share[1:]), _WIDEST)
 
 
@@ -219,16 +222,15 @@ def _blocked(curve: Nurbs, hit: Array) -> PlanError:
     return PlanError(f"no smooth way past ({x:.2f}, {y:.2f}); more room there would help")
 
 
-def _check_turns(polygon: Array, widths: Array, min_turn_radius: float) -> None:
-    """Raise PlanError when a corner is tighter than the robot can turn."""
-    if len(polygon) < 3 or min_turn_radius <= 0.0:
+def _check_turns(curve: Nurbs, corners: Array, min_turn_radius: float) -> None:
+    """Raise PlanError when the curve is tighter at parameters (m,) than the robot can turn."""
+    if min_turn_radius <= 0.0 or len(corners) == 0:
         return
-    half = 0.5 * np.abs(_turns(polygon))
-    radius = widths * np.cos(half) ** 2 / np.maximum(2.0 * np.sin(half), 1e-9)
-    worst = int(np.argmin(radius))
-    if radius[worst] < min_turn_radius:
-        x, y = polygon[worst + 1]
+    bend = np.abs(curve.curvature(corners))
+    worst = int(np.argmax(bend))
+    if bend[worst] * min_turn_radius > 1.001:
+        x, y = curve.evaluate(corners[worst])[0]
         raise PlanError(
-            f"the turn at ({x:.2f}, {y:.2f}) leaves room for a radius of {radius[worst]:.3f} m, "
-            f"min_turn_radius is {min_turn_radius} m"
+            f"the turn at ({x:.2f}, {y:.2f}) leaves room for a radius of {1.0 / bend[worst]:.3f} m,"
+            f" min_turn_radius is {min_turn_radius} m"
         )

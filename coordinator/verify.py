@@ -8,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from coordinator.budget import budget_for, resolve_tau
-from coordinator.document import limits_of
 from coordinator.floor import Floor
-from coordinator.plan import PlanDocument, Proof
+from coordinator.plan import Limits, PlanDocument, Proof
 from coordinator.proof import TOLERANCE, prove
 from coordinator.scenario import Scenario
 from coordinator.wire import Driven, drive
@@ -55,7 +54,7 @@ def _prove_against(document: PlanDocument, driven: list[Driven], scenario: Scena
             if np.hypot(*(planned - wanted[:2])) > TOLERANCE:
                 failures.append(f"{one.id}'s {name} is not the scenario's")
     failures += [f"{name} has no plan" for name in robots if name not in {d.id for d in driven}]
-    limits = [limits_of(robot) for robot in scenario.robots]
+    limits = [Limits.of(robot) for robot in scenario.robots]
     budget = budget_for(limits)
     tau, margin = resolve_tau(scenario.tau, budget), scenario.margin
     if document.tau < tau - 1e-9 or document.margin < margin - 1e-9:
@@ -64,7 +63,7 @@ def _prove_against(document: PlanDocument, driven: list[Driven], scenario: Scena
             f"the scenario asks for {tau} s and {margin} m"
         )
     floor = Floor(scenario.workspace.boundary, scenario.workspace.obstacles)
-    known = [limits_of(robots[d.id]) if d.id in robots else None for d in driven]
+    known = [Limits.of(robots[d.id]) if d.id in robots else None for d in driven]
     proof = prove(driven, tau, margin, floor.distance, known, budget)
     if not failures:
         return proof

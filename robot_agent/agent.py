@@ -30,6 +30,7 @@ from protocol.phases import (
     FROZEN,
     GO,
     IDLE,
+    LATE,
     LEASE_OUT,
     MOVING,
     NO_FAULT,
@@ -48,33 +49,17 @@ from protocol.timing import (
 )
 from robot_agent.clock_sync import ClockSync
 from robot_agent.ride import Ride
-
-READY = "ready"
-GO_IN_TIME = "go in time"
-GO_TOO_LATE = "go too late"
-TOLD_TO_FREEZE = "told to freeze"
-NEW_EPOCH = "new epoch"
-TROUBLE = "trouble"
-AT_REST = "at rest"
-ARRIVED = "arrived"
-
-TRANSITIONS = {
-    (IDLE, READY): ARMED,
-    (IDLE, NEW_EPOCH): IDLE,
-    (ARMED, GO_IN_TIME): MOVING,
-    (ARMED, GO_TOO_LATE): FROZEN,
-    (ARMED, TOLD_TO_FREEZE): FROZEN,
-    (ARMED, TROUBLE): FROZEN,
-    (ARMED, NEW_EPOCH): IDLE,
-    (MOVING, TOLD_TO_FREEZE): BRAKING,
-    (MOVING, TROUBLE): BRAKING,
-    (MOVING, NEW_EPOCH): BRAKING,
-    (MOVING, ARRIVED): DONE,
-    (BRAKING, AT_REST): FROZEN,
-    (FROZEN, NEW_EPOCH): IDLE,
-    (DONE, NEW_EPOCH): IDLE,
-}
-"""(phase, event) -> phase; whatever does not stand here changes nothing."""
+from robot_agent.transitions import (
+    ARRIVED,
+    AT_REST,
+    GO_IN_TIME,
+    GO_TOO_LATE,
+    NEW_EPOCH,
+    READY,
+    TOLD_TO_FREEZE,
+    TRANSITIONS,
+    TROUBLE,
+)
 
 _NEVER = -(1 << 62)
 
@@ -87,7 +72,9 @@ class Agent:
     `ride` is the plan held, with the robot's place on it, or None.
     """
 
-    def __init__(self, boot: int, max_speed: float = 0.0, period_ns: int = 10 * MILLISECOND) -> None:
+    def __init__(
+        self, boot: int, max_speed: float = 0.0, period_ns: int = 10 * MILLISECOND
+    ) -> None:
         self.boot = boot
         self.clock = ClockSync()
         self.phase = IDLE
@@ -103,7 +90,7 @@ class Agent:
         self._coordinator = self._sequence = -1
         self._command_epoch = self._spent_epoch = self._start_ns = 0
         self._command_ns = _NEVER
-        self._tell_s = False
+        self._other_clock = self._tell_s = False
         self._reported = (0, 0, 0)
         self._reported_ns = self._hello_ns = self._asked_ns = _NEVER
 
@@ -130,7 +117,7 @@ class Agent:
             self._apply(TOLD_TO_FREEZE, now_ns)
         elif phase == OVER:
             self.finished = self.phase not in (MOVING, BRAKING)
-        elif epoch > self.epoch:
+        elif epoch > self.epoch and self.ride is not None:
             self._apply(NEW_EPOCH, now_ns)
         elif phase == GO and epoch == self.epoch and self.phase == ARMED:
             self._hear_go(start_ns, now_ns)
@@ -150,11 +137,11 @@ class Agent:
         """
         if self._coordinator >= 0 and epoch != self._command_epoch:
             return
-        if boot not in (0, self.boot, self._coordinator) or epoch <= self._spent_epoch:
+        if boot not in (0, self.boot, self._coordinator) or self.phase not in (IDLE, ARMED):
             return
-        if self.phase not in (IDLE, ARMED) or epoch == self.epoch:
+        if epoch <= max(self.epoch, self._spent_epoch):
             return
-        self._drop_plan()
+        self.phase, self.ride, self.epoch, self.fault = IDLE, None, 0, NO_FAULT
         try:
             self.ride = Ride(epoch, rules, path, motion, self._max_speed, self._period)
             self.epoch = epoch
@@ -163,7 +150,8 @@ class Agent:
 
     def hear_clock(self, sent_ns: int, received_ns: int, answered_ns: int, now_ns: int) -> None:
         """Take the coordinator's answer to a question about the time."""
-        self.clock.add(sent_ns, received_ns, answered_ns, now_ns)
+        if not self._other_clock:
+            self.clock.add(sent_ns, received_ns, answered_ns, now_ns)
 
     def hear_driver_error(self, now_ns: int) -> None:
         """Take note that the base, or the program around this core, has failed."""
@@ -226,12 +214,17 @@ class Agent:
         return self.finished or (self.phase == DONE and self._is_alone(now_ns))
 
     def _believes(self, boot: int, epoch: int, now_ns: int) -> bool:
-        """Decide about a coordinator not heard before; another one means another plan and clock."""
-        if self.phase not in (IDLE, ARMED) and epoch <= self._command_epoch:
+        """Decide about a coordinator not heard before.
+
+        Another one has another clock: a plan being driven keeps the old one's to its end.
+        """
+        before_motion = self.phase in (IDLE, ARMED)
+        if not before_motion and epoch <= self._command_epoch:
             return False
         if self._coordinator >= 0:
-            self.clock.reset(now_ns)
-            self._apply(NEW_EPOCH, now_ns)
+            self._other_clock = True
+            if before_motion:
+                self._apply(NEW_EPOCH, now_ns)
         self._coordinator = boot
         return True
 
@@ -253,15 +246,18 @@ class Agent:
             self._apply(READY, now_ns)
 
     def _keep_to_plan(self, ride: Ride, time: float, now_ns: int) -> None:
-        fault = LEASE_OUT if self._is_alone(now_ns) else ride.trouble(time)
+        fault = ride.trouble(time)
+        if ride.arrived(time) and fault != OFF_PATH:
+            self._apply(ARRIVED, now_ns)
+            return
+        if fault == NO_FAULT and self._is_alone(now_ns):
+            fault = LEASE_OUT
         if fault == NO_FAULT and self.clock.error_ns(now_ns) > CLOCK_ERROR:
             fault = CLOCK_UNSURE
-        if ride.arrived(time) and fault in (NO_FAULT, LATE):
-            self._apply(ARRIVED, now_ns)
-        elif fault != NO_FAULT:
-            self._fail(fault, now_ns)
-        else:
+        if fault == NO_FAULT:
             ride.keep_to_plan(time)
+        else:
+            self._fail(fault, now_ns)
 
     def _fail(self, fault: int, now_ns: int) -> None:
         """Remember the first fault and brake."""
@@ -271,18 +267,28 @@ class Agent:
 
     def _apply(self, event: str, now_ns: int) -> None:
         """Go to the next phase by the table and do what entering it takes."""
-        before = self.phase
-        self.phase = TRANSITIONS.get((before, event), before)
-        if self.phase == IDLE:
-            self._drop_plan()
-        elif self.phase != before and self.ride is not None:
-            if self.phase == BRAKING:
-                self.ride.begin_to_brake(self._plan_time(now_ns))
-            elif self.phase == FROZEN:
-                self._tell_s = True
-            if self.phase in (FROZEN, DONE):
-                self.ride.stand()
-            if self.phase != ARMED:
-                self._spent_epoch = self.epoch
+        after = TRANSITIONS.get((self.phase, event))
+        if after is None:
+            return
+        self.phase = after
+        if after == IDLE:
+            self._drop_plan(now_ns)
+        elif after == BRAKING and self.ride is not None:
+            self.ride.begin_to_brake(self._plan_time(now_ns))
+        elif after in (FROZEN, DONE) and self.ride is not None:
+            self.ride.stand()
+            self._tell_s = after == FROZEN
+        if after in (MOVING, FROZEN):
+            self._spent_epoch = self.epoch
 
-    def _drop_plan(self) -> None: ...
+    def _drop_plan(self, now_ns: int) -> None:
+        self.ride, self.epoch, self.fault, self._tell_s = None, 0, NO_FAULT, False
+        if self._other_clock:
+            self._other_clock = False
+            self.clock.reset(now_ns)
+
+    def _plan_time(self, now_ns: int) -> float:
+        return (now_ns + self.clock.offset_ns - self._start_ns) / SECOND
+
+    def _is_alone(self, now_ns: int) -> bool:
+        return self.ride is not None and now_ns - self._command_ns > self.ride.lease_ns

@@ -8,7 +8,7 @@ hears at t2 and answers at t3 (its clock).  The offset lies within half the dela
 ((t2 - t1) + (t3 - t4)) / 2, whatever the two ways took.
 """
 
-from protocol.timing import CLOCK_SAMPLES, SECOND
+from protocol.timing import SECOND
 
 DRIFT_PPM = 50
 """How much faster or slower one clock may run than the other: widens a bound as it ages."""
@@ -18,27 +18,26 @@ _UNKNOWN = 1 << 62
 
 
 class ClockSync:
-    """Offset of the coordinator's clock over the robot's, by the best of the last exchanges.
+    """Offset of the coordinator's clock over the robot's, by the best exchange so far.
 
-    The best is the one with the smallest error bound now: half its delay and the drift since.
-    `offset_ns` is what to add to the robot's clock; `good` counts the exchanges accepted.
+    The best is the one with the smallest error bound now: half its delay plus the drift since.  So
+    one lucky exchange serves until drift has made it worse than a new one, and no window of
+    unlucky ones can widen the bound.  `offset_ns` is what to add to the robot's clock; `good`
+    counts the exchanges accepted.
     """
 
     def __init__(self) -> None:
         self.offset_ns = 0
         self.good = 0
         self._since_ns = -_UNKNOWN
-        self._next = 0
-        self._at = [0] * CLOCK_SAMPLES
-        self._offset = [0] * CLOCK_SAMPLES
-        self._half_delay = [_UNKNOWN] * CLOCK_SAMPLES
+        self._at_ns = 0
+        self._half_delay_ns = _UNKNOWN
 
     def reset(self, now_ns: int) -> None:
         """Forget everything: another coordinator, another clock; older questions do not count."""
         self._since_ns = now_ns
         self.offset_ns = self.good = 0
-        for i in range(CLOCK_SAMPLES):
-            self._half_delay[i] = _UNKNOWN
+        self._half_delay_ns = _UNKNOWN
 
     def add(self, sent_ns: int, received_ns: int, answered_ns: int, now_ns: int) -> bool:
         """Take one exchange, heard at now_ns; False when its stamps cannot be true."""
@@ -47,27 +46,13 @@ class ClockSync:
             return False
         if not 0 <= delay <= now_ns - sent_ns <= _LONGEST_DELAY:
             return False
-        slot = self._next
-        self._at[slot] = now_ns
-        self._offset[slot] = ((received_ns - sent_ns) + (answered_ns - now_ns)) // 2
-        self._half_delay[slot] = (delay + 1) // 2
-        self._next = (slot + 1) % CLOCK_SAMPLES
         self.good += 1
-        best = 0
-        for i in range(1, CLOCK_SAMPLES):
-            if self._bound(i, now_ns) < self._bound(best, now_ns):
-                best = i
-        self.offset_ns = self._offset[best]
+        half_delay = (delay + 1) // 2
+        if half_delay <= self.error_ns(now_ns):
+            self._at_ns, self._half_delay_ns = now_ns, half_delay
+            self.offset_ns = ((received_ns - sent_ns) + (answered_ns - now_ns)) // 2
         return True
 
     def error_ns(self, now_ns: int) -> int:
         """Return the bound on the offset's error now; enormous before the first exchange."""
-        least = self._bound(0, now_ns)
-        for i in range(1, CLOCK_SAMPLES):
-            bound = self._bound(i, now_ns)
-            if bound < least:
-                least = bound
-        return least
-
-    def _bound(self, slot: int, now_ns: int) -> int:
-        return self._half_delay[slot] + (now_ns - self._at[slot]) * DRIFT_PPM // 1_000_000
+        return self._half_delay_ns + (now_ns - self._at_ns) * DRIFT_PPM // 1_000_000

@@ -1,0 +1,33 @@
+"""The robot's phases and what leads from one to the next, as one table.
+
+Decides: which events change a phase.  Must not know: when an event happens (agent.py).
+"""
+
+from protocol.phases import ARMED, BRAKING, DONE, FROZEN, IDLE, MOVING
+
+READY = "ready"
+GO_IN_TIME = "go in time"
+GO_TOO_LATE = "go too late"
+TOLD_TO_FREEZE = "told to freeze"
+NEW_EPOCH = "new epoch"
+TROUBLE = "trouble"
+AT_REST = "at rest"
+ARRIVED = "arrived"
+
+TRANSITIONS = {
+    (IDLE, READY): ARMED,
+    (IDLE, NEW_EPOCH): IDLE,
+    (ARMED, GO_IN_TIME): MOVING,
+    (ARMED, GO_TOO_LATE): FROZEN,
+    (ARMED, TOLD_TO_FREEZE): FROZEN,
+    (ARMED, TROUBLE): FROZEN,
+    (ARMED, NEW_EPOCH): IDLE,
+    (MOVING, TOLD_TO_FREEZE): BRAKING,
+    (MOVING, TROUBLE): BRAKING,
+    (MOVING, NEW_EPOCH): BRAKING,
+    (MOVING, ARRIVED): DONE,
+    (BRAKING, AT_REST): FROZEN,
+    (FROZEN, NEW_EPOCH): IDLE,
+    (DONE, NEW_EPOCH): IDLE,
+}
+"""(phase, event) -> phase; whatever does not stand here changes nothing."""
