@@ -14,11 +14,13 @@ import msgspec
 import numpy as np
 
 from coordinator.crossings import Meeting, find_crossings
+from coordinator.errors import PlanError
 from coordinator.motion import Motion
 from coordinator.nurbs import Nurbs
 from coordinator.plan import Crossing, Floor, Limits, PlanDocument, RobotPlan, Stop
 from coordinator.scenario import Robot, Scenario
 from coordinator.wire import float32, float32_below, pack, path_of
+from protocol.packing import OversizeError
 from protocol.timeline import Timeline
 
 
@@ -30,7 +32,10 @@ def make_document(
     epoch: int,
     notes: Sequence[str],
 ) -> PlanDocument:
-    """Return the document without its proof; tau in seconds."""
+    """Return the document without its proof; tau in seconds.
+
+    Raises PlanError when a robot's path is too long for a message.
+    """
     bare = PlanDocument(
         scenario=scenario.name,
         epoch=epoch,
@@ -48,7 +53,10 @@ def make_document(
     robots = []
     for robot, path, motion in zip(scenario.robots, paths, motions, strict=True):
         planned = _robot_plan(robot, path, motion, names)
-        size = len(pack(bare, planned, boot=2**32 - 1))
+        try:
+            size = len(pack(bare, planned, boot=2**32 - 1))
+        except OversizeError as error:
+            raise PlanError(f"{robot.id}: {error}; fewer via points would help") from None
         robots.append(msgspec.structs.replace(planned, wire_bytes=size))
     crossings = [
         _crossing(robots[i], robots[j], motions[i], motions[j], meeting)

@@ -40,7 +40,6 @@ _SETTINGS: Final[dict[Any, Any]] = {
     "ytick.color": "#8a8f98",
     "xtick.labelcolor": "#444444",
     "ytick.labelcolor": "#444444",
-    "hatch.linewidth": 0.5,
 }
 
 

@@ -77,8 +77,9 @@ def _busy(document: PlanDocument, robots: dict[str, Pictured]) -> Array:
     busy = [_path(robot) for robot in robots.values()]
     busy += [_arrow(robot) for robot in robots.values()]
     busy += [np.array([(crossing.x, crossing.y)] * 6) for crossing in document.crossings]
-    share = np.linspace(0.0, 1.0, 60)[:, None]
-    for outline in _outline(document):
+    share = np.linspace(0.0, 1.0, 40)[:, None]
+    obstacles = [] if document.workspace is None else document.workspace.obstacles
+    for outline in (*_outline(document), *filter(None, obstacles)):
         corners = np.array(outline)
         for corner, following in zip(corners, np.roll(corners, -1, axis=0), strict=True):
             busy.append(corner + share * (following - corner))

@@ -73,7 +73,8 @@ class Labels:
         center = self._axes.transData.transform(anchor)
         boxes, gaps = self._candidates(label, center, away, heading)
         hidden, overlap = self._covered(boxes)
-        best = int(np.argmin(gaps + 6.0 * hidden + 400.0 * overlap))
+        spoilt = np.where(overlap > 0.0, 60.0 + 400.0 * overlap, 0.0)
+        best = int(np.argmin(gaps + 6.0 * hidden + spoilt))
         if optional and (overlap[best] > 0.0 or hidden[best] > _HIDDEN):
             label.remove()
             return False

@@ -22,6 +22,10 @@ _RAMP: Final = 0.01
 """Length [m] of the speed change at a bend for robots without a limit on acceleration."""
 
 
+_SHORTEST_RAMP: Final = 2e-5
+"""No change of speed from rest is shorter [m]: float32 on the wire must tell its ends apart."""
+
+
 @dataclass(frozen=True)
 class Box:
     """A stretch [s0, s1] of the path [m] with v^2 at most w [m^2/s^2]."""
@@ -42,8 +46,11 @@ class SpeedLimits:
 
     @property
     def ramp(self) -> float:
-        """Acceleration [m/s^2] used around bends: the limit, or a steep ramp without one."""
-        return self.accel if math.isfinite(self.accel) else self.top / (2.0 * _RAMP)
+        """Acceleration [m/s^2] that is used: the limit, or a steep ramp without one."""
+        if math.isinf(self.accel):
+            return self.top / (2.0 * _RAMP)
+        slowest = min([self.top, *(bend.w for bend in self.bends)])
+        return min(self.accel, slowest / (2.0 * _SHORTEST_RAMP))
 
 
 def limits_on(curve: Nurbs, speed: float, accel: float, lateral: float) -> SpeedLimits:

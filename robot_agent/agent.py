@@ -11,8 +11,9 @@ The rules:
   braked moves again only with the plan of a later epoch.
 - A Command older than the last one heard changes nothing.  Another coordinator (boot) is believed
   before motion, or when its epoch is higher; it takes the plan and the clock of the old one away.
-- A plan is held when it is for the newest epoch heard and the robot is idle.  The robot arms when
-  it also stands at the plan's start and knows the time well enough; until then it says why not.
+- A plan is held when its coordinator and epoch are those of the newest Command (or no Command has
+  been heard yet) and the robot is idle or armed.  The robot arms when it also stands at the plan's
+  start and knows the time well enough; until then it says why not.
 - GO heard when the plan has already run away is not obeyed: the robot stays where it is.
 - A robot at its goal stays there in that epoch, whatever it hears.
 - A position is never said, but for the arc length at which a frozen robot rests: in the first
@@ -65,17 +66,14 @@ _NEVER = -(1 << 62)
 
 
 class Agent:
-    """One robot.  `boot` names this life of it; `max_speed` [m/s], 0 when it is not known.
+    """One robot; `max_speed` [m/s], 0 when it is not known.
 
     Read after `tick`: drive_speed [m/s], drive_curvature [rad/m], drive_distance [m].
     Read after `report_due`: report_sequence, epoch, phase, fault and report_s [m] or None.
     `ride` is the plan held, with the robot's place on it, or None.
     """
 
-    def __init__(
-        self, boot: int, max_speed: float = 0.0, period_ns: int = 10 * MILLISECOND
-    ) -> None:
-        self.boot = boot
+    def __init__(self, max_speed: float = 0.0, period_ns: int = 10 * MILLISECOND) -> None:
         self.clock = ClockSync()
         self.phase = IDLE
         self.fault = NO_FAULT
@@ -131,15 +129,15 @@ class Agent:
         path: tuple[int, list[float], list[float], list[float], list[float]],
         motion: tuple[list[float], list[float], list[float], list[float]],
     ) -> None:
-        """Take a plan (see Ride for its parts); `boot` is whom it is for or from, or 0.
+        """Take a plan (see Ride for its parts); `boot` is its coordinator's.
 
         One that makes no sense is reported as BAD_PLAN and not held.
         """
-        if self._coordinator >= 0 and epoch != self._command_epoch:
+        if self._coordinator < 0:
+            self._coordinator, self._command_epoch = boot, epoch
+        if boot != self._coordinator or epoch != self._command_epoch:
             return
-        if boot not in (0, self.boot, self._coordinator) or self.phase not in (IDLE, ARMED):
-            return
-        if epoch <= max(self.epoch, self._spent_epoch):
+        if self.phase not in (IDLE, ARMED) or epoch <= max(self.epoch, self._spent_epoch):
             return
         self.phase, self.ride, self.epoch, self.fault = IDLE, None, 0, NO_FAULT
         try:

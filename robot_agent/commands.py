@@ -5,10 +5,16 @@ Decides: options, and which driver stands behind the agent.
 
 from __future__ import annotations
 
+import importlib
+import math
+import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from protocol.keys import NAME
+from robot_agent.driver import Driver
 
 commands = typer.Typer()
 
@@ -32,5 +38,47 @@ def agent(
 
     Example: splinefleet agent R1 --connect tcp/127.0.0.1:7447
     """
-    from robot_agent.service import Robot, run_robot
     from protocol.zenoh_transport import ZenohTransport
+    from robot_agent.service import RefusedError, Robot, run_robot
+
+    _check_name(robot, "ROBOT")
+    if fleet is not None:
+        _check_name(fleet, "--fleet")
+    body = _driver(driver, max_accel)
+    me = Robot(robot, radius, max_speed, max_accel)
+
+    def clock() -> int:
+        return int(time.monotonic_ns() * speed)
+
+    def sleep(left_ns: int) -> None:
+        time.sleep(left_ns / 1e9 / speed)
+
+    try:
+        transport = ZenohTransport.connect(connect, timeout_s=wait)
+        code = run_robot(
+            me, transport, body, clock=clock, sleep=sleep, fleet=fleet, blackbox=blackbox
+        )
+    except RefusedError as error:
+        typer.echo(str(error), err=True)
+        code = 2
+    except OSError as error:
+        typer.echo(f"{blackbox}: {error.strerror}", err=True)
+        code = 2
+    raise typer.Exit(code)
+
+
+def _check_name(name: str, option: str) -> None:
+    if not NAME.fullmatch(name):
+        raise typer.BadParameter(f"{name!r} is not 1 to 32 of A-Z a-z 0-9 _ . -", param_hint=option)
+
+
+def _driver(place: str, max_accel: float) -> Driver:
+    """Return the driver named MODULE:CLASS, made for an acceleration [m/s^2] (0: any)."""
+    module, _, name = place.partition(":")
+    try:
+        made = getattr(importlib.import_module(module), name)(max_accel or math.inf)
+    except (ImportError, AttributeError, TypeError, ValueError) as error:
+        raise typer.BadParameter(f"{place}: {error}", param_hint="--driver") from None
+    if not isinstance(made, Driver):
+        raise typer.BadParameter(f"{place} is no Driver", param_hint="--driver")
+    return made

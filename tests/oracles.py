@@ -121,22 +121,21 @@ def least_slack(
     fleet: list[Track], tau: float, margin: float, step: float = 0.02
 ) -> tuple[float, str]:
     """The least |c_i(t) - c_j(t')| - need over |t - t'| <= tau on a grid, and who and when."""
-    end = max(track.finish for track in fleet) + tau + step
-    t = np.arange(0.0, end, step)
-    shifts = np.append(np.arange(0.0, tau, step), tau)
-    base = [track.at(t) for track in fleet]
-    moved = [[track.at(t + shift) for shift in shifts] for track in fleet]
+    shifts = math.ceil(tau / step)
+    step = tau / shifts if shifts else step
+    t = np.arange(0.0, max(track.finish for track in fleet) + tau + step, step)
+    places = [track.at(t) for track in fleet]
     worst = (math.inf, "")
     for i, j in itertools.permutations(range(len(fleet)), 2):
         need = fleet[i].radius + fleet[j].radius + margin
         boxes = [(line.min(axis=0), line.max(axis=0)) for line in (fleet[i].line, fleet[j].line)]
         if np.any(boxes[0][0] > boxes[1][1] + need) or np.any(boxes[1][0] > boxes[0][1] + need):
             continue
-        for shift, place in zip(shifts, moved[j], strict=True):
-            gap = np.hypot(*(base[i] - place).T)
+        for shift in range(shifts + 1):
+            gap = np.hypot(*(places[i][: len(t) - shift] - places[j][shift:]).T)
             k = int(np.argmin(gap))
             if gap[k] - need < worst[0]:
-                when = f"{fleet[i].id} at {t[k]:.2f}, {fleet[j].id} at {t[k] + shift:.2f}"
+                when = f"{fleet[i].id} at {t[k]:.2f}, {fleet[j].id} at {t[k + shift]:.2f}"
                 worst = (float(gap[k] - need), when)
     return worst
 

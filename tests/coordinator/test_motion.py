@@ -139,3 +139,19 @@ def test_a_wait_that_ends_before_the_arrival_costs_only_the_stop():
     limits = SpeedLimits(10.0, 1.0, 1.0, ())
     assert Motion(limits, [Wait(5.0, 0.0, -1)]).finish == pytest.approx(12.0)
     assert Motion(limits, []).finish == pytest.approx(11.0)
+
+
+@pytest.mark.parametrize(("speed", "accel"), [(0.001, 1.0), (0.4, 1e5), (900.0, 1e5), (0.01, 0.1)])
+def test_slow_robots_and_strong_motors_arrive_too(speed, accel):
+    s, w = speed_knots(SpeedLimits(5.0, speed**2, accel, ()), 0.0, 5.0)
+    assert (s[0], w[0], s[-1], w[-1]) == (0.0, 0.0, 5.0, 0.0)
+    assert np.all(w[1:-1] > 0.0)
+    took = times_at(s, w, s)[-1]
+    alone = 5.0 / speed + speed / accel if speed**2 < 5.0 * accel else 2.0 * math.sqrt(5.0 / accel)
+    assert alone - 1e-9 <= took <= 1.01 * alone
+
+
+def test_a_robot_that_starts_in_a_slow_bend_arrives_too():
+    s, w = speed_knots(SpeedLimits(5.0, 0.16, 1e4, (Box(0.0, 2.0, 1e-6),)), 0.0, 5.0)
+    assert np.all(w[1:-1] > 0.0)
+    assert times_at(s, w, s)[-1] == pytest.approx(2000.0 + 7.5, rel=0.01)

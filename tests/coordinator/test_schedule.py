@@ -126,8 +126,7 @@ def test_robots_that_never_meet_do_not_wait():
 
 
 def test_a_robot_that_ends_on_anothers_way_lets_it_pass_first():
-    lines = [line((0, 0), (3, 0)), line((2, 3), (2, 0.2))]
-    lines[0] = line((0, 0), (5, 0))
+    lines = [line((0, 0), (5, 0)), line((2, 3), (2, 0.2))]
     junctions = junctions_of(lines, [0.2, 1.0])
     found = find_schedule(junctions, [0, 0], 10)
     assert not isinstance(found, Deadlock)
@@ -145,9 +144,8 @@ def test_two_that_swap_places_on_one_line_are_a_deadlock_of_both():
 
 def test_a_chain_of_goals_in_the_way_is_untangled():
     """Each robot's goal lies on the next one's way: only one order works."""
-    lines = [line((0, y), (6, y)) for y in range(0)]
-    for i in range(4):
-        lines.append(line((2.0 * i, -2.0 - 0.1 * i), (2.0 * i, 0.0), (2.0 * i + 4.0, 0.0)))
+    corners = [((x, -2.0), (x, 0.0), (x + 4.0, 0.0)) for x in (0.0, 2.0, 4.0, 6.0)]
+    lines = [line(*three) for three in corners]
     junctions = junctions_of(lines, [0.5, 0.6, 0.7, 0.8])
     best = best_of_all(junctions)
     found = find_schedule(junctions, [0] * 4, 10)

@@ -1,0 +1,230 @@
+"""The robot's shell: the agent on a real link, with a real driver and a black box.
+
+Decides: how messages become the agent's events and its wishes become messages.  Must not decide
+anything a robot does: that is agent.py.  The only user of msgspec on the robot's side; firmware
+has its own shell around the same core.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+from protocol import keys
+from protocol.codec import decode, encode
+from protocol.messages import PROTOCOL_VERSION, Clock, Command, Hello, Plan, Refusal, Report
+from protocol.phases import GO
+from protocol.plan_parts import unpack_plan
+from protocol.plan_parts import unpack_plan
+from protocol.transport import Transport
+from robot_agent.agent import Agent
+from robot_agent.blackbox import BlackBox
+from robot_agent.driver import Driver
+from robot_agent.loop import PERIOD_NS, FixedRateLoop
+
+_WAITING = 256
+"""Messages that may wait for a tick; a flood pushes the oldest out."""
+
+
+class RefusedError(Exception):
+    """The coordinator does not take this robot; the text is its reason.  Exit code 2."""
+
+
+@dataclass(frozen=True)
+class Robot:
+    """Who the robot is and what it can do [m, m/s, m/s^2]; 0 means not stated."""
+
+    id: str
+    radius: float = 0.0
+    max_speed: float = 0.0
+    max_accel: float = 0.0
+
+
+def run_robot(
+    robot: Robot,
+    transport: Transport,
+    driver: Driver,
+    *,
+    clock: Callable[[], int],
+    sleep: Callable[[int], None],
+    fleet: str | None = None,
+    truth_clock: Callable[[], int] | None = None,
+    blackbox: Path | None = None,
+) -> int:
+    """Run one robot until the fleet is over (0) or it is interrupted (130); closes everything.
+
+    `clock`: the robot's own time [ns]; `sleep`: lets that many of its ns pass; `truth_clock`: the
+    coordinator's clock, for the black box alone (default: `clock`).  Without a fleet the first one
+    heard is joined.  Raises RefusedError, and OSError when the black box cannot be written.
+    """
+    with transport:
+        box = BlackBox(blackbox) if blackbox is not None else None
+        service = RobotService(robot, transport, driver, fleet, truth_clock or clock, box)
+        rescues = (lambda _: driver.stop(), lambda error: service.rescue(error, clock()))
+        try:
+            with _terminated_like_interrupted():
+                FixedRateLoop(service.tick, rescues, clock, sleep).run()
+        except KeyboardInterrupt:
+            return 130
+        finally:
+            driver.stop()
+            if box is not None:
+                box.close()
+    if service.refusal is not None:
+        raise RefusedError(service.refusal)
+    return 0
+
+
+def skewed_clock(clock: Callable[[], int], offset_ns: int, drift_ppm: int) -> Callable[[], int]:
+    """Return a clock that is ahead of another and gains on it: a robot's own, in simulation."""
+    began = clock()
+
+    def skewed() -> int:
+        now = clock()
+        return now + offset_ns + (now - began) * drift_ppm // 1_000_000
+
+    return skewed
+
+
+class RobotService:
+    """What happens in one tick; `bad_messages` counts what could not be understood."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        transport: Transport,
+        driver: Driver,
+        fleet: str | None,
+        truth_clock: Callable[[], int],
+        blackbox: BlackBox | None = None,
+        boot: int | None = None,
+    ) -> None:
+        self.agent = Agent(robot.max_speed, PERIOD_NS)
+        self.boot = int.from_bytes(os.urandom(4)) if boot is None else boot
+        self.refusal: str | None = None
+        self.bad_messages = 0
+        self.last_error = ""
+        self._robot = robot
+        self._transport = transport
+        self._driver = driver
+        self._fleet: str | None = None
+        self._truth_clock = truth_clock
+        self._blackbox = blackbox
+        self._arrivals: deque[tuple[str, bytes]] = deque(maxlen=_WAITING)
+        if fleet is not None:
+            self._join(fleet)
+        transport.subscribe(keys.command(fleet or "*"), self._enqueue)
+
+    def tick(self, now_ns: int) -> bool:
+        """Hear, look, decide, drive, speak, write down; False when the robot may leave."""
+        self._hear(now_ns)
+        self._move(now_ns)
+        self._speak(now_ns)
+        return self.refusal is None and not self.agent.may_leave(now_ns)
+
+    def rescue(self, error: Exception, now_ns: int) -> None:
+        """Tell the agent and the coordinator that a tick has failed."""
+        self.last_error = f"{type(error).__name__}: {error}"
+        self.agent.hear_driver_error(now_ns)
+        self._speak(now_ns)
+
+    def _join(self, fleet: str) -> None:
+        self._fleet = fleet
+        for kind in (keys.plan, keys.clock):
+            self._transport.subscribe(kind(fleet, self._robot.id), self._enqueue)
+
+    def _enqueue(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
+        self._arrivals.append((key, payload))
+
+    def _hear(self, now_ns: int) -> None:
+        while self._arrivals:
+            key, payload = self._arrivals.popleft()
+            place = keys.split(key)
+            message = decode(place[1], payload) if place is not None else None
+            if place is None or message is None:
+                self.bad_messages += 1
+            elif isinstance(message, Command) and self._fleet in (None, place[0]):
+                self._hear_command(place[0], message, now_ns)
+            elif isinstance(message, Plan) and message.robot == self._robot.id:
+                self.agent.hear_plan(message.boot, message.epoch, *unpack_plan(message))
+            elif isinstance(message, Refusal) and message.boot == self.boot:
+                self.refusal = message.reason
+            elif isinstance(message, Clock) and message.boot == self.boot:
+                self._hear_clock(message, now_ns)
+
+    def _hear_command(self, fleet: str, command: Command, now_ns: int) -> None:
+        if self._fleet is None:
+            self._join(fleet)
+        if self._blackbox is not None and command.phase == GO and self._blackbox.start_ns is None:
+            self._blackbox.start_ns = command.start_ns
+        self.agent.hear_command(
+            command.boot,
+            command.sequence,
+            command.epoch,
+            command.phase,
+            command.start_ns,
+            self._robot.id in command.wanted,
+            now_ns,
+        )
+
+    def _hear_clock(self, answer: Clock, now_ns: int) -> None:
+        if answer.received_ns is not None and answer.answered_ns is not None:
+            self.agent.hear_clock(answer.sent_ns, answer.received_ns, answer.answered_ns, now_ns)
+
+    def _move(self, now_ns: int) -> None:
+        agent, driver = self.agent, self._driver
+        driver.step(now_ns)
+        pose = driver.pose()
+        if pose is None and agent.ride is not None:
+            pose = agent.ride.follower.start_pose()
+            driver.place(*pose)
+        agent.tick(now_ns, *(pose or (0.0, 0.0, 0.0)))
+        driver.drive(agent.drive_speed, agent.drive_curvature, agent.drive_distance)
+        if self._blackbox is not None:
+            s = agent.ride.follower.s if agent.ride is not None else 0.0
+            self._blackbox.write(self._truth_clock(), driver.true_pose(), s, agent.phase)
+
+    def _speak(self, now_ns: int) -> None:
+        if self._fleet is None:
+            return
+        agent, fleet, robot = self.agent, self._fleet, self._robot
+        if agent.hello_due(now_ns):
+            accel = robot.max_accel if robot.max_accel < float("inf") else 0.0
+            hello = Hello(PROTOCOL_VERSION, self.boot, robot.radius, robot.max_speed, accel)
+            self._transport.put(keys.hello(fleet, robot.id), encode(hello))
+        if agent.clock_due(now_ns):
+            self._transport.put(keys.clock(fleet, robot.id), encode(Clock(self.boot, now_ns)))
+        if agent.report_due(now_ns):
+            report = Report(
+                self.boot,
+                agent.report_sequence,
+                agent.epoch,
+                agent.phase,
+                agent.fault,
+                agent.report_s,
+            )
+            self._transport.put(keys.report(fleet, robot.id), encode(report))
+
+
+@contextmanager
+def _terminated_like_interrupted() -> Iterator[None]:
+    """Let SIGTERM end the program as Ctrl-C does, where signals can be had."""
+
+    def interrupt(_signal: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

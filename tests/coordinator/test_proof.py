@@ -1,0 +1,172 @@
+"""The proof is sharp both ways: it refuses what sampling finds unsafe, and nothing that is safe."""
+
+import json
+
+import pytest
+from msgspec.structs import replace
+
+from coordinator.plan import to_json
+from coordinator.planner import plan_scenario
+from coordinator.proof import RESOLUTION, TOLERANCE
+from coordinator.verify import prove_document
+from tests.oracles import least_clearance, least_slack, tracks
+from tests.scenarios import a_robot, a_scenario, box
+
+
+def crossing(accel=0.8, tau=0.6):
+    robots = [
+        a_robot("A", (1, 4), (9, 4), max_accel=accel),
+        a_robot("B", (5, 1), (5, 7), max_accel=accel, max_speed=0.6, radius=0.3),
+        a_robot("C", (1.5, 6.5), (8.5, 1.5), max_accel=accel, max_speed=0.7, radius=0.1),
+    ]
+    return a_scenario(robots, tau=tau, obstacles=[box(7.5, 5.5, 8.5, 6.5)])
+
+
+@pytest.fixture(scope="module", params=[(0.8, 0.6), (float("inf"), 0.6), (0.8, 0.0), (0.8, 3.0)])
+def planned(request):
+    scenario = crossing(*request.param)
+    return scenario, plan_scenario(scenario)
+
+
+def changed(document, index, **fields):
+    robots = list(document.robots)
+    robots[index] = replace(robots[index], **fields)
+    return replace(document, robots=robots)
+
+
+def sampled(document):
+    fleet = tracks(json.loads(to_json(document)))
+    return least_slack(fleet, document.tau, document.margin, step=0.01)[0]
+
+
+def check_sharp(document):
+    """Hold the proof against the sampler; returns the sampled slack."""
+    slack, proof = sampled(document), prove_document(document)
+    if slack < -0.002:
+        assert not proof.holds
+        assert any("apart near" in failure for failure in proof.failures)
+    if slack > -TOLERANCE + 0.0005:
+        assert proof.holds, proof.failures
+    return slack
+
+
+def test_a_valid_plan_is_accepted(planned):
+    scenario, document = planned
+    assert check_sharp(document) > -TOLERANCE
+    assert prove_document(document, scenario) == document.proof
+
+
+def test_starting_earlier_or_later_is_refused_exactly_when_it_is_unsafe(planned):
+    _, document = planned
+    slacks = []
+    for index, robot in enumerate(document.robots):
+        for shift in (-4.0, -2.0, -1.0, -0.5, -0.2, -0.1, -0.05, 0.05, 0.3, 1.0, 3.0):
+            start = max(robot.start_time + shift, 0.0)
+            slacks.append(check_sharp(changed(document, index, start_time=start)))
+    assert min(slacks) < -0.1
+
+
+def test_removed_and_shortened_stops_are_refused_exactly_when_it_is_unsafe(planned):
+    _, document = planned
+    for index, robot in enumerate(document.robots):
+        for k, stop in enumerate(robot.stops):
+            rest = robot.stops[:k] + robot.stops[k + 1 :]
+            check_sharp(changed(document, index, stops=rest))
+            for part in (0.0, 0.5, 0.9, 0.97, 1.0):
+                depart = stop.arrive + part * (stop.depart - stop.arrive)
+                stops = list(robot.stops)
+                stops[k] = replace(stop, depart=depart)
+                check_sharp(changed(document, index, stops=stops))
+
+
+def test_larger_radius_margin_or_tau_is_refused_exactly_when_it_is_unsafe(planned):
+    _, document = planned
+    slack = sampled(document)
+    slacks = []
+    for more in (0.0, 0.5 * slack, slack, slack + 0.003, slack + 0.05):
+        robot = document.robots[1]
+        slacks.append(check_sharp(changed(document, 1, radius=robot.radius + more)))
+        slacks.append(check_sharp(replace(document, margin=document.margin + more)))
+    for more in (0.01, 0.1, 0.5, 2.0):
+        slacks.append(check_sharp(replace(document, tau=document.tau + more)))
+    assert min(slacks) < -0.01
+
+
+def test_the_least_separation_is_that_of_sampling(planned):
+    _, document = planned
+    bare = changed(document, 0, radius=0.0)
+    bare = changed(changed(bare, 1, radius=0.0), 2, radius=0.0)
+    least = sampled(replace(bare, margin=0.0))
+    assert document.proof.least_separation == pytest.approx(least, abs=1e-3 + RESOLUTION)
+
+
+def test_clearance_is_that_of_sampling_and_is_refused_when_short():
+    walls = [box(3, 0, 3.2, 5), box(6, 3, 6.2, 8)]
+    scenario = a_scenario([a_robot("A", (1, 1), (9, 7))], obstacles=walls)
+    document = plan_scenario(scenario)
+    fleet = tracks(to_json(document))
+    least = least_clearance(fleet, scenario.workspace.boundary, walls)
+    assert document.proof.least_clearance == pytest.approx(least, abs=1e-3)
+    spare = least - document.margin
+    assert prove_document(changed(document, 0, radius=0.2 + spare - 0.001)).holds
+    refused = prove_document(changed(document, 0, radius=0.2 + spare + 0.003))
+    assert not refused.holds
+    assert "A comes within" in refused.failures[0]
+    through = replace(scenario.workspace, obstacles=(*walls, box(4, 2, 5, 6)))
+    assert not prove_document(document, replace(scenario, workspace=through)).holds
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("max_speed", 0.7, "drives faster"),
+        ("max_accel", 0.7, "changes speed faster"),
+        ("max_lateral_accel", 0.05, "takes a bend"),
+        ("min_turn_radius", 3.0, "turns tighter"),
+    ],
+)
+def test_limits_that_are_not_kept_are_named(field, value, words):
+    scenario = a_scenario([a_robot("A", (1, 1), (9, 7), via=((7, 2),))])
+    document = plan_scenario(scenario)
+    slower = replace(scenario, robots=(replace(scenario.robots[0], **{field: value}),))
+    proof = prove_document(document, slower)
+    assert not proof.holds
+    assert any(words in failure for failure in proof.failures)
+
+
+@pytest.mark.parametrize("factor", [1.005, 1.2])
+def test_a_faster_profile_is_refused(factor):
+    document = plan_scenario(a_scenario([a_robot("A", (1, 1), (9, 7))], speed_reserve=0.0))
+    fast = [(s, v * factor) for s, v in document.robots[0].profile]
+    assert not prove_document(changed(document, 0, profile=fast)).holds
+
+
+def test_a_plan_of_another_scenario_is_refused(planned):
+    scenario, document = planned
+    robots = scenario.robots
+    others = {
+        "start is not": [replace(robots[0], start=(1.2, 4.0)), *robots[1:]],
+        "goal is not": [replace(robots[0], goal=(9.0, 4.1)), *robots[1:]],
+        "not in the scenario": robots[1:],
+        "has no plan": [*robots, a_robot("D", (9, 1), (9.2, 2.5))],
+        "planned with radius": [replace(robots[0], radius=0.25), *robots[1:]],
+    }
+    for words, changed_robots in others.items():
+        proof = prove_document(document, replace(scenario, robots=tuple(changed_robots)))
+        assert any(words in failure for failure in proof.failures)
+        assert not proof.holds
+    for fields in ({"tau": document.tau + 0.1}, {"margin": 0.06}):
+        assert not prove_document(document, replace(scenario, **fields)).holds
+
+
+def test_moving_the_whole_fleet_changes_nothing(planned):
+    _, document = planned
+    moved = document
+    for index, robot in enumerate(document.robots):
+        points = [(x + 8.0, y - 4.0) for x, y in robot.path.control_points]
+        moved = changed(moved, index, path=replace(robot.path, control_points=points))
+    moved = replace(moved, workspace=None)
+    proof = prove_document(moved)
+    assert proof.holds
+    assert proof.least_clearance is None
+    assert proof.least_separation == pytest.approx(document.proof.least_separation, abs=2e-3)
