@@ -5,16 +5,18 @@ from __future__ import annotations
 import signal
 import sys
 from types import FrameType
+from typing import Final
 
-import click
-import robot_agent.commands
 import typer
 
 import coordinator.commands
+import robot_agent.commands
 import sim.commands
 from coordinator.console import tell
 from coordinator.errors import InputError, PlanError
 from protocol.transport import TransportError
+
+_ENDING: Final = (signal.SIGINT, signal.SIGTERM)
 
 app = typer.Typer(
     name="splinefleet",
@@ -29,7 +31,8 @@ for package in (coordinator.commands, robot_agent.commands, sim.commands):
 
 def main() -> None:
     """Run the command line; exit codes as in the contract."""
-    signal.signal(signal.SIGTERM, _interrupt)
+    for number in _ENDING:
+        signal.signal(number, _interrupt)
     try:
         code = app(standalone_mode=False)
     except (InputError, TransportError) as error:
@@ -38,9 +41,9 @@ def main() -> None:
     except PlanError as error:
         tell(str(error), "red")
         code = 1
-    except click.exceptions.Abort:
+    except typer.Abort:
         code = 130
-    except click.ClickException as error:
+    except typer.TyperException as error:
         tell(error.format_message(), "red")
         code = 2
     except KeyboardInterrupt:
@@ -49,7 +52,9 @@ def main() -> None:
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    """Treat a request to end as Ctrl-C: everything is shut down and the log closed."""
+    """Treat a request to end as Ctrl-C, once: shutting down and closing the log is not cut short."""
+    for number in _ENDING:
+        signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 

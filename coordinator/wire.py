@@ -112,4 +112,4 @@ def float32(values: Sequence[float]) -> list[float]:
 def float32_below(value: float) -> float:
     """Return the largest float32 that is not above a value."""
     near = np.float32(value)
-    return float(near if near <= value else np.nextafter(near, np.float32(-np.inf)))
+    return float(near if float(near) <= value else np.nextafter(near, np.float32(-np.inf)))

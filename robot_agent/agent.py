@@ -162,7 +162,7 @@ class Agent:
         if ride is None:
             return
         if self.phase == IDLE:
-            self._try_to_arm(ride, now_ns, x, y)
+            self._try_to_arm(ride, now_ns, x, y, heading)
         elif self.phase in (MOVING, BRAKING):
             ride.follower.locate(x, y, heading)
             time = self._plan_time(now_ns)
@@ -234,8 +234,8 @@ class Agent:
         else:
             self._apply(GO_IN_TIME, now_ns)
 
-    def _try_to_arm(self, ride: Ride, now_ns: int, x: float, y: float) -> None:
-        if not ride.follower.distance_to_start(x, y) <= ride.track:
+    def _try_to_arm(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> None:
+        if not ride.follower.misplacement(x, y, heading) <= ride.track:
             self.fault = OFF_PATH
         elif self.clock.error_ns(now_ns) > CLOCK_ERROR:
             self.fault = CLOCK_UNSURE

@@ -18,8 +18,9 @@ ARRIVAL_SLACK = 1e-3
 HOLD_OUT = 0.05
 """For how long [s] an order to the driver lasts should the next tick not come."""
 
-REST_TIME = 0.06
-"""A robot ordered to stand that has not moved by a millimetre for this long [s] rests."""
+REST_TIME = 0.1
+REST_SLACK = 3e-3
+"""A robot ordered to stand that has not moved by REST_SLACK [m] for REST_TIME [s] rests."""
 
 _CATCH_UP_RATE = 1.0 / HOLD_OUT
 _SPARE_SPEED = 1.05
@@ -108,7 +109,7 @@ class Ride:
 
     def rests(self, time: float, x: float, y: float) -> bool:
         """Tell whether the robot has come to rest; to be asked every tick while it brakes."""
-        moved = not abs(x - self._rest_x) + abs(y - self._rest_y) <= ARRIVAL_SLACK
+        moved = not abs(x - self._rest_x) + abs(y - self._rest_y) <= REST_SLACK
         if self.speed > 0.0 or moved or self._rest_from == inf:
             self._rest_from, self._rest_x, self._rest_y = time, x, y
         return time - self._rest_from >= REST_TIME

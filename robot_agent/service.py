@@ -22,7 +22,6 @@ from protocol.codec import decode, encode
 from protocol.messages import PROTOCOL_VERSION, Clock, Command, Hello, Plan, Refusal, Report
 from protocol.phases import GO
 from protocol.plan_parts import unpack_plan
-from protocol.plan_parts import unpack_plan
 from protocol.transport import Transport
 from robot_agent.agent import Agent
 from robot_agent.blackbox import BlackBox
@@ -74,9 +73,9 @@ def run_robot(
         except KeyboardInterrupt:
             return 130
         finally:
-            driver.stop()
             if box is not None:
                 box.close()
+            driver.stop()
     if service.refusal is not None:
         raise RefusedError(service.refusal)
     return 0

@@ -43,10 +43,16 @@ class PathFollower:
         self._tangent_at(0.0)
         return self._curve.x, self._curve.y, atan2(self._ty, self._tx)
 
-    def distance_to_start(self, x: float, y: float) -> float:
-        """Return how far [m] a point is from the curve's beginning."""
-        self._curve.evaluate(0.0)
-        return hypot(x - self._curve.x, y - self._curve.y)
+    def misplacement(self, x: float, y: float, heading: float) -> float:
+        """Return how far [m] off the path a start from this pose would lead.
+
+        The distance to the curve's beginning, and what a heading error adds to it before the law
+        has mended it: theta / (e lambda).
+        """
+        self._tangent_at(0.0)
+        off = hypot(x - self._curve.x, y - self._curve.y)
+        turned = self._turned_from_tangent(heading)
+        return off + abs(turned) * SETTLING_LENGTH * 0.37
 
     def locate(self, x: float, y: float, heading: float) -> None:
         """Project a pose on the path near the last place: Newton steps of one evaluation each."""
@@ -63,10 +69,7 @@ class PathFollower:
                 break
         self.s = s
         self.lateral = (y - curve.y) * self._tx - (x - curve.x) * self._ty
-        facing_x, facing_y = cos(heading), sin(heading)
-        self.heading_error = atan2(
-            facing_y * self._tx - facing_x * self._ty, facing_x * self._tx + facing_y * self._ty
-        )
+        self.heading_error = self._turned_from_tangent(heading)
 
     def curvature(self, travel: float) -> float:
         """Return the curvature [rad/m] to drive, `travel` [m] being the way until the next tick.
@@ -84,6 +87,10 @@ class PathFollower:
             rate = 1.0 / max(SETTLING_LENGTH, _TICKS_TO_SETTLE * travel)
             bend -= rate * (rate * self.lateral + 2.0 * self.heading_error)
         return min(max(bend, -_SHARPEST), _SHARPEST)
+
+    def _turned_from_tangent(self, heading: float) -> float:
+        x, y = cos(heading), sin(heading)
+        return atan2(y * self._tx - x * self._ty, x * self._tx + y * self._ty)
 
     def _tangent_at(self, s: float) -> None:
         """Place the curve at s and keep its direction; the last one where it has none."""

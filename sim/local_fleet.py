@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -76,9 +76,11 @@ class LocalFleet:
             yield processes
         finally:
             for process in processes:
-                if process.poll() is None:
-                    process.kill()
+                process.terminate()
+            deadline = time.monotonic() + _GOODBYE_S
             for process in processes:
+                _wait(process, deadline)
+                process.kill()
                 process.wait()
 
     def _start_coordinator(self, processes: list[Process]) -> Process:
@@ -177,18 +179,19 @@ class LocalFleet:
         return max(0.0, (self._start_ns - now) / 1e9 + self.faults[0].time) / self.speed
 
     def _say_goodbye(self, code: int) -> None:
-        """Wait for the robots to end; those without a coordinator are stopped when they rest."""
+        """Wait for the robots to end; those without a coordinator get time to come to rest."""
         if code != 0:
             time.sleep(_GOODBYE_S / self.speed)
-            for process in self._robots.values():
-                if process.poll() is None:
-                    process.terminate()
+            return
         deadline = time.monotonic() + _GOODBYE_S
         for process in self._robots.values():
-            try:
-                process.wait(max(0.0, deadline - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                continue
+            _wait(process, deadline)
+
+
+def _wait(process: Process, deadline: float) -> None:
+    """Wait for a process to end, but not beyond the deadline."""
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(max(0.0, deadline - time.monotonic()))
 
 
 def _free_port() -> int:

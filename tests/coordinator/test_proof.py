@@ -87,8 +87,8 @@ def test_larger_radius_margin_or_tau_is_refused_exactly_when_it_is_unsafe(planne
         robot = document.robots[1]
         slacks.append(check_sharp(changed(document, 1, radius=robot.radius + more)))
         slacks.append(check_sharp(replace(document, margin=document.margin + more)))
-    for more in (0.01, 0.1, 0.5, 2.0):
-        slacks.append(check_sharp(replace(document, tau=document.tau + more)))
+    for tau in (document.tau + more for more in (0.01, 0.1, 0.5, 2.0)):
+        slacks += [check_sharp(replace(document, tau=tau))]
     assert min(slacks) < -0.01
 
 

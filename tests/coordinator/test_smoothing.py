@@ -34,10 +34,10 @@ def turned(theta, leg=1.0):
 
 @pytest.mark.parametrize("degrees", [10, 45, 90, 99, -60])
 def test_a_corner_is_cut_and_bent_as_the_formulas_say(degrees):
-    theta, width = math.radians(degrees), 1.0
-    curve = curve_along(turned(theta))
+    theta, width = math.radians(degrees), 1.5
+    curve = curve_along(turned(theta, 3.0))
     half = abs(theta) / 2
-    assert nearest(curve, (1.0, 0.0)) == pytest.approx(width / 3 * math.sin(half), abs=1e-5)
+    assert nearest(curve, (3.0, 0.0)) == pytest.approx(width / 3 * math.sin(half), abs=1e-5)
     bend = np.abs(curve.curvature(np.linspace(0, curve.knots[-1], 4001)))
     wanted = 2 * math.sin(half) / (width * math.cos(half) ** 2)
     assert bend.max() == pytest.approx(wanted, rel=2e-3)
