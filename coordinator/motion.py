@@ -127,15 +127,17 @@ def _between(
 def _distinct(knots: list[tuple[float, float]]) -> tuple[Array, Array]:
     """Merge knots at the same place, keeping the lower speed, and drop those on a line."""
     kept: list[tuple[float, float]] = []
+    same = 1e-9 * max(w for _, w in knots)
     for s, w in knots:
         if kept and s - kept[-1][0] < 1e-6:
             kept[-1] = (kept[-1][0], min(w, kept[-1][1]))
             continue
         if len(kept) > 1:
             (s0, w0), (s1, w1) = kept[-2], kept[-1]
-            if abs(w0 + (w - w0) * (s1 - s0) / (s - s0) - w1) < 1e-9:
+            if abs(w0 + (w - w0) * (s1 - s0) / (s - s0) - w1) < same:
                 kept.pop()
         kept.append((s, w))
+    kept[-1] = (knots[-1][0], kept[-1][1])
     return np.array([s for s, _ in kept]), np.array([max(w, 0.0) for _, w in kept])
 
 

@@ -6,7 +6,7 @@ clocks (a timer is an argument) or links.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 from msgspec.structs import replace
@@ -32,6 +32,10 @@ _NEED_PAD = 0.0015
 _TAU_PAD = 0.004
 """The schedule keeps this much more [m], [s] than needed, for what rounding to the wire costs."""
 
+_LONGEST_TAU = 1000.0
+_LONGEST_PLAN = 100_000.0
+"""What fits into a message and into the memory of the proof [s]."""
+
 Timer = Callable[[], float]
 
 
@@ -54,6 +58,7 @@ def plan_scenario(
         stage()
         marks.append(timer())
     motions = stages.schedule(effort)
+    _check_times(scenario, tau, motions)
     marks.append(timer())
     document = make_document(scenario, stages.paths, motions, tau, epoch, stages.notes)
     proof = prove_document(document, scenario)
@@ -63,6 +68,23 @@ def plan_scenario(
     if scenario.policy == "safe" and not proof.holds:
         raise PlanError("the plan found does not pass its proof: " + "; ".join(proof.failures))
     return replace(document, proof=proof, timing=timing)
+
+
+def _check_times(scenario: Scenario, tau: float, motions: Sequence[Motion]) -> None:
+    """Raise PlanError naming the robot that makes a plan too long to send or to prove."""
+    if tau > _LONGEST_TAU:
+        slowest = max(scenario.robots, key=lambda robot: robot.max_speed / robot.max_accel)
+        raise PlanError(
+            f"{slowest.id} brakes for {slowest.max_speed / slowest.max_accel:.0f} s, so tau is "
+            f"{tau:.0f} s, at most {_LONGEST_TAU:.0f} s are possible; a larger max_accel or a tau "
+            "by hand would help"
+        )
+    for robot, motion in zip(scenario.robots, motions, strict=True):
+        if motion.finish > _LONGEST_PLAN:
+            raise PlanError(
+                f"{robot.id} arrives after {motion.finish:.0f} s, a plan lasts at most "
+                f"{_LONGEST_PLAN:.0f} s; more speed or a nearer goal would help"
+            )
 
 
 class _Stages:
@@ -125,14 +147,14 @@ class _Stages:
         return False
 
     def _pass_each_other(self, mover: int, other: int, path: Nurbs) -> bool:
-        pair = self._meet([self._track(mover, path), self.tracks[other]], (mover, other))
+        theirs = Track(self.tracks[other].limits, self.tracks[other].cells)
+        pair = self._meet([self._track(mover, path), theirs], (mover, other))
         orders = ((0, 1), (1, 0))
         return any(not isinstance(place_in_order(pair, order), Deadlock) for order in orders)
 
     def _take(self, index: int, path: Nurbs) -> None:
         self.paths[index] = path
-        self.tracks[index] = self._track(index, path)
-        self.junctions = self._meet(self.tracks)
+        self.junctions.take(index, self._track(index, path))
 
     def _track(self, index: int, path: Nurbs) -> Track:
         robot = self.scenario.robots[index]

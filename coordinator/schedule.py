@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import random
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from coordinator.motion import Motion
@@ -34,12 +35,25 @@ class Junctions:
     def __init__(self, tracks: list[Track], needs: list[list[float]], tau: float) -> None:
         self.tracks = tracks
         self.tau = tau
+        self._needs = needs
         self.conflicts: dict[tuple[int, int], Conflict] = {}
-        for a, b in itertools.combinations(range(len(tracks)), 2):
-            conflict = find_conflict(tracks[a].cells, tracks[b].cells, needs[a][b])
+        self._meet(itertools.combinations(range(len(tracks)), 2))
+
+    def take(self, index: int, track: Track) -> None:
+        """Give one robot another track; what the others have between them stays."""
+        self.tracks[index] = track
+        others = (other for other in range(len(self.tracks)) if other != index)
+        self._meet((min(index, other), max(index, other)) for other in others)
+
+    def _meet(self, pairs: Iterable[tuple[int, int]]) -> None:
+        """Find the conflicts of some pairs anew, and all waiting places."""
+        for a, b in pairs:
+            self.conflicts.pop((a, b), None)
+            conflict = find_conflict(self.tracks[a].cells, self.tracks[b].cells, self._needs[a][b])
             if conflict is not None:
                 self.conflicts[a, b] = conflict
-        for index in range(len(tracks)):
+        self.conflicts = dict(sorted(self.conflicts.items(), key=lambda item: item[0]))
+        for index in range(len(self.tracks)):
             self._find_places(index)
 
     def runs(self, mine: int, other: int) -> Runs | None:

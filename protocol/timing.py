@@ -21,7 +21,10 @@ LATENESS = 250 * MILLISECOND
 """How far behind its plan a healthy robot may run (its share of tau)."""
 
 CLOCK_ERROR = 10 * MILLISECOND
-"""A robot whose clock offset is less certain than this does not arm."""
+"""A moving robot whose clock offset is less certain than this stops."""
+
+CLOCK_ERROR_TO_ARM = 8 * MILLISECOND
+"""A robot arms only with more certainty than it needs later: clocks drift between exchanges."""
 
 CLOCK_PERIOD_FAST = 40 * MILLISECOND
 CLOCK_PERIOD = 2 * SECOND

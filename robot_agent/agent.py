@@ -2,7 +2,7 @@
 
 Decides: phases, faults, speeds, when to report and what.  Must not know: bytes, links, files, or
 any clock but the `now_ns` it is given (the robot's own, monotonic).  Firmware: imports nothing but
-`math`, the shared numbers and its two helpers; `tick` allocates nothing that stays.
+the shared numbers and firmware; `tick` allocates nothing that stays.
 
 The rules:
 - A robot moves only in the epoch of the plan it holds, after GO, and only along that plan: never
@@ -40,6 +40,7 @@ from protocol.phases import (
 )
 from protocol.timing import (
     CLOCK_ERROR,
+    CLOCK_ERROR_TO_ARM,
     CLOCK_PERIOD,
     CLOCK_PERIOD_FAST,
     CLOCK_SAMPLES,
@@ -200,7 +201,9 @@ class Agent:
 
         Often at first and as long as the answers are not good enough; rarely on the move.
         """
-        certain = self.clock.good >= CLOCK_SAMPLES and self.clock.error_ns(now_ns) <= CLOCK_ERROR
+        certain = (
+            self.clock.good >= CLOCK_SAMPLES and self.clock.error_ns(now_ns) <= CLOCK_ERROR_TO_ARM
+        )
         rarely = certain or self.phase in (MOVING, BRAKING)
         if now_ns - self._asked_ns < (CLOCK_PERIOD if rarely else CLOCK_PERIOD_FAST):
             return False
@@ -237,7 +240,7 @@ class Agent:
     def _try_to_arm(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> None:
         if not ride.follower.misplacement(x, y, heading) <= ride.track:
             self.fault = OFF_PATH
-        elif self.clock.error_ns(now_ns) > CLOCK_ERROR:
+        elif self.clock.error_ns(now_ns) > CLOCK_ERROR_TO_ARM:
             self.fault = CLOCK_UNSURE
         else:
             self.fault = NO_FAULT

@@ -65,7 +65,8 @@ def run_robot(
     """
     with transport:
         box = BlackBox(blackbox) if blackbox is not None else None
-        service = RobotService(robot, transport, driver, fleet, truth_clock or clock, box)
+        truth = truth_clock or clock
+        service = RobotService(robot, transport, driver, fleet, truth, box, clock=clock)
         rescues = (lambda _: driver.stop(), lambda error: service.rescue(error, clock()))
         try:
             with _terminated_like_interrupted():
@@ -93,7 +94,11 @@ def skewed_clock(clock: Callable[[], int], offset_ns: int, drift_ppm: int) -> Ca
 
 
 class RobotService:
-    """What happens in one tick; `bad_messages` counts what could not be understood."""
+    """What happens in one tick; `bad_messages` counts what could not be understood.
+
+    `clock` is the robot's own and stamps what arrives between ticks; without one it counts as
+    arrived at the next, which makes the robot less certain of the coordinator's time.
+    """
 
     def __init__(
         self,
@@ -104,6 +109,7 @@ class RobotService:
         truth_clock: Callable[[], int],
         blackbox: BlackBox | None = None,
         boot: int | None = None,
+        clock: Callable[[], int] | None = None,
     ) -> None:
         self.agent = Agent(robot.max_speed, PERIOD_NS)
         self.boot = int.from_bytes(os.urandom(4)) if boot is None else boot
@@ -114,9 +120,10 @@ class RobotService:
         self._transport = transport
         self._driver = driver
         self._fleet: str | None = None
+        self._clock = clock
         self._truth_clock = truth_clock
         self._blackbox = blackbox
-        self._arrivals: deque[tuple[str, bytes]] = deque(maxlen=_WAITING)
+        self._arrivals: deque[tuple[str, bytes, int | None]] = deque(maxlen=_WAITING)
         if fleet is not None:
             self._join(fleet)
         transport.subscribe(keys.command(fleet or "*"), self._enqueue)
@@ -140,11 +147,11 @@ class RobotService:
             self._transport.subscribe(kind(fleet, self._robot.id), self._enqueue)
 
     def _enqueue(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
-        self._arrivals.append((key, payload))
+        self._arrivals.append((key, payload, self._clock() if self._clock else None))
 
     def _hear(self, now_ns: int) -> None:
         while self._arrivals:
-            key, payload = self._arrivals.popleft()
+            key, payload, heard_ns = self._arrivals.popleft()
             place = keys.split(key)
             message = decode(place[1], payload) if place is not None else None
             if place is None or message is None:
@@ -156,7 +163,7 @@ class RobotService:
             elif isinstance(message, Refusal) and message.boot == self.boot:
                 self.refusal = message.reason
             elif isinstance(message, Clock) and message.boot == self.boot:
-                self._hear_clock(message, now_ns)
+                self._hear_clock(message, now_ns if heard_ns is None else heard_ns)
 
     def _hear_command(self, fleet: str, command: Command, now_ns: int) -> None:
         if self._fleet is None:
@@ -173,9 +180,9 @@ class RobotService:
             now_ns,
         )
 
-    def _hear_clock(self, answer: Clock, now_ns: int) -> None:
+    def _hear_clock(self, answer: Clock, heard_ns: int) -> None:
         if answer.received_ns is not None and answer.answered_ns is not None:
-            self.agent.hear_clock(answer.sent_ns, answer.received_ns, answer.answered_ns, now_ns)
+            self.agent.hear_clock(answer.sent_ns, answer.received_ns, answer.answered_ns, heard_ns)
 
     def _move(self, now_ns: int) -> None:
         agent, driver = self.agent, self._driver
@@ -199,7 +206,8 @@ class RobotService:
             hello = Hello(PROTOCOL_VERSION, self.boot, robot.radius, robot.max_speed, accel)
             self._transport.put(keys.hello(fleet, robot.id), encode(hello))
         if agent.clock_due(now_ns):
-            self._transport.put(keys.clock(fleet, robot.id), encode(Clock(self.boot, now_ns)))
+            asked_ns = self._clock() if self._clock else now_ns
+            self._transport.put(keys.clock(fleet, robot.id), encode(Clock(self.boot, asked_ns)))
         if agent.report_due(now_ns):
             report = Report(
                 self.boot,

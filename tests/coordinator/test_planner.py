@@ -139,6 +139,16 @@ def test_a_plan_that_lasts_for_hours_is_proven_too():
     assert plan_scenario(a_scenario(robots)).proof.holds
 
 
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [({"max_accel": 1e-4}, "B brakes for 8000 s"), ({"max_speed": 1e-6}, "B arrives after")],
+)
+def test_a_robot_too_slow_for_any_plan_is_named(fields, words):
+    robots = [a_robot("A", (1, 1), (9, 7)), a_robot("B", (1, 7), (9, 1), **fields)]
+    with pytest.raises(PlanError, match=words):
+        plan_scenario(a_scenario(robots, tau=1.0 if "max_speed" in fields else "auto"))
+
+
 def test_a_turning_radius_is_kept_at_via_points_too():
     robot = a_robot("A", (1, 1), (8, 5), via=((4.0, 1.5), (5.0, 3.0)), min_turn_radius=0.25)
     scenario = a_scenario([robot])

@@ -158,6 +158,18 @@ def test_the_same_input_gives_the_same_schedule():
     assert list(results[0]) == list(results[1])
 
 
+def test_a_robot_with_another_path_meets_the_others_as_if_it_had_been_there_before():
+    junctions, other = random_junctions(5, 4), random_junctions(6, 4)
+    tracks = [*junctions.tracks[:2], other.tracks[2], junctions.tracks[3]]
+    junctions.take(2, other.tracks[2])
+    fresh = Junctions([Track(t.limits, t.cells) for t in tracks], [[NEED] * 4] * 4, junctions.tau)
+    assert list(junctions.conflicts) == list(fresh.conflicts)
+    for pair, conflict in fresh.conflicts.items():
+        assert junctions.conflicts[pair].zones == conflict.zones
+    for mine, same in zip(junctions.tracks, fresh.tracks, strict=True):
+        assert (mine.harmless, mine.anywhere) == (same.harmless, same.anywhere)
+
+
 def test_waiting_places_lie_before_zones_and_outside_of_all_others():
     junctions = random_junctions(5, 4)
     for index, track in enumerate(junctions.tracks):

@@ -112,6 +112,11 @@ def test_what_a_robot_would_not_accept_is_an_input_error_naming_it(document):
             drive(replace(document, robots=[*document.robots[:2], one]))
 
 
+def test_the_widest_margin_fits_into_a_message(document):
+    wide = replace(document, margin=1e5)
+    assert drive(wide)[0].plan.track_mm == 65_535
+
+
 def test_float32_below_is_below():
     dice = random.Random(2)
     for _ in range(500):

@@ -128,10 +128,10 @@ def test_a_robot_without_the_time_does_not_arm_and_says_so():
     pose = agent.ride.follower.start_pose()
     agent.tick(10 * MS, *pose)
     assert (agent.phase, agent.fault) == (IDLE, CLOCK_UNSURE)
-    agent.hear_clock(20 * MS, 500 * MS, 500 * MS, 41 * MS)
+    agent.hear_clock(20 * MS, 500 * MS, 500 * MS, 37 * MS)
     agent.tick(50 * MS, *pose)
     assert (agent.phase, agent.fault) == (IDLE, CLOCK_UNSURE)
-    agent.hear_clock(50 * MS, 530 * MS, 530 * MS, 69 * MS)
+    agent.hear_clock(50 * MS, 530 * MS, 530 * MS, 65 * MS)
     agent.tick(70 * MS, *pose)
     assert (agent.phase, agent.fault) == (ARMED, NO_FAULT)
 

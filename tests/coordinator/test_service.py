@@ -1,0 +1,149 @@
+"""The coordinator's shell on a transport that the test holds in its hands."""
+
+import asyncio
+import itertools
+
+import msgspec
+import pytest
+
+from coordinator.logbook import read_log
+from coordinator.muster import muster
+from coordinator.plan import to_json
+from coordinator.planner import plan_scenario
+from coordinator.recorder import Attachment, Recorder
+from coordinator.replay import check_log
+from coordinator.scenario_file import parse_scenario, scenario_to_json
+from coordinator.service import Service
+from protocol import keys
+from protocol.codec import decode, encode
+from protocol.messages import Command, Hello, Report
+from protocol.phases import ARMED, DONE, FREEZE, GO, HOLD, MOVING, OVER
+from protocol.timing import MILLISECOND
+from protocol.transport import Transport
+
+SCENARIO = b"""
+name = "one"
+tau = 0.5
+[workspace]
+bounds = [0.0, 0.0, 3.0, 3.0]
+[[robots]]
+id = "R1"
+start = [0.5, 0.5]
+goal = [2.5, 2.5]
+radius = 0.1
+max_speed = 1.0
+"""
+
+
+class Hand(Transport):
+    """A transport whose other end is a robot that answers every Command at once."""
+
+    def __init__(self):
+        self.handlers = []
+        self.commands = []
+        self.sequence = itertools.count(1)
+
+    def put(self, key, payload):
+        message = decode(keys.split(key)[1], payload)
+        if isinstance(message, Command):
+            self.commands.append(message)
+            self.answer(message)
+
+    def subscribe(self, key_expression, handler):
+        self.handlers.append(handler)
+
+    def close(self):
+        pass
+
+    def answer(self, command):
+        if command.sequence == 1:
+            self.say(keys.hello("one", "R1"), Hello(1, 5))
+        moving = MOVING if command.sequence < 8 else DONE
+        phase = {HOLD: ARMED, GO: moving, OVER: DONE, FREEZE: DONE}
+        report = Report(5, next(self.sequence), 1, phase[command.phase])
+        self.say(keys.report("one", "R1"), report)
+
+    def say(self, key, message):
+        self.handlers[0](key, encode(message), None)
+
+
+class Clock:
+    """A clock that a millisecond passes on at every look: no test waits for it."""
+
+    def __init__(self):
+        self.now = 10**9
+
+    def __call__(self):
+        self.now += MILLISECOND
+        return self.now
+
+
+@pytest.fixture
+def scenario():
+    return parse_scenario(SCENARIO, "one.toml")
+
+
+@pytest.fixture
+def recorded(tmp_path, scenario):
+    """A service with its hand, its recorder, and the path of the log."""
+    document = plan_scenario(scenario, effort=3)
+    recorder = Recorder(
+        tmp_path / "run.mcap",
+        metadata={"fleet": "one", "policy": "safe", "boot": "9", "effort": "3"},
+        wall_offset_ns=10**18,
+        attachments=[
+            Attachment("scenario.json", "application/json", scenario_to_json(scenario)),
+            Attachment("plan-1.json", "application/json", to_json(document)),
+        ],
+    )
+    hand = Hand()
+    service = Service(muster(document, 9), hand, recorder, Clock(), speed=1000.0)
+    yield service, hand, recorder
+    recorder.close()
+
+
+async def test_a_fleet_is_run_to_its_end_and_its_log_can_be_run_again(recorded, tmp_path):
+    service, hand, recorder = recorded
+    assert await service.run(patience_s=60.0)
+    recorder.close()
+    assert {command.phase for command in hand.commands} == {HOLD, GO, OVER}
+    result = check_log(read_log(tmp_path / "run.mcap"))
+    assert result.difference == ""
+    assert result.commands == len(hand.commands)
+
+
+async def test_a_decision_that_the_code_would_not_take_is_found_at_its_message(recorded, tmp_path):
+    service, hand, recorder = recorded
+    await service.run(patience_s=60.0)
+    recorder.close()
+    log = read_log(tmp_path / "run.mcap")
+    place = next(
+        i
+        for i, record in enumerate(log.records)
+        if record.key == keys.command("one") and decode("command", record.payload).phase == GO
+    )
+    record = log.records[place]
+    told = decode("command", record.payload)
+    payload = encode(msgspec.structs.replace(told, phase=HOLD, start_ns=0))
+    log.records[place] = msgspec.structs.replace(record, payload=payload)
+    result = check_log(log)
+    assert f"message {place} on {record.key}" in result.difference
+    assert hand.commands
+
+
+async def test_a_fleet_whose_robots_never_come_is_given_up(recorded):
+    service, hand, _ = recorded
+    hand.answer = lambda command: None
+    assert not await service.run(patience_s=3.0)
+    assert "R1" in service.fleet.incidents[-1].text
+
+
+async def test_a_flood_is_dropped_and_counted_beyond_its_bound_and_ends_nothing(recorded):
+    service, hand, _ = recorded
+    task = asyncio.create_task(service.run(patience_s=60.0))
+    await asyncio.sleep(0)
+    for _ in range(20_000):
+        hand.handlers[0]("splinefleet/one/report/R1", b"junk", None)
+    await task
+    assert service.dropped > 0
+    assert service.fleet.bad_messages > 0

@@ -1,0 +1,267 @@
+"""The shell on the in-memory link, with a hand-made coordinator, in virtual time."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import signal
+
+import pytest
+
+from protocol import keys
+from protocol.codec import decode, encode, seal
+from protocol.curve import Curve
+from protocol.messages import Clock, Command, Hello, Plan, Refusal, Report
+from protocol.packing import pack_floats, pack_points, pack_profile, pack_stops
+from protocol.phases import ARMED, DONE, DRIVER_ERROR, FREEZE, FROZEN, GO, HOLD, MOVING, OVER
+from robot_agent.driver import DriverError
+from robot_agent.service import RefusedError, Robot, run_robot, skewed_clock
+from sim.body import SimulatedBody
+from sim.memory_transport import MemoryNetwork
+from tests.robot_agent.rides import COORDINATOR, ME, MS, SECOND, motion_along, winding_path
+
+FLEET = "hall"
+PATH = winding_path("fff")
+LENGTH = Curve(*PATH).length
+FINISH = LENGTH / 0.475
+
+
+def plan_message(**changes) -> Plan:
+    degree, knots, xs, ys, _ = PATH
+    s, v, _, _ = motion_along(LENGTH, 0.475, math.inf)
+    speeds, profile = pack_profile(list(zip(s, v, strict=True)))
+    fields = {
+        "epoch": 1,
+        "boot": COORDINATOR,
+        "robot": ME,
+        "tau_ns": SECOND,
+        "track_mm": 10,
+        "brake_mmps2": 0,
+        "degree": degree,
+        "points": pack_points(list(zip(xs, ys, strict=True))),
+        "knots": pack_floats(knots[degree + 1 : -degree]),
+        "weights": b"",
+        "speeds": speeds,
+        "profile": profile,
+        "stops": pack_stops([]),
+        "checksum": 0,
+    }
+    return seal(Plan(**{**fields, **changes}))
+
+
+class Hall:
+    """A hall with a network, a clock that only `sleep` moves, and a coordinator's side."""
+
+    def __init__(self, **network) -> None:
+        self.network = MemoryNetwork(**network)
+        self.link = self.network.session("coordinator")
+        self.robot_link = self.network.session("robot")
+        self.body = SimulatedBody()
+        self.phase = HOLD
+        self.start_ns = 0
+        self.sequence = 0
+        self.plans = [plan_message()]
+        self.heard: list[Hello | Report | Clock] = []
+        self.reactions = {}
+        self.silent = False
+        for kind in (keys.hello, keys.report, keys.clock):
+            self.link.subscribe(kind(FLEET, ME), self.hear)
+
+    def clock(self) -> int:
+        return self.network.now_ns
+
+    def sleep(self, ns: int) -> None:
+        before = self.clock()
+        self.network.advance(before + ns)
+        if before // (100 * MS) != self.clock() // (100 * MS) and not self.silent:
+            self.command()
+        self.react()
+
+    def command(self) -> None:
+        self.sequence += 1
+        command = Command(COORDINATOR, self.sequence, 1, self.phase, self.start_ns)
+        self.link.put(keys.command(FLEET), encode(command))
+
+    def hear(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
+        message = decode(key.split("/")[2], payload)
+        self.heard.append(message)
+        if isinstance(message, Hello):
+            for plan in self.plans:
+                self.link.put(keys.plan(FLEET, ME), encode(plan))
+        elif isinstance(message, Clock):
+            now = self.clock() + 10**12
+            answer = Clock(message.boot, message.sent_ns, now, now)
+            self.link.put(keys.clock(FLEET, ME), encode(answer))
+
+    def react(self) -> None:
+        """Say GO when the robot is armed and OVER when it is done; then whatever a test adds."""
+        last = next((m for m in reversed(self.heard) if isinstance(m, Report)), None)
+        if last is None:
+            return
+        if last.phase == ARMED and self.phase == HOLD:
+            self.phase, self.start_ns = GO, self.clock() + 10**12 + 400 * MS
+        if last.phase == DONE and self.phase == GO:
+            self.phase = OVER
+        if last.phase in self.reactions:
+            self.reactions.pop(last.phase)()
+
+    def reports(self) -> list[Report]:
+        return [m for m in self.heard if isinstance(m, Report)]
+
+    def run(self, **options) -> int:
+        options = {"fleet": FLEET, "clock": self.clock, "sleep": self.sleep, **options}
+        robot = Robot(ME, 0.15, 0.5, math.inf)
+        return run_robot(robot, self.robot_link, self.body, **options)
+
+
+def raise_interrupt() -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("fleet", [FLEET, None])
+def test_a_robot_joins_drives_arrives_and_leaves(fleet):
+    hall = Hall()
+    assert hall.run(fleet=fleet) == 0
+    assert [r.phase for r in hall.reports()][-1] == DONE
+    end = Curve(*PATH)
+    end.place(LENGTH)
+    assert math.dist((hall.body.x, hall.body.y), (end.x, end.y)) < 0.002
+    assert next(m for m in hall.heard if isinstance(m, Hello)).radius_m == 0.15
+
+
+def test_a_robot_on_a_bad_link_arrives_too():
+    hall = Hall(seed=4, loss=0.2, doubling=0.2, reordering=0.2, delay_ns=(MS, 6 * MS))
+    assert hall.run() == 0
+    assert [r.phase for r in hall.reports()][-1] == DONE
+
+
+def test_a_robot_whose_own_clock_is_wrong_and_drifts_arrives_in_time(tmp_path):
+    hall = Hall(delay_ns=(MS, 3 * MS))
+    own = skewed_clock(hall.clock, -987_654_321, 45)
+
+    def truth() -> int:
+        return hall.clock() + 10**12
+
+    box = tmp_path / "R1.csv"
+    assert hall.run(clock=own, truth_clock=truth, blackbox=box) == 0
+    rows = list(csv.DictReader(box.read_text().splitlines()))
+    assert 0.0 <= float(rows[0]["t"]) < 0.02
+    assert {row["phase"] for row in rows} == {"moving", "done"}
+    done = next(float(row["t"]) for row in rows if row["phase"] == "done")
+    assert done == pytest.approx(FINISH, abs=0.05)
+    for row in rows:
+        if row["phase"] == "moving":
+            assert float(row["s"]) == pytest.approx(0.475 * float(row["t"]), abs=0.01)
+
+
+def test_between_go_and_arrival_a_robot_sends_at_most_a_hundred_bytes_a_second():
+    hall = Hall()
+    hall.run()
+    moving = [r.sequence for r in hall.reports() if r.phase == MOVING]
+    first = next(i for i, m in enumerate(hall.heard) if getattr(m, "sequence", 0) == moving[0])
+    size = sum(
+        len(encode(m))
+        for m in hall.heard[first:]
+        if isinstance(m, Clock | Hello) or (isinstance(m, Report) and m.phase == MOVING)
+    )
+    assert size / FINISH <= 100.0
+    assert all(r.s_m is None for r in hall.reports())
+
+
+def test_a_refusal_ends_the_robot_with_its_reason():
+    hall = Hall()
+    hall.plans = []
+
+    def refuse() -> None:
+        boot = hall.heard[0].boot
+        for message in (Refusal(boot ^ 1, "for another"), Refusal(boot, "R1 is not known")):
+            hall.link.put(keys.plan(FLEET, ME), encode(message))
+
+    hall.reactions[0] = refuse
+    with pytest.raises(RefusedError, match="R1 is not known"):
+        hall.run()
+
+
+def test_bytes_that_mean_nothing_and_plans_for_others_do_no_harm():
+    hall = Hall()
+    good = encode(plan_message())
+    hall.plans = [plan_message(robot="R2"), plan_message(boot=1), plan_message()]
+
+    def vandalise() -> None:
+        for payload in (b"", b"\xc1" * 50, good[:-1], good[:20] + b"x" + good[21:]):
+            for key in (keys.plan(FLEET, ME), keys.command(FLEET), keys.clock(FLEET, ME)):
+                hall.link.put(key, payload)
+
+    hall.reactions[ARMED] = vandalise
+    assert hall.run() == 0
+
+
+def test_a_robot_at_its_goal_leaves_when_the_fleet_has_gone():
+    hall = Hall()
+
+    def fall_silent() -> None:
+        hall.silent = True
+
+    hall.reactions[DONE] = fall_silent
+    assert hall.run() == 0
+
+
+@pytest.mark.parametrize("how", ["interrupt", "terminate"])
+def test_an_interrupted_robot_stops_its_motors_closes_and_says_130(how, tmp_path):
+    hall = Hall()
+    kill = raise_interrupt if how == "interrupt" else lambda: os.kill(os.getpid(), signal.SIGTERM)
+    hall.reactions[MOVING] = kill
+    before = signal.getsignal(signal.SIGTERM)
+    assert hall.run(blackbox=tmp_path / "box.csv") == 130
+    assert hall.body.speed == 0.0
+    assert signal.getsignal(signal.SIGTERM) is before
+    heard = len(hall.heard)
+    hall.robot_link.put(keys.hello(FLEET, ME), b"late")
+    hall.network.advance(hall.clock() + SECOND)
+    assert len(hall.heard) <= heard + 1
+
+
+def test_a_broken_driver_stops_the_motors_and_is_reported():
+    hall = Hall()
+
+    def broken() -> None:
+        raise DriverError("no encoder")
+
+    def break_driver() -> None:
+        hall.body.pose = broken
+
+    def mend() -> None:
+        del hall.body.pose
+
+    hall.reactions[MOVING] = break_driver
+    hall.reactions[3] = mend
+    hall.reactions[FROZEN] = raise_interrupt
+    assert hall.run() == 130
+    assert hall.reports()[-1].fault == DRIVER_ERROR
+    assert hall.reports()[-1].s_m is not None
+    assert hall.body.speed == 0.0
+
+
+def test_a_black_box_of_a_robot_that_never_heard_go_has_only_its_header(tmp_path):
+    hall = Hall()
+    hall.reactions[ARMED] = raise_interrupt
+    assert hall.run(blackbox=tmp_path / "box.csv") == 130
+    assert (tmp_path / "box.csv").read_text() == "t,x,y,heading,s,phase\n"
+
+
+def test_a_frozen_robot_stays_for_the_next_epoch():
+    hall = Hall()
+
+    def freeze() -> None:
+        hall.phase = FREEZE
+
+    def wait_and_leave() -> None:
+        hall.silent = True
+        hall.network.advance(hall.clock() + 10 * SECOND)
+        hall.reactions[FROZEN] = raise_interrupt
+
+    hall.reactions[MOVING] = freeze
+    hall.reactions[FROZEN] = wait_and_leave
+    assert hall.run() == 130
+    assert next(r.s_m is not None for r in hall.reports() if r.phase == FROZEN)
