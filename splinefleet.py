@@ -52,7 +52,7 @@ def main() -> None:
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    """Treat a request to end as Ctrl-C, once: shutting down and closing the log is not cut short."""
+    """Treat a request to end as Ctrl-C, once: closing the log is not to be cut short."""
     for number in _ENDING:
         signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt

@@ -8,14 +8,10 @@ has its own shell around the same core.
 from __future__ import annotations
 
 import os
-import signal
-import threading
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 
 from protocol import keys
 from protocol.codec import decode, encode
@@ -69,8 +65,7 @@ def run_robot(
         service = RobotService(robot, transport, driver, fleet, truth, box, clock=clock)
         rescues = (lambda _: driver.stop(), lambda error: service.rescue(error, clock()))
         try:
-            with _terminated_like_interrupted():
-                FixedRateLoop(service.tick, rescues, clock, sleep).run()
+            FixedRateLoop(service.tick, rescues, clock, sleep).run()
         except KeyboardInterrupt:
             return 130
         finally:
@@ -218,20 +213,3 @@ class RobotService:
                 agent.report_s,
             )
             self._transport.put(keys.report(fleet, robot.id), encode(report))
-
-
-@contextmanager
-def _terminated_like_interrupted() -> Iterator[None]:
-    """Let SIGTERM end the program as Ctrl-C does, where signals can be had."""
-
-    def interrupt(_signal: int, _frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -49,7 +49,7 @@ class Hand(Transport):
             self.commands.append(message)
             self.answer(message)
 
-    def subscribe(self, key_expression, handler):
+    def subscribe(self, _key_expression, handler):
         self.handlers.append(handler)
 
     def close(self):
@@ -133,7 +133,7 @@ async def test_a_decision_that_the_code_would_not_take_is_found_at_its_message(r
 
 async def test_a_fleet_whose_robots_never_come_is_given_up(recorded):
     service, hand, _ = recorded
-    hand.answer = lambda command: None
+    hand.answer = lambda _command: None
     assert not await service.run(patience_s=3.0)
     assert "R1" in service.fleet.incidents[-1].text
 
