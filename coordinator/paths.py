@@ -26,6 +26,11 @@ _ROOMS: Final = (0.02, 0.003)
 _TOUCH: Final = 0.0005
 """Curves keep this much more [m] than needed: float32 and the samples between which they bend."""
 
+_LEAD_PER_RADIUS: Final = 6.0
+_ROOM_PER_RADIUS: Final = 2.2
+"""What turning takes, per metre of min_turn_radius: a straight lead, and the reach around corners
+whose 45 degree steps leave about 0.46 of it as radius."""
+
 _LEADS: Final = (0.6, 0.3, 0.15, 0.08)
 
 
@@ -46,7 +51,7 @@ class Pathfinder:
         starts, goals = self._places(index)
         last: PlanError | None = None
         for places in ([*starts, *goals], goals, starts, []):
-            for room in _ROOMS:
+            for room in _rooms(robot):
                 try:
                     return self._path_among(robot, [*places, *detours], room)
                 except PlanError as error:
@@ -82,10 +87,10 @@ class Pathfinder:
     def _polygon(self, robot: Robot, ground: Ground) -> tuple[Array, Flags]:
         """Return the control polygon (n, 2) and which vertices are passed exactly."""
         anchors = [np.array(robot.start[:2], dtype=np.float64)]
-        anchors += _lead(robot.start, +1.0, ground)
+        anchors += _lead(robot.start, +1.0, ground, robot.min_turn_radius)
         via = [np.array(point) for point in robot.via]
         anchors += via
-        anchors += _lead(robot.goal, -1.0, ground)
+        anchors += _lead(robot.goal, -1.0, ground, robot.min_turn_radius)
         anchors.append(np.array(robot.goal[:2], dtype=np.float64))
         vertices, exact = [anchors[0]], [True]
         for start, goal in pairwise(anchors):
@@ -130,13 +135,20 @@ class Pathfinder:
         return f"; a radius of {low:.3f} m would pass"
 
 
-def _lead(pose: Sequence[float], sign: float, ground: Ground) -> list[Array]:
+def _rooms(robot: Robot) -> list[float]:
+    """Return the rooms [m] to try for rounding corners; robots that turn wide want more first."""
+    wide = _ROOM_PER_RADIUS * robot.min_turn_radius - robot.radius
+    return [wide, *_ROOMS] if wide > _ROOMS[0] else list(_ROOMS)
+
+
+def _lead(pose: Sequence[float], sign: float, ground: Ground, radius: float) -> list[Array]:
     """Return the point that makes the path leave (or reach) a place with its heading."""
     if len(pose) < 3:
         return []
     place = np.array(pose[:2], dtype=np.float64)
     along = sign * np.array([math.cos(pose[2]), math.sin(pose[2])])
-    for size in _LEADS:
+    wide = _LEAD_PER_RADIUS * radius
+    for size in (wide, *_LEADS) if wide > _LEADS[0] else _LEADS:
         point = place + size * along
         if bool(ground.clear(place, point[None, :])[0]):
             return [point]

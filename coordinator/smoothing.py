@@ -33,6 +33,10 @@ _NARROWEST: Final = 2e-3
 _SHRINK: Final = 0.75
 _SHARPEST: Final = math.radians(100.0)
 _STEP: Final = 0.01
+_TURN_LEGS: Final = (0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0)
+"""Lengths [m] tried for the leg between the two turns that replace a sharp one."""
+_EASY_TURN: Final = 0.1
+_TURN_RESERVE: Final = 1.2
 _END_SHARE: Final = 0.9
 """Share of the first and last leg that a corner may take: a knot near the end would stall there."""
 
@@ -51,7 +55,8 @@ def smooth(
     and of the last leg are asked for.  Raises PlanError when a turn does not fit.
     """
     polygon, exact = _without_straight(polygon, exact, headed)
-    polygon, exact = _blunt(polygon, exact, clear, headed[1])
+    radius = max(_TURN_RESERVE * min_turn_radius, _EASY_TURN)
+    polygon, exact = _blunt(polygon, exact, clear, headed[1], radius)
     polygon, exact = _without_straight(polygon, exact, headed)
     widths = _widest(polygon)
     while True:
@@ -104,8 +109,10 @@ def _turns(polygon: Array) -> Array:
     return np.asarray(np.arctan2(cross, np.einsum("ij,ij->i", unit[:-1], unit[1:])))
 
 
-def _blunt(polygon: Array, exact: Flags, clear: Clear, keep_last: bool) -> tuple[Array, Flags]:
-    """Replace turns too sharp to round by two turns, using what room there is.
+def _blunt(
+    polygon: Array, exact: Flags, clear: Clear, keep_last: bool, radius: float
+) -> tuple[Array, Flags]:
+    """Replace turns too sharp to round by two turns of `radius` [m], if there is room.
 
     The first leg keeps its direction, the last one too when it has to.
     """
@@ -119,16 +126,21 @@ def _blunt(polygon: Array, exact: Flags, clear: Clear, keep_last: bool) -> tuple
             flags.append(bool(exact[i]))
             continue
         if keep_last and i == len(polygon) - 2:
-            extra = _two_turns(after, here, vertices[-1], bool(exact[i]), clear)[::-1]
+            extra = _two_turns(after, here, vertices[-1], bool(exact[i]), clear, radius)[::-1]
         else:
-            extra = _two_turns(vertices[-1], here, after, bool(exact[i]), clear)
+            extra = _two_turns(vertices[-1], here, after, bool(exact[i]), clear, radius)
         vertices.extend(extra)
         flags.extend([False] * len(extra))
     return np.array([*vertices, polygon[-1]]), np.array([*flags, exact[-1]])
 
 
-def _two_turns(before: Array, here: Array, after: Array, exact: bool, clear: Clear) -> list[Array]:
-    """Return two vertices for one sharp turn; an exact vertex stays on the leg between them."""
+def _two_turns(
+    before: Array, here: Array, after: Array, exact: bool, clear: Clear, radius: float
+) -> list[Array]:
+    """Return two vertices for one sharp turn; an exact vertex stays on the leg between them.
+
+    The shortest leg that gives a turn of `radius` [m] is taken, else the one that turns widest.
+    """
     into = (here - before) / np.hypot(*(here - before))
     onward = (after - here) / np.hypot(*(after - here))
     side = np.array([-into[1], into[0]])
@@ -137,17 +149,30 @@ def _two_turns(before: Array, here: Array, after: Array, exact: bool, clear: Cle
     bisector = into + onward
     size = np.hypot(*bisector)
     along = bisector / size if exact and size > 0.1 else side
-    for width in (0.5, 0.25, 0.12, 0.06, 0.03):
+    best, best_radius = None, 0.0
+    for width in _TURN_LEGS:
         for across in (along, -along):
             pair = [here - width * across, here + width * across]
             if not exact:
                 pair = [here, here + width * across]
-            if bool(clear(_trail(np.stack((before, *pair, after)))).all()):
-                return pair
-    raise PlanError(
-        f"no room to turn round at ({here[0]:.2f}, {here[1]:.2f}); "
-        "more room there or another heading would help"
-    )
+            way = np.stack((before, *pair, after))
+            turned = float(_radii(way, _widest(way)).min())
+            if turned > best_radius and bool(clear(_trail(way)).all()):
+                best, best_radius = pair, turned
+        if best_radius >= radius:
+            break
+    if best is None:
+        raise PlanError(
+            f"no room to turn round at ({here[0]:.2f}, {here[1]:.2f}); "
+            "more room there or another heading would help"
+        )
+    return best
+
+
+def _radii(polygon: Array, widths: Array) -> Array:
+    """Return the least radius of curvature [m] at each corner, (n - 2,), from the closed form."""
+    half = 0.5 * np.abs(_turns(polygon))
+    return np.asarray(widths * np.cos(half) ** 2 / np.maximum(2.0 * np.sin(half), 1e-9))
 
 
 def _trail(polygon: Array) -> Array:

@@ -14,7 +14,7 @@ _GAUSS = (
     (0.5384693101056831, 0.4786286704993665),
     (0.9061798459386640, 0.2369268850561891),
 )
-_CELLS_PER_SPAN = 8
+_CELLS_PER_SPAN = 16
 
 
 def clamped_knots(degree: int, wire_knots: list[float]) -> list[float]:
@@ -131,7 +131,7 @@ class Curve:
         return hypot(self.dx, self.dy)
 
     def _measure(self) -> None:
-        """Fill the table of arc lengths: Gauss quadrature with 5 nodes over 8 cells per span."""
+        """Fill the table of arc lengths: Gauss quadrature with 5 nodes over 16 cells per span."""
         self._cell_slope.append(1.0 / max(self._speed(0.0), 1e-9))
         previous = 0.0
         for knot in self.knots:

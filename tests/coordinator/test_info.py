@@ -12,7 +12,7 @@ from coordinator.info import summarise
 from coordinator.info_table import render
 from coordinator.logbook import Log, read_log
 from coordinator.recorder import Attachment, Recorder
-from protocol import codec, keys, phases
+from protocol import codec, keys, packing, phases
 from protocol.messages import Clock, Command, Hello, Plan, Refusal, Report
 
 SECOND = 1_000_000_000
@@ -21,11 +21,12 @@ GO_AT = BEGIN + 2 * SECOND
 
 
 def plan_message(robot: str) -> Plan:
-    points = codec.pack_floats([0.0, 0.0, 1.0, 0.0, 2.0, 0.0, 3.0, 0.0])
+    points = packing.pack_points([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)])
+    speeds, profile = packing.pack_profile([(0.0, 0.5), (3.0, 0.0)])
     return codec.seal(
         Plan(
-            1, 9, robot, SECOND // 2, 1, 1, 20, 500, 3, points,
-            codec.pack_floats([1.0]), b"", codec.pack_floats([0.0, 0.5, 3.0, 0.0]), b"", 0,
+            1, 9, robot, SECOND // 2, 20, 500, 3, points,
+            packing.pack_floats([1.0]), b"", speeds, profile, b"", 0,
         )
     )  # fmt: skip
 
