@@ -68,13 +68,14 @@ class Hand(Transport):
 
 
 class Clock:
-    """A clock that a millisecond passes on at every look: no test waits for it."""
+    """A clock on which time passes at every look: no test waits for it."""
 
-    def __init__(self):
+    def __init__(self, step=MILLISECOND):
         self.now = 10**9
+        self.step = step
 
     def __call__(self):
-        self.now += MILLISECOND
+        self.now += self.step
         return self.now
 
 
@@ -133,6 +134,7 @@ async def test_a_decision_that_the_code_would_not_take_is_found_at_its_message(r
 
 async def test_a_fleet_whose_robots_never_come_is_given_up(recorded):
     service, hand, _ = recorded
+    service._clock.step = 60 * MILLISECOND
     hand.answer = lambda _command: None
     assert not await service.run(patience_s=3.0)
     assert "R1" in service.fleet.incidents[-1].text
