@@ -233,8 +233,8 @@ class _Telling:
             self.summary.positions_on_wire += 1
         if report.fault != self._faults.get(robot, phases.NO_FAULT):
             self._faults[robot] = report.fault
-            if report.fault != phases.NO_FAULT:
-                told.fault = _fault_name(report.fault)
+            told.fault = _fault_name(report.fault) if report.fault != phases.NO_FAULT else None
+            if told.fault is not None and report.phase != phases.IDLE:
                 self._tell_fault(log_ns, robot, told.fault, "report")
         start_ns = self._starts_ns.get(report.epoch)
         if report.phase != phases.DONE or start_ns is None:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Final
 
 import numpy as np
@@ -254,7 +254,7 @@ def prove(
     apart = least_slack(flights, tau, np.zeros_like(need))
     text = "" if tightest is None else _say(tightest, driven, need)
     if tightest is not None and tightest.slack < -TOLERANCE:
-        failures.append(text)
+        failures += _failing_pairs(flights, tau, need, driven)
     clearance = None
     if distance is not None:
         clearance, robot, s = least_clearance(driven, distance)
@@ -274,6 +274,19 @@ def prove(
         tightest=text,
         failures=failures,
     )
+
+
+def _failing_pairs(
+    flights: Sequence[Flight], tau: float, need: Array, driven: Sequence[Driven]
+) -> list[str]:
+    """Say for every pair that comes too near where it does so most."""
+    failures = []
+    for a, b in combinations(range(len(flights)), 2):
+        pair = [flights[a], flights[b]]
+        closest = least_slack(pair, tau, need[np.ix_((a, b), (a, b))])
+        if closest is not None and closest.slack < -TOLERANCE:
+            failures.append(_say(closest, [driven[a], driven[b]], need[np.ix_((a, b), (a, b))]))
+    return failures
 
 
 def _say(closest: Closest, driven: Sequence[Driven], need: Array) -> str:

@@ -5,14 +5,21 @@ Decides: what a document is proven against.  The proof itself is proof.py.
 
 from __future__ import annotations
 
+import math
+from typing import Final
+
 import numpy as np
 
 from coordinator.budget import budget_for, resolve_tau
 from coordinator.floor import Floor
 from coordinator.plan import Limits, PlanDocument, Proof
 from coordinator.proof import TOLERANCE, prove
-from coordinator.scenario import Scenario
+from coordinator.scenario import Robot, Scenario
 from coordinator.wire import Driven, drive
+
+_STEP: Final = 5e-4
+_HEADING: Final = 1e-2
+"""Sampling of the path [m] when looking for via points, and how far [rad] a heading may be off."""
 
 
 def prove_document(document: PlanDocument, scenario: Scenario | None = None) -> Proof:
@@ -46,13 +53,7 @@ def _prove_against(document: PlanDocument, driven: list[Driven], scenario: Scena
             continue
         if one.radius < robot.radius:
             failures.append(f"{one.id} is planned with radius {one.radius} m, has {robot.radius} m")
-        ends = one.curve.at_arc([0.0, one.curve.length])
-        for name, planned, wanted in (
-            ("start", ends[0], robot.start),
-            ("goal", ends[1], robot.goal),
-        ):
-            if np.hypot(*(planned - wanted[:2])) > TOLERANCE:
-                failures.append(f"{one.id}'s {name} is not the scenario's")
+        failures += _misses(one, robot)
     failures += [f"{name} has no plan" for name in robots if name not in {d.id for d in driven}]
     limits = [Limits.of(robot) for robot in scenario.robots]
     budget = budget_for(limits)
@@ -76,3 +77,24 @@ def _prove_against(document: PlanDocument, driven: list[Driven], scenario: Scena
         tightest=proof.tightest,
         failures=failures + proof.failures,
     )
+
+
+def _misses(driven: Driven, robot: Robot) -> list[str]:
+    """Return which of the places and headings that a scenario asks for a path does not have."""
+    curve = driven.curve
+    u = curve.parameter_at(np.linspace(0.0, curve.length, 2 + int(curve.length / _STEP)))
+    points, first = curve.derivatives(u, 1)
+    failures = []
+    for name, index, pose in (("start", 0, robot.start), ("goal", -1, robot.goal)):
+        if np.hypot(*(points[index] - pose[:2])) > TOLERANCE:
+            failures.append(f"{driven.id}'s {name} is not the scenario's")
+        if len(pose) == 3:
+            along = first[index] / np.hypot(*first[index])
+            if along @ (math.cos(pose[2]), math.sin(pose[2])) < math.cos(_HEADING):
+                failures.append(f"{driven.id}'s heading at its {name} is not the scenario's")
+    failures += [
+        f"{driven.id} does not pass ({place[0]}, {place[1]})"
+        for place in robot.via
+        if np.hypot(*(points - place).T).min() > TOLERANCE + _STEP
+    ]
+    return failures

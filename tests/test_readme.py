@@ -1,0 +1,39 @@
+"""What the README and the examples promise."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from coordinator.planner import plan_scenario
+from coordinator.scenario_file import parse_scenario, read_scenario
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def test_the_readme_opens_with_a_picture_and_the_two_commands():
+    opening = README[:2000]
+    picture = re.search(r"!\[.+\]\((.+?)\)", opening)
+    assert (ROOT / picture[1]).exists()
+    assert "make demo" in opening
+    assert "make test" in opening
+
+
+def test_the_scenario_of_the_readme_has_a_proven_plan():
+    (text,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    assert plan_scenario(parse_scenario(text.encode(), "readme.toml")).proof.holds
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.toml")), ids=lambda p: p.stem)
+def test_every_example_has_a_proven_plan_of_short_messages(path):
+    document = plan_scenario(read_scenario(path))
+    assert document.proof.holds
+    for robot in document.robots:
+        if len(robot.path.control_points) <= 12 and len(robot.stops) <= 3:
+            assert robot.wire_bytes <= 350
+
+
+def test_the_links_of_the_readme_lead_somewhere():
+    for target in re.findall(r"\]\(((?!http)[^)#]+)\)", README):
+        assert (ROOT / target).exists(), target
