@@ -31,6 +31,10 @@ _ROOM_PER_RADIUS: Final = 2.2
 """What turning takes, per metre of min_turn_radius: a straight lead, and the reach around corners
 whose 45 degree steps leave about 0.46 of it as radius."""
 
+_PLACE_ROOM: Final = 0.015
+"""Other robots' places are passed this much farther off [m] than needed: a conflict zone may be a
+little larger than the conflict, and must not reach from a place to a path that keeps off it."""
+
 _LEADS: Final = (0.6, 0.3, 0.15, 0.08)
 
 
@@ -64,7 +68,7 @@ class Pathfinder:
         anchors = np.array([me.start[:2], *me.via, me.goal[:2]])
         found: tuple[list[Disc], list[Disc]] = ([], [])
         for other in robots[:index] + robots[index + 1 :]:
-            reach = self.scenario.need(me, other) + 2.0 * _TOUCH
+            reach = self.scenario.need(me, other) + _PLACE_ROOM
             for discs, place in zip(found, (other.start, other.goal), strict=True):
                 if np.hypot(*(anchors - place[:2]).T).min() > reach * 1.1:
                     discs.append(Disc(place[0], place[1], reach))
