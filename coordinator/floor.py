@@ -30,11 +30,12 @@ _SLACK: Final = 1e-6
 
 @dataclass(frozen=True)
 class Disc:
-    """A round place to keep the centre out of, [m]."""
+    """A round place to keep the centre out of, [m], seen as a tangent polygon of so many sides."""
 
     x: float
     y: float
     radius: float
+    sides: int = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,9 +156,8 @@ def _wedge(corner: Array, angle: float, turn: float, distance: float) -> Polygon
 
 def _round(disc: Disc, extra: float) -> Polygon:
     """Return the tangent polygon around a disc."""
-    count = round(2.0 * math.pi / _TURN_STEP)
-    radius = (disc.radius + extra) / math.cos(math.pi / count)
-    angles = (np.arange(count) + 0.5) * (2.0 * math.pi / count)
+    radius = (disc.radius + extra) / math.cos(math.pi / disc.sides)
+    angles = (np.arange(disc.sides) + 0.5) * (2.0 * math.pi / disc.sides)
     return Polygon(
         np.column_stack((disc.x + radius * np.cos(angles), disc.y + radius * np.sin(angles)))
     )

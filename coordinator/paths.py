@@ -35,6 +35,9 @@ _PLACE_ROOM: Final = 0.015
 """Other robots' places are passed this much farther off [m] than needed: a conflict zone may be a
 little larger than the conflict, and must not reach from a place to a path that keeps off it."""
 
+_NEAR: Final = 1.015
+"""A place as near to this robot's own as this share beyond the disc is seen as a finer polygon."""
+
 _LEADS: Final = (0.6, 0.3, 0.15, 0.08)
 
 
@@ -68,10 +71,14 @@ class Pathfinder:
         anchors = np.array([me.start[:2], *me.via, me.goal[:2]])
         found: tuple[list[Disc], list[Disc]] = ([], [])
         for other in robots[:index] + robots[index + 1 :]:
-            reach = self.scenario.need(me, other) + _PLACE_ROOM
-            for discs, place in zip(found, (other.start, other.goal), strict=True):
-                if np.hypot(*(anchors - place[:2]).T).min() > reach * 1.1:
-                    discs.append(Disc(place[0], place[1], reach))
+            need = self.scenario.need(me, other)
+            for discs, (x, y, *_) in zip(found, (other.start, other.goal), strict=True):
+                nearest = float(np.hypot(*(anchors - (x, y)).T).min())
+                reach = min(need + _PLACE_ROOM, nearest / _NEAR)
+                if nearest > 1.15 * reach:
+                    discs.append(Disc(x, y, reach))
+                elif reach > need + 2.0 * _TOUCH:
+                    discs.append(Disc(x, y, reach, sides=24))
         return found
 
     def _path_among(self, robot: Robot, discs: Sequence[Disc], room: float) -> Nurbs:
