@@ -54,8 +54,12 @@ def main() -> None:
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
     """Treat a request to end as Ctrl-C, once: closing the log is not to be cut short."""
     for number in _ENDING:
-        signal.signal(number, signal.SIG_IGN)
+        signal.signal(number, _ignore)
     raise KeyboardInterrupt
+
+
+def _ignore(_number: int, _frame: FrameType | None) -> None:
+    """Do nothing; SIG_IGN would make Python complain about a signal that is already pending."""
 
 
 if __name__ == "__main__":

@@ -15,3 +15,11 @@ class InputError(Exception):
 
 class PlanError(Exception):
     """No plan exists, or none was found: who blocks whom, where, what would help.  Exit code 1."""
+
+
+class TurnError(PlanError):
+    """A turn is tighter than the robot can make; `radius` [m] is what there is room for."""
+
+    def __init__(self, text: str, radius: float) -> None:
+        super().__init__(text)
+        self.radius = radius

@@ -122,6 +122,7 @@ class _Telling:
         self._starts_ns: dict[int, int] = {}
         self._phase: tuple[int, int] | None = None
         self._faults: dict[str, int] = {}
+        self._heard: dict[str, tuple[int, int]] = {}
         self._sent: list[tuple[str, int, int]] = []
         self._last_arrival_ns: int | None = None
         self.summary = Summary(
@@ -224,11 +225,20 @@ class _Telling:
             self._starts_ns.setdefault(command.epoch, command.start_ns)
             epoch.start = self._seconds(self._starts_ns[command.epoch])
         if command.phase == phases.FREEZE:
+            self._tell_silence(log_ns)
             self._tell_fault(log_ns, "", "the fleet was told to freeze", "freeze")
+
+    def _tell_silence(self, log_ns: int) -> None:
+        """Tell which robots had not been heard for too long when the fleet was frozen."""
+        for robot, (heard_ns, phase) in self._heard.items():
+            if phase != phases.DONE and log_ns - heard_ns > REPORT_TIMEOUT:
+                self._robot(robot).fault = "fell silent"
+                self._tell_fault(log_ns, robot, "fell silent", "silence")
 
     def _tell_report(self, report: Report, robot: str, log_ns: int) -> None:
         told = self._robot(robot)
         told.reports += 1
+        self._heard[robot] = (log_ns, report.phase)
         if report.s_m is not None and report.phase != phases.FROZEN:
             self.summary.positions_on_wire += 1
         if report.fault != self._faults.get(robot, phases.NO_FAULT):

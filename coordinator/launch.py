@@ -52,7 +52,8 @@ class Coordinator:
         Raises InputError, PlanError and TransportError before anything moves.
         """
         if self.scenario.policy != "safe":
-            raise InputError(["policy: only policy safe is sent to robots"])
+            name, policy = self.scenario.name, self.scenario.policy
+            raise InputError([f"{name}: policy: {policy!r} is for study, only 'safe' is driven"])
         document = plan_scenario(self.scenario, effort=self.effort, timer=time.perf_counter)
         if plan_file is not None:
             write_file(plan_file, to_json(document))

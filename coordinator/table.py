@@ -23,7 +23,13 @@ class FleetTable:
     def __init__(self, document: PlanDocument) -> None:
         self._lines = {driven.id: driven.timeline for driven in drive(document)}
         self._stops = {robot.id: robot for robot in document.robots}
-        self._live = Live(console=errors, refresh_per_second=4, transient=True)
+        self._live = Live(
+            console=errors,
+            refresh_per_second=4,
+            transient=True,
+            redirect_stdout=False,
+            redirect_stderr=False,
+        )
         self._on = errors.is_terminal
 
     def __enter__(self) -> FleetTable:
@@ -48,18 +54,20 @@ class FleetTable:
         title = f"{fleet.name} · epoch {fleet.epoch} · {COMMAND_NAMES[fleet.phase]}"
         if fleet.phase == GO:
             title += f" · {max(time, 0.0):.1f} s"
-        table = Table("robot", "phase", "progress by the clock", "", "next stop", title=title)
+        table = Table("robot", "phase", "progress by the clock", "%", "next stop", title=title)
         for member in fleet.members.values():
             line = self._lines[member.id]
             share = line.s_at(time) / line.length if member.phase >= MOVING else 0.0
             phase = "lost" if member.lost else PHASE_NAMES[member.phase]
+            if member.phase == MOVING and line.v_at(time) == 0.0 and not member.lost:
+                phase = "waiting"
             if member.fault:
                 phase += f" ({FAULT_NAMES[member.fault]})"
             table.add_row(
                 member.id,
                 phase,
                 ProgressBar(total=1.0, completed=share, width=30),
-                f"{100.0 * share:.0f} %",
+                f"{100.0 * share:.0f}",
                 self._next_stop(member.id, time),
             )
         return table

@@ -20,8 +20,8 @@ commands = typer.Typer()
 def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
     out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
-    speed: Annotated[float, typer.Option(min=0.1, max=20.0, help="Times real time.")] = 1.0,
-    fault: Annotated[list[str] | None, typer.Option(help="kill:ROBOT@SECONDS and others.")] = None,
+    speed: Annotated[float, typer.Option(min=0.1, max=20.0, help="Times real time; late robots stop.")] = 1.0,
+    fault: Annotated[list[str] | None, typer.Option(help="kill:ROBOT@SECONDS, hang:..., coordinator-kill@SECONDS, coordinator-hang@...")] = None,
     effort: Annotated[int, typer.Option(min=0, max=100_000, help="Improvement rounds.")] = 20,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:

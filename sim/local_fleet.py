@@ -118,6 +118,7 @@ class LocalFleet:
                 f"--max-accel={robot.max_accel}",
                 f"--blackbox={self.folder / 'blackbox' / f'{robot.id}.csv'}",
                 f"--speed={self.speed}",
+                "--quiet",
             ],
             stdout=subprocess.DEVNULL,
             stdin=subprocess.DEVNULL,
@@ -166,7 +167,7 @@ class LocalFleet:
     def _strike(self, fault: Fault, coordinator: Process) -> None:
         target = self._robots[fault.robot] if fault.robot else coordinator
         target.send_signal(fault.signal)
-        tell(f"{fault.kind} {fault.robot} at {fault.time} s")
+        tell(f"{' '.join(filter(None, (fault.kind, fault.robot)))} at {fault.time} s")
         if fault.kind == "coordinator-hang":
             time.sleep(_GOODBYE_S / self.speed)
             coordinator.kill()
