@@ -5,6 +5,7 @@ Decides: options and exit codes.  Heavy modules are imported when a command need
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 from typing import Annotated, Literal
@@ -21,7 +22,29 @@ ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.
 PlanFile = Annotated[Path, typer.Argument(help="Plan file, as `plan -o` writes it.")]
 LogFile = Annotated[Path, typer.Argument(help="Log of a run, MCAP.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
-Speed = Annotated[float, typer.Option(min=0.01, max=1000.0, help="Times real time.")]
+
+
+def finite(parameter: typer.CallbackParam, value: float) -> float:
+    """Refuse NaN and the infinite number, which a range lets pass."""
+    if not math.isfinite(value):
+        least, most = (getattr(parameter.type, name, None) for name in ("min", "max"))
+        low = "" if least is None else f" from {least:g}"
+        high = "" if most is None else f" to {most:g}"
+        raise typer.BadParameter(f"{value} is not allowed, a finite number{low}{high} is.")
+    return value
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder unless it is there; InputError in one line when that cannot be done."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError([f"{folder}: {error.strerror}, a folder is needed here"]) from None
+
+
+Speed = Annotated[
+    float, typer.Option(min=0.01, max=1000.0, callback=finite, help="Times real time.")
+]
 Effort = Annotated[int, typer.Option(min=0, max=100_000, help="Rounds of improvement.")]
 
 
@@ -30,7 +53,9 @@ def plan(
     scenario: ScenarioFile,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="plan.json.")] = None,
     csv: Annotated[Path | None, typer.Option(help="The motions as rows over time.")] = None,
-    step: Annotated[float, typer.Option(min=1e-4, max=1e3, help="Seconds a CSV row.")] = 0.02,
+    step: Annotated[
+        float, typer.Option(min=1e-4, max=1e3, callback=finite, help="Seconds a CSV row.")
+    ] = 0.02,
     policy: Annotated[Literal["safe", "paper"] | None, typer.Option(help="How to wait.")] = None,
     effort: Effort = 20,
     as_json: Json = False,
@@ -95,7 +120,9 @@ def coordinator(
     plan_out: Annotated[Path | None, typer.Option(help="Write plan.json here.")] = None,
     speed: Speed = 1.0,
     effort: Effort = 20,
-    wait: Annotated[float, typer.Option(min=0.1, help="Seconds to wait for all robots.")] = 60.0,
+    wait: Annotated[
+        float, typer.Option(min=0.1, callback=finite, help="Seconds to wait for all robots.")
+    ] = 60.0,
     as_json: Annotated[bool, typer.Option("--json", help="Events as JSON lines.")] = False,
 ) -> None:
     """Run the coordinator alone; robots connect to it.
@@ -156,6 +183,8 @@ def _check(log: Path, as_json: bool) -> None:
         answer_json(result._asdict())
     elif not result.difference:
         answers.print(f"{result.plans} plans and {result.commands} commands: every byte agrees")
+    if result.note:
+        tell(f"{log}: {result.note}")
     if result.difference:
         tell(f"{log}: {result.difference}")
         raise typer.Exit(1)
@@ -198,5 +227,6 @@ def plot(
         document = from_json(attachments["plan-1.json"], f"{source}: plan-1.json")
     else:
         document = read(source)
+    make_folder(output.parent)
     draw_plan(document, output)
     tell(f"wrote {output}")

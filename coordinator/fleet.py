@@ -29,7 +29,7 @@ from protocol.phases import (
     OVER,
     PHASE_NAMES,
 )
-from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
+from protocol.timing import COMMAND_PERIOD, LEASE, MILLISECOND, SECOND
 
 GO_LEAD: Final = 400 * MILLISECOND
 """From the decision to go until the common start: every robot hears of it in time."""
@@ -39,6 +39,9 @@ TASK_GRACE: Final = 10 * SECOND
 
 FREEZE_PATIENCE: Final = 10 * SECOND
 """How long a frozen fleet is waited for to tell where it stands."""
+
+FREEZE_SAID: Final = LEASE
+"""For how long FREEZE is said at least: a robot that misses all of it stops by its lease."""
 
 FAREWELLS: Final = 5
 """How often OVER is said."""
@@ -90,7 +93,7 @@ class Fleet:
         self.incidents: list[Incident] = []
         self._duration_ns = duration_ns
         self._sequence = 0
-        self._changed_ns = 0
+        self._changed_ns = self._ticked_ns = 0
         self._farewells = 0
         self._refused: set[tuple[str, int]] = set()
 
@@ -112,13 +115,19 @@ class Fleet:
         return []
 
     def tick(self, now_ns: int) -> list[Outgoing]:
-        """Look at the time, and say every COMMAND_PERIOD what should be."""
+        """Look at the time, and say every COMMAND_PERIOD what should be.
+
+        After a gap between ticks the coordinator itself was away: what robots said meanwhile has
+        yet to be heard, so nobody is called silent at once.
+        """
         members = self.members.values()
+        was_away = now_ns - self._ticked_ns > 2 * COMMAND_PERIOD
+        self._ticked_ns = now_ns
         if self.phase == HOLD and all(m.is_armed(self.epoch, now_ns) for m in members):
             self._turn("all armed", now_ns)
         elif self.phase == GO:
-            self._watch(now_ns)
-        elif self.phase == FREEZE:
+            self._watch(now_ns, was_away)
+        elif self.phase == FREEZE and not was_away:
             for member in members:
                 member.lost |= member.phase != DONE and member.is_silent(now_ns)
         elif self.phase == OVER:
@@ -132,7 +141,7 @@ class Fleet:
 
     def is_settled(self, now_ns: int) -> bool:
         """Tell whether a frozen fleet rests: all that speak have told where, or time is up."""
-        if self.phase != FREEZE:
+        if self.phase != FREEZE or now_ns - self._changed_ns < FREEZE_SAID:
             return False
         waiting = [m for m in self.members.values() if not m.lost and not m.is_at_rest()]
         return not waiting or now_ns - self._changed_ns > FREEZE_PATIENCE
@@ -206,14 +215,14 @@ class Fleet:
         answer = Clock(clock.boot, clock.sent_ns, now_ns, now_ns)
         return [Outgoing(keys.clock(self.name, robot), encode(answer))]
 
-    def _watch(self, now_ns: int) -> None:
+    def _watch(self, now_ns: int, was_away: bool) -> None:
         """See who is lost or late while the fleet moves, and whether everybody has arrived."""
         moving = [m for m in self.members.values() if m.phase != DONE]
         if not moving:
             self._turn("all done", now_ns)
             return
         for member in moving:
-            if member.is_silent(now_ns):
+            if member.is_silent(now_ns) and not was_away:
                 member.lost = True
                 self._fail(member, f"{member.id} has fallen silent", now_ns)
             elif now_ns > self.start_ns + self._duration_ns + TASK_GRACE:

@@ -17,6 +17,7 @@ from coordinator import plan as plan_file
 from coordinator.errors import InputError
 from protocol import codec, keys, phases
 from protocol.messages import Clock, Command, Hello, Message, Plan, Refusal, Report
+from protocol.timing import REPORT_TIMEOUT
 
 if TYPE_CHECKING:
     from coordinator.logbook import Log, Record

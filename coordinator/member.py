@@ -44,7 +44,7 @@ class Member:
         """Take a report in; False when it is not this robot's newest."""
         if report.boot != self.boot or report.sequence <= self.sequence:
             return False
-        self.heard_ns, self.sequence = now_ns, report.sequence
+        self.heard_ns, self.sequence, self.lost = now_ns, report.sequence, False
         self.epoch, self.phase, self.fault = report.epoch, report.phase, report.fault
         if report.s_m is not None and report.phase == FROZEN:
             self.rest_s = report.s_m

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Final
 
 import numpy as np
 import shapely
 
-from coordinator.errors import PlanError
+from coordinator.errors import PlanError, TurnError
 from coordinator.floor import Disc, Floor, Ground
 from coordinator.nurbs import Array, Nurbs
 from coordinator.route import shortest_way
@@ -25,6 +25,9 @@ _ROOMS: Final = (0.02, 0.003)
 
 _TOUCH: Final = 0.0005
 """Curves keep this much more [m] than needed: float32 and the samples between which they bend."""
+
+_FLUSH: Final = 2e-6
+"""What float32 takes [m] from a robot that stands exactly as near as it may."""
 
 _LEAD_PER_RADIUS: Final = 6.0
 _ROOM_PER_RADIUS: Final = 2.2
@@ -56,14 +59,17 @@ class Pathfinder:
         """
         robot = self.scenario.robots[index]
         starts, goals = self._places(index)
-        last: PlanError | None = None
-        for places in ([*starts, *goals], goals, starts, []):
-            for room in _rooms(robot):
-                try:
-                    return self._path_among(robot, [*places, *detours], room)
-                except PlanError as error:
-                    last = error
-        raise PlanError(f"{robot.id}: {last}")
+        worst: PlanError | None = None
+        trials = product(([*starts, *goals], goals, starts, []), _rooms(robot), _lead_shares(robot))
+        for places, room, share in trials:
+            try:
+                return self._path_among(robot, [*places, *detours], room, share)
+            except TurnError as error:
+                if not isinstance(worst, TurnError) or error.radius > worst.radius:
+                    worst = error
+            except PlanError as error:
+                worst = worst if isinstance(worst, TurnError) else error
+        raise PlanError(f"{robot.id}: {worst}")
 
     def _places(self, index: int) -> tuple[list[Disc], list[Disc]]:
         """Return the discs of the other robots' starts and goals that this one can keep off."""
@@ -81,28 +87,36 @@ class Pathfinder:
                     discs.append(Disc(x, y, reach, sides=24))
         return found
 
-    def _path_among(self, robot: Robot, discs: Sequence[Disc], room: float) -> Nurbs:
+    def _path_among(
+        self, robot: Robot, discs: Sequence[Disc], room: float, lead_share: float
+    ) -> Nurbs:
         reach = robot.radius + self.scenario.margin
-        ground = self.floor.ground(reach + _TOUCH, room, discs)
+        anchors = np.array([robot.start[:2], *robot.via, robot.goal[:2]])
+        spare = float(self.floor.distance(anchors).min()) - reach - _FLUSH
+        touch = min(max(spare, 0.0), _TOUCH)
+        ground = self.floor.ground(reach + touch, room, discs)
 
         def clear(points: Array) -> Flags:
-            free = self.floor.distance(points) >= reach + 0.5 * _TOUCH
+            free = self.floor.distance(points) >= reach + 0.5 * touch - _FLUSH
             for disc in discs:
                 free &= np.hypot(points[:, 0] - disc.x, points[:, 1] - disc.y) >= disc.radius
             return free
 
-        polygon, exact = self._polygon(robot, ground)
+        polygon, exact = self._polygon(robot, ground, lead_share)
         headed = (len(robot.start) == 3, len(robot.goal) == 3)
         return smooth(polygon, exact, clear, robot.min_turn_radius, headed)
 
-    def _polygon(self, robot: Robot, ground: Ground) -> tuple[Array, Flags]:
+    def _polygon(self, robot: Robot, ground: Ground, lead_share: float) -> tuple[Array, Flags]:
         """Return the control polygon (n, 2) and which vertices are passed exactly."""
-        anchors = [np.array(robot.start[:2], dtype=np.float64)]
-        anchors += _lead(robot.start, +1.0, ground, robot.min_turn_radius)
+        begin, end = np.array(robot.start[:2]), np.array(robot.goal[:2])
         via = [np.array(point) for point in robot.via]
-        anchors += via
-        anchors += _lead(robot.goal, -1.0, ground, robot.min_turn_radius)
-        anchors.append(np.array(robot.goal[:2], dtype=np.float64))
+        wide = max(_LEAD_PER_RADIUS * robot.min_turn_radius, _LEADS[0])
+        first, last = (via[0], via[-1]) if via else (end, begin)
+        anchors = [begin]
+        for pose, sign, towards in ((robot.start, 1.0, first), (robot.goal, -1.0, last)):
+            longest = lead_share * min(wide, 0.45 * float(np.hypot(*(towards - pose[:2]))))
+            anchors += _lead(pose, sign, ground, longest)
+            anchors += via if sign > 0.0 else [end]
         vertices, exact = [anchors[0]], [True]
         for start, goal in pairwise(anchors):
             way = shortest_way(ground, start, goal)
@@ -152,14 +166,19 @@ def _rooms(robot: Robot) -> list[float]:
     return [wide, *_ROOMS] if wide > _ROOMS[0] else list(_ROOMS)
 
 
-def _lead(pose: Sequence[float], sign: float, ground: Ground, radius: float) -> list[Array]:
+def _lead_shares(robot: Robot) -> tuple[float, ...]:
+    """Return which shares of the longest lead to try: a shorter one may turn wider."""
+    headed = len(robot.start) == 3 or len(robot.goal) == 3
+    return (1.0, 0.5, 0.25) if headed and robot.min_turn_radius > 0.0 else (1.0,)
+
+
+def _lead(pose: Sequence[float], sign: float, ground: Ground, longest: float) -> list[Array]:
     """Return the point that makes the path leave (or reach) a place with its heading."""
     if len(pose) < 3:
         return []
     place = np.array(pose[:2], dtype=np.float64)
     along = sign * np.array([math.cos(pose[2]), math.sin(pose[2])])
-    wide = _LEAD_PER_RADIUS * radius
-    for size in (wide, *_LEADS) if wide > _LEADS[0] else _LEADS:
+    for size in (longest, *(lead for lead in _LEADS if lead < longest)):
         point = place + size * along
         if bool(ground.clear(place, point[None, :])[0]):
             return [point]

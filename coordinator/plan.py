@@ -14,6 +14,7 @@ from typing import Final
 import msgspec
 
 from coordinator.errors import InputError
+from coordinator.plan_checks import find_problems
 from coordinator.scenario import Point, Policy, Robot
 
 FORMAT: Final = "splinefleet.plan/1"
@@ -88,7 +89,11 @@ class Crossing(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Proof(msgspec.Struct, frozen=True, kw_only=True):
-    """What proof.py found; distances between centres [m], clearance beyond the radius [m]."""
+    """What proof.py found; distances between centres [m], clearance beyond the radius [m].
+
+    `unproven` names what could not be looked at: "clearance" without a floor, "limits" when a
+    robot's are not known.
+    """
 
     holds: bool
     pairs: int
@@ -97,6 +102,7 @@ class Proof(msgspec.Struct, frozen=True, kw_only=True):
     survives: list[str]
     tightest: str = ""
     failures: list[str] = []
+    unproven: list[str] = []
 
 
 class Floor(msgspec.Struct, frozen=True, kw_only=True):
@@ -136,16 +142,16 @@ def to_json(document: PlanDocument) -> bytes:
 
 
 def from_json(text: bytes, name: str = "plan") -> PlanDocument:
-    """Parse plan.json; raises InputError naming the file and the field."""
+    """Parse and check plan.json; raises InputError naming the file and every bad field."""
     try:
         document = msgspec.json.decode(text, type=PlanDocument)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise InputError([f"{name}: {error}"]) from None
     if document.format != FORMAT:
         raise InputError([f"{name}: format is {document.format!r}, this reads {FORMAT!r}"])
-    ids = [robot.id for robot in document.robots]
-    if len(set(ids)) != len(ids):
-        raise InputError([f"{name}: robots: an id stands twice"])
+    problems = find_problems(document)
+    if problems:
+        raise InputError([f"{name}: {problem}" for problem in problems])
     return document
 
 

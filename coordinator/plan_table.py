@@ -61,4 +61,6 @@ def render_proof(proof: Proof) -> RenderableType:
     faults = {"late": "a late robot", "stop": "a dead robot", "coordinator": "a lost coordinator"}
     named = ", ".join(faults[name] for name in proof.survives) or "no fault"
     lines.append(Text(f"  survives {named}"))
+    if proof.unproven:
+        lines.append(Text(f"  not proven: {', '.join(proof.unproven)}", "yellow"))
     return Group(*lines)

@@ -20,6 +20,7 @@ from coordinator.motion import Motion, limits_on
 from coordinator.nurbs import Nurbs
 from coordinator.paths import Pathfinder
 from coordinator.plan import Limits, PlanDocument
+from coordinator.plan_checks import LONGEST_PLAN, LONGEST_TAU
 from coordinator.scenario import Scenario
 from coordinator.schedule import Deadlock, Junctions, find_schedule, place_in_order
 from coordinator.verify import prove_document
@@ -31,10 +32,6 @@ DEFAULT_EFFORT = 20
 _NEED_PAD = 0.0015
 _TAU_PAD = 0.004
 """The schedule keeps this much more [m], [s] than needed, for what rounding to the wire costs."""
-
-_LONGEST_TAU = 1000.0
-_LONGEST_PLAN = 100_000.0
-"""What fits into a message and into the memory of the proof [s]."""
 
 Timer = Callable[[], float]
 
@@ -72,18 +69,18 @@ def plan_scenario(
 
 def _check_times(scenario: Scenario, tau: float, motions: Sequence[Motion]) -> None:
     """Raise PlanError naming the robot that makes a plan too long to send or to prove."""
-    if tau > _LONGEST_TAU:
+    if tau > LONGEST_TAU:
         slowest = max(scenario.robots, key=lambda robot: robot.max_speed / robot.max_accel)
         raise PlanError(
             f"{slowest.id} brakes for {slowest.max_speed / slowest.max_accel:.0f} s, so tau is "
-            f"{tau:.0f} s, at most {_LONGEST_TAU:.0f} s are possible; a larger max_accel or a tau "
+            f"{tau:.0f} s, at most {LONGEST_TAU:.0f} s are possible; a larger max_accel or a tau "
             "by hand would help"
         )
     for robot, motion in zip(scenario.robots, motions, strict=True):
-        if motion.finish > _LONGEST_PLAN:
+        if motion.finish > LONGEST_PLAN:
             raise PlanError(
                 f"{robot.id} arrives after {motion.finish:.0f} s, a plan lasts at most "
-                f"{_LONGEST_PLAN:.0f} s; more speed or a nearer goal would help"
+                f"{LONGEST_PLAN:.0f} s; more speed or a nearer goal would help"
             )
 
 

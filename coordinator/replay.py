@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from coordinator.errors import InputError, PlanError
 from coordinator.fleet import Fleet, Outgoing
 from coordinator.logbook import Log, Record
 from coordinator.muster import muster
@@ -25,11 +26,15 @@ from protocol.transport import Transport
 
 
 class Check(NamedTuple):
-    """The outcome of a replay check; `difference` is empty when every byte agrees."""
+    """The outcome of a replay check; `difference` is empty when every byte agrees.
+
+    `note` says what else should be known of a log that agrees.
+    """
 
     plans: int
     commands: int
     difference: str
+    note: str = ""
 
 
 def check_log(log: Log) -> Check:
@@ -37,22 +42,40 @@ def check_log(log: Log) -> Check:
     try:
         scenario = parse_scenario(log.attachments["scenario.json"], "scenario.json")
         effort, boot = int(log.metadata["effort"]), int(log.metadata["boot"])
-    except (KeyError, ValueError) as error:
-        return Check(0, 0, f"the log does not tell how it was planned: {error}")
-    document = plan_scenario(scenario, effort=effort)
+    except (KeyError, ValueError, InputError) as error:
+        reason = "; ".join(str(error).splitlines())
+        return Check(0, 0, f"the log does not tell how it was planned: {reason}")
+    try:
+        document = plan_scenario(scenario, effort=effort)
+    except PlanError as error:
+        return Check(0, 0, f"the log's scenario cannot be planned now: {error}")
     recorded = log.attachments.get("plan-1.json", b"")
     difference = _compare_documents(recorded, document)
     if difference:
         return Check(0, 0, difference)
-    return _Rerun(muster(document, boot)).compare(log.records)
+    try:
+        fleet = muster(document, boot)
+    except PlanError as error:
+        return Check(0, 0, str(error))
+    check = _Rerun(fleet).compare(log.records)
+    if check.difference:
+        return check
+    if not check.commands:
+        nothing = "no command" if check.plans else "no plan and no command"
+        return check._replace(difference=f"the log holds {nothing}")
+    if not log.complete:
+        return check._replace(note="the log was not closed; what is there agrees")
+    return check
 
 
 def _compare_documents(recorded: bytes, document: PlanDocument) -> str:
     """Compare the attached plan with the plan found now, but for how long it took."""
     try:
         found = msgspec.json.decode(recorded)
-    except msgspec.MsgspecError:
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return "attachment plan-1.json cannot be read"
+    if not isinstance(found, dict):
+        return "attachment plan-1.json is not a plan"
     expected = msgspec.json.decode(msgspec.json.encode(document))
     for key, value in expected.items():
         if key != "timing" and found.get(key) != value:

@@ -28,6 +28,8 @@ LEAST_AREA: Final = 1e-9
 """A polygon whose convex hull has no more [m^2] is a line or a point."""
 LEAST_STEP: Final = 1e-3
 """Two places nearer than this [m] are the same place: there is no path between them."""
+LEAST: Final = 1e-3
+"""No radius [m], speed [m/s] or acceleration [m/s^2] is smaller: plans would last for days."""
 ROUNDING: Final = 1e-9
 """A place that is right on paper is not refused for the last bits of its distance [m]."""
 MOST_PAIRS: Final = 1_000
@@ -80,10 +82,10 @@ SCENARIO_QUANTITIES: Final = {
     "speed_reserve": Quantity(from_least=True, most=1.0, below_most=True),
 }
 ROBOT_QUANTITIES: Final = {
-    "radius": Quantity("m"),
-    "max_speed": Quantity("m/s", most=FASTEST),
-    "max_accel": Quantity("m/s^2", word="inf"),
-    "max_lateral_accel": Quantity("m/s^2", word="inf"),
+    "radius": Quantity("m", least=LEAST, from_least=True),
+    "max_speed": Quantity("m/s", least=LEAST, most=FASTEST, from_least=True),
+    "max_accel": Quantity("m/s^2", least=LEAST, from_least=True, word="inf"),
+    "max_lateral_accel": Quantity("m/s^2", least=LEAST, from_least=True, word="inf"),
     "min_turn_radius": Quantity("m", from_least=True),
 }
 

@@ -1,8 +1,8 @@
 """The least distance of two moving robots over all times no more than tau apart.
 
-Branch and bound over boxes of (t, t'): within a block of time a robot stays in a ball around its
-middle place, with the arc length it covers on either side as radius; this bounds distances from
-below without any sampling.
+Branch and bound over boxes of (t, t').  What bounds a distance from below is the arc length that a
+robot covers in a block of time: it cannot get farther from where it is at the block's ends and
+middle.  Nothing is taken from samples alone.
 
 Decides: how near robots come by their wire bytes, to RESOLUTION.  Must not know: what is near
 enough (proof.py), zones or schedules.
@@ -47,14 +47,17 @@ class Flight:
         passed = np.clip(time, self._t0[leg], self._t1[leg]) - self._t0[leg]
         return np.asarray(self._s0[leg] + passed * (self._v0[leg] + 0.5 * self._rate[leg] * passed))
 
-    def balls(self, block: Indices, size: float) -> tuple[Array, Array]:
-        """Return a ball (centre (m, 2), radius (m,)) around the robot in each block of time.
+    def stretch(self, block: Indices, size: float) -> tuple[Array, Array]:
+        """Return where the robot is in blocks of time: 3 places (m, 3, 2) and ways (m, 3).
 
-        Block k is the interval [k, k + 1] * size; the centre is the place at its middle.
+        Block k is the interval [k, k + 1] * size; the places are those at its beginning, middle
+        and end, the ways [m] lead from the first to the second, on to the third, and in all.
         """
-        arcs = [self.arc(np.asarray((block + part) * size)) for part in (0.0, 0.5, 1.0)]
-        radius = np.maximum(arcs[1] - arcs[0], arcs[2] - arcs[1])
-        return self.driven.curve.at_arc(arcs[1]), radius
+        times = (block[:, None] + np.array((0.0, 0.5, 1.0))) * size
+        arcs = self.arc(times.ravel()).reshape(-1, 3)
+        places = self.driven.curve.at_arc(arcs.ravel()).reshape(-1, 3, 2)
+        ways = np.diff(arcs, axis=1)
+        return places, np.column_stack((ways, ways.sum(axis=1)))
 
 
 @dataclass(frozen=True)
@@ -149,23 +152,64 @@ def _first_boxes(flights: Sequence[Flight], tau: float) -> _Boxes:
 def _bounds(
     boxes: _Boxes, flights: Sequence[Flight], size: float, need: Array
 ) -> tuple[Array, Array, Array]:
-    """Return per box a lower bound, the slack at its middle, and the place between the robots."""
-    centers, radii = [], []
+    """Return per box a lower bound, the slack at its middle, and the place between the robots.
+
+    Two bounds hold, and the better one counts.  Ball: a robot is no farther from its middle place
+    than the way from there to either end.  Segment: a way of length l between two places c apart
+    stays within sqrt(l^2 - c^2) / 2 of the straight line between them, for it runs in the ellipse
+    with these foci; on straight paths this is exact at once.
+    """
+    places, ways = [], []
     for robot, block in ((boxes.a, boxes.p), (boxes.b, boxes.q)):
         width = int(block.max()) + 1
         key, inverse = _distinct(robot * width + block)
-        center, radius = np.empty((len(key), 2)), np.empty(len(key))
-        owner = key // width
-        borders = np.searchsorted(owner, np.arange(len(flights) + 1))
+        place, way = np.empty((len(key), 3, 2)), np.empty((len(key), 3))
+        borders = np.searchsorted(key // width, np.arange(len(flights) + 1))
         for index, (first, end) in enumerate(pairwise(borders.tolist())):
             if first < end:
-                balls = flights[index].balls(key[first:end] - index * width, size)
-                center[first:end], radius[first:end] = balls
-        centers.append(center[inverse])
-        radii.append(radius[inverse])
-    apart = centers[0] - centers[1]
-    slack = np.hypot(apart[:, 0], apart[:, 1]) - need[boxes.a, boxes.b]
-    return slack - radii[0] - radii[1], slack, 0.5 * (centers[0] + centers[1])
+                stretch = flights[index].stretch(key[first:end] - index * width, size)
+                place[first:end], way[first:end] = stretch
+        places.append(place[inverse])
+        ways.append(way[inverse])
+    apart = places[0][:, 1] - places[1][:, 1]
+    wanted = need[boxes.a, boxes.b]
+    slack = np.hypot(apart[:, 0], apart[:, 1]) - wanted
+    ball = slack - sum(np.maximum(way[:, 0], way[:, 1]) for way in ways)
+    straight = _segment_distance(places[0][:, 0], places[0][:, 2], places[1][:, 0], places[1][:, 2])
+    for place, way in zip(places, ways, strict=True):
+        chord = place[:, 2] - place[:, 0]
+        excess = way[:, 2] ** 2 - np.einsum("ij,ij->i", chord, chord)
+        straight -= 0.5 * np.sqrt(np.maximum(excess, 0.0))
+    low = np.maximum(ball, straight - wanted)
+    return low, slack, 0.5 * (places[0][:, 1] + places[1][:, 1])
+
+
+def _segment_distance(a0: Array, a1: Array, b0: Array, b1: Array) -> Array:
+    """Return the distances (m,) between segments a0-a1 and b0-b1, ends (m, 2) each."""
+    ends = [
+        _point_distance(a0, b0, b1),
+        _point_distance(a1, b0, b1),
+        _point_distance(b0, a0, a1),
+        _point_distance(b1, a0, a1),
+    ]
+    a, b = a1 - a0, b1 - b0
+    across = (_cross(a, b0 - a0) * _cross(a, b1 - a0) < 0.0) & (
+        _cross(b, a0 - b0) * _cross(b, a1 - b0) < 0.0
+    )
+    return np.where(across, 0.0, np.minimum.reduce(ends))
+
+
+def _point_distance(point: Array, start: Array, end: Array) -> Array:
+    """Return the distances (m,) from points to segments, (m, 2) each."""
+    leg, to_point = end - start, point - start
+    square = np.einsum("ij,ij->i", leg, leg)
+    part = np.einsum("ij,ij->i", leg, to_point) / np.where(square > 0.0, square, 1.0)
+    miss = to_point - np.clip(part, 0.0, 1.0)[:, None] * leg
+    return np.asarray(np.hypot(miss[:, 0], miss[:, 1]))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def _distinct(keys: Indices) -> tuple[Indices, Indices]:

@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from coordinator.errors import PlanError
+from coordinator.errors import PlanError, TurnError
 from coordinator.nurbs import Array, Nurbs, nurbs
 
 Flags = npt.NDArray[np.bool_]
@@ -37,6 +37,8 @@ _TURN_LEGS: Final = (0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Lengths [m] tried for the leg between the two turns that replace a sharp one."""
 _EASY_TURN: Final = 0.1
 _TURN_RESERVE: Final = 1.2
+_WIDTH_PER_RADIUS: Final = 4.0
+"""Half-width that a turn by 90 degrees takes per metre of radius, with some reserve."""
 _END_SHARE: Final = 0.9
 """Share of the first and last leg that a corner may take: a knot near the end would stall there."""
 
@@ -58,7 +60,8 @@ def smooth(
     radius = max(_TURN_RESERVE * min_turn_radius, _EASY_TURN)
     polygon, exact = _blunt(polygon, exact, clear, headed[1], radius)
     polygon, exact = _without_straight(polygon, exact, headed)
-    widths = _widest(polygon)
+    widest = max(_WIDEST, _WIDTH_PER_RADIUS * min_turn_radius)
+    widths = _widest(polygon, widest)
     while True:
         curve, centers = _spline(polygon, exact, widths)
         arcs = np.linspace(0.0, curve.length, 2 + int(curve.length / _STEP))
@@ -184,13 +187,13 @@ def _trail(polygon: Array) -> Array:
     return np.concatenate(parts)
 
 
-def _widest(polygon: Array) -> Array:
+def _widest(polygon: Array, widest: float = _WIDEST) -> Array:
     """Return the greatest half-width of each corner, (n - 2,): inner legs are shared evenly."""
     _, sizes = _directions(polygon)
     share = 0.5 * sizes
     if len(sizes) > 1:
         share[0], share[-1] = _END_SHARE * sizes[0], _END_SHARE * sizes[-1]
-    return np.minimum(np.minimum(share[:-1], share[1:]), _WIDEST)
+    return np.minimum(np.minimum(share[:-1], share[1:]), widest)
 
 
 def _spline(polygon: Array, exact: Flags, widths: Array) -> tuple[Nurbs, Array]:
@@ -199,7 +202,7 @@ def _spline(polygon: Array, exact: Flags, widths: Array) -> tuple[Nurbs, Array]:
     _, sizes = _directions(bent)
     arc = np.concatenate(([0.0], np.cumsum(sizes)))
     centers = arc[1:-1]
-    share = np.minimum(_widest(bent), widths)
+    share = np.minimum(_widest(bent, np.inf), widths)
     turns = np.abs(_turns(bent)) > 1e-6
     corner, width = centers[turns], share[turns]
     inner = np.sort(np.concatenate((corner - width, corner, corner + width)))
@@ -220,7 +223,7 @@ def _bent_outwards(polygon: Array, exact: Flags, widths: Array) -> Array:
     inner = np.flatnonzero(exact[1:-1]) + 1
     for _ in range(40 if len(inner) else 0):
         unit, _ = _directions(bent)
-        share = np.minimum(_widest(bent), widths)
+        share = np.minimum(_widest(bent, np.inf), widths)
         turn = (unit[1:] - unit[:-1]) * (share / 6.0)[:, None]
         bent[inner] = polygon[inner] - turn[inner - 1]
     return bent
@@ -255,7 +258,9 @@ def _check_turns(curve: Nurbs, corners: Array, min_turn_radius: float) -> None:
     worst = int(np.argmax(bend))
     if bend[worst] * min_turn_radius > 1.001:
         x, y = curve.evaluate(corners[worst])[0]
-        raise PlanError(
-            f"the turn at ({x:.2f}, {y:.2f}) leaves room for a radius of {1.0 / bend[worst]:.3f} m,"
-            f" min_turn_radius is {min_turn_radius} m"
+        radius = 1.0 / float(bend[worst])
+        raise TurnError(
+            f"the best turn found at ({x:.2f}, {y:.2f}) has a radius of {radius:.3f} m, "
+            f"min_turn_radius is {min_turn_radius} m; more room or another heading would help",
+            radius,
         )

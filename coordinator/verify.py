@@ -9,10 +9,13 @@ import math
 from typing import Final
 
 import numpy as np
+from msgspec.structs import replace
 
 from coordinator.budget import budget_for, resolve_tau
+from coordinator.errors import InputError
 from coordinator.floor import Floor
-from coordinator.plan import Limits, PlanDocument, Proof
+from coordinator.plan import Limits, PlanDocument, Proof, RobotPlan
+from coordinator.plan_checks import LENGTH_TOLERANCE, LONGEST_PLAN
 from coordinator.proof import TOLERANCE, prove
 from coordinator.scenario import Robot, Scenario
 from coordinator.wire import Driven, drive
@@ -21,26 +24,85 @@ _STEP: Final = 5e-4
 _HEADING: Final = 1e-2
 """Sampling of the path [m] when looking for via points, and how far [rad] a heading may be off."""
 
+_TIME_TOLERANCE: Final = 1e-2
+"""How far [s] a time in the file may be from that of the wire bytes."""
+
+_PLAN_ROUNDING: Final = 1.0
+"""A plan may last this much [s] longer on the wire than it was planned for."""
+
 
 def prove_document(document: PlanDocument, scenario: Scenario | None = None) -> Proof:
     """Prove a document from its wire bytes.
 
     With a scenario its floor, limits, radii, tau and margin count, not what the document says of
-    them.  Raises InputError when a robot would not accept its message.
+    them.  Raises InputError when a robot would not accept its message, or would drive too long.
     """
     driven = drive(document)
+    _check_durations(driven)
+    told = [
+        failure
+        for robot, one in zip(document.robots, driven, strict=True)
+        for failure in _disagreements(robot, one)
+    ]
     if scenario is not None:
-        return _prove_against(document, driven, scenario)
+        proof = _prove_against(document, driven, scenario)
+    else:
+        proof = _prove_alone(document, driven)
+    return _with_failures(proof, told)
+
+
+def _check_durations(driven: list[Driven]) -> None:
+    """Raise InputError for motions that would take the proof's memory."""
+    problems = [
+        f"plan: robots[{one.id}]: lasts {one.timeline.finish:g} s on the wire, "
+        f"allowed is up to {LONGEST_PLAN:g} s"
+        for one in driven
+        if not one.timeline.finish <= LONGEST_PLAN + _PLAN_ROUNDING
+    ]
+    if problems:
+        raise InputError(problems)
+
+
+def _disagreements(robot: RobotPlan, driven: Driven) -> list[str]:
+    """Return where the file says something else than the wire bytes, one sentence each."""
+    line = driven.timeline
+    arrivals = line.arrivals[1:] if robot.start_time > 0.0 else line.arrivals
+    pairs = [
+        ("length", robot.length, line.length, "m", LENGTH_TOLERANCE),
+        ("finish_time", robot.finish_time, line.finish, "s", _TIME_TOLERANCE),
+    ]
+    pairs += [
+        (f"stops[{i}].arrive", stop.arrive, arrival, "s", _TIME_TOLERANCE)
+        for i, (stop, arrival) in enumerate(zip(robot.stops, arrivals, strict=True))
+    ]
+    return [
+        f"{robot.id}'s {name} is {said:.6g} {unit} in the file, {found:.6g} {unit} on the wire"
+        for name, said, found, unit, tolerance in pairs
+        if not abs(said - found) <= tolerance
+    ]
+
+
+def _with_failures(proof: Proof, failures: list[str]) -> Proof:
+    """Return the proof with more failures in front."""
+    if not failures:
+        return proof
+    return replace(proof, holds=False, survives=[], failures=failures + proof.failures)
+
+
+def _prove_alone(document: PlanDocument, driven: list[Driven]) -> Proof:
     floor = document.workspace
     known = [robot.limits for robot in document.robots if robot.limits is not None]
-    return prove(
+    all_known = len(known) == len(document.robots)
+    proof = prove(
         driven,
         document.tau,
         document.margin,
         None if floor is None else Floor(floor.boundary, floor.obstacles).distance,
         [robot.limits for robot in document.robots],
-        budget_for(known) if len(known) == len(document.robots) else None,
+        budget_for(known) if all_known else None,
     )
+    missing = {"clearance": floor is None, "limits": not all_known}
+    return replace(proof, unproven=[name for name, absent in missing.items() if absent])
 
 
 def _prove_against(document: PlanDocument, driven: list[Driven], scenario: Scenario) -> Proof:
@@ -66,17 +128,7 @@ def _prove_against(document: PlanDocument, driven: list[Driven], scenario: Scena
     floor = Floor(scenario.workspace.boundary, scenario.workspace.obstacles)
     known = [Limits.of(robots[d.id]) if d.id in robots else None for d in driven]
     proof = prove(driven, tau, margin, floor.distance, known, budget)
-    if not failures:
-        return proof
-    return Proof(
-        holds=False,
-        pairs=proof.pairs,
-        least_separation=proof.least_separation,
-        least_clearance=proof.least_clearance,
-        survives=[],
-        tightest=proof.tightest,
-        failures=failures + proof.failures,
-    )
+    return _with_failures(proof, failures)
 
 
 def _misses(driven: Driven, robot: Robot) -> list[str]:

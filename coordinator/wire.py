@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -23,6 +25,10 @@ from protocol.packing import pack_floats, pack_points, pack_profile, pack_stops
 from protocol.plan_parts import unpack_plan
 from protocol.timeline import Timeline
 from protocol.timing import SECOND
+
+_WEIGHT_RATIO: Final = 100.0
+_ARC_ERROR: Final = 1e-3
+"""How far [m] the two sides may differ on where an arc length lies: the proof's tolerance."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +84,27 @@ def unpack(payload: bytes, radius: float) -> Driven:
         )
     degree, knots, xs, ys, weights = parts.path
     curve = nurbs(degree, knots, np.column_stack((xs, ys)), weights)
+    _check_arc_length(scalar, curve)
     return Driven(plan.robot, radius, curve, timeline, plan)
+
+
+def _check_arc_length(robot: Curve, curve: Nurbs) -> None:
+    """Raise ValueError when the tables of arc length are not good enough to rely on.
+
+    Wild weights or knots hide most of a curve between the quadrature's nodes.  The tables of both
+    sides, their quadratures (5 and 8 nodes) and the lengths of chords have to agree.
+    """
+    if curve.weights.max() > _WEIGHT_RATIO * curve.weights.min():
+        raise ValueError(f"weights differ by more than {_WEIGHT_RATIO} times")
+    s = np.linspace(0.0, curve.length, 200)
+    u = curve.parameter_at(s)
+    theirs = curve.evaluate([robot.parameter_at(place) for place in s.tolist()])
+    apart = np.hypot(*(curve.evaluate(u) - theirs).T)
+    fine = np.concatenate([np.linspace(a, b, 200) for a, b in pairwise(np.unique(curve.knots))])
+    chords = np.hypot(*np.diff(curve.evaluate(fine), axis=0).T).sum()
+    worst = max(float(apart.max()), float(np.abs(curve.arc_at(u) - s).max()))
+    if worst > _ARC_ERROR or abs(chords - curve.length) > _ARC_ERROR + 1e-4 * curve.length:
+        raise ValueError(f"arc length along the curve is uncertain by {worst:.4f} m or more")
 
 
 def drive(document: PlanDocument) -> list[Driven]:

@@ -51,6 +51,8 @@ class Curve:
             raise ValueError(f"knots run from {knots[0]} to {knots[-1]}, not up from 0")
         if any(not a <= b for a, b in zip(knots, knots[1:])):  # noqa: B905, RUF007
             raise ValueError("knots decrease")
+        if any(not knots[i] < knots[i + degree] for i in range(1, count)):
+            raise ValueError("an inner knot stands more often than the degree: the curve jumps")
         if not min(weights) > 0.0:
             raise ValueError(f"weight {min(weights)} is not positive")
         self.degree = degree

@@ -17,8 +17,8 @@ HEADER = "t,x,y,heading,s,phase\n"
 class BlackBox:
     """Appends rows from the first GO on; raises OSError when the file cannot be written.
 
-    t [s] counts on the coordinator's clock from `start_ns`, which is set when GO is heard.  Each row
-    reaches the system at once: what a killed robot did last is what matters most.
+    t [s] counts on the coordinator's clock from `start_ns`, which is set when GO is heard.  Each
+    row reaches the system at once: what a killed robot did last is what matters most.
     """
 
     def __init__(self, path: Path) -> None:

@@ -8,12 +8,14 @@ from __future__ import annotations
 import importlib
 import math
 import time
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from protocol.keys import NAME
+from protocol.timing import SECOND
 from robot_agent.driver import Driver
 
 commands = typer.Typer()
@@ -32,7 +34,13 @@ def agent(
     max_accel: Annotated[float, typer.Option(min=0.0, help="m/s^2; inf: starts at once.")] = 0.0,
     blackbox: Annotated[Path | None, typer.Option(help="Write true poses to this CSV.")] = None,
     speed: Annotated[float, typer.Option(min=0.01, max=1000.0, help="Times real time.")] = 1.0,
-    wait: Annotated[float, typer.Option(min=0.0, help="Seconds to wait for a coordinator.")] = 10.0,
+    wait: Annotated[
+        float, typer.Option(min=0.0, max=86_400.0, help="Seconds to wait for a coordinator.")
+    ] = 10.0,
+    give_up: Annotated[
+        float, typer.Option(min=0.0, max=1e6, help="Seconds without one to end after; 0: never.")
+    ] = 0.0,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Do not tell phases.")] = False,
 ) -> None:
     """Run one robot; its body is simulated unless another driver is named.
 
@@ -41,6 +49,9 @@ def agent(
     from protocol.zenoh_transport import ZenohTransport
     from robot_agent.service import RefusedError, Robot, run_robot
 
+    for option, value in (("--wait", wait), ("--give-up", give_up), ("--speed", speed)):
+        if not math.isfinite(value):
+            raise typer.BadParameter(f"{value} is no number of seconds", param_hint=option)
     _check_name(robot, "ROBOT")
     if fleet is not None:
         _check_name(fleet, "--fleet")
@@ -56,7 +67,15 @@ def agent(
     try:
         transport = ZenohTransport.connect(connect, timeout_s=wait)
         code = run_robot(
-            me, transport, body, clock=clock, sleep=sleep, fleet=fleet, blackbox=blackbox
+            me,
+            transport,
+            body,
+            clock=clock,
+            sleep=sleep,
+            fleet=fleet,
+            blackbox=blackbox,
+            give_up_ns=round(give_up * SECOND),
+            tell=(lambda _: None) if quiet else partial(typer.echo, err=True),
         )
     except RefusedError as error:
         typer.echo(str(error), err=True)

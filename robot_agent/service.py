@@ -16,7 +16,7 @@ from pathlib import Path
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import PROTOCOL_VERSION, Clock, Command, Hello, Plan, Refusal, Report
-from protocol.phases import GO
+from protocol.phases import FAULT_NAMES, FROZEN, GO, IDLE, NO_FAULT, PHASE_NAMES
 from protocol.plan_parts import unpack_plan
 from protocol.transport import Transport
 from robot_agent.agent import Agent
@@ -52,8 +52,13 @@ def run_robot(
     fleet: str | None = None,
     truth_clock: Callable[[], int] | None = None,
     blackbox: Path | None = None,
+    give_up_ns: int = 0,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> int:
     """Run one robot until the fleet is over (0) or it is interrupted (130); closes everything.
+
+    It also ends (1) when it has heard no coordinator for `give_up_ns` (0: waits for ever); a robot
+    under way has stopped long before.  `tell` is given a sentence at every change of phase.
 
     `clock`: the robot's own time [ns]; `sleep`: lets that many of its ns pass; `truth_clock`: the
     coordinator's clock, for the black box alone (default: `clock`).  Without a fleet the first one
@@ -63,9 +68,23 @@ def run_robot(
         box = BlackBox(blackbox) if blackbox is not None else None
         truth = truth_clock or clock
         service = RobotService(robot, transport, driver, fleet, truth, box, clock=clock)
+        began = clock()
+        told = ""
+        gave_up = False
+
+        def tick(now_ns: int) -> bool:
+            nonlocal told, gave_up
+            going = service.tick(now_ns)
+            if (state := service.describe()) != told:
+                told = state
+                tell(f"{robot.id}: {state}")
+            silent_ns = now_ns - max(service.heard_ns, began)
+            gave_up = going and 0 < give_up_ns < silent_ns
+            return going and not gave_up
+
         rescues = (lambda _: driver.stop(), lambda error: service.rescue(error, clock()))
         try:
-            FixedRateLoop(service.tick, rescues, clock, sleep).run()
+            FixedRateLoop(tick, rescues, clock, sleep).run()
         except KeyboardInterrupt:
             return 130
         finally:
@@ -74,7 +93,7 @@ def run_robot(
             driver.stop()
     if service.refusal is not None:
         raise RefusedError(service.refusal)
-    return 0
+    return 1 if gave_up else 0
 
 
 def skewed_clock(clock: Callable[[], int], offset_ns: int, drift_ppm: int) -> Callable[[], int]:
@@ -111,6 +130,7 @@ class RobotService:
         self.refusal: str | None = None
         self.bad_messages = 0
         self.last_error = ""
+        self.heard_ns = -(2**62)
         self._robot = robot
         self._transport = transport
         self._driver = driver
@@ -129,6 +149,14 @@ class RobotService:
         self._move(now_ns)
         self._speak(now_ns)
         return self.refusal is None and not self.agent.may_leave(now_ns)
+
+    def describe(self) -> str:
+        """Return the robot's phase in words, and why it stopped if it did."""
+        agent = self.agent
+        text = PHASE_NAMES[agent.phase]
+        if agent.fault != NO_FAULT and agent.phase != IDLE:
+            text += f", {FAULT_NAMES[agent.fault]}"
+        return f"{text}, waiting for a new plan" if agent.phase == FROZEN else text
 
     def rescue(self, error: Exception, now_ns: int) -> None:
         """Tell the agent and the coordinator that a tick has failed."""
@@ -161,6 +189,7 @@ class RobotService:
                 self._hear_clock(message, now_ns if heard_ns is None else heard_ns)
 
     def _hear_command(self, fleet: str, command: Command, now_ns: int) -> None:
+        self.heard_ns = now_ns
         if self._fleet is None:
             self._join(fleet)
         if self._blackbox is not None and command.phase == GO and self._blackbox.start_ns is None:

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from coordinator.commands import finite, make_folder
 from coordinator.console import answer_json, answers, tell, write_file
 
 commands = typer.Typer()
@@ -20,8 +21,16 @@ commands = typer.Typer()
 def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
     out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
-    speed: Annotated[float, typer.Option(min=0.1, max=20.0, help="Times real time; late robots stop.")] = 1.0,
-    fault: Annotated[list[str] | None, typer.Option(help="kill:ROBOT@SECONDS, hang:..., coordinator-kill@SECONDS, coordinator-hang@...")] = None,
+    speed: Annotated[
+        float,
+        typer.Option(min=0.1, max=20.0, callback=finite, help="Times real time; late robots stop."),
+    ] = 1.0,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="kill:ROBOT@SECONDS, hang:..., coordinator-kill@SECONDS, coordinator-hang@..."
+        ),
+    ] = None,
     effort: Annotated[int, typer.Option(min=0, max=100_000, help="Improvement rounds.")] = 20,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
@@ -44,6 +53,7 @@ def run(
     asked = read_scenario(scenario)
     faults = parse_faults(fault or [], [robot.id for robot in asked.robots])
     folder = out or Path("runs") / f"{asked.name}-{time.strftime('%Y%m%d-%H%M%S')}"
+    make_folder(folder / "blackbox")
     fleet = LocalFleet(asked, folder, speed=speed, effort=effort, faults=faults)
     outcome = fleet.run()
     if not outcome.started:

@@ -29,6 +29,8 @@ Process = subprocess.Popen[str]
 Event = dict[str, Any]
 
 _GOODBYE_S: Final = 5.0
+_GIVE_UP_S: Final = 30.0
+"""A robot whose fleet has vanished, this program included, ends after so long [s]."""
 _COMMAND: Final = (sys.executable, "-m", "splinefleet")
 
 
@@ -118,6 +120,7 @@ class LocalFleet:
                 f"--max-accel={robot.max_accel}",
                 f"--blackbox={self.folder / 'blackbox' / f'{robot.id}.csv'}",
                 f"--speed={self.speed}",
+                f"--give-up={_GIVE_UP_S}",
                 "--quiet",
             ],
             stdout=subprocess.DEVNULL,

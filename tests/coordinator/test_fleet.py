@@ -4,7 +4,15 @@ import itertools
 
 import pytest
 
-from coordinator.fleet import FAREWELLS, FREEZE_PATIENCE, GO_LEAD, TASK_GRACE, TRANSITIONS, Fleet
+from coordinator.fleet import (
+    FAREWELLS,
+    FREEZE_PATIENCE,
+    FREEZE_SAID,
+    GO_LEAD,
+    TASK_GRACE,
+    TRANSITIONS,
+    Fleet,
+)
 from coordinator.member import Member
 from protocol import keys
 from protocol.codec import decode, encode
@@ -165,6 +173,34 @@ def test_a_silent_robot_freezes_the_fleet_within_its_timeout_and_a_command():
     assert not floor.fleet.members["R1"].lost
 
 
+def test_a_coordinator_that_was_away_hears_before_it_calls_anybody_silent():
+    floor = Floor().go()
+    floor.tick(4 * COMMAND_PERIOD + REPORT_TIMEOUT)
+    assert floor.commands[-1].phase == GO
+    floor.everybody(MOVING)
+    floor.tick()
+    assert floor.commands[-1].phase == GO
+    floor.tick(3 * REPORT_TIMEOUT)
+    floor.tick()
+    assert floor.commands[-1].phase == FREEZE
+
+
+def test_a_robot_called_lost_that_speaks_again_is_waited_for():
+    floor = Floor().go()
+    for _ in range(8):
+        floor.report("R1", MOVING)
+        floor.report("R3", MOVING)
+        floor.tick()
+    assert floor.fleet.members["R2"].lost
+    floor.report("R2", BRAKING)
+    floor.report("R1", FROZEN, s_m=1.0)
+    floor.report("R3", FROZEN, s_m=1.0)
+    floor.tick(FREEZE_SAID)
+    assert not floor.fleet.is_settled(floor.now)
+    floor.report("R2", FROZEN, s_m=0.5)
+    assert floor.fleet.is_settled(floor.now)
+
+
 def test_a_fault_report_freezes_the_fleet_at_once():
     floor = Floor().go()
     (sent,) = floor.report("R2", BRAKING, fault=LATE)
@@ -220,7 +256,7 @@ def test_a_frozen_fleet_is_settled_when_the_living_have_said_where_they_rest():
     assert not floor.fleet.is_settled(floor.now)
     floor.report("R3", FROZEN, s_m=2.5)
     floor.report("R2", FROZEN, fault=LATE, s_m=0.5)
-    floor.tick()
+    floor.tick(FREEZE_SAID)
     assert floor.commands[-1].wanted == ()
     assert floor.fleet.is_settled(floor.now)
 

@@ -30,11 +30,10 @@ from tests.system.fleet_tools import (
 
 @pytest.fixture(scope="module")
 def five(tmp_path_factory):
-    """The main job, three times as fast: paper_five with its folder and summary."""
+    """The main job: paper_five with its folder and summary."""
     folder = tmp_path_factory.mktemp("five")
     done = splinefleet(
-        "run", ROOT / "examples/paper_five.toml", "--out", folder, "--speed", 3, "--json",
-        timeout=120.0,
+        "run", ROOT / "examples/paper_five.toml", "--out", folder, "--json", timeout=120.0,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return folder, json.loads(done.stdout)
