@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -24,14 +25,16 @@ LogFile = Annotated[Path, typer.Argument(help="Log of a run, MCAP.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 
 
-def finite(parameter: typer.CallbackParam, value: float) -> float:
-    """Refuse NaN and the infinite number, which a range lets pass."""
-    if not math.isfinite(value):
-        least, most = (getattr(parameter.type, name, None) for name in ("min", "max"))
-        low = "" if least is None else f" from {least:g}"
-        high = "" if most is None else f" to {most:g}"
-        raise typer.BadParameter(f"{value} is not allowed, a finite number{low}{high} is.")
-    return value
+def within(least: float, most: float = math.inf) -> Callable[[float], float]:
+    """Return an option's check: a finite number from `least` to `most`, told with its value."""
+
+    def check(value: float) -> float:
+        if not (math.isfinite(value) and least <= value <= most):
+            high = f" to {most:g}" if most < math.inf else ""
+            raise typer.BadParameter(f"{value} is not a finite number from {least:g}{high}")
+        return value
+
+    return check
 
 
 def make_folder(folder: Path) -> None:
@@ -43,7 +46,7 @@ def make_folder(folder: Path) -> None:
 
 
 Speed = Annotated[
-    float, typer.Option(min=0.01, max=1000.0, callback=finite, help="Times real time.")
+    float, typer.Option(callback=within(0.01, 1000.0), help="Times real time, 0.01 to 1000.")
 ]
 Effort = Annotated[int, typer.Option(min=0, max=100_000, help="Rounds of improvement.")]
 
@@ -54,7 +57,7 @@ def plan(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="plan.json.")] = None,
     csv: Annotated[Path | None, typer.Option(help="The motions as rows over time.")] = None,
     step: Annotated[
-        float, typer.Option(min=1e-4, max=1e3, callback=finite, help="Seconds a CSV row.")
+        float, typer.Option(callback=within(1e-4, 1e3), help="Seconds a CSV row.")
     ] = 0.02,
     policy: Annotated[Literal["safe", "paper"] | None, typer.Option(help="How to wait.")] = None,
     effort: Effort = 20,
@@ -121,7 +124,7 @@ def coordinator(
     speed: Speed = 1.0,
     effort: Effort = 20,
     wait: Annotated[
-        float, typer.Option(min=0.1, callback=finite, help="Seconds to wait for all robots.")
+        float, typer.Option(callback=within(0.1), help="Seconds to wait for all robots.")
     ] = 60.0,
     as_json: Annotated[bool, typer.Option("--json", help="Events as JSON lines.")] = False,
 ) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from coordinator.errors import PlanError, TurnError
-from coordinator.floor import Disc, Floor, Ground
+from coordinator.floor import Disc, Floor, Ground, as_array
 from coordinator.nurbs import Array, Nurbs
 from coordinator.route import shortest_way
 from coordinator.scenario import Robot, Scenario
@@ -91,7 +91,7 @@ class Pathfinder:
         self, robot: Robot, discs: Sequence[Disc], room: float, lead_share: float
     ) -> Nurbs:
         reach = robot.radius + self.scenario.margin
-        anchors = np.array([robot.start[:2], *robot.via, robot.goal[:2]])
+        anchors = as_array([robot.start[:2], *robot.via, robot.goal[:2]])
         spare = float(self.floor.distance(anchors).min()) - reach - _FLUSH
         touch = min(max(spare, 0.0), _TOUCH)
         ground = self.floor.ground(reach + touch, room, discs)
@@ -108,8 +108,7 @@ class Pathfinder:
 
     def _polygon(self, robot: Robot, ground: Ground, lead_share: float) -> tuple[Array, Flags]:
         """Return the control polygon (n, 2) and which vertices are passed exactly."""
-        begin, end = np.array(robot.start[:2]), np.array(robot.goal[:2])
-        via = [np.array(point) for point in robot.via]
+        begin, *via, end = as_array([robot.start[:2], *robot.via, robot.goal[:2]])
         wide = max(_LEAD_PER_RADIUS * robot.min_turn_radius, _LEADS[0])
         first, last = (via[0], via[-1]) if via else (end, begin)
         anchors = [begin]

@@ -62,7 +62,9 @@ class Service:
             self._send(self.fleet.tick(now), now)
             if self._watch is not None:
                 self._watch(self.fleet, now)
-            due = max(due + COMMAND_PERIOD, now)
+            due += COMMAND_PERIOD
+            if due <= now:
+                due = now + COMMAND_PERIOD
             if self.fleet.is_finished:
                 return True
             if self.fleet.phase == FREEZE and self.fleet.is_settled(now):

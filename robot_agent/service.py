@@ -69,7 +69,7 @@ def run_robot(
         truth = truth_clock or clock
         service = RobotService(robot, transport, driver, fleet, truth, box, clock=clock)
         began = clock()
-        told = ""
+        told = PHASE_NAMES[IDLE]
         gave_up = False
 
         def tick(now_ns: int) -> bool:

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from coordinator.commands import finite, make_folder
+from coordinator.commands import make_folder, within
 from coordinator.console import answer_json, answers, tell, write_file
 
 commands = typer.Typer()
@@ -23,7 +23,7 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
     speed: Annotated[
         float,
-        typer.Option(min=0.1, max=20.0, callback=finite, help="Times real time; late robots stop."),
+        typer.Option(callback=within(0.1, 20.0), help="Times real time; late robots stop."),
     ] = 1.0,
     fault: Annotated[
         list[str] | None,

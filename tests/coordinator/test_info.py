@@ -32,12 +32,14 @@ def plan_message(robot: str) -> Plan:
 
 
 def plan_attachment() -> Attachment:
-    path = plan_file.Path(degree=3, knots=[], control_points=[], weights=[])
+    path = plan_file.Path(
+        degree=1, knots=[0, 0, 1, 1], control_points=[(0, 0), (3, 0)], weights=[1, 1]
+    )
     stop = plan_file.Stop(s=1.5, arrive=3.0, depart=4.5, yields_to="R2")
     robots = [
         plan_file.RobotPlan(
             id=name, radius=0.2, start_time=start, finish_time=finish, length=3.0, path=path,
-            profile=[], stops=stops, wire_bytes=0,
+            profile=[(0, 1), (3, 1)], stops=stops, wire_bytes=0,
         )
         for name, start, finish, stops in (("R1", 0.0, 8.0, [stop]), ("R2", 1.0, 7.0, []))
     ]  # fmt: skip

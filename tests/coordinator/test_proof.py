@@ -9,6 +9,7 @@ from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
 from coordinator.proof import RESOLUTION, TOLERANCE
 from coordinator.verify import prove_document
+from coordinator.wire import drive
 from tests.oracles import least_clearance, least_slack, tracks
 from tests.scenarios import a_robot, a_scenario, box
 
@@ -31,6 +32,16 @@ def planned(request):
 def changed(document, index, **fields):
     robots = list(document.robots)
     robots[index] = replace(robots[index], **fields)
+    return agreeing(replace(document, robots=robots))
+
+
+def agreeing(document):
+    """The document with the times that its wire bytes give."""
+    robots = []
+    for robot, driven in zip(document.robots, drive(document), strict=True):
+        arrivals = driven.timeline.arrivals[robot.start_time > 0.0 :]
+        stops = [replace(s, arrive=t) for s, t in zip(robot.stops, arrivals, strict=True)]
+        robots.append(replace(robot, finish_time=driven.timeline.finish, stops=stops))
     return replace(document, robots=robots)
 
 

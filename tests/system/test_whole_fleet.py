@@ -5,6 +5,8 @@ import json
 import math
 import os
 import signal
+import threading
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -157,6 +159,24 @@ def test_a_killed_coordinator_leaves_robots_that_stop_by_themselves(tmp_path, sc
         assert moving[-1] <= heard + LEASE / SECOND + brake + 0.3
         assert box.phases[-1] == "frozen"
         assert box.s[-1] < robot["length"]
+
+
+def test_a_coordinator_that_stalls_for_less_than_the_lease_stops_nobody(tmp_path, scenario):
+    folder = tmp_path / "out"
+    with started("run", scenario, "--out", folder, "--json") as run:
+        box = folder / "blackbox" / "R1.csv"
+        wait_for(lambda: box.exists() and len(box.read_text().splitlines()) > 150)
+        (coordinator,) = [
+            process
+            for process in processes_of(folder)
+            if b"\0coordinator\0" in Path(f"/proc/{process}/cmdline").read_bytes()
+        ]
+        os.kill(coordinator, signal.SIGSTOP)
+        threading.Event().wait(0.45)
+        os.kill(coordinator, signal.SIGCONT)
+        output, errors = run.communicate(timeout=30.0)
+    assert run.returncode == 0, errors
+    assert json.loads(output)["succeeded"]
 
 
 def test_ctrl_c_leaves_no_process_and_no_broken_log(tmp_path, scenario):
