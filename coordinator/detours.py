@@ -7,18 +7,26 @@ Decides: who takes another way.  Must not know: how orders are searched (schedul
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from coordinator.errors import PlanError
-from coordinator.floor import Disc
+from coordinator.floor import Disc, Floor
 from coordinator.nurbs import Array, Nurbs
-from coordinator.scenario import Robot, Scenario
+from coordinator.scenario import Point, Robot, Scenario
 from coordinator.schedule import Deadlock, Junctions, place_in_order
 
 _LANE_ROOM = 0.01
 _SPACING = 0.25
+_PITCH = 0.2
+_GRID_POINTS = 20_000
+_REFUGE_ROOM = 0.1
+_REFUGES = 6
+_STRETCHES = ((0.0, 1.0), (0.25, 0.75), (0.6, 1.0), (0.0, 0.4), (0.75, 1.0), (0.0, 0.25))
+"""Parts of another robot's path to keep beside of, as shares of its length."""
 
 
 def stuck_pairs(junctions: Junctions) -> list[tuple[int, int]]:
@@ -44,12 +52,13 @@ def blocking_pairs(junctions: Junctions, deadlock: Deadlock) -> list[tuple[int, 
 def lanes(scenario: Scenario, mover: int, other: int, path: Nurbs) -> Iterator[list[Disc]]:
     """Yield sets of places for `mover` to keep off, so that it passes `other` on its path.
 
-    First the whole path, then its middle half: where the first leaves no way the second may.
+    First the whole path, then parts of it: where one leaves no way another may, and beside an end
+    of the path a robot can step aside before a door.
     """
     robot = scenario.robots[mover]
     reach = scenario.need(robot, scenario.robots[other]) + _LANE_ROOM
     anchors = np.array([robot.start[:2], *robot.via, robot.goal[:2]])
-    for low, high in ((0.0, 1.0), (0.25, 0.75)):
+    for low, high in _STRETCHES:
         count = 2 + int((high - low) * path.length / (_SPACING * reach))
         centers = path.at_arc(np.linspace(low, high, count) * path.length)
         yield [
@@ -57,6 +66,32 @@ def lanes(scenario: Scenario, mover: int, other: int, path: Nurbs) -> Iterator[l
             for x, y in centers.tolist()
             if np.hypot(*(anchors - (x, y)).T).min() > 1.15 * reach
         ]
+
+
+def refuges(
+    scenario: Scenario, floor: Floor, mover: int, other: int, path: Nurbs
+) -> Iterator[Point]:
+    """Yield places where `mover` can wait clear of `other` on its path, the shortest way first.
+
+    Looked for on a grid; no two are near each other.
+    """
+    robot = scenario.robots[mover]
+    need = scenario.need(robot, scenario.robots[other]) + _LANE_ROOM
+    x0, y0, x1, y1 = floor.outline.bounds
+    pitch = max(_PITCH, math.sqrt((x1 - x0) * (y1 - y0) / _GRID_POINTS))
+    grid = np.stack(np.meshgrid(np.arange(x0, x1, pitch), np.arange(y0, y1, pitch)), axis=-1)
+    spots = grid.reshape(-1, 2)
+    spots = spots[floor.distance(spots) > robot.radius + scenario.margin + _LANE_ROOM]
+    way = path.at_arc(np.linspace(0.0, path.length, 2 + int(path.length / 0.05)))
+    spots = spots[cKDTree(way).query(spots)[0] > need + _REFUGE_ROOM]
+    detour = np.hypot(*(spots - robot.start[:2]).T) + np.hypot(*(spots - robot.goal[:2]).T)
+    taken: list[Array] = []
+    for spot in spots[np.argsort(detour, kind="stable")]:
+        if all(np.hypot(*(spot - place)) > 2.0 * need for place in taken):
+            taken.append(spot)
+            yield float(spot[0]), float(spot[1])
+        if len(taken) == _REFUGES:
+            return
 
 
 def say_stuck(scenario: Scenario, paths: Sequence[Nurbs], pair: tuple[int, int]) -> PlanError:

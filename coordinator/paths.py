@@ -12,12 +12,13 @@ from typing import Final
 
 import numpy as np
 import shapely
+from msgspec.structs import replace
 
 from coordinator.errors import PlanError, TurnError
 from coordinator.floor import Disc, Floor, Ground, as_array
 from coordinator.nurbs import Array, Nurbs
 from coordinator.route import shortest_way
-from coordinator.scenario import Robot, Scenario
+from coordinator.scenario import Point, Robot, Scenario
 from coordinator.smoothing import Flags, smooth
 
 _ROOMS: Final = (0.02, 0.003)
@@ -52,12 +53,15 @@ class Pathfinder:
         workspace = scenario.workspace
         self.floor = Floor(workspace.boundary, workspace.obstacles)
 
-    def path(self, index: int, detours: Sequence[Disc] = ()) -> Nurbs:
+    def path(self, index: int, detours: Sequence[Disc] = (), refuge: Point | None = None) -> Nurbs:
         """Return robot `index`'s path; it keeps off other robots' starts and goals if it can.
 
-        `detours`: further places to keep off.  Raises PlanError when there is no way.
+        `detours`: further places to keep off; `refuge`: a place to pass before all via points.
+        Raises PlanError when there is no way.
         """
         robot = self.scenario.robots[index]
+        if refuge is not None:
+            robot = replace(robot, via=(refuge, *robot.via))
         starts, goals = self._places(index)
         worst: PlanError | None = None
         trials = product(([*starts, *goals], goals, starts, []), _rooms(robot), _lead_shares(robot))

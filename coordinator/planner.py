@@ -6,14 +6,15 @@ clocks (a timer is an argument) or links.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from itertools import pairwise
 
 from msgspec.structs import replace
 
 from coordinator import paper_policy
 from coordinator.budget import budget_for, resolve_tau
-from coordinator.detours import blocking_pairs, lanes, say_stuck, stuck_pairs
+from coordinator.detours import blocking_pairs, lanes, refuges, say_stuck, stuck_pairs
 from coordinator.document import make_document
 from coordinator.errors import PlanError
 from coordinator.motion import Motion, limits_on
@@ -124,24 +125,29 @@ class _Stages:
                 raise say_stuck(scenario, self.paths, pairs[0])
 
     def _reroute(self, pair: tuple[int, int], rerouted: set[tuple[int, int]]) -> bool:
-        """Give one of a pair a way beside the other's; tell whether the two now pass."""
+        """Give one of a pair another way; tell whether the two can then pass each other."""
         for mover, other in (pair, pair[::-1]):
             if (mover, other) in rerouted:
                 continue
             rerouted.add((mover, other))
-            for discs in lanes(self.scenario, mover, other, self.paths[other]):
-                if not discs:
-                    continue
-                try:
-                    path = self.pathfinder.path(mover, discs)
-                except PlanError:
-                    continue
+            for path, how in self._other_ways(mover, other):
                 if self._pass_each_other(mover, other, path):
                     self._take(mover, path)
                     names = [self.scenario.robots[index].id for index in (mover, other)]
-                    self.notes.append(f"{names[0]} keeps beside {names[1]}'s path to let it pass")
+                    self.notes.append(f"{names[0]} {how} {names[1]}'s path to let it pass")
                     return True
         return False
+
+    def _other_ways(self, mover: int, other: int) -> Iterator[tuple[Nurbs, str]]:
+        """Yield paths that leave room for another robot: beside its path, then by a refuge."""
+        theirs, finder = self.paths[other], self.pathfinder
+        for discs in lanes(self.scenario, mover, other, theirs):
+            with suppress(PlanError):
+                if discs:
+                    yield finder.path(mover, discs), "keeps beside"
+        for refuge in refuges(self.scenario, finder.floor, mover, other, theirs):
+            with suppress(PlanError):
+                yield finder.path(mover, refuge=refuge), "steps aside from"
 
     def _pass_each_other(self, mover: int, other: int, path: Nurbs) -> bool:
         theirs = Track(self.tracks[other].limits, self.tracks[other].cells)

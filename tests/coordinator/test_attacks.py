@@ -12,7 +12,7 @@ from coordinator.plan import Path
 from coordinator.planner import plan_scenario
 from coordinator.wire import pack, unpack
 from protocol.curve import Curve
-from tests.scenarios import a_robot, a_scenario
+from tests.scenarios import a_robot, a_scenario, box
 
 LINE = (3, [0, 0, 0, 0, 1, 1, 1, 1], [(1, 3), (2.3, 2), (3.7, 4), (5, 3)])
 
@@ -94,3 +94,20 @@ def test_a_turn_that_does_not_fit_is_told_with_the_best_radius_found():
     robot = a_robot("A", (5, 10, 0.0), (5, 12, 3.14159), min_turn_radius=2.0)
     with pytest.raises(PlanError, match=r"best turn found .* radius of 0\.\d+ m"):
         plan_scenario(a_scenario([robot], size=(20, 20)))
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "obstacles"),
+    [
+        ((1, 3), (7, 3), [box(3.8, 0, 4.2, 2.5), box(3.8, 3.5, 4.2, 6)]),
+        ((3.7, 3), (4.3, 3), []),
+        ((3, 3), (4.2, 3), []),
+        ((1, 3), (7, 3), [box(0, 0, 8, 2.25), box(0, 3.75, 8, 6)]),
+    ],
+    ids=["through a door", "close by", "a step apart", "in a corridor"],
+)
+def test_two_robots_swap_places(a, b, obstacles):
+    robots = [a_robot("A", a, b, max_speed=0.5), a_robot("B", b, a, max_speed=0.5)]
+    document = plan_scenario(a_scenario(robots, size=(8, 6), obstacles=obstacles))
+    assert document.proof.holds
+    assert document.notes
