@@ -121,6 +121,7 @@ def find_schedule(
     found, result = _search(junctions, first)
     if isinstance(result, Deadlock):
         return result
+    by_priority = [priorities[index] for index in found] == groups
     rounds = random.Random(count)
     cost = total_delay(junctions, result)
     for _ in range(effort if count > 1 else 0):
@@ -129,7 +130,7 @@ def find_schedule(
         i, j = rounds.sample(range(count), 2)
         trial = list(found)
         trial.insert(j, trial.pop(i))
-        if found == first and [priorities[index] for index in trial] != groups:
+        if by_priority and [priorities[index] for index in trial] != groups:
             continue
         other = place_in_order(junctions, tuple(trial))
         if isinstance(other, Deadlock):

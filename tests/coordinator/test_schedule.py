@@ -7,6 +7,7 @@ import random
 import numpy as np
 import pytest
 
+from coordinator import schedule
 from coordinator.detours import blocking_pairs, stuck_pairs
 from coordinator.motion import Motion, SpeedLimits
 from coordinator.nurbs import nurbs
@@ -183,3 +184,27 @@ def test_waiting_places_lie_before_zones_and_outside_of_all_others():
             assert not any(begin <= s <= end for begin, end in spans)
         for s in track.anywhere:
             assert min(abs(begin - s) for begin, _ in spans) < track.cells.size
+
+
+def test_improving_never_leaves_the_priorities_that_the_first_order_kept(monkeypatch):
+    tried = []
+    place = schedule.place_in_order
+
+    def spy(junctions, order):
+        tried.append((order, place(junctions, order)))
+        return tried[-1][1]
+
+    monkeypatch.setattr(schedule, "place_in_order", spy)
+    priorities = [1, 0, 0, 1, 0]
+    improved = 0
+    for seed in range(30):
+        tried.clear()
+        junctions = random_junctions(seed, 5)
+        schedule.find_schedule(junctions, priorities, 60)
+        if isinstance(tried[0][1], Deadlock):
+            continue
+        delays = [total_delay(junctions, r) for _, r in tried if not isinstance(r, Deadlock)]
+        improved += min(delays) < delays[0] - 1e-6
+        for order, _ in tried:
+            assert [priorities[index] for index in order] == [1, 1, 0, 0, 0]
+    assert improved > 3
