@@ -13,7 +13,7 @@ import coordinator.commands
 import robot_agent.commands
 import sim.commands
 from coordinator.console import tell
-from coordinator.errors import InputError, PlanError
+from coordinator.errors import InputError, LogError, PlanError
 from protocol.transport import TransportError
 
 _ENDING: Final = (signal.SIGINT, signal.SIGTERM)
@@ -38,7 +38,7 @@ def main() -> None:
     except (InputError, TransportError) as error:
         tell(str(error), "red")
         code = 2
-    except PlanError as error:
+    except (PlanError, LogError) as error:
         tell(str(error), "red")
         code = 1
     except typer.Abort:

@@ -1,4 +1,4 @@
-"""The two ways in which planning can end without a plan."""
+"""What the coordinator's commands can end with; each text is for the person who ran them."""
 
 from __future__ import annotations
 
@@ -23,3 +23,7 @@ class TurnError(PlanError):
     def __init__(self, text: str, radius: float) -> None:
         super().__init__(text)
         self.radius = radius
+
+
+class LogError(Exception):
+    """The log could not be written to its end; the text is one sentence.  Exit code 1."""

@@ -23,7 +23,7 @@ from mcap.exceptions import McapError
 from mcap.writer import CompressionType, Writer
 from zstandard import ZstdError
 
-from coordinator.errors import InputError
+from coordinator.errors import InputError, LogError
 from protocol import keys
 from protocol.schema import json_schema, schema_name
 
@@ -39,10 +39,6 @@ CHUNK_BYTES: Final = 128 * 1024
 
 _LAST_STAMP: Final = 2**64 - 1
 _WRITE_ERRORS: Final = (OSError, ValueError, struct.error, McapError, ZstdError)
-
-
-class LogError(Exception):
-    """The log could not be written to its end; the text is one sentence."""
 
 
 class Attachment(NamedTuple):

@@ -12,8 +12,8 @@ import pytest
 from mcap.reader import NonSeekingReader, make_reader
 
 from coordinator import recorder as recorder_module
-from coordinator.errors import InputError
-from coordinator.recorder import Attachment, LogError, Recorder
+from coordinator.errors import InputError, LogError
+from coordinator.recorder import Attachment, Recorder
 from protocol import codec, keys, schema
 from protocol.messages import Command, Report
 
