@@ -27,8 +27,8 @@ from protocol.timeline import Timeline
 from protocol.timing import SECOND
 
 _WEIGHT_RATIO: Final = 100.0
-_ARC_ERROR: Final = 1e-3
-"""How far [m] the two sides may differ on where an arc length lies: the proof's tolerance."""
+_ARC_ERROR: Final = 2.5e-4
+"""How far [m] the two sides may differ on where an arc length lies."""
 
 
 @dataclass(frozen=True)

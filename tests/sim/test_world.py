@@ -78,10 +78,7 @@ def test_on_a_bad_link_nobody_touches_and_everybody_arrives_or_stops(document, s
     world.run(180.0)
     for _ in range(3000):
         world.step()
-    boxes = {name: box for name, box in world.blackboxes().items() if len(box.t)}
-    if len(boxes) < len(document.robots):
-        return
-    verdict = judge_boxes(document, boxes)
+    verdict = judge_boxes(document, world.blackboxes())
     assert verdict.collisions == 0
     assert verdict.least_separation > 0.3
     phases = {robot.service.agent.phase for robot in world.robots.values()}
