@@ -1,4 +1,4 @@
-"""Curves against the naive recursion, scipy, an exact circle and the robot's scalar twin."""
+"""Curves against the naive recursion, scipy, geomdl, exact circles and the robot's twin."""
 
 import math
 
@@ -9,29 +9,14 @@ from scipy.interpolate import BSpline
 
 from coordinator.nurbs import nurbs
 from protocol.curve import Curve
+from tests.coordinator.curves import a_smooth_path, full_circle, quarter_circle, random_curve
 from tests.oracles import naive_point
 
 
-def random_curve(seed, degree=3, count=9, weighted=True, doubled=False):
-    random = np.random.default_rng(seed)
-    inner = np.sort(random.uniform(0.5, 9.5, count - degree - 1))
-    if doubled and len(inner) > 1:
-        inner[1] = inner[0]
-    knots = np.concatenate((np.zeros(degree + 1), inner, np.full(degree + 1, 10.0)))
-    points = np.column_stack((np.linspace(0.0, 8.0, count), random.uniform(0.0, 4.0, count)))
-    weights = random.uniform(0.4, 2.5, count) if weighted else np.ones(count)
-    return nurbs(degree, knots, points, weights)
-
-
-def quarter_circle():
-    half = math.sqrt(0.5)
-    return nurbs(2, [0, 0, 0, 1, 1, 1], [[1, 0], [1, 1], [0, 1]], [1.0, half, 1.0])
-
-
-@pytest.mark.parametrize("degree", [1, 2, 3, 5])
+@pytest.mark.parametrize("degree", [1, 2, 3, 5, 7, 9])
 @pytest.mark.parametrize("seed", range(3))
 def test_points_are_those_of_the_naive_recursion(degree, seed):
-    curve = random_curve(seed, degree, doubled=degree > 1)
+    curve = random_curve(seed, degree, count=degree + 4, doubled=degree > 1)
     u = np.append(np.linspace(0.0, 10.0, 23), curve.knots)
     naive = [naive_point(degree, curve.knots, curve.points, curve.weights, x) for x in u]
     np.testing.assert_allclose(curve.evaluate(u), naive, atol=1e-12)
@@ -72,6 +57,125 @@ def test_a_quarter_circle_is_exact():
     )
 
 
+@pytest.mark.parametrize("degree", range(1, 10))
+def test_derivatives_of_any_order_are_those_of_scipy(degree):
+    curve = random_curve(degree, degree, count=degree + 5, weighted=False)
+    spline, u = BSpline(curve.knots, curve.points, degree), np.linspace(0.0, 10.0, 57)
+    for order, ours in enumerate(curve.derivatives(u, degree)):
+        theirs = spline(u, order)
+        np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-11 * np.abs(theirs).max())
+    np.testing.assert_array_equal(curve.derivatives(u, degree + 2)[degree + 1 :], 0.0)
+
+
+@pytest.mark.parametrize("degree", range(1, 10))
+def test_evaluation_agrees_with_geomdl_weights_and_doubled_knots_included(degree):
+    from geomdl import NURBS
+
+    curve = random_curve(degree, degree, count=degree + 5, doubled=degree > 1)
+    theirs = NURBS.Curve(normalize_kv=False)
+    theirs.degree = degree
+    homogeneous = np.column_stack((curve.points * curve.weights[:, None], curve.weights))
+    theirs.ctrlptsw = homogeneous.tolist()
+    theirs.knotvector = curve.knots.tolist()
+    u = np.linspace(0.0, 9.99, 23)
+    np.testing.assert_allclose(curve.evaluate(u), theirs.evaluate_list(u.tolist()), atol=1e-12)
+    theirs = [theirs.derivatives(at, order=2) for at in u.tolist()]
+    for order, ours in enumerate(curve.derivatives(u, 2)):
+        np.testing.assert_allclose(ours, [found[order] for found in theirs], rtol=1e-9, atol=1e-9)
+
+
+def test_derivatives_of_a_rational_circle_are_exact_to_the_sixth():
+    """x + i y = (1 + i u)^2 / (1 + u^2) = -1 + 2 / (1 - i u)."""
+    circle = nurbs(2, [0, 0, 0, 1, 1, 1], [[1, 0], [1, 1], [0, 1]], [1.0, 1.0, 2.0])
+    u = np.linspace(0.0, 1.0, 11)
+    np.testing.assert_allclose(circle.evaluate(u) @ [1.0, 1j], -1.0 + 2.0 / (1.0 - 1j * u))
+    for order, ours in enumerate(circle.derivatives(u, 6)[1:], start=1):
+        wanted = 2.0 * math.factorial(order) * 1j**order / (1.0 - 1j * u) ** (order + 1)
+        np.testing.assert_allclose(ours @ [1.0, 1j], wanted, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+def test_many_points_in_any_order_are_what_each_is_alone(weighted):
+    curve = random_curve(6, weighted=weighted, doubled=True)
+    u = np.random.default_rng(0).uniform(-1.0, 11.0, 333)
+    alone = [[float(x) for x in curve.evaluate(at)[0]] for at in u]
+    np.testing.assert_array_equal(curve.evaluate(u), alone)
+    np.testing.assert_array_equal(curve.evaluate(np.repeat(u, 2)[::2]), alone)
+    s = u * curve.length / 10.0
+    np.testing.assert_array_equal(curve.at_arc(s), np.concatenate([curve.at_arc(at) for at in s]))
+    np.testing.assert_array_equal(curve.arc_at(u), np.concatenate([curve.arc_at(at) for at in u]))
+
+
+def test_a_frozen_array_of_parameters_is_as_good_as_any():
+    curve, u = random_curve(6), np.linspace(0.0, 10.0, 9)
+    frozen = u.copy()
+    frozen.flags.writeable = False
+    np.testing.assert_array_equal(curve.evaluate(frozen), curve.evaluate(u.tolist()))
+
+
+def test_no_parameters_give_no_points_and_what_is_no_number_stays_none():
+    curve = random_curve(6)
+    assert curve.evaluate([]).shape == (0, 2)
+    assert curve.arc_at([]).shape == curve.parameter_at([]).shape == (0,)
+    assert np.isnan(curve.evaluate([math.nan])).all()
+    assert np.isnan(curve.parameter_at(math.nan)).all()
+
+
+def test_a_full_circle_has_length_two_pi_and_curvature_one():
+    circle = full_circle()
+    u = np.linspace(0.0, 4.0, 101)
+    np.testing.assert_allclose(np.hypot(*circle.evaluate(u).T), 1.0, atol=1e-14)
+    np.testing.assert_allclose(circle.curvature(u), 1.0, atol=1e-12)
+    assert circle.length == pytest.approx(2.0 * math.pi, abs=1e-12)
+    assert circle.arc_at(3.0)[0] == pytest.approx(1.5 * math.pi, abs=1e-12)
+
+
+def test_a_curve_of_degree_zero_is_its_points_and_stands():
+    steps = nurbs(0, [0.0, 1.0, 3.0], [[1.0, 2.0], [5.0, 6.0]])
+    np.testing.assert_array_equal(steps.evaluate([0.0, 0.9, 1.0, 3.0])[:, 0], [1, 1, 5, 5])
+    np.testing.assert_array_equal(steps.derivatives([0.0, 2.0], 2)[1:], 0.0)
+
+
+@pytest.mark.parametrize("length", [0.002, 0.01, 0.3, 1.0, 7.0, 19.0, 150.0])
+def test_a_straight_line_has_its_exact_length(length):
+    assert nurbs(1, [0, 0, length, length], [[0, 0], [length, 0]]).length == length
+
+
+def test_a_curve_that_never_moves_has_no_length_and_one_place():
+    curve = nurbs(3, [0, 0, 0, 0, 1, 2, 2, 2, 2], [[3.0, 4.0]] * 5)
+    assert curve.length == 0.0
+    np.testing.assert_array_equal(curve.at_arc([-1.0, 0.0, 1.0]), [[3.0, 4.0]] * 3)
+    np.testing.assert_array_equal(curve.arc_at([0.0, 0.7, 2.0]), 0.0)
+
+
+@pytest.mark.parametrize("where", ["start", "middle", "end"])
+def test_a_stretch_without_length_is_passed_over(where):
+    at = {"start": 0, "middle": 2, "end": 4}[where]
+    corners = np.array([[0, 0], [1, 0], [1, 1], [2, 1], [2, 3], [4, 3]], dtype=float)
+    corners[at + 1 :] -= corners[at + 1] - corners[at]
+    curve = nurbs(1, [0, 0, 1, 2, 3, 4, 5, 5], corners)
+    sizes = np.hypot(*np.diff(corners, axis=0).T)
+    borders = np.append(0.0, np.cumsum(sizes))
+    np.testing.assert_allclose(curve.arc_at(np.arange(6.0)), borders, atol=1e-12)
+    np.testing.assert_allclose(curve.arc_at(at + 0.5), borders[at], atol=1e-12)
+    np.testing.assert_allclose(curve.at_arc(borders), corners, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("degree", "knots", "points", "weights"),
+    [
+        (3, [0, 0, 0, 0, 1, 1, 1, 1], [[0, 0]] * 3, [1] * 3),
+        (3, [0, 0, 0, 1, 1, 1, 1], [[0, 0]] * 4, [1] * 4),
+        (1, [0, 0, 1, 1], [[0, 0]] * 2, [1] * 3),
+        (1, [0, 0, 1, 1], [[0, 0, 0]] * 2, [1] * 2),
+        (-1, [0, 1], [[0, 0]] * 2, [1] * 2),
+    ],
+)
+def test_shapes_that_do_not_fit_are_refused(degree, knots, points, weights):
+    with pytest.raises(ValueError, match="control points"):
+        nurbs(degree, knots, points, weights)
+
+
 def test_a_turn_to_the_right_has_negative_curvature():
     mirrored = quarter_circle().points * [1.0, -1.0]
     curve = nurbs(2, [0, 0, 0, 1, 1, 1], mirrored, quarter_circle().weights)
@@ -87,7 +191,7 @@ def test_arc_length_is_that_of_scipy_quadrature(weighted):
 
     for u in (2.5, 7.0, 10.0):
         wanted = quad(speed, 0.0, u, points=sorted(set(curve.knots[4:-4])), limit=400)[0]
-        assert curve.arc_at(u)[0] == pytest.approx(wanted, abs=1e-6)
+        assert curve.arc_at(u)[0] == pytest.approx(wanted, abs=1e-9)
     assert curve.length == pytest.approx(curve.arc_at(10.0)[0], abs=1e-12)
 
 
@@ -118,15 +222,6 @@ def test_moving_a_curve_moves_its_points_and_keeps_its_length():
     u = np.linspace(0.0, 10.0, 31)
     np.testing.assert_allclose(moved.evaluate(u), curve.evaluate(u) @ turn.T + [3.0, -1.0])
     assert moved.length == pytest.approx(curve.length, abs=1e-12)
-
-
-def a_smooth_path():
-    """A spline as smoothing makes them: knots by arc length, corners of unlike widths."""
-    knots = [0, 0, 0, 0, 1.2, 1.5, 1.8, 4.0, 4.002, 4.004, 7, 7, 7, 7]
-    greville = [sum(knots[i + 1 : i + 4]) / 3 for i in range(len(knots) - 4)]
-    arc, corners = [0.0, 1.5, 4.002, 7.0], [[0, 0], [1.5, 0], [1.5, 2.502], [4.3, 1.431]]
-    points = [[np.interp(g, arc, [c[axis] for c in corners]) for axis in (0, 1)] for g in greville]
-    return nurbs(3, knots, points)
 
 
 @pytest.mark.parametrize("curve", [a_smooth_path(), random_curve(8, weighted=False)])
