@@ -7,73 +7,81 @@ every piece has constant acceleration (Eq. 15-18 with the true speed).  Must not
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from bisect import bisect_left, bisect_right
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
+from coordinator.few_knots_kernels import merged, reachable
 from coordinator.nurbs import Array, Nurbs
+from coordinator.speed_cap import cap_on
 
-_BOX_RESERVE: Final = 0.98
-"""Share of the sampled lateral limit that is used: the true peak lies between samples."""
+_LOSS: Final = 0.006
+"""Share of the fastest time that may be lost for the sake of fewer knots."""
 
 _RAMP: Final = 0.01
 """Length [m] of the speed change at a bend for robots without a limit on acceleration."""
 
-
 _SHORTEST_RAMP: Final = 2e-5
-"""No change of speed from rest is shorter [m]: float32 on the wire must tell its ends apart."""
+"""Nothing gets from rest to its speed in less [m]: float32 on the wire must tell the two apart."""
 
-
-@dataclass(frozen=True)
-class Box:
-    """A stretch [s0, s1] of the path [m] with v^2 at most w [m^2/s^2]."""
-
-    s0: float
-    s1: float
-    w: float
+_SAME_PLACE: Final = 1e-6
+"""Knots nearer to each other [m] are one."""
 
 
 @dataclass(frozen=True, eq=False)
 class SpeedLimits:
-    """What bounds the speed on one path: top v^2, acceleration (inf allowed) and slow bends."""
+    """What bounds the speed on one path: top v^2, acceleration (inf allowed) and slow bends.
+
+    bends: knots from 0 to the length of the highest v^2 allowed, at most `top` and nowhere steeper
+    than `ramp` allows; empty where only the top counts.
+    """
 
     length: float
     top: float
     accel: float
-    bends: tuple[Box, ...]
+    bends: tuple[tuple[float, float], ...]
 
     @property
     def ramp(self) -> float:
         """Acceleration [m/s^2] that is used: the limit, or a steep ramp without one."""
         if math.isinf(self.accel):
             return self.top / (2.0 * _RAMP)
-        slowest = min([self.top, *(bend.w for bend in self.bends)])
-        return min(self.accel, slowest / (2.0 * _SHORTEST_RAMP))
+        return min(self.accel, self.top / (2.0 * _SHORTEST_RAMP))
+
+    @cached_property
+    def ceiling(self) -> tuple[list[float], list[float]]:
+        """Knots of the highest v^2 allowed, bends or not: s [m], v^2."""
+        knots = self.bends or ((0.0, self.top), (self.length, self.top))
+        return [s for s, _ in knots], [w for _, w in knots]
+
+    @cached_property
+    def rises(self) -> list[float]:
+        """Per knot of the ceiling: 2 a s of the place of rest from which a ramp leads up to it."""
+        return [2.0 * self.ramp * s - w for s, w in zip(*self.ceiling, strict=True)]
+
+    @cached_property
+    def falls(self) -> list[float]:
+        """Per knot of the ceiling: 2 a s of the place of rest to which a ramp leads down."""
+        return [2.0 * self.ramp * s + w for s, w in zip(*self.ceiling, strict=True)]
 
 
 def limits_on(curve: Nurbs, speed: float, accel: float, lateral: float) -> SpeedLimits:
-    """Return the limits on a curve for a planned speed [m/s] and accelerations [m/s^2]."""
-    bends: list[Box] = []
-    if math.isfinite(lateral):
-        spans = np.unique(curve.knots)
-        parts = np.linspace(0.0, 1.0, 32, endpoint=False)
-        u = np.append((spans[:-1, None] + np.diff(spans)[:, None] * parts).ravel(), spans[-1])
-        bound = _BOX_RESERVE * lateral / np.maximum(np.abs(curve.curvature(u)), 1e-9)
-        bends = _boxes(curve.arc_at(u), bound, speed * speed)
-    return SpeedLimits(curve.length, speed * speed, accel, tuple(bends))
+    """Return the limits on a curve for a planned speed [m/s] and accelerations [m/s^2].
 
-
-def _boxes(s: Array, bound: Array, top: float) -> list[Box]:
-    """Return a box per stretch of samples whose bound on v^2 lies below the top."""
-    slow = np.concatenate(([False], bound < top, [False]))
-    edges = np.flatnonzero(slow[1:] != slow[:-1])
-    boxes = []
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
-        low, high = max(first - 1, 0), min(end, len(s) - 1)
-        boxes.append(Box(float(s[low]), float(s[high]), float(bound[first:end].min())))
-    return boxes
+    A motion along the whole curve takes at most 1 % longer than the fastest one.
+    """
+    free = SpeedLimits(curve.length, speed * speed, accel, ())
+    if math.isinf(lateral):
+        return free
+    s, w = cap_on(curve, lateral, free.top)
+    if w.min() >= free.top:
+        return free
+    s, w = merged(*reachable(s, w, 2.0 * free.ramp, math.isfinite(accel)), _LOSS)
+    return replace(free, bends=tuple(zip(s.tolist(), w.tolist(), strict=True)))
 
 
 def speed_knots(limits: SpeedLimits, begin: float, end: float) -> tuple[Array, Array]:
@@ -81,64 +89,50 @@ def speed_knots(limits: SpeedLimits, begin: float, end: float) -> tuple[Array, A
 
     Robots without a limit on acceleration have full speed at once, at both ends too.
     """
-    ramp = limits.ramp
-    places, tops = _stretches(limits, begin, end)
-    at_ends = 0.0 if math.isfinite(limits.accel) else limits.top
-    caps = [min(pair) for pair in pairwise([at_ends, *tops, at_ends])]
-    sizes = [s1 - s0 for s0, s1 in pairwise(places)]
-    for i, size in enumerate(sizes):
-        caps[i + 1] = min(caps[i + 1], caps[i] + 2.0 * ramp * size)
-    for i in range(len(sizes) - 1, -1, -1):
-        caps[i] = min(caps[i], caps[i + 1] + 2.0 * ramp * sizes[i])
-    knots = [(places[0], caps[0])]
-    for i, top in enumerate(tops):
-        knots += _between(places[i], caps[i], places[i + 1], caps[i + 1], top, ramp)
-        knots.append((places[i + 1], caps[i + 1]))
-    return _distinct(knots)
+    places, heights = limits.ceiling
+    low, high = begin, end
+    if math.isfinite(limits.accel):
+        # The ceiling is nowhere steeper than the ramps at both ends, so each meets it once.
+        # A little late and early: where it is as steep, they leave it at the end of that edge.
+        rate, little = 2.0 * limits.ramp, 1e-9 * limits.top
+        low = max(_between(limits.rises, places, rate * begin + little), begin + _SHORTEST_RAMP)
+        high = min(_between(limits.falls, places, rate * end - little), end - _SHORTEST_RAMP)
+        if low >= high:
+            middle = 0.5 * (begin + end)
+            peak = min(limits.ramp * (end - begin), _between(places, heights, middle))
+            return np.array([begin, middle, end]), np.array([0.0, peak, 0.0])
+    inner = slice(bisect_right(places, low), bisect_left(places, high))
+    s = [low, *places[inner], high]
+    w = [_between(places, heights, low), *heights[inner], _between(places, heights, high)]
+    if math.isfinite(limits.accel):
+        s, w = [begin, *s, end], [0.0, *w, 0.0]
+    return _distinct(s, w)
 
 
-def _stretches(limits: SpeedLimits, begin: float, end: float) -> tuple[list[float], list[float]]:
-    """Return the borders [m] of stretches with one top v^2 each, and these tops."""
-    places, tops = [begin], []
-    for bend in limits.bends:
-        if bend.s1 <= begin or bend.s0 >= end:
-            continue
-        if bend.s0 > places[-1]:
-            tops.append(limits.top)
-            places.append(bend.s0)
-        tops.append(bend.w)
-        places.append(min(bend.s1, end))
-    if places[-1] < end:
-        tops.append(limits.top)
-        places.append(end)
-    return places, tops
+def _between(known: list[float], values: list[float], at: float) -> float:
+    """Return the value at a place among known ones, linear between; known ones increase."""
+    k = bisect_left(known, at, 1, len(known) - 1)
+    part = (at - known[k - 1]) / (known[k] - known[k - 1])
+    return values[k - 1] + min(max(part, 0.0), 1.0) * (values[k] - values[k - 1])
 
 
-def _between(
-    s0: float, w0: float, s1: float, w1: float, top: float, ramp: float
-) -> list[tuple[float, float]]:
-    """Return the knots between two slow places: up to the top and down, or a peak below it."""
-    peak = 0.5 * (w0 + w1) + ramp * (s1 - s0)
-    if peak <= top:
-        return [(s0 + (peak - w0) / (2.0 * ramp), peak)]
-    return [(s0 + (top - w0) / (2.0 * ramp), top), (s1 - (top - w1) / (2.0 * ramp), top)]
-
-
-def _distinct(knots: list[tuple[float, float]]) -> tuple[Array, Array]:
+def _distinct(s: list[float], w: list[float]) -> tuple[Array, Array]:
     """Merge knots at the same place, keeping the lower speed, and drop those on a line."""
-    kept: list[tuple[float, float]] = []
-    same = 1e-9 * max(w for _, w in knots)
-    for s, w in knots:
-        if kept and s - kept[-1][0] < 1e-6:
-            kept[-1] = (kept[-1][0], min(w, kept[-1][1]))
+    kept_s, kept_w = s[:1], w[:1]
+    same = 1e-9 * max(w)
+    for here, height in zip(s[1:], w[1:], strict=True):
+        if here - kept_s[-1] < _SAME_PLACE:
+            kept_w[-1] = min(kept_w[-1], height)
             continue
-        if len(kept) > 1:
-            (s0, w0), (s1, w1) = kept[-2], kept[-1]
-            if abs(w0 + (w - w0) * (s1 - s0) / (s - s0) - w1) < same:
-                kept.pop()
-        kept.append((s, w))
-    kept[-1] = (knots[-1][0], kept[-1][1])
-    return np.array([s for s, _ in kept]), np.array([max(w, 0.0) for _, w in kept])
+        if len(kept_s) > 1:
+            rise = (height - kept_w[-2]) / (here - kept_s[-2])
+            if abs(kept_w[-2] + rise * (kept_s[-1] - kept_s[-2]) - kept_w[-1]) < same:
+                kept_s.pop()
+                kept_w.pop()
+        kept_s.append(here)
+        kept_w.append(height)
+    kept_s[-1] = s[-1]
+    return np.array(kept_s), np.array(kept_w)
 
 
 def times_at(knots_s: Array, knots_w: Array, s: Array) -> Array:

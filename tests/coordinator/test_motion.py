@@ -6,28 +6,44 @@ import random
 import numpy as np
 import pytest
 
-from coordinator.motion import Box, Motion, SpeedLimits, Wait, limits_on, speed_knots, times_at
+from coordinator.few_knots_kernels import reachable
+from coordinator.motion import Motion, SpeedLimits, Wait, limits_on, speed_knots, times_at
 from coordinator.nurbs import nurbs
 from protocol.timeline import Timeline
 
 
-def random_limits(seed):
+def random_boxes(seed):
+    """Length, top v^2, acceleration, and stretches (s0, s1, v^2) that are slower."""
     dice = random.Random(seed)
     length, top = dice.uniform(1.0, 15.0), dice.uniform(0.1, 2.0) ** 2
     borders = sorted(dice.uniform(0.0, length) for _ in range(2 * dice.randint(0, 4)))
     bends = zip(borders[::2], borders[1::2], strict=True)
-    boxes = tuple(Box(s0, s1, top * dice.uniform(0.05, 0.9)) for s0, s1 in bends)
-    return SpeedLimits(length, top, dice.choice([0.2, 0.7, 3.0]), boxes)
+    boxes = [(s0, s1, top * dice.uniform(0.05, 0.9)) for s0, s1 in bends]
+    return length, top, dice.choice([0.2, 0.7, 3.0]), boxes
 
 
-def dense_time(limits, begin, end, count=20000):
+def random_limits(seed):
+    length, top, accel, boxes = random_boxes(seed)
+    if not boxes:
+        return SpeedLimits(length, top, accel, ())
+    steps = [(0.0, top)]
+    for s0, s1, w in boxes:
+        steps += [(s0, top), (s0, w), (s1, w), (s1, top)]
+    s, w = np.array([*steps, (length, top)]).T.copy()
+    s, w = reachable(s, w, 2.0 * accel, True)
+    keep = np.append(np.diff(s) > 0.0, True)
+    return SpeedLimits(length, top, accel, tuple(zip(s[keep], w[keep], strict=True)))
+
+
+def dense_time(seed, begin, end, count=20000):
     """The fastest time by a forward and a backward pass on a grid."""
+    _, top, accel, boxes = random_boxes(seed)
     s = np.linspace(begin, end, count + 1)
-    w = np.full(count + 1, limits.top)
-    for box in limits.bends:
-        w[(s >= box.s0) & (s <= box.s1)] = box.w
+    w = np.full(count + 1, top)
+    for s0, s1, slow in boxes:
+        w[(s >= s0) & (s <= s1)] = slow
     w[0] = w[-1] = 0.0
-    gain = 2.0 * limits.accel * (end - begin) / count
+    gain = 2.0 * accel * (end - begin) / count
     for i in range(1, count + 1):
         w[i] = min(w[i], w[i - 1] + gain)
     for i in range(count - 1, -1, -1):
@@ -42,22 +58,24 @@ def test_the_motion_is_as_fast_as_dense_integration(seed):
     for begin, end in ((0.0, limits.length), (0.3 * limits.length, 0.8 * limits.length)):
         s, w = speed_knots(limits, begin, end)
         took = times_at(s, w, s)[-1]
-        assert took == pytest.approx(dense_time(limits, begin, end), rel=0.01)
+        assert took == pytest.approx(dense_time(seed, begin, end), rel=0.002)
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_all_limits_are_kept(seed):
-    limits = random_limits(seed)
-    s, w = speed_knots(limits, 0.0, limits.length)
-    assert np.all(np.diff(s) > 0.0)
-    assert (w[0], w[-1]) == (0.0, 0.0)
-    assert np.all(np.abs(np.diff(w)) <= 2.0 * limits.accel * np.diff(s) * (1 + 1e-6) + 1e-9)
-    dense = np.linspace(0.0, limits.length, 5001)
-    speed = np.interp(dense, s, w)
-    assert speed.max() <= limits.top * (1 + 1e-9)
-    for box in limits.bends:
-        inside = (dense > box.s0) & (dense < box.s1)
-        assert np.all(speed[inside] <= box.w + 1e-6)
+def test_all_limits_are_kept_on_every_leg(seed):
+    length, top, accel, boxes = random_boxes(seed)
+    limits, dice = random_limits(seed), random.Random(seed)
+    legs = [(0.0, length)] + [sorted(dice.uniform(0.0, length) for _ in "ab") for _ in range(20)]
+    for begin, end in legs:
+        s, w = speed_knots(limits, begin, end)
+        assert np.all(np.diff(s) > 0.0)
+        assert (s[0], w[0], s[-1], w[-1]) == (begin, 0.0, end, 0.0)
+        assert np.all(np.abs(np.diff(w)) <= 2.0 * accel * np.diff(s) * (1 + 1e-6) + 1e-9)
+        dense = np.linspace(begin, end, 2001)
+        speed = np.interp(dense, s, w)
+        assert speed.max() <= top * (1 + 1e-9)
+        for s0, s1, slow in boxes:
+            assert np.all(speed[(dense > s0) & (dense < s1)] <= slow + 1e-6)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -84,9 +102,12 @@ def a_bend():
 
 def test_a_bend_is_taken_at_the_lateral_limit():
     limits = limits_on(a_bend(), 5.0, 100.0, 0.5)
-    assert all(0.95 <= box.w <= 1.0 for box in limits.bends)
-    assert limits.bends[0].s0 == pytest.approx(0.0)
-    assert limits.bends[-1].s1 == pytest.approx(math.pi)
+    s, w = np.array(limits.bends).T
+    inside = np.linspace(0.01, math.pi - 0.01, 500)
+    assert np.interp(inside, s, w) == pytest.approx(1.0, rel=0.01)
+    assert np.interp(inside, s, w).max() <= 1.0
+    assert (s[0], w[0], w[-1]) == (0.0, 0.0, 0.0)
+    assert s[-1] == pytest.approx(math.pi)
 
 
 def test_gentle_bends_and_robots_without_a_lateral_limit_slow_nobody():
@@ -151,7 +172,18 @@ def test_slow_robots_and_strong_motors_arrive_too(speed, accel):
     assert alone - 1e-9 <= took <= 1.01 * alone
 
 
-def test_a_robot_that_starts_in_a_slow_bend_arrives_too():
-    s, w = speed_knots(SpeedLimits(5.0, 0.16, 1e4, (Box(0.0, 2.0, 1e-6),)), 0.0, 5.0)
-    assert np.all(w[1:-1] > 0.0)
-    assert times_at(s, w, s)[-1] == pytest.approx(2000.0 + 7.5, rel=0.01)
+def test_a_robot_that_starts_or_rests_in_a_slow_bend_arrives_too():
+    bends = ((0.0, 1e-6), (2.0, 1e-6), (2.0001, 0.16), (5.0, 0.16))
+    limits = SpeedLimits(5.0, 0.16, 1e4, bends)
+    for begin, alone in ((0.0, 2000.0 + 7.5), (1.0, 1000.0 + 7.5)):
+        s, w = speed_knots(limits, begin, 5.0)
+        assert np.all(w[1:-1] > 0.0)
+        assert times_at(s, w, s)[-1] == pytest.approx(alone, rel=0.01)
+
+
+def test_a_leg_shorter_than_any_ramp_is_driven_too():
+    limits = SpeedLimits(5.0, 0.16, 1e4, ((0.0, 1e-6), (2.0, 1e-6), (2.0001, 0.16), (5.0, 0.16)))
+    for begin in (0.0, 1.0, 3.0):
+        s, w = speed_knots(limits, begin, begin + 3e-5)
+        assert (s[0], w[0], s[-1], w[-1]) == (begin, 0.0, begin + 3e-5, 0.0)
+        assert 0.0 < w[1] <= (1e-6 if begin < 2.0 else 0.16)
