@@ -38,6 +38,8 @@ class Workspace(msgspec.Struct, frozen=True, kw_only=True):
 
     boundary: tuple[Point, ...]
     obstacles: tuple[tuple[Point, ...], ...] = ()
+    notes: tuple[str, ...] = ()
+    """What the report should say about the map that the polygons come from."""
 
 
 class Scenario(msgspec.Struct, frozen=True, kw_only=True):

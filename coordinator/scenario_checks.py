@@ -119,12 +119,11 @@ def find_problems(scenario: Scenario) -> list[str]:
     boundary, obstacles = scenario.workspace.boundary, scenario.workspace.obstacles
     rings = {BOUNDARY: boundary} if boundary else {}
     rings |= {f"workspace.obstacles[{i}]": ring for i, ring in enumerate(obstacles) if ring}
-    polygons: dict[str, shapely.Polygon] = {
-        field: shapely.Polygon(ring) for field, ring in rings.items()
-    }
-    faults = {
-        field: fault for field, polygon in polygons.items() if (fault := _ring_fault(polygon))
-    }
+    shapes = _polygons(list(rings.values()))
+    polygons: dict[str, shapely.Polygon] = dict(zip(rings, shapes.tolist(), strict=True))
+    flat = shapely.area(shapely.convex_hull(shapes)) <= LEAST_AREA
+    doubtful = np.array(list(rings), np.object_)[flat | ~shapely.is_valid(shapes)]
+    faults = {field: ring_fault(polygons[field]) for field in doubtful}
     sound = {field: polygon for field, polygon in polygons.items() if field not in faults}
     problems = [f"{field}: {fault}" for field, fault in faults.items()]
     problems += _doubled_ids(scenario.robots)
@@ -138,7 +137,15 @@ def find_problems(scenario: Scenario) -> list[str]:
     return problems
 
 
-def _ring_fault(polygon: shapely.Polygon) -> str | None:
+def _polygons(rings: Sequence[Sequence[Point]]) -> Points:
+    """Return polygons of outlines, all at once: a map can have tens of thousands."""
+    sizes = [len(ring) for ring in rings]
+    corners = np.array([corner for ring in rings for corner in ring]).reshape(-1, 2)
+    which = np.repeat(np.arange(len(rings)), sizes)
+    return np.asarray(shapely.polygons(shapely.linearrings(corners, indices=which)))
+
+
+def ring_fault(polygon: shapely.Polygon) -> str | None:
     """Return why a polygon is none, and where."""
     if shapely.convex_hull(polygon).area <= LEAST_AREA:
         return "its corners lie on one line, a polygon needs an area"

@@ -40,8 +40,8 @@ an empty list of robots | robots = [] | robots | at least one
 a robot that is a string | robots.1 = "R2" | robots[1] | 'R2' is not a table
 no outline | workspace.boundary = | workspace | bounds or boundary is missing
 two outlines | workspace.bounds = [0, 0, 9, 9] | workspace | both given
-a map | workspace.boundary = ; workspace.map = "a.yaml" | workspace.map | workspace.obstacles
-a map and a layer | workspace.map = "a"; workspace.layer = "b" | workspace.map | polygons
+a map that is not there | workspace.boundary = ; workspace.map = "a.yaml" | workspace.map | No such
+a map of no kind | workspace.map = "a"; workspace.layer = "b" | workspace.map | a: no suffix is no
 bounds turned round | BOUNDS = [9, 0, 0, 9] | workspace.bounds | x0 = 9 m is not below x1 = 0 m
 three numbers | BOUNDS = [0, 0, 9] | workspace.bounds | a list of 3 is not [x0, y0, x1, y1]
 two corners | workspace.boundary = [[0,0],[9,9],[0,0]] | workspace.boundary | 2 different
