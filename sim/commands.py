@@ -1,4 +1,4 @@
-"""The commands that run and judge whole fleets on this machine: run, judge.
+"""The commands that make scenarios, run and judge whole fleets here: scenario, run, judge.
 
 Decides: options and exit codes.
 """
@@ -7,14 +7,64 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_args
 
 import typer
 
 from coordinator.commands import make_folder, within
 from coordinator.console import answer_json, answers, tell, write_file
+from sim.layout import Kind, Size
 
 commands = typer.Typer()
+
+
+@commands.command()
+def scenario(
+    kind: Annotated[Kind, typer.Argument(metavar="KIND", help=", ".join(get_args(Kind)) + ".")],
+    robots: Annotated[int, typer.Option(help="How many robots.")] = 17,
+    seed: Annotated[int, typer.Option(help="Another seed, another scenario.")] = 1,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="FILE.toml or FILE.json; else stdout.")
+    ] = None,
+    size: Annotated[
+        Size | None, typer.Option(metavar="W H", help="Width and height of the floor, metres.")
+    ] = None,
+    obstacles: Annotated[int | None, typer.Option(min=0, help="How many obstacles.")] = None,
+    headings: Annotated[bool, typer.Option("--headings", help="Headings at both ends.")] = False,
+    vias: Annotated[int, typer.Option(min=0, max=20, help="Via points a robot.")] = 0,
+    mixed: Annotated[bool, typer.Option("--mixed", help="Unequal radii and speeds.")] = False,
+) -> None:
+    """Make a scenario file: a floor of some kind with robots that have somewhere to go.
+
+    Example: splinefleet scenario warehouse --robots 17 --seed 3 -o hall.toml
+    """
+    from coordinator.scenario_file import scenario_to_json
+    from coordinator.scenario_toml import scenario_to_toml
+    from sim.generator import generate
+
+    made = generate(
+        kind,
+        robots,
+        seed,
+        size,
+        obstacles=obstacles,
+        headings=headings,
+        vias=vias,
+        mixed=mixed,
+    )
+    options = [f"--robots {robots} --seed {seed}"]
+    options += [f"--size {size[0]:g} {size[1]:g}"] if size else []
+    options += [] if obstacles is None else [f"--obstacles {obstacles}"]
+    options += ["--headings"] if headings else []
+    options += [f"--vias {vias}"] if vias else []
+    options += ["--mixed"] if mixed else []
+    command = f"splinefleet scenario {kind} {' '.join(options)}"
+    if output is None:
+        typer.echo(scenario_to_toml(made, f"Made by: {command}"), nl=False)
+    elif output.suffix.lower() == ".json":
+        write_file(output, scenario_to_json(made))
+    else:
+        write_file(output, scenario_to_toml(made, f"Made by: {command}"))
 
 
 @commands.command()
