@@ -19,7 +19,7 @@ check: .venv/dev.stamp
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: .venv/dev.stamp
+bench: .venv/dev.stamp .venv-peers/peers.stamp
 	$(BIN)/python -m benchmarks
 
 .venv/bin/python:
@@ -35,10 +35,17 @@ bench: .venv/dev.stamp
 	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements-dev.lock
 	touch $@
 
-# The two locks: hashes, no addresses; the development lock agrees with the runtime lock.
+# Libraries that benchmarks measure beside ours need numpy < 2: they have an environment of their own.
+.venv-peers/peers.stamp: benchmarks/peers/requirements.lock
+	$(PYTHON) -m venv .venv-peers
+	.venv-peers/bin/python -m pip install --quiet --require-hashes --requirement $<
+	touch $@
+
+# The locks: hashes, no addresses; the development lock agrees with the runtime lock.
 lock:
 	uv pip compile --quiet --universal --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-find-links --extra build pyproject.toml -o requirements.lock
 	uv pip compile --quiet --universal --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-find-links --constraint requirements.lock --extra build --extra dev pyproject.toml -o requirements-dev.lock
+	uv pip compile --quiet --universal --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-find-links --python-version 3.11 benchmarks/peers/requirements.in -o benchmarks/peers/requirements.lock
 
 clean:
-	rm -rf .venv runs build
+	rm -rf .venv .venv-peers runs build

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from coordinator.errors import PlanError
-from coordinator.floor import Disc, Floor
+from coordinator.floor import Floor
 from coordinator.nurbs import Array, Nurbs
 from coordinator.scenario import Point, Robot, Scenario
 from coordinator.schedule import Deadlock, Junctions, place_in_order
@@ -49,11 +49,11 @@ def blocking_pairs(junctions: Junctions, deadlock: Deadlock) -> list[tuple[int, 
     ]
 
 
-def lanes(scenario: Scenario, mover: int, other: int, path: Nurbs) -> Iterator[list[Disc]]:
+def lanes(scenario: Scenario, mover: int, other: int, path: Nurbs) -> Iterator[Array]:
     """Yield sets of places for `mover` to keep off, so that it passes `other` on its path.
 
-    First the whole path, then parts of it: where one leaves no way another may, and beside an end
-    of the path a robot can step aside before a door.
+    Each is (k, 3) [m]: x, y, radius.  First the whole path, then parts of it: where one leaves no
+    way another may, and beside an end of the path a robot can step aside before a door.
     """
     robot = scenario.robots[mover]
     reach = scenario.need(robot, scenario.robots[other]) + _LANE_ROOM
@@ -61,11 +61,9 @@ def lanes(scenario: Scenario, mover: int, other: int, path: Nurbs) -> Iterator[l
     for low, high in _STRETCHES:
         count = 2 + int((high - low) * path.length / (_SPACING * reach))
         centers = path.at_arc(np.linspace(low, high, count) * path.length)
-        yield [
-            Disc(x, y, reach)
-            for x, y in centers.tolist()
-            if np.hypot(*(anchors - (x, y)).T).min() > 1.15 * reach
-        ]
+        apart = np.hypot(*(centers[:, None, :] - anchors).transpose(2, 0, 1)).min(axis=1)
+        beside = centers[apart > 1.15 * reach]
+        yield np.column_stack((beside, np.full(len(beside), reach)))
 
 
 def refuges(

@@ -58,7 +58,7 @@ def plan_scenario(
     motions = stages.schedule(effort)
     _check_times(scenario, tau, motions)
     marks.append(timer())
-    document = make_document(scenario, stages.paths, motions, tau, epoch, stages.notes)
+    document = make_document(scenario, stages.paths, motions, tau, epoch, stages.say())
     proof = prove_document(document, scenario)
     marks.append(timer())
     names = ("paths", "zones", "schedule", "proof")
@@ -124,6 +124,15 @@ class _Stages:
             if not any(solved):
                 raise say_stuck(scenario, self.paths, pairs[0])
 
+    def say(self) -> list[str]:
+        """Return what the plan's reader should know: maps, reroutes, places that paths cross."""
+        crossed = [
+            sentence
+            for index, path in enumerate(self.paths)
+            for sentence in self.pathfinder.crossed_places(index, path)
+        ]
+        return [*self.scenario.workspace.notes, *self.notes, *crossed]
+
     def _reroute(self, pair: tuple[int, int], rerouted: set[tuple[int, int]]) -> bool:
         """Give one of a pair another way; tell whether the two can then pass each other."""
         for mover, other in (pair, pair[::-1]):
@@ -143,7 +152,7 @@ class _Stages:
         theirs, finder = self.paths[other], self.pathfinder
         for discs in lanes(self.scenario, mover, other, theirs):
             with suppress(PlanError):
-                if discs:
+                if len(discs):
                     yield finder.path(mover, discs), "keeps beside"
         for refuge in refuges(self.scenario, finder.floor, mover, other, theirs):
             with suppress(PlanError):

@@ -12,54 +12,52 @@ schedule.py but the evaluation of curves.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from itertools import combinations, pairwise
 from typing import Final
 
 import numpy as np
 
+from coordinator.bounds import flatten
 from coordinator.budget import Budget
 from coordinator.nurbs import Array
 from coordinator.plan import Limits, Proof
-from coordinator.separation import RESOLUTION, Closest, Flight, least_slack
+from coordinator.separation import Closest, Flight, least_slack
 from coordinator.wire import Driven
 
 TOLERANCE: Final = 1e-3
 """A shortfall up to this [m] is accepted."""
 
-_STRETCH: Final = 0.25
+_FLAT: Final = 1e-4
+"""Curves are flattened this finely [m] to prove their clearance."""
+
+Gap = Callable[[Array], float]
 
 
-def least_clearance(
-    driven: Sequence[Driven], distance: Callable[[Array], Array]
-) -> tuple[float, int, float]:
-    """Return the least distance to anything solid beyond the radius [m], the robot, s [m].
+def least_clearance(driven: Sequence[Driven], gap: Gap) -> tuple[float, int]:
+    """Return the least distance to anything solid beyond the radius [m], and whose it is.
 
-    `distance` gives for points (m, 2) the distance to the nearest solid thing (m,).
+    `gap` tells the distance [m] from a polyline (n, 2) to the nearest solid thing.  Each curve is
+    flattened with a proven deviation, which is taken off: the true least clearance is not smaller,
+    and larger by at most 2 * _FLAT.
     """
-    best, best_robot, best_s = math.inf, 0, 0.0
-    size = _STRETCH
-    robot = np.concatenate(
-        [np.full(math.ceil(d.curve.length / size), i) for i, d in enumerate(driven)]
+    least = []
+    for one in driven:
+        chain = flatten(one.curve, _FLAT)
+        least.append(gap(chain.points) - chain.bound - one.radius)
+    robot = int(np.argmin(least))
+    return least[robot], robot
+
+
+def _say_clearance(driven: Driven, clearance: float, margin: float, gap: Gap) -> str:
+    """Say where a curve is too near to something solid."""
+    points = flatten(driven.curve, _FLAT).points
+    nearest = int(np.argmin([gap(np.array(chord)) for chord in pairwise(points)]))
+    x, y = points[nearest]
+    return (
+        f"{driven.id} comes within {clearance:.4f} m of something solid near ({x:.2f}, {y:.2f}), "
+        f"needs {margin} m"
     )
-    cell = np.concatenate([np.arange(math.ceil(d.curve.length / size)) for d in driven])
-    while len(cell):
-        places = np.empty((len(cell), 2))
-        radius = np.array([d.radius for d in driven])[robot]
-        middle = (cell + 0.5) * size
-        for index in np.unique(robot).tolist():
-            mine = robot == index
-            places[mine] = driven[index].curve.at_arc(middle[mine])
-        clearance = distance(places) - radius
-        at = int(np.argmin(clearance))
-        if clearance[at] < best:
-            best, best_robot, best_s = float(clearance[at]), int(robot[at]), float(middle[at])
-        keep = clearance - 0.5 * size < best - RESOLUTION
-        robot = np.repeat(robot[keep], 2)
-        cell = np.concatenate([2 * cell[keep, None], 2 * cell[keep, None] + 1], axis=1).ravel()
-        size *= 0.5
-    return best, best_robot, best_s
 
 
 def limit_failures(driven: Driven, limits: Limits) -> list[str]:
@@ -97,13 +95,13 @@ def prove(
     driven: Sequence[Driven],
     tau: float,
     margin: float,
-    distance: Callable[[Array], Array] | None,
+    gap: Gap | None,
     limits: Sequence[Limits | None],
     budget: Budget | None,
 ) -> Proof:
     """Prove a plan; tau [s], margin [m].
 
-    Without `distance` (no floor known) clearance is not proven and None is reported.
+    Without `gap` (no floor known) clearance is not proven and None is reported.
     """
     failures: list[str] = []
     flights = [Flight(one) for one in driven]
@@ -115,13 +113,10 @@ def prove(
     if tightest is not None and tightest.slack < -TOLERANCE:
         failures += _failing_pairs(flights, tau, need, driven)
     clearance = None
-    if distance is not None:
-        clearance, robot, s = least_clearance(driven, distance)
+    if gap is not None:
+        clearance, robot = least_clearance(driven, gap)
         if clearance < margin - TOLERANCE:
-            failures.append(
-                f"{driven[robot].id} comes within {clearance:.4f} m of something solid "
-                f"at s = {s:.3f} m, needs {margin} m"
-            )
+            failures.append(_say_clearance(driven[robot], clearance, margin, gap))
     for one, limit in zip(driven, limits, strict=True):
         failures += [] if limit is None else limit_failures(one, limit)
     return Proof(

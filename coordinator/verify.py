@@ -97,7 +97,7 @@ def _prove_alone(document: PlanDocument, driven: list[Driven]) -> Proof:
         driven,
         document.tau,
         document.margin,
-        None if floor is None else Floor(floor.boundary, floor.obstacles).distance,
+        None if floor is None else Floor(floor.boundary, floor.obstacles).gap,
         [robot.limits for robot in document.robots],
         budget_for(known) if all_known else None,
     )
@@ -127,7 +127,7 @@ def _prove_against(document: PlanDocument, driven: list[Driven], scenario: Scena
         )
     floor = Floor(scenario.workspace.boundary, scenario.workspace.obstacles)
     known = [Limits.of(robots[d.id]) if d.id in robots else None for d in driven]
-    proof = prove(driven, tau, margin, floor.distance, known, budget)
+    proof = prove(driven, tau, margin, floor.gap, known, budget)
     return _with_failures(proof, failures)
 
 

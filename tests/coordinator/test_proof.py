@@ -7,7 +7,8 @@ from msgspec.structs import replace
 
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
-from coordinator.proof import RESOLUTION, TOLERANCE
+from coordinator.proof import TOLERANCE
+from coordinator.separation import RESOLUTION
 from coordinator.verify import prove_document
 from coordinator.wire import drive
 from tests.oracles import least_clearance, least_slack, tracks

@@ -1,0 +1,102 @@
+"""Turns too sharp to round become two turns.
+
+Decides: where the two vertices go.  Must not know: curves; smoothing.py rounds what comes out.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from coordinator.corner_kernels import radius_of, turn_between
+from coordinator.errors import PlanError
+from coordinator.fit import Flags
+from coordinator.nurbs import Array
+from coordinator.space import Space
+
+_SHARPEST: Final = math.radians(100.0)
+_LEGS: Final = (0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0)
+"""Lengths [m] tried for the leg between the two turns."""
+
+
+def blunt(
+    polygon: Array, exact: Flags, space: Space, keep_last: bool, radius: float
+) -> tuple[Array, Flags]:
+    """Replace turns too sharp to round by two turns of `radius` [m], if there is room.
+
+    polygon (n, 2) [m], exact (n,).  The first leg keeps its direction, the last one too when it
+    has to.  Raises PlanError when there is no room to turn.
+    """
+    legs = np.diff(polygon, axis=0)
+    along = np.einsum("ij,ij->i", legs[:-1], legs[1:])
+    sizes = np.hypot(legs[:, 0], legs[:, 1])
+    if np.all(along >= math.cos(_SHARPEST) * sizes[:-1] * sizes[1:]):
+        return polygon, exact
+    vertices, flags = [polygon[0]], [bool(exact[0])]
+    for i in range(1, len(polygon) - 1):
+        here, after = polygon[i], polygon[i + 1]
+        into, onward = _unit(here - vertices[-1]), _unit(after - here)
+        if abs(turn_between(*into, *onward)) <= _SHARPEST:
+            vertices.append(here)
+            flags.append(bool(exact[i]))
+            continue
+        if keep_last and i == len(polygon) - 2:
+            extra = _two_turns(after, here, vertices[-1], bool(exact[i]), space, radius)[::-1]
+        else:
+            extra = _two_turns(vertices[-1], here, after, bool(exact[i]), space, radius)
+        vertices.extend(extra)
+        flags.extend([False] * len(extra))
+    return np.array([*vertices, polygon[-1]]), np.array([*flags, exact[-1]])
+
+
+def _two_turns(
+    before: Array, here: Array, after: Array, exact: bool, space: Space, radius: float
+) -> list[Array]:
+    """Return two vertices for one sharp turn; an exact vertex stays on the leg between them.
+
+    The shortest leg that gives a turn of `radius` [m] is taken, else the one that turns widest.
+    """
+    into, onward = _unit(here - before), _unit(after - here)
+    side = np.array([-into[1], into[0]])
+    if side @ onward < 0.0:
+        side = -side
+    bisector = into + onward
+    size = math.hypot(*bisector)
+    along = bisector / size if exact and size > 0.1 else side
+    best: list[Array] | None = None
+    best_radius = 0.0
+    for width in _LEGS:
+        for across in (along, -along):
+            pair = [here - width * across, here + width * across]
+            if not exact:
+                pair = [here, here + width * across]
+            way = np.stack((before, *pair, after))
+            turned = _least_radius(way)
+            if turned > best_radius and space.keeping(way[:-1], way[1:]).all():
+                best, best_radius = pair, turned
+        if best_radius >= radius:
+            break
+    if best is None:
+        raise PlanError(
+            f"no room to turn round at ({here[0]:.2f}, {here[1]:.2f}); "
+            "more room there or another heading would help"
+        )
+    return best
+
+
+def _least_radius(way: Array) -> float:
+    """Return the least radius [m] of the two corners of a way (4, 2) when each takes half a leg."""
+    legs = np.diff(way, axis=0)
+    sizes = np.hypot(legs[:, 0], legs[:, 1])
+    unit = legs / sizes[:, None]
+    middle = 0.5 * sizes[1]
+    return min(
+        radius_of(min(0.9 * sizes[0], middle), turn_between(*unit[0], *unit[1])),
+        radius_of(min(middle, 0.9 * sizes[2]), turn_between(*unit[1], *unit[2])),
+    )
+
+
+def _unit(leg: Array) -> Array:
+    return np.asarray(leg / math.hypot(*leg))

@@ -1,0 +1,163 @@
+"""Compiled: leading a way around round places, one group of them after the other.
+
+A group of places that a leg enters is passed by the shortest way between where the leg comes near
+and where it leaves them.  Decides: detours.  Must not know: whose places these are.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from coordinator.compiled import compiled
+from coordinator.gap_kernels import crossing
+from coordinator.nurbs import Array
+from coordinator.search_kernels import search
+from coordinator.sight_kernels import Sight, corners_within, sees
+
+Flags = npt.NDArray[np.bool_]
+
+_ASIDE: Final = 1.5
+"""Detours leave a leg this many radii before a place and come back as far behind it."""
+
+_DETOUR: Final = 3.0
+"""A detour around places is at most this much longer, as a share of their radii together."""
+
+_MOST_DISCS: Final = 3.0
+"""More places than this in one group do not allow a longer detour."""
+
+_ROUNDS: Final = 6
+_NO_LIMIT: Final = 1 << 60
+_SPARE_CORNERS: Final = 0.1
+
+
+@compiled
+def lead_around(way: Array, discs: Array, entered: Array, sight: Sight) -> tuple[Array, Flags]:
+    """Return a way (n, 2) [m] led around discs (k, 3), and the discs that leave no room for it.
+
+    `entered` (k, 3) are the discs as ways must not enter them, a little smaller.  The way is empty
+    when there is no room.
+    """
+    closed = np.zeros(len(discs), dtype=np.bool_)
+    lost = _inside(way, discs)
+    places = [(way[0, 0], way[0, 1], False)]
+    leg = np.empty((2, 2))
+    i = 0
+    while i < len(way) - 1:
+        leg[0, 0], leg[0, 1] = places[-1][0], places[-1][1]
+        leg[1] = way[i + 1]
+        hit = crossing(leg, entered)[0]
+        if not hit.any():
+            i += 1
+            places.append((way[i, 0], way[i, 1], False))
+            continue
+        last = i + 1
+        while last < len(way) - 1 and lost[last]:
+            last += 1
+        if last == i + 1:
+            hit = _first_group(leg, discs, hit)
+            size = math.hypot(leg[1, 0] - leg[0, 0], leg[1, 1] - leg[0, 1])
+        else:
+            legs = np.concatenate((leg[:1], way[i + 1 : last + 1]))
+            size = 0.0
+            for k in range(len(legs) - 1):
+                size += math.hypot(legs[k + 1, 0] - legs[k, 0], legs[k + 1, 1] - legs[k, 1])
+                hit |= crossing(legs[k : k + 2], entered)[0]
+            leg[1] = way[last]
+        around, closed = _detour(leg, size, hit, discs, entered, sight)
+        if len(around) == 0:
+            return around, closed
+        end = len(around) - 1
+        places.extend([(around[k, 0], around[k, 1], k in (0, end)) for k in range(end + 1)])
+        i = last - 1
+    closed[:] = False
+    return _tautened(places, entered, sight), closed
+
+
+@compiled
+def _inside(places: Array, discs: Array) -> Flags:
+    """Tell for each place (n, 2) whether it lies in one of the discs (k, 3)."""
+    found = np.zeros(len(places), dtype=np.bool_)
+    for i in range(len(places)):
+        for k in range(len(discs)):
+            dx, dy = places[i, 0] - discs[k, 0], places[i, 1] - discs[k, 1]
+            if dx * dx + dy * dy < discs[k, 2] * discs[k, 2]:
+                found[i] = True
+                break
+    return found
+
+
+@compiled
+def _first_group(leg: Array, discs: Array, hit: Flags) -> Flags:
+    """Return the first of the discs hit that follow each other without a gap; shorten the leg."""
+    dx, dy = leg[1, 0] - leg[0, 0], leg[1, 1] - leg[0, 1]
+    size = math.hypot(dx, dy)
+    chosen = np.flatnonzero(hit)
+    low, high = np.empty(len(chosen)), np.empty(len(chosen))
+    for k in range(len(chosen)):
+        x, y, radius = discs[chosen[k]]
+        middle = ((x - leg[0, 0]) * dx + (y - leg[0, 1]) * dy) / size
+        low[k], high[k] = middle - _ASIDE * radius, middle + _ASIDE * radius
+    group = np.zeros(len(discs), dtype=np.bool_)
+    order = np.argsort(low)
+    begin, end = low[order[0]], high[order[0]]
+    for k in order:
+        if low[k] > end:
+            break
+        group[chosen[k]] = True
+        end = max(end, high[k])
+    first, last = max(begin / size, 0.0), min(end / size, 1.0)
+    x, y = leg[0, 0], leg[0, 1]
+    leg[0, 0], leg[0, 1] = x + first * dx, y + first * dy
+    leg[1, 0], leg[1, 1] = x + last * dx, y + last * dy
+    return group
+
+
+@compiled
+def _detour(
+    ends: Array, size: float, active: Flags, discs: Array, entered: Array, sight: Sight
+) -> tuple[Array, Flags]:
+    """Return a way between two places (2, 2) not much longer than `size` [m]; empty when none is.
+
+    Discs that it enters join the active ones, which are returned too.
+    """
+    spared = corners_within(ends, sight.corners, sight.reach * (1.0 + _SPARE_CORNERS))
+    active = active.copy()
+    for _ in range(_ROUNDS):
+        radii = discs[active, 2]
+        longest = size + _DETOUR * min(radii.sum(), _MOST_DISCS * radii.max())
+        way = search(ends, _NO_LIMIT, longest, discs[active], sight, spared)
+        if len(way) == 0:
+            break
+        entering = crossing(way, entered)
+        fresh = False
+        for k in range(len(discs)):
+            if not active[k] and entering[:, k].any():
+                active[k] = fresh = True
+        if not fresh:
+            return way, active
+    return np.empty((0, 2)), active
+
+
+@compiled
+def _tautened(places: list[tuple[float, float, bool]], entered: Array, sight: Sight) -> Array:
+    """Return a way (n, 2) without the places at which detours left their legs, where it can be."""
+    kept = np.empty((len(places), 2))
+    kept[0, 0], kept[0, 1] = places[0][0], places[0][1]
+    count = 1
+    short = np.empty((2, 2))
+    for i in range(1, len(places)):
+        x, y, loose = places[i]
+        if loose and i < len(places) - 1:
+            short[0] = kept[count - 1]
+            short[1, 0], short[1, 1] = places[i + 1][0], places[i + 1][1]
+            spared = corners_within(short, sight.corners, sight.reach * (1.0 + _SPARE_CORNERS))
+            free = sees(short[0, 0], short[0, 1], short[1, 0], short[1, 1], sight, spared)
+            if free and not crossing(short, entered).any():
+                continue
+        kept[count, 0], kept[count, 1] = x, y
+        count += 1
+    return kept[:count].copy()
