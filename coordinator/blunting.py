@@ -46,8 +46,10 @@ def blunt(
             extra = _two_turns(after, here, vertices[-1], bool(exact[i]), space, radius)[::-1]
         else:
             extra = _two_turns(vertices[-1], here, after, bool(exact[i]), space, radius)
+        if exact[i]:
+            extra.insert(1, here)
         vertices.extend(extra)
-        flags.extend([False] * len(extra))
+        flags.extend([False, True, False] if exact[i] else [False] * len(extra))
     return np.array([*vertices, polygon[-1]]), np.array([*flags, exact[-1]])
 
 

@@ -20,10 +20,17 @@ _HALVINGS: Final = 8
 _NAMED: Final = 4
 
 
-def no_way(
-    floor: Floor, robot: Robot, margin: float, space: Space, start: Array, goal: Array
-) -> PlanError:
-    """Return the error for a robot that cannot get from start to goal (2,) [m]."""
+class NoWayError(PlanError):
+    """There is no way from start to goal (2,) [m] in a space; words are found when it is told."""
+
+    def __init__(self, space: Space, start: Array, goal: Array) -> None:
+        super().__init__("no way")
+        self.space, self.start, self.goal = space, start, goal
+
+
+def explain(error: NoWayError, floor: Floor, robot: Robot, margin: float) -> PlanError:
+    """Return the error with what closes the robot in, and what would help."""
+    space, start, goal = error.space, error.start, error.goal
     reach = space.ground.reach
     pieces = floor.free(reach)
     rooms = [_around(pieces, place) for place in (start, goal)]
@@ -57,7 +64,7 @@ def _what_helps(floor: Floor, radius: float, margin: float, start: Array, goal: 
     low, high = 0.0, radius
     for _ in range(_HALVINGS):
         trial = 0.5 * (low + high)
-        if floor.ground(trial + margin).shortest_way(start, goal, NO_DISCS) is None:
+        if floor.fresh_ground(trial + margin).shortest_way(start, goal, NO_DISCS) is None:
             high = trial
         else:
             low = trial

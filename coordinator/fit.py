@@ -29,10 +29,12 @@ _ROUNDS: Final = 40
 class Fit:
     """A curve with its polygon: vertices (n, 2) [m], their parameters and half-widths (n,).
 
-    The ends have no width.  `exact` (n,): vertices that the curve passes.
+    The ends have no width.  `exact` (n,): vertices that the curve passes; `bent` (n, 2) is the
+    polygon with these moved out, which the control points lie on.
     """
 
     vertices: Array
+    bent: Array
     exact: Flags
     at: Array
     widths: Array
@@ -61,7 +63,7 @@ def fit_at(vertices: Array, bent: Array, exact: Flags, at: Array, widths: Array)
     points = np.column_stack([np.interp(greville, at, bent[:, axis]) for axis in (0, 1)])
     points[0], points[-1] = vertices[0], vertices[-1]
     curve = nurbs(3, knots.astype(np.float32), points.astype(np.float32))
-    return Fit(vertices, exact, at, widths, curve)
+    return Fit(vertices, bent, exact, at, widths, curve)
 
 
 def lengths_along(vertices: Array) -> Array:

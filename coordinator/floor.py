@@ -20,6 +20,9 @@ from coordinator.growth import Rings
 from coordinator.nurbs import Array
 from coordinator.scenario import Point
 
+_GRID: Final = 1e-9
+"""Solid things are joined on a grid this fine [m]: without one a union may drop thin pieces."""
+
 _QUARTER: Final = 16
 """Segments that a quarter of a round corner has where grown obstacles are shown or named."""
 
@@ -40,7 +43,7 @@ class Floor:
         far = 1.0 + max(x1 - x0, y1 - y0)
         frame = shapely.box(x0 - far, y0 - far, x1 + far, y1 + far)
         outside = shapely.difference(frame, self.outline)
-        solid = shapely.union_all([*self.obstacles, outside])
+        solid = shapely.union_all([*self.obstacles, outside], grid_size=_GRID)
         shapely.prepare(solid)
         return solid
 
@@ -61,6 +64,10 @@ class Floor:
         if key not in self._grounds:
             self._grounds[key] = Ground(self._rings, *key)
         return self._grounds[key]
+
+    def fresh_ground(self, reach: float) -> Ground:
+        """Return ground that is not kept, for a reach [m] that is asked for once."""
+        return Ground(self._rings, reach)
 
     def free(self, reach: float) -> list[shapely.Geometry]:
         """Return the connected pieces where a centre keeps `reach` [m] from solid things."""

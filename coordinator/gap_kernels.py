@@ -50,10 +50,14 @@ def _segment_gap(
 
 
 @compiled
-def keeps(px: float, py: float, qx: float, qy: float, extra: float, solid: Solid) -> bool:
-    """Tell whether p-q stays `need + extra` from edges and `extra` outside of discs."""
-    discs, edges, need = solid.discs, solid.edges, solid.need
-    first, items, frame = solid.first, solid.items, solid.frame
+def keeps(
+    px: float, py: float, qx: float, qy: float, extra: float,
+    need: float, discs: Array, edges: Array, first: Indices, items: Indices, frame: Array,
+) -> bool:  # fmt: skip
+    """Tell whether p-q stays `need + extra` from edges and `extra` outside of discs.
+
+    Takes a Solid apart: unpacking it for every line would take longer than the line does.
+    """
     low_x, high_x, low_y, high_y = min(px, qx), max(px, qx), min(py, qy), max(py, qy)
     for k in range(len(discs)):
         x, y, radius = discs[k, 0], discs[k, 1], discs[k, 2] + extra
@@ -91,8 +95,12 @@ def keeps(px: float, py: float, qx: float, qy: float, extra: float, solid: Solid
 def keeping(starts: Array, ends: Array, extra: Array, solid: Solid) -> npt.NDArray[np.bool_]:
     """Tell for each line (k, 2)-(k, 2) whether it keeps the need and its own `extra` (k,) [m]."""
     found = np.empty(len(starts), dtype=np.bool_)
+    need, discs, edges, first, items, frame = solid
     for k in range(len(starts)):
-        found[k] = keeps(starts[k, 0], starts[k, 1], ends[k, 0], ends[k, 1], extra[k], solid)
+        found[k] = keeps(
+            starts[k, 0], starts[k, 1], ends[k, 0], ends[k, 1], extra[k],
+            need, discs, edges, first, items, frame,
+        )  # fmt: skip
     return found
 
 
@@ -107,4 +115,27 @@ def crossing(way: Array, discs: Array) -> npt.NDArray[np.bool_]:
             x, y, radius = discs[k, 0], discs[k, 1], discs[k, 2]
             if x0 - x < radius and x - x1 < radius and y0 - y < radius and y - y1 < radius:
                 found[i, k] = point_gap(x, y, ax, ay, bx, by) < radius
+    return found
+
+
+@compiled
+def entered(way: Array, discs: Array) -> npt.NDArray[np.bool_]:
+    """Tell for each disc (k, 3) whether a way (n, 2) enters it."""
+    found = np.zeros(len(discs), dtype=np.bool_)
+    x0, x1, y0, y1 = way[:, 0].min(), way[:, 0].max(), way[:, 1].min(), way[:, 1].max()
+    for k in range(len(discs)):
+        x, y, radius = discs[k, 0], discs[k, 1], discs[k, 2]
+        if x0 - x >= radius or x - x1 >= radius or y0 - y >= radius or y - y1 >= radius:
+            continue
+        for i in range(len(way) - 1):
+            ax, ay, bx, by = way[i, 0], way[i, 1], way[i + 1, 0], way[i + 1, 1]
+            if (
+                min(ax, bx) - x < radius
+                and x - max(ax, bx) < radius
+                and min(ay, by) - y < radius
+                and y - max(ay, by) < radius
+                and point_gap(x, y, ax, ay, bx, by) < radius
+            ):
+                found[k] = True
+                break
     return found

@@ -54,9 +54,20 @@ class Ground:
         rows[-1] = 0
         pool = np.zeros(min(count * count, max(_SEEN_PER_TURN * count, 4096)), np.int64)
         self.sight = Sight(
-            *(turning.turns, turning.before, turning.after, rows, pool),
-            *(blocking.edges, blocking.owners, blocking.beyond, rings.corners),
-            *(reach - _SLACK, first, items, self.frame),
+            turns=turning.turns,
+            before=turning.before,
+            after=turning.after,
+            rows=rows,
+            pool=pool,
+            edges=blocking.edges,
+            owners=blocking.owners,
+            beyond=blocking.beyond,
+            corners=rings.corners,
+            reach=reach - _SLACK,
+            room=room,
+            first=first,
+            items=items,
+            frame=self.frame,
         )
 
     def clear(self, start: Array, end: Array) -> bool:
@@ -74,6 +85,8 @@ class Ground:
         in is found out from there.
         """
         ends = np.stack((start, goal))
+        if np.array_equal(start, goal):
+            return ends
         most, spared = _FIRST_PLACES, self._spared(ends)
         while True:
             for step in (1, -1):

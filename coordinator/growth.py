@@ -25,6 +25,9 @@ Indices = npt.NDArray[np.int64]
 TURN_STEP: Final = math.pi / 8
 """Greatest turn [rad] at one vertex of the polygon around a corner."""
 
+_OVERLAP: Final = 1e-9
+"""Neighbouring edges overlap by this [m]."""
+
 _STRAIGHT: Final = 1e-9
 """Corners that turn less [rad] count as straight."""
 
@@ -105,12 +108,13 @@ def grow(rings: Rings, distance: float) -> Outline:
     inner = np.flatnonzero(step < count[around] - 1)
     chain = np.column_stack((turns[inner], turns[inner + 1])).reshape(-1, 4)
     whole = np.full(len(inner), math.inf)
+    edges = _overlapping(np.concatenate((side, chain)))
     heading = angle - half[around]
     into = np.column_stack((-np.sin(heading), np.cos(heading)))
     heading = angle + half[around]
     onward = np.column_stack((-np.sin(heading), np.cos(heading)))
     return Outline(
-        edges=np.concatenate((side, chain)),
+        edges=edges,
         owners=np.concatenate(
             (
                 np.column_stack((owner, owner[following])),
@@ -125,6 +129,13 @@ def grow(rings: Rings, distance: float) -> Outline:
         after=onward,
         around=around,
     )
+
+
+def _overlapping(edges: Array) -> Array:
+    """Return edges (m, 4) a little longer at both ends: rounding must not leave gaps."""
+    along = edges[:, 2:] - edges[:, :2]
+    along *= (_OVERLAP / np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12))[:, None]
+    return np.concatenate((edges[:, :2] - along, edges[:, 2:] + along), axis=1)
 
 
 def _anticlockwise(ring: Array) -> Array:

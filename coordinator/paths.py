@@ -14,16 +14,17 @@ import numpy as np
 from msgspec.structs import replace
 
 from coordinator.bounds import flatten
-from coordinator.closure import no_way
+from coordinator.closure import NoWayError, explain
 from coordinator.errors import PlanError, TurnError
 from coordinator.fit import Fit, Flags
 from coordinator.floor import Floor
-from coordinator.gap_kernels import crossing
+from coordinator.gap_kernels import entered
 from coordinator.handling import Handling
 from coordinator.nurbs import Array, Nurbs
+from coordinator.refit import with_goal, with_via
 from coordinator.scenario import Point, Robot, Scenario
 from coordinator.smoothing import smooth
-from coordinator.space import NO_DISCS, Space
+from coordinator.space import DISC_TOLERANCE, NO_DISCS, Space
 
 _TOUCH: Final = 0.0005
 """Ways keep this much more [m] than needed: float32 and chords may take half of it."""
@@ -81,7 +82,36 @@ class Pathfinder:
                         worst = error
                 except PlanError as error:
                     worst = worst if isinstance(worst, TurnError) else error
+        if isinstance(worst, NoWayError):
+            worst = explain(worst, self.floor, robot, self.scenario.margin)
         raise PlanError(f"{robot.id}: {worst}")
+
+    def led_through(self, index: int, found: Fit, via: Point) -> Fit:
+        """Return robot `index`'s path led through one more place, changed only near it.
+
+        Knots and control points elsewhere stay what they are.  Raises PlanError when no smooth way
+        leads through the place.
+        """
+        robot = self.scenario.robots[index]
+        with_place = replace(robot, via=(*robot.via, via))
+        space = self._space(with_place, next(self._places(with_place, index)), 0.0)
+        try:
+            return with_via(found, np.array(via), space, self.handling(robot), _headed(robot))
+        except PlanError as error:
+            raise PlanError(f"{robot.id}: {error}") from None
+
+    def led_to(self, index: int, found: Fit, goal: Point) -> Fit:
+        """Return robot `index`'s path with another goal, the same up to where it has to leave it.
+
+        Raises PlanError when no smooth way leads to the goal.
+        """
+        robot = self.scenario.robots[index]
+        moved = replace(robot, goal=goal)
+        space = self._space(moved, next(self._places(moved, index)), 0.0)
+        try:
+            return with_goal(found, np.array(goal), space, self.handling(robot), _headed(robot)[0])
+        except PlanError as error:
+            raise PlanError(f"{robot.id}: {error}") from None
 
     def crossed_places(self, index: int, curve: Nurbs) -> list[str]:
         """Say which starts and goals of other robots a path crosses: these order the two robots."""
@@ -90,7 +120,7 @@ class Pathfinder:
         line = flatten(curve, _TOUCH).points
         said = []
         for name, places in (("start", self._starts), ("goal", self._goals)):
-            hit = np.asarray(crossing(line, np.column_stack((places, need))).any(axis=0))
+            hit = entered(line, np.column_stack((places, need)))
             hit[index] = False
             said += [
                 f"{robot.id}'s path crosses {self.scenario.robots[other].id}'s {name}"
@@ -109,12 +139,15 @@ class Pathfinder:
 
     def _fit_among(self, robot: Robot, space: Space, lead_share: float) -> Fit:
         polygon, exact = self._polygon(robot, space, lead_share)
-        headed = (len(robot.start) == 3, len(robot.goal) == 3)
-        return smooth(polygon, exact, space, self.handling(robot), headed)
+        return smooth(polygon, exact, space, self.handling(robot), _headed(robot))
 
     def _space(self, robot: Robot, discs: Array, room: float) -> Space:
         reach = robot.radius + self.scenario.margin
-        spare = float(self.floor.distance(_anchors(robot)).min()) - reach - _FLUSH
+        spares = self.floor.distance(_anchors(robot)) - reach
+        if spares.min() < -_FLUSH:
+            x, y = _anchors(robot)[int(np.argmin(spares))]
+            raise PlanError(f"({x:.2f}, {y:.2f}) is nearer than {reach:g} m to something solid")
+        spare = float(spares.min()) - _FLUSH
         touch = min(max(spare, 0.0), _TOUCH)
         ground = self.floor.ground(reach + touch, room)
         return Space(ground, reach + 0.5 * touch - _FLUSH, 0.2 * touch, discs)
@@ -140,9 +173,7 @@ class Pathfinder:
             way = self._polygon(robot, space, 1.0)[0]
         except PlanError:
             return
-        crossed = [
-            Space(space.ground, 0.0, 0.0, discs).crossing(way).any(axis=0) for discs in possible
-        ]
+        crossed = [entered(way, discs - (0.0, 0.0, DISC_TOLERANCE)) for discs in possible]
         (starts, goals), (over_start, over_goal) = possible, crossed
         if over_start.any():
             yield np.concatenate((starts[~over_start], goals))
@@ -166,7 +197,7 @@ class Pathfinder:
         for start, goal in pairwise(anchors):
             way = space.shortest_way(start, goal)
             if way is None:
-                raise no_way(self.floor, robot, self.scenario.margin, space, start, goal)
+                raise NoWayError(space, start, goal)
             vertices += list(way[1:])
             exact += [False] * (len(way) - 2) + [any(goal is point for point in via)]
         exact[-1] = True
@@ -178,6 +209,11 @@ def _anchors(robot: Robot) -> Array:
     return np.array([robot.start[:2], *robot.via, robot.goal[:2]])
 
 
+def _headed(robot: Robot) -> tuple[bool, bool]:
+    """Tell whether a robot's start and goal have headings."""
+    return len(robot.start) == 3, len(robot.goal) == 3
+
+
 def _rooms(robot: Robot) -> tuple[float, ...]:
     """Return the rooms [m] to try for rounding corners; robots that turn wide want more first."""
     wide = _ROOM_PER_RADIUS * robot.min_turn_radius - robot.radius
@@ -186,8 +222,7 @@ def _rooms(robot: Robot) -> tuple[float, ...]:
 
 def _lead_shares(robot: Robot) -> tuple[float, ...]:
     """Return which shares of the longest lead to try: a shorter one may turn wider."""
-    headed = len(robot.start) == 3 or len(robot.goal) == 3
-    return (1.0, 0.5, 0.25) if headed and robot.min_turn_radius > 0.0 else (1.0,)
+    return (1.0, 0.5, 0.25) if any(_headed(robot)) and robot.min_turn_radius > 0.0 else (1.0,)
 
 
 def _lead(pose: Sequence[float], sign: float, space: Space, longest: float) -> list[Array]:

@@ -50,6 +50,8 @@ def search(
     places = np.concatenate((ends, more, turns))
     backward = np.concatenate((np.zeros((2, 2)), more_before, sight.before))
     forward = np.concatenate((np.zeros((2, 2)), more_after, sight.after))
+    # An end between an arc and its tangent polygon sees vertices from inside.
+    loose = len(spared) > 0 or len(discs) > 0 or sight.room > 0.0
     none = spared[:0]
     cost = np.full(len(places), math.inf)
     parent = np.full(len(places), -1)
@@ -79,7 +81,10 @@ def search(
         row = pool[rows[here - extra, 0] : rows[here - extra, 1]] if known else possible
         for i in range(-extra, len(row)):
             there = i + extra if i < 0 else extra + row[i]
-            if parent[there] >= 0 or not _is_step(places, backward, forward, origin, here, there):
+            if parent[there] >= 0 or not (
+                (loose and min(here, there) < 2)
+                or _is_step(places, backward, forward, origin, here, there)
+            ):
                 continue
             whole = cost[here] + math.hypot(places[there, 0] - hx, places[there, 1] - hy)
             whole += math.hypot(places[there, 0] - gx, places[there, 1] - gy)
@@ -130,9 +135,9 @@ def _is_step(
     """
     hx, hy = places[here, 0], places[here, 1]
     dx, dy = places[there, 0] - hx, places[there, 1] - hy
-    if here >= 2 and cuts(dx, dy, backward[here], forward[here]):
+    if here >= 2 and cuts(dx, dy, here, backward, forward):
         return False
-    if there >= 2 and cuts(dx, dy, backward[there], forward[there]):
+    if there >= 2 and cuts(dx, dy, there, backward, forward):
         return False
     size = math.hypot(dx, dy)
     if size == 0.0:
@@ -147,7 +152,7 @@ def _is_step(
         turn = (ix * dy - iy * dx) * (side + other)
         if turn < -slack * (abs(side) + abs(other)) * math.hypot(ix, iy):
             return False
-    return there < 2 or supports(dx / size, dy / size, backward[there], forward[there])
+    return there < 2 or supports(dx / size, dy / size, there, backward, forward)
 
 
 @compiled

@@ -1,7 +1,7 @@
 """From a control polygon to a cubic curve: straight where the way is straight, C2 at corners.
 
 Vertices of one obstacle's corner become one corner where there is room; corners move out as far as
-that helps travel time; each is then rounded as widely as it stays clear (corner_kernels.py,
+that helps travel time; each is then rounded as widely as it stays clear (polygon_kernels.py,
 fit.py).
 
 Decides: the corners and their half-widths.  Must not know: where the polygon comes from, other
@@ -16,11 +16,12 @@ from typing import Final
 import numpy as np
 
 from coordinator.blunting import blunt
-from coordinator.corner_kernels import NARROWEST, STRAIGHT, merge, push, widths
+from coordinator.corner_kernels import NARROWEST, STRAIGHT
 from coordinator.errors import PlanError, TurnError
 from coordinator.fit import Fit, Flags, fit, lengths_along
 from coordinator.handling import Handling
 from coordinator.nurbs import Array, Nurbs
+from coordinator.polygon_kernels import merge, push, widths
 from coordinator.space import Space
 
 _SHRINK: Final = 0.75

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from coordinator.bounds import flatten
 from coordinator.detour_kernels import lead_around
-from coordinator.gap_kernels import Solid, crossing, keeping
+from coordinator.gap_kernels import Solid, crossing, entered, keeping
 from coordinator.ground import Ground
 from coordinator.nurbs import Array, Nurbs
 
@@ -63,7 +63,7 @@ class Space:
             around, closed = lead_around(
                 way, self.discs[near], self._relaxed[near], self.ground.sight
             )
-            if len(around) and not self.crossing(around).any():
+            if len(around) and not entered(around, self._relaxed).any():
                 return np.asarray(around)
             if len(around) or blocking[near[closed]].all():
                 return self._shortest_among_discs(start, goal)
@@ -83,7 +83,7 @@ class Space:
             way = self.ground.shortest_way(start, goal, self.discs[active])
             if way is None:
                 return None
-            more = self.crossing(way).any(axis=0) & ~active
+            more = entered(way, self._relaxed) & ~active
             if not more.any():
                 return way
             active |= more
@@ -95,7 +95,7 @@ class Space:
     def _near(self, way: Array, reach: float) -> Flags:
         """Tell which discs come nearer than `reach` [m] to a way (n, 2) [m]."""
         wide = self.discs + np.array((0.0, 0.0, reach))
-        return np.asarray(crossing(way, wide).any(axis=0))
+        return entered(way, wide)
 
     def keeping(self, starts: Array, ends: Array) -> Flags:
         """Tell for each straight line (k, 2)-(k, 2) whether it is clear."""

@@ -127,7 +127,7 @@ def test_a_plan_for_one_robot_needs_no_others():
 
 def test_a_path_too_long_for_a_message_is_refused_with_a_sentence():
     vias = tuple((1.0 + 0.06 * i, 2.0 + 3.0 * (i % 2)) for i in range(130))
-    with pytest.raises(PlanError, match="A: .*; fewer via points would help"):
+    with pytest.raises(PlanError, match=r"A: .*; fewer via points would help"):
         plan_scenario(a_scenario([a_robot("A", (0.5, 1), (9.5, 1), via=vias)]))
 
 

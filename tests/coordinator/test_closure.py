@@ -1,0 +1,107 @@
+"""Where there is no way: who is shut in, by what, and what would help."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+import shapely
+
+from coordinator.errors import PlanError
+from coordinator.floor import Floor
+from coordinator.paths import Pathfinder
+from coordinator.scenario import Scenario, Workspace
+from coordinator.space import NO_DISCS
+from tests.floors import box, random_floor, random_places, solid_of
+from tests.oracles_floor import VisibilityGraph, convex_corners, grown
+from tests.scenarios import a_robot
+
+BOX = box(0, 0, 10, 8)
+MARGIN = 0.02
+YARD = [box(5, 2, 9, 2.3), box(5, 5.7, 9, 6), box(5, 2, 5.3, 6), box(8.7, 2, 9, 6)]
+
+
+def refusal(robots, obstacles, boundary=BOX):
+    workspace = Workspace(
+        boundary=tuple(boundary), obstacles=tuple(tuple(ring) for ring in obstacles)
+    )
+    finder = Pathfinder(
+        Scenario(name="t", workspace=workspace, robots=tuple(robots), margin=MARGIN)
+    )
+    with pytest.raises(PlanError) as caught:
+        finder.path(0)
+    return str(caught.value)
+
+
+def named(text):
+    return {int(number) for number in re.findall(r"obstacle (\d+)", text)}
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_an_enclosed_place_is_told_with_the_walls_around_it(turned):
+    ends = ((1.0, 4.0), (7.0, 4.0))
+    robot = a_robot("A7", *(ends[::-1] if turned else ends))
+    text = refusal([robot], [box(1, 6, 2, 7), *YARD])
+    assert text.startswith("A7: no way from (")
+    assert "radius 0.2 m + margin 0.02 m" in text
+    assert named(text) == {1, 2, 3, 4}
+    assert "close it in" in text
+
+
+def test_what_closes_a_corner_of_the_floor_names_its_edge():
+    text = refusal([a_robot("A", (1.0, 1.0), (8.0, 7.0))], [box(0, 3, 4, 3.2), box(4, 0, 4.2, 3.2)])
+    assert named(text) == {0, 1}
+    assert "the floor's edge" in text
+
+
+def test_a_long_list_is_cut_short():
+    ring = [
+        (7 + 2 * math.cos(k * math.pi / 8), 4 + 2 * math.sin(k * math.pi / 8)) for k in range(16)
+    ]
+    text = refusal(
+        [a_robot("A", (1.0, 4.0), (7.0, 4.0))],
+        [box(x - 0.3, y - 0.3, x + 0.3, y + 0.3) for x, y in ring],
+    )
+    assert len(named(text)) == 4
+    assert "and 12 more close it in" in text
+
+
+@pytest.mark.parametrize("door", [0.2, 0.3, 0.4])
+def test_the_radius_that_would_pass_does_pass_and_one_a_little_larger_does_not(door):
+    walls = [box(0, 3, 5, 5), box(5 + door, 3, 10, 5)]
+    text = refusal([a_robot("A", (5.0, 1.0), (5.0, 7.0), radius=0.3)], walls)
+    fits = float(re.search(r"a radius of (\d+\.\d+) m would pass", text)[1])
+    assert fits == pytest.approx(0.5 * door - MARGIN, abs=2.5e-3)
+    assert fits <= 0.5 * door - MARGIN + 5e-4
+
+
+def test_where_no_radius_passes_another_goal_is_advised():
+    text = refusal([a_robot("A", (1.0, 4.0), (7.0, 4.0))], YARD)
+    assert "another goal or fewer obstacles would help" in text
+
+
+def test_refusals_on_random_floors_are_right_and_name_what_is_near():
+    refused = 0
+    for seed in range(300):
+        floor = random_floor(seed)
+        places, reach = random_places(floor, 2, seed), floor.reach
+        ground = Floor(floor.boundary, floor.obstacles).ground(reach)
+        if len(places) < 2 or ground.shortest_way(*places, NO_DISCS) is not None:
+            continue
+        refused += 1
+        graph = VisibilityGraph(grown(floor, reach - 1e-6), convex_corners(grown(floor, reach)))
+        assert graph.length(*places) == math.inf
+        robot = a_robot("R1", *map(tuple, places), radius=reach - MARGIN)
+        text = refusal([robot], floor.obstacles, floor.boundary)
+        assert text.startswith("R1: no way from (")
+        room = shapely.Polygon(floor.boundary) - shapely.buffer(solid_of(floor), reach)
+        pieces = shapely.get_parts(room)
+        around = [
+            pieces[np.argmin(shapely.distance(pieces, shapely.Point(place)))] for place in places
+        ]
+        if around[0] is not around[1]:
+            assert "close it in" in text
+            for number in named(text):
+                shape = shapely.Polygon(floor.obstacles[number])
+                assert shapely.distance(around, shape).min() < 1.2 * reach + 0.02
+    assert refused >= 5
