@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import pairwise, product
 from typing import Final
 
@@ -93,12 +94,10 @@ class Pathfinder:
         leads through the place.
         """
         robot = self.scenario.robots[index]
-        with_place = replace(robot, via=(*robot.via, via))
-        space = self._space(with_place, next(self._places(with_place, index)), 0.0)
-        try:
+        changed = replace(robot, via=(*robot.via, via))
+        with _named(robot):
+            space = self._space(changed, next(self._places(changed, index)), 0.0)
             return with_via(found, np.array(via), space, self.handling(robot), _headed(robot))
-        except PlanError as error:
-            raise PlanError(f"{robot.id}: {error}") from None
 
     def led_to(self, index: int, found: Fit, goal: Point) -> Fit:
         """Return robot `index`'s path with another goal, the same up to where it has to leave it.
@@ -106,12 +105,11 @@ class Pathfinder:
         Raises PlanError when no smooth way leads to the goal.
         """
         robot = self.scenario.robots[index]
-        moved = replace(robot, goal=goal)
-        space = self._space(moved, next(self._places(moved, index)), 0.0)
-        try:
-            return with_goal(found, np.array(goal), space, self.handling(robot), _headed(robot)[0])
-        except PlanError as error:
-            raise PlanError(f"{robot.id}: {error}") from None
+        changed = replace(robot, goal=goal)
+        headed = _headed(robot)[0]
+        with _named(robot):
+            space = self._space(changed, next(self._places(changed, index)), 0.0)
+            return with_goal(found, np.array(goal), space, self.handling(robot), headed)
 
     def crossed_places(self, index: int, curve: Nurbs) -> list[str]:
         """Say which starts and goals of other robots a path crosses: these order the two robots."""
@@ -202,6 +200,15 @@ class Pathfinder:
             exact += [False] * (len(way) - 2) + [any(goal is point for point in via)]
         exact[-1] = True
         return np.array(vertices), np.array(exact)
+
+
+@contextmanager
+def _named(robot: Robot) -> Iterator[None]:
+    """Put the robot's name before what goes wrong."""
+    try:
+        yield
+    except PlanError as error:
+        raise PlanError(f"{robot.id}: {error}") from None
 
 
 def _anchors(robot: Robot) -> Array:
