@@ -216,12 +216,23 @@ def info(log: LogFile, as_json: Json = False) -> None:
 def plot(
     source: Annotated[Path, typer.Argument(help="Plan file or log.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="FILE.svg or FILE.png")],
+    robots: Annotated[str, typer.Option(help="R1,R3: only these in full, the others faint.")] = "",
+    detail: Annotated[
+        bool | None,
+        typer.Option(
+            "--detail/--no-detail",
+            help="Control polygons and curvature combs; by default for 8 robots or fewer.",
+        ),
+    ] = None,
 ) -> None:
     """Draw the floor with paths, crossings and stops, and the distance-time diagram.
 
-    Example: splinefleet plot plan.json -o plan.svg
+    Around the obstacles stand their outlines grown by radius + margin: no centre goes inside.
+
+    Example: splinefleet plot plan.json -o plan.svg --robots R1,R3
     """
     from coordinator.figure import draw_plan
+    from coordinator.figure_view import View
     from coordinator.logbook import read_log
     from coordinator.plan import from_json, read
 
@@ -233,5 +244,6 @@ def plot(
     else:
         document = read(source)
     make_folder(output.parent)
-    draw_plan(document, output)
+    chosen = tuple(name.strip() for name in robots.split(",") if name.strip())
+    draw_plan(document, output, View(chosen, detail))
     tell(f"wrote {output}")

@@ -33,7 +33,9 @@ STRAIGHT: Final = 1e-6
 NARROWEST: Final = 2e-3
 """No corner is rounded over less [m], where its legs are that long."""
 
-_HALF_CHORDS: Final = 16
+_CHORDS_PER_ROOT: Final = 12.0
+"""Chords over half a corner, by the root of |t1 - t0|: their sagittas are then alike."""
+
 _HALVINGS: Final = 7
 _TOO_TIGHT: Final = 1e3
 """Seconds that a metre of radius short of what the robot can turn counts as."""
@@ -93,9 +95,10 @@ def _rounding_keeps(
         # The vertex is moved out by the cut, so that the curve passes its place.
         cx, cy = cx - width / 6.0 * jx, cy - width / 6.0 * jy
     need, discs, edges, first, items, frame = solid
-    step = 1.0 / _HALF_CHORDS
+    chords = 2 + int(_CHORDS_PER_ROOT * math.sqrt(math.hypot(jx, jy)))
+    step = 1.0 / chords
     ax, ay = cx - width * ix, cy - width * iy
-    for i in range(1, 2 * _HALF_CHORDS + 1):
+    for i in range(1, 2 * chords + 1):
         x = i * step - 1.0
         bulge = (1.0 + x) ** 3 / 6.0 if x <= 0.0 else x + (1.0 - x) ** 3 / 6.0
         bx = cx + width * (x * ix + bulge * jx)

@@ -23,7 +23,7 @@ Flags = npt.NDArray[np.bool_]
 _ASIDE: Final = 1.5
 """Detours leave a leg this many radii before a place and come back as far behind it."""
 
-_DETOUR: Final = 3.0
+_DETOUR: Final = 2.0
 """A detour around places is at most this much longer, as a share of their radii together."""
 
 _MOST_DISCS: Final = 3.0
@@ -52,7 +52,8 @@ def lead_around(way: Array, discs: Array, entered: Array, sight: Sight) -> tuple
         hit = crossing(leg, entered)[0]
         if not hit.any():
             i += 1
-            places.append((way[i, 0], way[i, 1], False))
+            if way[i, 0] != places[-1][0] or way[i, 1] != places[-1][1]:
+                places.append((way[i, 0], way[i, 1], False))
             continue
         last = i + 1
         while last < len(way) - 1 and lost[last]:
@@ -62,9 +63,8 @@ def lead_around(way: Array, discs: Array, entered: Array, sight: Sight) -> tuple
             size = math.hypot(leg[1, 0] - leg[0, 0], leg[1, 1] - leg[0, 1])
         else:
             legs = np.concatenate((leg[:1], way[i + 1 : last + 1]))
-            size = 0.0
+            size = _length(legs)
             for k in range(len(legs) - 1):
-                size += math.hypot(legs[k + 1, 0] - legs[k, 0], legs[k + 1, 1] - legs[k, 1])
                 hit |= crossing(legs[k : k + 2], entered)[0]
             leg[1] = way[last]
         around, closed = _detour(leg, size, hit, discs, entered, sight)
@@ -74,7 +74,7 @@ def lead_around(way: Array, discs: Array, entered: Array, sight: Sight) -> tuple
         places.extend([(around[k, 0], around[k, 1], k in (0, end)) for k in range(end + 1)])
         i = last - 1
     closed[:] = False
-    return _tautened(places, entered, sight), closed
+    return _tautened(places, discs, entered, sight), closed
 
 
 @compiled
@@ -112,7 +112,8 @@ def _first_group(leg: Array, discs: Array, hit: Flags) -> Flags:
     first, last = max(begin / size, 0.0), min(end / size, 1.0)
     x, y = leg[0, 0], leg[0, 1]
     leg[0, 0], leg[0, 1] = x + first * dx, y + first * dy
-    leg[1, 0], leg[1, 1] = x + last * dx, y + last * dy
+    if last < 1.0:
+        leg[1, 0], leg[1, 1] = x + last * dx, y + last * dy
     return group
 
 
@@ -128,7 +129,9 @@ def _detour(
     active = active.copy()
     for _ in range(_ROUNDS):
         radii = discs[active, 2]
-        longest = size + _DETOUR * min(radii.sum(), _MOST_DISCS * radii.max())
+        longest = size
+        if len(radii):
+            longest += _DETOUR * min(radii.sum(), _MOST_DISCS * radii.max())
         way = search(ends, _NO_LIMIT, longest, discs[active], sight, spared)
         if len(way) == 0:
             break
@@ -143,21 +146,41 @@ def _detour(
 
 
 @compiled
-def _tautened(places: list[tuple[float, float, bool]], entered: Array, sight: Sight) -> Array:
-    """Return a way (n, 2) without the places at which detours left their legs, where it can be."""
-    kept = np.empty((len(places), 2))
-    kept[0, 0], kept[0, 1] = places[0][0], places[0][1]
-    count = 1
+def _tautened(
+    places: list[tuple[float, float, bool]], discs: Array, entered: Array, sight: Sight
+) -> Array:
+    """Return a way (n, 2) without needless vertices: straight on, or the short way, where free.
+
+    Loose ones, at which detours left their legs, give way to the shortest way past them.
+    """
+    kept = [(places[0][0], places[0][1])]
     short = np.empty((2, 2))
-    for i in range(1, len(places)):
+    for i in range(1, len(places) - 1):
         x, y, loose = places[i]
-        if loose and i < len(places) - 1:
-            short[0] = kept[count - 1]
-            short[1, 0], short[1, 1] = places[i + 1][0], places[i + 1][1]
-            spared = corners_within(short, sight.corners, sight.reach * (1.0 + _SPARE_CORNERS))
-            free = sees(short[0, 0], short[0, 1], short[1, 0], short[1, 1], sight, spared)
-            if free and not crossing(short, entered).any():
+        short[0, 0], short[0, 1] = kept[-1]
+        short[1, 0], short[1, 1] = places[i + 1][0], places[i + 1][1]
+        spared = corners_within(short, sight.corners, sight.reach * (1.0 + _SPARE_CORNERS))
+        hit = crossing(short, entered)[0]
+        if not hit.any() and sees(
+            short[0, 0], short[0, 1], short[1, 0], short[1, 1], sight, spared
+        ):
+            continue
+        if loose:
+            size = math.hypot(x - short[0, 0], y - short[0, 1])
+            size += math.hypot(x - short[1, 0], y - short[1, 1])
+            around, _ = _detour(short, size, hit, discs, entered, sight)
+            if len(around) and _length(around) < size:
+                kept.extend([(around[k, 0], around[k, 1]) for k in range(1, len(around) - 1)])
                 continue
-        kept[count, 0], kept[count, 1] = x, y
-        count += 1
-    return kept[:count].copy()
+        kept.append((x, y))
+    kept.append((places[-1][0], places[-1][1]))
+    return np.array(kept)
+
+
+@compiled
+def _length(way: Array) -> float:
+    """Return the length [m] of a way (n, 2)."""
+    size = 0.0
+    for k in range(len(way) - 1):
+        size += math.hypot(way[k + 1, 0] - way[k, 0], way[k + 1, 1] - way[k, 1])
+    return size

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from coordinator.errors import InputError
+from coordinator.figure_view import View
 from coordinator.plan import PlanDocument, Proof
 
 if TYPE_CHECKING:
@@ -20,7 +21,9 @@ _WIDTH: Final = 16.0
 """Width of the page [in]; fonts are chosen to be legible at 1600 pixels."""
 _LEFT: Final = 0.6
 _GAP: Final = 0.95
-_HEAD: Final = 1.0
+_HEAD: Final = 1.15
+_KEYS: Final = 0.93
+"""From the top of the page to the middle of the floor's legend [in]."""
 _PANEL: Final = 2.7
 _PANEL_GAP: Final = 0.85
 _FOOT: Final = 0.75
@@ -43,12 +46,12 @@ _SETTINGS: Final[dict[Any, Any]] = {
 }
 
 
-def draw_plan(document: PlanDocument, out: Path) -> None:
+def draw_plan(document: PlanDocument, out: Path, view: View | None = None) -> None:
     """Write a picture of the plan to a .svg or .png file.
 
-    The same plan gives the same bytes of SVG.  Raises InputError, one sentence each, for another
-    suffix, a plan without robots or with a path that no robot would accept, and a file that cannot
-    be written.
+    The same plan and view give the same bytes of SVG.  Raises InputError, one sentence each, for
+    another suffix, a plan without robots or with a path that no robot would accept, a view of
+    robots that are not there, and a file that cannot be written.
     """
     suffix = out.suffix.lower()
     if suffix == ".html":
@@ -60,28 +63,31 @@ def draw_plan(document: PlanDocument, out: Path) -> None:
     import matplotlib
 
     with matplotlib.rc_context(_SETTINGS):
-        figure = _compose(document)
+        figure = _compose(document, view)
         try:
             figure.savefig(out, dpi=150, metadata=_METADATA[suffix])
         except OSError as error:
             raise InputError([f"{out}: {error.strerror}"]) from None
 
 
-def _compose(document: PlanDocument) -> Figure:
+def _compose(document: PlanDocument, view: View | None) -> Figure:
     """Lay the page out from the top: headline, floor beside diagram, rows of waiting robots."""
     from matplotlib.figure import Figure
 
     from coordinator.figure_floor import draw_floor, floor_bounds
+    from coordinator.figure_legend import legend_style
     from coordinator.figure_robots import picture_robots
     from coordinator.figure_times import draw_times
     from coordinator.figure_waits import EXPLANATION, draw_wait, longest_waits
 
-    robots = picture_robots(document)
+    robots = picture_robots(document, view)
     x0, y0, x1, y1 = floor_bounds(document, robots)
     tall = min(max(8.4 * (y1 - y0) / (x1 - x0), 4.6), 7.4)
     tall = max(tall, 0.085 * len(robots))
     wide = min(max(tall * (x1 - x0) / (y1 - y0), 4.0), 8.4)
-    waiting = longest_waits(robots)
+    waiting = longest_waits(
+        {name: robot for name, robot in robots.items() if robot.manner != "faint"}
+    )
     columns = len(waiting) if len(waiting) <= 4 else 3
     rows = -(-len(waiting) // columns) if waiting else 0
     height = _HEAD + tall + _FOOT + rows * (_PANEL + _PANEL_GAP) + 0.3 * bool(rows)
@@ -92,7 +98,9 @@ def _compose(document: PlanDocument) -> Figure:
         return figure.add_axes(box)
 
     _headline(figure, document, height)
-    draw_floor(axes(_LEFT, _HEAD, wide, tall), document, robots)
+    keys = draw_floor(axes(_LEFT, _HEAD, wide, tall), document, robots)
+    place = (_LEFT / _WIDTH, 1.0 - _KEYS / height)
+    figure.legend(loc="center left", bbox_to_anchor=place, **legend_style(keys))
     left = _LEFT + wide + _GAP
     draw_times(axes(left, _HEAD, _WIDTH - left - 1.3, tall), document, robots)
     if waiting:

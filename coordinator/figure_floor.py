@@ -1,4 +1,4 @@
-"""The floor: obstacles, paths, starts and goals, crossings and stops.
+"""The floor: the ground, paths, starts and goals, crossings and stops.
 
 Decides: what is drawn on the floor, and which labels give way when it gets crowded.  Must not
 know: files or the rest of the page.
@@ -7,28 +7,33 @@ know: files or the rest of the page.
 from __future__ import annotations
 
 import math
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Circle
 
+from coordinator.figure_comb import draw_comb, sharpest_bend
+from coordinator.figure_ground import draw_ground, edge_points, reaches
 from coordinator.figure_labels import Labels
+from coordinator.figure_legend import Keys, legend_keys
 from coordinator.figure_robots import Pictured, font_size
 from coordinator.nurbs import Array
-from coordinator.plan import PlanDocument
+from coordinator.plan import Crossing, PlanDocument
 
-_WALL = "#6b7280"
-_OBSTACLE = "#d3d7de"
-_POINTS = 240
-_SMALLEST = 5.5
+_POINTS: Final = 240
+"""Points along each path, and along a side of the floor, that labels keep off."""
+_SMALLEST: Final = 5.5
 """Size of the smallest labels [pt]; those without room are left out."""
+_FAINT: Final = 0.35
 
 
 def floor_bounds(
     document: PlanDocument, robots: dict[str, Pictured]
 ) -> tuple[float, float, float, float]:
     """Return (x0, y0, x1, y1) [m] around the floor, all paths and all discs."""
-    corners = [np.array(polygon) for polygon in _outline(document)]
+    floor = document.workspace
+    corners = [np.array(floor.boundary)] if floor is not None else []
     for robot in robots.values():
         path = _path(robot)
         corners += [path - robot.plan.radius, path + robot.plan.radius]
@@ -38,8 +43,8 @@ def floor_bounds(
     return x0 - pad, y0 - pad, x1 + pad, y1 + pad
 
 
-def draw_floor(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) -> None:
-    """Draw the floor with every robot's way over it."""
+def draw_floor(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) -> Keys:
+    """Draw the floor with every robot's way over it; return the keys of its legend."""
     x0, y0, x1, y1 = floor_bounds(document, robots)
     axes.set(xlim=(x0, x1), ylim=(y0, y1), xlabel="x [m]", ylabel="y [m]")
     axes.set_aspect("equal", anchor="NW")
@@ -47,23 +52,31 @@ def draw_floor(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) 
     axes.grid(color="#eceef1", lw=0.6)
     axes.tick_params(labelsize=9, length=3)
     axes.spines[["top", "right"]].set_visible(False)
-    _draw_workspace(axes, document)
-    size = font_size(len(robots))
+    side = max(x1 - x0, y1 - y0)
+    shown = [robot for robot in robots.values() if robot.manner != "faint"]
+    grown = reaches((robot.plan.radius for robot in shown), document.margin)
+    if document.workspace is not None:
+        draw_ground(axes, document.workspace, grown)
+    size = font_size(len(shown))
     for robot in robots.values():
         _draw_way(axes, robot, size)
+    sharpest = _draw_details(axes, shown, side)
+    for robot in shown:
         _draw_stops(axes, robot, size)
-    _draw_crossings(axes, document, size)
-    labels = Labels(axes, _busy(document, robots))
+    met = _crossings(document, shown)
+    _draw_crossings(axes, met, size)
+    labels = Labels(axes, _busy(document, shown, side))
     size = max(size, _SMALLEST)
-    _label_ends(labels, robots, size)
-    _label_stops(labels, robots, size)
-    _label_crossings(labels, document, robots, size)
+    _label_ends(labels, shown, size)
+    _label_stops(labels, shown, size)
+    _label_crossings(labels, met, robots, size)
+    return legend_keys(document, robots, grown, sharpest)
 
 
-def _outline(document: PlanDocument) -> list[list[tuple[float, float]]]:
-    """Return the boundary, when the document has one, as a list of one polygon."""
-    floor = document.workspace
-    return [floor.boundary] if floor is not None and floor.boundary else []
+def _crossings(document: PlanDocument, shown: list[Pictured]) -> list[Crossing]:
+    """Return the crossings that robots shown in full take part in."""
+    names = {robot.id for robot in shown}
+    return [each for each in document.crossings if each.a in names or each.b in names]
 
 
 def _path(robot: Pictured) -> Array:
@@ -72,17 +85,13 @@ def _path(robot: Pictured) -> Array:
     return curve.at_arc(np.linspace(0.0, curve.length, _POINTS))
 
 
-def _busy(document: PlanDocument, robots: dict[str, Pictured]) -> Array:
+def _busy(document: PlanDocument, robots: list[Pictured], side: float) -> Array:
     """Return points (n, 2) [m] that labels should not cover: paths, crossings, walls."""
-    busy = [_path(robot) for robot in robots.values()]
-    busy += [_arrow(robot) for robot in robots.values()]
+    busy = [_path(robot) for robot in robots]
+    busy += [_arrow(robot) for robot in robots]
     busy += [np.array([(crossing.x, crossing.y)] * 6) for crossing in document.crossings]
-    share = np.linspace(0.0, 1.0, 40)[:, None]
-    obstacles = [] if document.workspace is None else document.workspace.obstacles
-    for outline in (*_outline(document), *filter(None, obstacles)):
-        corners = np.array(outline)
-        for corner, following in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            busy.append(corner + share * (following - corner))
+    if document.workspace is not None:
+        busy.append(edge_points(document.workspace, side / _POINTS))
     return np.vstack(busy)
 
 
@@ -93,21 +102,32 @@ def _arrow(robot: Pictured) -> Array:
     return np.asarray(start[0] + 1.9 * robot.plan.radius * share * _direction(start))
 
 
-def _draw_workspace(axes: Axes, document: PlanDocument) -> None:
-    for polygon in _outline(document):
-        axes.add_patch(Polygon(polygon, fill=False, ec=_WALL, lw=1.4, zorder=2))
-    if document.workspace is not None:
-        for polygon in filter(None, document.workspace.obstacles):
-            axes.add_patch(Polygon(polygon, fc=_OBSTACLE, ec=_WALL, lw=0.9, zorder=1))
+def _draw_details(axes: Axes, robots: list[Pictured], side: float) -> float | None:
+    """Draw control polygons and curvature combs; return the curvature [1/m] of the longest tooth.
+
+    side: of the floor [m].  None: there is no comb.
+    """
+    detailed = [robot for robot in robots if robot.manner == "detailed"]
+    for robot in detailed:
+        control = robot.driven.curve.points.T
+        style: dict[str, Any] = {"marker": "o", "ms": 2.4, "mfc": "white", "mew": 0.5}
+        axes.plot(*control, color=robot.ink, lw=0.5, zorder=5.5, gid="control", **style)
+    sharpest = sharpest_bend([robot.bends for robot in detailed], side)
+    if sharpest is not None:
+        for robot in detailed:
+            draw_comb(axes, robot.bends, robot.colour, side, sharpest)
+    return sharpest
 
 
 def _draw_way(axes: Axes, robot: Pictured, size: float) -> None:
-    """Draw one robot's control polygon, path, start disc with heading, and goal ring."""
-    path, radius, colour = _path(robot), robot.plan.radius, robot.colour
-    control = np.array(robot.plan.path.control_points)
-    faint = 0.045 * size
-    axes.plot(*control.T, color=colour, lw=0.5, alpha=faint, zorder=3)
-    axes.plot(*control.T, "o", color=colour, ms=1.8, mew=0, alpha=faint, zorder=3)
+    """Draw one robot's path, start disc with heading, and goal ring."""
+    path, radius, colour = robot.way, robot.plan.radius, robot.colour
+    if robot.manner == "faint":
+        axes.plot(*path.T, color=colour, lw=0.8, alpha=_FAINT, zorder=3)
+        for end, style in ((path[0], "solid"), (path[-1], (0, (3, 2)))):
+            ring = {"fill": False, "ec": colour, "lw": 0.7, "ls": style, "alpha": _FAINT}
+            axes.add_patch(Circle(end, radius, zorder=3, **ring))
+        return
     axes.plot(
         *path.T, color=colour, lw=0.19 * size, ls=robot.dash, zorder=5, solid_capstyle="round"
     )
@@ -127,8 +147,8 @@ def _draw_way(axes: Axes, robot: Pictured, size: float) -> None:
     )
 
 
-def _draw_crossings(axes: Axes, document: PlanDocument, size: float) -> None:
-    crossings = np.array([(crossing.x, crossing.y) for crossing in document.crossings])
+def _draw_crossings(axes: Axes, met: list[Crossing], size: float) -> None:
+    crossings = np.array([(crossing.x, crossing.y) for crossing in met])
     if len(crossings):
         axes.plot(
             *crossings.T,
@@ -151,9 +171,9 @@ def _draw_stops(axes: Axes, robot: Pictured, size: float) -> None:
             axes.plot(*spot, "s", mfc=robot.colour, mec="white", mew=edge, ms=wide, zorder=8)
 
 
-def _label_ends(labels: Labels, robots: dict[str, Pictured], size: float) -> None:
+def _label_ends(labels: Labels, robots: list[Pictured], size: float) -> None:
     """Name every robot behind its start and beyond its goal."""
-    ends = [(robot, _path(robot)) for robot in robots.values()]
+    ends = [(robot, _path(robot)) for robot in robots]
     for robot, path in ends:
         labels.keep_free((path[0, 0], path[0, 1]), robot.plan.radius)
         labels.keep_free((path[-1, 0], path[-1, 1]), robot.plan.radius)
@@ -173,9 +193,9 @@ def _label_ends(labels: Labels, robots: dict[str, Pictured], size: float) -> Non
             )
 
 
-def _label_stops(labels: Labels, robots: dict[str, Pictured], size: float) -> None:
+def _label_stops(labels: Labels, robots: list[Pictured], size: float) -> None:
     """Say at a stop how long it lasts, while there is room to say it."""
-    for robot in robots.values():
+    for robot in robots:
         for s, since, until, _ in robot.pauses:
             x, y = robot.driven.curve.at_arc(s)[0].tolist()
             if s > 0.0:
@@ -189,10 +209,10 @@ def _label_stops(labels: Labels, robots: dict[str, Pictured], size: float) -> No
 
 
 def _label_crossings(
-    labels: Labels, document: PlanDocument, robots: dict[str, Pictured], size: float
+    labels: Labels, met: list[Crossing], robots: dict[str, Pictured], size: float
 ) -> None:
     """Say at a crossing who waits there, while there is room to say it."""
-    for crossing in document.crossings:
+    for crossing in met:
         who = robots.get(crossing.verdict.split(" ")[0])
         if who is not None:
             labels.place(

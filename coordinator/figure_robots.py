@@ -8,10 +8,13 @@ Must not know: axes.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
+from coordinator.figure_comb import Bends, parameters
+from coordinator.figure_view import Manner, View
 from coordinator.nurbs import Array
 from coordinator.plan import PlanDocument, RobotPlan
 from coordinator.wire import Driven, drive
@@ -27,6 +30,8 @@ _COLOURS: Final = (
     "#a59a00",
 )
 _SHADES: Final = (1.0, 0.62, 0.82, 0.45)
+_SAMPLES: Final = 16
+"""Points drawn in each span of a path."""
 _DASHES: Final = ("solid", (0, (6, 1.5)), (0, (2.5, 1.2)), (0, (7, 1.5, 1.5, 1.5)))
 
 Dash = str | tuple[int, tuple[float, ...]]
@@ -42,11 +47,23 @@ class Pictured:
     ink: str
     """A darker shade of the colour, for text."""
     dash: Dash
+    manner: Manner = "plain"
 
     @property
     def id(self) -> str:
         """The robot's id."""
         return self.plan.id
+
+    @cached_property
+    def way(self) -> Array:
+        """Points (n, 2) [m] along its path, close together where it bends."""
+        curve = self.driven.curve
+        return curve.evaluate(parameters(curve, _SAMPLES))
+
+    @cached_property
+    def bends(self) -> Bends:
+        """How its path is bent."""
+        return Bends.of(self.driven.curve)
 
     @property
     def pauses(self) -> list[tuple[float, float, float, str]]:
@@ -68,8 +85,12 @@ class Pictured:
         return np.array([timeline.s_at(time) for time in times.tolist()])
 
 
-def picture_robots(document: PlanDocument) -> dict[str, Pictured]:
-    """Return the robots by id, in the plan's order; InputError when one's bytes are refused."""
+def picture_robots(document: PlanDocument, view: View | None = None) -> dict[str, Pictured]:
+    """Return the robots by id, in the plan's order, each drawn as the view asks for.
+
+    Raises InputError when the view names another robot, or when a robot's bytes are refused.
+    """
+    manners = (view or View()).manners([plan.id for plan in document.robots])
     robots = {}
     for index, (plan, driven) in enumerate(zip(document.robots, drive(document), strict=True)):
         turn, which = divmod(index, len(_COLOURS))
@@ -80,6 +101,7 @@ def picture_robots(document: PlanDocument) -> dict[str, Pictured]:
             colour=_darkened(_COLOURS[which], shade),
             ink=_darkened(_COLOURS[which], 0.7 * shade),
             dash=_DASHES[turn % len(_DASHES)],
+            manner=manners[plan.id],
         )
     return robots
 

@@ -43,7 +43,12 @@ class Floor:
         far = 1.0 + max(x1 - x0, y1 - y0)
         frame = shapely.box(x0 - far, y0 - far, x1 + far, y1 + far)
         outside = shapely.difference(frame, self.outline)
-        solid = shapely.union_all([*self.obstacles, outside], grid_size=_GRID)
+        things = np.array([*self.obstacles, *shapely.get_parts(outside)])
+        one, other = shapely.STRtree(things).query(things, predicate="intersects")
+        joined = np.zeros(len(things), dtype=np.bool_)
+        joined[one[one != other]] = True
+        lumps = shapely.get_parts(shapely.union_all(things[joined], grid_size=_GRID))
+        solid = shapely.multipolygons([*things[~joined], *lumps])
         shapely.prepare(solid)
         return solid
 

@@ -139,3 +139,16 @@ def entered(way: Array, discs: Array) -> npt.NDArray[np.bool_]:
                 found[k] = True
                 break
     return found
+
+
+@compiled
+def nearest_of(places: Array, others: Array) -> Array:
+    """Return the distance (n,) [m] from each place (n, 2) to the nearest of others (k, 2)."""
+    found = np.empty(len(places))
+    for i in range(len(places)):
+        least = math.inf
+        for k in range(len(others)):
+            dx, dy = places[i, 0] - others[k, 0], places[i, 1] - others[k, 1]
+            least = min(least, dx * dx + dy * dy)
+        found[i] = math.sqrt(least)
+    return found

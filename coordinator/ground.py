@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from coordinator.gap_kernels import Solid, keeping
 from coordinator.grid_kernels import cells_of
 from coordinator.growth import TURN_STEP, Indices, Rings, grow
 from coordinator.nurbs import Array
@@ -46,17 +47,20 @@ class Ground:
         self.reach = reach
         self.rings = rings
         blocking, turning = grow(rings, reach - _SLACK), grow(rings, reach + room)
-        self.turns = turning.turns
-        self.frame = _frame(blocking.edges, self.turns)
+        self.frame = _frame(blocking.edges, turning.turns)
+        bare = Solid(reach - 2.0 * _SLACK, np.empty((0, 3)), *self.solid_edges)
+        # What lies within the reach of something else can never be turned at.
+        free = keeping(turning.turns, turning.turns, np.zeros(len(turning.turns)), bare)
+        self.turns = turning.turns[free]
         first, items = cells_of(blocking.edges, 0.0, self.frame)
         count = len(self.turns)
         rows = np.full((count + 1, 2), -1)
         rows[-1] = 0
         pool = np.zeros(min(count * count, max(_SEEN_PER_TURN * count, 4096)), np.int64)
         self.sight = Sight(
-            turns=turning.turns,
-            before=turning.before,
-            after=turning.after,
+            turns=self.turns,
+            before=turning.before[free],
+            after=turning.after[free],
             rows=rows,
             pool=pool,
             edges=blocking.edges,

@@ -28,6 +28,12 @@ _RAMP: Final = 0.01
 _SHORTEST_RAMP: Final = 2e-5
 """Nothing gets from rest to its speed in less [m]: float32 on the wire must tell the two apart."""
 
+_PLACE_ERROR: Final = 2e-5
+"""The sharpest bends are slowed for as if they could lie this far [m] off: float32 rounds places."""
+
+_CRAWL: Final = 0.01
+"""Share of the top v^2 below which that matters."""
+
 _SAME_PLACE: Final = 1e-6
 """Knots nearer to each other [m] are one."""
 
@@ -80,6 +86,8 @@ def limits_on(curve: Nurbs, speed: float, accel: float, lateral: float) -> Speed
     s, w = cap_on(curve, lateral, free.top)
     if w.min() >= free.top:
         return free
+    lower = np.maximum(w - 2.0 * free.ramp * _PLACE_ERROR, 0.25 * w)
+    w = np.where(w < _CRAWL * free.top, lower, w)
     s, w = merged(*reachable(s, w, 2.0 * free.ramp, math.isfinite(accel)), _LOSS)
     return replace(free, bends=tuple(zip(s.tolist(), w.tolist(), strict=True)))
 

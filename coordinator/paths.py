@@ -19,7 +19,7 @@ from coordinator.closure import NoWayError, explain
 from coordinator.errors import PlanError, TurnError
 from coordinator.fit import Fit, Flags
 from coordinator.floor import Floor
-from coordinator.gap_kernels import entered
+from coordinator.gap_kernels import entered, nearest_of
 from coordinator.handling import Handling
 from coordinator.nurbs import Array, Nurbs
 from coordinator.refit import with_goal, with_via
@@ -148,7 +148,7 @@ class Pathfinder:
         spare = float(spares.min()) - _FLUSH
         touch = min(max(spare, 0.0), _TOUCH)
         ground = self.floor.ground(reach + touch, room)
-        return Space(ground, reach + 0.5 * touch - _FLUSH, 0.2 * touch, discs)
+        return Space(ground, reach + 0.5 * touch - _FLUSH, 0.4 * touch, discs)
 
     def _places(self, robot: Robot, index: int) -> Iterator[Array]:
         """Yield sets of other robots' places (k, 3) to keep off, the fullest first.
@@ -159,12 +159,10 @@ class Pathfinder:
         anchors = _anchors(robot)
         possible = []
         for places in (self._starts, self._goals):
-            apart = places[:, None, :] - anchors
-            nearest = np.hypot(apart[..., 0], apart[..., 1]).min(axis=1)
-            reach = np.minimum(need + _PLACE_ROOM, nearest / _NEAR)
+            reach = np.minimum(need + _PLACE_ROOM, nearest_of(places, anchors) / _NEAR)
             chosen = reach > need + 2.0 * _TOUCH
             chosen[index] = False
-            possible.append(np.column_stack((places, reach))[chosen])
+            possible.append(np.column_stack((places[chosen], reach[chosen])))
         yield np.concatenate(possible)
         try:
             space = self._space(robot, NO_DISCS, 0.0)

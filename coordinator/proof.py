@@ -28,7 +28,7 @@ from coordinator.wire import Driven
 TOLERANCE: Final = 1e-3
 """A shortfall up to this [m] is accepted."""
 
-_FLAT: Final = 1e-4
+_FLAT: Final = 2e-4
 """Curves are flattened this finely [m] to prove their clearance."""
 
 Gap = Callable[[Array], float]

@@ -42,21 +42,22 @@ def search(
     Gives up after `most` places, with NaN; ways longer than `longest` [m] do not count.  Places are
     numbered: 0 start, 1 goal, the vertices around discs (k, 3) and `turns` (n, 2).  A* whose queue
     holds steps not yet looked along; a line of sight is tested when its step is the best one left.
-    What the lasting vertices see is kept for the next search.
+    What vertices see is kept for the next search, unless few of them can take part.
     """
     turns, rows, pool = sight.turns, sight.rows, sight.pool
     more, more_before, more_after = _around(discs)
     extra = 2 + len(more)
-    places = np.concatenate((ends, more, turns))
-    backward = np.concatenate((np.zeros((2, 2)), more_before, sight.before))
-    forward = np.concatenate((np.zeros((2, 2)), more_after, sight.after))
+    chosen = _within_ellipse(turns, ends, longest)
+    every, all_chosen = len(chosen) == len(turns), np.arange(len(chosen))
+    places = np.concatenate((ends, more, turns[chosen]))
+    backward = np.concatenate((np.zeros((2, 2)), more_before, sight.before[chosen]))
+    forward = np.concatenate((np.zeros((2, 2)), more_after, sight.after[chosen]))
     # An end between an arc and its tangent polygon sees vertices from inside.
     loose = len(spared) > 0 or len(discs) > 0 or sight.room > 0.0
     none = spared[:0]
     cost = np.full(len(places), math.inf)
     parent = np.full(len(places), -1)
     gx, gy = ends[1, 0], ends[1, 1]
-    possible = _within_ellipse(turns, ends, longest)
     heap = [(math.hypot(ends[0, 0] - gx, ends[0, 1] - gy), 0, 0, False)]
     while len(heap) > 0:
         _, here, origin, seen = heapq.heappop(heap)
@@ -77,8 +78,12 @@ def search(
         most -= 1
         if most < 0:
             return np.full((1, 2), math.nan)
-        known = here >= extra and (rows[here - extra, 0] >= 0 or look_around(here - extra, sight))
-        row = pool[rows[here - extra, 0] : rows[here - extra, 1]] if known else possible
+        known = (
+            every
+            and here >= extra
+            and (rows[here - extra, 0] >= 0 or look_around(here - extra, sight))
+        )
+        row = pool[rows[here - extra, 0] : rows[here - extra, 1]] if known else all_chosen
         for i in range(-extra, len(row)):
             there = i + extra if i < 0 else extra + row[i]
             if parent[there] >= 0 or not (

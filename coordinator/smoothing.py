@@ -46,8 +46,9 @@ def smooth(
     """
     space = space.near(polygon)
     polygon, exact = _without_straight(polygon, exact, headed)
-    polygon, exact = blunt(polygon, exact, space, headed[1], handling.easy)
-    polygon, exact = _without_straight(polygon, exact, headed)
+    blunted, passed = blunt(polygon, exact, space, headed[1], handling.easy)
+    if blunted is not polygon:
+        polygon, exact = _without_straight(blunted, passed, headed)
     begin, end = 1 + headed[0], len(polygon) - 1 - headed[1]
     numbers = handling.numbers()
     wider, passed = merge(polygon, exact, begin, end, numbers, space.solid)

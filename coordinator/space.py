@@ -26,7 +26,7 @@ NO_DISCS: Final = np.empty((0, 3))
 DISC_TOLERANCE: Final = 1e-3
 """Ways touch the places that they keep off; curves may come nearer by this [m]."""
 
-_FLAT: Final = 5e-5
+_FLAT: Final = 1e-4
 """Curves are flattened this finely [m] to judge them."""
 
 _NEAR: Final = 1.0
