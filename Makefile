@@ -29,6 +29,7 @@ bench: .venv/dev.stamp .venv-peers/peers.stamp
 .venv/runtime.stamp: requirements.lock pyproject.toml | .venv/bin/python
 	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	$(BIN)/python -m coordinator.warm
 	touch $@
 
 .venv/dev.stamp: requirements-dev.lock .venv/runtime.stamp

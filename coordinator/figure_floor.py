@@ -26,6 +26,9 @@ _POINTS: Final = 240
 _SMALLEST: Final = 5.5
 """Size of the smallest labels [pt]; those without room are left out."""
 _FAINT: Final = 0.35
+"""Opacity of robots that are only hinted at."""
+_CROWD: Final = 24
+"""With more robots on the floor, stops and crossings are not labelled."""
 
 
 def floor_bounds(
@@ -68,8 +71,9 @@ def draw_floor(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) 
     labels = Labels(axes, _busy(document, shown, side))
     size = max(size, _SMALLEST)
     _label_ends(labels, shown, size)
-    _label_stops(labels, shown, size)
-    _label_crossings(labels, met, robots, size)
+    if len(shown) <= _CROWD:
+        _label_stops(labels, shown, size)
+        _label_crossings(labels, met, shown, size)
     return legend_keys(document, robots, grown, sharpest)
 
 
@@ -209,19 +213,23 @@ def _label_stops(labels: Labels, robots: list[Pictured], size: float) -> None:
 
 
 def _label_crossings(
-    labels: Labels, met: list[Crossing], robots: dict[str, Pictured], size: float
+    labels: Labels, met: list[Crossing], robots: list[Pictured], size: float
 ) -> None:
-    """Say at a crossing who waits there, while there is room to say it."""
+    """Say at a crossing who waits for it, once a wait, while there is room to say it."""
+    ink = {robot.id: robot.ink for robot in robots}
+    said = set()
     for crossing in met:
-        who = robots.get(crossing.verdict.split(" ")[0])
-        if who is not None:
-            labels.place(
+        who = crossing.verdict.split(" ")[0]
+        if who in ink and crossing.verdict not in said:
+            stands = labels.place(
                 crossing.verdict,
                 (crossing.x, crossing.y),
                 size=max(0.85 * size, _SMALLEST),
-                colour=who.ink,
+                colour=ink[who],
                 optional=True,
             )
+            if stands:
+                said.add(crossing.verdict)
 
 
 def _direction(ends: Array) -> Array:

@@ -78,10 +78,11 @@ class _Lane:
         self.axes.text(1.01 * end, middle, arrival, ha="left", **style)
 
     def draw_pause(self, pause: tuple[float, float, float, str], ink: str) -> None:
-        """Draw one wait as a thick plateau, and say above it who is let pass.
+        """Draw one wait as a thick plateau, and say beside it who is let pass.
 
         The curve never comes down, so left of the departure there is room above it; a text that is
-        too long for that stands above what the curve reaches below it.
+        too long for that stands above what the curve reaches below it.  Where the lane above is too
+        near, the text stands below, where there is room right of the arrival.
         """
         s, since, until, owner = pause
         height = float(self._height(np.array(s)))
@@ -94,19 +95,20 @@ class _Lane:
         roomy = self.tall > 2.6 * size
         if not roomy and (until - since < width or self.tall < 1.7 * size):
             return
+        style: dict[str, Any] = {"textcoords": "offset points", "size": size, "color": ink}
+        away = 0.5 * thick + 1.0
         right = max(until, width)
-        if right > until:
-            height = float(self._height(self.robot.progress(np.array([right])))[0])
+        top = float(self._height(self.robot.progress(np.array([right])))[0])
+        if (top - self.base) * self.tall + away + size > self.tall and since + width < self.end:
+            offset = (1.0, -away)
+            self.axes.annotate(
+                text, (since, height), offset, ha="left", va="top", zorder=7, **style
+            )
+            return
+        shift = -3.0 if right == until else 3.0
+        height = height if right == until else top
         self.axes.annotate(
-            text,
-            (right, height),
-            (-3.0 if right == until else 3.0, 0.5 * thick + 1.0),
-            textcoords="offset points",
-            ha="right",
-            va="bottom",
-            size=size,
-            color=ink,
-            zorder=7,
+            text, (right, height), (shift, away), ha="right", va="bottom", zorder=7, **style
         )
 
     def _height(self, s: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:

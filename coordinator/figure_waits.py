@@ -79,7 +79,8 @@ def nearest_within(
     wider = np.arange(-reach, len(times) + reach, dtype=np.float64) * step
     theirs = other.driven.curve.at_arc(other.progress(wider))
     mine = robot.driven.curve.at_arc(places)
-    distance = np.hypot(*(mine[:, None] - theirs[None]).transpose(2, 0, 1))
+    across, up = (mine[:, axis, None] - theirs[:, axis] for axis in (0, 1))
+    distance = np.sqrt(across * across + up * up)
     nearest = ndimage.minimum_filter1d(distance, 2 * reach + 1, axis=1)
     return np.asarray(nearest[:, reach : reach + len(times)])
 
@@ -99,11 +100,14 @@ def _draw_regions(
         if other is robot or _far_apart(robot, other, need):
             continue
         near = nearest_within(robot, other, document.tau, times, places)
-        if near.min() < need:
+        mask = near < need
+        if mask.any():
             colours = [other.colour]
-            axes.contourf(times, places, near, [-1.0, need], colors=colours, alpha=0.35)
-            axes.contour(times, places, near, [need], colors=colours, linewidths=0.7)
-            regions.append((other, near < need))
+            rows, columns = (_around(mask.any(axis=axis)) for axis in (1, 0))
+            part = (times[columns], places[rows], near[rows, columns])
+            axes.contourf(*part, [-1.0, need], colors=colours, alpha=0.35)
+            axes.contour(*part, [need], colors=colours, linewidths=0.7)
+            regions.append((other, mask))
     crowd = sum((mask.astype(int) for _, mask in regions), np.zeros((_ROWS, _COLUMNS), int))
     owners = {owner for *_, owner in robot.pauses}
     for other, mask in regions:
@@ -120,6 +124,12 @@ def _draw_regions(
                 va="center",
                 zorder=4,
             )
+
+
+def _around(hit: Mask) -> slice:
+    """Return the range from the first to the last hit, with one more at each end."""
+    found = np.flatnonzero(hit)
+    return slice(max(int(found[0]) - 1, 0), int(found[-1]) + 2)
 
 
 def _spots(mask: Mask, crowd: npt.NDArray[np.int_], least: float) -> list[tuple[int, int]]:

@@ -29,7 +29,7 @@ _SHORTEST_RAMP: Final = 2e-5
 """Nothing gets from rest to its speed in less [m]: float32 on the wire must tell the two apart."""
 
 _PLACE_ERROR: Final = 2e-5
-"""The sharpest bends are slowed for as if they could lie this far [m] off: float32 rounds places."""
+"""The sharpest bends count as if they could lie this far [m] off: float32 rounds places."""
 
 _CRAWL: Final = 0.01
 """Share of the top v^2 below which that matters."""

@@ -26,6 +26,7 @@ from coordinator.scenario import Scenario
 from coordinator.schedule import Deadlock, Junctions, find_schedule, place_in_order
 from coordinator.verify import prove_document
 from coordinator.waiting import Track
+from coordinator.warm import load_kernels
 from coordinator.zones import cut
 
 DEFAULT_EFFORT = 20
@@ -50,6 +51,7 @@ def plan_scenario(
     Policy "paper": the proof may fail; the document says so and must not be driven.
     """
     tau = resolve_tau(scenario.tau, budget_for(Limits.of(robot) for robot in scenario.robots))
+    load_kernels()
     stages = _Stages(scenario, tau)
     marks = [timer()]
     for stage in (stages.find_paths, stages.find_zones):
