@@ -103,7 +103,7 @@ def _draw_regions(
         mask = near < need
         if mask.any():
             colours = [other.colour]
-            rows, columns = (_around(mask.any(axis=axis)) for axis in (1, 0))
+            rows, columns = (_around(np.flatnonzero(mask.any(axis=axis))) for axis in (1, 0))
             part = (times[columns], places[rows], near[rows, columns])
             axes.contourf(*part, [-1.0, need], colors=colours, alpha=0.35)
             axes.contour(*part, [need], colors=colours, linewidths=0.7)
@@ -126,9 +126,8 @@ def _draw_regions(
             )
 
 
-def _around(hit: Mask) -> slice:
-    """Return the range from the first to the last hit, with one more at each end."""
-    found = np.flatnonzero(hit)
+def _around(found: npt.NDArray[np.intp]) -> slice:
+    """Return the range from the first to the last index found, one more at each end."""
     return slice(max(int(found[0]) - 1, 0), int(found[-1]) + 2)
 
 

@@ -5,10 +5,9 @@ Decides: the way each robot takes, alone.  Must not know: times and who goes fir
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -21,6 +20,7 @@ from coordinator.fit import Fit, Flags
 from coordinator.floor import Floor
 from coordinator.gap_kernels import entered, nearest_of
 from coordinator.handling import Handling
+from coordinator.leads import Leads, leads
 from coordinator.nurbs import Array, Nurbs
 from coordinator.refit import with_goal, with_via
 from coordinator.scenario import Point, Robot, Scenario
@@ -33,10 +33,8 @@ _TOUCH: Final = 0.0005
 _FLUSH: Final = 2e-6
 """What float32 takes [m] from a robot that stands exactly as near as it may."""
 
-_LEAD_PER_RADIUS: Final = 6.0
 _ROOM_PER_RADIUS: Final = 2.2
-"""What turning takes, per metre of min_turn_radius: a straight lead, and the reach around corners
-whose 45 degree steps leave about 0.46 of it as radius."""
+"""Reach around corners that robots turn at, per metre of min_turn_radius."""
 
 _PLACE_ROOM: Final = 0.015
 """Other robots' places are passed this much farther off [m] than needed: a conflict zone may be a
@@ -44,8 +42,6 @@ little larger than the conflict, and must not reach from a place to a path that 
 
 _NEAR: Final = 1.015
 """A place may be kept off up to this near to this robot's own, as a share of the disc."""
-
-_LEADS: Final = (0.6, 0.3, 0.15, 0.08)
 
 
 class Pathfinder:
@@ -75,9 +71,9 @@ class Pathfinder:
         worst: PlanError | None = None
         for places in self._places(robot, index):
             discs = np.concatenate((places, detours))
-            for room, share in product(_rooms(robot), _lead_shares(robot)):
+            for room in _rooms(robot):
                 try:
-                    return self._fit_among(robot, self._space(robot, discs, room), share)
+                    return self._fit_among(robot, self._space(robot, discs, room))
                 except TurnError as error:
                     if not isinstance(worst, TurnError) or error.radius > worst.radius:
                         worst = error
@@ -135,9 +131,19 @@ class Pathfinder:
             min_turn_radius=robot.min_turn_radius,
         )
 
-    def _fit_among(self, robot: Robot, space: Space, lead_share: float) -> Fit:
-        polygon, exact = self._polygon(robot, space, lead_share)
-        return smooth(polygon, exact, space, self.handling(robot), _headed(robot))
+    def _fit_among(self, robot: Robot, space: Space) -> Fit:
+        """Return the path with the first leads that work; raises the error that got farthest."""
+        worst: PlanError | None = None
+        for ends in leads(robot, space):
+            try:
+                polygon, exact = self._polygon(robot, space, ends)
+                return smooth(polygon, exact, space, self.handling(robot), _headed(robot))
+            except TurnError as error:
+                if not isinstance(worst, TurnError) or error.radius > worst.radius:
+                    worst = error
+            except PlanError as error:
+                worst = worst or error
+        raise worst or PlanError("there is no room to turn")
 
     def _space(self, robot: Robot, discs: Array, room: float) -> Space:
         reach = robot.radius + self.scenario.margin
@@ -166,7 +172,7 @@ class Pathfinder:
         yield np.concatenate(possible)
         try:
             space = self._space(robot, NO_DISCS, 0.0)
-            way = self._polygon(robot, space, 1.0)[0]
+            way = self._polygon(robot, space, ([], []))[0]
         except PlanError:
             return
         crossed = [entered(way, discs - (0.0, 0.0, DISC_TOLERANCE)) for discs in possible]
@@ -179,19 +185,15 @@ class Pathfinder:
             yield np.concatenate((starts[~over_start], goals[~over_goal]))
         yield NO_DISCS
 
-    def _polygon(self, robot: Robot, space: Space, lead_share: float) -> tuple[Array, Flags]:
+    def _polygon(self, robot: Robot, space: Space, ends: Leads) -> tuple[Array, Flags]:
         """Return the control polygon (n, 2) and which vertices are passed exactly."""
         begin, *via, end = _anchors(robot)
-        wide = max(_LEAD_PER_RADIUS * robot.min_turn_radius, _LEADS[0])
-        first, last = (via[0], via[-1]) if via else (end, begin)
-        anchors = [begin]
-        for pose, sign, towards in ((robot.start, 1.0, first), (robot.goal, -1.0, last)):
-            longest = lead_share * min(wide, 0.45 * float(np.hypot(*(towards - pose[:2]))))
-            anchors += _lead(pose, sign, space, longest)
-            anchors += via if sign > 0.0 else [end]
+        anchors = [begin, *ends[0], *via, *ends[1], end]
+        led = len(ends[0]), len(anchors) - 1 - len(ends[1])
         vertices, exact = [anchors[0]], [True]
-        for start, goal in pairwise(anchors):
-            way = space.shortest_way(start, goal)
+        for i, (start, goal) in enumerate(pairwise(anchors)):
+            led_here = i < led[0] or i >= led[1]
+            way = np.stack((start, goal)) if led_here else space.shortest_way(start, goal)
             if way is None:
                 raise NoWayError(space, start, goal)
             vertices += list(way[1:])
@@ -223,24 +225,3 @@ def _rooms(robot: Robot) -> tuple[float, ...]:
     """Return the rooms [m] to try for rounding corners; robots that turn wide want more first."""
     wide = _ROOM_PER_RADIUS * robot.min_turn_radius - robot.radius
     return (wide, 0.5 * wide, 0.0) if wide > 0.02 else (0.0, 0.003)
-
-
-def _lead_shares(robot: Robot) -> tuple[float, ...]:
-    """Return which shares of the longest lead to try: a shorter one may turn wider."""
-    return (1.0, 0.5, 0.25) if any(_headed(robot)) and robot.min_turn_radius > 0.0 else (1.0,)
-
-
-def _lead(pose: Sequence[float], sign: float, space: Space, longest: float) -> list[Array]:
-    """Return the point that makes the path leave (or reach) a place with its heading."""
-    if len(pose) < 3:
-        return []
-    place = np.array(pose[:2], dtype=np.float64)
-    along = sign * np.array([math.cos(pose[2]), math.sin(pose[2])])
-    for size in (longest, *(lead for lead in _LEADS if lead < longest)):
-        point = place + size * along
-        ends = place[None, :], point[None, :]
-        if space.ground.clear(place, point) and space.keeping(*ends).all():
-            return [point]
-    raise PlanError(
-        f"no room to move along heading {pose[2]:.2f} rad at ({pose[0]:.2f}, {pose[1]:.2f})"
-    )
