@@ -11,16 +11,12 @@ import pytest
 import shapely
 from scipy import ndimage
 from scipy.spatial import cKDTree
-from typer.testing import CliRunner
 
-from coordinator.errors import InputError
 from coordinator.scenario_checks import find_problems
-from coordinator.scenario_file import parse_scenario, scenario_to_json
+from coordinator.scenario_file import parse_scenario
 from coordinator.scenario_toml import scenario_to_toml
-from sim.commands import commands
 from sim.floor_polygons import polygon_floor
 from sim.generator import KINDS, OBSTACLES, generate
-from sim.layout import Kind
 from tests.test_readme import ROOT
 
 EVERY_KIND = pytest.mark.parametrize("kind", sorted(KINDS))
@@ -272,61 +268,3 @@ def test_mixed_robots_differ_and_others_do_not():
     assert len({(robot.radius, robot.max_speed, robot.max_accel) for robot in plain.robots}) == 1
     for field in ("radius", "max_speed", "max_accel"):
         assert len({getattr(robot, field) for robot in mixed.robots}) > 2
-
-
-def ask(*arguments):
-    return CliRunner().invoke(commands, ["scenario", *map(str, arguments)])
-
-
-def test_the_command_writes_toml_json_or_to_stdout(tmp_path):
-    expected = generate("rooms", 5, 9, (12.0, 10.0), headings=True, vias=1, mixed=True)
-    asked = "--robots 5 --seed 9 --size 12 10 --headings --vias 1 --mixed"
-    printed = ask("rooms", *asked.split())
-    assert printed.exit_code == 0
-    assert printed.stdout.startswith(f"# Made by: splinefleet scenario rooms {asked}\n")
-    assert parse_scenario(printed.stdout.encode(), "stdout.toml") == expected
-    for name in ("a.toml", "b.JSON"):
-        assert ask("rooms", *asked.split(), "-o", tmp_path / "new" / name).exit_code == 0
-    assert (tmp_path / "new" / "a.toml").read_bytes() == printed.stdout_bytes
-    assert (tmp_path / "new" / "b.JSON").read_bytes() == scenario_to_json(expected)
-
-
-def test_an_unknown_kind_is_answered_with_the_list():
-    result = ask("fly")
-    assert result.exit_code == 2
-    assert all(kind in result.output.replace("\n", " ") for kind in ("warehouse", "maze"))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ("open --robots 0", "--robots: 0 is not from 1 to 10000"),
-        ("open --robots 20000", "--robots: 20000 is not from 1 to 10000"),
-        ("open --size 5 0", "--size: 5 m x 0 m is not from 1 m to 10000 m each way"),
-        ("open --size nan 5", "--size: nan m x 5 m is not from"),
-        ("maze --obstacles 4", "--obstacles: maze does not let them be counted"),
-        ("corridors --obstacles 99", "--obstacles: 99 walls do not fit on this floor, "),
-        ("polygons --obstacles 9999 --size 5 5", "polygons fit on a floor of 5 m x 5 m"),
-        ("u-traps --size 3 3", "--size: no traps fit on so small a floor"),
-        ("ring --size 2 9", "--size: a ring needs more than"),
-        ("circle --robots 40 --size 9 9", "40 do not find room around a floor of 9 m x 9 m, "),
-        ("open --robots 1 --vias 20 --size 2 2", "--vias: a robot finds room for"),
-    ],
-)
-def test_what_cannot_be_made_is_told_in_one_line(arguments, said):
-    result = ask(*arguments.split())
-    assert isinstance(result.exception, InputError)
-    (problem,) = result.exception.problems
-    assert said in problem
-
-
-def test_too_many_robots_are_told_how_many_fit_and_those_do():
-    with pytest.raises(InputError) as told:
-        generate("open", 300, 1, (8.0, 8.0))
-    fitting = int(str(told.value).split(", ")[-1].removesuffix(" do"))
-    assert 5 <= fitting < 40
-    assert find_problems(generate("open", fitting, 1, (8.0, 8.0))) == []
-
-
-def test_the_kinds_of_the_command_are_those_of_the_generator():
-    assert tuple(KINDS) == Kind.__args__
