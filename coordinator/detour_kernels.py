@@ -29,6 +29,10 @@ _DETOUR: Final = 2.0
 _MOST_DISCS: Final = 3.0
 """More places than this in one group do not allow a longer detour."""
 
+_PULL: Final = 0.01
+_GAIN: Final = 1e-3
+"""Vertices are pulled by this much [m], to find a way that is shorter by at least so much [m]."""
+
 _ROUNDS: Final = 6
 _NO_LIMIT: Final = 1 << 60
 _SPARE_CORNERS: Final = 0.1
@@ -74,7 +78,8 @@ def lead_around(way: Array, discs: Array, entered: Array, sight: Sight) -> tuple
         places.extend([(around[k, 0], around[k, 1], k in (0, end)) for k in range(end + 1)])
         i = last - 1
     closed[:] = False
-    return _tautened(places, discs, entered, sight), closed
+    way = _tautened(places, discs, entered, sight)
+    return _pulled(way, discs, entered, sight), closed
 
 
 @compiled
@@ -175,6 +180,52 @@ def _tautened(
         kept.append((x, y))
     kept.append((places[-1][0], places[-1][1]))
     return np.array(kept)
+
+
+@compiled
+def _pulled(way: Array, discs: Array, entered: Array, sight: Sight) -> Array:
+    """Return a way (n, 2) with the vertices that a pull would move replaced by a shorter way.
+
+    Where a detour meets a corner of something solid, one of them may have become needless.
+    """
+    kept = [(way[0, 0], way[0, 1])]
+    ends = np.empty((2, 2))
+    for i in range(1, len(way) - 1):
+        ends[0, 0], ends[0, 1] = kept[-1]
+        ends[1] = way[i + 1]
+        x, y = way[i, 0], way[i, 1]
+        if _can_be_pulled(ends, x, y, entered, sight):
+            size = math.hypot(x - ends[0, 0], y - ends[0, 1])
+            size += math.hypot(x - ends[1, 0], y - ends[1, 1])
+            around, _ = _detour(ends, size, crossing(ends, entered)[0], discs, entered, sight)
+            if len(around) and _length(around) < size - _GAIN:
+                kept.extend([(around[k, 0], around[k, 1]) for k in range(1, len(around) - 1)])
+                continue
+        kept.append((x, y))
+    kept.append((way[-1, 0], way[-1, 1]))
+    return np.array(kept)
+
+
+@compiled
+def _can_be_pulled(ends: Array, x: float, y: float, entered: Array, sight: Sight) -> bool:
+    """Tell whether a vertex between two others is free to move towards the chord of these."""
+    dx, dy = 0.5 * (ends[0, 0] + ends[1, 0]) - x, 0.5 * (ends[0, 1] + ends[1, 1]) - y
+    apart = math.hypot(dx, dy)
+    if apart < _GAIN:
+        return False
+    part = min(0.1, _PULL / apart)
+    bent = np.empty((3, 2))
+    bent[0], bent[2] = ends[0], ends[1]
+    bent[1, 0], bent[1, 1] = x + part * dx, y + part * dy
+    if crossing(bent, entered).any():
+        return False
+    for k in range(2):
+        spared = corners_within(
+            bent[k : k + 2], sight.corners, sight.reach * (1.0 + _SPARE_CORNERS)
+        )
+        if not sees(bent[k, 0], bent[k, 1], bent[k + 1, 0], bent[k + 1, 1], sight, spared):
+            return False
+    return True
 
 
 @compiled
