@@ -6,6 +6,7 @@ Decides: where the two vertices go.  Must not know: curves; smoothing.py rounds 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -17,7 +18,7 @@ from coordinator.nurbs import Array
 from coordinator.space import Space
 
 _SHARPEST: Final = math.radians(100.0)
-_LEGS: Final = (0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0)
+_LEGS: Final = (0.01, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Lengths [m] tried for the leg between the two turns."""
 
 
@@ -46,38 +47,26 @@ def blunt(
             extra = _two_turns(after, here, vertices[-1], bool(exact[i]), space, radius)[::-1]
         else:
             extra = _two_turns(vertices[-1], here, after, bool(exact[i]), space, radius)
-        if exact[i]:
-            extra.insert(1, here)
         vertices.extend(extra)
-        flags.extend([False, True, False] if exact[i] else [False] * len(extra))
+        flags.extend([bool(exact[i]) and vertex is here for vertex in extra])
     return np.array([*vertices, polygon[-1]]), np.array([*flags, exact[-1]])
 
 
 def _two_turns(
     before: Array, here: Array, after: Array, exact: bool, space: Space, radius: float
 ) -> list[Array]:
-    """Return two vertices for one sharp turn; an exact vertex stays on the leg between them.
+    """Return the vertices for one sharp turn; an exact vertex is among them.
 
     The shortest leg that gives a turn of `radius` [m] is taken, else the one that turns widest.
     """
-    into, onward = _unit(here - before), _unit(after - here)
-    side = np.array([-into[1], into[0]])
-    if side @ onward < 0.0:
-        side = -side
-    bisector = into + onward
-    size = math.hypot(*bisector)
-    along = bisector / size if exact and size > 0.1 else side
     best: list[Array] | None = None
     best_radius = 0.0
     for width in _LEGS:
-        for across in (along, -along):
-            pair = [here - width * across, here + width * across]
-            if not exact:
-                pair = [here, here + width * across]
-            way = np.stack((before, *pair, after))
+        for trial in _trials(_unit(here - before), _unit(after - here), here, width, exact):
+            way = np.stack((before, trial[0], trial[-1], after))
             turned = _least_radius(way)
             if turned > best_radius and space.keeping(way[:-1], way[1:]).all():
-                best, best_radius = pair, turned
+                best, best_radius = trial, turned
         if best_radius >= radius:
             break
     if best is None:
@@ -86,6 +75,28 @@ def _two_turns(
             "more room there or another heading would help"
         )
     return best
+
+
+def _trials(
+    into: Array, onward: Array, here: Array, width: float, exact: bool
+) -> Iterator[list[Array]]:
+    """Yield vertices for a turn from one unit direction to another with a leg of `width` [m].
+
+    An exact vertex lies in the middle of the leg, or else at one of its ends.
+    """
+    side = np.array([-into[1], into[0]])
+    if side @ onward < 0.0:
+        side = -side
+    if not exact:
+        yield from ([here, here + sign * width * side] for sign in (1.0, -1.0))
+        return
+    bisector = into + onward
+    size = math.hypot(*bisector)
+    along = width * (bisector / size if size > 0.1 else side)
+    yield from ([here - sign * along, here, here + sign * along] for sign in (1.0, -1.0))
+    yield from ([here, here + sign * width * side] for sign in (1.0, -1.0))
+    back = width * np.array([-onward[1], onward[0]])
+    yield from ([here + sign * back, here] for sign in (1.0, -1.0))
 
 
 def _least_radius(way: Array) -> float:

@@ -76,8 +76,9 @@ def plan(
     asked = read_scenario(scenario)
     if policy is not None:
         asked = msgspec.structs.replace(asked, policy=policy)
-    for note in asked.workspace.notes:
-        tell(note)
+    if as_json:
+        for note in asked.workspace.notes:
+            tell(note)
     document = plan_scenario(asked, effort=effort, timer=time.perf_counter)
     if output is not None:
         write_file(output, to_json(document))

@@ -1,8 +1,8 @@
 """How a path leaves its start and reaches its goal when they have headings.
 
-A robot that turns on the spot gets a straight lead.  One that needs room to turn gets, first, the
-turns of a Dubins path: vertices around a circle to the left or right until the way onwards lies
-ahead, so that rounding them keeps its radius.
+First come the turns of a Dubins path: vertices around a circle to the left or right until the way
+onwards lies ahead, so that rounding them keeps a radius.  Where these find no room a straight lead
+is tried.
 
 Decides: the vertices next to start and goal.  Must not know: what lies between, and curves.
 """
@@ -24,6 +24,9 @@ from coordinator.space import Space
 _STRAIGHT: Final = (0.6, 0.3, 0.15, 0.08)
 """Straight leads [m], tried in turn."""
 
+_TINY: Final = (0.8, 0.4)
+"""The same for robots of a few centimetres, as shares of their radius."""
+
 _PER_RADIUS: Final = 6.0
 """Straight lead of robots that turn wide, per metre of min_turn_radius."""
 
@@ -33,6 +36,9 @@ _MOST_STEPS: Final = 8
 _CIRCLE: Final = 2.0 * 1.08 / math.cos(0.5 * _STEP)
 """Radius of the circle that vertices go around, per metre of min_turn_radius: a corner that takes
 half of each leg has the radius circle / 2 * cos(step / 2); 8 % in reserve."""
+
+_EASY: Final = 0.6
+"""Robots that turn on the spot take turns of this radius too, as a share of their own."""
 
 _END_SHARE: Final = 0.9
 """Share of the first leg that its corner may take (polygon_kernels.py)."""
@@ -46,16 +52,15 @@ def leads(robot: Robot, space: Space) -> Iterator[Leads]:
     Raises PlanError when there is no room to move along a heading.
     """
     headed = len(robot.start) == 3 or len(robot.goal) == 3
-    turning = robot.min_turn_radius > 0.0
-    if headed and turning:
+    if headed:
         yield from _dubins(robot, space)
-    for share in _SHARES if headed and turning else (1.0,):
+    for share in _SHARES if headed and robot.min_turn_radius > 0.0 else (1.0,):
         yield _straight(robot, space, share)
 
 
 def _dubins(robot: Robot, space: Space) -> list[Leads]:
     """Return the leads that turn left or right at either end, those of the shortest way first."""
-    circle = _CIRCLE * robot.min_turn_radius
+    circle = _CIRCLE * max(robot.min_turn_radius, _EASY * robot.radius)
     begin, end = np.array(robot.start[:2]), np.array(robot.goal[:2])
     inner = [np.array(place) for place in robot.via]
     found: list[tuple[float, Leads]] = []
@@ -116,17 +121,18 @@ def _straight(robot: Robot, space: Space, share: float) -> Leads:
     found = []
     for pose, sign, towards in ((robot.start, 1.0, first), (robot.goal, -1.0, last)):
         longest = share * min(wide, 0.45 * math.dist(towards, pose[:2]))
-        found.append(_ahead(pose, sign, space, longest))
+        sizes = (longest, *_STRAIGHT, *(share * robot.radius for share in _TINY))
+        found.append(_ahead(pose, sign, space, [size for size in sizes if size <= longest]))
     return found[0], found[1]
 
 
-def _ahead(pose: Sequence[float], sign: float, space: Space, longest: float) -> list[Array]:
+def _ahead(pose: Sequence[float], sign: float, space: Space, sizes: Sequence[float]) -> list[Array]:
     """Return the point that makes a path leave (or reach, sign -1) a place with its heading."""
     if len(pose) < 3:
         return []
     place = np.array(pose[:2], dtype=np.float64)
     along = sign * np.array([math.cos(pose[2]), math.sin(pose[2])])
-    for size in (longest, *(lead for lead in _STRAIGHT if lead < longest)):
+    for size in sizes:
         point = place + size * along
         if space.ground.clear(place, point) and space.keeping(place[None], point[None]).all():
             return [point]

@@ -39,7 +39,7 @@ def read_map(path: Path, options: MapOptions = DEFAULTS) -> FloorMap:
         try:
             from coordinator.map_dxf import read_dxf_map
         except ImportError:
-            need = "reading .dxf needs the extra: pip install 'splinefleet[dxf]'"
+            need = "reading .dxf needs the package ezdxf: pip install ezdxf"
             raise fail(path, [need]) from None
         return read_dxf_map(path, options)
     from coordinator.map_ros import read_ros_map

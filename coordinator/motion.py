@@ -31,7 +31,7 @@ _SHORTEST_RAMP: Final = 2e-5
 _PLACE_ERROR: Final = 2e-5
 """The sharpest bends count as if they could lie this far [m] off: float32 rounds places."""
 
-_CRAWL: Final = 0.01
+_CRAWL: Final = 0.05
 """Share of the top v^2 below which that matters."""
 
 _SAME_PLACE: Final = 1e-6

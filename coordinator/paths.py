@@ -24,7 +24,7 @@ from coordinator.leads import Leads, leads
 from coordinator.nurbs import Array, Nurbs
 from coordinator.refit import with_goal, with_via
 from coordinator.scenario import Point, Robot, Scenario
-from coordinator.smoothing import smooth
+from coordinator.smoothing import least_radius, smooth
 from coordinator.space import DISC_TOLERANCE, NO_DISCS, Space
 
 _TOUCH: Final = 0.0005
@@ -35,6 +35,9 @@ _FLUSH: Final = 2e-6
 
 _ROOM_PER_RADIUS: Final = 2.2
 """Reach around corners that robots turn at, per metre of min_turn_radius."""
+
+_SHARP: Final = 0.25
+"""Share of its own radius below which a robot with a heading looks for another way to turn."""
 
 _PLACE_ROOM: Final = 0.015
 """Other robots' places are passed this much farther off [m] than needed: a conflict zone may be a
@@ -71,9 +74,9 @@ class Pathfinder:
         worst: PlanError | None = None
         for places in self._places(robot, index):
             discs = np.concatenate((places, detours))
-            for room in _rooms(robot):
+            for room, touch in _rooms(robot):
                 try:
-                    return self._fit_among(robot, self._space(robot, discs, room))
+                    return self._fit_among(robot, self._space(robot, discs, room, touch))
                 except TurnError as error:
                     if not isinstance(worst, TurnError) or error.radius > worst.radius:
                         worst = error
@@ -92,7 +95,7 @@ class Pathfinder:
         robot = self.scenario.robots[index]
         changed = replace(robot, via=(*robot.via, via))
         with _named(robot):
-            space = self._space(changed, next(self._places(changed, index)), 0.0)
+            space = self._space(changed, next(self._places(changed, index)))
             return with_via(found, np.array(via), space, self.handling(robot), _headed(robot))
 
     def led_to(self, index: int, found: Fit, goal: Point) -> Fit:
@@ -104,7 +107,7 @@ class Pathfinder:
         changed = replace(robot, goal=goal)
         headed = _headed(robot)[0]
         with _named(robot):
-            space = self._space(changed, next(self._places(changed, index)), 0.0)
+            space = self._space(changed, next(self._places(changed, index)))
             return with_goal(found, np.array(goal), space, self.handling(robot), headed)
 
     def crossed_places(self, index: int, curve: Nurbs) -> list[str]:
@@ -132,27 +135,40 @@ class Pathfinder:
         )
 
     def _fit_among(self, robot: Robot, space: Space) -> Fit:
-        """Return the path with the first leads that work; raises the error that got farthest."""
+        """Return the path with the first leads that turn widely enough, else the widest found.
+
+        Raises the error that got farthest when there is none.
+        """
         worst: PlanError | None = None
+        widest: tuple[float, Fit] | None = None
         for ends in leads(robot, space):
             try:
                 polygon, exact = self._polygon(robot, space, ends)
-                return smooth(polygon, exact, space, self.handling(robot), _headed(robot))
+                found = smooth(polygon, exact, space, self.handling(robot), _headed(robot))
             except TurnError as error:
                 if not isinstance(worst, TurnError) or error.radius > worst.radius:
                     worst = error
+                continue
             except PlanError as error:
                 worst = worst or error
+                continue
+            radius = least_radius(found)
+            if not any(_headed(robot)) or radius >= _SHARP * robot.radius:
+                return found
+            if widest is None or radius > widest[0]:
+                widest = radius, found
+        if widest is not None:
+            return widest[1]
         raise worst or PlanError("there is no room to turn")
 
-    def _space(self, robot: Robot, discs: Array, room: float) -> Space:
+    def _space(self, robot: Robot, discs: Array, room: float = 0.0, most: float = _TOUCH) -> Space:
         reach = robot.radius + self.scenario.margin
         spares = self.floor.distance(_anchors(robot)) - reach
         if spares.min() < -_FLUSH:
             x, y = _anchors(robot)[int(np.argmin(spares))]
             raise PlanError(f"({x:.2f}, {y:.2f}) is nearer than {reach:g} m to something solid")
         spare = float(spares.min()) - _FLUSH
-        touch = min(max(spare, 0.0), _TOUCH)
+        touch = min(max(spare, 0.0), most)
         ground = self.floor.ground(reach + touch, room)
         return Space(ground, reach + 0.5 * touch - _FLUSH, 0.4 * touch, discs)
 
@@ -171,7 +187,7 @@ class Pathfinder:
             possible.append(np.column_stack((places[chosen], reach[chosen])))
         yield np.concatenate(possible)
         try:
-            space = self._space(robot, NO_DISCS, 0.0)
+            space = self._space(robot, NO_DISCS)
             way = self._polygon(robot, space, ([], []))[0]
         except PlanError:
             return
@@ -221,7 +237,11 @@ def _headed(robot: Robot) -> tuple[bool, bool]:
     return len(robot.start) == 3, len(robot.goal) == 3
 
 
-def _rooms(robot: Robot) -> tuple[float, ...]:
-    """Return the rooms [m] to try for rounding corners; robots that turn wide want more first."""
+def _rooms(robot: Robot) -> list[tuple[float, float]]:
+    """Return what to try: room [m] for rounding corners, and how much more than needed to keep [m].
+
+    Robots that turn wide want more room first; a passage may be just as wide as the robot needs.
+    """
     wide = _ROOM_PER_RADIUS * robot.min_turn_radius - robot.radius
-    return (wide, 0.5 * wide, 0.0) if wide > 0.02 else (0.0, 0.003)
+    rooms = (wide, 0.5 * wide, 0.0) if wide > 0.02 else (0.0,)
+    return [*((room, _TOUCH) for room in rooms), (0.0, 0.0)]

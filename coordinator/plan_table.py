@@ -5,11 +5,16 @@ Decides: what is shown on the terminal after planning.
 
 from __future__ import annotations
 
+from typing import Final
+
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from coordinator.plan import PlanDocument, Proof, RobotPlan
+
+_NOTES: Final = 12
+"""Notes told below the table; a crowded floor has hundreds."""
 
 
 def render(document: PlanDocument) -> RenderableType:
@@ -31,7 +36,9 @@ def render(document: PlanDocument) -> RenderableType:
             str(robot.wire_bytes),
         )
     parts: list[RenderableType] = [table]
-    parts += [Text(note) for note in document.notes]
+    parts += [Text(note) for note in document.notes[:_NOTES]]
+    if len(document.notes) > _NOTES:
+        parts.append(Text(f"and {len(document.notes) - _NOTES} more notes in the plan"))
     if document.proof is not None:
         parts.append(render_proof(document.proof))
     spent = sum(document.timing.values())

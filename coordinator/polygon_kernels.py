@@ -164,6 +164,23 @@ def push(
 
 
 @compiled
+def _legs_clear(way: Array, width: float, jx: float, jy: float, solid: Solid) -> float:
+    """Return the greatest half-width [m] up to `width` with clear legs to an exact vertex.
+
+    way (3, 2): the vertex and its neighbours; it is moved out by the cut, and its legs with it.
+    """
+    need, discs, edges, first, items, frame = solid
+    while width > NARROWEST:
+        x, y = way[1, 0] - width / 6.0 * jx, way[1, 1] - width / 6.0 * jy
+        if keeps(way[0, 0], way[0, 1], x, y, 0.0, need, discs, edges, first, items, frame) and (
+            keeps(x, y, way[2, 0], way[2, 1], 0.0, need, discs, edges, first, items, frame)
+        ):
+            break
+        width *= 0.7
+    return width
+
+
+@compiled
 def widths(
     polygon: Array,
     exact: Flags,
@@ -195,6 +212,8 @@ def widths(
             exact[i],
             solid,
         )
+        if exact[i]:
+            wide = _legs_clear(polygon[i - 1 : i + 2], wide, ox - ix, oy - iy, solid)
         wish[i] = max(wide, min(NARROWEST, most))
     for i in range(1, count - 2):
         if wish[i] + wish[i + 1] > legs[i]:

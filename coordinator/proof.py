@@ -82,7 +82,8 @@ def limit_failures(driven: Driven, limits: Limits) -> list[str]:
     if limits.max_lateral_accel is not None:
         s = curve.arc_at(u)
         leg = np.clip(np.searchsorted(line.s0, s, side="right") - 1, 0, len(v0) - 1)
-        part = np.clip((s - np.array(line.s0)[leg]) / length[leg], 0.0, 1.0)
+        whole = np.maximum(np.array(line.s1) - np.array(line.s0), 1e-9)
+        part = np.clip((s - np.array(line.s0)[leg]) / whole[leg], 0.0, 1.0)
         square = v0[leg] ** 2 + part * (v1[leg] ** 2 - v0[leg] ** 2)
         if np.max(square * bend) > limits.max_lateral_accel * 1.02:
             failures.append(f"{driven.id} takes a bend above {limits.max_lateral_accel} m/s^2")

@@ -54,7 +54,10 @@ def parse_scenario(text: bytes, name: str) -> Scenario:
     """
     file = printable(name)
     problems: list[str] = []
-    scenario = _scenario(_load(text, name, file), name, problems)
+    document = _load(text, name, file)
+    if isinstance(document, dict) and str(document.get("format")).startswith("splinefleet.plan"):
+        raise InputError([f"{file}: this is a plan, not a scenario: verify, plot or export it"])
+    scenario = _scenario(document, name, problems)
     problems += find_problems(scenario)
     if problems:
         raise InputError([f"{file}: {problem}" for problem in problems])

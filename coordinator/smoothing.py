@@ -10,6 +10,7 @@ robots' times.
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from typing import Final
 
@@ -95,12 +96,17 @@ def _without_straight(
 
 
 def _narrower(found: Fit, hit: Array) -> Array:
-    """Return narrower corners nearest to the parameters where the curve is not clear."""
+    """Return narrower corners nearest to the parameters where the curve is not clear.
+
+    So are exact vertices at the ends of a leg that is not: it lies where they are moved out to.
+    """
     wide = found.widths.copy()
     corners = np.flatnonzero(wide > 0.0)
     if len(corners) == 0:
         raise _blocked(found.curve, hit)
     nearest = corners[np.unique(np.argmin(np.abs(found.at[corners, None] - hit), axis=0))]
+    ends = np.clip(np.searchsorted(found.at, hit)[:, None] - (1, 0), 0, len(wide) - 1).ravel()
+    nearest = np.union1d(nearest, ends[found.exact[ends] & (wide[ends] > 0.0)])
     if np.all(wide[nearest] <= NARROWEST):
         raise _blocked(found.curve, hit)
     wide[nearest] = np.maximum(_SHRINK * wide[nearest], np.minimum(NARROWEST, wide[nearest]))
@@ -110,6 +116,16 @@ def _narrower(found: Fit, hit: Array) -> Array:
 def _blocked(curve: Nurbs, hit: Array) -> PlanError:
     x, y = curve.evaluate(hit[:1])[0]
     return PlanError(f"no smooth way past ({x:.2f}, {y:.2f}); more room there would help")
+
+
+def least_radius(found: Fit) -> float:
+    """Return the least radius [m] that the curve has at its corners; infinite without any."""
+    corners = np.flatnonzero(found.widths > 0.0)
+    if len(corners) == 0:
+        return math.inf
+    offsets = np.linspace(-1.0, 1.0, 9)
+    u = (found.at[corners, None] + found.widths[corners, None] * offsets).ravel()
+    return 1.0 / max(float(np.abs(found.curve.curvature(u)).max()), 1e-9)
 
 
 def _turnable(found: Fit, handling: Handling) -> Fit:

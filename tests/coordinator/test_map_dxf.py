@@ -276,7 +276,7 @@ def test_options_that_do_not_fit_are_told(read, name):
 def test_without_ezdxf_the_message_says_what_to_install(read, monkeypatch):
     monkeypatch.setitem(sys.modules, "coordinator.map_dxf", None)
     (problem,) = problems_of(read, SQUARE)
-    assert problem == "a.dxf: reading .dxf needs the extra: pip install 'splinefleet[dxf]'"
+    assert problem == "a.dxf: reading .dxf needs the package ezdxf: pip install ezdxf"
 
 
 @settings(derandomize=True, max_examples=25, deadline=None)

@@ -16,7 +16,7 @@ from coordinator.plan import PlanDocument, Stop, from_json, to_json
 from coordinator.plan_table import render_proof
 from coordinator.planner import plan_scenario
 from coordinator.replay import check_log
-from coordinator.scenario_file import scenario_to_json
+from coordinator.scenario_file import parse_scenario, scenario_to_json
 from coordinator.verify import prove_document
 from coordinator.wire import drive
 from protocol import keys
@@ -262,3 +262,9 @@ def test_a_log_that_was_not_closed_is_told_and_agrees():
     assert check_log(a_log(records=records)) == (0, 1, "", "")
     note = "the log was not closed; what is there agrees"
     assert check_log(a_log(records=records, complete=False)) == (0, 1, "", note)
+
+
+def test_a_plan_in_place_of_a_scenario_is_named_as_such():
+    text = b'{"format": "splinefleet.plan/1", "robots": []}'
+    with pytest.raises(InputError, match=r"p\.json: this is a plan, not a scenario"):
+        parse_scenario(text, "p.json")
