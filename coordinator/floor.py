@@ -37,14 +37,19 @@ class Floor:
         self._grounds: dict[tuple[float, float], Ground] = {}
 
     @cached_property
-    def solid(self) -> shapely.Geometry:
-        """All that is solid: the obstacles and everything outside the floor."""
+    def _things(self) -> shapely.STRtree:
+        """The obstacles, and what lies outside of the floor, to look things up in."""
         x0, y0, x1, y1 = self.outline.bounds
         far = 1.0 + max(x1 - x0, y1 - y0)
         frame = shapely.box(x0 - far, y0 - far, x1 + far, y1 + far)
-        outside = shapely.difference(frame, self.outline)
-        things = np.array([*self.obstacles, *shapely.get_parts(outside)])
-        one, other = shapely.STRtree(things).query(things, predicate="intersects")
+        outside = shapely.get_parts(shapely.difference(frame, self.outline))
+        return shapely.STRtree([*self.obstacles, *outside])
+
+    @cached_property
+    def solid(self) -> shapely.Geometry:
+        """All that is solid in one: the obstacles and everything outside the floor."""
+        things = self._things.geometries
+        one, other = self._things.query(things, predicate="intersects")
         joined = np.zeros(len(things), dtype=np.bool_)
         joined[one[one != other]] = True
         lumps = shapely.get_parts(shapely.union_all(things[joined], grid_size=_GRID))
@@ -54,7 +59,9 @@ class Floor:
 
     def distance(self, points: Array) -> Array:
         """Return the distances [m], (n,), from points (n, 2) to the nearest solid thing."""
-        return np.asarray(shapely.distance(shapely.points(points), self.solid))
+        places = shapely.points(points)
+        found = self._things.query_nearest(places, return_distance=True, all_matches=False)
+        return np.asarray(found[1])
 
     def gap(self, line: Array) -> float:
         """Return the distance [m] from a polyline (n, 2) to the nearest solid thing; 0 within."""
