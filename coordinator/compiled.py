@@ -1,42 +1,57 @@
 """Compiling the few numeric kernels that numpy cannot do well: one decorator, one cache.
 
-The machine code on disk is kept under a digest of all kernels' sources: numba notices a change of
-the file that a kernel is in, but not of one whose kernels it calls.
+The machine code on disk is kept under a digest of the kernel's file and of all kernel files that
+it imports: numba notices a change of the file that a kernel is in, but not of one whose kernels it
+calls.
 
 Decides: how kernels are compiled and where their code is kept.  Must not know: what is computed.
 """
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import inspect
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import ParamSpec, TypeVar, cast
+from typing import Final, ParamSpec, TypeVar, cast
 
 import numba
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
+_FOLDER: Final = Path(__file__).parent
+_IMPORT: Final = re.compile(r"^from coordinator\.(\w+_kernels) import", re.MULTILINE)
+
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of arrays and numbers on first use; the machine code is kept on disk."""
+    _choose_cache(Path(inspect.getfile(function)))
     compile_it = numba.njit(cache=True, nogil=True, error_model="numpy")
     return cast(Callable[P, R], compile_it(function))
 
 
-def _choose_cache() -> None:
+@functools.cache
+def _sources(file: Path) -> tuple[Path, ...]:
+    """Return a file and all kernel files that it imports, directly or not."""
+    found, waiting = {file}, [file]
+    while waiting:
+        for name in _IMPORT.findall(waiting.pop().read_text(encoding="utf-8")):
+            source = _FOLDER / f"{name}.py"
+            if source not in found:
+                found.add(source)
+                waiting.append(source)
+    return tuple(sorted(found))
+
+
+def _choose_cache(file: Path) -> None:
     """Keep code beside the sources; where that may not be written, numba finds a place itself."""
-    folder = Path(__file__).parent
-    digest = hashlib.sha256()
-    for source in sorted(folder.glob("*_kernels.py")):
-        digest.update(source.read_bytes())
-    cache = folder / "__pycache__"
-    if os.access(cache if cache.exists() else folder, os.W_OK):
+    digest = hashlib.sha256(b"".join(source.read_bytes() for source in _sources(file)))
+    cache = _FOLDER / "__pycache__"
+    if os.access(cache if cache.exists() else _FOLDER, os.W_OK):
         numba.config.CACHE_DIR = str(  # type: ignore[attr-defined]
             cache / f"kernels-{digest.hexdigest()[:16]}"
         )
-
-
-_choose_cache()
