@@ -6,6 +6,7 @@ Decides: what is compared, and which figure stands beside which target.  Nothing
 from __future__ import annotations
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from statistics import median
 from typing import Final
@@ -20,7 +21,7 @@ from coordinator.document import make_document
 from coordinator.floor import Floor
 from coordinator.motion import Motion, limits_on
 from coordinator.nurbs import Nurbs
-from coordinator.paths import Pathfinder
+from coordinator.paths import Pathfinder, find_paths
 from coordinator.proof import least_clearance
 from coordinator.scenario import Scenario
 from coordinator.wire import Driven, drive
@@ -34,6 +35,7 @@ POINT: Final = 1e-3
 ROBOT: Final = 0.3
 """Reach [m] of a robot and its margin."""
 ROUNDS: Final = 3
+THREADS: Final = 2
 ENOUGH: Final = 20.0
 """No further round when one took longer [s]."""
 PER_TURN: Final = 2e-3
@@ -196,10 +198,10 @@ def _fleet(scene: Scene) -> Row:
 
 def _find(scenario: Scenario) -> tuple[list[Nurbs], float]:
     """Return all paths and the time [s] that they took."""
-    begin = time.perf_counter()
-    finder = Pathfinder(scenario)
-    paths = [finder.path(index) for index in range(len(scenario.robots))]
-    return paths, time.perf_counter() - begin
+    with ThreadPoolExecutor(THREADS) as executor:
+        begin = time.perf_counter()
+        paths = find_paths(Pathfinder(scenario), executor)
+        return paths, time.perf_counter() - begin
 
 
 def _drive(scenario: Scenario, paths: list[Nurbs]) -> list[Driven]:

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from coordinator.compiled import compiled
-from coordinator.knots import bezier_form
+from coordinator.knots import bezier_pieces
 from coordinator.nurbs import Array, Nurbs
 
 _ROUNDING: Final = 1e-12
@@ -82,9 +82,7 @@ def flatten(curve: Nurbs, tolerance: float) -> Chain:
         raise ValueError(
             f"degree {curve.degree} and least weight {curve.weights.min()} are not both positive"
         )
-    control, borders = bezier_form(curve).lifted[2], np.unique(curve.knots)
-    first = curve.degree * np.arange(len(borders) - 1)
-    pieces = control[first[:, None] + np.arange(curve.degree + 1)]
+    borders, pieces = bezier_pieces(*curve.lifted)
     found = _halve(borders, pieces, tolerance - spare)
     corners = found[:, 2:].reshape(-1, curve.degree + 1, 2)
     return Chain(np.append(found[:, 0], borders[-1]), corners, found[:, 1] + spare)

@@ -23,8 +23,9 @@ Flags = npt.NDArray[np.bool_]
 _ASIDE: Final = 1.5
 """Detours leave a leg this many radii before a place and come back as far behind it."""
 
-_DETOUR: Final = 2.0
-"""A detour around places is at most this much longer, as a share of their radii together."""
+_DETOURS: Final = (0.6, 2.0)
+"""A detour around places is at most this much longer, as a share of their radii together: most are
+much shorter, and are found much sooner among the few corners that can then take part."""
 
 _MOST_DISCS: Final = 3.0
 """More places than this in one group do not allow a longer detour."""
@@ -134,10 +135,12 @@ def _detour(
     active = active.copy()
     for _ in range(_ROUNDS):
         radii = discs[active, 2]
-        longest = size
-        if len(radii):
-            longest += _DETOUR * min(radii.sum(), _MOST_DISCS * radii.max())
-        way = search(ends, _NO_LIMIT, longest, discs[active], sight, spared)
+        spread = min(radii.sum(), _MOST_DISCS * radii.max()) if len(radii) else 0.0
+        for share in _DETOURS:
+            longest = size + share * spread
+            way = search(ends, _NO_LIMIT, longest, discs[active], sight, spared)
+            if len(way) > 0 or spread == 0.0:
+                break
         if len(way) == 0:
             break
         entering = crossing(way, entered)

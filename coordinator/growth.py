@@ -45,14 +45,23 @@ class Rings:
     @staticmethod
     def of(polygons: Sequence[Sequence[tuple[float, float]]], floor: Array) -> Rings:
         """Gather obstacles, in either sense of rotation, and the outside of the floor (n, 2)."""
-        rings = [_anticlockwise(np.array(corners, dtype=np.float64)) for corners in polygons]
-        rings.append(_anticlockwise(np.asarray(floor, dtype=np.float64))[::-1])
-        rings = [ring[np.any(ring != np.roll(ring, 1, axis=0), axis=1)] for ring in rings]
+        rings = [np.array(ring, dtype=np.float64).reshape(-1, 2) for ring in (*polygons, floor)]
         sizes = np.array([len(ring) for ring in rings])
-        corners = np.concatenate(rings)
-        following = np.arange(1, len(corners) + 1)
-        following[np.cumsum(sizes) - 1] -= sizes
-        return Rings(corners, following)
+        corners, ring = np.concatenate(rings), np.repeat(np.arange(len(rings)), sizes)
+        following = _following(sizes)
+        doubled = np.all(corners == corners[following], axis=1)
+        corners, ring = corners[~doubled], ring[~doubled]
+        sizes = np.bincount(ring, minlength=len(rings))
+        following = _following(sizes)
+        first = np.cumsum(sizes) - sizes
+        x, y = (corners - np.repeat(corners[first], sizes, axis=0)).T
+        area = np.bincount(ring, weights=x * y[following] - y * x[following])
+        turned = area < 0.0
+        turned[-1] = not turned[-1]
+        turned = turned[ring]
+        last = np.repeat(2 * first + sizes - 1, sizes)
+        order = np.arange(len(corners))
+        return Rings(corners[np.where(turned, last - order, order)], following)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +147,8 @@ def _overlapping(edges: Array) -> Array:
     return np.concatenate((edges[:, :2] - along, edges[:, 2:] + along), axis=1)
 
 
-def _anticlockwise(ring: Array) -> Array:
-    x, y = (ring - ring[0]).T
-    area = float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
-    return ring if area >= 0.0 else ring[::-1]
+def _following(sizes: Indices) -> Indices:
+    """Return the index of the next corner on the same ring, for rings of given sizes."""
+    following = np.arange(1, int(sizes.sum()) + 1)
+    following[np.cumsum(sizes) - 1] -= sizes
+    return following

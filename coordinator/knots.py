@@ -148,3 +148,36 @@ def _insert(
                 points[i, axis] = (1.0 - part) * points[i - 1, axis] + part * points[i, axis]
         count += 1
     return merged, points, origin
+
+
+@compiled
+def bezier_pieces(degree: int, knots: Array, control: Array) -> tuple[Array, Array]:
+    """Return the borders (m + 1,) of a curve's m spans, and each as a Bezier curve.
+
+    These are homogeneous control points (m, degree + 1, 3), from `control` (n, 3): control point j
+    is the blossom of degree - j times the span's beginning and j times its end.
+    """
+    count = len(control)
+    borders, pieces = np.empty(count - degree + 1), np.empty((count - degree, degree + 1, 3))
+    work, total = np.empty((degree + 1, 3)), 0
+    borders[0] = knots[degree]
+    for span in range(degree, count):
+        begin, end = knots[span], knots[span + 1]
+        if not end > begin:
+            continue
+        for j in range(degree + 1):
+            for i in range(degree + 1):
+                for axis in range(3):
+                    work[i, axis] = control[span - degree + i, axis]
+            for level in range(1, degree + 1):
+                at = end if level <= j else begin
+                for i in range(degree, level - 1, -1):
+                    low = knots[span - degree + i]
+                    part = (at - low) / (knots[span + i + 1 - level] - low)
+                    for axis in range(3):
+                        work[i, axis] = (1.0 - part) * work[i - 1, axis] + part * work[i, axis]
+            for axis in range(3):
+                pieces[total, j, axis] = work[degree, axis]
+        total += 1
+        borders[total] = end
+    return borders[: total + 1], pieces[:total]

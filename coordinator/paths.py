@@ -5,7 +5,8 @@ Decides: the way each robot takes, alone.  Must not know: times and who goes fir
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from itertools import pairwise
 from typing import Final
@@ -45,6 +46,31 @@ little larger than the conflict, and must not reach from a place to a path that 
 
 _NEAR: Final = 1.015
 """A place may be kept off up to this near to this robot's own, as a share of the disc."""
+
+_PART: Final = 50
+"""Robots that an executor gets at a time, at least: every part prepares its own ground."""
+
+_MOST_PARTS: Final = 4
+
+
+def find_paths(
+    finder: Pathfinder, executor: Executor | None = None, indices: Sequence[int] | None = None
+) -> list[Nurbs]:
+    """Return the paths of all robots (or of some, by index); the same whatever the executor.
+
+    Raises PlanError for the first robot that has no way.
+    """
+    chosen = range(len(finder.scenario.robots)) if indices is None else indices
+    parts = min(-(-len(chosen) // _PART), _MOST_PARTS)
+    if executor is None or parts < 2:
+        return [finder.path(index) for index in chosen]
+    shares = [array.tolist() for array in np.array_split(np.array(chosen), parts)]
+    waiting = [executor.submit(_paths_of, finder.scenario, share) for share in shares]
+    return [path for share in waiting for path in share.result()]
+
+
+def _paths_of(scenario: Scenario, indices: Sequence[int]) -> list[Nurbs]:
+    return find_paths(Pathfinder(scenario), None, indices)
 
 
 class Pathfinder:

@@ -2,6 +2,7 @@
 
 import math
 import random
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -9,9 +10,10 @@ import shapely
 
 from coordinator.errors import PlanError
 from coordinator.nurbs import Nurbs
-from coordinator.paths import Pathfinder
+from coordinator.paths import Pathfinder, find_paths
 from coordinator.scenario import Robot, Scenario, Workspace
 from coordinator.scenario_checks import find_problems
+from sim.generator import generate
 from tests.floors import box, random_floor, random_places, solid_of
 from tests.scenarios import a_robot
 
@@ -204,6 +206,16 @@ def test_the_same_question_gets_the_same_bytes():
         else:
             assert fresh.points.tobytes() == again.points.tobytes()
             assert fresh.knots.tobytes() == again.knots.tobytes()
+
+
+def test_paths_found_in_parts_by_threads_are_those_found_one_by_one():
+    scenario = generate("warehouse", 120, 3)
+    alone = find_paths(Pathfinder(scenario))
+    with ThreadPoolExecutor(2) as executor:
+        parts = find_paths(Pathfinder(scenario), executor)
+    for one, other in zip(alone, parts, strict=True):
+        assert one.points.tobytes() == other.points.tobytes()
+        assert one.knots.tobytes() == other.knots.tobytes()
 
 
 def test_a_robot_with_no_room_for_its_heading_is_told_so():
