@@ -12,13 +12,21 @@ import os
 import platform
 import sys
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
+from benchmarks.against_paper import against_paper
 from benchmarks.agent import agent
 from benchmarks.curves import curves
+from benchmarks.intersections import intersections
 from benchmarks.paths import against_peers, fleets, for_robots
 from benchmarks.planning import planning
+from benchmarks.proof import proving, sharpness
+from benchmarks.quality import quality
+from benchmarks.safety import safety
+from benchmarks.swaps import swaps
 from benchmarks.table import ROOT, Row, show
+from benchmarks.zones import zones
 
 PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "curves": {"evaluating a rational cubic with 12 control points": curves},
@@ -27,7 +35,14 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
         "shortest ways, ours for points and for robots": for_robots,
         "path stage: all robots of a floor, proof of clearance included": fleets,
     },
+    "intersections": {"all intersections of two curves": intersections},
+    "zones": {"conflict zones of a whole fleet": zones},
+    "proof": {"the proof stage": proving, "damaged plans against the dense sampler": sharpness},
     "planning": {"planning whole scenes": planning},
+    "swaps": {"rings and circles, beside the peers": swaps},
+    "quality": {"sums of delays against the optimum": quality},
+    "paper": {"against Algorithm 2 of the paper": against_paper},
+    "safety": {"seeded scenarios, judged by a dense sampler": partial(safety, 200)},
     "agent": {"one tick of the robot's core": agent},
 }
 

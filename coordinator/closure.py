@@ -5,6 +5,7 @@ Decides: the words.  Must not know: how ways are found.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -12,12 +13,16 @@ import shapely
 
 from coordinator.errors import PlanError
 from coordinator.floor import Floor
+from coordinator.growth import TURN_STEP
 from coordinator.nurbs import Array
-from coordinator.scenario import Robot
+from coordinator.obstacles import obstacle_name
+from coordinator.scenario import MapPart, Robot
 from coordinator.space import NO_DISCS, Space
+from coordinator.widest import widest_reach
 
-_HALVINGS: Final = 8
 _NAMED: Final = 4
+_LEAST: Final = 1e-3
+"""A smaller radius [m] is no advice: scenarios refuse it."""
 
 
 class NoWayError(PlanError):
@@ -28,15 +33,20 @@ class NoWayError(PlanError):
         self.space, self.start, self.goal = space, start, goal
 
 
-def explain(error: NoWayError, floor: Floor, robot: Robot, margin: float) -> PlanError:
-    """Return the error with what closes the robot in, and what would help."""
+def explain(
+    error: NoWayError, floor: Floor, robot: Robot, margin: float, part: MapPart | None = None
+) -> PlanError:
+    """Return the error with what closes the robot in, and what would help.
+
+    `part`: which of the floor's obstacles a map brought.
+    """
     space, start, goal = error.space, error.start, error.goal
     reach = space.ground.reach
     pieces = floor.free(reach)
     rooms = [_around(pieces, place) for place in (start, goal)]
     shut = [room for room in rooms if room is not None]
     if len(shut) == 2 and shut[0] is not shut[1]:
-        closing = floor.names_near(min(shut, key=shapely.area), reach)
+        closing = _names_near(floor, min(shut, key=shapely.area), reach, part)
         more = f" and {len(closing) - _NAMED} more" if len(closing) > _NAMED else ""
         by = " and ".join(closing[:_NAMED]) + more + " close it in"
     elif len(shut) == 2 and len(space.discs):
@@ -46,7 +56,7 @@ def explain(error: NoWayError, floor: Floor, robot: Robot, margin: float) -> Pla
     return PlanError(
         f"no way from ({start[0]:.2f}, {start[1]:.2f}) to ({goal[0]:.2f}, {goal[1]:.2f}) for "
         f"radius {robot.radius} m + margin {margin} m: {by}"
-        f"{_what_helps(floor, robot.radius, margin, start, goal)}"
+        f"{_what_helps(error, floor, robot.radius, margin)}"
     )
 
 
@@ -59,15 +69,32 @@ def _around(pieces: list[shapely.Geometry], place: Array) -> shapely.Geometry | 
     return pieces[nearest] if apart[nearest] < 1e-2 else None
 
 
-def _what_helps(floor: Floor, radius: float, margin: float, start: Array, goal: Array) -> str:
-    """Return the largest radius for which there is a way, found by halving."""
-    low, high = 0.0, radius
-    for _ in range(_HALVINGS):
-        trial = 0.5 * (low + high)
-        if floor.fresh_ground(trial + margin).shortest_way(start, goal, NO_DISCS) is None:
-            high = trial
-        else:
-            low = trial
-    if low <= 0.0:
-        return "; another goal or fewer obstacles would help"
-    return f"; a radius of {low:.3f} m would pass"
+def _names_near(
+    floor: Floor, area: shapely.Geometry, reach: float, part: MapPart | None
+) -> list[str]:
+    """Name the obstacles (and the floor's edge) that bound a piece of free ground."""
+    most = reach * 1.1 + 0.01
+    shapely.prepare(area)
+    near = np.flatnonzero(shapely.dwithin(area, floor.obstacles, most)).tolist()
+    names = [
+        obstacle_name(f"obstacle {index}", index, floor.obstacles[index], area, part)
+        for index in near
+    ]
+    if shapely.dwithin(area, floor.outline.exterior, most):
+        names.append("the floor's edge")
+    return names
+
+
+def _what_helps(error: NoWayError, floor: Floor, radius: float, margin: float) -> str:
+    """Return the largest radius for which a way is found, in whole millimetres."""
+    ground, ends = error.space.ground, (error.start, error.goal)
+    widest = widest_reach(ground.rings, *ends, ground.reach)
+    if widest is None:
+        return "; other starts or goals would help"
+    for share in (1.0, math.cos(0.5 * TURN_STEP)):
+        fits = math.floor(1e3 * (min(share * widest - margin, radius - _LEAST) + 1e-9)) / 1e3
+        if fits < _LEAST:
+            break
+        if floor.fresh_ground(fits + margin).shortest_way(*ends, NO_DISCS) is not None:
+            return f"; a radius of {fits:.3f} m would pass"
+    return "; another goal or fewer obstacles would help"

@@ -37,6 +37,21 @@ def within(least: float, most: float = math.inf) -> Callable[[float], float]:
     return check
 
 
+def writable(*suffixes: str) -> Callable[[Path | None], Path | None]:
+    """Return an option's check: a file of one of the suffixes (any, without) in a folder there."""
+
+    def check(path: Path | None) -> Path | None:
+        if path is None:
+            return None
+        if suffixes and path.suffix.lower() not in suffixes:
+            raise typer.BadParameter(f"{path} does not end in {' or '.join(suffixes)}")
+        if not path.parent.is_dir():
+            raise typer.BadParameter(f"{path}: there is no folder {path.parent}")
+        return path
+
+    return check
+
+
 def make_folder(folder: Path) -> None:
     """Make a folder unless it is there; InputError in one line when that cannot be done."""
     try:
@@ -54,8 +69,13 @@ Effort = Annotated[int, typer.Option(min=0, max=100_000, help="Rounds of improve
 @commands.command()
 def plan(
     scenario: ScenarioFile,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="plan.json.")] = None,
-    csv: Annotated[Path | None, typer.Option(help="The motions as rows over time.")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="FILE.json", callback=writable(".json")),
+    ] = None,
+    csv: Annotated[
+        Path | None, typer.Option(help="The motions as rows over time.", callback=writable())
+    ] = None,
     step: Annotated[
         float, typer.Option(callback=within(1e-4, 1e3), help="Seconds a CSV row.")
     ] = 0.02,
@@ -69,7 +89,7 @@ def plan(
     """
     from coordinator.plan import to_json
     from coordinator.plan_table import render
-    from coordinator.planner import plan_scenario
+    from coordinator.planning import plan_here
     from coordinator.scenario_file import read_scenario
     from coordinator.trajectory import csv_rows
 
@@ -79,7 +99,7 @@ def plan(
     if as_json:
         for note in asked.workspace.notes:
             tell(note)
-    document = plan_scenario(asked, effort=effort, timer=time.perf_counter)
+    document = plan_here(asked, effort)
     if output is not None:
         write_file(output, to_json(document))
     if csv is not None:
@@ -121,9 +141,13 @@ def verify(
 def coordinator(
     scenario: ScenarioFile,
     listen: Annotated[str, typer.Option(help="tcp/HOST:PORT")] = "tcp/127.0.0.1:7447",
-    log: Annotated[Path | None, typer.Option(help="Record everything into this file.")] = None,
+    log: Annotated[
+        Path | None, typer.Option(help="Record everything into this file.", callback=writable())
+    ] = None,
     resume: Annotated[Path | None, typer.Option(help="Go on from this log.")] = None,
-    plan_out: Annotated[Path | None, typer.Option(help="Write plan.json here.")] = None,
+    plan_out: Annotated[
+        Path | None, typer.Option(help="Write plan.json here.", callback=writable(".json"))
+    ] = None,
     speed: Speed = 1.0,
     effort: Effort = 20,
     wait: Annotated[
@@ -197,16 +221,21 @@ def _check(log: Path, as_json: bool) -> None:
 
 
 @commands.command()
-def info(log: LogFile, as_json: Json = False) -> None:
-    """Tell what happened: epochs, stops, faults, bytes per key, positions on the wire.
+def info(
+    source: Annotated[Path, typer.Argument(help="Log of a run, MCAP, or plan file.")],
+    as_json: Json = False,
+) -> None:
+    """Tell what happened: epochs, waits, faults, bytes per key; of a plan, who waits and why.
 
     Example: splinefleet info runs/demo/run.mcap --json
     """
-    from coordinator.info import summarise
+    from coordinator.info import summarise, summarise_plan
     from coordinator.info_table import render
     from coordinator.logbook import read_log
+    from coordinator.plan import read
 
-    summary = summarise(read_log(log))
+    plan_file = source.suffix == ".json"
+    summary = summarise_plan(read(source)) if plan_file else summarise(read_log(source))
     if as_json:
         answer_json(summary)
     else:
@@ -216,7 +245,9 @@ def info(log: LogFile, as_json: Json = False) -> None:
 @commands.command()
 def plot(
     source: Annotated[Path, typer.Argument(help="Plan file or log.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="FILE.svg or FILE.png")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="FILE.svg or FILE.png", callback=writable())
+    ],
     robots: Annotated[str, typer.Option(help="R1,R3: only these in full, the others faint.")] = "",
     detail: Annotated[
         bool | None,
@@ -244,7 +275,6 @@ def plot(
         document = from_json(attachments["plan-1.json"], f"{source}: plan-1.json")
     else:
         document = read(source)
-    make_folder(output.parent)
     chosen = tuple(name.strip() for name in robots.split(",") if name.strip())
     draw_plan(document, output, View(chosen, detail))
     tell(f"wrote {output}")

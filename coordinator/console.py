@@ -29,9 +29,8 @@ def tell(text: str, style: str = "") -> None:
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Write a file, making its folder; InputError in one line when that cannot be done."""
+    """Write a file; InputError in one line when that cannot be done."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
     except OSError as error:
         raise InputError([f"{path}: {error.strerror}"]) from None

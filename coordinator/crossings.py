@@ -1,24 +1,29 @@
-"""Where two paths meet: all points at which two curves cross.
+"""Where paths meet: the points at which they cross or touch, by arc length on both.
 
-Candidates come from chords of both curves, each is then refined by Newton's method on
-C_a(u) = C_b(v); neighbouring answers are one crossing.  Crossings explain a plan; safety rests on
-the zones.  Decides: the crossing points.  Must not know: widths or times.
+Crossings explain a plan; safety rests on the zones.  Stretches on top of each other have no
+crossing points, they are zones.  Decides: what a meeting tells.  Must not know: widths or times.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import shapely
+import numpy.typing as npt
 
+from coordinator.intersections import intersection_tables
 from coordinator.nurbs import Array, Nurbs
 
-_CHORD: Final = 0.05
-_SAME: Final = 1e-3
-_STEEP: Final = 1e-4
-"""Sine of the least angle at which curves cross; flatter ones run on top of each other."""
+_SAME: Final = 1e-6
+"""Curves nearer than this [m] run on top of each other: float32 tells no finer."""
+
+_PART: Final = 5000
+"""Pairs that an executor gets at a time, at least."""
+
+_MOST_PARTS: Final = 8
 
 
 @dataclass(frozen=True)
@@ -32,52 +37,48 @@ class Meeting:
 
 
 def find_crossings(a: Nurbs, b: Nurbs) -> list[Meeting]:
-    """Return where two curves cross, in order along a.
-
-    Stretches that run on top of each other have no crossing points; they are zones.
-    """
-    chords = [_chords(curve) for curve in (a, b)]
-    lines = [shapely.linestrings(np.stack((p[:-1], p[1:]), axis=1)) for _, p in chords]
-    first, second = shapely.STRtree(lines[1]).query(lines[0], predicate="dwithin", distance=1e-3)
-    s, t = chords[0][0], chords[1][0]
-    u = a.parameter_at(0.5 * (s[first] + s[first + 1]))
-    v = b.parameter_at(0.5 * (t[second] + t[second + 1]))
-    u, v, gap = _newton(a, b, u, v)
-    good = gap < 1e-7
-    points = a.evaluate(u[good])
-    arcs = np.column_stack((a.arc_at(u[good]), b.arc_at(v[good])))
-    return _distinct(points, arcs)
+    """Return where two curves meet in points, in order along a; ValueError as for all pairs."""
+    return find_all_crossings([a, b], [(0, 1)])[0]
 
 
-def _chords(curve: Nurbs) -> tuple[Array, Array]:
-    """Return arc lengths and points of chords of about 5 cm."""
-    s = np.linspace(0.0, curve.length, 2 + int(curve.length / _CHORD))
-    return s, curve.at_arc(s)
-
-
-def _newton(a: Nurbs, b: Nurbs, u: Array, v: Array) -> tuple[Array, Array, Array]:
-    """Refine parameters of crossings; returns them and the distances left [m]."""
-    gap = np.full(len(u), np.inf)
-    for _ in range(12 if len(u) else 0):
-        pa, da = a.derivatives(u, 1)
-        pb, db = b.derivatives(v, 1)
-        miss = pb - pa
-        gap = np.hypot(miss[:, 0], miss[:, 1])
-        det = da[:, 1] * db[:, 0] - da[:, 0] * db[:, 1]
-        steep = np.abs(det) > _STEEP * np.hypot(*da.T) * np.hypot(*db.T)
-        det = np.where(steep, det, np.inf)
-        u = u + (db[:, 0] * miss[:, 1] - db[:, 1] * miss[:, 0]) / det
-        v = v + (da[:, 0] * miss[:, 1] - da[:, 1] * miss[:, 0]) / det
-        u, v = np.clip(u, 0.0, a.knots[-1]), np.clip(v, 0.0, b.knots[-1])
-        gap = np.where(steep, gap, np.inf)
-    return u, v, gap
-
-
-def _distinct(points: Array, arcs: Array) -> list[Meeting]:
-    """Merge answers that are the same crossing."""
-    order = np.lexsort((arcs[:, 1], arcs[:, 0]))
-    found: list[Meeting] = []
-    for (x, y), (s_a, s_b) in zip(points[order].tolist(), arcs[order].tolist(), strict=True):
-        if not any(abs(s_a - m.s_a) < _SAME and abs(s_b - m.s_b) < _SAME for m in found):
-            found.append(Meeting(x, y, s_a, s_b))
+def find_all_crossings(curves: Sequence[Nurbs], pairs: npt.ArrayLike) -> list[list[Meeting]]:
+    """Return where curves meet, for pairs (m, 2) of their indices, in order along the first."""
+    wanted = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    found: list[list[Meeting]] = [[] for _ in wanted]
+    for pair, *row in crossing_table(curves, wanted).tolist():
+        found[int(pair)].append(Meeting(*row))
     return found
+
+
+def crossing_table(
+    curves: Sequence[Nurbs], pairs: npt.NDArray[np.int64], executor: Executor | None = None
+) -> Array:
+    """Return a row (pair, x, y, s_a, s_b) [m] for each place where a pair (m, 2) of curves meets.
+
+    In order of the pairs and along their first curves.  Many pairs go to the executor in parts.
+    Raises ValueError as intersections.find_all_intersections does.
+    """
+    if executor is None or len(pairs) < 2 * _PART:
+        return _table(curves, pairs)
+    parts = np.array_split(pairs, min(len(pairs) // _PART, _MOST_PARTS))
+    tables = list(executor.map(_table, [curves] * len(parts), parts))
+    for table, begin in zip(tables, np.cumsum([0, *map(len, parts)]).tolist(), strict=False):
+        table[:, 0] += begin
+    return np.concatenate(tables)
+
+
+def _table(curves: Sequence[Nurbs], pairs: npt.NDArray[np.int64]) -> Array:
+    points = intersection_tables(curves, pairs, _SAME)[0]
+    whose = pairs[points[:, 0].astype(np.int64)]
+    s_a, s_b = (_arcs(curves, whose[:, side], points[:, 1 + side]) for side in (0, 1))
+    return np.column_stack((points[:, 0], points[:, 3:], s_a, s_b))
+
+
+def _arcs(curves: Sequence[Nurbs], whose: npt.NDArray[np.int64], u: Array) -> Array:
+    """Return arc lengths (m,) at parameters u (m,), each on its own curve, one call per curve."""
+    arcs = np.empty_like(u)
+    order = np.argsort(whose, kind="stable")
+    borders = np.flatnonzero(np.diff(whose[order])) + 1
+    for its in np.split(order, borders) if len(order) else []:
+        arcs[its] = curves[whose[its[0]]].arc_at(u[its])
+    return arcs

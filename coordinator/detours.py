@@ -15,9 +15,10 @@ from scipy.spatial import cKDTree
 
 from coordinator.errors import PlanError
 from coordinator.floor import Floor
+from coordinator.junctions import Junctions
 from coordinator.nurbs import Array, Nurbs
 from coordinator.scenario import Point, Robot, Scenario
-from coordinator.schedule import Deadlock, Junctions, place_in_order
+from coordinator.schedule import Deadlock
 
 _LANE_ROOM = 0.01
 _SPACING = 0.25
@@ -29,23 +30,13 @@ _STRETCHES = ((0.0, 1.0), (0.25, 0.75), (0.6, 1.0), (0.0, 0.4), (0.75, 1.0), (0.
 """Parts of another robot's path to keep beside of, as shares of its length."""
 
 
-def stuck_pairs(junctions: Junctions) -> list[tuple[int, int]]:
-    """Return the pairs that find no motion in either order, even alone on the floor."""
-    return [
-        (a, b)
-        for a, b in junctions.conflicts
-        if isinstance(place_in_order(junctions, (a, b)), Deadlock)
-        and isinstance(place_in_order(junctions, (b, a)), Deadlock)
-    ]
-
-
 def blocking_pairs(junctions: Junctions, deadlock: Deadlock) -> list[tuple[int, int]]:
     """Return the loser of a deadlock with each winner that it meets, the last one first."""
-    loser = deadlock.loser
+    loser, near = deadlock.loser, set(junctions.near(deadlock.loser))
     return [
         (min(loser, other), max(loser, other))
         for other in reversed(deadlock.winners)
-        if junctions.runs(loser, other) is not None
+        if other in near
     ]
 
 

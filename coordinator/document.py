@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from itertools import combinations
 
 import msgspec
 import numpy as np
 
-from coordinator.crossings import Meeting, find_crossings
+from coordinator.crossings import crossing_table
 from coordinator.errors import PlanError
 from coordinator.motion import Motion
-from coordinator.nurbs import Nurbs
+from coordinator.nurbs import Array, Nurbs
+from coordinator.nurbs_kernels import Indices
 from coordinator.plan import Crossing, Floor, Limits, PlanDocument, RobotPlan, Stop
 from coordinator.scenario import Robot, Scenario
 from coordinator.wire import float32, float32_below, pack, path_of
@@ -31,8 +33,12 @@ def make_document(
     tau: float,
     epoch: int,
     notes: Sequence[str],
+    pairs: Sequence[tuple[int, int]] | None = None,
+    executor: Executor | None = None,
 ) -> PlanDocument:
     """Return the document without its proof; tau in seconds.
+
+    `pairs`: the robots whose paths may cross, all of them by default; many go to the executor.
 
     Raises PlanError when a robot's path is too long for a message.
     """
@@ -58,11 +64,9 @@ def make_document(
         except OversizeError as error:
             raise PlanError(f"{robot.id}: {error}; fewer via points would help") from None
         robots.append(msgspec.structs.replace(planned, wire_bytes=size))
-    crossings = [
-        _crossing(robots[i], robots[j], motions[i], motions[j], meeting)
-        for i, j in combinations(range(len(robots)), 2)
-        for meeting in find_crossings(paths[i], paths[j])
-    ]
+    near = list(combinations(range(len(robots)), 2)) if pairs is None else pairs
+    chosen = np.array(near, dtype=np.int64).reshape(-1, 2)
+    crossings = _crossings(robots, motions, chosen, crossing_table(paths, chosen, executor))
     return msgspec.structs.replace(bare, robots=robots, crossings=crossings)
 
 
@@ -113,27 +117,34 @@ def _rounded_profile(motion: Motion) -> list[tuple[float, float]]:
     return knots
 
 
-def _crossing(
-    a: RobotPlan, b: RobotPlan, motion_a: Motion, motion_b: Motion, meeting: Meeting
-) -> Crossing:
-    return Crossing(
-        a=a.id,
-        b=b.id,
-        x=meeting.x,
-        y=meeting.y,
-        s_a=meeting.s_a,
-        s_b=meeting.s_b,
-        t_a=_when(motion_a, meeting.s_a),
-        t_b=_when(motion_b, meeting.s_b),
-        verdict=_verdict(a, b, meeting.s_a) or _verdict(b, a, meeting.s_b) or "no stop",
-    )
+def _crossings(
+    robots: Sequence[RobotPlan], motions: Sequence[Motion], pairs: Indices, table: Array
+) -> list[Crossing]:
+    """Return what is said of each crossing: a row of the table as crossings.py has it."""
+    whose = pairs[table[:, 0].astype(np.int64)]
+    times = [_times(motions, whose[:, side], table[:, 3 + side]).tolist() for side in (0, 1)]
+    found = []
+    for (i, j), (_, x, y, s_a, s_b), t_a, t_b in zip(
+        whose.tolist(), table.tolist(), *times, strict=True
+    ):
+        a, b = robots[i], robots[j]
+        said = _verdict(a, b, s_a) or _verdict(b, a, s_b) or "no stop"
+        found.append(
+            Crossing(a=a.id, b=b.id, x=x, y=y, s_a=s_a, s_b=s_b, t_a=t_a, t_b=t_b, verdict=said)
+        )
+    return found
 
 
-def _when(motion: Motion, s: float) -> float:
-    """Return when a robot comes to arc length s [m]; its departure at the start."""
-    if s <= 0.0:
-        return motion.start_time
-    return float(motion.reached(np.array([min(s, motion.limits.length)]))[0])
+def _times(motions: Sequence[Motion], whose: Indices, s: Array) -> Array:
+    """Return when robots (m,) come to arc lengths (m,) [m]; their departure at the start."""
+    times = np.empty(len(s))
+    order = np.argsort(whose, kind="stable")
+    borders = np.flatnonzero(np.diff(whose[order])) + 1
+    for its in np.split(order, borders) if len(order) else []:
+        motion = motions[int(whose[its[0]])]
+        places = np.minimum(s[its], motion.limits.length)
+        times[its] = np.where(places <= 0.0, motion.start_time, motion.reached(places))
+    return times
 
 
 def _verdict(me: RobotPlan, other: RobotPlan, s: float) -> str:

@@ -25,7 +25,10 @@ _HEAD: Final = 1.15
 _KEYS: Final = 0.93
 """From the top of the page to the middle of the floor's legend [in]."""
 _PANEL: Final = 2.7
-_PANEL_GAP: Final = 0.85
+_PANEL_GAP: Final = 1.0
+_TITLES: Final = 0.45
+"""Of the gap between panels, what the lower one's titles take [in]."""
+_EXPLAINED: Final = 0.5
 _FOOT: Final = 0.75
 _METADATA: Final[dict[str, dict[str, str | None]]] = {
     ".svg": {"Date": None, "Creator": "splinefleet"},
@@ -90,7 +93,7 @@ def _compose(document: PlanDocument, view: View | None) -> Figure:
     )
     columns = len(waiting) if len(waiting) <= 4 else 3
     rows = -(-len(waiting) // columns) if waiting else 0
-    height = _HEAD + tall + _FOOT + rows * (_PANEL + _PANEL_GAP) + 0.3 * bool(rows)
+    height = _HEAD + tall + _FOOT + rows * (_PANEL + _PANEL_GAP) + _EXPLAINED * bool(rows)
     figure = Figure(figsize=(_WIDTH, height))
 
     def axes(left: float, top: float, width: float, size: float) -> Axes:
@@ -104,12 +107,13 @@ def _compose(document: PlanDocument, view: View | None) -> Figure:
     left = _LEFT + wide + _GAP
     draw_times(axes(left, _HEAD, _WIDTH - left - 1.3, tall), document, robots)
     if waiting:
-        line = 1.0 - (_HEAD + tall + 0.78) / height
-        figure.text(_LEFT / _WIDTH, line, EXPLANATION, size=9, color="#444444", va="center")
+        line = 1.0 - (_HEAD + tall + _FOOT) / height
+        style: dict[str, Any] = {"size": 9, "color": "#444444", "va": "top", "linespacing": 1.5}
+        figure.text(_LEFT / _WIDTH, line, EXPLANATION, **style)
     room = _WIDTH - 2.0 * _LEFT
     for index, robot in enumerate(waiting):
         row, column = divmod(index, columns)
-        top = _HEAD + tall + _PANEL_GAP + 0.45 + row * (_PANEL + _PANEL_GAP)
+        top = _HEAD + tall + _FOOT + _EXPLAINED + _TITLES + row * (_PANEL + _PANEL_GAP)
         width = (room + 0.65) / columns - 0.65
         panel = axes(_LEFT + column * (width + 0.65), top, width, _PANEL)
         draw_wait(panel, robot, robots, document)
@@ -136,6 +140,9 @@ def _proven(proof: Proof | None) -> tuple[str, str, str]:
     found = [""]
     if proof.least_separation is not None:
         found.append(f"least separation {proof.least_separation:.3f} m")
+    if proof.least_slack is not None:
+        side = "above" if proof.least_slack >= 0.0 else "below"
+        found.append(f"tightest pair {1000.0 * abs(proof.least_slack):.1f} mm {side} its need")
     if proof.least_clearance is not None:
         found.append(f"least clearance {proof.least_clearance:.3f} m")
     if proof.survives:

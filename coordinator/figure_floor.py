@@ -22,13 +22,13 @@ from coordinator.nurbs import Array
 from coordinator.plan import Crossing, PlanDocument
 
 _POINTS: Final = 240
-"""Points along each path, and along a side of the floor, that labels keep off."""
+"""Points along a side of the floor; labels keep off paths and walls so densely sampled."""
 _SMALLEST: Final = 5.5
 """Size of the smallest labels [pt]; those without room are left out."""
 _FAINT: Final = 0.35
 """Opacity of robots that are only hinted at."""
 _CROWD: Final = 24
-"""With more robots on the floor, stops and crossings are not labelled."""
+"""With more robots on the floor, stops and crossings are not labelled, goals only with room."""
 
 
 def floor_bounds(
@@ -68,7 +68,7 @@ def draw_floor(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) 
         _draw_stops(axes, robot, size)
     met = _crossings(document, shown)
     _draw_crossings(axes, met, size)
-    labels = Labels(axes, _busy(document, shown, side))
+    labels = Labels(axes, _busy(document, shown, side), _marks(met, shown))
     size = max(size, _SMALLEST)
     _label_ends(labels, shown, size)
     if len(shown) <= _CROWD:
@@ -90,13 +90,24 @@ def _path(robot: Pictured) -> Array:
 
 
 def _busy(document: PlanDocument, robots: list[Pictured], side: float) -> Array:
-    """Return points (n, 2) [m] that labels should not cover: paths, crossings, walls."""
-    busy = [_path(robot) for robot in robots]
-    busy += [_arrow(robot) for robot in robots]
-    busy += [np.array([(crossing.x, crossing.y)] * 6) for crossing in document.crossings]
+    """Return points (n, 2) [m] that labels should not cover: paths and walls, evenly dense."""
+    step = side / _POINTS
+    busy = [_arrow(robot) for robot in robots]
+    for robot in robots:
+        curve = robot.driven.curve
+        busy.append(curve.at_arc(np.linspace(0.0, curve.length, 2 + int(curve.length / step))))
     if document.workspace is not None:
-        busy.append(edge_points(document.workspace, side / _POINTS))
+        busy.append(edge_points(document.workspace, step))
     return np.vstack(busy)
+
+
+def _marks(met: list[Crossing], robots: list[Pictured]) -> Array:
+    """Return points (n, 2) [m] that no label may cover: crossings and stops."""
+    marks = [(crossing.x, crossing.y) for crossing in met]
+    for robot in robots:
+        stops = [s for s, *_ in robot.pauses if s > 0.0]
+        marks += [(x, y) for x, y in robot.driven.curve.at_arc(stops).tolist()] if stops else []
+    return np.array(marks, dtype=np.float64).reshape(-1, 2)
 
 
 def _arrow(robot: Pictured) -> Array:
@@ -176,25 +187,24 @@ def _draw_stops(axes: Axes, robot: Pictured, size: float) -> None:
 
 
 def _label_ends(labels: Labels, robots: list[Pictured], size: float) -> None:
-    """Name every robot behind its start and beyond its goal."""
+    """Name every robot behind its start and, then, beyond its goal."""
     ends = [(robot, _path(robot)) for robot in robots]
     for robot, path in ends:
         labels.keep_free((path[0, 0], path[0, 1]), robot.plan.radius)
         labels.keep_free((path[-1, 0], path[-1, 1]), robot.plan.radius)
-    for robot, path in ends:
-        for point, way, mark in (
-            (path[0], -_direction(path[:2]), robot.id),
-            (path[-1], _direction(path[-2:]), f"{robot.id} goal"),
-        ):
-            labels.place(
-                mark,
-                (float(point[0]), float(point[1])),
-                size=size,
-                colour=robot.ink,
-                away=robot.plan.radius,
-                heading=math.atan2(way[1], way[0]),
-                weight="bold" if mark == robot.id else "normal",
-            )
+    behind = [(robot, path[0], -_direction(path[:2]), robot.id) for robot, path in ends]
+    beyond = [(robot, path[-1], _direction(path[-2:]), f"{robot.id} goal") for robot, path in ends]
+    for robot, point, way, mark in behind + beyond:
+        labels.place(
+            mark,
+            (float(point[0]), float(point[1])),
+            size=size,
+            colour=robot.ink,
+            away=robot.plan.radius,
+            heading=math.atan2(way[1], way[0]),
+            weight="bold" if mark == robot.id else "normal",
+            optional=mark != robot.id and len(robots) > _CROWD,
+        )
 
 
 def _label_stops(labels: Labels, robots: list[Pictured], size: float) -> None:

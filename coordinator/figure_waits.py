@@ -8,26 +8,35 @@ proof is proof.py.  Decides: the regions and how they look.  Must not know: the 
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.transforms import Bbox
 from scipy import ndimage
 
+from coordinator.figure_forbidden import forbidden
 from coordinator.figure_robots import Pictured
 from coordinator.nurbs import Array
 from coordinator.plan import PlanDocument
+from coordinator.wait_summary import longest, waits_of
 from protocol.timeline import Timeline
 
 EXPLANATION: Final = (
     "Shaded: where and when the waiting robot would come nearer than radii + margin to another "
-    "one that is up to tau early or late.  Dotted: its way without the waits."
+    "one that is up to tau early or late; strongly: to the one it waits for.\n"
+    "Dotted: its way without the waits.  Other way round: how much later the two would arrive in "
+    "all if they changed places."
 )
 
 _PANELS: Final = 6
 _ROWS: Final = 220
 _COLUMNS: Final = 480
+_SAID: Final = 3
+"""Of so many waits, the longest, a panel says what the other way round would cost."""
+_OTHERS: Final = 0.28
+"""Opacity of what is forbidden; what forces a wait is shaded once more."""
 _LABELLED: Final = 0.004
 """A region is named when it takes this share of the panel, or when the robot waits for it."""
 
@@ -48,12 +57,13 @@ def draw_wait(
     end = 1.04 * robot.plan.finish_time
     times = np.linspace(0.0, end, _COLUMNS, dtype=np.float64)
     places = np.linspace(0.0, robot.driven.curve.length, _ROWS, dtype=np.float64)
+    axes.set(xlim=(0.0, end), ylim=(0.0, 1.03 * places[-1]))
     _draw_regions(axes, robot, robots, document, times, places)
+    _draw_reasons(axes, robot, robots, document)
     profile = robot.plan.profile
     alone = Timeline([s for s, _ in profile], [v for _, v in profile], [], [])
     axes.plot(times, [alone.s_at(t) for t in times.tolist()], color="#555555", lw=0.9, ls=":")
     axes.plot(times, robot.progress(times), color=robot.colour, lw=2.2, zorder=5)
-    axes.set(xlim=(0.0, end), ylim=(0.0, 1.03 * places[-1]))
     axes.tick_params(labelsize=8, length=3)
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlabel("plan time [s]", size=8.5)
@@ -63,7 +73,10 @@ def draw_wait(
         for _, since, until, owner in robot.pauses
     ]
     title = f"{robot.id} waits {', '.join(said[:2])}{', ...' if len(said) > 2 else ''}"
-    axes.set_title(title, size=10, color=robot.ink, weight="bold", loc="left", pad=5)
+    axes.set_title(
+        title, size=10, color=robot.ink, weight="bold", loc="left", pad=17 if document.waits else 5
+    )
+    _say_costs(axes, robot, document)
 
 
 def nearest_within(
@@ -93,7 +106,7 @@ def _draw_regions(
     times: Array,
     places: Array,
 ) -> None:
-    """Shade what each other robot forbids, and name the larger parts."""
+    """Shade what each other robot forbids; name who is waited for and, with room, larger parts."""
     regions: list[tuple[Pictured, Mask]] = []
     for other in robots.values():
         need = robot.plan.radius + other.plan.radius + document.margin
@@ -105,25 +118,57 @@ def _draw_regions(
             colours = [other.colour]
             rows, columns = (_around(np.flatnonzero(mask.any(axis=axis))) for axis in (1, 0))
             part = (times[columns], places[rows], near[rows, columns])
-            axes.contourf(*part, [-1.0, need], colors=colours, alpha=0.35)
+            axes.contourf(*part, [-1.0, need], colors=colours, alpha=_OTHERS)
             axes.contour(*part, [need], colors=colours, linewidths=0.7)
             regions.append((other, mask))
     crowd = sum((mask.astype(int) for _, mask in regions), np.zeros((_ROWS, _COLUMNS), int))
     owners = {owner for *_, owner in robot.pauses}
+    regions.sort(key=lambda region: (region[0].id not in owners, -int(region[1].sum())))
+    named: list[Bbox] = []
     for other, mask in regions:
         least = 0.0 if other.id in owners else _LABELLED
         for row, column in _spots(mask, crowd, least):
-            axes.text(
-                times[column],
-                places[row],
-                other.id,
-                size=8,
-                weight="bold",
-                color=other.ink,
-                ha="center",
-                va="center",
-                zorder=4,
-            )
+            _name(axes, other, (float(times[column]), float(places[row])), named)
+
+
+def _draw_reasons(
+    axes: Axes, robot: Pictured, robots: dict[str, Pictured], document: PlanDocument
+) -> None:
+    """Shade what forces the waits once more."""
+    for reason in document.waits:
+        other = robots.get(reason.yields_to)
+        if reason.robot == robot.id and other is not None and other is not robot:
+            region = forbidden(robot.driven, other.driven, reason, document)
+            begin, end = (np.clip(t, *axes.get_xlim()) for t in (region.begin, region.end))
+            style: dict[str, Any] = {"fc": other.colour, "alpha": _OTHERS, "gid": "forbidden"}
+            axes.fill_betweenx(region.s, begin, end, ec=other.ink, lw=1.2, zorder=3, **style)
+
+
+def _say_costs(axes: Axes, robot: Pictured, document: PlanDocument) -> None:
+    """Say below the title what the waits would cost the other way round."""
+    told = longest([wait for wait in waits_of(document) if wait.robot == robot.id], _SAID)
+    if told:
+        costs = ", ".join(f"{wait.yields_to} {wait.other_way}" for wait in told)
+        said = f"other way round: {costs}"
+        place: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
+        axes.annotate(said, (0.0, 1.0), (0.0, 4.0), size=8.5, color="#444444", **place)
+
+
+def _name(axes: Axes, other: Pictured, spot: tuple[float, float], named: list[Bbox]) -> None:
+    """Write a robot's name into its region unless it would cover one that stands already [px]."""
+    style: dict[str, Any] = {
+        "size": 8,
+        "weight": "bold",
+        "ha": "center",
+        "va": "center",
+        "zorder": 4,
+    }
+    label = axes.text(*spot, other.id, color=other.ink, **style)
+    box = label.get_window_extent()
+    if any(box.overlaps(one) for one in named):
+        label.remove()
+    else:
+        named.append(box)
 
 
 def _around(found: npt.NDArray[np.intp]) -> slice:

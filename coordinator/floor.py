@@ -85,14 +85,3 @@ class Floor:
         """Return the connected pieces where a centre keeps `reach` [m] from solid things."""
         grown = shapely.buffer(self.solid, reach, quad_segs=_QUARTER)
         return list(shapely.get_parts(shapely.difference(self.outline, grown)))
-
-    def names_near(self, area: shapely.Geometry, reach: float) -> list[str]:
-        """Name the obstacles (and the floor's edge) that bound a piece of free ground."""
-        near = [
-            f"obstacle {index}"
-            for index, obstacle in enumerate(self.obstacles)
-            if shapely.distance(obstacle, area) < reach * 1.1 + 0.01
-        ]
-        if shapely.distance(self.outline.exterior, area) < reach * 1.1 + 0.01:
-            near.append("the floor's edge")
-        return near

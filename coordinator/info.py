@@ -1,7 +1,7 @@
-"""What happened, told from a log: epochs, arrivals, stops, faults, bytes, positions on the wire.
+"""What happened, told from a log: epochs, arrivals, waits, faults, bytes, positions on the wire.
 
-Decides: how a log is summed up.  Must not know: files (logbook.py reads them), what a plan should
-look like, or how the summary is shown (info_table.py).
+Decides: how a log, or a plan alone, is summed up.  Must not know: files (logbook.py and plan.py
+read them), what a plan should look like, or how the summary is shown (info_table.py).
 
 Times `t` and `start` count in seconds from the log's first message, arrivals from the GO of their
 epoch, both on the coordinator's clock.
@@ -15,6 +15,17 @@ import msgspec
 
 from coordinator import plan as plan_file
 from coordinator.errors import InputError
+from coordinator.plan import PlanDocument
+from coordinator.summary import (
+    EpochSummary,
+    FaultSummary,
+    PhaseChange,
+    RobotSummary,
+    StopSummary,
+    Summary,
+    Traffic,
+)
+from coordinator.wait_summary import waits_of
 from protocol import codec, keys, phases
 from protocol.messages import Clock, Command, Hello, Message, Plan, Refusal, Report
 from protocol.timing import REPORT_TIMEOUT
@@ -26,91 +37,43 @@ _ENDINGS: Final = {phases.OVER: "over", phases.FREEZE: "frozen"}
 _POINT_BYTES: Final = 8
 
 
-class Traffic(msgspec.Struct):
-    """What went over one key; payload bytes."""
-
-    messages: int = 0
-    bytes: int = 0
-
-
-class PhaseChange(msgspec.Struct):
-    """From `t` [s] on the Command stated this phase."""
-
-    t: float
-    phase: str
-
-
-class EpochSummary(msgspec.Struct):
-    """One epoch: its plan's time zero `start` [s], null if it never got a GO; arrivals [s]."""
-
-    epoch: int
-    start: float | None = None
-    phases: list[PhaseChange] = []
-    arrivals: dict[str, float] = {}
-    ended: str = "running"
-
-
-class StopSummary(msgspec.Struct):
-    """A planned rest at arc length s [m] until plan time `depart` [s]."""
-
-    s: float
-    depart: float
-    yields_to: str
-
-
-class RobotSummary(msgspec.Struct):
-    """One robot: plan from the last plan that names it, the rest from the wire; times [s]."""
-
-    plan_bytes: int = 0
-    control_points: int = 0
-    planned_start: float | None = None
-    planned_finish: float | None = None
-    stops: list[StopSummary] = []
-    arrived: float | None = None
-    reports: int = 0
-    bytes_sent: int = 0
-    fault: str | None = None
-
-
-class FaultSummary(msgspec.Struct):
-    """A fault that a robot reported (kind "report") or a freeze of the fleet (kind "freeze")."""
-
-    t: float
-    robot: str
-    fault: str
-    kind: str
-
-
-class Summary(msgspec.Struct):
-    """The whole; `duration` [s] of the log, `tau` [s] of its first plan.
-
-    `bad_messages`: payloads on the fleet's keys that no receiver accepts.  `damage`: where the
-    file is not as it was written.  `robot_payload_bytes_per_second`: of the busiest robot, from
-    the first GO to the last arrival, null when there was none.
-    """
-
-    fleet: str
-    policy: str | None
-    tau: float | None
-    duration: float
-    complete: bool
-    damage: str
-    messages: int
-    bad_messages: int = 0
-    positions_on_wire: int = 0
-    largest_plan_bytes: int = 0
-    largest_message_to_robot_bytes: int = 0
-    robot_payload_bytes_per_second: float | None = None
-    epochs: list[EpochSummary] = []
-    robots: dict[str, RobotSummary] = {}
-    faults: list[FaultSummary] = []
-    keys: dict[str, Traffic] = {}
-
-
 def summarise(log: Log) -> dict[str, object]:
     """Return the summary of a log as plain data, the fields of `Summary`."""
     summary: dict[str, object] = msgspec.to_builtins(_Telling(log).summary)
     return summary
+
+
+def summarise_plan(document: PlanDocument) -> dict[str, object]:
+    """Return the summary of a plan that nobody has driven, the fields of `Summary` too."""
+    summary = Summary(
+        fleet=document.scenario,
+        policy=document.policy,
+        tau=document.tau,
+        duration=0.0,
+        complete=True,
+        damage="",
+        messages=0,
+        source="plan",
+    )
+    _take_plan(summary, document)
+    for robot in document.robots:
+        told = summary.robots[robot.id]
+        told.plan_bytes = robot.wire_bytes
+        told.control_points = len(robot.path.control_points)
+    summary.largest_plan_bytes = max((robot.wire_bytes for robot in document.robots), default=0)
+    told_all: dict[str, object] = msgspec.to_builtins(summary)
+    return told_all
+
+
+def _take_plan(summary: Summary, document: PlanDocument) -> None:
+    """Take each robot's times and stops from a plan, its waits and its proof."""
+    for robot in document.robots:
+        told = summary.robots.setdefault(robot.id, RobotSummary())
+        told.planned_start = robot.start_time
+        told.planned_finish = robot.finish_time
+        told.stops = [StopSummary(stop.s, stop.depart, stop.yields_to) for stop in robot.stops]
+    summary.waits += waits_of(document)
+    summary.proof = document.proof
 
 
 class _Telling:
@@ -148,7 +111,7 @@ class _Telling:
         return self.summary.robots.setdefault(name, RobotSummary())
 
     def _read_plans(self, attachments: dict[str, bytes]) -> None:
-        """Take each robot's stops from the last plan attachment that names it."""
+        """Take what the plan attachments say; of a robot, what the last one says that names it."""
         documents = []
         for name, data in attachments.items():
             if name.startswith("plan-"):
@@ -158,13 +121,7 @@ class _Telling:
                     continue
         documents.sort(key=lambda document: document.epoch)
         for document in documents:
-            for robot in document.robots:
-                told = self._robot(robot.id)
-                told.planned_start = robot.start_time
-                told.planned_finish = robot.finish_time
-                told.stops = [
-                    StopSummary(stop.s, stop.depart, stop.yields_to) for stop in robot.stops
-                ]
+            _take_plan(self.summary, document)
         if documents:
             self.summary.tau = documents[0].tau
             self.summary.policy = self.summary.policy or documents[0].policy

@@ -1,4 +1,4 @@
-"""The summary of a log as tables for people.
+"""The summary of a log or a plan as tables for people.
 
 Decides: what a person sees first.  Must not know: logs or messages, only the summary's fields.
 """
@@ -10,29 +10,44 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from coordinator.info import EpochSummary, RobotSummary, Summary
+from coordinator.plan_table import render_proof
+from coordinator.summary import EpochSummary, RobotSummary, Summary
+from coordinator.wait_table import waits_table
 
 
 def render(summary: dict[str, object]) -> RenderableType:
-    """Return the tables for what `info.summarise` returned."""
+    """Return the tables for what `info.summarise` or `info.summarise_plan` returned."""
     told = msgspec.convert(summary, Summary)
-    parts: list[RenderableType] = [_headline(told)]
+    planned = told.source == "plan"
+    parts: list[RenderableType] = [_plan_headline(told) if planned else _headline(told)]
     if told.epochs:
         parts.append(_epochs(told.epochs))
     if told.robots:
-        parts.append(_robots(told.robots))
+        parts.append(_robots(told.robots, driven=not planned))
+    if told.waits:
+        parts.append(waits_table(told.waits))
     if told.faults:
         parts.append(_faults(told))
     if told.keys:
         parts.append(_keys(told))
+    if planned and told.proof is not None:
+        parts.append(render_proof(told.proof))
     return Group(*parts)
 
 
+def _plan_headline(told: Summary) -> Table:
+    return _grid(
+        ("plan for", told.fleet),
+        ("policy", told.policy or "-"),
+        ("tau", _seconds(told.tau)),
+        ("largest plan", f"{told.largest_plan_bytes} bytes"),
+    )
+
+
 def _headline(told: Summary) -> Table:
-    table = Table.grid(padding=(0, 2))
     state = "closed" if told.complete else "not closed: the coordinator was killed or still runs"
     rate = told.robot_payload_bytes_per_second
-    for name, value in (
+    table = _grid(
         ("fleet", told.fleet),
         ("policy", told.policy or "-"),
         ("tau", _seconds(told.tau)),
@@ -42,10 +57,16 @@ def _headline(told: Summary) -> Table:
         ("largest plan", f"{told.largest_plan_bytes} bytes"),
         ("largest message to a robot", f"{told.largest_message_to_robot_bytes} bytes"),
         ("busiest robot sent", "-" if rate is None else f"{rate:.1f} bytes/s"),
-    ):
-        table.add_row(name, Text(value))
+    )
     if told.damage:
         table.add_row("damage", Text(told.damage, style="bold red"))
+    return table
+
+
+def _grid(*rows: tuple[str, str]) -> Table:
+    table = Table.grid(padding=(0, 2))
+    for name, value in rows:
+        table.add_row(name, Text(value))
     return table
 
 
@@ -65,17 +86,18 @@ def _epochs(epochs: list[EpochSummary]) -> Table:
     return table
 
 
-def _robots(robots: dict[str, RobotSummary]) -> Table:
-    table = _table(
-        "robots", "robot", "plan", "points", "stops", "planned", "arrived", "sent", "fault"
-    )
+def _robots(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
+    """Return the robots; those of a plan have not arrived yet, nor sent anything."""
+    columns = ["robot", "plan", "points", "stops", "planned", "arrived", "sent", "fault"]
+    known = len(columns) if driven else columns.index("arrived")
+    table = _table("robots", *columns[:known])
     for name, robot in sorted(robots.items()):
         stops = [
             f"s {stop.s:.2f} m until {stop.depart:.2f} s"
             + (f" for {stop.yields_to}" if stop.yields_to else "")
             for stop in robot.stops
         ]
-        table.add_row(
+        cells: list[str | Text] = [
             Text(name),
             f"{robot.plan_bytes} B",
             str(robot.control_points),
@@ -84,7 +106,8 @@ def _robots(robots: dict[str, RobotSummary]) -> Table:
             _seconds(robot.arrived),
             f"{robot.bytes_sent} B",
             Text(robot.fault or "-"),
-        )
+        ]
+        table.add_row(*cells[:known])
     return table
 
 

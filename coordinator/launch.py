@@ -10,7 +10,6 @@ import os
 import platform
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from coordinator.errors import InputError
 from coordinator.fleet import Fleet
 from coordinator.muster import muster
 from coordinator.plan import PlanDocument, to_json
-from coordinator.planner import plan_scenario
+from coordinator.planning import plan_here
 from coordinator.recorder import Attachment, Recorder
 from coordinator.scenario import Scenario
 from coordinator.scenario_file import scenario_to_json
@@ -54,7 +53,7 @@ class Coordinator:
         if self.scenario.policy != "safe":
             name, policy = self.scenario.name, self.scenario.policy
             raise InputError([f"{name}: policy: {policy!r} is for study, only 'safe' is driven"])
-        document = plan_scenario(self.scenario, effort=self.effort, timer=time.perf_counter)
+        document = plan_here(self.scenario, self.effort)
         if plan_file is not None:
             write_file(plan_file, to_json(document))
         boot = int.from_bytes(os.urandom(4), "little")
@@ -91,8 +90,6 @@ class Coordinator:
             Attachment(f"plan-{document.epoch}.json", "application/json", to_json(document)),
         ]
         path = log if log is not None else Path(os.devnull)
-        with suppress(OSError):
-            path.parent.mkdir(parents=True, exist_ok=True)
         return Recorder(
             path, metadata=metadata, wall_offset_ns=time.time_ns() - now, attachments=attachments
         )

@@ -28,6 +28,7 @@ from mcap.writer import MCAP0_MAGIC
 from zstandard import ZstdError
 
 from coordinator.errors import InputError
+from coordinator.file_kinds import kind_of, wrong_kind
 from coordinator.recorder import METADATA_NAME, WALL_OFFSET
 
 _PREFIX: Final = struct.Struct("<BQ")
@@ -107,7 +108,7 @@ def read_log(path: Path) -> Log:
     """
     data = _load(path)
     if not data.startswith(MCAP0_MAGIC):
-        raise InputError([f"{path}: is not an MCAP file"])
+        raise _no_log(path, data)
     sound, damage = _scan(data)
     metadata: dict[str, str] = {}
     attachments: dict[str, bytes] = {}
@@ -145,8 +146,16 @@ def _load(path: Path) -> bytes:
     except OSError as error:
         raise InputError([f"{path}: {error.strerror}"]) from None
     if not data.startswith(MCAP0_MAGIC) and not _is_closed(data):
-        raise InputError([f"{path}: is not an MCAP file"])
+        raise _no_log(path, data)
     return data
+
+
+def _no_log(path: Path, data: bytes) -> InputError:
+    """Return the error for a file that never was a log."""
+    found = kind_of(data)
+    if found is None or found == "log":
+        return InputError([f"{path}: is not an MCAP file"])
+    return InputError([wrong_kind(str(path), found, "log")])
 
 
 def _is_closed(data: bytes) -> bool:

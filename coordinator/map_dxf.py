@@ -33,7 +33,7 @@ from coordinator.map_dxf_entities import (
 )
 from coordinator.map_rings import Part, join, polygon_of
 from coordinator.scenario import Point
-from coordinator.scenario_checks import LARGEST, printable, show
+from coordinator.scenario_checks import FARTHEST, TOO_FAR, printable, show
 
 MOST_BYTES: Final = 64_000_000
 MOST_FAULTS: Final = 50
@@ -161,8 +161,8 @@ def _part(entity: DXFEntity, metres: float, tolerance: float, problems: list[str
         with np.errstate(all="ignore"):
             hulls = [hull * metres for hull in hulls_of(entity, finer / metres)]
         reach = np.abs(np.concatenate(hulls)).max()
-        if not reach <= LARGEST:
-            raise CurveError(f"reaches {reach:g} m, beyond {LARGEST:g} m")
+        if not reach <= FARTHEST:
+            raise CurveError(f"reaches {reach:g} m, beyond {FARTHEST:g} m, {TOO_FAR}")
         return hulls
 
     try:

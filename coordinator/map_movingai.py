@@ -15,7 +15,7 @@ import numpy as np
 
 from coordinator.floor_map import FloorMap, MapOptions, describe, fail, read_bytes
 from coordinator.map_cells import MOST_CELLS, Cells, Grid, TooManyCornersError
-from coordinator.scenario_checks import LARGEST, show
+from coordinator.scenario_checks import FARTHEST, show
 
 FREE: Final = b".GS"
 BLOCKED: Final = b"@OTW"
@@ -38,9 +38,9 @@ def read_movingai_map(path: Path, options: MapOptions) -> FloorMap:
     rows = lines[4 : 4 + height]
     problems += _row_faults(rows, lines[4 + height :], height, width)
     cell = 1.0 if options.cell is None else options.cell
-    if max(height, width) * cell > LARGEST:
+    if max(height, width) * cell > FARTHEST:
         reach = f"{max(height, width) * cell:g} m wide with cells of {cell:g} m"
-        problems.append(f"the map is {reach}, at most {LARGEST:g} m are allowed")
+        problems.append(f"the map is {reach}, at most {FARTHEST:g} m are allowed")
     if problems:
         raise fail(path, problems)
     grid = Grid(_cells(rows, height, width), cell)

@@ -22,7 +22,15 @@ from PIL import Image
 
 from coordinator.floor_map import FloorMap, MapOptions, describe, fail, read_bytes
 from coordinator.map_cells import MOST_CELLS, Cells, Grid, TooManyCornersError
-from coordinator.scenario_checks import COORDINATE, HEADING, LARGEST, LEAST, Quantity, show
+from coordinator.scenario_checks import (
+    COORDINATE,
+    FARTHEST,
+    HEADING,
+    LEAST,
+    TOO_FAR,
+    Quantity,
+    show,
+)
 
 MOST_YAML_BYTES: Final = 100_000
 MOST_IMAGE_BYTES: Final = 256_000_000
@@ -67,8 +75,8 @@ def read_ros_map(path: Path, options: MapOptions) -> FloorMap:
     free = _free(_pixels(image), settings)
     rows, columns = free.shape
     grid = Grid(~free[::-1], settings.resolution, *settings.origin)
-    if max(abs(value) for corner in grid.boundary() for value in corner) > LARGEST:
-        raise fail(path, [f"origin: the map reaches beyond {LARGEST:g} m"])
+    if max(abs(value) for corner in grid.boundary() for value in corner) > FARTHEST:
+        raise fail(path, [f"origin: the map reaches beyond {FARTHEST:g} m, {TOO_FAR}"])
     most = settings.resolution if options.map_error is None else options.map_error
     try:
         obstacles, growth = grid.obstacles(most)

@@ -17,6 +17,7 @@ import numpy as np
 
 from coordinator.few_knots_kernels import merged, reachable
 from coordinator.nurbs import Array, Nurbs
+from coordinator.ramp_kernels import between
 from coordinator.speed_cap import cap_on
 
 _LOSS: Final = 0.006
@@ -97,24 +98,50 @@ def speed_knots(limits: SpeedLimits, begin: float, end: float) -> tuple[Array, A
 
     Robots without a limit on acceleration have full speed at once, at both ends too.
     """
+    s, w = _knots_between(limits, begin, end)
+    return np.array(s), np.array(w)
+
+
+def _knots_between(
+    limits: SpeedLimits, begin: float, end: float
+) -> tuple[list[float], list[float]]:
     places, heights = limits.ceiling
-    low, high = begin, end
-    if math.isfinite(limits.accel):
-        # The ceiling is nowhere steeper than the ramps at both ends, so each meets it once.
-        # A little late and early: where it is as steep, they leave it at the end of that edge.
-        rate, little = 2.0 * limits.ramp, 1e-9 * limits.top
-        low = max(_between(limits.rises, places, rate * begin + little), begin + _SHORTEST_RAMP)
-        high = min(_between(limits.falls, places, rate * end - little), end - _SHORTEST_RAMP)
-        if low >= high:
-            middle = 0.5 * (begin + end)
-            peak = min(limits.ramp * (end - begin), _between(places, heights, middle))
-            return np.array([begin, middle, end]), np.array([0.0, peak, 0.0])
+    low, high = ramp_ends(limits, begin)[1], ramp_ends(limits, end)[0]
+    if math.isfinite(limits.accel) and low >= high:
+        middle = 0.5 * (begin + end)
+        peak = min(limits.ramp * (end - begin), _between(places, heights, middle))
+        return [begin, middle, end], [0.0, peak, 0.0]
     inner = slice(bisect_right(places, low), bisect_left(places, high))
     s = [low, *places[inner], high]
     w = [_between(places, heights, low), *heights[inner], _between(places, heights, high)]
     if math.isfinite(limits.accel):
         s, w = [begin, *s, end], [0.0, *w, 0.0]
     return _distinct(s, w)
+
+
+def all_ramp_ends(limits: SpeedLimits, rests: Array) -> Array:
+    """Return what `ramp_ends` does for many rests (n,), (n, 2) [m]."""
+    if math.isinf(limits.accel):
+        return np.column_stack((rests, rests))
+    rate, little, places = 2.0 * limits.ramp, 1e-9 * limits.top, np.array(limits.ceiling[0])
+    down = between(np.array(limits.falls), places, rate * rests - little)
+    up = between(np.array(limits.rises), places, rate * rests + little)
+    down = np.minimum(down, rests - _SHORTEST_RAMP)
+    return np.column_stack((down, np.maximum(up, rests + _SHORTEST_RAMP)))
+
+
+def ramp_ends(limits: SpeedLimits, rest: float) -> tuple[float, float]:
+    """Return where [m] the ramp down to a rest leaves the ceiling, and where the one up meets it.
+
+    The ceiling is nowhere steeper than the ramps, so each meets it once.
+    """
+    if math.isinf(limits.accel):
+        return rest, rest
+    # A little late and early: where it is as steep, they leave it at the end of that edge.
+    rate, little, places = 2.0 * limits.ramp, 1e-9 * limits.top, limits.ceiling[0]
+    down = _between(limits.falls, places, rate * rest - little)
+    up = _between(limits.rises, places, rate * rest + little)
+    return min(down, rest - _SHORTEST_RAMP), max(up, rest + _SHORTEST_RAMP)
 
 
 def _between(known: list[float], values: list[float], at: float) -> float:
@@ -124,7 +151,7 @@ def _between(known: list[float], values: list[float], at: float) -> float:
     return values[k - 1] + min(max(part, 0.0), 1.0) * (values[k] - values[k - 1])
 
 
-def _distinct(s: list[float], w: list[float]) -> tuple[Array, Array]:
+def _distinct(s: list[float], w: list[float]) -> tuple[list[float], list[float]]:
     """Merge knots at the same place, keeping the lower speed, and drop those on a line."""
     kept_s, kept_w = s[:1], w[:1]
     same = 1e-9 * max(w)
@@ -140,7 +167,7 @@ def _distinct(s: list[float], w: list[float]) -> tuple[Array, Array]:
         kept_s.append(here)
         kept_w.append(height)
     kept_s[-1] = s[-1]
-    return np.array(kept_s), np.array(kept_w)
+    return kept_s, kept_w
 
 
 def times_at(knots_s: Array, knots_w: Array, s: Array) -> Array:
@@ -158,11 +185,15 @@ def times_at(knots_s: Array, knots_w: Array, s: Array) -> Array:
 
 @dataclass(frozen=True)
 class Wait:
-    """A rest at arc length s [m] until plan time `depart` [s], for the robot `owner`'s sake."""
+    """A rest at arc length s [m] until plan time `depart` [s], for the robot `owner`'s sake.
+
+    `zone` is the conflict zone that it waits for; both are -1 for a rest that nobody asks for.
+    """
 
     s: float
     depart: float
     owner: int
+    zone: int = -1
 
 
 class Motion:
@@ -175,21 +206,23 @@ class Motion:
         places = [wait.s for wait in waits if wait.s > 0.0]
         borders = [0.0, *places, limits.length]
         departs = {wait.s: wait.depart for wait in waits}
-        legs_s, legs_w, legs_t = [], [], []
+        knots_s: list[float] = []
+        knots_w: list[float] = []
+        knots_t: list[float] = []
         now = 0.0
         for begin, end in pairwise(borders):
             self.arrivals.append(now)
             now = max(now, departs.get(begin, 0.0))
-            knots_s, knots_w = speed_knots(limits, begin, end)
-            time = now + times_at(knots_s, knots_w, knots_s)
-            legs_s.append(knots_s)
-            legs_w.append(knots_w)
-            legs_t.append(time)
-            now = float(time[-1])
+            leg_s, leg_w = _knots_between(limits, begin, end)
+            knots_s += leg_s
+            knots_w += leg_w
+            knots_t.append(now)
+            for (s0, s1), (w0, w1) in zip(pairwise(leg_s), pairwise(leg_w), strict=True):
+                now += 2.0 * (s1 - s0) / (math.sqrt(w0) + math.sqrt(w1))
+                knots_t.append(now)
         self.finish = now
-        self.knots_s = np.concatenate(legs_s)
-        self.knots_w = np.concatenate(legs_w)
-        self.knots_t = np.concatenate(legs_t)
+        self.knots_s, self.knots_w = np.array(knots_s), np.array(knots_w)
+        self.knots_t = np.array(knots_t)
 
     @property
     def start_time(self) -> float:

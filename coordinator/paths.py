@@ -109,7 +109,8 @@ class Pathfinder:
                 except PlanError as error:
                     worst = worst if isinstance(worst, TurnError) else error
         if isinstance(worst, NoWayError):
-            worst = explain(worst, self.floor, robot, self.scenario.margin)
+            part = self.scenario.workspace.from_map
+            worst = explain(worst, self.floor, robot, self.scenario.margin, part)
         raise PlanError(f"{robot.id}: {worst}")
 
     def led_through(self, index: int, found: Fit, via: Point) -> Fit:

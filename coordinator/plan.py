@@ -14,6 +14,7 @@ from typing import Final
 import msgspec
 
 from coordinator.errors import InputError
+from coordinator.file_kinds import kind_of, wrong_kind
 from coordinator.plan_checks import find_problems
 from coordinator.scenario import Point, Policy, Robot
 
@@ -88,8 +89,29 @@ class Crossing(msgspec.Struct, frozen=True, kw_only=True):
     verdict: str
 
 
+class Reason(msgspec.Struct, frozen=True, kw_only=True):
+    """Why a robot waits at arc length s [m] for `wait` seconds: who has to pass a zone first.
+
+    zone, their_zone [m]: where the zone begins and ends on its own path and on the other's.
+    `otherwise` [s]: how much later the two would arrive in all if this robot passed it first; null
+    when it cannot, or when there are too many waits to try all.
+    """
+
+    robot: str
+    s: float
+    wait: float
+    yields_to: str
+    zone: tuple[float, float]
+    their_zone: tuple[float, float]
+    otherwise: float | None = None
+
+
 class Proof(msgspec.Struct, frozen=True, kw_only=True):
     """What proof.py found; distances between centres [m], clearance beyond the radius [m].
+
+    `least_separation` is the least distance of any two centres; `least_slack` the least distance
+    beyond what its pair needs, r_i + r_j + margin: negative when they come too near.  `tightest`
+    says which pair has the latter, when and where.
 
     `unproven` names what could not be looked at: "clearance" without a floor, "limits" when a
     robot's are not known.
@@ -103,6 +125,7 @@ class Proof(msgspec.Struct, frozen=True, kw_only=True):
     tightest: str = ""
     failures: list[str] = []
     unproven: list[str] = []
+    least_slack: float | None = None
 
 
 class Floor(msgspec.Struct, frozen=True, kw_only=True):
@@ -123,6 +146,7 @@ class PlanDocument(msgspec.Struct, frozen=True, kw_only=True):
     margin: float
     robots: list[RobotPlan]
     crossings: list[Crossing] = []
+    waits: list[Reason] = []
     proof: Proof | None = None
     timing: dict[str, float] = {}
     workspace: Floor | None = None
@@ -161,4 +185,10 @@ def read(path: FilePath) -> PlanDocument:
         text = path.read_bytes()
     except OSError as error:
         raise InputError([f"{path}: {error.strerror}"]) from None
-    return from_json(text, str(path))
+    try:
+        return from_json(text, str(path))
+    except InputError:
+        found = kind_of(text)
+        if found is None or found == "plan":
+            raise
+        raise InputError([wrong_kind(str(path), found, "plan")]) from None

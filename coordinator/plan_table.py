@@ -12,13 +12,17 @@ from rich.table import Table
 from rich.text import Text
 
 from coordinator.plan import PlanDocument, Proof, RobotPlan
+from coordinator.wait_summary import waits_of
+from coordinator.wait_table import waits_table
 
 _NOTES: Final = 12
 """Notes told below the table; a crowded floor has hundreds."""
+_WAITS: Final = 10
+"""Waits told, the longest; `splinefleet info` tells them all."""
 
 
 def render(document: PlanDocument) -> RenderableType:
-    """Return a plan as tables: robots, crossings where somebody waits, the proof."""
+    """Return a plan as tables: robots, why they wait, the proof."""
     title = f"{document.scenario} · policy {document.policy} · tau {document.tau} s"
     table = Table("robot", "path m", "points", "start s", "finish s", "stops", "bytes", title=title)
     for robot in document.robots:
@@ -36,6 +40,8 @@ def render(document: PlanDocument) -> RenderableType:
             str(robot.wire_bytes),
         )
     parts: list[RenderableType] = [table]
+    if document.waits:
+        parts.append(waits_table(waits_of(document), _WAITS))
     parts += [Text(note) for note in document.notes[:_NOTES]]
     if len(document.notes) > _NOTES:
         parts.append(Text(f"and {len(document.notes) - _NOTES} more notes in the plan"))
@@ -58,11 +64,11 @@ def render_proof(proof: Proof) -> RenderableType:
     lines: list[RenderableType] = [verdict]
     lines += [Text(f"  {failure}") for failure in proof.failures]
     if proof.least_separation is not None:
-        lines.append(
-            Text(f"  {proof.pairs} pairs, least separation {proof.least_separation:.4f} m")
-        )
+        least = f"least separation {proof.least_separation:.4f} m between two centres"
+        lines.append(Text(f"  {proof.pairs} pairs, {least}"))
     if proof.tightest:
-        lines.append(Text(f"  tightest: {proof.tightest}"))
+        slack = "" if proof.least_slack is None else _slack(proof.least_slack)
+        lines.append(Text(f"  tightest pair{slack}: {proof.tightest}"))
     if proof.least_clearance is not None:
         lines.append(Text(f"  least clearance {proof.least_clearance:.4f} m"))
     faults = {"late": "a late robot", "stop": "a dead robot", "coordinator": "a lost coordinator"}
@@ -71,3 +77,10 @@ def render_proof(proof: Proof) -> RenderableType:
     if proof.unproven:
         lines.append(Text(f"  not proven: {', '.join(proof.unproven)}", "yellow"))
     return Group(*lines)
+
+
+def _slack(least: float) -> str:
+    """Say how much the tightest pair has beyond its need [m]."""
+    if least < 0.0:
+        return f", {-least:.4f} m less than radii + margin"
+    return f", {least:.4f} m more than radii + margin"

@@ -7,6 +7,7 @@ clocks (a timer is an argument) or links.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
 from contextlib import suppress
 from itertools import pairwise
 
@@ -14,25 +15,27 @@ from msgspec.structs import replace
 
 from coordinator import paper_policy
 from coordinator.budget import budget_for, resolve_tau
-from coordinator.detours import blocking_pairs, lanes, refuges, say_stuck, stuck_pairs
+from coordinator.chords import chords_of
+from coordinator.detours import blocking_pairs, lanes, refuges, say_stuck
 from coordinator.document import make_document
 from coordinator.errors import PlanError
+from coordinator.explain import explain_waits
+from coordinator.junctions import Junctions
 from coordinator.motion import Motion, limits_on
 from coordinator.nurbs import Nurbs
-from coordinator.paths import Pathfinder
-from coordinator.plan import Limits, PlanDocument
+from coordinator.paths import Pathfinder, find_paths
+from coordinator.plan import Limits, PlanDocument, Reason
 from coordinator.plan_checks import LONGEST_PLAN, LONGEST_TAU
+from coordinator.precedence import stuck_pairs
 from coordinator.scenario import Scenario
-from coordinator.schedule import Deadlock, Junctions, find_schedule, place_in_order
+from coordinator.schedule import Deadlock, find_schedule, place_in_order
+from coordinator.track import Track
 from coordinator.verify import prove_document
-from coordinator.waiting import Track
-from coordinator.warm import load_kernels
-from coordinator.zones import cut
 
 DEFAULT_EFFORT = 20
 
-_NEED_PAD = 0.0015
-_TAU_PAD = 0.004
+_NEED_PAD = 0.0005
+_TAU_PAD = 0.002
 """The schedule keeps this much more [m], [s] than needed, for what rounding to the wire costs."""
 
 Timer = Callable[[], float]
@@ -44,15 +47,18 @@ def plan_scenario(
     effort: int = DEFAULT_EFFORT,
     epoch: int = 1,
     timer: Timer = lambda: 0.0,
+    executor: Executor | None = None,
 ) -> PlanDocument:
     """Return the plan of a scenario with its proof.
+
+    Paths and zones of large fleets are found in parts by the executor: threads, processes, a
+    cluster; the plan is the same whatever it is.
 
     Policy "safe": raises PlanError when no plan is found; what is returned is proven.
     Policy "paper": the proof may fail; the document says so and must not be driven.
     """
     tau = resolve_tau(scenario.tau, budget_for(Limits.of(robot) for robot in scenario.robots))
-    load_kernels()
-    stages = _Stages(scenario, tau)
+    stages = _Stages(scenario, tau, executor)
     marks = [timer()]
     for stage in (stages.find_paths, stages.find_zones):
         stage()
@@ -60,10 +66,15 @@ def plan_scenario(
     motions = stages.schedule(effort)
     _check_times(scenario, tau, motions)
     marks.append(timer())
-    document = make_document(scenario, stages.paths, motions, tau, epoch, stages.say())
+    document = make_document(
+        scenario, stages.paths, motions, tau, epoch, stages.say(), stages.pairs(), executor
+    )
+    waits = [] if scenario.policy == "paper" else stages.explain(motions)
+    marks.append(timer())
+    document = replace(document, waits=waits)
     proof = prove_document(document, scenario)
     marks.append(timer())
-    names = ("paths", "zones", "schedule", "proof")
+    names = ("paths", "zones", "schedule", "document", "proof")
     timing = {n: round(b - a, 4) for n, (a, b) in zip(names, pairwise(marks), strict=True)}
     if scenario.policy == "safe" and not proof.holds:
         raise PlanError("the plan found does not pass its proof: " + "; ".join(proof.failures))
@@ -90,8 +101,9 @@ def _check_times(scenario: Scenario, tau: float, motions: Sequence[Motion]) -> N
 class _Stages:
     """The stages of one planning run and what they hand on."""
 
-    def __init__(self, scenario: Scenario, tau: float) -> None:
+    def __init__(self, scenario: Scenario, tau: float, executor: Executor | None) -> None:
         self.scenario = scenario
+        self.executor = executor
         self.tau = tau
         self.pathfinder = Pathfinder(scenario)
         self.paths: list[Nurbs] = []
@@ -101,7 +113,7 @@ class _Stages:
 
     def find_paths(self) -> None:
         """Find every robot's path, alone."""
-        self.paths = [self.pathfinder.path(index) for index in range(len(self.scenario.robots))]
+        self.paths = find_paths(self.pathfinder, self.executor)
 
     def find_zones(self) -> None:
         """Find where the robots conflict on these paths."""
@@ -117,14 +129,24 @@ class _Stages:
         priorities = [robot.priority for robot in scenario.robots]
         rerouted: set[tuple[int, int]] = set()
         while True:
-            result = find_schedule(self.junctions, priorities, effort)
-            if not isinstance(result, Deadlock):
-                return [result[index] for index in range(len(scenario.robots))]
-            stuck = stuck_pairs(self.junctions)
-            pairs = stuck or blocking_pairs(self.junctions, result)
+            pairs = stuck_pairs(self.junctions)
+            if not pairs:
+                result = find_schedule(self.junctions, priorities, effort)
+                if not isinstance(result, Deadlock):
+                    return result
+                pairs = blocking_pairs(self.junctions, result)
             solved = [self._reroute(pair, rerouted) for pair in pairs]
             if not any(solved):
                 raise say_stuck(scenario, self.paths, pairs[0])
+
+    def pairs(self) -> list[tuple[int, int]]:
+        """Return the pairs of robots that come near each other, in order."""
+        zones = self.junctions.zones
+        return sorted(set(zip(zones.a.tolist(), zones.b.tolist(), strict=True)))
+
+    def explain(self, motions: Sequence[Motion]) -> list[Reason]:
+        """Return why the robots wait."""
+        return explain_waits(self.junctions, motions, [r.id for r in self.scenario.robots])
 
     def say(self) -> list[str]:
         """Return what the plan's reader should know: maps, reroutes, places that paths cross."""
@@ -161,23 +183,22 @@ class _Stages:
                 yield finder.path(mover, refuge=refuge), "steps aside from"
 
     def _pass_each_other(self, mover: int, other: int, path: Nurbs) -> bool:
-        theirs = Track(self.tracks[other].limits, self.tracks[other].cells)
-        pair = self._meet([self._track(mover, path), theirs], (mover, other))
+        pair = self._meet([self._track(mover, path), self.tracks[other]], (mover, other))
         orders = ((0, 1), (1, 0))
         return any(not isinstance(place_in_order(pair, order), Deadlock) for order in orders)
 
     def _take(self, index: int, path: Nurbs) -> None:
-        self.paths[index] = path
-        self.junctions.take(index, self._track(index, path))
+        self.paths[index], self.tracks[index] = path, self._track(index, path)
+        self.junctions = self.junctions.with_track(index, self.tracks[index])
 
     def _track(self, index: int, path: Nurbs) -> Track:
         robot = self.scenario.robots[index]
         speed = self.scenario.planned_speed(robot)
         limits = limits_on(path, speed, robot.max_accel, robot.max_lateral_accel)
-        return Track(limits, cut(path))
+        return Track(limits, chords_of(path))
 
     def _meet(self, tracks: list[Track], indices: tuple[int, ...] | None = None) -> Junctions:
         robots = self.scenario.robots
-        chosen = robots if indices is None else [robots[index] for index in indices]
-        needs = [[self.scenario.need(a, b) + _NEED_PAD for b in chosen] for a in chosen]
-        return Junctions(tracks, needs, self.tau + _TAU_PAD)
+        chosen = range(len(robots)) if indices is None else indices
+        radii, margin = [robots[i].radius for i in chosen], self.scenario.margin + _NEED_PAD
+        return Junctions(tracks, radii, margin, self.tau + _TAU_PAD, self.executor)

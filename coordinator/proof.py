@@ -1,35 +1,34 @@
 """The proof that a plan is tau-safe, from the decoded wire bytes alone.
 
 For every pair and all |t - t'| <= tau the centres stay r_i + r_j + margin apart; every curve keeps
-margin + radius from everything solid; the motion keeps the robot's limits.  Branch and bound over
-boxes of (t, t'): on a time interval a robot stays within the arc length that it covers of its
-middle place, which bounds distances from below without any sampling.  Bounds are certified to
-RESOLUTION; a shortfall below TOLERANCE is accepted, so rounding never refuses a valid plan.
+margin + radius from everything solid; the motion keeps the robot's limits.  Distances are
+certified to RESOLUTION, without any sampling (separation.py, bounds.py, limits_proof.py); a
+shortfall below TOLERANCE is accepted, so rounding never refuses a valid plan.
 
-Decides: whether a plan may leave the coordinator.  Shares nothing with zones.py, waiting.py and
-schedule.py but the evaluation of curves.
+Decides: whether a plan may leave the coordinator.  Shares nothing with zones, schedule and motion
+but the evaluation of curves.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import combinations, pairwise
-from typing import Final
+from itertools import pairwise
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from coordinator.bounds import flatten
 from coordinator.budget import Budget
+from coordinator.limits_proof import limit_failures
 from coordinator.nurbs import Array
 from coordinator.plan import Limits, Proof
-from coordinator.separation import Closest, Flight, least_slack
+from coordinator.separation import RESOLUTION, Closest, Separation
 from coordinator.wire import Driven
 
 TOLERANCE: Final = 1e-3
 """A shortfall up to this [m] is accepted."""
 
-_FLAT: Final = 2e-4
-"""Curves are flattened this finely [m] to prove their clearance."""
+_MOST_SAID: Final = 20
+"""So many pairs that come too near are told one by one."""
 
 Gap = Callable[[Array], float]
 
@@ -37,59 +36,24 @@ Gap = Callable[[Array], float]
 def least_clearance(driven: Sequence[Driven], gap: Gap) -> tuple[float, int]:
     """Return the least distance to anything solid beyond the radius [m], and whose it is.
 
-    `gap` tells the distance [m] from a polyline (n, 2) to the nearest solid thing.  Each curve is
-    flattened with a proven deviation, which is taken off: the true least clearance is not smaller,
-    and larger by at most 2 * _FLAT.
+    `gap` tells the distance [m] from a polyline (n, 2) to the nearest solid thing.  The proven
+    deviation of a curve from its polyline is taken off: the true least clearance is not smaller,
+    and larger by at most 2 * FLAT.
     """
-    least = []
-    for one in driven:
-        chain = flatten(one.curve, _FLAT)
-        least.append(gap(chain.points) - chain.bound - one.radius)
+    least = [gap(one.chain.points) - one.chain.bound - one.radius for one in driven]
     robot = int(np.argmin(least))
     return least[robot], robot
 
 
 def _say_clearance(driven: Driven, clearance: float, margin: float, gap: Gap) -> str:
     """Say where a curve is too near to something solid."""
-    points = flatten(driven.curve, _FLAT).points
+    points = driven.chain.points
     nearest = int(np.argmin([gap(np.array(chord)) for chord in pairwise(points)]))
     x, y = points[nearest]
     return (
         f"{driven.id} comes within {clearance:.4f} m of something solid near ({x:.2f}, {y:.2f}), "
         f"needs {margin} m"
     )
-
-
-def limit_failures(driven: Driven, limits: Limits) -> list[str]:
-    """Return how a motion breaks the robot's limits, one sentence each; 1 % is tolerated.
-
-    Curvature is sampled 64 times a knot span.
-    """
-    line, curve, failures = driven.timeline, driven.curve, []
-    v0, v1 = np.array(line.v0), np.array(line.v1)
-    if max(v0.max(), v1.max()) > limits.max_speed * 1.0001:
-        failures.append(f"{driven.id} drives faster than {limits.max_speed} m/s")
-    length = np.array(line.s1) - np.array(line.s0) + 1e-5
-    rate = np.abs(v1**2 - v0**2) / (2.0 * length)
-    if limits.max_accel is not None:
-        if rate.max() > limits.max_accel * 1.01:
-            failures.append(f"{driven.id} changes speed faster than {limits.max_accel} m/s^2")
-        if v0[0] > 1e-6 or v1[-1] > 1e-6:
-            failures.append(f"{driven.id} does not begin and end at rest")
-    spans = np.unique(curve.knots)
-    u = np.concatenate([np.linspace(a, b, 64) for a, b in pairwise(spans)])
-    bend = np.abs(curve.curvature(u))
-    if limits.max_lateral_accel is not None:
-        s = curve.arc_at(u)
-        leg = np.clip(np.searchsorted(line.s0, s, side="right") - 1, 0, len(v0) - 1)
-        whole = np.maximum(np.array(line.s1) - np.array(line.s0), 1e-9)
-        part = np.clip((s - np.array(line.s0)[leg]) / whole[leg], 0.0, 1.0)
-        square = v0[leg] ** 2 + part * (v1[leg] ** 2 - v0[leg] ** 2)
-        if np.max(square * bend) > limits.max_lateral_accel * 1.02:
-            failures.append(f"{driven.id} takes a bend above {limits.max_lateral_accel} m/s^2")
-    if limits.min_turn_radius > 0.0 and bend.max() * limits.min_turn_radius > 1.01:
-        failures.append(f"{driven.id} turns tighter than {limits.min_turn_radius} m")
-    return failures
 
 
 def prove(
@@ -104,15 +68,8 @@ def prove(
 
     Without `gap` (no floor known) clearance is not proven and None is reported.
     """
-    failures: list[str] = []
-    flights = [Flight(one) for one in driven]
-    radii = np.array([one.radius for one in driven])
-    need = radii[:, None] + radii + margin
-    tightest = least_slack(flights, tau, need)
-    apart = least_slack(flights, tau, np.zeros_like(need)) if np.ptp(radii) > 0.0 else tightest
-    text = "" if tightest is None else _say(tightest, driven, need)
-    if tightest is not None and tightest.slack < -TOLERANCE:
-        failures += _failing_pairs(flights, tau, need, driven)
+    apart = prove_separation(driven, tau, margin)
+    failures = list(apart.failures)
     clearance = None
     if gap is not None:
         clearance, robot = least_clearance(driven, gap)
@@ -123,32 +80,57 @@ def prove(
     return Proof(
         holds=not failures,
         pairs=len(driven) * (len(driven) - 1) // 2,
-        least_separation=None if apart is None else round(apart.distance, 6),
+        least_separation=apart.separation,
+        least_slack=apart.slack,
         least_clearance=None if clearance is None else round(clearance, 6),
         survives=[] if budget is None or failures else budget.survives(tau),
-        tightest=text,
+        tightest=apart.tightest,
         failures=failures,
     )
 
 
-def _failing_pairs(
-    flights: Sequence[Flight], tau: float, need: Array, driven: Sequence[Driven]
-) -> list[str]:
-    """Say for every pair that comes too near where it does so most."""
+class Apart(NamedTuple):
+    """Least centre distance and least slack [m], where the latter is, and what fails."""
+
+    separation: float | None
+    slack: float | None
+    tightest: str
+    failures: list[str]
+
+
+def prove_separation(driven: Sequence[Driven], tau: float, margin: float) -> Apart:
+    """Prove that all pairs keep r_i + r_j + margin [m] at all times tau [s] apart or less."""
+    radii = np.array([one.radius for one in driven])
+    keep = radii + 0.5 * margin
+    fleet = Separation(driven, tau)
+    tightest = fleet.least(keep)
+    if tightest is None:
+        return Apart(None, None, "", [])
+    nearest, text = tightest, _say(tightest, driven, keep)
+    if np.ptp(radii) > 0.0:
+        nearest = fleet.least(np.zeros(len(driven)), tightest.distance) or tightest
+        if (nearest.a, nearest.b) != (tightest.a, tightest.b):
+            text += f"; the least separation is another pair's: {_say(nearest, driven, keep)}"
     failures = []
-    for a, b in combinations(range(len(flights)), 2):
-        pair = [flights[a], flights[b]]
-        closest = least_slack(pair, tau, need[np.ix_((a, b), (a, b))])
-        if closest is not None and closest.slack < -TOLERANCE:
-            failures.append(_say(closest, [driven[a], driven[b]], need[np.ix_((a, b), (a, b))]))
-    return failures
+    if tightest.slack < -TOLERANCE:
+        failures = _say_failing(fleet.below(keep, -TOLERANCE), driven, keep)
+    elif tightest.certain < -TOLERANCE - RESOLUTION:
+        unsure = tightest.slack - tightest.certain
+        failures = [f"places are uncertain by {unsure:.4f} m where {text}"]
+    return Apart(round(nearest.distance, 6), round(tightest.slack, 6), text, failures)
 
 
-def _say(closest: Closest, driven: Sequence[Driven], need: Array) -> str:
+def _say_failing(failing: Sequence[Closest], driven: Sequence[Driven], keep: Array) -> list[str]:
+    """Say for the pairs that come too near where they do so most, the worst pairs first."""
+    said = [_say(closest, driven, keep) for closest in failing[:_MOST_SAID]]
+    more = len(failing) - len(said)
+    return [*said, f"and {more} more pairs come too near"] if more else said
+
+
+def _say(closest: Closest, driven: Sequence[Driven], keep: Array) -> str:
     a, b = driven[closest.a].id, driven[closest.b].id
-    wanted = float(need[closest.a, closest.b])
-    apart = closest.slack + wanted
+    need = keep[closest.a] + keep[closest.b]
     return (
-        f"{a} at {closest.t_a:.2f} s and {b} at {closest.t_b:.2f} s are {apart:.4f} m apart "
-        f"near ({closest.x:.2f}, {closest.y:.2f}), need {wanted:.4f} m"
+        f"{a} at {closest.t_a:.2f} s and {b} at {closest.t_b:.2f} s are {closest.distance:.4f} m "
+        f"apart near ({closest.x:.2f}, {closest.y:.2f}), need {need:.4f} m"
     )

@@ -17,7 +17,7 @@ from coordinator.fleet import Fleet, Outgoing
 from coordinator.logbook import Log, Record
 from coordinator.muster import muster
 from coordinator.plan import PlanDocument
-from coordinator.planner import plan_scenario
+from coordinator.planning import plan_here
 from coordinator.scenario_file import parse_scenario
 from protocol import keys
 from protocol.codec import decode
@@ -46,7 +46,7 @@ def check_log(log: Log) -> Check:
         reason = "; ".join(str(error).splitlines())
         return Check(0, 0, f"the log does not tell how it was planned: {reason}")
     try:
-        document = plan_scenario(scenario, effort=effort)
+        document = plan_here(scenario, effort)
     except PlanError as error:
         return Check(0, 0, f"the log's scenario cannot be planned now: {error}")
     recorded = log.attachments.get("plan-1.json", b"")

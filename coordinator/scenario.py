@@ -33,6 +33,13 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
     priority: int = 0
 
 
+class MapPart(msgspec.Struct, frozen=True, kw_only=True):
+    """Obstacles that a map brought: all from index `first` on; `file` is its name."""
+
+    file: str
+    first: int
+
+
 class Workspace(msgspec.Struct, frozen=True, kw_only=True):
     """The floor: its outline (counter-clockwise corners [m]) and what stands on it."""
 
@@ -40,6 +47,7 @@ class Workspace(msgspec.Struct, frozen=True, kw_only=True):
     obstacles: tuple[tuple[Point, ...], ...] = ()
     notes: tuple[str, ...] = ()
     """What the report should say about the map that the polygons come from."""
+    from_map: MapPart | None = None
 
 
 class Scenario(msgspec.Struct, frozen=True, kw_only=True):

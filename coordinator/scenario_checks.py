@@ -17,11 +17,16 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from coordinator.scenario import Point, Pose, Robot, Scenario
+from coordinator.obstacles import obstacle_name, polygons_of
+from coordinator.scenario import Point, Pose, Robot, Scenario, Workspace
 from protocol.keys import NAME
 
 LARGEST: Final = 100_000.0
-"""No coordinate or size goes beyond this: float32 on the wire resolves 8 mm there."""
+"""No size [m], or any other quantity, goes beyond this."""
+FARTHEST: Final = 8_000.0
+"""No coordinate goes beyond this [m]: soon after, float32 resolves only 1 mm."""
+TOO_FAR: Final = "where float32 on the wire is coarser than 0.5 mm; move the origin nearer"
+"""What is said about a coordinate beyond FARTHEST."""
 FASTEST: Final = 999.0
 """The wire's time-table refuses speeds [m/s] from 1000 on (protocol/timeline.py)."""
 LEAST_AREA: Final = 1e-9
@@ -36,7 +41,8 @@ MOST_PAIRS: Final = 1_000
 """Overlapping pairs are listed up to here: all robots in one place would be millions of lines."""
 PAIR_CHUNK: Final = 256
 """Robots whose neighbours are looked up together: bounds the memory in that same case."""
-BOUNDARY: Final = "workspace.boundary"
+BOUNDARY: Final = -1
+"""Stands for the floor's outline among the indices of obstacles."""
 
 Numbers = NDArray[np.float64]
 Points = NDArray[np.object_]
@@ -46,6 +52,7 @@ class Quantity(NamedTuple):
     """What one number may be: above `least` (or from it on), up to `most` (or below it).
 
     `word` is a string that is accepted instead; "inf" accepts the infinite number as well.
+    `why` is said after a limit that is not kept.
     """
 
     unit: str = ""
@@ -54,6 +61,7 @@ class Quantity(NamedTuple):
     from_least: bool = False
     below_most: bool = False
     word: str = ""
+    why: str = ""
 
     def complaint(self, value: object) -> str | None:
         """Return what is wrong with a value from a file, or None."""
@@ -66,14 +74,17 @@ class Quantity(NamedTuple):
         shown = f"{show(value)} {self.unit}".rstrip()
         if value < self.least or (value == self.least and not self.from_least):
             limit = f"below {self.least:g} {self.unit}" if self.from_least else "not positive"
-            return f"{shown} is {limit}".rstrip()
+            return f"{shown} is {limit}".rstrip() + self._reason()
         if value > self.most or (value == self.most and self.below_most):
             limit = "not below" if self.below_most else "above"
-            return f"{shown} is {limit} {self.most:g} {self.unit}".rstrip()
+            return f"{shown} is {limit} {self.most:g} {self.unit}".rstrip() + self._reason()
         return None
 
+    def _reason(self) -> str:
+        return f", {self.why}" if self.why else ""
 
-COORDINATE: Final = Quantity("m", least=-LARGEST, from_least=True)
+
+COORDINATE: Final = Quantity("m", -FARTHEST, FARTHEST, from_least=True, why=TOO_FAR)
 HEADING: Final = Quantity("rad", least=-LARGEST, from_least=True)
 SCENARIO_QUANTITIES: Final = {
     "tau": Quantity("s", from_least=True, most=60.0, word="auto"),
@@ -116,16 +127,18 @@ def key_name(key: str) -> str:
 
 def find_problems(scenario: Scenario) -> list[str]:
     """Return what is wrong with the scenario as a whole, as `field: what is wrong` each."""
-    boundary, obstacles = scenario.workspace.boundary, scenario.workspace.obstacles
-    rings = {BOUNDARY: boundary} if boundary else {}
-    rings |= {f"workspace.obstacles[{i}]": ring for i, ring in enumerate(obstacles) if ring}
-    shapes = _polygons(list(rings.values()))
-    polygons: dict[str, shapely.Polygon] = dict(zip(rings, shapes.tolist(), strict=True))
+    floor = scenario.workspace
+    rings = {BOUNDARY: floor.boundary} if floor.boundary else {}
+    rings |= {index: ring for index, ring in enumerate(floor.obstacles) if ring}
+    shapes = polygons_of(list(rings.values()))
+    polygons: dict[int, shapely.Polygon] = dict(zip(rings, shapes.tolist(), strict=True))
     flat = shapely.area(shapely.convex_hull(shapes)) <= LEAST_AREA
-    doubtful = np.array(list(rings), np.object_)[flat | ~shapely.is_valid(shapes)]
-    faults = {field: ring_fault(polygons[field]) for field in doubtful}
-    sound = {field: polygon for field, polygon in polygons.items() if field not in faults}
-    problems = [f"{field}: {fault}" for field, fault in faults.items()]
+    doubtful = np.array(list(rings), np.intp)[flat | ~shapely.is_valid(shapes)].tolist()
+    faults = {index: ring_fault(polygons[index]) for index in doubtful}
+    sound = {index: polygon for index, polygon in polygons.items() if index not in faults}
+    problems = [
+        f"{_shape_name(floor, polygons, i, polygons[i])}: {fault}" for i, fault in faults.items()
+    ]
     problems += _doubled_ids(scenario.robots)
     for index, robot in enumerate(scenario.robots):
         problems += _missing_steps(f"robots[{index}]", robot)
@@ -137,12 +150,14 @@ def find_problems(scenario: Scenario) -> list[str]:
     return problems
 
 
-def _polygons(rings: Sequence[Sequence[Point]]) -> Points:
-    """Return polygons of outlines, all at once: a map can have tens of thousands."""
-    sizes = [len(ring) for ring in rings]
-    corners = np.array([corner for ring in rings for corner in ring]).reshape(-1, 2)
-    which = np.repeat(np.arange(len(rings)), sizes)
-    return np.asarray(shapely.polygons(shapely.linearrings(corners, indices=which)))
+def _shape_name(
+    floor: Workspace, polygons: dict[int, shapely.Polygon], index: int, near: shapely.Geometry
+) -> str:
+    """Return what a polygon is called; one from a map by its place nearest to `near`."""
+    if index == BOUNDARY:
+        return "workspace.boundary"
+    listed = f"workspace.obstacles[{index}]"
+    return obstacle_name(listed, index, polygons[index], near, floor.from_map)
 
 
 def ring_fault(polygon: shapely.Polygon) -> str | None:
@@ -181,7 +196,7 @@ def _missing_steps(field: str, robot: Robot) -> Iterator[str]:
             )
 
 
-def _tight_places(scenario: Scenario, polygons: dict[str, shapely.Polygon]) -> Iterator[str]:
+def _tight_places(scenario: Scenario, polygons: dict[int, shapely.Polygon]) -> Iterator[str]:
     """Yield every place off the floor, or nearer to its edge or an obstacle than the robot needs.
 
     At most two lines a place: one for the floor, one for the nearest obstacle.
@@ -196,11 +211,11 @@ def _tight_places(scenario: Scenario, polygons: dict[str, shapely.Polygon]) -> I
     # A robot of unknown size still must not stand inside an obstacle or off the floor.
     needs = np.nan_to_num(np.array([spot.need for spot in spots]))
     needs = np.maximum(needs - ROUNDING, ROUNDING)
-    obstacles = {field: shape for field, shape in polygons.items() if field != BOUNDARY}
+    obstacles = {index: shape for index, shape in polygons.items() if index != BOUNDARY}
     if BOUNDARY in polygons:
         yield from _edge_problems(spots, points, needs, polygons[BOUNDARY])
     if obstacles:
-        yield from _obstacle_problems(spots, points, needs, obstacles)
+        yield from _obstacle_problems(spots, points, needs, scenario.workspace, obstacles)
 
 
 class _Spot(NamedTuple):
@@ -229,17 +244,21 @@ def _edge_problems(
 
 
 def _obstacle_problems(
-    spots: Sequence[_Spot], points: Points, needs: Numbers, obstacles: dict[str, shapely.Polygon]
+    spots: Sequence[_Spot],
+    points: Points,
+    needs: Numbers,
+    floor: Workspace,
+    obstacles: dict[int, shapely.Polygon],
 ) -> Iterator[str]:
-    fields, shapes = list(obstacles), np.array(list(obstacles.values()))
+    indices, shapes = list(obstacles), np.array(list(obstacles.values()))
     at, which = shapely.STRtree(shapes).query(points, predicate="dwithin", distance=needs)
     distance = shapely.distance(points[at], shapes[which])
     nearest_first = np.lexsort((distance, at))
     at, which, distance = at[nearest_first], which[nearest_first], distance[nearest_first]
     for first in np.unique(at, return_index=True)[1]:
-        field = fields[which[first]]
+        name = _shape_name(floor, obstacles, indices[which[first]], points[at[first]])
         away = f"{distance[first]:.6g} m from" if distance[first] > 0.0 else "inside"
-        yield spots[at[first]].problem(f"{away} {field}")
+        yield spots[at[first]].problem(f"{away} {name}")
 
 
 def _overlaps(scenario: Scenario, which: str) -> Iterator[str]:

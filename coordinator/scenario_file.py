@@ -17,6 +17,7 @@ from typing import Final, cast, get_args
 import msgspec
 
 from coordinator.errors import InputError
+from coordinator.file_kinds import LOG_MAGIC, kind_of_document, wrong_kind
 from coordinator.scenario import Point, Policy, Pose, Robot, Scenario, Workspace
 from coordinator.scenario_checks import (
     ROBOT_QUANTITIES,
@@ -54,9 +55,11 @@ def parse_scenario(text: bytes, name: str) -> Scenario:
     """
     file = printable(name)
     problems: list[str] = []
+    if text.startswith(LOG_MAGIC):
+        raise InputError([wrong_kind(name, "log", "scenario")])
     document = _load(text, name, file)
-    if isinstance(document, dict) and str(document.get("format")).startswith("splinefleet.plan"):
-        raise InputError([f"{file}: this is a plan, not a scenario: verify, plot or export it"])
+    if kind_of_document(document) == "plan":
+        raise InputError([wrong_kind(name, "plan", "scenario")])
     scenario = _scenario(document, name, problems)
     problems += find_problems(scenario)
     if problems:
@@ -67,6 +70,8 @@ def parse_scenario(text: bytes, name: str) -> Scenario:
 def scenario_to_json(scenario: Scenario) -> bytes:
     """Return the scenario as JSON that `parse_scenario` reads back to an equal scenario."""
     document = msgspec.to_builtins(scenario)
+    if scenario.workspace.from_map is None:
+        del document["workspace"]["from_map"]
     for robot in document["robots"]:
         robot |= {key: "inf" for key in ROBOT_QUANTITIES if math.isinf(robot[key])}
     return msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n"

@@ -14,15 +14,15 @@ from msgspec.structs import replace
 from coordinator.budget import budget_for, resolve_tau
 from coordinator.errors import InputError
 from coordinator.floor import Floor
+from coordinator.nurbs import Array
 from coordinator.plan import Limits, PlanDocument, Proof, RobotPlan
 from coordinator.plan_checks import LENGTH_TOLERANCE, LONGEST_PLAN
 from coordinator.proof import TOLERANCE, prove
 from coordinator.scenario import Robot, Scenario
 from coordinator.wire import Driven, drive
 
-_STEP: Final = 5e-4
 _HEADING: Final = 1e-2
-"""Sampling of the path [m] when looking for via points, and how far [rad] a heading may be off."""
+"""How far [rad] a heading may be off."""
 
 _TIME_TOLERANCE: Final = 1e-2
 """How far [s] a time in the file may be from that of the wire bytes."""
@@ -116,7 +116,8 @@ def _prove_against(document: PlanDocument, driven: list[Driven], scenario: Scena
         if one.radius < robot.radius:
             failures.append(f"{one.id} is planned with radius {one.radius} m, has {robot.radius} m")
         failures += _misses(one, robot)
-    failures += [f"{name} has no plan" for name in robots if name not in {d.id for d in driven}]
+    planned = {one.id for one in driven}
+    failures += [f"{name} has no plan" for name in robots if name not in planned]
     limits = [Limits.of(robot) for robot in scenario.robots]
     budget = budget_for(limits)
     tau, margin = resolve_tau(scenario.tau, budget), scenario.margin
@@ -133,9 +134,7 @@ def _prove_against(document: PlanDocument, driven: list[Driven], scenario: Scena
 
 def _misses(driven: Driven, robot: Robot) -> list[str]:
     """Return which of the places and headings that a scenario asks for a path does not have."""
-    curve = driven.curve
-    u = curve.parameter_at(np.linspace(0.0, curve.length, 2 + int(curve.length / _STEP)))
-    points, first = curve.derivatives(u, 1)
+    points, first = driven.curve.derivatives([0.0, driven.curve.knots[-1]], 1)
     failures = []
     for name, index, pose in (("start", 0, robot.start), ("goal", -1, robot.goal)):
         if np.hypot(*(points[index] - pose[:2])) > TOLERANCE:
@@ -147,6 +146,14 @@ def _misses(driven: Driven, robot: Robot) -> list[str]:
     failures += [
         f"{driven.id} does not pass ({place[0]}, {place[1]})"
         for place in robot.via
-        if np.hypot(*(points - place).T).min() > TOLERANCE + _STEP
+        if _distance(np.array(place), driven.chain.points) > TOLERANCE + driven.chain.bound
     ]
     return failures
+
+
+def _distance(place: Array, line: Array) -> float:
+    """Return the distance [m] of a place (2,) from a polyline (n, 2)."""
+    begin, way = line[:-1], np.diff(line, axis=0)
+    square = np.maximum(np.einsum("ij,ij->i", way, way), 1e-300)
+    part = np.clip(np.einsum("ij,ij->i", place - begin, way) / square, 0.0, 1.0)
+    return float(np.hypot(*(begin + part[:, None] * way - place).T).min())

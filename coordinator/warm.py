@@ -1,6 +1,6 @@
 """Getting the compiled kernels ready: `python -m coordinator.warm`, and before anything is timed.
 
-Compiling takes half a minute, once per machine and version; loading what was compiled takes a
+Compiling takes about a minute, once per machine and version; loading what was compiled takes a
 fraction of a second, once per process.  Both happen here, not in the middle of a plan.
 
 Decides: what is run to have every kernel compiled.  Must not know: results.
@@ -12,27 +12,27 @@ import functools
 
 import numpy as np
 
-from coordinator.bounds import flatten
 from coordinator.knots import insert_knot
 from coordinator.map_cells import outline_cells
-from coordinator.motion import limits_on, speed_knots
 from coordinator.paths import Pathfinder
+from coordinator.planner import plan_scenario
 from coordinator.scenario import Robot, Scenario, Workspace
 
 
 @functools.cache
 def load_kernels() -> None:
-    """Compile or load every kernel, by finding paths on a floor that needs them all."""
-    robots = (_robot("A", (1.0, 1.0), (9.0, 1.0)), _robot("B", (2.5, 6.8), (5.0, 6.8)))
+    """Compile or load every kernel, by planning for a floor that needs them all."""
+    robots = (
+        _robot("A", (1.0, 1.0), (9.0, 1.0)),
+        _robot("B", (2.5, 6.8), (5.0, 6.8)),
+        _robot("C", (1.0, 3.0), (9.0, 3.0)),
+    )
     walls = (((3.0, 0.0), (4.0, 0.0), (4.0, 6.0), (3.0, 6.0)),)
     floor = Workspace(boundary=((0.0, 0.0), (10.0, 0.0), (10.0, 8.0), (0.0, 8.0)), obstacles=walls)
-    finder = Pathfinder(Scenario(name="warm", workspace=floor, robots=robots))
-    curve = finder.path(0)
-    finder.crossed_places(0, curve)
-    limits = limits_on(curve, 0.8, 0.8, 0.8)
-    speed_knots(limits, 0.0, limits.length)
-    flatten(insert_knot(curve, 0.5 * float(curve.knots[-1])), 1e-3)
-    curve.arc_at(curve.parameter_at(0.5 * curve.length))
+    scenario = Scenario(name="warm", workspace=floor, robots=robots, tau=0.5)
+    plan_scenario(scenario)
+    curve = Pathfinder(scenario).path(0)
+    insert_knot(curve, 0.5 * float(curve.knots[-1]))
     outline_cells(np.ones((2, 2), dtype=np.bool_), 1.0)
 
 

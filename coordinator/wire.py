@@ -9,15 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import msgspec
 import numpy as np
 
+from coordinator.bounds import Chain, flatten
 from coordinator.errors import InputError
-from coordinator.nurbs import Nurbs, nurbs
+from coordinator.nurbs import Array, Nurbs, nurbs
+from coordinator.nurbs_kernels import parameters_at, series
 from coordinator.plan import Path, PlanDocument, RobotPlan
+from coordinator.wire_kernels import robot_table
 from protocol.codec import decode, encode, seal
 from protocol.curve import Curve
 from protocol.messages import Plan
@@ -30,16 +32,29 @@ _WEIGHT_RATIO: Final = 100.0
 _ARC_ERROR: Final = 2.5e-4
 """How far [m] the two sides may differ on where an arc length lies."""
 
+_PLACES: Final = 200
+"""Places on a curve that are compared at least."""
+
+FLAT: Final = 2e-4
+"""Curves are flattened this finely [m]."""
+
 
 @dataclass(frozen=True)
 class Driven:
-    """What a robot makes of the bytes it gets: curve, motion and the message itself."""
+    """What a robot makes of the bytes it gets: curve, motion and the message itself.
+
+    chain: the curve as a polyline with a proven deviation of at most FLAT.
+    arc_error [m]: how far the curve's table of arc lengths is out, measured where a cubic piece
+    per cell is worst, in the middle of cells, and between.
+    """
 
     id: str
     radius: float
     curve: Nurbs
     timeline: Timeline
     plan: Plan
+    chain: Chain
+    arc_error: float
 
 
 def pack(document: PlanDocument, robot: RobotPlan, boot: int = 0) -> bytes:
@@ -77,34 +92,57 @@ def unpack(payload: bytes, radius: float) -> Driven:
     if not isinstance(plan, Plan):
         raise ValueError("the message is not an acceptable plan")
     parts = unpack_plan(plan)
-    scalar, timeline = Curve(*parts.path), Timeline(*parts.motion)
-    if abs(timeline.length - scalar.length) > 1e-4 + 1e-6 * scalar.length:
-        raise ValueError(
-            f"the speed profile ends at {timeline.length} m, the curve at {scalar.length} m"
-        )
     degree, knots, xs, ys, weights = parts.path
     curve = nurbs(degree, knots, np.column_stack((xs, ys)), weights)
-    _check_arc_length(scalar, curve)
-    return Driven(plan.robot, radius, curve, timeline, plan)
+    robot, timeline = _RobotCurve(curve), Timeline(*parts.motion)
+    if abs(timeline.length - robot.length) > 1e-4 + 1e-6 * robot.length:
+        raise ValueError(
+            f"the speed profile ends at {timeline.length} m, the curve at {robot.length} m"
+        )
+    chain = flatten(curve, FLAT)
+    error = _arc_error(robot.table, curve, chain)
+    return Driven(plan.robot, radius, curve, timeline, plan, chain, error)
 
 
-def _check_arc_length(robot: Curve, curve: Nurbs) -> None:
-    """Raise ValueError when the tables of arc length are not good enough to rely on.
+class _RobotCurve(Curve):
+    """The robot's own curve with its checks, but for the table of arc lengths, that is compiled.
 
-    Wild weights or knots hide most of a curve between the quadrature's nodes.  The tables of both
-    sides, their quadratures (5 and 8 nodes) and the lengths of chords have to agree.
+    table: borders u of the cells, arc lengths s there, and du/ds there.
+    """
+
+    def __init__(self, curve: Nurbs) -> None:
+        self._same = curve
+        xs, ys = curve.points.T.tolist()
+        super().__init__(curve.degree, curve.knots.tolist(), xs, ys, curve.weights.tolist())
+
+    def _measure(self) -> None:
+        self.table = robot_table(*series(*self._same.lifted))
+        self._cell_s = self.table[1].tolist()
+
+
+def _arc_error(table: tuple[Array, Array, Array], curve: Nurbs, chain: Chain) -> float:
+    """Return how far [m] the curve's table of arc lengths is out, found inside of its cells.
+
+    Raises ValueError when it is not good enough to rely on.  Wild weights or knots hide most of a
+    curve between the quadrature's nodes.  The robot's table and ours, their quadratures (5 and 8
+    nodes), and the lengths of chords and of control polygons, between which the curve's length
+    lies for certain, have to agree.
     """
     if curve.weights.max() > _WEIGHT_RATIO * curve.weights.min():
         raise ValueError(f"weights differ by more than {_WEIGHT_RATIO} times")
-    s = np.linspace(0.0, curve.length, 200)
+    parts = max(2, math.ceil(_PLACES / len(table[1])))
+    inner = np.arange(1, parts) / parts
+    s = (table[1][:-1, None] + np.diff(table[1])[:, None] * inner).ravel()
     u = curve.parameter_at(s)
-    theirs = curve.evaluate([robot.parameter_at(place) for place in s.tolist()])
-    apart = np.hypot(*(curve.evaluate(u) - theirs).T)
-    fine = np.concatenate([np.linspace(a, b, 200) for a, b in pairwise(np.unique(curve.knots))])
-    chords = np.hypot(*np.diff(curve.evaluate(fine), axis=0).T).sum()
-    worst = max(float(apart.max()), float(np.abs(curve.arc_at(u) - s).max()))
-    if worst > _ARC_ERROR or abs(chords - curve.length) > _ARC_ERROR + 1e-4 * curve.length:
+    apart = np.hypot(*(curve.evaluate(u) - curve.evaluate(parameters_at(*table, s))).T)
+    error = float(np.abs(curve.arc_at(u) - s).max())
+    worst = max(float(apart.max()), error)
+    chords = np.hypot(*np.diff(chain.points, axis=0).T).sum()
+    polygons = np.hypot(*np.diff(chain.corners, axis=1).T).sum()
+    allowed = _ARC_ERROR + 1e-4 * curve.length
+    if worst > _ARC_ERROR or not polygons - allowed <= curve.length <= chords + allowed:
         raise ValueError(f"arc length along the curve is uncertain by {worst:.4f} m or more")
+    return error
 
 
 def drive(document: PlanDocument) -> list[Driven]:

@@ -13,10 +13,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, cast
 
+import msgspec
+
 from coordinator.errors import InputError
 from coordinator.floor_map import FloorMap, MapOptions
-from coordinator.scenario import Point, Workspace
-from coordinator.scenario_checks import LEAST, Quantity, show
+from coordinator.obstacles import note_outside
+from coordinator.scenario import MapPart, Point, Workspace
+from coordinator.scenario_checks import LEAST, Quantity, printable, show
 from coordinator.scenario_table import Table, read_place
 
 OUTLINES: Final = ("bounds", "boundary")
@@ -25,7 +28,7 @@ MAP_QUANTITIES: Final = {
     "map_error": Quantity("m", from_least=True),
 }
 MAP_TEXTS: Final = ("layer", "boundary_layer")
-KEYS: Final = (*OUTLINES, "obstacles", "map", *MAP_TEXTS, *MAP_QUANTITIES, "notes")
+KEYS: Final = (*OUTLINES, "obstacles", "map", *MAP_TEXTS, *MAP_QUANTITIES, "notes", "from_map")
 MOST_NOTES: Final = 100
 
 
@@ -49,11 +52,31 @@ def read_workspace(value: object, folder: Path, problems: list[str]) -> Workspac
         boundary = _box(table)
     obstacles = enumerate(table.items("obstacles", "polygons [[[x, y], ...], ...]"))
     polygons = tuple(_polygon(o, f"workspace.obstacles[{i}]", problems) for i, o in obstacles)
+    part = _part(table)
+    if floor_map.obstacles:
+        part = MapPart(file=printable(Path(table.text("map")).name), first=len(polygons))
+    every = (*polygons, *floor_map.obstacles)
+    notes = (*_notes(table), floor_map.note, note_outside(boundary, every, part))
     return Workspace(
         boundary=boundary if _signed_area(boundary) >= 0.0 else (boundary[0], *boundary[:0:-1]),
-        obstacles=(*polygons, *floor_map.obstacles),
-        notes=(*_notes(table), *filter(None, (floor_map.note,))),
+        obstacles=every,
+        notes=tuple(dict.fromkeys(filter(None, notes))),
+        from_map=part,
     )
+
+
+def _part(table: Table) -> MapPart | None:
+    """Return which obstacles came from a map when it was read: see scenarios written by `run`."""
+    if "from_map" not in table.values:
+        return None
+    try:
+        part = msgspec.convert(table.values["from_map"], MapPart)
+    except msgspec.ValidationError:
+        part = MapPart(file="", first=-1)
+    if part.first >= 0 and part.file.isprintable():
+        return part
+    table.note("from_map", "is not the name of a file and the index of its first obstacle")
+    return None
 
 
 def _map(table: Table, folder: Path) -> FloorMap:

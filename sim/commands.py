@@ -5,26 +5,47 @@ Decides: options and exit codes.
 
 from __future__ import annotations
 
+import difflib
 import time
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated, cast, get_args
 
 import typer
 
-from coordinator.commands import make_folder, within
+from coordinator.commands import make_folder, within, writable
 from coordinator.console import answer_json, answers, tell, write_file
 from sim.layout import Kind, Size
 
 commands = typer.Typer()
 
 
+def known(kind: str) -> str:
+    """Check that there is such a kind of floor; the answer names the nearest and lists all."""
+    kinds = get_args(Kind)
+    if kind not in kinds:
+        (nearest,) = difflib.get_close_matches(kind[:40].lower(), kinds, n=1, cutoff=0.0)
+        raise typer.BadParameter(
+            f"{kind[:60]!r} is no kind of floor, the nearest is {nearest}; "
+            f"known are {', '.join(kinds)}"
+        )
+    return kind
+
+
 @commands.command()
 def scenario(
-    kind: Annotated[Kind, typer.Argument(metavar="KIND", help=", ".join(get_args(Kind)) + ".")],
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help=", ".join(get_args(Kind)) + ".", callback=known)
+    ],
     robots: Annotated[int, typer.Option(help="How many robots.")] = 17,
     seed: Annotated[int, typer.Option(help="Another seed, another scenario.")] = 1,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="FILE.toml or FILE.json; else stdout.")
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="FILE.toml or FILE.json; else stdout.",
+            callback=writable(".toml", ".json"),
+        ),
     ] = None,
     size: Annotated[
         Size | None, typer.Option(metavar="W H", help="Width and height of the floor, metres.")
@@ -43,7 +64,7 @@ def scenario(
     from sim.generator import generate
 
     made = generate(
-        kind,
+        cast(Kind, kind),
         robots,
         seed,
         size,

@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 
 from coordinator.errors import InputError
 from coordinator.scenario import Robot, Scenario
+from coordinator.scenario_checks import FARTHEST
 from coordinator.scenario_file import MOST_ROBOTS
 from sim.floor_cells import grid, maze, rooms
 from sim.floor_corridors import corridors
@@ -47,7 +48,7 @@ OBSTACLES: Final[dict[Kind, str]] = {
 """What `obstacles` counts, for the kinds that let it be chosen."""
 
 LEAST_SIDE: Final = 1.0
-MOST_SIDE: Final = 10_000.0
+MOST_SIDE: Final = FARTHEST
 """How long [m] the sides of a floor may be."""
 RADIUS: Final = 0.2
 MAX_SPEED: Final = 0.8
@@ -94,6 +95,10 @@ def generate(
     bodies = [_body(dice, mixed) for _ in range(robots)]
     wish = Wish(robots, max(body.radius for body in bodies), size, obstacles)
     layout = KINDS[kind](wish, dice)
+    side = max(max(corner) for corner in layout.floor.boundary)
+    if side > MOST_SIDE:
+        most = f"at most {MOST_SIDE:g} m are allowed"
+        raise InputError([f"--robots: {robots} need a floor {side:g} m long for {kind}, {most}"])
     places = Places(layout, wish, dice)
     made = []
     for index, body in enumerate(bodies):

@@ -2,16 +2,18 @@
 
 import math
 import re
+import time
 
 import numpy as np
 import pytest
 import shapely
 
+from coordinator.closure import NoWayError, explain
 from coordinator.errors import PlanError
 from coordinator.floor import Floor
 from coordinator.paths import Pathfinder
-from coordinator.scenario import Scenario, Workspace
-from coordinator.space import NO_DISCS
+from coordinator.scenario import MapPart, Scenario, Workspace
+from coordinator.space import NO_DISCS, Space
 from tests.floors import box, random_floor, random_places, solid_of
 from tests.oracles_floor import VisibilityGraph, convex_corners, grown
 from tests.scenarios import a_robot
@@ -21,9 +23,11 @@ MARGIN = 0.02
 YARD = [box(5, 2, 9, 2.3), box(5, 5.7, 9, 6), box(5, 2, 5.3, 6), box(8.7, 2, 9, 6)]
 
 
-def refusal(robots, obstacles, boundary=BOX):
+def refusal(robots, obstacles, boundary=BOX, part=None):
     workspace = Workspace(
-        boundary=tuple(boundary), obstacles=tuple(tuple(ring) for ring in obstacles)
+        boundary=tuple(boundary),
+        obstacles=tuple(tuple(ring) for ring in obstacles),
+        from_map=part,
     )
     finder = Pathfinder(
         Scenario(name="t", workspace=workspace, robots=tuple(robots), margin=MARGIN)
@@ -66,13 +70,29 @@ def test_a_long_list_is_cut_short():
     assert "and 12 more close it in" in text
 
 
+def test_walls_that_a_map_brought_are_told_by_its_file_and_a_place_at_them():
+    start, goal = np.array((1.0, 4.0)), np.array((7.0, 4.0))
+    floor = Floor(BOX, [box(1, 6, 2, 7), *YARD])
+    error = NoWayError(Space(floor.ground(0.22), 0.22), start, goal)
+    robot = a_robot("A", (1.0, 4.0), (7.0, 4.0))
+    text = str(explain(error, floor, robot, MARGIN, MapPart(file="yard.map", first=2)))
+    assert named(text) == {1}
+    places = re.findall(r"the obstacle of yard\.map at \((\S+), (\S+)\) m", text)
+    assert len(places) == 3
+    for wall, place in zip(YARD[1:], places, strict=True):
+        assert shapely.distance(shapely.Polygon(wall), shapely.Point(*map(float, place))) < 0.01
+
+
 @pytest.mark.parametrize("door", [0.2, 0.3, 0.4])
 def test_the_radius_that_would_pass_does_pass_and_one_a_little_larger_does_not(door):
     walls = [box(0, 3, 5, 5), box(5 + door, 3, 10, 5)]
     text = refusal([a_robot("A", (5.0, 1.0), (5.0, 7.0), radius=0.3)], walls)
     fits = float(re.search(r"a radius of (\d+\.\d+) m would pass", text)[1])
-    assert fits == pytest.approx(0.5 * door - MARGIN, abs=2.5e-3)
-    assert fits <= 0.5 * door - MARGIN + 5e-4
+    assert fits == pytest.approx(0.5 * door - MARGIN, abs=1e-9)
+    workspace = Workspace(boundary=tuple(BOX), obstacles=tuple(tuple(ring) for ring in walls))
+    slim = a_robot("A", (5.0, 1.0), (5.0, 7.0), radius=fits)
+    again = Scenario(name="t", workspace=workspace, robots=(slim,), margin=MARGIN)
+    assert Pathfinder(again).path(0).length > 6.0
 
 
 def test_where_no_radius_passes_another_goal_is_advised():
@@ -105,3 +125,33 @@ def test_refusals_on_random_floors_are_right_and_name_what_is_near():
                 shape = shapely.Polygon(floor.obstacles[number])
                 assert shapely.distance(around, shape).min() < 1.2 * reach + 0.02
     assert refused >= 5
+
+
+def test_where_only_places_of_others_are_in_the_way_no_radius_is_advised():
+    floor = Floor(BOX, [])
+    discs = np.array([(7.0 + math.cos(a), 4.0 + math.sin(a), 0.5) for a in range(7)])
+    error = NoWayError(Space(floor.ground(0.22), 0.22, 0.0, discs), *np.array(((1, 4.0), (7, 4))))
+    text = str(explain(error, floor, a_robot("A", (1, 4), (7, 4)), MARGIN))
+    assert text.endswith("other starts or goals would help")
+
+
+def test_what_helps_among_thousands_of_corners_is_found_in_a_moment():
+    dice = np.random.default_rng(1)
+    spots = [(x, y) for x in range(2, 60, 2) for y in range(2, 60, 2)]
+    stars = [
+        [
+            (x + r * math.cos(a), y + r * math.sin(a))
+            for a, r in zip(np.arange(0.0, 6.0, 0.9), dice.uniform(0.2, 0.6, 7), strict=True)
+        ]
+        for x, y in spots
+    ]
+    walls = [box(40.9, 2, 41.1, 60), box(40.9, 0, 41.1, 1.7)]
+    stars = [star for star in stars if shapely.Polygon(star).disjoint(shapely.box(40, 0, 42, 60))]
+    floor = Floor(box(0, 0, 60, 60), [*stars, *walls])
+    error = NoWayError(Space(floor.ground(0.25), 0.25), *np.array(((1.0, 1.0), (59.0, 1.0))))
+    robot = a_robot("A", (1.0, 1.0), (59.0, 1.0))
+    explain(error, floor, robot, 0.05)
+    begin = time.process_time()
+    text = str(explain(error, floor, robot, 0.05))
+    assert time.process_time() - begin < 0.5
+    assert text.endswith("a radius of 0.100 m would pass")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from coordinator.crossings import find_crossings
+from coordinator.crossings import find_all_crossings, find_crossings
 from coordinator.nurbs import nurbs
 
 
@@ -86,3 +86,20 @@ def test_a_circle_is_crossed_twice_by_a_line():
     found = find_crossings(half, straight((-2, 0.5), (2, 0.5)))
     xs = sorted(m.x for m in found)
     assert xs == pytest.approx([-math.sqrt(0.75), math.sqrt(0.75)])
+
+
+def test_all_pairs_at_once_give_what_each_pair_gives():
+    curves = [random_path(seed) for seed in range(4)]
+    pairs = [(0, 1), (2, 3), (3, 2), (1, 3)]
+    for (i, j), found in zip(pairs, find_all_crossings(curves, pairs), strict=True):
+        alone = find_crossings(curves[i], curves[j])
+        rows = [[(m.x, m.y, m.s_a, m.s_b) for m in its] for its in (found, alone)]
+        np.testing.assert_allclose(rows[0], rows[1], atol=1e-9)
+    assert find_all_crossings(curves, []) == []
+
+
+def test_a_path_that_touches_another_meets_it_there():
+    bend = nurbs(2, [0, 0, 0, 1, 1, 1], [(-1, 1), (0, -1), (1, 1)])
+    (meeting,) = find_crossings(bend, straight((-2, 0), (2, 0)))
+    assert (meeting.x, meeting.y) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert (meeting.s_a, meeting.s_b) == pytest.approx((0.5 * bend.length, 2.0))

@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 
 from coordinator.errors import InputError
 from coordinator.figure import draw_plan
+from coordinator.figure_floor import draw_floor
 from coordinator.figure_labels import Labels
 from coordinator.figure_robots import picture_robots
-from coordinator.figure_waits import longest_waits, nearest_within
-from coordinator.plan import Crossing, Floor, PlanDocument, Proof, RobotPlan, Stop
+from coordinator.figure_waits import draw_wait, longest_waits, nearest_within
+from coordinator.plan import Crossing, Floor, PlanDocument, Proof, Reason, RobotPlan, Stop
 from coordinator.plan import Path as PlanPath
 
 
@@ -110,6 +111,15 @@ def test_the_headline_says_the_terms_and_the_proof(svg):
     proven = next(text for text in said if text.startswith("proof holds"))
     assert "least separation 0.500 m" in proven
     assert "least clearance 0.600 m" in proven
+    assert "tightest pair" not in proven
+
+
+@pytest.mark.parametrize(("slack", "side"), [(0.0046, "4.6 mm above"), (-0.012, "12.0 mm below")])
+def test_the_headline_tells_the_tightest_pair_from_the_least_separation(tmp_path, slack, side):
+    proof = msgspec.structs.replace(DOCUMENT.proof, least_slack=slack)
+    draw_plan(replace(proof=proof, robots=[EAST], crossings=[]), tmp_path / "plan.svg")
+    proven = next(text for text in words(tmp_path / "plan.svg") if text.startswith("proof holds"))
+    assert f"least separation 0.500 m  ·  tightest pair {side} its need" in proven
 
 
 def test_the_same_plan_gives_the_same_bytes_of_svg(svg, tmp_path):
@@ -207,3 +217,76 @@ def test_an_optional_label_without_room_is_left_out():
         "wider than all there is", (0.5, 0.5), size=9, colour="k", optional=True
     )
     assert len(axes.texts) == 0
+
+
+def test_labels_keep_off_marks_and_off_the_lines_to_other_labels():
+    axes = Figure(figsize=(6, 6)).add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set(xlim=(0.0, 10.0), ylim=(0.0, 10.0))
+    dice = np.random.default_rng(1)
+    marks = 5.0 + dice.uniform(-0.6, 0.6, (40, 2))
+    labels = Labels(axes, np.empty((0, 2)), marks)
+    placed = [
+        labels.place(f"R{i} stops 12.5 s", tuple(marks[i]), size=7.0, colour="k", optional=True)
+        for i in range(20)
+    ]
+    assert 3 <= sum(placed) == len(axes.texts)
+    boxes = [text.get_window_extent().padded(-0.5) for text in axes.texts]
+    for index, box in enumerate(boxes):
+        assert box.count_contains(axes.transData.transform(marks)) == 0
+        assert not any(box.overlaps(other) for other in boxes[index + 1 :])
+        for line in axes.lines:
+            assert not line.get_path().transformed(axes.transData).intersects_bbox(box)
+
+
+@pytest.mark.parametrize("count", [5, 17])
+def test_no_label_on_a_crowded_floor_covers_another_or_a_crossing(count):
+    angles = [2.0 * math.pi * i / count for i in range(count)]
+    ends = [(5.0 + 4.0 * math.cos(a), 5.0 + 4.0 * math.sin(a)) for a in angles]
+    fleet = [
+        straight(f"R{i + 1}", (x, y), (10.0 - x, 10.0 - y), stops=[(3.0, 9.0 + 2.0 * i, "R1")])
+        for i, (x, y) in enumerate(ends)
+    ]
+    met = [
+        Crossing(
+            a="R1", b=robot.id, x=5.0, y=5.0, s_a=4.0, s_b=4.0, t_a=8.0, t_b=9.0, verdict=verdict
+        )
+        for robot in fleet[1:]
+        for verdict in (f"{robot.id} stops 9.0 s", f"{robot.id} starts 9.0 s later")
+    ]
+    document = replace(robots=fleet, crossings=met, workspace=None)
+    axes = Figure(figsize=(7.4, 7.4), dpi=150).add_axes((0.0, 0.0, 1.0, 1.0))
+    draw_floor(axes, document, picture_robots(document))
+    boxes = [text.get_window_extent().padded(-0.5) for text in axes.texts if text.get_text()]
+    said = {text.get_text() for text in axes.texts}
+    assert {f"R{i + 1}" for i in range(count)} <= said
+    centre = axes.transData.transform((5.0, 5.0))
+    for index, box in enumerate(boxes):
+        assert not box.contains(*centre)
+        assert not any(box.overlaps(other) for other in boxes[index + 1 :])
+
+
+def test_a_panel_says_what_the_other_way_round_would_cost_and_shades_what_forces_the_wait():
+    wait = {"robot": "North_2", "s": 2.5, "wait": 4.5, "yields_to": "East-1"}
+    reason = Reason(**wait, zone=(3.4, 4.6), their_zone=(3.4, 4.6), otherwise=1.04)
+    document = replace(waits=[reason])
+    robots = picture_robots(document)
+    axes = Figure(figsize=(4.5, 2.7)).add_axes((0.0, 0.0, 1.0, 1.0))
+    draw_wait(axes, robots["North_2"], robots, document)
+    assert "other way round: East-1 +1.0 s" in {text.get_text() for text in axes.texts}
+    assert sum(shade.get_gid() == "forbidden" for shade in axes.collections) == 1
+
+
+def test_names_of_robots_in_the_way_do_not_cover_each_other_and_who_is_waited_for_is_named():
+    fleet = [straight("R0", (0.0, 5.0), (10.0, 5.0), stops=[(3.0, 40.0, "R7")])]
+    fleet += [
+        straight(f"R{i}", (6.0, 0.0), (6.0, 10.0), begins=2.5 * i, radius=0.3) for i in range(1, 12)
+    ]
+    document = replace(robots=fleet, crossings=[])
+    robots = picture_robots(document)
+    axes = Figure(figsize=(4.5, 2.7)).add_axes((0.0, 0.0, 1.0, 1.0))
+    draw_wait(axes, robots["R0"], robots, document)
+    names = [text for text in axes.texts if text.get_text()]
+    assert "R7" in {text.get_text() for text in names}
+    boxes = [text.get_window_extent() for text in names]
+    for index, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[index + 1 :])

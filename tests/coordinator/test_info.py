@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from coordinator import plan as plan_file
-from coordinator.info import summarise
+from coordinator.info import summarise, summarise_plan
 from coordinator.info_table import render
 from coordinator.logbook import Log, read_log
 from coordinator.recorder import Attachment, Recorder
@@ -31,7 +31,7 @@ def plan_message(robot: str) -> Plan:
     )  # fmt: skip
 
 
-def plan_attachment() -> Attachment:
+def plan_document(epoch: int = 1, waits=()) -> plan_file.PlanDocument:
     path = plan_file.Path(
         degree=1, knots=[0, 0, 1, 1], control_points=[(0, 0), (3, 0)], weights=[1, 1]
     )
@@ -43,20 +43,36 @@ def plan_attachment() -> Attachment:
         )
         for name, start, finish, stops in (("R1", 0.0, 8.0, [stop]), ("R2", 1.0, 7.0, []))
     ]  # fmt: skip
-    document = plan_file.PlanDocument(
-        scenario="s", epoch=1, policy="safe", tau=0.5, margin=0.02, robots=robots
+    return plan_file.PlanDocument(
+        scenario="s", epoch=epoch, policy="safe", tau=0.5, margin=0.02, robots=robots,
+        waits=list(waits),
+    )  # fmt: skip
+
+
+WAIT = plan_file.Reason(
+    robot="R1", s=1.5, wait=1.5, yields_to="R2", zone=(1.6, 2.5), their_zone=(0.5, 1.4),
+    otherwise=2.25,
+)  # fmt: skip
+TOLD_WAIT = {
+    "epoch": 1, "robot": "R1", "s": 1.5, "wait": 1.5, "yields_to": "R2",
+    "zone": (1.6, 2.5), "their_zone": (0.5, 1.4), "otherwise": 2.25, "tried": True,
+}  # fmt: skip
+
+
+def attached(document: plan_file.PlanDocument) -> Attachment:
+    return Attachment(
+        f"plan-{document.epoch}.json", "application/json", plan_file.to_json(document)
     )
-    return Attachment("plan-1.json", "application/json", plan_file.to_json(document))
 
 
-def log_of(tmp_path, messages, metadata=None) -> Log:
+def log_of(tmp_path, messages, metadata=None, plans=None) -> Log:
     """Record (seconds since BEGIN, key, message or bytes) and read the log back."""
     path = tmp_path / "run.mcap"
     with Recorder(
         path,
         metadata={"fleet": "f"} if metadata is None else metadata,
         wall_offset_ns=10**18,
-        attachments=[plan_attachment()],
+        attachments=[attached(plan) for plan in plans or [plan_document()]],
     ) as log:
         for seconds, key, message in messages:
             payload = message if isinstance(message, bytes) else codec.encode(message)
@@ -219,6 +235,36 @@ def test_an_empty_log_and_a_log_without_names_are_told_too(tmp_path):
 def test_a_spoilt_plan_attachment_is_passed_over():
     log = Log({"fleet": "f"}, {"plan-1.json": b"{"}, [], True, "")
     assert summarise(log)["robots"] == {}
+
+
+def test_every_epochs_waits_are_told_from_the_plans_that_the_log_holds(tmp_path):
+    after = plan_file.Reason(
+        robot="R2", s=0.0, wait=0.5, yields_to="R1", zone=(0.5, 1.4), their_zone=(1.6, 2.5)
+    )
+    plans = [plan_document(2, [after]), plan_document(1, [WAIT])]
+    told = summarise(log_of(tmp_path, good_run(), plans=plans))
+    assert told["waits"][0] == TOLD_WAIT
+    assert [(wait["epoch"], wait["robot"]) for wait in told["waits"]] == [(1, "R1"), (2, "R2")]
+    text = io.StringIO()
+    Console(file=text, width=140).print(render(told))
+    assert "epoch" in text.getvalue()
+    assert "1.60 to 2.50" in text.getvalue()
+    assert "cannot" in text.getvalue()
+
+
+def test_a_plan_alone_is_told_with_its_waits_and_nothing_about_a_run():
+    told = summarise_plan(plan_document(waits=[WAIT]))
+    assert (told["source"], told["fleet"], told["messages"]) == ("plan", "s", 0)
+    assert told["waits"] == [TOLD_WAIT]
+    assert told["robots"]["R1"]["control_points"] == 2
+    assert told["robots"]["R1"]["planned_finish"] == 8.0
+    text = io.StringIO()
+    Console(file=text, width=140).print(render(told))
+    said = text.getvalue()
+    assert "plan for" in said
+    assert "+2.2 s" in said
+    assert "arrived" not in said
+    assert "not closed" not in said
 
 
 def test_the_tables_show_arrivals_stops_and_silence(tmp_path):

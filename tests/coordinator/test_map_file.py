@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from coordinator.commands import commands
 from coordinator.errors import InputError
 from coordinator.map_file import read_map
+from coordinator.scenario import MapPart
 from coordinator.scenario_checks import find_problems
 from coordinator.scenario_file import parse_scenario, read_scenario, scenario_to_json
 
@@ -58,6 +59,33 @@ def test_robots_are_checked_against_the_map(folder):
         scenario(folder, 'map = "maps/yard.map"\nobstacles = [[[6, 0], [8, 0], [8, 2], [6, 2]]]')
     (problem,) = caught.value.problems
     assert "robots[0].goal: (7, 1) m is inside workspace.obstacles[0]" in problem
+
+
+def test_an_obstacle_of_the_map_is_told_by_the_maps_file_and_its_nearest_place(folder):
+    own = "obstacles = [[[1, 3], [2, 3], [2, 3.5]]]"
+    near = ROBOT.replace("[7, 1]", "[5.125, 2.5]")
+    text = f'{near}[workspace]\nmap = "maps/yard.map"\n{own}\n'
+    for again in (False, True):
+        with pytest.raises(InputError) as caught:
+            parse_scenario(text.encode(), str(folder / "site.toml"))
+        (problem,) = caught.value.problems
+        assert "is 0.125 m from the obstacle of yard.map at (5.00, 2.50) m, radius" in problem
+        if not again:
+            # A scenario once read tells the same without its map.
+            good = scenario(folder, f'map = "maps/yard.map"\n{own}')
+            assert good.workspace.from_map == MapPart(file="yard.map", first=1)
+            document = json.loads(scenario_to_json(good))
+            document["robots"][0]["goal"] = [5.125, 2.5]
+            text = json.dumps(document)
+            (folder / "maps" / "yard.map").unlink()
+
+
+def test_a_faulty_part_of_a_map_in_a_scenario_once_read_is_one_line(folder):
+    written = json.loads(scenario_to_json(scenario(folder, 'map = "maps/yard.map"')))
+    for part in ({"file": "a"}, 3, {"file": "a\nb", "first": 0}, {"file": "a", "first": -1}):
+        written["workspace"]["from_map"] = part
+        with pytest.raises(InputError, match=r"^a.json: workspace.from_map: is not the name of a"):
+            parse_scenario(json.dumps(written).encode(), "a.json")
 
 
 # Fault: (the workspace, words of the only line).

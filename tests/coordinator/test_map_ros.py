@@ -140,7 +140,11 @@ YAML_FAULTS = {
     "an endless resolution": ("0.5", ".inf", "resolution: inf is not a finite number"),
     "an origin of two": ("[1.0, 2.0, 0.0]", "[1, 2]", "origin: a list of 2 is not [x, y, yaw]"),
     "an origin that is NaN": ("2.0, 0.0]", ".nan, 0.0]", "origin[1]: nan is not a finite number"),
-    "an origin far away": ("2.0, 0.0]", "99999.9, 0.0]", "origin: the map reaches beyond 100000 m"),
+    "an origin far away": (
+        "2.0, 0.0]",
+        "7999.9, 0.0]",
+        "origin: the map reaches beyond 8000 m, wh",
+    ),
     "a negate of two": ("negate: 0", "negate: 2", "negate: 2 is not 0 or 1"),
     "a threshold above one": ("0.65", "65", "occupied_thresh: 65 is above 1"),
     "thresholds turned round": ("0.196", "0.7", "free_thresh: 0.7 is above occupied_thresh 0.65"),

@@ -66,9 +66,11 @@ def test_any_scenario_reads_back_equal_to_the_last_bit(scenario):
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_cluttered_scenarios_read_back_equal(seed):
+def test_cluttered_scenarios_read_back_equal_but_for_notes(seed):
     scenario = random_scenario(seed)
-    assert again(scenario, "two\nlines") == scenario
+    read = again(scenario, "two\nlines")
+    floor = msgspec.structs.replace(read.workspace, notes=())
+    assert msgspec.structs.replace(read, workspace=floor) == scenario
 
 
 @pytest.mark.parametrize("name", ["paper_five", "paper_five_real", "u_trap", "circle_swap"])

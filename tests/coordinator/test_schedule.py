@@ -1,210 +1,205 @@
-"""Orders of robots: against every permutation, priorities, deadlocks."""
+"""Orders of robots: against every permutation, sampling, priorities, deadlocks."""
 
 import itertools
 import math
-import random
 
 import numpy as np
 import pytest
 
-from coordinator import schedule
-from coordinator.detours import blocking_pairs, stuck_pairs
-from coordinator.motion import Motion, SpeedLimits
-from coordinator.nurbs import nurbs
-from coordinator.schedule import (
-    Deadlock,
-    Junctions,
-    find_schedule,
-    place_in_order,
-    total_delay,
+from coordinator.detours import blocking_pairs
+from coordinator.precedence import first_order, stuck_pairs
+from coordinator.schedule import Deadlock, delays, find_schedule, place_in_order
+from coordinator.waiting import earliest_motion
+from tests.coordinator.fleets import line
+from tests.coordinator.fleets_on_lines import (
+    fleet_on,
+    placed,
+    random_fleet,
+    tangled_fleet,
+    winding_fleet,
 )
-from coordinator.waiting import Track
-from coordinator.zones import cut
 
-NEED = 0.4
+MAKERS = [random_fleet, tangled_fleet]
 
 
-def line(*corners):
-    corners = np.array(corners, dtype=float)
-    arc = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners, axis=0).T)))
-    return nurbs(1, np.concatenate(([0.0], arc, arc[-1:])), corners)
+def total(fleet, motions):
+    return sum(delays(fleet.junctions, motions))
 
 
-def junctions_of(lines, speeds, tau=0.5, accel=1.0):
-    tracks = [
-        Track(SpeedLimits(curve.length, speed**2, accel, ()), cut(curve))
-        for curve, speed in zip(lines, speeds, strict=True)
-    ]
-    return Junctions(tracks, [[NEED] * len(tracks)] * len(tracks), tau)
+def scheduled(fleet, effort, priorities=None):
+    return find_schedule(fleet.junctions, priorities or [0] * len(fleet.curves), effort)
 
 
-def random_junctions(seed, count):
-    """Robots that cross a square, between places that are all apart."""
-    dice = random.Random(seed)
-    angles = [2 * math.pi * i / (2 * count) for i in range(2 * count)]
-    places = [(3 * math.cos(a), 3 * math.sin(a)) for a in angles]
-    dice.shuffle(places)
-    lines = [line(a, b) for a, b in zip(places[::2], places[1::2], strict=True)]
-    speeds = [dice.uniform(0.3, 1.0) for _ in lines]
-    return junctions_of(lines, speeds, dice.choice([0.0, 0.5, 1.5]), dice.choice([0.6, math.inf]))
+def in_order(fleet, order):
+    found = place_in_order(fleet.junctions, order)
+    return None if isinstance(found, Deadlock) else found.all()
 
 
-def best_of_all(junctions):
-    results = [
-        place_in_order(junctions, order)
-        for order in itertools.permutations(range(len(junctions.tracks)))
-    ]
-    costs = [total_delay(junctions, r) for r in results if not isinstance(r, Deadlock)]
-    return min(costs, default=None)
+def politely(fleet, order):
+    """Motions in an order without waits where somebody has yet to pass, None if there are none."""
+    table = placed(fleet, [None] * len(order))
+    for index in order:
+        motion = earliest_motion(fleet.junctions, table, index, anywhere=False)
+        if motion is None:
+            return None
+        table.put(index, motion)
+    return table.all()
 
 
-def least_gap(junctions, motions):
-    """The least distance less the need between any two, within tau, by sampling."""
-    end = max(motion.finish for motion in motions.values())
-    time = np.arange(0.0, end + junctions.tau, 0.05)
-    least = math.inf
-    for i, j in itertools.permutations(motions, 2):
-        for shift in {0.0, 0.5 * junctions.tau, junctions.tau}:
-            apart = _at(junctions, motions, i, time) - _at(junctions, motions, j, time + shift)
-            least = min(least, float(np.hypot(*apart.T).min()) - NEED)
-    return least
+def best_order(fleet, plan_in=in_order):
+    """The least sum of delays over all orders of whole robots, infinite if none works."""
+    plans = (plan_in(fleet, order) for order in itertools.permutations(range(len(fleet.curves))))
+    return min((total(fleet, plan) for plan in plans if plan is not None), default=math.inf)
 
 
-def _at(junctions, motions, index, time):
-    borders = junctions.tracks[index].cells.borders
-    reached, left = motions[index].reached(borders), motions[index].left(borders)
-    known = np.concatenate((left[:1], np.column_stack((reached, left))[1:-1].ravel(), reached[-1:]))
-    arcs = np.concatenate((borders[:1], np.repeat(borders[1:-1], 2), borders[-1:]))
-    s = np.interp(time, known, arcs)
-    centers = junctions.tracks[index].cells.centers
-    middle = 0.5 * (borders[:-1] + borders[1:])
-    return np.column_stack([np.interp(s, middle, centers[:, axis]) for axis in (0, 1)])
+def facts(motions):
+    """All that tells motions apart, as bytes."""
+    parts = [(m.knots_s, m.knots_w, m.knots_t, np.array(m.arrivals)) for m in motions]
+    waits = repr([motion.waits for motion in motions]).encode()
+    return b"".join(part.tobytes() for four in parts for part in four) + waits
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("make", MAKERS)
+def test_a_schedule_is_found_when_any_order_works_and_is_no_worse_than_the_best(make, seed, count):
+    fleet = make(10 * seed + count, count)
+    found = scheduled(fleet, 40)
+    assert isinstance(found, Deadlock) == (best_order(fleet) == math.inf)
+    if not isinstance(found, Deadlock):
+        assert total(fleet, found) <= best_order(fleet, politely) + 1e-6
+        assert total(fleet, found) >= -1e-6
+        assert fleet.slack(found, step=0.04) >= -2e-3
+
+
 @pytest.mark.parametrize("seed", range(6))
-def test_a_schedule_is_found_when_any_order_works_and_is_nearly_the_best(seed, count):
-    junctions = random_junctions(10 * seed + count, count)
-    best = best_of_all(junctions)
-    found = find_schedule(junctions, [0] * count, 60)
-    if best is None:
-        assert isinstance(found, Deadlock)
-        return
-    cost = total_delay(junctions, found)
-    assert cost >= best - 1e-6
-    assert cost <= 1.25 * best + 1e-6
-    # Centres of cells stand for places: half a cell of each robot may be missing.
-    assert least_gap(junctions, found) >= -0.01
+@pytest.mark.parametrize("make", MAKERS)
+def test_motions_in_any_order_that_works_are_tau_safe(make, seed):
+    fleet = make(seed, 4)
+    for order in list(itertools.permutations(range(4)))[seed % 3 :: 5]:
+        motions = in_order(fleet, order)
+        if motions is not None:
+            assert fleet.slack(motions, step=0.05) >= -2e-3
 
 
+@pytest.mark.parametrize(("count", "effort"), [(6, 0), (6, 3), (9, 0), (9, 4)])
+@pytest.mark.parametrize("seed", range(3))
+def test_larger_fleets_are_tau_safe_too(seed, count, effort):
+    fleet = tangled_fleet(100 + seed, count, size=9.0)
+    found = scheduled(fleet, effort)
+    assert isinstance(found, Deadlock) or fleet.slack(found, step=0.05) >= -2e-3
+
+
+def test_curves_that_wind_through_each_other_are_tau_safe():
+    solved = 0
+    for seed in range(6):
+        fleet = winding_fleet(seed, 3)
+        found = scheduled(fleet, 3)
+        if not isinstance(found, Deadlock):
+            solved += 1
+            assert fleet.slack(found, step=0.05) >= -2e-3
+    assert solved > 0
+
+
+@pytest.mark.parametrize("count", [4, 9])
 @pytest.mark.parametrize("seed", range(4))
-def test_more_effort_is_never_worse(seed):
-    junctions = random_junctions(seed, 4)
-    costs = []
-    for effort in (0, 5, 40):
-        found = find_schedule(junctions, [0] * 4, effort)
-        costs.append(total_delay(junctions, found))
-    assert costs == sorted(costs, reverse=True)
+def test_more_effort_is_never_worse(seed, count):
+    fleet = tangled_fleet(seed, count, size=1.0 + count)
+    found = [scheduled(fleet, effort) for effort in (0, 1, 2, 5, 20)]
+    if not isinstance(found[0], Deadlock):
+        costs = [total(fleet, motions) for motions in found]
+        for less, more in itertools.pairwise(costs):
+            assert more <= less + 1e-6
 
 
 def test_of_two_robots_the_faster_goes_first_and_a_priority_overrules_it():
-    lines = [line((-3, 0), (3, 0)), line((0, -3), (0, 3))]
-    junctions = junctions_of(lines, [0.5, 0.51], tau=1.0)
-    alone = [Motion(track.limits, []).finish for track in junctions.tracks]
-    plain = find_schedule(junctions, [0, 0], 0)
+    fleet = fleet_on([line((-3, 0), (3, 0)), line((0, -3), (0, 3))], [0.5, 0.51], tau=1.0)
+    alone = [track.alone for track in fleet.junctions.tracks]
+    plain = scheduled(fleet, 0)
     assert plain[1].finish == pytest.approx(alone[1])
     assert plain[0].finish > alone[0] + 0.5
-    ruled = find_schedule(junctions, [1, 0], 20)
+    ruled = scheduled(fleet, 20, [1, 0])
     assert ruled[0].finish == pytest.approx(alone[0])
     assert ruled[1].finish > alone[1] + 0.5
 
 
 def test_robots_that_never_meet_do_not_wait():
-    lines = [line((0, y), (5, y)) for y in range(4)]
-    junctions = junctions_of(lines, [0.5] * 4)
-    assert junctions.conflicts == {}
-    assert total_delay(junctions, find_schedule(junctions, [0] * 4, 5)) == 0.0
+    fleet = fleet_on([line((0, y), (5, y)) for y in range(4)])
+    assert total(fleet, scheduled(fleet, 5)) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_robot_that_ends_on_anothers_way_lets_it_pass_first():
-    lines = [line((0, 0), (5, 0)), line((2, 3), (2, 0.2))]
-    junctions = junctions_of(lines, [0.2, 1.0])
-    found = find_schedule(junctions, [0, 0], 10)
-    assert not isinstance(found, Deadlock)
+    fleet = fleet_on([line((0, 0), (5, 0)), line((2, 3), (2, 0.2))], [0.2, 1.0])
+    found = scheduled(fleet, 10)
     assert found[1].finish > found[0].reached(np.array([2.0]))[0]
 
 
+def test_a_robot_that_starts_on_anothers_way_leaves_before_it_comes():
+    fleet = fleet_on([line((0, 0), (5, 0)), line((2, 0.1), (2, 4))], [1.0, 0.1])
+    found = scheduled(fleet, 10)
+    assert found[1].waits == []
+    assert found[0].reached(np.array([1.7]))[0] > found[1].left(np.array([0.3]))[0]
+
+
 def test_two_that_swap_places_on_one_line_are_a_deadlock_of_both():
-    junctions = junctions_of([line((0, 0), (5, 0)), line((5, 0), (0, 0))], [1.0, 0.9])
-    found = find_schedule(junctions, [0, 0], 5)
+    fleet = fleet_on([line((0, 0), (5, 0)), line((5, 0), (0, 0))], [1.0, 0.9])
+    found = scheduled(fleet, 5)
     assert isinstance(found, Deadlock)
     assert {found.loser, *found.winners} == {0, 1}
-    assert stuck_pairs(junctions) == [(0, 1)]
-    assert blocking_pairs(junctions, found) == [(0, 1)]
+    assert stuck_pairs(fleet.junctions) == [(0, 1)]
+    assert blocking_pairs(fleet.junctions, found) == [(0, 1)]
 
 
-def test_a_chain_of_goals_in_the_way_is_untangled():
-    """Each robot's goal lies on the next one's way: only one order works."""
-    corners = [((x, -2.0), (x, 0.0), (x + 4.0, 0.0)) for x in (0.0, 2.0, 4.0, 6.0)]
-    lines = [line(*three) for three in corners]
-    junctions = junctions_of(lines, [0.5, 0.6, 0.7, 0.8])
-    best = best_of_all(junctions)
-    found = find_schedule(junctions, [0] * 4, 10)
-    assert (best is None) == isinstance(found, Deadlock)
+@pytest.mark.parametrize("count", [4, 9])
+@pytest.mark.parametrize("faster", [1, -1])
+def test_a_chain_of_goals_in_the_way_is_untangled(count, faster):
+    """Each robot's goal lies on the next one's way, also with too many to try all orders."""
+    curves = [line((2.0 * k, -2.0), (2.0 * k, 2.0), (2.0 * k + 2.0, 0.5)) for k in range(count)]
+    fleet = fleet_on(curves, [0.4 + 0.05 * k for k in range(count)][::faster])
+    assert not stuck_pairs(fleet.junctions)
+    assert fleet.slack(scheduled(fleet, 1), step=0.05) >= -2e-3
 
 
-def test_the_same_input_gives_the_same_schedule():
-    results = [find_schedule(random_junctions(3, 4), [0] * 4, 20) for _ in range(2)]
-    assert [results[0][i].waits for i in range(4)] == [results[1][i].waits for i in range(4)]
-    assert list(results[0]) == list(results[1])
+def test_a_ring_of_goals_on_each_others_ways_is_a_deadlock():
+    """Whoever arrives first stands for ever where the one before it has yet to pass."""
+    corners = [(0, 0), (4, 0), (4, 4), (0, 4)]
+    halves = [(2, 0), (4, 2), (2, 4), (0, 2)]
+    curves = [line(halves[k], corners[(k + 1) % 4], halves[(k + 1) % 4]) for k in range(4)]
+    found = scheduled(fleet_on(curves, 0.5), 2)
+    assert isinstance(found, Deadlock) == (best_order(fleet_on(curves, 0.5)) == math.inf)
 
 
-def test_a_robot_with_another_path_meets_the_others_as_if_it_had_been_there_before():
-    junctions, other = random_junctions(5, 4), random_junctions(6, 4)
-    tracks = [*junctions.tracks[:2], other.tracks[2], junctions.tracks[3]]
-    junctions.take(2, other.tracks[2])
-    fresh = Junctions([Track(t.limits, t.cells) for t in tracks], [[NEED] * 4] * 4, junctions.tau)
-    assert list(junctions.conflicts) == list(fresh.conflicts)
-    for pair, conflict in fresh.conflicts.items():
-        assert junctions.conflicts[pair].zones == conflict.zones
-    for mine, same in zip(junctions.tracks, fresh.tracks, strict=True):
-        assert (mine.harmless, mine.anywhere) == (same.harmless, same.anywhere)
+@pytest.mark.parametrize("priorities", [[0] * 4, [1, 0, 0, 1, 0], [0] * 9])
+def test_the_same_input_gives_the_same_bytes(priorities):
+    count = len(priorities)
+    fleet = tangled_fleet(4, count, size=1.0 + count)
+    first = scheduled(fleet, 4, priorities)
+    for again in (fleet, fleet.anew(), tangled_fleet(4, count, size=1.0 + count)):
+        assert facts(scheduled(again, 4, priorities)) == facts(first)
 
 
-def test_waiting_places_lie_before_zones_and_outside_of_all_others():
-    junctions = random_junctions(5, 4)
-    for index, track in enumerate(junctions.tracks):
-        spans = []
-        for pair, conflict in junctions.conflicts.items():
-            if index in pair:
-                side = pair.index(index)
-                spans += [((z.a0, z.a1), (z.b0, z.b1))[side] for z in conflict.zones]
-        assert set(track.harmless) <= set(track.anywhere)
-        for s in track.harmless:
-            assert not any(begin <= s <= end for begin, end in spans)
-        for s in track.anywhere:
-            assert min(abs(begin - s) for begin, _ in spans) < track.cells.size
+def test_what_was_searched_before_changes_nothing():
+    """Junctions remember what zones forbid: other motions in between must not show."""
+    fleet = tangled_fleet(6, 5)
+    first = scheduled(fleet, 3)
+    for order in ((4, 3, 2, 1, 0), (2, 0, 4, 1, 3)):
+        in_order(fleet, order)
+    assert facts(scheduled(fleet, 3)) == facts(first)
 
 
-def test_improving_never_leaves_the_priorities_that_the_first_order_kept(monkeypatch):
-    tried = []
-    place = schedule.place_in_order
-
-    def spy(junctions, order):
-        tried.append((order, place(junctions, order)))
-        return tried[-1][1]
-
-    monkeypatch.setattr(schedule, "place_in_order", spy)
-    priorities = [1, 0, 0, 1, 0]
+@pytest.mark.parametrize("priorities", [[1, 0, 0, 1, 0], [2, 1, 0, 0, 1]])
+def test_nobody_waits_for_a_lower_priority_when_an_order_keeps_them(priorities):
     improved = 0
-    for seed in range(30):
-        tried.clear()
-        junctions = random_junctions(seed, 5)
-        schedule.find_schedule(junctions, priorities, 60)
-        if isinstance(tried[0][1], Deadlock):
+    for seed in range(16):
+        fleet = tangled_fleet(seed, 5)
+        order = first_order(fleet.junctions, priorities)
+        ranks = [priorities[index] for index in order]
+        first = in_order(fleet, order)
+        if first is None or ranks != sorted(ranks, reverse=True):
             continue
-        delays = [total_delay(junctions, r) for _, r in tried if not isinstance(r, Deadlock)]
-        improved += min(delays) < delays[0] - 1e-6
-        for order, _ in tried:
-            assert [priorities[index] for index in order] == [1, 1, 0, 0, 0]
-    assert improved > 3
+        found = scheduled(fleet, 12, priorities)
+        improved += total(fleet, found) < total(fleet, first) - 1e-6
+        for index, motion in enumerate(found):
+            owners = [wait.owner for wait in motion.waits if wait.owner >= 0]
+            assert all(priorities[owner] >= priorities[index] for owner in owners)
+    assert improved > 0

@@ -1,6 +1,7 @@
 """The scenario command: files, formats, and one line for what cannot be made."""
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from coordinator.errors import InputError
@@ -23,15 +24,38 @@ def test_the_command_writes_toml_json_or_to_stdout(tmp_path):
     assert printed.stdout.startswith(f"# Made by: splinefleet scenario rooms {asked}\n")
     assert parse_scenario(printed.stdout.encode(), "stdout.toml") == expected
     for name in ("a.toml", "b.JSON"):
-        assert ask("rooms", *asked.split(), "-o", tmp_path / "new" / name).exit_code == 0
-    assert (tmp_path / "new" / "a.toml").read_bytes() == printed.stdout_bytes
-    assert (tmp_path / "new" / "b.JSON").read_bytes() == scenario_to_json(expected)
+        assert ask("rooms", *asked.split(), "-o", tmp_path / name).exit_code == 0
+    assert (tmp_path / "a.toml").read_bytes() == printed.stdout_bytes
+    assert (tmp_path / "b.JSON").read_bytes() == scenario_to_json(expected)
 
 
-def test_an_unknown_kind_is_answered_with_the_list():
-    result = ask("fly")
-    assert result.exit_code == 2
-    assert all(kind in result.output.replace("\n", " ") for kind in ("warehouse", "maze"))
+def problem_of(*arguments):
+    with pytest.raises(typer.TyperException) as caught:
+        commands(["scenario", *map(str, arguments)], standalone_mode=False)
+    (line,) = caught.value.format_message().splitlines()
+    return line
+
+
+@pytest.mark.parametrize(
+    ("name", "nearest"), [("fly", "polygons"), ("warehose", "warehouse"), ("Maze", "maze")]
+)
+def test_an_unknown_kind_is_answered_in_one_line_with_the_nearest_and_the_list(name, nearest):
+    line = problem_of(name)
+    assert f"{name!r} is no kind of floor, the nearest is " in line
+    assert name == "fly" or f"the nearest is {nearest}; " in line
+    assert line.endswith(f"known are {', '.join(KINDS)}")
+
+
+@pytest.mark.parametrize("name", ["hall", "hall.yaml", "hall.toml.txt"])
+def test_a_scenario_goes_into_toml_or_json_and_nothing_else(tmp_path, name):
+    assert f"{name} does not end in .toml or .json" in problem_of("open", "-o", tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_folder_is_made_for_a_scenario(tmp_path):
+    said = problem_of("open", "-o", tmp_path / "new" / "hall.toml")
+    assert said.endswith(f"there is no folder {tmp_path / 'new'}")
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -39,8 +63,9 @@ def test_an_unknown_kind_is_answered_with_the_list():
     [
         ("open --robots 0", "--robots: 0 is not from 1 to 10000"),
         ("open --robots 20000", "--robots: 20000 is not from 1 to 10000"),
-        ("open --size 5 0", "--size: 5 m x 0 m is not from 1 m to 10000 m each way"),
+        ("open --size 5 0", "--size: 5 m x 0 m is not from 1 m to 8000 m each way"),
         ("open --size nan 5", "--size: nan m x 5 m is not from"),
+        ("circle --robots 10000 --mixed", "need a floor 9234 m long for circle, at most 8000 m"),
         ("maze --obstacles 4", "--obstacles: maze does not let them be counted"),
         ("corridors --obstacles 99", "--obstacles: 99 walls do not fit on this floor, "),
         ("polygons --obstacles 9999 --size 5 5", "polygons fit on a floor of 5 m x 5 m"),

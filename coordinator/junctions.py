@@ -1,0 +1,214 @@
+"""All tracks of a fleet, the conflict zones between them, and where each robot may wait.
+
+Decides: where a robot may wait: shortly before a zone.  Must not know: who goes first
+(schedule.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from copy import copy
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from coordinator.bans_kernels import Known, Rows
+from coordinator.conflict_zones import Indices, Zones, find_zones
+from coordinator.row_kernels import robot_rows
+from coordinator.track import CELL, Track
+from coordinator.waiting_kernels import Ride
+
+_MOST_ROWS: Final = 6_000_000
+"""So many rows are kept; beyond that they are found again when they are asked for."""
+
+_FEW_ROWS: Final = 20_000
+_ENOUGH_ROWS: Final = 3_000_000
+_LONGEST_CELL: Final = 0.05
+"""Cells are half as long where that makes few rows.  They are longer, up to this [m], where that
+keeps rows below so many: in large fleets, and in those that share lanes.  A robot waits up to two
+cells' time longer at a zone for it."""
+
+FEW: Final = 8
+"""Up to this many robots are given more places to wait at, and are scheduled zone by zone."""
+
+_STEP: Final = 0.05
+"""Few robots that stop and start at once may wait every so many metres [m] of a zone."""
+
+_PLACES: Final = 48
+"""Places at most where a robot may wait, evenly chosen: the search grows with their square."""
+
+
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """What the search for one robot's waits stands on.
+
+    rows: where its zones forbid something, in the order of `Junctions.zones_of`; known: what was
+    last found about them, written over by every search; span (zones, 2) [m]: where it enters and
+    leaves them; ride: its path with stations where it may wait; rest (stations,) [s]: the least
+    time from each to the goal.
+    """
+
+    rows: Rows
+    known: Known
+    span: npt.NDArray[np.float64]
+    ride: Ride
+    rest: npt.NDArray[np.float64]
+
+
+class Junctions:
+    """Tracks and the zones between them; needs are radii (n,) [m] and a margin [m], tau [s]."""
+
+    def __init__(
+        self,
+        tracks: Sequence[Track],
+        radii: Sequence[float],
+        margin: float,
+        tau: float,
+        executor: Executor | None = None,
+    ) -> None:
+        self.tracks = list(tracks)
+        self.radii, self.margin, self.tau = np.array(radii, dtype=np.float64), margin, tau
+        self.zones = self._find(executor)
+        self._cell = _cell_for(self.zones)
+        self.tracks = [replace(track, cell=self._cell) for track in tracks]
+        self._approaches: dict[tuple[int, bool], Approach] = {}
+        self._rows: dict[int, tuple[Rows, Known]] = {}
+        self._sort()
+
+    def with_track(self, index: int, track: Track) -> Junctions:
+        """Return junctions in which one robot has another track; these stay what they are."""
+        fresh = copy(self)
+        fresh.tracks = list(self.tracks)
+        fresh.tracks[index] = replace(track, cell=self._cell)
+        kept = np.flatnonzero((self.zones.a != index) & (self.zones.b != index))
+        fresh.zones = _joined(_chosen(self.zones, kept), fresh._find(None, (index,)))
+        fresh._sort()
+        changed = {index, *self.near(index), *fresh.near(index)}
+        fresh._approaches = {k: v for k, v in self._approaches.items() if k[0] not in changed}
+        fresh._rows = {k: v for k, v in self._rows.items() if k not in changed}
+        return fresh
+
+    def near(self, index: int) -> list[int]:
+        """Return the robots that a robot has zones with."""
+        zones = self.zones_of(index)
+        others = self.zones.a[zones] + self.zones.b[zones] - index
+        return [int(other) for other in np.unique(others)]
+
+    def zones_of(self, index: int) -> Indices:
+        """Return the numbers of a robot's zones."""
+        return self._zones[self._first[index] : self._first[index + 1]]
+
+    def lengths(self) -> list[float]:
+        """Return the lengths [m] of all paths."""
+        return [track.limits.length for track in self.tracks]
+
+    def span(self, index: int, zones: Indices) -> npt.NDArray[np.float64]:
+        """Return where a robot enters and leaves some of its zones, (m, 2) [m]."""
+        mine = self.zones.a[zones] == index
+        return np.where(mine[:, None], self.zones.extent[zones, :2], self.zones.extent[zones, 2:])
+
+    def approach(self, index: int, anywhere: bool = True) -> Approach:
+        """Return what the search for a robot's waits needs.
+
+        It may wait before every zone, inside of others too, or where it is outside of all of them.
+        """
+        key = (index, anywhere)
+        if key not in self._approaches:
+            track = self.tracks[index]
+            places = [0.0, *self._places(index, anywhere), track.limits.length]
+            self._approaches[key] = Approach(
+                *self.rows_of(index),
+                self.span(index, self.zones_of(index)),
+                track.ride(places),
+                np.array(track.time_left(places)),
+            )
+        return self._approaches[key]
+
+    def _places(self, index: int, anywhere: bool) -> list[float]:
+        """Return where a robot may wait [m]: half a cell before the cells of its zones."""
+        track = self.tracks[index]
+        cells = np.floor(self.span(index, self.zones_of(index)) / track.cell)
+        at = np.unique(cells[:, 0]) - 1.0
+        if anywhere and np.isinf(track.limits.accel) and len(self.tracks) <= FEW and len(at):
+            steps = [np.arange(low, high, _STEP / track.cell) for low, high in cells]
+            at = np.unique(np.floor(np.concatenate([at, *steps])))
+        if not anywhere:
+            begun = np.searchsorted(np.sort(cells[:, 0]), at, side="right")
+            ended = np.searchsorted(np.sort(cells[:, 1]), at, side="left")
+            at = at[begun == ended]
+        elif len(at) > _PLACES and len(self.tracks) > FEW:
+            at = at[np.linspace(0, len(at) - 1, _PLACES).astype(int)]
+        return [float(s) for s in (at[at > 0.0] + 0.5) * track.cell]
+
+    def rows_of(self, index: int) -> tuple[Rows, Known]:
+        """Return a robot's zones as rows, and room for what they forbid."""
+        if index not in self._rows:
+            if sum(len(rows.cell) for rows, _ in self._rows.values()) > _MOST_ROWS:
+                self._rows.clear()
+                self._approaches.clear()
+            self._rows[index] = self._find_rows(index)
+        return self._rows[index]
+
+    def _find_rows(self, index: int) -> tuple[Rows, Known]:
+        zones, track, mine = self.zones, self.tracks[index], self.zones_of(index)
+        others = zones.a[mine] + zones.b[mine] - index
+        reach = self.radii[index] + self.radii[others] + self.margin
+        reach += self._errors[index] + self._errors[others]
+        span = self.span(index, mine) / track.cell
+        room = int((span[:, 1] - span[:, 0]).sum()) + 4 * len(mine)
+        first, rows = robot_rows(
+            index, mine, others, zones.first, zones.pairs, *self._chords, reach, track.cell, room
+        )
+        cell = np.minimum(rows[:, 0].astype(np.int64), len(track.elapsed) - 2)
+        begin, end = np.empty((2, len(cell)))
+        entered, passed = np.empty((2, len(mine)))
+        known = Known(begin, end, entered, passed, np.zeros(len(mine), np.int64))
+        return Rows(first, cell, rows[:, 1].copy(), rows[:, 2].copy(), others), known
+
+    def _find(self, executor: Executor | None, among: Sequence[int] | None = None) -> Zones:
+        chords = [track.chords for track in self.tracks]
+        return find_zones(chords, self.radii, self.margin, executor, among)
+
+    def _sort(self) -> None:
+        """Sort the zones by robots, and lay the chords of all robots one after another."""
+        chords = [track.chords for track in self.tracks]
+        self._errors = np.array([path.error for path in chords])
+        self._chords = (
+            np.cumsum([0, *(len(path.s) for path in chords)]),
+            np.concatenate([path.s for path in chords]),
+            np.concatenate([path.points for path in chords]),
+        )
+        robots = np.concatenate((self.zones.a, self.zones.b))
+        order = np.argsort(robots, kind="stable")
+        self._zones = order % max(len(self.zones.a), 1)
+        self._first = np.searchsorted(robots[order], np.arange(len(self.tracks) + 1))
+
+
+def _cell_for(zones: Zones) -> float:
+    """Return how long cells are [m]: as long as makes few enough rows of all zones."""
+    whole = float((zones.extent[:, 1::2] - zones.extent[:, ::2]).sum())
+    finest = 0.5 * CELL if whole < _FEW_ROWS * CELL else CELL
+    return min(max(finest, whole / _ENOUGH_ROWS), _LONGEST_CELL)
+
+
+def _chosen(zones: Zones, kept: Indices) -> Zones:
+    """Return some of the zones, by increasing number."""
+    sizes = np.diff(zones.first)[kept]
+    first = np.append(0, np.cumsum(sizes))
+    at = np.arange(first[-1]) + np.repeat(zones.first[kept] - first[:-1], sizes)
+    return Zones(zones.a[kept], zones.b[kept], zones.extent[kept], first, zones.pairs[at])
+
+
+def _joined(one: Zones, two: Zones) -> Zones:
+    """Return the zones of both, in order."""
+    both = Zones(
+        np.concatenate((one.a, two.a)),
+        np.concatenate((one.b, two.b)),
+        np.concatenate((one.extent, two.extent)),
+        np.concatenate((one.first, one.first[-1] + two.first[1:])),
+        np.concatenate((one.pairs, two.pairs)),
+    )
+    return _chosen(both, np.lexsort((both.b, both.a)))

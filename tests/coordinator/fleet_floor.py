@@ -1,0 +1,63 @@
+"""A fleet core and its robots, each of which says what a test makes it say."""
+
+from __future__ import annotations
+
+import itertools
+
+from coordinator.fleet import Fleet
+from coordinator.member import Member
+from protocol import keys
+from protocol.codec import decode, encode
+from protocol.messages import Command, Hello, Report
+from protocol.phases import ARMED, MOVING
+from protocol.timing import COMMAND_PERIOD, SECOND
+
+NAMES = ("R1", "R2", "R3")
+DURATION = 10 * SECOND
+
+
+class Floor:
+    """A fleet core and its three robots, each of which says what the test makes it say."""
+
+    def __init__(self, epoch=1):
+        members = [
+            Member(id=name, radius=0.2, speed=0.5, plan=b"plan of " + name.encode())
+            for name in NAMES
+        ]
+        self.fleet = Fleet("hall", 77, epoch, members, DURATION)
+        self.now = 5 * SECOND
+        self.sequence = itertools.count(1)
+        self.commands = []
+
+    def hello(self, robot="R1", **fields):
+        return self.hear(keys.hello("hall", robot), Hello(**{"version": 1, "boot": 1, **fields}))
+
+    def report(self, robot, phase, boot=1, epoch=1, fault=0, s_m=None, sequence=None):
+        number = next(self.sequence) if sequence is None else sequence
+        return self.hear(keys.report("hall", robot), Report(boot, number, epoch, phase, fault, s_m))
+
+    def hear(self, key, message):
+        return self.take(self.fleet.hear(key, encode(message), self.now))
+
+    def tick(self, passed=COMMAND_PERIOD):
+        self.now += passed
+        return self.take(self.fleet.tick(self.now))
+
+    def take(self, sent):
+        for outgoing in sent:
+            message = decode(keys.split(outgoing.key)[1], outgoing.payload)
+            if isinstance(message, Command):
+                self.commands.append(message)
+        return sent
+
+    def everybody(self, phase, **fields):
+        for robot in NAMES:
+            self.report(robot, phase, **fields)
+
+    def go(self):
+        for robot in NAMES:
+            self.hello(robot)
+        self.everybody(ARMED)
+        self.tick()
+        self.everybody(MOVING)
+        return self

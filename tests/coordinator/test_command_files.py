@@ -1,0 +1,112 @@
+"""The files that commands are given and asked for: of the right kind, in a folder that is there."""
+
+import shutil
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from coordinator.commands import commands
+from coordinator.errors import InputError
+from coordinator.plan import to_json
+from coordinator.planner import plan_scenario
+from coordinator.recorder import Attachment, Recorder
+from coordinator.scenario_file import scenario_to_json
+from coordinator.scenario_toml import scenario_to_toml
+from tests.scenarios import a_robot, a_scenario
+
+HALL = a_scenario([a_robot("R1", (1.0, 1.0), (9.0, 7.0))])
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("files")
+    (folder / "hall.toml").write_bytes(scenario_to_toml(HALL))
+    (folder / "hall.json").write_bytes(scenario_to_json(HALL))
+    (folder / "broken.toml").write_text("a = 1\n= 2")
+    document = plan_scenario(HALL, effort=0)
+    (folder / "plan.json").write_bytes(to_json(document))
+    scenario = Attachment("scenario.json", "application/json", scenario_to_json(HALL))
+    Recorder(folder / "run.mcap", metadata={}, wall_offset_ns=0, attachments=[scenario]).close()
+    return folder
+
+
+@pytest.fixture
+def folder(made, tmp_path, monkeypatch):
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def problem_of(command):
+    """The one line that a command ends with, and no file that it has made."""
+    with pytest.raises((InputError, typer.TyperException)) as caught:
+        commands(command.split(), standalone_mode=False)
+    error = caught.value
+    (line,) = getattr(error, "problems", None) or error.format_message().splitlines()
+    return line
+
+
+MAKES = "`splinefleet plan hall.toml -o hall.json` makes one"
+TELLS = "`splinefleet info run.mcap` tells what happened"
+PROVES = "`splinefleet verify plan.json` proves it again, `plot` draws it"
+
+
+@pytest.mark.parametrize(
+    ("command", "line"),
+    [
+        ("verify hall.toml", f"hall.toml is a scenario, not a plan; {MAKES}"),
+        ("plot hall.toml -o a.svg", f"hall.toml is a scenario, not a plan; {MAKES}"),
+        (
+            "verify hall.json",
+            "hall.json is a scenario, not a plan; "
+            "`splinefleet plan hall.json -o hall-plan.json` makes one",
+        ),
+        ("verify run.mcap", f"run.mcap is a log, not a plan; {TELLS}"),
+        ("plan plan.json", f"plan.json is a plan, not a scenario; {PROVES}"),
+        ("plan run.mcap", f"run.mcap is a log, not a scenario; {TELLS}"),
+        ("verify plan.json --scenario plan.json", f"plan.json is a plan, not a scenario; {PROVES}"),
+        (
+            "info hall.toml",
+            "hall.toml is a scenario, not a log; `splinefleet run hall.toml` records one",
+        ),
+        ("replay plan.json --check", f"plan.json is a plan, not a log; {PROVES}"),
+        ("replay plan.json", f"plan.json is a plan, not a log; {PROVES}"),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_a_file_of_another_kind_is_named_with_what_to_do_with_it(command, line):
+    assert problem_of(command) == line
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_file_of_no_kind_is_still_told_with_its_fault():
+    assert problem_of("verify broken.toml").startswith("broken.toml: JSON is malformed")
+    assert problem_of("info broken.toml") == "broken.toml: is not an MCAP file"
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("plan hall.toml -o plan.toml", "'--output': plan.toml does not end in .json"),
+        ("plan hall.toml -o plan", "'--output': plan does not end in .json"),
+        ("plan hall.toml -o new/a.json", "'--output': new/a.json: there is no folder new"),
+        ("plan hall.toml --csv new/a.csv", "'--csv': new/a.csv: there is no folder new"),
+        ("plan hall.toml -o plan.json/a.json", "there is no folder plan.json"),
+        ("plot plan.json -o new/a.svg", "'--output': new/a.svg: there is no folder new"),
+        ("coordinator hall.toml --log new/run.mcap", "'--log': new/run.mcap: there is no folder"),
+        ("coordinator hall.toml --plan-out p.txt", "'--plan-out': p.txt does not end in .json"),
+    ],
+)
+def test_a_file_that_has_no_place_or_another_suffix_is_refused_before_any_work(
+    folder, command, said
+):
+    before = sorted(folder.rglob("*"))
+    assert said in problem_of(command)
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_a_plan_is_written_where_it_may_be(folder):
+    result = CliRunner().invoke(commands, ["plan", "hall.toml", "-o", "A.JSON", "--effort", "0"])
+    assert result.exit_code == 0
+    assert (folder / "A.JSON").exists()
