@@ -35,7 +35,7 @@ FEW: Final = 8
 """Up to this many robots are given more places to wait at, and are scheduled zone by zone."""
 
 _STEP: Final = 0.05
-"""Few robots that stop and start at once may wait every so many metres [m] of a zone."""
+"""Robots that stop and start at once may wait every so many metres [m] of a zone, if `finer`."""
 
 _PLACES: Final = 48
 """Places at most where a robot may wait, evenly chosen: the search grows with their square."""
@@ -72,6 +72,7 @@ class Junctions:
         self.tracks = list(tracks)
         self.radii, self.margin, self.tau = np.array(radii, dtype=np.float64), margin, tau
         self.zones = self._find(executor)
+        self._fine = False
         self._cell = _cell_for(self.zones)
         self.tracks = [replace(track, cell=self._cell) for track in tracks]
         self._approaches: dict[tuple[int, bool], Approach] = {}
@@ -89,6 +90,12 @@ class Junctions:
         changed = {index, *self.near(index), *fresh.near(index)}
         fresh._approaches = {k: v for k, v in self._approaches.items() if k[0] not in changed}
         fresh._rows = {k: v for k, v in self._rows.items() if k not in changed}
+        return fresh
+
+    def finer(self) -> Junctions:
+        """Return the same junctions with more places to wait at for robots that stop at once."""
+        fresh = copy(self)
+        fresh._fine, fresh._approaches = True, {}
         return fresh
 
     def near(self, index: int) -> list[int]:
@@ -132,7 +139,7 @@ class Junctions:
         track = self.tracks[index]
         cells = np.floor(self.span(index, self.zones_of(index)) / track.cell)
         at = np.unique(cells[:, 0]) - 1.0
-        if anywhere and np.isinf(track.limits.accel) and len(self.tracks) <= FEW and len(at):
+        if self._fine and anywhere and np.isinf(track.limits.accel) and len(at):
             steps = [np.arange(low, high, _STEP / track.cell) for low, high in cells]
             at = np.unique(np.floor(np.concatenate([at, *steps])))
         if not anywhere:

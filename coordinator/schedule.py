@@ -36,6 +36,10 @@ _LARGEST: Final = 6
 _ROUNDS: Final = 5
 """Neighbourhoods that are tried per unit of effort."""
 
+_WORTH: Final = 0.5
+_WORTH_SHARE: Final = 0.1
+"""What more stops have to gain of the delays, [s] and as a share."""
+
 _PAIR_NODES: Final = 4
 """Nodes that are searched for two robots of which one waits for the other."""
 
@@ -87,6 +91,12 @@ def find_schedule(
     delay = delays(junctions, motions.all())
     if 1 < len(order) <= FEW and effort > 0 and not any(priorities):
         ConflictSearch(junctions, motions, order).run(sum(delay), _NODES * effort)
+        late = sum(delays(junctions, motions.all()))
+        # More places to wait at make more stops: they have to be worth it.
+        finer = junctions.finer()
+        bound = late - max(_WORTH, _WORTH_SHARE * late)
+        if bound > 0.0 and ConflictSearch(finer, motions, order).run(bound, _NODES * effort):
+            junctions = finer
     improvement = _Improvement(junctions, motions, order, priorities)
     improvement.run(_ROUNDS * effort)
     improvement.turn_round(effort)

@@ -17,8 +17,8 @@ from coordinator.rest_kernels import search
 from coordinator.timetable import Motions
 from coordinator.waiting_kernels import PLACE, Bans
 
-_EARLIER = 1e-6
-"""Smaller differences of arrival [s] are none."""
+_EARLIER = 0.02
+"""Waiting in a zone that others have yet to pass has to be quicker by this [s]."""
 
 
 def earliest_motion(
@@ -32,9 +32,10 @@ def earliest_motion(
 ) -> Motion | None:
     """Return the motion with which a robot arrives first among those that have one; None if none.
 
-    It waits where that is harmless, outside of zones that others have yet to pass; anywhere if there
-    is no other way, or if that is quicker and robots are few.  modes (m,): what each of its zones asks, as in bans_kernels.py; it
-    leaves its start after `release` [s] and has to arrive before `latest` [s].
+    It waits where that is harmless, outside of zones that others have yet to pass; anywhere
+    if there is no other way, or if that is quicker and robots are few.  modes (m,): what each of
+    its zones asks, as in bans_kernels.py; it leaves its start after `release` [s] and has to arrive
+    before `latest` [s].
     """
     few = len(junctions.tracks) <= FEW
     arrival, waits = math.inf, list[Wait]()
