@@ -18,7 +18,6 @@ from coordinator.nurbs import Array
 from coordinator.obstacles import obstacle_name
 from coordinator.scenario import MapPart, Robot
 from coordinator.space import NO_DISCS, Space
-from coordinator.widest import widest_reach
 
 _NAMED: Final = 4
 _LEAST: Final = 1e-3
@@ -88,6 +87,9 @@ def _names_near(
 def _what_helps(error: NoWayError, floor: Floor, radius: float, margin: float) -> str:
     """Return the largest radius for which a way is found, in whole millimetres."""
     ground, ends = error.space.ground, (error.start, error.goal)
+    # Graphs are seldom needed, and importing them takes as long as planning a small fleet.
+    from coordinator.widest import widest_reach
+
     widest = widest_reach(ground.rings, *ends, ground.reach)
     if widest is None:
         return "; other starts or goals would help"

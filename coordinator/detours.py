@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
+import shapely
 
 from coordinator.errors import PlanError
 from coordinator.floor import Floor
@@ -71,8 +71,10 @@ def refuges(
     grid = np.stack(np.meshgrid(np.arange(x0, x1, pitch), np.arange(y0, y1, pitch)), axis=-1)
     spots = grid.reshape(-1, 2)
     spots = spots[floor.distance(spots) > robot.radius + scenario.margin + _LANE_ROOM]
-    way = path.at_arc(np.linspace(0.0, path.length, 2 + int(path.length / 0.05)))
-    spots = spots[cKDTree(way).query(spots)[0] > need + _REFUGE_ROOM]
+    places = np.linspace(0.0, path.length, 2 + int(path.length / 0.05))
+    way = shapely.linestrings(path.at_arc(places))
+    shapely.prepare(way)
+    spots = spots[shapely.distance(way, shapely.points(spots)) > need + _REFUGE_ROOM]
     detour = np.hypot(*(spots - robot.start[:2]).T) + np.hypot(*(spots - robot.goal[:2]).T)
     taken: list[Array] = []
     for spot in spots[np.argsort(detour, kind="stable")]:

@@ -10,18 +10,13 @@ from __future__ import annotations
 
 import functools
 
-import numpy as np
-
-from coordinator.knots import insert_knot
-from coordinator.map_cells import outline_cells
-from coordinator.paths import Pathfinder
 from coordinator.planner import plan_scenario
 from coordinator.scenario import Robot, Scenario, Workspace
 
 
 @functools.cache
 def load_kernels() -> None:
-    """Compile or load every kernel, by planning for a floor that needs them all."""
+    """Compile or load the kernels of planning, by planning for a floor that needs them all."""
     robots = (
         _robot("A", (1.0, 1.0), (9.0, 1.0)),
         _robot("B", (2.5, 6.8), (5.0, 6.8)),
@@ -29,10 +24,18 @@ def load_kernels() -> None:
     )
     walls = (((3.0, 0.0), (4.0, 0.0), (4.0, 6.0), (3.0, 6.0)),)
     floor = Workspace(boundary=((0.0, 0.0), (10.0, 0.0), (10.0, 8.0), (0.0, 8.0)), obstacles=walls)
-    scenario = Scenario(name="warm", workspace=floor, robots=robots, tau=0.5)
-    plan_scenario(scenario)
-    curve = Pathfinder(scenario).path(0)
-    insert_knot(curve, 0.5 * float(curve.knots[-1]))
+    plan_scenario(Scenario(name="warm", workspace=floor, robots=robots, tau=0.5))
+
+
+def compile_rest() -> None:
+    """Compile the kernels that only maps and few others need."""
+    import numpy as np
+
+    from coordinator.knots import insert_knot
+    from coordinator.map_cells import outline_cells
+    from coordinator.nurbs import nurbs
+
+    insert_knot(nurbs(1, [0.0, 0.0, 1.0, 1.0], [[0.0, 0.0], [1.0, 0.0]]), 0.5)
     outline_cells(np.ones((2, 2), dtype=np.bool_), 1.0)
 
 
@@ -50,3 +53,4 @@ def _robot(name: str, start: tuple[float, float], goal: tuple[float, float]) -> 
 
 if __name__ == "__main__":
     load_kernels()
+    compile_rest()
