@@ -97,6 +97,23 @@ def say_stuck(scenario: Scenario, paths: Sequence[Nurbs], pair: tuple[int, int])
     )
 
 
+def say_ring(scenario: Scenario, paths: Sequence[Nurbs], ring: Sequence[int]) -> PlanError:
+    """Return the error for robots of which each has to go before the next, in a ring."""
+    robots = [scenario.robots[index] for index in ring]
+    facts = []
+    for k, me in enumerate(robots):
+        other, way = robots[(k + 1) % len(ring)], paths[ring[(k + 1) % len(ring)]]
+        need = scenario.need(me, other)
+        starts = [fact for fact in _facts(me, other, way, need) if "start" in fact]
+        goals = [fact for fact in _facts(other, me, paths[ring[k]], need) if "goal" in fact]
+        facts += (starts or goals)[:1]
+    names = ", ".join(robot.id for robot in robots)
+    return PlanError(
+        f"{names} block each other in a ring: {', '.join(facts)}; no way around was found. "
+        "A wider passage, a via point or another goal would help"
+    )
+
+
 def _facts(me: Robot, other: Robot, way: Nurbs, need: float) -> list[str]:
     """Say which of my places lie on another robot's way."""
     points = way.at_arc(np.linspace(0.0, way.length, 2 + int(way.length / 0.05)))

@@ -9,14 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
-from itertools import pairwise
+from itertools import islice, pairwise
 
 from msgspec.structs import replace
 
 from coordinator import paper_policy
+from coordinator.another_way import latest_robots, quicker_by
 from coordinator.budget import budget_for, resolve_tau
 from coordinator.chords import chords_of
-from coordinator.detours import blocking_pairs, lanes, refuges, say_stuck
+from coordinator.detours import blocking_pairs, lanes, refuges, say_ring, say_stuck
 from coordinator.document import make_document
 from coordinator.errors import PlanError
 from coordinator.explain import explain_waits
@@ -26,7 +27,7 @@ from coordinator.nurbs import Nurbs
 from coordinator.paths import Pathfinder, find_paths
 from coordinator.plan import Limits, PlanDocument, Reason
 from coordinator.plan_checks import LONGEST_PLAN, LONGEST_TAU
-from coordinator.precedence import stuck_pairs
+from coordinator.precedence import ring_of, stuck_pairs
 from coordinator.scenario import Scenario
 from coordinator.schedule import Deadlock, find_schedule, place_in_order
 from coordinator.track import Track
@@ -37,6 +38,10 @@ DEFAULT_EFFORT = 20
 _NEED_PAD = 0.0005
 _TAU_PAD = 0.002
 """The schedule keeps this much more [m], [s] than needed, for what rounding to the wire costs."""
+
+_EFFORT_PER_WAY = 5
+_WAYS = 2
+"""Another way is tried for one robot per so much effort, and so many ways for each."""
 
 Timer = Callable[[], float]
 
@@ -133,11 +138,35 @@ class _Stages:
             if not pairs:
                 result = find_schedule(self.junctions, priorities, effort)
                 if not isinstance(result, Deadlock):
-                    return result
+                    return self._go_around(result, effort // _EFFORT_PER_WAY)
                 pairs = blocking_pairs(self.junctions, result)
             solved = [self._reroute(pair, rerouted) for pair in pairs]
             if not any(solved):
+                ring = ring_of(self.junctions)
+                if len(ring) > 2:
+                    raise say_ring(scenario, self.paths, ring)
                 raise say_stuck(scenario, self.paths, pairs[0])
+
+    def _go_around(self, motions: list[Motion], tries: int) -> list[Motion]:
+        """Give robots that wait long another way where that is quicker; tries are counted."""
+        for mover, other in latest_robots(self.junctions, motions)[:tries]:
+            for discs in islice(lanes(self.scenario, mover, other, self.paths[other]), _WAYS):
+                with suppress(PlanError):
+                    path = self.pathfinder.path(mover, discs)
+                    track = self._track(mover, path)
+                    better = quicker_by(self.junctions, motions, mover, track)
+                    if better is None:
+                        continue
+                    saved = motions[mover].finish - better[1][mover].finish
+                    self.junctions, motions = better
+                    self.paths[mover], self.tracks[mover] = path, track
+                    names = [self.scenario.robots[index].id for index in (mover, other)]
+                    self.notes.append(
+                        f"{names[0]} goes around {names[1]}'s path: {saved:.1f} s earlier than "
+                        "by waiting"
+                    )
+                    break
+        return motions
 
     def pairs(self) -> list[tuple[int, int]]:
         """Return the pairs of robots that come near each other, in order."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
+from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +35,22 @@ def stuck_pairs(junctions: Junctions) -> list[tuple[int, int]]:
     stuck = np.flatnonzero(a_first & b_first)
     pairs = zip(junctions.zones.a[stuck].tolist(), junctions.zones.b[stuck].tolist(), strict=True)
     return sorted(set(pairs))
+
+
+def ring_of(junctions: Junctions) -> list[int]:
+    """Return robots of which each has to go before the next, and the last before the first.
+
+    Empty when what the paths demand forms no ring.
+    """
+    before, after = _edges(junctions)
+    needs: dict[int, set[int]] = {}
+    for one, two in zip(before.tolist(), after.tolist(), strict=True):
+        needs.setdefault(two, set()).add(one)
+    try:
+        TopologicalSorter(needs).prepare()
+    except CycleError as error:
+        return [int(index) for index in error.args[1][:-1]]
+    return []
 
 
 def first_order(junctions: Junctions, priorities: Sequence[int]) -> list[int]:

@@ -1,0 +1,73 @@
+"""Another way around for robots that wait long, where it is quicker than waiting.
+
+Decides: who is offered another way, and whether it is worth it.  Must not know: how ways and waits
+are found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from coordinator.conflict_zones import Zones
+from coordinator.junctions import Junctions
+from coordinator.motion import Motion
+from coordinator.timetable import Motions
+from coordinator.track import Track
+from coordinator.waiting import earliest_motion
+
+LONG: Final = 3.0
+"""Robots that are later than this [s] are offered another way."""
+
+_WORTH: Final = 1.0
+"""Another way has to be quicker by this [s]: it is longer, and others may come to need the room."""
+
+
+def latest_robots(junctions: Junctions, motions: Sequence[Motion]) -> list[tuple[int, int]]:
+    """Return who is late by more than LONG, and whom it waits for longest; the latest first."""
+    late = sorted(
+        (track.alone - motion.finish, index)
+        for index, (track, motion) in enumerate(zip(junctions.tracks, motions, strict=True))
+        if motion.finish - track.alone > LONG
+    )
+    found = []
+    for _, index in late:
+        waits = [wait for wait in motions[index].waits if wait.owner >= 0]
+        if waits:
+            found.append((index, max(waits, key=lambda wait: wait.depart).owner))
+    return found
+
+
+def quicker_by(
+    junctions: Junctions, motions: Sequence[Motion], index: int, track: Track
+) -> tuple[Junctions, list[Motion]] | None:
+    """Return junctions and motions with a robot on another track; None if that is not worth it."""
+    latest = motions[index].finish - _WORTH
+    if track.alone >= latest:
+        return None
+    fresh = junctions.with_track(index, track)
+    table = Motions(fresh.lengths())
+    for other, motion in enumerate(motions):
+        if other != index:
+            table.put(other, motion)
+    found = earliest_motion(fresh, table, index, latest=latest, anywhere=False)
+    if found is None:
+        return None
+    kept = [_renumbered(motion, junctions.zones, fresh.zones) for motion in motions]
+    kept[index] = found
+    return fresh, kept
+
+
+def _renumbered(motion: Motion, old: Zones, new: Zones) -> Motion:
+    """Return a motion whose waits name zones by their new numbers; a zone that is gone by none."""
+    waits = []
+    for wait in motion.waits:
+        number = -1
+        if wait.zone >= 0:
+            same = (new.a == old.a[wait.zone]) & (new.b == old.b[wait.zone])
+            same &= (new.extent == old.extent[wait.zone]).all(axis=1)
+            number = int(same.argmax()) if same.any() else -1
+        owner = wait.owner if number >= 0 else -1
+        waits.append(replace(wait, zone=number, owner=owner))
+    return Motion(motion.limits, waits)
