@@ -24,6 +24,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _FOLDER: Final = Path(__file__).parent
+_CACHE: Final = _FOLDER / "__pycache__"
 _IMPORT: Final = re.compile(r"^from coordinator\.(\w+_kernels) import", re.MULTILINE)
 
 
@@ -32,6 +33,12 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     _choose_cache(Path(inspect.getfile(function)))
     compile_it = numba.njit(cache=True, nogil=True, error_model="numpy")
     return cast(Callable[P, R], compile_it(function))
+
+
+def is_compiled() -> bool:
+    """Tell whether all kernels seem to have been compiled before, as far as the last ones tell."""
+    files = [_FOLDER / f"{name}.py" for name in ("rest_kernels", "separation_kernels")]
+    return all(any(_cache_of(file).glob("**/*.nbc")) for file in files)
 
 
 @functools.cache
@@ -49,9 +56,11 @@ def _sources(file: Path) -> tuple[Path, ...]:
 
 def _choose_cache(file: Path) -> None:
     """Keep code beside the sources; where that may not be written, numba finds a place itself."""
+    if os.access(_CACHE if _CACHE.exists() else _FOLDER, os.W_OK):
+        numba.config.CACHE_DIR = str(_cache_of(file))  # type: ignore[attr-defined]
+
+
+def _cache_of(file: Path) -> Path:
+    """Return where the code of a kernel file is kept."""
     digest = hashlib.sha256(b"".join(source.read_bytes() for source in _sources(file)))
-    cache = _FOLDER / "__pycache__"
-    if os.access(cache if cache.exists() else _FOLDER, os.W_OK):
-        numba.config.CACHE_DIR = str(  # type: ignore[attr-defined]
-            cache / f"kernels-{digest.hexdigest()[:16]}"
-        )
+    return _CACHE / f"kernels-{digest.hexdigest()[:16]}"

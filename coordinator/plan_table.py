@@ -65,7 +65,7 @@ def render_proof(proof: Proof) -> RenderableType:
     lines += [Text(f"  {failure}") for failure in proof.failures]
     if proof.least_separation is not None:
         least = f"least separation {proof.least_separation:.4f} m between two centres"
-        lines.append(Text(f"  {proof.pairs} pairs, {least}"))
+        lines.append(Text(f"  {proof.pairs} {'pair' if proof.pairs == 1 else 'pairs'}, {least}"))
     if proof.tightest:
         slack = "" if proof.least_slack is None else _slack(proof.least_slack)
         lines.append(Text(f"  tightest pair{slack}: {proof.tightest}"))

@@ -103,6 +103,11 @@ def _check_times(scenario: Scenario, tau: float, motions: Sequence[Motion]) -> N
             )
 
 
+def _arrivals(motions: Sequence[Motion]) -> float:
+    """Return the sum of arrivals [s]."""
+    return sum(motion.finish for motion in motions)
+
+
 class _Stages:
     """The stages of one planning run and what they hand on."""
 
@@ -138,7 +143,7 @@ class _Stages:
             if not pairs:
                 result = find_schedule(self.junctions, priorities, effort)
                 if not isinstance(result, Deadlock):
-                    return self._go_around(result, effort // _EFFORT_PER_WAY)
+                    return self._improved(result, priorities, effort)
                 pairs = blocking_pairs(self.junctions, result)
             solved = [self._reroute(pair, rerouted) for pair in pairs]
             if not any(solved):
@@ -146,6 +151,17 @@ class _Stages:
                 if len(ring) > 2:
                     raise say_ring(scenario, self.paths, ring)
                 raise say_stuck(scenario, self.paths, pairs[0])
+
+    def _improved(self, motions: list[Motion], priorities: list[int], effort: int) -> list[Motion]:
+        """Let robots go around where that is quicker; then look for the order once more."""
+        before = self.junctions
+        motions = self._go_around(motions, effort // _EFFORT_PER_WAY)
+        if self.junctions is before:
+            return motions
+        again = find_schedule(self.junctions, priorities, effort)
+        if isinstance(again, Deadlock) or _arrivals(again) > _arrivals(motions):
+            return motions
+        return again
 
     def _go_around(self, motions: list[Motion], tries: int) -> list[Motion]:
         """Give robots that wait long another way where that is quicker; tries are counted."""

@@ -9,6 +9,8 @@ import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+from coordinator.compiled import is_compiled
+from coordinator.console import tell
 from coordinator.plan import PlanDocument
 from coordinator.planner import DEFAULT_EFFORT, plan_scenario
 from coordinator.scenario import Scenario
@@ -17,6 +19,8 @@ from coordinator.warm import load_kernels
 
 def plan_here(scenario: Scenario, effort: int = DEFAULT_EFFORT) -> PlanDocument:
     """Return the plan of a scenario; raises PlanError as planner.plan_scenario does."""
+    if not is_compiled():
+        tell("compiling the planner's kernels, once; this takes a minute or two")
     load_kernels()
     with ThreadPoolExecutor(os.cpu_count()) as executor:
         return plan_scenario(scenario, effort=effort, timer=time.perf_counter, executor=executor)

@@ -11,6 +11,7 @@ but the evaluation of curves.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
@@ -27,6 +28,9 @@ from coordinator.wire import Driven
 TOLERANCE: Final = 1e-3
 """A shortfall up to this [m] is accepted."""
 
+_PLACE: Final = 0.05
+"""The place at which a way comes too near to something solid is told this finely [m]."""
+
 _MOST_SAID: Final = 20
 """So many pairs that come too near are told one by one."""
 
@@ -40,16 +44,25 @@ def least_clearance(driven: Sequence[Driven], gap: Gap) -> tuple[float, int]:
     deviation of a curve from its polyline is taken off: the true least clearance is not smaller,
     and larger by at most 2 * FLAT.
     """
-    least = [gap(one.chain.points) - one.chain.bound - one.radius for one in driven]
+    least = clearances(driven, gap)
     robot = int(np.argmin(least))
     return least[robot], robot
 
 
+def clearances(driven: Sequence[Driven], gap: Gap) -> list[float]:
+    """Return for each robot what `least_clearance` returns for the least."""
+    return [gap(one.chain.points) - one.chain.bound - one.radius for one in driven]
+
+
 def _say_clearance(driven: Driven, clearance: float, margin: float, gap: Gap) -> str:
     """Say where a curve is too near to something solid."""
-    points = driven.chain.points
-    nearest = int(np.argmin([gap(np.array(chord)) for chord in pairwise(points)]))
-    x, y = points[nearest]
+    chords = list(pairwise(driven.chain.points))
+    begin, end = chords[int(np.argmin([gap(np.array(chord)) for chord in chords]))]
+    part = np.linspace(0.0, 1.0, 2 + int(math.dist(begin, end) / _PLACE))[:, None]
+    places = begin + part * (end - begin)
+    x, y = places[int(np.argmin([gap(np.stack((place, place))) for place in places]))]
+    if clearance <= -driven.radius:
+        return f"{driven.id}'s way leads through something solid near ({x:.2f}, {y:.2f})"
     return (
         f"{driven.id} comes within {clearance:.4f} m of something solid near ({x:.2f}, {y:.2f}), "
         f"needs {margin} m"
@@ -72,9 +85,13 @@ def prove(
     failures = list(apart.failures)
     clearance = None
     if gap is not None:
-        clearance, robot = least_clearance(driven, gap)
-        if clearance < margin - TOLERANCE:
-            failures.append(_say_clearance(driven[robot], clearance, margin, gap))
+        each = clearances(driven, gap)
+        clearance = min(each)
+        failures += [
+            _say_clearance(one, least, margin, gap)
+            for one, least in zip(driven, each, strict=True)
+            if least < margin - TOLERANCE
+        ]
     for one, limit in zip(driven, limits, strict=True):
         failures += [] if limit is None else limit_failures(one, limit)
     return Proof(
