@@ -5,14 +5,20 @@ Decides: what counts as kept.  Must not know: other robots, or how motions are p
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
 
+from coordinator.knots import bezier_pieces
 from coordinator.limit_kernels import too_sharp
+from coordinator.nurbs import Array
 from coordinator.nurbs_kernels import arc_table, series
 from coordinator.plan import Limits
 from coordinator.wire import Driven
+
+_CORNER: Final = 0.01
+"""Directions that differ by more [rad] where spans meet make a corner."""
 
 _SPEED: Final = 1.0001
 _ACCEL: Final = 1.01
@@ -41,11 +47,35 @@ def limit_failures(driven: Driven, limits: Limits) -> list[str]:
     return failures + _bend_failures(driven, limits)
 
 
+def _corner_failures(driven: Driven) -> list[str]:
+    """Return the corners of a curve: borders of spans with other directions on both sides."""
+    borders, pieces = bezier_pieces(*driven.curve.lifted)
+    corners = pieces[:, :, :2] / pieces[:, :, 2:]
+    inner = zip(borders[1:-1].tolist(), corners[:-1], corners[1:], strict=True)
+    failures = []
+    for u, before, after in inner:
+        if np.count_nonzero(driven.curve.knots == u) < driven.curve.degree:
+            continue
+        into, onward = _direction(before[::-1]), _direction(after)
+        if np.dot(-into, onward) < math.cos(_CORNER):
+            s = float(driven.curve.arc_at([u])[0])
+            failures.append(f"{driven.id}'s way has a corner at {s:.2f} m")
+    return failures
+
+
+def _direction(corners: Array) -> Array:
+    """Return the unit direction in which a piece leaves its first corner; zeros if it has none."""
+    legs = corners - corners[0]
+    sizes = np.hypot(legs[:, 0], legs[:, 1])
+    far = np.flatnonzero(sizes > 1e-6)
+    return legs[far[0]] / sizes[far[0]] if len(far) else np.zeros(2)
+
+
 def _bend_failures(driven: Driven, limits: Limits) -> list[str]:
     """Return which bends are too sharp for the robot, or for its speed there."""
     if limits.max_lateral_accel is None and not limits.min_turn_radius > 0.0:
         return []
-    line, failures = driven.timeline, []
+    line, failures = driven.timeline, _corner_failures(driven)
     borders, powers = series(*driven.curve.lifted)
     shape = (borders, powers, *arc_table(borders, powers))
     knots = np.array([*line.s0, line.length])

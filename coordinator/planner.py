@@ -19,9 +19,9 @@ from coordinator.budget import budget_for, resolve_tau
 from coordinator.chords import chords_of
 from coordinator.detours import blocking_pairs, lanes, refuges, say_ring, say_stuck
 from coordinator.document import make_document
-from coordinator.errors import PlanError
+from coordinator.errors import InputError, PlanError
 from coordinator.explain import explain_waits
-from coordinator.junctions import Junctions
+from coordinator.junctions import FEW, Junctions
 from coordinator.motion import Motion, limits_on
 from coordinator.nurbs import Nurbs
 from coordinator.paths import Pathfinder, find_paths
@@ -41,7 +41,9 @@ _TAU_PAD = 0.002
 
 _EFFORT_PER_WAY = 5
 _WAYS = 2
-"""Another way is tried for one robot per so much effort, and so many ways for each."""
+_MOST_WAYS = 60
+"""Another way is tried for one robot per so much effort, and so many ways for each; not in larger
+fleets, where looking for conflicts again takes long."""
 
 Timer = Callable[[], float]
 
@@ -77,7 +79,12 @@ def plan_scenario(
     waits = [] if scenario.policy == "paper" else stages.explain(motions)
     marks.append(timer())
     document = replace(document, waits=waits)
-    proof = prove_document(document, scenario)
+    try:
+        proof = prove_document(document, scenario)
+    except InputError as error:
+        raise PlanError(
+            "a path that was found cannot be sent: " + "; ".join(error.problems)
+        ) from None
     marks.append(timer())
     names = ("paths", "zones", "schedule", "document", "proof")
     timing = {n: round(b - a, 4) for n, (a, b) in zip(names, pairwise(marks), strict=True)}
@@ -153,10 +160,12 @@ class _Stages:
                 raise say_stuck(scenario, self.paths, pairs[0])
 
     def _improved(self, motions: list[Motion], priorities: list[int], effort: int) -> list[Motion]:
-        """Let robots go around where that is quicker; then look for the order once more."""
+        """Let robots go around where that is quicker; few are then ordered once more."""
         before = self.junctions
-        motions = self._go_around(motions, effort // _EFFORT_PER_WAY)
-        if self.junctions is before:
+        count = len(motions)
+        if count <= _MOST_WAYS:
+            motions = self._go_around(motions, effort // _EFFORT_PER_WAY)
+        if self.junctions is before or count > FEW:
             return motions
         again = find_schedule(self.junctions, priorities, effort)
         if isinstance(again, Deadlock) or _arrivals(again) > _arrivals(motions):

@@ -1,11 +1,16 @@
 """Bends are proven between all places: narrow peaks are found, and nothing else is refused."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from coordinator.limit_kernels import too_sharp
+from coordinator.limits_proof import limit_failures
 from coordinator.nurbs import nurbs
 from coordinator.nurbs_kernels import arc_table, series
+from coordinator.plan import Limits
+from protocol.timeline import Timeline
 from tests.coordinator.curves import random_curve
 
 
@@ -48,3 +53,25 @@ def test_a_peak_of_millimetres_is_found():
 def test_a_straight_line_is_never_too_sharp():
     curve = nurbs(3, [0, 0, 0, 0, 1, 1, 1, 1], [(1, 1), (2, 2), (3, 3), (5, 5)])
     assert asked(curve, np.array([0.0, curve.length]), np.full(2, 100.0), 1e-6) == -1.0
+
+
+CORNERS = {
+    "a right angle of degree 1": (1, [0, 0, 1, 2, 2], [(0, 0), (5, 0), (5, 5)]),
+    "a reversal": (1, [0, 0, 1, 2, 2], [(0, 0), (5, 0), (0, 0.001)]),
+    "a cubic with a threefold knot": (
+        3,
+        [0, 0, 0, 0, 1, 1, 1, 2, 2, 2, 2],
+        [(0, 0), (2, 0), (4, 0), (5, 0), (5, 1), (5, 3), (5, 5)],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CORNERS)
+def test_corners_where_spans_meet_are_refused(name):
+    degree, knots, points = CORNERS[name]
+    curve = nurbs(degree, knots, points)
+    length = curve.length
+    line = Timeline([0.0, 0.5, length - 0.5, length], [0.0, 0.8, 0.8, 0.0], [], [])
+    driven = SimpleNamespace(id="A", curve=curve, timeline=line)
+    limits = Limits(max_speed=1.0, max_accel=1.0, max_lateral_accel=1.0)
+    assert any("corner" in said for said in limit_failures(driven, limits))
