@@ -23,6 +23,8 @@ LONG: Final = 3.0
 _WORTH: Final = 1.0
 """Another way has to be quicker by this [s]: it is longer, and others may come to need the room."""
 
+_NO_LATER: Final = 1e-6
+
 
 def latest_robots(junctions: Junctions, motions: Sequence[Motion]) -> list[tuple[int, int]]:
     """Return who is late by more than LONG, and whom it waits for longest; the latest first."""
@@ -57,6 +59,24 @@ def quicker_by(
     kept = [_renumbered(motion, junctions.zones, fresh.zones) for motion in motions]
     kept[index] = found
     return fresh, kept
+
+
+def with_reasons(junctions: Junctions, motions: Sequence[Motion]) -> list[Motion]:
+    """Return motions, those planned anew whose waits have lost their reason to another way."""
+    table = Motions(junctions.lengths())
+    for index, motion in enumerate(motions):
+        table.put(index, motion)
+    kept = list(motions)
+    for index, motion in enumerate(motions):
+        if all(wait.zone >= 0 for wait in motion.waits):
+            continue
+        table.put(index, None)
+        found = earliest_motion(
+            junctions, table, index, latest=motion.finish + _NO_LATER, anywhere=False
+        )
+        kept[index] = motion if found is None else found
+        table.put(index, kept[index])
+    return kept
 
 
 def _renumbered(motion: Motion, old: Zones, new: Zones) -> Motion:

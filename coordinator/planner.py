@@ -14,7 +14,7 @@ from itertools import islice, pairwise
 from msgspec.structs import replace
 
 from coordinator import paper_policy
-from coordinator.another_way import latest_robots, quicker_by
+from coordinator.another_way import latest_robots, quicker_by, with_reasons
 from coordinator.budget import budget_for, resolve_tau
 from coordinator.chords import chords_of
 from coordinator.detours import blocking_pairs, lanes, refuges, say_ring, say_stuck
@@ -165,7 +165,10 @@ class _Stages:
         count = len(motions)
         if count <= _MOST_WAYS:
             motions = self._go_around(motions, effort // _EFFORT_PER_WAY)
-        if self.junctions is before or count > FEW:
+        if self.junctions is before:
+            return motions
+        motions = with_reasons(self.junctions, motions)
+        if count > FEW:
             return motions
         again = find_schedule(self.junctions, priorities, effort)
         if isinstance(again, Deadlock) or _arrivals(again) > _arrivals(motions):
