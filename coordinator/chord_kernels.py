@@ -27,33 +27,6 @@ _PLACES: Final = (0.21132486540518713, 0.7886751345948129)
 
 
 @compiled
-def bezier_pieces(degree: int, knots: Array, control: Array, borders: Array) -> Array:
-    """Return the homogeneous control points (n, degree + 1, 3) of the spans between borders.
-
-    Control point j is the blossom at degree - j times the one border, j times the other.
-    """
-    pieces, work = np.empty((len(borders) - 1, degree + 1, 3)), np.empty((degree + 1, 3))
-    span = degree
-    for piece in range(len(pieces)):
-        while knots[span + 1] <= borders[piece]:
-            span += 1
-        for j in range(degree + 1):
-            for i in range(degree + 1):
-                for axis in range(3):
-                    work[i, axis] = control[span - degree + i, axis]
-            for level in range(1, degree + 1):
-                at = knots[span] if level <= degree - j else knots[span + 1]
-                for i in range(degree, level - 1, -1):
-                    low = knots[span - degree + i]
-                    part = (at - low) / (knots[span + 1 + i - level] - low)
-                    for axis in range(3):
-                        work[i, axis] = (1.0 - part) * work[i - 1, axis] + part * work[i, axis]
-            for axis in range(3):
-                pieces[piece, j, axis] = work[degree, axis]
-    return pieces
-
-
-@compiled
 def judge(piece: Array) -> tuple[float, float]:
     """Return how far a Bezier piece is from its chord travelled evenly, and its longest length.
 

@@ -10,7 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from coordinator.chord_kernels import bezier_pieces, cut_evenly, inverse_error, join_straight
+from coordinator.chord_kernels import cut_evenly, inverse_error, join_straight
+from coordinator.knots import bezier_pieces
 from coordinator.nurbs import Array, Nurbs
 
 _ROUNDING: Final = 1e-12
@@ -60,7 +61,7 @@ def chords_of(curve: Nurbs, tolerance: float = 5e-4) -> Chords:
     if missed > _CLOSER:
         missed = _sampled_error(curve)
     allowed = max(tolerance - spare - missed, 0.5 * tolerance)
-    parts = cut_evenly(borders, bezier_pieces(*curve.lifted, borders), allowed)
+    parts = cut_evenly(borders, bezier_pieces(*curve.lifted)[1], allowed)
     u = np.append(parts[:, 0], borders[-1])
     ends = np.concatenate((parts[:, 1:3], curve.points[-1:]))
     s = curve.arc_at(u)

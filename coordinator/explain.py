@@ -52,6 +52,7 @@ def explain_waits(
                 zone=(a0, a1) if mine else (b0, b1),
                 their_zone=(b0, b1) if mine else (a0, a1),
                 otherwise=tried.get((index, number)),
+                tried=(index, number) in tried,
             )
         )
     return reasons

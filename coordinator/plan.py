@@ -94,7 +94,7 @@ class Reason(msgspec.Struct, frozen=True, kw_only=True):
 
     zone, their_zone [m]: where the zone begins and ends on its own path and on the other's.
     `otherwise` [s]: how much later the two would arrive in all if this robot passed it first; null
-    when it cannot, or when there are too many waits to try all.
+    when it cannot, or was not `tried`: in large fleets only the longest waits are.
     """
 
     robot: str
@@ -104,6 +104,7 @@ class Reason(msgspec.Struct, frozen=True, kw_only=True):
     zone: tuple[float, float]
     their_zone: tuple[float, float]
     otherwise: float | None = None
+    tried: bool = False
 
 
 class Proof(msgspec.Struct, frozen=True, kw_only=True):

@@ -7,14 +7,10 @@ reasons were found (explain.py), or where they are shown.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
 import msgspec
 
-from coordinator.plan import PlanDocument, Reason
-
-TRIED: Final = 200
-"""The other order is tried for so many waits of a plan, the longest ones (explain.py)."""
+from coordinator.plan import PlanDocument
 
 
 class WaitSummary(msgspec.Struct, frozen=True, kw_only=True):
@@ -43,10 +39,10 @@ class WaitSummary(msgspec.Struct, frozen=True, kw_only=True):
 
 def waits_of(document: PlanDocument) -> list[WaitSummary]:
     """Return the waits of a plan, in its order."""
-    reasons = document.waits
-    by_length = sorted(range(len(reasons)), key=lambda index: -reasons[index].wait)
-    tried = set(by_length[:TRIED])
-    return [_told(reason, document.epoch, n in tried) for n, reason in enumerate(reasons)]
+    return [
+        WaitSummary(epoch=document.epoch, **msgspec.structs.asdict(reason))
+        for reason in document.waits
+    ]
 
 
 def longest(waits: Sequence[WaitSummary], most: int) -> list[WaitSummary]:
@@ -54,7 +50,3 @@ def longest(waits: Sequence[WaitSummary], most: int) -> list[WaitSummary]:
     if len(waits) <= most:
         return list(waits)
     return sorted(waits, key=lambda wait: -wait.wait)[:most]
-
-
-def _told(reason: Reason, epoch: int, tried: bool) -> WaitSummary:
-    return WaitSummary(epoch=epoch, tried=tried, **msgspec.structs.asdict(reason))

@@ -95,12 +95,6 @@ def searched(fleet, nodes=MANY):
     return table, found
 
 
-def seen_by_all(best):
-    """Nothing was found: nothing must exist, but for what the search is known not to see."""
-    if best < math.inf:
-        pytest.xfail("nobody may wait in a zone that is not decided yet: some plans are not seen")
-
-
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("make", [random_fleet, tangled])
 def test_three_robots_get_the_best_of_all_ways_to_decide_their_zones(seed, make):
@@ -108,7 +102,7 @@ def test_three_robots_get_the_best_of_all_ways_to_decide_their_zones(seed, make)
     table, found = searched(fleet)
     best = best_of_all(fleet)
     if not found:
-        seen_by_all(best)
+        assert best == math.inf
         return
     cost = delay(fleet, table.all())
     assert cost <= best + 1e-6
@@ -136,7 +130,7 @@ def test_two_robots_on_winding_paths_get_the_best_too(seed):
     table, found = searched(fleet)
     best = best_of_all(fleet)
     if not found:
-        seen_by_all(best)
+        assert best == math.inf
     else:
         assert delay(fleet, table.all()) <= best + 1e-6
         assert fleet.slack(table.all(), step=0.04) >= -2e-3

@@ -51,7 +51,7 @@ def plan_document(epoch: int = 1, waits=()) -> plan_file.PlanDocument:
 
 WAIT = plan_file.Reason(
     robot="R1", s=1.5, wait=1.5, yields_to="R2", zone=(1.6, 2.5), their_zone=(0.5, 1.4),
-    otherwise=2.25,
+    otherwise=2.25, tried=True,
 )  # fmt: skip
 TOLD_WAIT = {
     "epoch": 1, "robot": "R1", "s": 1.5, "wait": 1.5, "yields_to": "R2",

@@ -142,10 +142,12 @@ async def test_a_fleet_whose_robots_never_come_is_given_up(recorded):
 
 async def test_a_flood_is_dropped_and_counted_beyond_its_bound_and_ends_nothing(recorded):
     service, hand, _ = recorded
-    task = asyncio.create_task(service.run(patience_s=60.0))
-    await asyncio.sleep(0)
-    for _ in range(20_000):
-        hand.handlers[0]("splinefleet/one/report/R1", b"junk", None)
-    await task
+
+    def flood():
+        for _ in range(20_000):
+            hand.handlers[0]("splinefleet/one/report/R1", b"junk", None)
+
+    asyncio.get_running_loop().call_soon(flood)
+    await service.run(patience_s=60.0)
     assert service.dropped > 0
     assert service.fleet.bad_messages > 0
