@@ -239,7 +239,13 @@ def test_a_spoilt_plan_attachment_is_passed_over():
 
 def test_every_epochs_waits_are_told_from_the_plans_that_the_log_holds(tmp_path):
     after = plan_file.Reason(
-        robot="R2", s=0.0, wait=0.5, yields_to="R1", zone=(0.5, 1.4), their_zone=(1.6, 2.5)
+        robot="R2",
+        s=0.0,
+        wait=0.5,
+        yields_to="R1",
+        zone=(0.5, 1.4),
+        their_zone=(1.6, 2.5),
+        tried=True,
     )
     plans = [plan_document(2, [after]), plan_document(1, [WAIT])]
     told = summarise(log_of(tmp_path, good_run(), plans=plans))
