@@ -29,6 +29,7 @@ bench: .venv/dev.stamp .venv-peers/peers.stamp
 .venv/runtime.stamp: requirements.lock pyproject.toml | .venv/bin/python
 	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	$(BIN)/python -m compileall -q protocol coordinator robot_agent sim splinefleet.py
 	$(BIN)/python -m coordinator.warm
 	touch $@
 

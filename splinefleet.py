@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 from types import FrameType
@@ -31,6 +32,8 @@ for package in (coordinator.commands, robot_agent.commands, sim.commands):
 
 def main() -> None:
     """Run the command line; exit codes as in the contract."""
+    # What plans are made of has no cycles: this saves seconds at 1,000 robots.
+    gc.set_threshold(100_000, 50, 100)
     for number in _ENDING:
         signal.signal(number, _interrupt)
     try:

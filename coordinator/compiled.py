@@ -20,12 +20,16 @@ from typing import Final, ParamSpec, TypeVar, cast
 
 import numba
 
+from coordinator.quick_loading import load_quickly
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
 _FOLDER: Final = Path(__file__).parent
 _CACHE: Final = _FOLDER / "__pycache__"
 _IMPORT: Final = re.compile(r"^from coordinator\.(\w+_kernels) import", re.MULTILINE)
+
+load_quickly()
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:

@@ -48,9 +48,19 @@ Undo = list[tuple[int, Motion | None, int]]
 
 
 class ConflictSearch:
-    """Looks for motions of some robots with less delay than a bound; others stay as they are."""
+    """Looks for motions of some robots with less delay than a bound; others stay as they are.
 
-    def __init__(self, junctions: Junctions, motions: Motions, chosen: Sequence[int]) -> None:
+    The chosen ones leave their starts by `leave_by` [s].
+    """
+
+    def __init__(
+        self,
+        junctions: Junctions,
+        motions: Motions,
+        chosen: Sequence[int],
+        leave_by: float = math.inf,
+    ) -> None:
+        self.leave_by = leave_by
         self.junctions, self.motions, self.chosen = junctions, motions, list(chosen)
         self.meetings = _meetings(junctions, set(chosen))
         self.modes = {index: self._outside(index) for index in chosen}
@@ -159,7 +169,13 @@ class ConflictSearch:
                 latest = alone + self.best - others - GAIN
                 modes = self.modes[index]
                 motion = earliest_motion(
-                    self.junctions, self.motions, index, modes, latest=latest, anywhere=self._few
+                    self.junctions,
+                    self.motions,
+                    index,
+                    modes,
+                    latest=latest,
+                    anywhere=self._few,
+                    leave_by=self.leave_by,
                 )
             if motion is None:
                 self._restore(undo[::-1])

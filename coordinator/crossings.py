@@ -7,7 +7,7 @@ crossing points, they are zones.  Decides: what a meeting tells.  Must not know:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from typing import Final
 
@@ -60,11 +60,31 @@ def crossing_table(
     """
     if executor is None or len(pairs) < 2 * _PART:
         return _table(curves, pairs)
-    parts = np.array_split(pairs, min(len(pairs) // _PART, _MOST_PARTS))
-    tables = list(executor.map(_table, [curves] * len(parts), parts))
-    for table, begin in zip(tables, np.cumsum([0, *map(len, parts)]).tolist(), strict=False):
-        table[:, 0] += begin
-    return np.concatenate(tables)
+    return CrossingSearch(curves, pairs, executor).result()
+
+
+class CrossingSearch:
+    """A crossing table that the executor is at work on, while its user does something else."""
+
+    def __init__(
+        self, curves: Sequence[Nurbs], pairs: npt.NDArray[np.int64], executor: Executor | None
+    ) -> None:
+        self.curves, self.pairs = tuple(curves), pairs
+        self._parts = np.array_split(pairs, min(max(len(pairs) // _PART, 1), _MOST_PARTS))
+        self._found: list[Future[Array]] = []
+        if executor is not None and len(pairs) >= 2 * _PART:
+            self._found = [executor.submit(_table, curves, part) for part in self._parts]
+
+    def result(self) -> Array:
+        """Return the table as crossing_table has it; waits for it, and raises as that does."""
+        if not self._found:
+            return _table(self.curves, self.pairs)
+        tables = [future.result() for future in self._found]
+        for table, begin in zip(
+            tables, np.cumsum([0, *map(len, self._parts)]).tolist(), strict=False
+        ):
+            table[:, 0] += begin
+        return np.concatenate(tables)
 
 
 def _table(curves: Sequence[Nurbs], pairs: npt.NDArray[np.int64]) -> Array:

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from itertools import combinations
 
 import msgspec
 import numpy as np
 
-from coordinator.crossings import crossing_table
+from coordinator.crossings import CrossingSearch
 from coordinator.errors import PlanError
 from coordinator.motion import Motion
 from coordinator.nurbs import Array, Nurbs
@@ -33,12 +32,11 @@ def make_document(
     tau: float,
     epoch: int,
     notes: Sequence[str],
-    pairs: Sequence[tuple[int, int]] | None = None,
-    executor: Executor | None = None,
+    crossings: CrossingSearch | None = None,
 ) -> PlanDocument:
     """Return the document without its proof; tau in seconds.
 
-    `pairs`: the robots whose paths may cross, all of them by default; many go to the executor.
+    `crossings`: where the paths cross, already looked for; by default all pairs are looked at.
 
     Raises PlanError when a robot's path is too long for a message.
     """
@@ -64,10 +62,11 @@ def make_document(
         except OversizeError as error:
             raise PlanError(f"{robot.id}: {error}; fewer via points would help") from None
         robots.append(msgspec.structs.replace(planned, wire_bytes=size))
-    near = list(combinations(range(len(robots)), 2)) if pairs is None else pairs
-    chosen = np.array(near, dtype=np.int64).reshape(-1, 2)
-    crossings = _crossings(robots, motions, chosen, crossing_table(paths, chosen, executor))
-    return msgspec.structs.replace(bare, robots=robots, crossings=crossings)
+    if crossings is None:
+        pairs = np.array(list(combinations(range(len(robots)), 2)), dtype=np.int64).reshape(-1, 2)
+        crossings = CrossingSearch(paths, pairs, None)
+    said = _crossings(robots, motions, crossings.pairs, crossings.result())
+    return msgspec.structs.replace(bare, robots=robots, crossings=said)
 
 
 def _robot_plan(robot: Robot, path: Nurbs, motion: Motion, names: Sequence[str]) -> RobotPlan:
@@ -123,14 +122,28 @@ def _crossings(
     """Return what is said of each crossing: a row of the table as crossings.py has it."""
     whose = pairs[table[:, 0].astype(np.int64)]
     times = [_times(motions, whose[:, side], table[:, 3 + side]).tolist() for side in (0, 1)]
+    waiting = {(r.id, stop.yields_to) for r in robots for stop in r.stops}
+    waiting |= {(r.id, r.start_yields_to) for r in robots}
     found = []
     for (i, j), (_, x, y, s_a, s_b), t_a, t_b in zip(
         whose.tolist(), table.tolist(), *times, strict=True
     ):
         a, b = robots[i], robots[j]
-        said = _verdict(a, b, s_a) or _verdict(b, a, s_b) or "no stop"
+        said = ""
+        if (a.id, b.id) in waiting or (b.id, a.id) in waiting:
+            said = _verdict(a, b, s_a) or _verdict(b, a, s_b)
         found.append(
-            Crossing(a=a.id, b=b.id, x=x, y=y, s_a=s_a, s_b=s_b, t_a=t_a, t_b=t_b, verdict=said)
+            Crossing(
+                a=a.id,
+                b=b.id,
+                x=x,
+                y=y,
+                s_a=s_a,
+                s_b=s_b,
+                t_a=t_a,
+                t_b=t_b,
+                verdict=said or "no stop",
+            )
         )
     return found
 

@@ -15,6 +15,8 @@ from coordinator.plan import PlanDocument, Proof, RobotPlan
 from coordinator.wait_summary import waits_of
 from coordinator.wait_table import waits_table
 
+_ROBOTS: Final = 60
+"""Robots shown, those that finish last; drawing a thousand rows takes longer than proving them."""
 _NOTES: Final = 12
 """Notes told below the table; a crowded floor has hundreds."""
 _WAITS: Final = 10
@@ -25,7 +27,8 @@ def render(document: PlanDocument) -> RenderableType:
     """Return a plan as tables: robots, why they wait, the proof."""
     title = f"{document.scenario} · policy {document.policy} · tau {document.tau} s"
     table = Table("robot", "path m", "points", "start s", "finish s", "stops", "bytes", title=title)
-    for robot in document.robots:
+    shown = _shown(document.robots)
+    for robot in shown:
         table.add_row(
             robot.id,
             f"{robot.length:.2f}",
@@ -40,6 +43,11 @@ def render(document: PlanDocument) -> RenderableType:
             str(robot.wire_bytes),
         )
     parts: list[RenderableType] = [table]
+    if len(shown) < len(document.robots):
+        more = len(document.robots) - len(shown)
+        parts.append(
+            Text(f"and {more} robots that finish before these; the plan file has them all")
+        )
     if document.waits:
         parts.append(waits_table(waits_of(document), _WAITS))
     parts += [Text(note) for note in document.notes[:_NOTES]]
@@ -51,6 +59,12 @@ def render(document: PlanDocument) -> RenderableType:
     stages = ", ".join(f"{name} {seconds:.3f} s" for name, seconds in document.timing.items())
     parts.append(Text(f"planned in {spent:.3f} s: {stages}"))
     return Group(*parts)
+
+
+def _shown(robots: list[RobotPlan]) -> list[RobotPlan]:
+    """Return the robots that a table has room for, in the plan's order."""
+    last = {robot.id for robot in sorted(robots, key=lambda robot: -robot.finish_time)[:_ROBOTS]}
+    return [robot for robot in robots if robot.id in last]
 
 
 def _start(robot: RobotPlan) -> str:

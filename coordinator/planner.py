@@ -11,12 +11,14 @@ from concurrent.futures import Executor
 from contextlib import suppress
 from itertools import islice, pairwise
 
+import numpy as np
 from msgspec.structs import replace
 
 from coordinator import paper_policy
 from coordinator.another_way import latest_robots, quicker_by, with_reasons
 from coordinator.budget import budget_for, resolve_tau
 from coordinator.chords import chords_of
+from coordinator.crossings import CrossingSearch
 from coordinator.detours import blocking_pairs, lanes, refuges, say_ring, say_stuck
 from coordinator.document import make_document
 from coordinator.errors import InputError, PlanError
@@ -74,7 +76,7 @@ def plan_scenario(
     _check_times(scenario, tau, motions)
     marks.append(timer())
     document = make_document(
-        scenario, stages.paths, motions, tau, epoch, stages.say(), stages.pairs(), executor
+        scenario, stages.paths, motions, tau, epoch, stages.say(), stages.crossings()
     )
     waits = [] if scenario.policy == "paper" else stages.explain(motions)
     marks.append(timer())
@@ -127,6 +129,7 @@ class _Stages:
         self.tracks: list[Track] = []
         self.notes: list[str] = []
         self.junctions: Junctions
+        self._crossings: CrossingSearch
 
     def find_paths(self) -> None:
         """Find every robot's path, alone."""
@@ -136,6 +139,7 @@ class _Stages:
         """Find where the robots conflict on these paths."""
         self.tracks = [self._track(index, path) for index, path in enumerate(self.paths)]
         self.junctions = self._meet(self.tracks)
+        self._crossings = self._look_for_crossings()
 
     def schedule(self, effort: int) -> list[Motion]:
         """Return the robots' motions; reroutes robots as long as no order works."""
@@ -196,10 +200,17 @@ class _Stages:
                     break
         return motions
 
-    def pairs(self) -> list[tuple[int, int]]:
-        """Return the pairs of robots that come near each other, in order."""
+    def crossings(self) -> CrossingSearch:
+        """Return where the paths cross; they are looked for anew when paths were changed."""
+        if self._crossings.curves != tuple(self.paths):
+            self._crossings = self._look_for_crossings()
+        return self._crossings
+
+    def _look_for_crossings(self) -> CrossingSearch:
+        """Begin to look where robots that come near each other cross, during the schedule."""
         zones = self.junctions.zones
-        return sorted(set(zip(zones.a.tolist(), zones.b.tolist(), strict=True)))
+        pairs = np.unique(np.column_stack((zones.a, zones.b)), axis=0)
+        return CrossingSearch(self.paths, pairs, self.executor)
 
     def explain(self, motions: Sequence[Motion]) -> list[Reason]:
         """Return why the robots wait."""

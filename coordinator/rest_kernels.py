@@ -63,12 +63,13 @@ class _Closed(NamedTuple):
 
 @compiled
 def search(
-    ride: Ride, bans: Bans, rest: Array, release: float, polite: bool
+    ride: Ride, bans: Bans, rest: Array, release: float, polite: bool, leave_by: float
 ) -> tuple[Array, float]:
     """Return the rests (n, 3) of the earliest motion, and its arrival [s]; infinite if none.
 
     A rest: station, departure [s], the zone that it is for (-1: none).  rest (stations,) [s] bounds
-    the time from a station to the goal from below; the robot leaves its start after `release` [s].
+    the time from a station to the goal from below; the robot leaves its start from `release` to
+    `leave_by` [s].
     A polite one never waits in a zone which the other robot has yet to pass.
     """
     first, times = _intervals(ride, bans, polite and not ride.at_once)
@@ -88,7 +89,7 @@ def search(
         if here == len(times) - 1:
             return _rests(states, here), states.best[here]
         p = states.station[here]
-        latest = times[here, 1]
+        latest = times[here, 1] if p > 0 else min(times[here, 1], leave_by)
         if polite and ride.at_once and p > 0 and states.best[here] < _patience(ride, bans, p):
             latest = states.best[here]
         # Where stopping costs no time the next station is as good as any other, and waits come as

@@ -10,6 +10,7 @@ Decides: the order.  Must not know: how one robot waits (waiting.py), floors.
 from __future__ import annotations
 
 import itertools
+import math
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from typing import Final
 from coordinator.conflict_search import ConflictSearch
 from coordinator.junctions import FEW, Junctions
 from coordinator.motion import Motion
-from coordinator.precedence import first_order
+from coordinator.precedence import first_order, ring_of
 from coordinator.timetable import Motions
 from coordinator.waiting import earliest_motion
 
@@ -47,6 +48,10 @@ _SETTLING: Final = 3
 """So often at most everybody is looked at again in the end."""
 
 _GAIN: Final = 1e-6
+
+_RING: Final = 300
+_LARGEST_RING: Final = 24
+"""Nodes that are searched for motions of robots that no order works for, if they are so few."""
 
 _NODES: Final = 15
 """Nodes that are searched per unit of effort, zone by zone, where robots are few."""
@@ -86,7 +91,10 @@ def find_schedule(
     """
     found = _first_that_works(junctions, first_order(junctions, priorities))
     if isinstance(found, Deadlock):
-        return found
+        turned = _zone_by_zone(junctions, first_order(junctions, priorities))
+        if turned is None:
+            return found
+        found = turned
     order, motions = found
     delay = delays(junctions, motions.all())
     if 1 < len(order) <= FEW and effort > 0 and not any(priorities):
@@ -248,6 +256,28 @@ def _first_that_works(
                 if isinstance(other, Motions):
                     return trial, other
     return result
+
+
+def _zone_by_zone(junctions: Junctions, order: Sequence[int]) -> tuple[Order, Motions] | None:
+    """Find motions where no order of whole robots works, such as for a ring that turns by one.
+
+    Looks at all robots where they are few, else at those of a ring; the others come after them.
+    Robots of a dense ring must leave their starts at once, and wait on the way.
+    """
+    motions = Motions(junctions.lengths())
+    chosen = list(order) if len(order) <= FEW else ring_of(junctions)
+    if len(chosen) > _LARGEST_RING or not any(
+        ConflictSearch(junctions, motions, chosen, leave_by).run(math.inf, _RING)
+        for leave_by in (math.inf, 0.0)
+    ):
+        return None
+    rest = [index for index in order if index not in chosen]
+    for index in rest:
+        motion = earliest_motion(junctions, motions, index)
+        if motion is None:
+            return None
+        motions.put(index, motion)
+    return (*chosen, *rest), motions
 
 
 def _promoted(order: Order, loser: int, tried: set[Order], junctions: Junctions) -> Order:

@@ -29,20 +29,21 @@ def earliest_motion(
     release: float = 0.0,
     latest: float = math.inf,
     anywhere: bool = True,
+    leave_by: float = math.inf,
 ) -> Motion | None:
     """Return the motion with which a robot arrives first among those that have one; None if none.
 
     It waits where that is harmless, outside of zones that others have yet to pass; anywhere
     if there is no other way, or if that is quicker and robots are few.  modes (m,): what each of
-    its zones asks, as in bans_kernels.py; it leaves its start after `release` [s] and has to arrive
-    before `latest` [s].
+    its zones asks, as in bans_kernels.py; it leaves its start from `release` to `leave_by` [s], and
+    has to arrive before `latest` [s].
     """
     few = len(junctions.tracks) <= FEW
     arrival, waits = math.inf, list[Wait]()
     for polite in (True, False) if anywhere else (True,):
         if arrival == math.inf or few:
             approach = junctions.approach(index, few or not polite)
-            other = _waits(junctions, motions, index, approach, modes, release, polite)
+            other = _waits(junctions, motions, index, approach, modes, release, polite, leave_by)
             if other[0] < arrival - _EARLIER:
                 arrival, waits = other
     return Motion(junctions.tracks[index].limits, waits) if arrival < latest else None
@@ -56,6 +57,7 @@ def _waits(
     modes: Indices | None,
     release: float,
     polite: bool,
+    leave_by: float,
 ) -> tuple[float, list[Wait]]:
     """Return when the robot arrives [s], infinite if never, and its waits."""
     track, rows = junctions.tracks[index], approach.rows
@@ -64,7 +66,7 @@ def _waits(
     known = approach.known
     low, high = forbid(rows, modes, motions.table, track.elapsed, junctions.tau, known)
     bans = Bans(rows.first, rows.cell, known.begin, known.end, low, high, approach.span)
-    rests, arrival = search(approach.ride, bans, approach.rest, release, polite)
+    rests, arrival = search(approach.ride, bans, approach.rest, release, polite, leave_by)
     waits: list[Wait] = []
     zones = junctions.zones_of(index)
     for station, depart, zone in rests.tolist():
