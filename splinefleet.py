@@ -11,6 +11,7 @@ from typing import Final
 import typer
 
 import coordinator.commands
+import coordinator.operator_commands
 import robot_agent.commands
 import sim.commands
 from coordinator.console import tell
@@ -26,7 +27,12 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for package in (coordinator.commands, robot_agent.commands, sim.commands):
+for package in (
+    coordinator.commands,
+    coordinator.operator_commands,
+    robot_agent.commands,
+    sim.commands,
+):
     app.add_typer(package.commands)
 
 

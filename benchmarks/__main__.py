@@ -23,6 +23,7 @@ from benchmarks.paths import against_peers, fleets, for_robots
 from benchmarks.planning import planning
 from benchmarks.proof import proving, sharpness
 from benchmarks.quality import quality
+from benchmarks.reliability import campaigns
 from benchmarks.safety import safety
 from benchmarks.swaps import swaps
 from benchmarks.table import ROOT, Row, show
@@ -43,6 +44,7 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "quality": {"sums of delays against the optimum": quality},
     "paper": {"against Algorithm 2 of the paper": against_paper},
     "safety": {"seeded scenarios, judged by a dense sampler": partial(safety, 200)},
+    "reliability": {"seeded fleets with 1 to 4 faults": partial(campaigns, 500)},
     "agent": {"one tick of the robot's core": agent},
 }
 

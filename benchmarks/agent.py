@@ -1,46 +1,250 @@
-"""The robot's core: what one tick of its control loop costs."""
+"""The robot's core and its process: what a tick costs, and how many robots one machine carries.
+
+`python -m benchmarks agent` measures the tick; `python -m benchmarks.agent [COUNT [SECONDS]]` also
+starts that many robots as processes, with a coordinator, on this machine.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
 import time
+import tracemalloc
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
 
 import numpy as np
 
+from benchmarks.campaign import record
 from benchmarks.table import ROOT, Row
 from coordinator.planner import plan_scenario
-from coordinator.scenario_file import read_scenario
-from coordinator.wire import drive
+from coordinator.scenario import Robot, Scenario, Workspace
+from coordinator.scenario_file import read_scenario, scenario_to_json
+from coordinator.wire import Driven, drive
 from protocol.plan_parts import unpack_plan
 from robot_agent.agent import Agent
 
+RATE: Final = 50
+"""Ticks a second of every robot of a fleet."""
+
+_SPEED: Final = 0.5
+_COMMAND: Final = (sys.executable, "-m", "splinefleet")
+_GOODBYE_S: Final = 20.0
+Process = subprocess.Popen[str]
+
 
 def agent() -> list[Row]:
-    """Tick the robot's core along a plan: the time that a control period costs."""
-    document = plan_scenario(read_scenario(ROOT / "examples" / "paper_five_real.toml"))
-    driven = drive(document)[0]
+    """Tick the robot's core along a plan: the time that a control period costs, and its state."""
+    driven = drive(plan_scenario(read_scenario(ROOT / "examples" / "paper_five_real.toml")))[0]
+    parts = unpack_plan(driven.plan)
+    tracemalloc.start()
     robot = Agent(0.0, 10_000_000)
     robot.hear_command(7, 1, 1, 0, 0, False, 0)
+    robot.hear_plan(7, 1, *parts)
+    size = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
     for i in range(8):
         robot.hear_clock(i, i, i, i)
-    robot.hear_plan(7, 1, *unpack_plan(driven.plan))
     assert robot.ride is not None
-    start = robot.ride.follower.start_pose()
-    robot.tick(1_000, *start)
+    robot.tick(1_000, *robot.ride.follower.start_pose())
     robot.hear_command(7, 2, 1, 1, 1_000, False, 2_000)
+    spent = []
+    for i, (t, x, y, heading) in enumerate(_seen(driven)):
+        now = 1_000 + round(t * 1e9)
+        if i % 10 == 0:
+            robot.hear_command(7, 3 + i, 1, 1, 1_000, False, now)
+        begin = time.perf_counter_ns()
+        robot.tick(now, x, y, heading)
+        spent.append((time.perf_counter_ns() - begin) / 1000.0)
+    cuts = np.percentile(spent, (50, 99))
+    return [
+        {
+            "ticks": len(spent),
+            "median us": float(cuts[0]),
+            "99th percentile us": float(cuts[1]),
+            "state KiB": size / 1024.0,
+            "control points": len(parts.path[2]),
+        }
+    ]
+
+
+def _seen(driven: Driven) -> list[list[float]]:
+    """Return plan time, x, y and heading of a robot that keeps to its plan, every 10 ms."""
     curve, line = driven.curve, driven.timeline
     times = np.arange(0.0, line.finish, 0.01)
     s = np.array([line.s_at(t) for t in times])
     places, first = curve.derivatives(curve.parameter_at(s), 1)
     headings = np.arctan2(first[:, 1], first[:, 0])
-    spent = []
-    for i, (t, place, heading) in enumerate(
-        zip(times.tolist(), places.tolist(), headings.tolist(), strict=True)
-    ):
-        now = 1_000 + round(t * 1e9)
-        if i % 10 == 0:
-            robot.hear_command(7, 3 + i, 1, 1, 1_000, False, now)
-        begin = time.perf_counter_ns()
-        robot.tick(now, place[0], place[1], heading)
-        spent.append((time.perf_counter_ns() - begin) / 1000.0)
-    cuts = np.percentile(spent, (50, 99))
-    return [{"ticks": len(spent), "median us": cuts[0], "99th percentile us": cuts[1]}]
+    rows: list[list[float]] = np.column_stack((times, places, headings)).tolist()
+    return rows
+
+
+def fleet_of_agents(count: int = 100, seconds: float = 20.0) -> list[Row]:
+    """Run that many robots side by side as processes, RATE ticks a second, for so long.
+
+    Overruns are those on the way from start to goal, the worst tick that since the process began;
+    CPU is the share of one core, over all threads, on the way.  Whatever else runs meanwhile on
+    this machine takes its part: CPU of this machine less that of robots and coordinator.
+    """
+    with TemporaryDirectory() as name, _ended() as processes:
+        folder = Path(name)
+        coordinator = _start_fleet(folder, count, seconds, processes)
+        before, began = [_cpu_s(process) for process in processes], time.monotonic()
+        busy = _busy_s()
+        time.sleep(seconds)
+        passed = time.monotonic() - began
+        spent = [_cpu_s(process) - was for process, was in zip(processes, before, strict=True)]
+        busy = _busy_s() - busy
+        coordinator.communicate(timeout=seconds + _GOODBYE_S)
+        for process in processes:
+            process.wait(_GOODBYE_S)
+        counts = [_counted(folder / f"R{i + 1}.jsonl") for i in range(count)]
+    ticks, overruns, failures = (sum(part) for part in list(zip(*counts, strict=True))[:3])
+    return [
+        {
+            "robots": count,
+            "arrived": sum(1 for part in counts if part[0] > 0),
+            "ticks": ticks,
+            "overruns %": 100.0 * overruns / max(ticks, 1),
+            "failures": failures,
+            "worst tick ms": max(part[3] for part in counts) / 1000.0,
+            "CPU of a robot %": 100.0 * sum(spent[1:]) / count / passed,
+            "CPU of all robots %": 100.0 * sum(spent[1:]) / passed,
+            "CPU of the coordinator %": 100.0 * spent[0] / passed,
+            "CPU of this machine %": 100.0 * busy / passed,
+            "cores": os.cpu_count() or 0,
+        }
+    ]
+
+
+def _lanes(count: int, seconds: float) -> Scenario:
+    """Return robots on lanes a metre apart that nothing crosses."""
+    far = 1.0 + 0.95 * _SPEED * seconds
+    robots = tuple(
+        Robot(
+            id=f"R{i + 1}",
+            start=(1.0, 1.0 + i),
+            goal=(far, 1.0 + i),
+            radius=0.2,
+            max_speed=_SPEED,
+            max_accel=_SPEED,
+            max_lateral_accel=_SPEED,
+        )
+        for i in range(count)
+    )
+    wide, high = far + 1.0, count + 1.0
+    floor = Workspace(boundary=((0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high)))
+    return Scenario(name="lanes", workspace=floor, robots=robots)
+
+
+def _start_fleet(folder: Path, count: int, seconds: float, processes: list[Process]) -> Process:
+    """Start a coordinator and its robots; return the coordinator when it has said GO."""
+    scenario = folder / "lanes.json"
+    scenario.write_bytes(scenario_to_json(_lanes(count, seconds)))
+    endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    coordinator = subprocess.Popen(
+        [
+            *(*_COMMAND, "coordinator", str(scenario), f"--listen={endpoint}", "--json"),
+            *("--effort=0", f"--wait={60 + 2 * count}"),
+        ],
+        stdout=subprocess.PIPE,
+        stdin=subprocess.DEVNULL,
+        text=True,
+    )
+    processes.append(coordinator)
+    assert coordinator.stdout is not None
+    for line in coordinator.stdout:
+        event = json.loads(line)
+        if event["event"] == "listening":
+            processes.extend(_start_robot(folder, f"R{i + 1}", endpoint) for i in range(count))
+        elif event["event"] == "phase" and event["text"] == "GO":
+            return coordinator
+    raise RuntimeError("the coordinator ended before GO")
+
+
+def _start_robot(folder: Path, robot: str, endpoint: str) -> Process:
+    with (folder / f"{robot}.jsonl").open("w") as counts:
+        return subprocess.Popen(
+            [
+                *(*_COMMAND, "agent", robot, f"--connect={endpoint}", "--fleet=lanes"),
+                *("--radius=0.2", f"--max-speed={_SPEED}", f"--max-accel={_SPEED}"),
+                *(f"--rate={RATE}", "--stats", "--quiet", "--give-up=30", "--wait=60"),
+            ],
+            stdout=counts,
+            stdin=subprocess.DEVNULL,
+            text=True,
+        )
+
+
+def _counted(path: Path) -> tuple[int, int, int, int]:
+    """Return ticks, overruns and failures from moving to done, and the worst tick [us] ever.
+
+    Without ticks when the robot has not arrived.
+    """
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    states = {line["state"]: line for line in lines}
+    if "moving" not in states or "done" not in states:
+        return 0, 0, 0, 0
+    names = ("ticks", "overruns", "failures")
+    ticks, overruns, failures = (states["done"][n] - states["moving"][n] for n in names)
+    return ticks, overruns, failures, states["done"]["worst_tick_us"]
+
+
+def _cpu_s(process: Process) -> float:
+    """Return the processor time [s] that a process has taken."""
+    try:
+        fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    except FileNotFoundError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _busy_s() -> float:
+    """Return the processor time [s] that everything on this machine has taken."""
+    fields = [int(part) for part in Path("/proc/stat").read_text().splitlines()[0].split()[1:]]
+    return (sum(fields[:8]) - fields[3] - fields[4]) / os.sysconf("SC_CLK_TCK")
+
+
+@contextlib.contextmanager
+def _ended() -> Iterator[list[Process]]:
+    """Give a list; every process put into it is ended, by its id, when the block is left."""
+    processes: list[Process] = []
+    try:
+        yield processes
+    finally:
+        for process in processes:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+            if process.stdout is not None:
+                process.stdout.close()
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def main() -> None:
+    """Measure and write benchmarks/results/agent_fleet.json; ended early, it ends its processes."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(130))
+    count, seconds = (*map(int, sys.argv[1:]), *(100, 20)[len(sys.argv) - 1 :])
+    record(
+        "agent_fleet",
+        {
+            "one tick of the robot's core": agent(),
+            "robot processes and a coordinator": fleet_of_agents(count, seconds),
+        },
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -25,7 +25,7 @@ from coordinator.paths import Pathfinder
 from coordinator.plan import Limits, PlanDocument, Proof
 from coordinator.planner import plan_scenario
 from coordinator.proof import TOLERANCE, prove, prove_separation
-from coordinator.scenario import Scenario
+from coordinator.scenario import Link, Scenario
 from coordinator.separation import Separation
 from coordinator.wire import Driven, drive
 from sim.generator import KINDS, generate
@@ -146,7 +146,7 @@ def _prove(case: Case, driven: list[Driven]) -> Proof:
     floor = Floor(case.scenario.workspace.boundary, case.scenario.workspace.obstacles)
     limits = [Limits.of(robot) for robot in case.scenario.robots]
     margin = case.scenario.margin
-    return prove(driven, case.tau, margin, floor.gap, limits, budget_for(limits))
+    return prove(driven, case.tau, margin, floor.gap, limits, budget_for(limits, Link()))
 
 
 def _least(action: Callable[[], object], runs: int = 3) -> float:

@@ -10,8 +10,10 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from coordinator.link_times import link_times
 from coordinator.plan import Limits
-from protocol.timing import CLOCK_ERROR, LATENESS, LEASE, REPORT_TIMEOUT, SECOND, late_share
+from coordinator.scenario import Link
+from protocol.timing import LATENESS, SECOND, late_share
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,8 @@ class Budget:
     """Until a robot that no longer hears the coordinator brakes (longer than a Command takes)."""
     brake: float
     """Until the slowest braking robot rests."""
+    travel: float = 0.0
+    """What a message takes from one side to the other."""
 
     @property
     def late(self) -> float:
@@ -37,12 +41,12 @@ class Budget:
     @property
     def cut_off(self) -> float:
         """What a robot needs that stops because it does not hear a living coordinator."""
-        return self.late + self.notice + self.lease + self.brake
+        return self.late + self.notice + self.lease + self.brake + 2.0 * self.travel
 
     @property
     def lost_coordinator(self) -> float:
         """What the loss of the coordinator needs: leases run out within a Command of each other."""
-        return self.late + self.lease + self.brake
+        return self.late + self.lease + self.brake + self.travel
 
     def survives(self, tau: float) -> list[str]:
         """Name the faults that a tau [s] covers: late robot, dead robot, lost coordinator."""
@@ -54,18 +58,20 @@ class Budget:
         return [name for name, need in covered if tau >= need - 1e-9]
 
 
-def budget_for(fleet: Iterable[Limits]) -> Budget:
-    """Return the budget of a fleet, from the periods of protocol/timing.py and its brakes."""
+def budget_for(fleet: Iterable[Limits], link: Link) -> Budget:
+    """Return the budget of a fleet, from the periods that its link allows and its brakes."""
     brake = max(
         (0.0 if one.max_accel is None else one.max_speed / one.max_accel for one in fleet),
         default=0.0,
     )
+    times = link_times(link)
     return Budget(
         lateness=LATENESS / SECOND,
-        clocks=2 * CLOCK_ERROR / SECOND,
-        notice=REPORT_TIMEOUT / SECOND,
-        lease=LEASE / SECOND,
+        clocks=2 * times.clock_error_ns / SECOND,
+        notice=times.report_timeout_ns / SECOND,
+        lease=times.lease_ns / SECOND,
         brake=brake,
+        travel=link.delay,
     )
 
 

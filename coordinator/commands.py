@@ -162,11 +162,9 @@ def coordinator(
     from coordinator.launch import Coordinator
     from coordinator.scenario_file import read_scenario
 
-    if resume is not None:
-        raise InputError(["--resume: this version cannot go on from a log; start without it"])
     asked = read_scenario(scenario)
     runner = Coordinator(asked, effort=effort, speed=speed, events=as_json)
-    raise typer.Exit(runner.run(listen, log, plan_out, wait))
+    raise typer.Exit(runner.run(listen, log, plan_out, wait, resume))
 
 
 @commands.command()

@@ -46,6 +46,7 @@ def make_document(
         policy=scenario.policy,
         tau=tau,
         margin=scenario.margin,
+        link=scenario.link,
         robots=[],
         workspace=Floor(
             boundary=list(scenario.workspace.boundary),

@@ -1,109 +1,95 @@
 """The fleet core: a state machine from messages and time to messages.  Pure.
 
-In prose: HOLD until every robot is armed; then GO at a common start time.  While GO, a robot that
-falls silent, reports a fault or stops, or misses the task deadline, turns the phase to FREEZE.
-When all have arrived the phase is OVER.  The Command of every tick states the phase anew, so a lost
-message changes nothing.  An event that a phase does not list changes nothing.
+In prose: HOLD until every robot that has a part in the epoch is armed; then GO at a common start
+time.  While GO, a robot that falls silent, reports a fault or stops, or misses the task deadline,
+turns the phase to FREEZE.  A frozen fleet that rests is planned anew (`adopt`): the next epoch, in
+HOLD.  When all have arrived the phase is OVER.  The Command of every tick states the phase anew, so
+a lost message changes nothing, nor does an event that a phase does not list.
 
 Decides: what is said to whom, and when the fleet goes, freezes and ends.  Must not know: clocks
-(`now_ns` is an argument), Zenoh, files.  The same inputs give the same bytes: replay relies on it.
+(`now_ns` is an argument), Zenoh, files, paths.  The same inputs give the same bytes: replay relies
+on it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final, Literal
+from collections.abc import Mapping
 
+from coordinator.fleet_news import Incident, Outgoing, Part
+from coordinator.fleet_phases import (
+    ARM_PATIENCE,
+    FAREWELLS,
+    FREEZE_PATIENCE,
+    GO_LEAD,
+    RESUME_PATIENCE,
+    TASK_GRACE,
+    TRANSITIONS,
+    Event,
+)
+from coordinator.greeting import Door
 from coordinator.member import Member
+from coordinator.roster import Roster
+from coordinator.standing import Standing
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import PROTOCOL_VERSION, Clock, Command, Hello, Refusal, Report
+from protocol.messages import Admit, Clock, Command, Hello, Report
 from protocol.phases import (
     COMMAND_NAMES,
     DONE,
     FAULT_NAMES,
     FREEZE,
-    FROZEN,
     GO,
     HOLD,
     OVER,
-    PHASE_NAMES,
 )
-from protocol.timing import COMMAND_PERIOD, LEASE, MILLISECOND, SECOND
-
-GO_LEAD: Final = 400 * MILLISECOND
-"""From the decision to go until the common start: every robot hears of it in time."""
-
-TASK_GRACE: Final = 10 * SECOND
-"""A fleet that has not arrived this long after its last planned arrival has a lost robot."""
-
-FREEZE_PATIENCE: Final = 10 * SECOND
-"""How long a frozen fleet is waited for to tell where it stands."""
-
-FREEZE_SAID: Final = LEASE
-"""For how long FREEZE is said at least: a robot that misses all of it stops by its lease."""
-
-FAREWELLS: Final = 5
-"""How often OVER is said."""
-
-PLAN_PERIOD: Final = COMMAND_PERIOD
-
-_REFUSALS_TOLD: Final = 100
-
-Event = Literal["all armed", "robot failed", "all done"]
-
-TRANSITIONS: Final[dict[tuple[int, Event], int]] = {
-    (HOLD, "all armed"): GO,
-    (GO, "robot failed"): FREEZE,
-    (GO, "all done"): OVER,
-}
-
-
-@dataclass(frozen=True)
-class Outgoing:
-    """A message to put on a key."""
-
-    key: str
-    payload: bytes
-
-
-@dataclass(frozen=True)
-class Incident:
-    """Something worth telling: when, what kind, whose, in words."""
-
-    now_ns: int
-    kind: str
-    robot: str
-    text: str
+from protocol.timing import COMMAND_PERIOD, SECOND
 
 
 class Fleet:
-    """The coordinator's side of one epoch; all times in ns on the coordinator's clock."""
+    """The coordinator's side of a fleet; all times in ns on the coordinator's clock.
+
+    `settling_ns`: how long after FREEZE even a robot that hears nothing may still move;
+    `behind_ns`: how far behind its plan one may have been when it said that it moves.
+    """
 
     def __init__(
-        self, name: str, boot: int, epoch: int, members: list[Member], duration_ns: int
+        self,
+        name: str,
+        boot: int,
+        epoch: int,
+        members: list[Member],
+        duration_ns: int,
+        settling_ns: int = 2 * SECOND,
+        behind_ns: int = SECOND // 2,
     ) -> None:
         self.name = name
         self.boot = boot
-        self.epoch = epoch
-        self.members = {member.id: member for member in members}
+        self.epoch = self.first_epoch = epoch
+        self.members = Roster(members)
         self.phase = HOLD
         self.start_ns = 0
         self.bad_messages = 0
+        self.superseded = False
         self.incidents: list[Incident] = []
         self._duration_ns = duration_ns
+        self._settling_ns = settling_ns
+        self._behind_ns = behind_ns
         self._sequence = 0
-        self._changed_ns = self._ticked_ns = 0
+        self._changed_ns = self._ticked_ns = self._frozen_ns = self._patient_until_ns = 0
+        self._driven_epoch = epoch
+        self._has_gone = False
         self._farewells = 0
-        self._refused: set[tuple[str, int]] = set()
+        self._door = Door(name, self.members, self.incidents)
 
     def hear(self, key: str, payload: bytes, now_ns: int) -> list[Outgoing]:
         """Take in what arrived on a key and return what to send; bad bytes are counted."""
         place = keys.split(key)
-        if place is None or place[0] != self.name or place[1] not in ("hello", "report", "clock"):
+        if place is None or place[0] != self.name or place[1] == "plan":
             self.bad_messages += 1
             return []
         _, kind, robot = place
+        if kind == "alive":  # nothing on it says that the robot's link is gone
+            return [] if payload else self._hear_gone(robot, now_ns)
         message = decode(kind, payload)
         if isinstance(message, Hello):
             return self._hear_hello(robot, message, now_ns)
@@ -111,6 +97,10 @@ class Fleet:
             return self._hear_report(robot, message, now_ns)
         if isinstance(message, Clock) and message.received_ns is None:
             return self._answer_clock(robot, message, now_ns)
+        if isinstance(message, Command):
+            return self._hear_other(message, now_ns)
+        if isinstance(message, Admit):
+            return self._hear_admit(robot, now_ns)
         self.bad_messages += 1
         return []
 
@@ -120,71 +110,83 @@ class Fleet:
         After a gap between ticks the coordinator itself was away: what robots said meanwhile has
         yet to be heard, so nobody is called silent at once.
         """
-        members = self.members.values()
         was_away = now_ns - self._ticked_ns > 2 * COMMAND_PERIOD
         self._ticked_ns = now_ns
-        if self.phase == HOLD and all(m.is_armed(self.epoch, now_ns) for m in members):
-            self._turn("all armed", now_ns)
+        if self.phase == HOLD:
+            self._muster(now_ns, was_away)
         elif self.phase == GO:
             self._watch(now_ns, was_away)
-        elif self.phase == FREEZE and not was_away:
-            for member in members:
-                member.lost |= member.phase != DONE and member.is_silent(now_ns)
+        elif self.phase == FREEZE:
+            self._settle(now_ns, was_away)
         elif self.phase == OVER:
             self._farewells += 1
         return [self._command()]
 
     @property
     def is_finished(self) -> bool:
-        """Tell whether every robot has arrived and been told."""
+        """Tell whether nothing is left to do and the robots have been told."""
         return self.phase == OVER and self._farewells >= FAREWELLS
 
+    @property
+    def next_epoch(self) -> int:
+        """The number of the next plan."""
+        return max(self.epoch, self._driven_epoch + 1)
+
     def is_settled(self, now_ns: int) -> bool:
-        """Tell whether a frozen fleet rests: all that speak have told where, or time is up."""
-        if self.phase != FREEZE or now_ns - self._changed_ns < FREEZE_SAID:
+        """Tell whether a frozen fleet rests: all have told where, or are lost."""
+        if self.phase != FREEZE or now_ns < self._changed_ns + COMMAND_PERIOD:
             return False
-        waiting = [m for m in self.members.values() if not m.lost and not m.is_at_rest()]
-        return not waiting or now_ns - self._changed_ns > FREEZE_PATIENCE
+        return self.members.has_told(self._has_gone)
+
+    def standings(self) -> list[Standing]:
+        """Return where the robots stand that have a part in this epoch or have spoken since."""
+        until = self._frozen_ns + self._settling_ns + self._behind_ns
+        zero = self.start_ns + self._behind_ns
+        return self.members.standings(self._driven_epoch, zero, until, self._has_gone)
+
+    def adopt(
+        self, epoch: int, parts: Mapping[str, Part], duration_ns: int, now_ns: int
+    ) -> list[Outgoing]:
+        """Begin the next epoch with these robots' parts; the others stay where they stand."""
+        self.epoch = self._driven_epoch = epoch
+        self._duration_ns = duration_ns
+        self.members.assign(parts)
+        self._turn("planned" if parts else "none can go", now_ns)
+        self._has_gone = False
+        return [self._command()]
+
+    def take_over(self, boot: int, last_ns: int, now_ns: int) -> None:
+        """Go on in place of a coordinator that was last sure to be alive at `last_ns`.
+
+        The fleet freezes, by its leases or because it is told to, and says where it stands; all
+        robots are given time to speak.
+        """
+        self.boot, self._sequence, self.epoch = boot, 0, self.next_epoch
+        if not self._has_gone:
+            self.first_epoch = self.epoch
+        for member in self.members.values():
+            member.gone = False
+        self.phase, self._changed_ns, self._ticked_ns = FREEZE, now_ns, now_ns
+        self._frozen_ns, self._patient_until_ns = last_ns, now_ns + RESUME_PATIENCE
+        self._tell(now_ns, "phase", "", "goes on from a log: FREEZE")
 
     def missing(self, now_ns: int) -> list[str]:
         """Name the robots that are not armed yet."""
-        return [m.id for m in self.members.values() if not m.is_armed(self.epoch, now_ns)]
+        return self.members.unarmed(self.epoch, now_ns)
 
     def _hear_hello(self, robot: str, hello: Hello, now_ns: int) -> list[Outgoing]:
-        reason = self._objection(robot, hello, now_ns)
-        if reason:
-            if (robot, hello.boot) not in self._refused and len(self._refused) < _REFUSALS_TOLD:
-                self._refused.add((robot, hello.boot))
-                self._tell(now_ns, "refused", robot, reason)
-            refusal = Refusal(boot=hello.boot, reason=reason[:200])
-            return [Outgoing(keys.plan(self.name, robot), encode(refusal))]
-        member = self.members[robot]
-        if member.boot != hello.boot:
-            self._tell(now_ns, "hello", robot, f"{robot} says hello")
-        member.accept(hello, now_ns)
-        return self._send_plan(member, now_ns)
+        begun = self.phase != HOLD or self.epoch != self.first_epoch
+        answer = self._door.hear(robot, hello, begun, now_ns)
+        if answer is None or isinstance(answer, Outgoing):
+            return [answer] if answer else []
+        return self._send_plan(answer, now_ns)
 
-    def _objection(self, robot: str, hello: Hello, now_ns: int) -> str:
-        """Return why a robot cannot join, or nothing."""
-        member = self.members.get(robot)
-        if member is None:
-            known = ", ".join(list(self.members)[:10])
-            return f"{robot} is not in fleet {self.name}, which has {known}"
-        if hello.version != PROTOCOL_VERSION:
-            return (
-                f"{robot} speaks protocol version {hello.version}, "
-                f"the coordinator speaks {PROTOCOL_VERSION}"
-            )
-        if hello.radius_m > member.radius + 1e-6:
-            return f"{robot} has radius {hello.radius_m} m, the plan was made for {member.radius} m"
-        if 0.0 < hello.max_speed_mps < member.speed - 1e-6:
-            return f"{robot} reaches {hello.max_speed_mps} m/s, its plan needs {member.speed} m/s"
-        if member.boot is not None and hello.boot != member.boot:
-            if not member.is_silent(now_ns):
-                return f"another {robot} is already in fleet {self.name}"
-            if self.phase != HOLD:
-                return f"fleet {self.name} is under way; {robot} can join at its next start"
-        return ""
+    def _hear_admit(self, robot: str, now_ns: int) -> list[Outgoing]:
+        """Freeze the fleet to take a robot in that has come back."""
+        if not self._door.admit(robot, now_ns):
+            return []
+        self._turn("admitted", now_ns)
+        return [self._command()]
 
     def _hear_report(self, robot: str, report: Report, now_ns: int) -> list[Outgoing]:
         member = self.members.get(robot)
@@ -194,19 +196,38 @@ class Fleet:
         if not member.hear(report, now_ns):
             return []
         if (member.phase, member.fault) != was:
-            self._tell(now_ns, "report", robot, _describe(member))
-        if self.phase == GO and member.has_stopped():
+            self._tell(now_ns, "report", robot, member.describe())
+        if self.phase == GO and member.planned and member.has_stopped(self.epoch):
+            member.strike()
             self._fail(member, f"{robot} stopped: {FAULT_NAMES[member.fault]}", now_ns)
             return [self._command()]
         if self.phase == HOLD and member.epoch != self.epoch:
             return self._send_plan(member, now_ns)
         return []
 
-    def _send_plan(self, member: Member, now_ns: int) -> list[Outgoing]:
-        """Send a plan, unless it has just been sent."""
-        if member.plan_sent_ns is not None and now_ns - member.plan_sent_ns < PLAN_PERIOD:
+    def _hear_gone(self, robot: str, now_ns: int) -> list[Outgoing]:
+        """Take note that the link to a robot is gone; one that has a part is lost at once."""
+        member = self.members.get(robot)
+        if member is None or member.boot is None:
             return []
-        member.plan_sent_ns = now_ns
+        member.gone = True
+        under_way = self.phase == GO or self.epoch != self.first_epoch
+        if under_way and member.planned and not member.finished:
+            return self._lose(member, "has lost its link", now_ns)
+        return []
+
+    def _hear_other(self, command: Command, now_ns: int) -> list[Outgoing]:
+        """Give way to another coordinator of this fleet whose epoch, then boot id, is higher."""
+        if command.boot != self.boot and (command.epoch, command.boot) > (self.epoch, self.boot):
+            if not self.superseded:
+                self._tell(now_ns, "superseded", "", "another coordinator leads this fleet now")
+            self.superseded = True
+        return []
+
+    def _send_plan(self, member: Member, now_ns: int) -> list[Outgoing]:
+        """Send a plan, unless it has just been sent or the robot has no part."""
+        if self.phase not in (HOLD, GO) or not member.plan_due(now_ns):
+            return []
         return [Outgoing(keys.plan(self.name, member.id), member.plan)]
 
     def _answer_clock(self, robot: str, clock: Clock, now_ns: int) -> list[Outgoing]:
@@ -215,18 +236,46 @@ class Fleet:
         answer = Clock(clock.boot, clock.sent_ns, now_ns, now_ns)
         return [Outgoing(keys.clock(self.name, robot), encode(answer))]
 
+    def _muster(self, now_ns: int, was_away: bool) -> None:
+        """Go when all are armed; in a later epoch nobody is waited for who fails to arm."""
+        missing = self.missing(now_ns)
+        if not missing:
+            self._turn("all armed", now_ns)
+        elif self.epoch != self.first_epoch and not was_away:
+            for member in self.members.planned:
+                if member.is_silent(now_ns):
+                    self._lose(member, "has fallen silent", now_ns)
+                elif now_ns - self._changed_ns > ARM_PATIENCE and member.id in missing:
+                    member.strikes += 1
+                    self._fail(member, f"{member.id} does not arm: {member.describe()}", now_ns)
+
     def _watch(self, now_ns: int, was_away: bool) -> None:
         """See who is lost or late while the fleet moves, and whether everybody has arrived."""
-        moving = [m for m in self.members.values() if m.phase != DONE]
+        moving = [m for m in self.members.planned if m.phase != DONE]
         if not moving:
-            self._turn("all done", now_ns)
+            self._turn("all done" if self.members.has_arrived else "some can go on", now_ns)
             return
         for member in moving:
             if member.is_silent(now_ns) and not was_away:
-                member.lost = True
-                self._fail(member, f"{member.id} has fallen silent", now_ns)
+                self._lose(member, "has fallen silent", now_ns)
             elif now_ns > self.start_ns + self._duration_ns + TASK_GRACE:
+                member.strikes += 1
                 self._fail(member, f"{member.id} has not arrived in time", now_ns)
+
+    def _settle(self, now_ns: int, was_away: bool) -> None:
+        """See who is lost in a fleet that freezes."""
+        if was_away or now_ns < self._patient_until_ns:
+            return
+        waited = now_ns - self._changed_ns > self._settling_ns + FREEZE_PATIENCE
+        for member in self.members.values():
+            member.admitted &= not waited
+            if member.planned and not member.finished:
+                member.lost |= member.is_silent(now_ns) or (waited and not member.is_at_rest())
+
+    def _lose(self, member: Member, what: str, now_ns: int) -> list[Outgoing]:
+        member.lost = True
+        self._fail(member, f"{member.id} {what}", now_ns)
+        return [self._command()]
 
     def _fail(self, member: Member, text: str, now_ns: int) -> None:
         self._tell(now_ns, "fault", member.id, text)
@@ -237,27 +286,24 @@ class Fleet:
         if phase is None:
             return
         self.phase, self._changed_ns = phase, now_ns
+        self._frozen_ns = now_ns if phase == FREEZE else self._frozen_ns
         if phase == GO:
-            self.start_ns = now_ns + GO_LEAD
+            self.start_ns, self._has_gone = now_ns + GO_LEAD, True
+            for member in self.members.planned:
+                member.set_out(self.epoch)
         self._tell(now_ns, "phase", "", COMMAND_NAMES[phase])
 
     def _command(self) -> Outgoing:
         self._sequence += 1
-        wanted = [m.id for m in self.members.values() if m.phase == FROZEN and m.rest_s is None]
         command = Command(
             boot=self.boot,
             sequence=self._sequence,
             epoch=self.epoch,
             phase=self.phase,
-            start_ns=self.start_ns,
-            wanted=tuple(wanted[:100]) if self.phase == FREEZE else (),
+            start_ns=self.start_ns if self.phase in (GO, FREEZE) else 0,
+            wanted=tuple(self.members.wanted(self.phase == FREEZE)[:100]),
         )
         return Outgoing(keys.command(self.name), encode(command))
 
     def _tell(self, now_ns: int, kind: str, robot: str, text: str) -> None:
         self.incidents.append(Incident(now_ns, kind, robot, text))
-
-
-def _describe(member: Member) -> str:
-    text = f"{member.id} is {PHASE_NAMES[member.phase]}"
-    return f"{text}: {FAULT_NAMES[member.fault]}" if member.fault else text

@@ -139,6 +139,9 @@ class _Telling:
         self.summary.fleet = self.summary.fleet or fleet
         if fleet != self.summary.fleet:
             return
+        if kind == "alive":
+            self._tell_link(robot, bool(record.payload), record.log_ns)
+            return
         message = codec.decode(kind, record.payload)
         if message is None:
             self.summary.bad_messages += 1
@@ -189,15 +192,24 @@ class _Telling:
     def _tell_silence(self, log_ns: int) -> None:
         """Tell which robots had not been heard for too long when the fleet was frozen."""
         for robot, (heard_ns, phase) in self._heard.items():
-            if phase != phases.DONE and log_ns - heard_ns > REPORT_TIMEOUT:
+            known = self._robot(robot).fault is not None
+            if not known and phase != phases.DONE and log_ns - heard_ns > REPORT_TIMEOUT:
                 self._robot(robot).fault = "fell silent"
                 self._tell_fault(log_ns, robot, "fell silent", "silence")
+
+    def _tell_link(self, robot: str, alive: bool, log_ns: int) -> None:
+        """Tell of a link that is gone while the fleet is under way."""
+        if not alive and self._phase is not None and self._phase[1] != phases.OVER:
+            told = self._robot(robot)
+            if told.arrived is None:
+                told.fault = "lost its link"
+                self._tell_fault(log_ns, robot, told.fault, "link")
 
     def _tell_report(self, report: Report, robot: str, log_ns: int) -> None:
         told = self._robot(robot)
         told.reports += 1
         self._heard[robot] = (log_ns, report.phase)
-        if report.s_m is not None and report.phase != phases.FROZEN:
+        if report.rest is not None and report.phase in (phases.MOVING, phases.BRAKING):
             self.summary.positions_on_wire += 1
         if report.fault != self._faults.get(robot, phases.NO_FAULT):
             self._faults[robot] = report.fault

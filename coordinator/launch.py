@@ -16,10 +16,12 @@ from pathlib import Path
 from coordinator.console import answer_json, tell, write_file
 from coordinator.errors import InputError
 from coordinator.fleet import Fleet
-from coordinator.muster import muster
+from coordinator.logbook import read_log
+from coordinator.mission import Mission
 from coordinator.plan import PlanDocument, to_json
 from coordinator.planning import plan_here
 from coordinator.recorder import Attachment, Recorder
+from coordinator.replay import RESUMED, go_on
 from coordinator.scenario import Scenario
 from coordinator.scenario_file import scenario_to_json
 from coordinator.service import Service
@@ -40,31 +42,43 @@ class Coordinator:
         self.speed = speed
         self._events = events
         self._told = 0
+        self._before, self._began_ns = b"", 0
 
     def clock(self) -> int:
         """Return the coordinator's time [ns]: the host's monotonic clock, times `speed`."""
         return int(time.monotonic_ns() * self.speed)
 
-    def run(self, endpoint: str, log: Path | None, plan_file: Path | None, patience: float) -> int:
-        """Run to the end and return the exit code.
+    def run(
+        self,
+        endpoint: str,
+        log: Path | None,
+        plan_file: Path | None,
+        patience: float,
+        resume: Path | None = None,
+    ) -> int:
+        """Run to the end and return the exit code; `resume` is the log to go on from.
 
         Raises InputError, PlanError and TransportError before anything moves.
         """
         if self.scenario.policy != "safe":
             name, policy = self.scenario.name, self.scenario.policy
             raise InputError([f"{name}: policy: {policy!r} is for study, only 'safe' is driven"])
-        document = plan_here(self.scenario, self.effort)
-        if plan_file is not None:
-            write_file(plan_file, to_json(document))
         boot = int.from_bytes(os.urandom(4), "little")
-        fleet = muster(document, boot)
+        mission = self._begin(boot, plan_file) if resume is None else self._go_on(boot, resume, log)
+        fleet, document = mission.fleet, mission.document
         with ZenohTransport.listen(endpoint) as transport:
-            recorder = self._recorder(log, document, boot)
+            recorder = self._recorder(log, document, boot, resume)
             try:
                 self._say("listening", endpoint=endpoint)
                 with FleetTable(document) as table:
                     service = Service(
-                        fleet, transport, recorder, self.clock, self.speed, self._watcher(table)
+                        mission,
+                        transport,
+                        recorder,
+                        self.clock,
+                        self.speed,
+                        self._watcher(table),
+                        lambda document: self._keep(document, plan_file),
                     )
                     arrived = asyncio.run(service.run(patience))
             finally:
@@ -73,7 +87,35 @@ class Coordinator:
         self._summarise(fleet, arrived)
         return 0 if arrived else 1
 
-    def _recorder(self, log: Path | None, document: PlanDocument, boot: int) -> Recorder:
+    def _begin(self, boot: int, plan_file: Path | None) -> Mission:
+        document = plan_here(self.scenario, self.effort)
+        if plan_file is not None:
+            write_file(plan_file, to_json(document))
+        return Mission(self.scenario, document, boot, self._plan_again)
+
+    def _go_on(self, boot: int, resume: Path, log: Path | None) -> Mission:
+        """Return the mission of the log of a coordinator that has died."""
+        if log is not None and log.resolve() == resume.resolve():
+            raise InputError([f"--log: {log} is the log to go on from; name another"])
+        self._before, self._began_ns = resume.read_bytes(), self.clock()
+        mission = go_on(read_log(resume), boot, self._began_ns)
+        if mission.fleet.name != self.scenario.name:
+            raise InputError([f"--resume: {resume} is the log of fleet {mission.fleet.name}"])
+        return mission
+
+    def _plan_again(self, scenario: Scenario, epoch: int) -> PlanDocument:
+        return plan_here(scenario, self.effort, epoch)
+
+    def _keep(self, document: PlanDocument, first: Path | None) -> None:
+        """Write a later epoch's plan beside the first one's, and tell of it."""
+        if first is not None:
+            file = first.with_name(f"{first.stem}-{document.epoch}{first.suffix}")
+            write_file(file, to_json(document))
+        self._say("planned", text=f"epoch {document.epoch}: {len(document.robots)} robots go on")
+
+    def _recorder(
+        self, log: Path | None, document: PlanDocument, boot: int, resume: Path | None
+    ) -> Recorder:
         now = self.clock()
         metadata = {
             "fleet": document.scenario,
@@ -89,6 +131,9 @@ class Coordinator:
             Attachment("scenario.json", "application/json", scenario_to_json(self.scenario)),
             Attachment(f"plan-{document.epoch}.json", "application/json", to_json(document)),
         ]
+        if resume is not None:
+            metadata["began_ns"] = str(self._began_ns)
+            attachments[1:] = [Attachment(RESUMED, "application/octet-stream", self._before)]
         path = log if log is not None else Path(os.devnull)
         return Recorder(
             path, metadata=metadata, wall_offset_ns=time.time_ns() - now, attachments=attachments

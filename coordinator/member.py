@@ -1,69 +1,184 @@
 """What the coordinator knows of one robot: who it is, what it said last, and when.
 
-Decides: when a robot counts as armed, lost or at rest.  Must not know: the other robots.
+Decides: when a robot counts as armed, lost, fit or at rest.  Must not know: the other robots.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
+import msgspec
+
+from coordinator.standing import Standing, State
 from protocol.messages import Hello, Report
-from protocol.phases import ARMED, BRAKING, DONE, FROZEN, IDLE, MOVING
-from protocol.timing import REPORT_TIMEOUT
+from protocol.phases import (
+    ARMED,
+    BRAKING,
+    DONE,
+    FAULT_NAMES,
+    FROZEN,
+    IDLE,
+    LEASE_OUT,
+    MOVING,
+    NO_FAULT,
+    PHASE_NAMES,
+)
+from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
+
+PLAN_PERIOD: Final = COMMAND_PERIOD
+
+STRIKES: Final = 2
+"""So many epochs may a robot end by a fault of its own; then it is left where it stands."""
 
 
 @dataclass
 class Member:
-    """One robot of the fleet, as heard; boot None means that it has not been accepted yet."""
+    """One robot of the fleet, as heard; boot None means that it has not been accepted yet.
+
+    `planned`: it has a part in this epoch; `sent_epoch`: the last one in which it may have moved.
+    `finished`: it has been at its goal.  `rest`: where it last said that it rests, None as long as
+    it may have moved since.  `knocking`: the last Hello of a robot that has come back; `admitted`:
+    it may take part as soon as it says where it stands.
+    """
 
     id: str
     radius: float
     speed: float
     """The speed that its plan needs [m/s]."""
     plan: bytes
+    timeout_ns: int = REPORT_TIMEOUT
+    planned: bool = True
     boot: int | None = None
     heard_ns: int = 0
+    said_ns: int = 0
+    """When its last report was heard: it can only have moved on since."""
     sequence: int = -1
+    sent_epoch: int = 0
     epoch: int = 0
     phase: int = IDLE
     fault: int = 0
-    rest_s: float | None = None
     plan_sent_ns: int | None = None
     done_ns: int | None = None
     lost: bool = False
+    gone: bool = False
+    finished: bool = False
+    strikes: int = 0
+    rest: Standing | None = None
+    knocking: Hello | None = None
+    knocked_ns: int = 0
+    admitted: bool = False
+
+    @property
+    def rest_s(self) -> float | None:
+        """Where on its path the robot rests [m], if it has said so."""
+        return None if self.rest is None else self.rest.s
+
+    def knock(self, hello: Hello, now_ns: int) -> None:
+        """Take note that a robot of this name has come back; an operator may admit it."""
+        self.knocked_ns, self.knocking = now_ns, hello
+        if self.admitted and hello.place is not None:
+            x, y, heading = (number / 1000.0 for number in hello.place)
+            self.accept(hello, now_ns)
+            self.said_ns, self.admitted, self.strikes, self.sent_epoch = now_ns, False, 0, 0
+            self.rest = Standing(robot=self.id, state="rests", epoch=0, place=(x, y, heading))
 
     def accept(self, hello: Hello, now_ns: int) -> None:
         """Take a robot in, forgetting what an earlier process of that name said."""
-        self.heard_ns = now_ns
+        self.heard_ns, self.lost, self.gone = now_ns, False, False
         if hello.boot == self.boot:
             return
         self.boot, self.sequence, self.epoch, self.phase, self.fault = hello.boot, -1, 0, IDLE, 0
-        self.rest_s = self.plan_sent_ns = self.done_ns = None
+        self.plan_sent_ns = self.done_ns = None
+
+    def set_out(self, epoch: int) -> None:
+        """Be sent on its way: where it rested before says nothing any more."""
+        self.sent_epoch, self.rest = epoch, None
+
+    def take_part(self, plan: bytes, speed: float) -> None:
+        """Get a part in a new epoch."""
+        self.planned, self.plan, self.speed = True, plan, speed
+        self.plan_sent_ns = self.rest = None
+
+    def plan_due(self, now_ns: int) -> bool:
+        """Tell whether to send the plan now, which then counts as done."""
+        just_sent = self.plan_sent_ns is not None and now_ns - self.plan_sent_ns < PLAN_PERIOD
+        if not self.planned or just_sent:
+            return False
+        self.plan_sent_ns = now_ns
+        return True
 
     def hear(self, report: Report, now_ns: int) -> bool:
         """Take a report in; False when it is not this robot's newest."""
         if report.boot != self.boot or report.sequence <= self.sequence:
             return False
-        self.heard_ns, self.sequence, self.lost = now_ns, report.sequence, False
+        self.heard_ns = self.said_ns = now_ns
+        self.sequence, self.lost, self.gone = report.sequence, False, False
         self.epoch, self.phase, self.fault = report.epoch, report.phase, report.fault
-        if report.s_m is not None and report.phase == FROZEN:
-            self.rest_s = report.s_m
-        if report.phase == DONE and self.done_ns is None:
-            self.done_ns = now_ns
+        if report.rest is not None and report.rest.epoch >= self.sent_epoch:
+            self.rest = Standing(
+                robot=self.id,
+                state="rests",
+                epoch=report.rest.epoch,
+                s=report.rest.s_m,
+                off=report.rest.off_mm / 1000.0,
+                turn=report.rest.turn_mrad / 1000.0,
+            )
+        if report.phase == DONE:
+            self.finished = True
+            self.done_ns = now_ns if self.done_ns is None else self.done_ns
         return True
 
+    def describe(self) -> str:
+        """Say what the robot does, in words."""
+        text = f"{self.id} is {PHASE_NAMES[self.phase]}"
+        return f"{text}: {FAULT_NAMES[self.fault]}" if self.fault else text
+
+    def strike(self) -> None:
+        """Count a fault of the robot's own; the coordinator's silence is none."""
+        self.strikes += self.fault not in (NO_FAULT, LEASE_OUT)
+
+    @property
+    def is_fit(self) -> bool:
+        """Tell whether the robot has not failed too often to be sent on its way again."""
+        return self.strikes < STRIKES
+
     def is_silent(self, now_ns: int) -> bool:
-        """Tell whether nothing has been heard for too long."""
-        return now_ns - self.heard_ns > REPORT_TIMEOUT
+        """Tell whether nothing has been heard for too long, or the link to the robot is gone."""
+        return self.gone or now_ns - self.heard_ns > self.timeout_ns
 
     def is_armed(self, epoch: int, now_ns: int) -> bool:
         """Tell whether the robot stands ready with this epoch's plan."""
         return self.phase == ARMED and self.epoch == epoch and not self.is_silent(now_ns)
 
-    def has_stopped(self) -> bool:
-        """Tell whether the robot has given up its time-table."""
+    def has_stopped(self, epoch: int) -> bool:
+        """Tell whether the robot has given up its time-table of this epoch."""
+        if self.epoch not in (0, epoch):
+            return False
         return self.phase in (BRAKING, FROZEN) or (self.phase != MOVING and self.fault != 0)
 
     def is_at_rest(self) -> bool:
         """Tell whether it is known where the robot stands for good."""
-        return self.phase == DONE or (self.phase == FROZEN and self.rest_s is not None)
+        return self.finished or self.rest is not None
+
+    def standing(self, epoch: int, since_ns: int, until_ns: int) -> Standing:
+        """Return what is known of where the robot is.
+
+        Of one that has not said where it rests: it does so on this epoch's path, where its plan has
+        it between these plan times; at the start if they are one.
+        """
+        if self.finished:
+            return Standing(robot=self.id, state="arrived", epoch=epoch)
+        state: State = "lost" if self.lost else "rests" if self.is_fit else "unfit"
+        rest = self.rest
+        if rest is None and since_ns == until_ns:
+            rest = Standing(robot=self.id, state=state, epoch=epoch, s=0.0)
+        if rest is not None:
+            return msgspec.structs.replace(rest, state=state)
+        return Standing(
+            robot=self.id,
+            state="lost",
+            epoch=epoch,
+            since=since_ns / SECOND,
+            until=until_ns / SECOND,
+        )

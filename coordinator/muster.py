@@ -5,8 +5,11 @@ Decides: that a plan without a proof never becomes a fleet.
 
 from __future__ import annotations
 
+from coordinator.budget import budget_for
 from coordinator.errors import PlanError
 from coordinator.fleet import Fleet
+from coordinator.fleet_news import Part
+from coordinator.link_times import link_times
 from coordinator.member import Member
 from coordinator.plan import PlanDocument
 from coordinator.wire import pack
@@ -18,16 +21,37 @@ def muster(document: PlanDocument, boot: int) -> Fleet:
 
     `boot` is the coordinator's boot id, 32 random bits.
     """
-    if document.proof is None or not document.proof.holds:
-        raise PlanError("a plan whose proof does not hold is not sent to robots")
+    parts, times = parts_of(document, boot), link_times(document.link)
     members = [
         Member(
             id=robot.id,
             radius=robot.radius,
-            speed=max(v for _, v in robot.profile),
-            plan=pack(document, robot, boot),
+            speed=parts[robot.id].speed,
+            plan=parts[robot.id].plan,
+            timeout_ns=times.report_timeout_ns,
         )
         for robot in document.robots
     ]
     finish = max(robot.finish_time for robot in document.robots)
-    return Fleet(document.scenario, boot, document.epoch, members, round(finish * SECOND))
+    budget = budget_for([r.limits for r in document.robots if r.limits], document.link)
+    settling = budget.lease + budget.travel + budget.brake + budget.clocks
+    behind = budget.late + budget.travel
+    return Fleet(
+        document.scenario,
+        boot,
+        document.epoch,
+        members,
+        round(finish * SECOND),
+        round(settling * SECOND),
+        round(behind * SECOND),
+    )
+
+
+def parts_of(document: PlanDocument, boot: int) -> dict[str, Part]:
+    """Return what each robot of a proven plan is to be sent; PlanError when it is not proven."""
+    if document.proof is None or not document.proof.holds:
+        raise PlanError("a plan whose proof does not hold is not sent to robots")
+    return {
+        robot.id: Part(pack(document, robot, boot), max(v for _, v in robot.profile))
+        for robot in document.robots
+    }

@@ -16,7 +16,7 @@ import msgspec
 from coordinator.errors import InputError
 from coordinator.file_kinds import kind_of, wrong_kind
 from coordinator.plan_checks import find_problems
-from coordinator.scenario import Point, Policy, Robot
+from coordinator.scenario import Link, Point, Policy, Robot
 
 FORMAT: Final = "splinefleet.plan/1"
 
@@ -145,6 +145,7 @@ class PlanDocument(msgspec.Struct, frozen=True, kw_only=True):
     policy: Policy
     tau: float
     margin: float
+    link: Link = Link()
     robots: list[RobotPlan]
     crossings: list[Crossing] = []
     waits: list[Reason] = []

@@ -66,7 +66,8 @@ def plan_scenario(
     Policy "safe": raises PlanError when no plan is found; what is returned is proven.
     Policy "paper": the proof may fail; the document says so and must not be driven.
     """
-    tau = resolve_tau(scenario.tau, budget_for(Limits.of(robot) for robot in scenario.robots))
+    limits = [Limits.of(robot) for robot in scenario.robots]
+    tau = resolve_tau(scenario.tau, budget_for(limits, scenario.link))
     stages = _Stages(scenario, tau, executor)
     marks = [timer()]
     for stage in (stages.find_paths, stages.find_zones):

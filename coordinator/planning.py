@@ -17,10 +17,12 @@ from coordinator.scenario import Scenario
 from coordinator.warm import load_kernels
 
 
-def plan_here(scenario: Scenario, effort: int = DEFAULT_EFFORT) -> PlanDocument:
+def plan_here(scenario: Scenario, effort: int = DEFAULT_EFFORT, epoch: int = 1) -> PlanDocument:
     """Return the plan of a scenario; raises PlanError as planner.plan_scenario does."""
     if not is_compiled():
         tell("compiling the planner's kernels, once; this takes a minute or two")
     load_kernels()
     with ThreadPoolExecutor(os.cpu_count()) as executor:
-        return plan_scenario(scenario, effort=effort, timer=time.perf_counter, executor=executor)
+        return plan_scenario(
+            scenario, effort=effort, epoch=epoch, timer=time.perf_counter, executor=executor
+        )

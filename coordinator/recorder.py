@@ -17,7 +17,7 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import IO, Final, NamedTuple
 
 from mcap.exceptions import McapError
 from mcap.writer import CompressionType, Writer
@@ -25,6 +25,7 @@ from zstandard import ZstdError
 
 from coordinator.errors import InputError, LogError
 from protocol import keys
+from protocol.codec import KINDS
 from protocol.schema import json_schema, schema_name
 
 METADATA_NAME: Final = "splinefleet"
@@ -57,7 +58,7 @@ class _Entry(NamedTuple):
 
 
 class Recorder:
-    """An open log.  Every method may be called from any thread; none but `close` waits.
+    """An open log.  Every method may be called from any thread; only `sync` and `close` wait.
 
     `metadata` is written as it is, with `wall_offset_ns` [ns, wall clock less the coordinator's
     clock] added.  Metadata and attachments are in the file when the constructor returns.  Raises
@@ -76,7 +77,8 @@ class Recorder:
         self.error: str | None = None
         """What went wrong while writing; from then on nothing more is recorded."""
         self._wall_offset_ns = wall_offset_ns
-        self._waiting: deque[_Entry | Attachment] = deque()
+        self._waiting: deque[_Entry | Attachment | threading.Event] = deque()
+        self._hurry = threading.Event()
         self._closing = threading.Event()
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
@@ -103,6 +105,17 @@ class Recorder:
         if self.error is None and not self._closing.is_set():
             self._waiting.append(Attachment(name, media_type, data))
 
+    def sync(self) -> None:
+        """Wait until everything recorded so far has reached the system, at most a second.
+
+        What a robot may act on for long is to be in the log before the robot hears of it.
+        """
+        if self.error is None and not self._closing.is_set():
+            written = threading.Event()
+            self._waiting.append(written)
+            self._hurry.set()
+            written.wait(1.0)
+
     def close(self) -> None:
         """Write what is left and end the file; further calls do nothing.
 
@@ -110,6 +123,7 @@ class Recorder:
         """
         first = not self._closing.is_set()
         self._closing.set()
+        self._hurry.set()
         self._thread.join()
         if first and self.error is not None:
             raise LogError(self.error)
@@ -125,14 +139,7 @@ class Recorder:
     def _open(self, metadata: dict[str, str], attachments: Iterable[Attachment]) -> None:
         self._stream = self.path.open("wb")
         try:
-            self._writer = Writer(
-                self._stream,
-                chunk_size=CHUNK_BYTES,
-                compression=CompressionType.ZSTD,
-                enable_crcs=True,
-                enable_data_crcs=True,
-            )
-            self._writer.start(profile="", library="splinefleet")
+            self._writer = begin_file(self._stream)
             self._writer.add_metadata(METADATA_NAME, metadata)
             for attachment in attachments:
                 self._add_attachment(attachment)
@@ -145,7 +152,9 @@ class Recorder:
     def _run(self) -> None:
         """Write what is waiting, once in a period, until the recorder is closed."""
         try:
-            while not self._closing.wait(FLUSH_PERIOD_S):
+            while not self._closing.is_set():
+                self._hurry.wait(FLUSH_PERIOD_S)
+                self._hurry.clear()
                 self._write_waiting()
             self._write_waiting()
             self._writer.finish()  # type: ignore[no-untyped-call]
@@ -159,13 +168,18 @@ class Recorder:
     def _write_waiting(self) -> None:
         if not self._waiting:
             return
+        written: list[threading.Event] = []
         while self._waiting:
             item = self._waiting.popleft()
             if isinstance(item, Attachment):
                 self._add_attachment(item)
+            elif isinstance(item, threading.Event):
+                written.append(item)
             else:
                 self._add_message(item)
         self._writer.flush()  # type: ignore[no-untyped-call]
+        for event in written:
+            event.set()
 
     def _add_attachment(self, attachment: Attachment) -> None:
         name, media_type, data = attachment
@@ -187,11 +201,26 @@ class Recorder:
         if ours is None:
             return self._writer.register_channel(key, "application/octet-stream", 0)
         kind = ours[1]
+        if kind not in KINDS:
+            return self._writer.register_channel(key, "application/octet-stream", 0)
         if kind not in self._schemas:
             self._schemas[kind] = self._writer.register_schema(
                 schema_name(kind), "jsonschema", json_schema(kind)
             )
         return self._writer.register_channel(key, "msgpack", self._schemas[kind])
+
+
+def begin_file(stream: IO[bytes]) -> Writer:
+    """Return the writer of an MCAP file with every checksum of the format, its header written."""
+    writer = Writer(
+        stream,
+        chunk_size=CHUNK_BYTES,
+        compression=CompressionType.ZSTD,
+        enable_crcs=True,
+        enable_data_crcs=True,
+    )
+    writer.start(profile="", library="splinefleet")
+    return writer
 
 
 def _stamp(time_ns: int) -> int:

@@ -7,22 +7,27 @@ be what the core sends at that moment; a Command that nothing else explains is a
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
 
 import msgspec
 
+from coordinator.adoption import adoption_key, request_of
 from coordinator.errors import InputError, PlanError
-from coordinator.fleet import Fleet, Outgoing
-from coordinator.logbook import Log, Record
-from coordinator.muster import muster
+from coordinator.fleet_news import Outgoing
+from coordinator.logbook import Log, Record, log_from_bytes
+from coordinator.mission import Mission
 from coordinator.plan import PlanDocument
 from coordinator.planning import plan_here
 from coordinator.scenario_file import parse_scenario
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Clock
+from protocol.messages import Clock, Command
+from protocol.phases import OVER
 from protocol.transport import Transport
+
+RESUMED: Final = "resumed.mcap"
+"""The attachment with the log that a log goes on from."""
 
 
 class Check(NamedTuple):
@@ -39,25 +44,7 @@ class Check(NamedTuple):
 
 def check_log(log: Log) -> Check:
     """Run a log again and compare; the first difference is told with its place and time."""
-    try:
-        scenario = parse_scenario(log.attachments["scenario.json"], "scenario.json")
-        effort, boot = int(log.metadata["effort"]), int(log.metadata["boot"])
-    except (KeyError, ValueError, InputError) as error:
-        reason = "; ".join(str(error).splitlines())
-        return Check(0, 0, f"the log does not tell how it was planned: {reason}")
-    try:
-        document = plan_here(scenario, effort)
-    except PlanError as error:
-        return Check(0, 0, f"the log's scenario cannot be planned now: {error}")
-    recorded = log.attachments.get("plan-1.json", b"")
-    difference = _compare_documents(recorded, document)
-    if difference:
-        return Check(0, 0, difference)
-    try:
-        fleet = muster(document, boot)
-    except PlanError as error:
-        return Check(0, 0, str(error))
-    check = _Rerun(fleet).compare(log.records)
+    check = run_again(log)[1]
     if check.difference:
         return check
     if not check.commands:
@@ -68,24 +55,84 @@ def check_log(log: Log) -> Check:
     return check
 
 
-def _compare_documents(recorded: bytes, document: PlanDocument) -> str:
+def run_again(log: Log) -> tuple[Mission | None, Check]:
+    """Return the mission as it was when the log ended, and whether it went as the log says."""
+    try:
+        mission = _begin(log)
+    except _NotAgainError as error:
+        return None, Check(0, 0, str(error))
+    return mission, _Rerun(mission, log.attachments).compare(log.records)
+
+
+class _NotAgainError(Exception):
+    """A log cannot be run again; the text says why."""
+
+
+def _begin(log: Log) -> Mission:
+    """Return the mission with which a log begins."""
+    try:
+        scenario = parse_scenario(log.attachments["scenario.json"], "scenario.json")
+        effort, boot = int(log.metadata["effort"]), int(log.metadata["boot"])
+    except (KeyError, ValueError, InputError) as error:
+        reason = "; ".join(str(error).splitlines())
+        raise _NotAgainError(f"the log does not tell how it was planned: {reason}") from None
+    if RESUMED in log.attachments:
+        return _resumed(log, boot)
+    try:
+        document = plan_here(scenario, effort)
+    except PlanError as error:
+        raise _NotAgainError(f"the log's scenario cannot be planned now: {error}") from None
+    recorded = log.attachments.get("plan-1.json", b"")
+    difference = _compare_documents("plan-1.json", recorded, document)
+    if difference:
+        raise _NotAgainError(difference)
+    return Mission(scenario, document, boot, lambda s, epoch: plan_here(s, effort, epoch))
+
+
+def _resumed(log: Log, boot: int) -> Mission:
+    """Return the mission of a log that goes on from another, which it holds."""
+    try:
+        began_ns = int(log.metadata["began_ns"])
+        before = log_from_bytes(log.attachments[RESUMED], RESUMED)
+    except (KeyError, ValueError, InputError) as error:
+        raise _NotAgainError(f"the log does not tell what it goes on from: {error}") from None
+    return go_on(before, boot, began_ns)
+
+
+def go_on(before: Log, boot: int, now_ns: int) -> Mission:
+    """Return the mission of a log, taken over by a coordinator that starts now.
+
+    Raises InputError when the log cannot be run again, or holds nothing to go on with.
+    """
+    mission, check = run_again(before)
+    if mission is None or check.difference or not before.records:
+        raise InputError([f"--resume: the log cannot be gone on from: {check.difference}"])
+    if mission.fleet.phase == OVER:
+        raise InputError(["--resume: the fleet in this log has ended; nothing is left to do"])
+    mission.take_over(boot, before.records[-1].log_ns, now_ns)
+    return mission
+
+
+def _compare_documents(name: str, recorded: bytes, document: PlanDocument) -> str:
     """Compare the attached plan with the plan found now, but for how long it took."""
     try:
         found = msgspec.json.decode(recorded)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-        return "attachment plan-1.json cannot be read"
+        return f"attachment {name} cannot be read"
     if not isinstance(found, dict):
-        return "attachment plan-1.json is not a plan"
+        return f"attachment {name} is not a plan"
     expected = msgspec.json.decode(msgspec.json.encode(document))
     for key, value in expected.items():
         if key != "timing" and found.get(key) != value:
-            return f"attachment plan-1.json: {key} is not what the planner gives now"
+            return f"attachment {name}: {key} is not what the planner gives now"
     return ""
 
 
 class _Rerun:
-    def __init__(self, fleet: Fleet) -> None:
-        self._fleet = fleet
+    def __init__(self, mission: Mission, attachments: Mapping[str, bytes]) -> None:
+        self._mission = mission
+        self._fleet = mission.fleet
+        self._attachments = attachments
         self._due: deque[Outgoing] = deque()
         self._sent: dict[str, int] = {"plan": 0, "command": 0}
 
@@ -100,9 +147,11 @@ class _Rerun:
 
     def _step(self, record: Record) -> str:
         """Feed one record to the core, or hold it against what the core sends."""
+        if record.key == adoption_key(self._fleet.name):
+            return self._adopt(record)
         place = keys.split(record.key)
         kind = "" if place is None else place[1]
-        if not (kind in ("plan", "command") or (kind == "clock" and _is_answer(record.payload))):
+        if not _is_sent(kind, record.payload, self._fleet.boot):
             if self._due:
                 return f"the core sends on {self._due[0].key} first, the log does not"
             self._due.extend(self._fleet.hear(record.key, record.payload, record.log_ns))
@@ -120,10 +169,31 @@ class _Rerun:
             self._sent[kind] += 1
         return ""
 
+    def _adopt(self, record: Record) -> str:
+        """Plan again where the log has a new epoch begin."""
+        request = self._mission.request(record.log_ns)
+        if self._due or request is None:
+            return "the core does not begin a new epoch here"
+        if request != request_of(record.payload):
+            return "the robots do not stand where the log says"
+        recovery = self._mission.solve(request)
+        name = f"plan-{request.epoch}.json"
+        if recovery.document is not None and name in self._attachments:
+            difference = _compare_documents(name, self._attachments[name], recovery.document)
+            if difference:
+                return difference
+        self._due.extend(self._mission.adopt(request, recovery, record.log_ns) or [])
+        return ""
 
-def _is_answer(payload: bytes) -> bool:
-    message = decode("clock", payload)
-    return isinstance(message, Clock) and message.received_ns is not None
+
+def _is_sent(kind: str, payload: bytes, boot: int) -> bool:
+    """Tell whether a message is one that this coordinator has sent."""
+    message = decode(kind, payload) if kind in ("command", "clock") else None
+    if isinstance(message, Clock):
+        return message.received_ns is not None
+    if isinstance(message, Command):
+        return message.boot == boot
+    return kind == "plan"
 
 
 def _first_difference(expected: bytes, found: bytes) -> str:

@@ -50,6 +50,13 @@ class Workspace(msgspec.Struct, frozen=True, kw_only=True):
     from_map: MapPart | None = None
 
 
+class Link(msgspec.Struct, frozen=True, kw_only=True):
+    """What the link between robots and coordinator may do: one way `delay` [s], share of `loss`."""
+
+    delay: float = 0.0
+    loss: float = 0.0
+
+
 class Scenario(msgspec.Struct, frozen=True, kw_only=True):
     """A checked scenario; `tau` is in seconds or "auto" for the fault budget."""
 
@@ -61,6 +68,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
     policy: Policy = "safe"
     stop_time: float = 2.0
     speed_reserve: float = 0.05
+    link: Link = Link()
 
     def need(self, a: Robot, b: Robot) -> float:
         """Return the least distance [m] between the centres of two robots."""

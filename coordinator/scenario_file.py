@@ -18,8 +18,9 @@ import msgspec
 
 from coordinator.errors import InputError
 from coordinator.file_kinds import LOG_MAGIC, kind_of_document, wrong_kind
-from coordinator.scenario import Point, Policy, Pose, Robot, Scenario, Workspace
+from coordinator.scenario import Link, Point, Policy, Pose, Robot, Scenario, Workspace
 from coordinator.scenario_checks import (
+    LINK_QUANTITIES,
     ROBOT_QUANTITIES,
     SCENARIO_QUANTITIES,
     find_problems,
@@ -137,7 +138,14 @@ def _scenario(document: object, name: str, problems: list[str]) -> Scenario:
         if "workspace" in top.values
         else Workspace(boundary=()),
         robots=tuple(_robot(robot, f"robots[{i}]", problems) for i, robot in enumerate(robots)),
+        link=_link(top.values.get("link", {}), problems),
         **fields,
+    )
+
+
+def _link(value: object, problems: list[str]) -> Link:
+    return Link(
+        **Table(value, "link", Link.__struct_fields__, (), problems).numbers(LINK_QUANTITIES)
     )
 
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
-from coordinator.scenario import Point, Robot, Scenario, Workspace
+from coordinator.scenario import Link, Point, Robot, Scenario, Workspace
 
 WIDTH: Final = 100
 """A list longer than this many characters gets one line per item."""
@@ -23,6 +23,9 @@ def scenario_to_toml(scenario: Scenario, comment: str = "") -> bytes:
     Floats keep every bit: each is written as the shortest decimal that reads back as itself.
     """
     lines = [*_comment(comment), *_top(scenario)]
+    if scenario.link != Link():
+        lines += ["", "[link]", f"delay = {_number(scenario.link.delay)}"]
+        lines += [f"loss = {_number(scenario.link.loss)}"]
     lines += ["", "[workspace]", *_workspace(scenario.workspace)]
     for robot in scenario.robots:
         lines += ["", "[[robots]]", *_robot(robot)]

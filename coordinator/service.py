@@ -1,7 +1,8 @@
-"""The coordinator's shell: the fleet core on a real link, a real clock and a real log.
+"""The coordinator's shell: a mission on a real link, a real clock and a real log.
 
-Decides: when the core's `hear` and `tick` are called.  Everything that arrives and everything that
-is sent goes to the recorder with the very `now_ns` that the core saw, so a log can be run again.
+Decides: when the core's `hear` and `tick` are called, and that plans are found beside it, in a
+thread.  Everything that arrives, everything that is sent and every plan adopted goes to the
+recorder with the very `now_ns` that the core saw, so a log can be run again.
 """
 
 from __future__ import annotations
@@ -10,10 +11,15 @@ import asyncio
 from collections.abc import Callable
 from typing import Final
 
-from coordinator.fleet import Fleet, Incident, Outgoing
+from coordinator.adoption import adoption_key, record_of
+from coordinator.fleet import Fleet
+from coordinator.fleet_news import Incident, Outgoing
+from coordinator.mission import Mission, Request
+from coordinator.plan import PlanDocument, to_json
 from coordinator.recorder import Recorder
+from coordinator.recovery import Recovery
 from protocol import keys
-from protocol.phases import FREEZE, HOLD
+from protocol.phases import HOLD
 from protocol.timing import COMMAND_PERIOD, SECOND
 from protocol.transport import Transport
 
@@ -21,37 +27,44 @@ _WAITING: Final = 10_000
 """Messages that may wait for the core; what a flood adds beyond them is dropped and counted."""
 
 Arrival = tuple[str, bytes, int | None]
+"""Key, payload, sender's stamp; no payload of a key that is alive means that its link is gone."""
 
 
 class Service:
-    """Runs one fleet to its end.
+    """Runs one mission to its end.
 
     `clock` gives the coordinator's time in ns, `speed` how many of its seconds pass in one real
-    second; `watch` is called after every tick.
+    second; `watch` is called after every tick, `keep` with every plan of a later epoch.
     """
 
     def __init__(
         self,
-        fleet: Fleet,
+        mission: Mission,
         transport: Transport,
         recorder: Recorder,
         clock: Callable[[], int],
         speed: float = 1.0,
         watch: Callable[[Fleet, int], None] | None = None,
+        keep: Callable[[PlanDocument], None] | None = None,
     ) -> None:
-        self.fleet = fleet
+        self.mission = mission
+        self.fleet = mission.fleet
         self.dropped = 0
         self._transport = transport
         self._recorder = recorder
         self._clock = clock
         self._speed = speed
         self._watch = watch
+        self._keep = keep
         self._arrivals: asyncio.Queue[Arrival] = asyncio.Queue(_WAITING)
+        self._phase = (0, -1)
+        self._planning: tuple[Request, asyncio.Future[Recovery]] | None = None
 
     async def run(self, patience_s: float) -> bool:
-        """Run until the fleet has arrived (True) or has come to rest without arriving (False).
+        """Run until nothing is left to do; tell whether every robot has arrived.
 
-        Also ends with False when not all robots are armed after `patience_s` seconds.
+        Also ends with False when not all robots are armed for the first time after `patience_s`
+        seconds, or another coordinator has taken over.
         """
         self._listen(asyncio.get_running_loop())
         began = self._clock()
@@ -60,19 +73,41 @@ class Service:
             await self._take_until(due)
             now = self._clock()
             self._send(self.fleet.tick(now), now)
+            self._plan(now)
             if self._watch is not None:
                 self._watch(self.fleet, now)
             due += COMMAND_PERIOD
             if due <= now:
                 due = now + COMMAND_PERIOD
-            if self.fleet.is_finished:
-                return True
-            if self.fleet.phase == FREEZE and self.fleet.is_settled(now):
-                return False
-            if self.fleet.phase == HOLD and now - began > patience_s * SECOND:
+            if self.fleet.is_finished or self.fleet.superseded:
+                return self.fleet.members.has_arrived
+            first = self.fleet.epoch == self.fleet.first_epoch
+            if first and self.fleet.phase == HOLD and now - began > patience_s * SECOND:
                 missing = ", ".join(self.fleet.missing(now))
                 self.fleet.incidents.append(Incident(now, "timeout", "", f"not armed: {missing}"))
                 return False
+
+    def _plan(self, now: int) -> None:
+        """Begin to plan when the fleet rests, and adopt the plan when it is there."""
+        request = self.mission.request(now)
+        if request is not None:
+            loop = asyncio.get_running_loop()
+            self._planning = (request, loop.run_in_executor(None, self.mission.solve, request))
+        if self._planning is None or not self._planning[1].done():
+            return
+        asked, future = self._planning
+        self._planning = None
+        recovery = future.result()
+        messages = self.mission.adopt(asked, recovery, now)
+        if messages is None:
+            return
+        self._recorder.record(adoption_key(self.fleet.name), record_of(asked), now)
+        if recovery.document is not None:
+            name = f"plan-{asked.epoch}.json"
+            self._recorder.attach(name, "application/json", to_json(recovery.document))
+            if self._keep is not None:
+                self._keep(recovery.document)
+        self._send(messages, now)
 
     def _listen(self, loop: asyncio.AbstractEventLoop) -> None:
         def enqueue(key: str, payload: bytes, sent_ns: int | None) -> None:
@@ -85,8 +120,14 @@ class Service:
             if not loop.is_closed():
                 loop.call_soon_threadsafe(enqueue, key, payload, sent_ns)
 
-        for kind in (keys.hello, keys.report, keys.clock):
-            self._transport.subscribe(kind(self.fleet.name, "*"), from_any_thread)
+        def link_changed(key: str, alive: bool) -> None:
+            from_any_thread(key, b"\x01" if alive else b"", None)
+
+        fleet = self.fleet.name
+        for kind in (keys.hello, keys.report, keys.clock, keys.admit):
+            self._transport.subscribe(kind(fleet, "*"), from_any_thread)
+        self._transport.subscribe(keys.command(fleet), from_any_thread)
+        self._transport.watch_alive(keys.alive(fleet, "*"), link_changed)
 
     async def _take_until(self, due: int) -> None:
         """Feed the core with what arrives until the clock shows `due`."""
@@ -101,6 +142,11 @@ class Service:
             self._send(self.fleet.hear(key, payload, now), now)
 
     def _send(self, messages: list[Outgoing], now_ns: int) -> None:
+        """Record and send; a new phase is in the log before a robot hears of it."""
         for message in messages:
             self._recorder.record(message.key, message.payload, now_ns)
+        if messages and self._phase != (self.fleet.epoch, self.fleet.phase):
+            self._phase = (self.fleet.epoch, self.fleet.phase)
+            self._recorder.sync()
+        for message in messages:
             self._transport.put(message.key, message.payload)

@@ -6,10 +6,11 @@ Decides: the sampling.  Must not know: files.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from coordinator.nurbs import Array
 from coordinator.plan import PlanDocument
 from coordinator.wire import Driven, drive
 
@@ -20,16 +21,28 @@ def csv_rows(document: PlanDocument, step: float) -> Iterator[str]:
     """Yield CSV lines, header first; `step` in seconds, the last row is each robot's arrival."""
     yield HEADER
     for driven in drive(document):
-        yield from _robot_rows(driven, step)
+        times = until(step, driven.timeline.finish)
+        yield from rows(driven.id, times, sample(driven, times))
 
 
-def _robot_rows(driven: Driven, step: float) -> Iterator[str]:
+def sample(driven: Driven, times: Sequence[float], most: float = math.inf) -> Array:
+    """Return x, y [m], heading [rad], s [m], v [m/s] at plan times [s], (m, 5).
+
+    The robot comes to rest at arc length `most` if its plan leads beyond.
+    """
     line = driven.timeline
-    times = [*(step * i for i in range(math.ceil(line.finish / step))), line.finish]
-    s = np.array([line.s_at(t) for t in times])
+    s = np.minimum([line.s_at(t) for t in times], most)
+    speed = np.where(s < most, [line.v_at(t) for t in times], 0.0)
     place, first = driven.curve.derivatives(driven.curve.parameter_at(s), 1)
-    heading = np.arctan2(first[:, 1], first[:, 0])
-    for t, at, angle, arc in zip(times, place.tolist(), heading.tolist(), s.tolist(), strict=True):
-        yield (
-            f"{driven.id},{t:.6f},{at[0]:.6f},{at[1]:.6f},{angle:.6f},{arc:.6f},{line.v_at(t):.6f}"
-        )
+    return np.column_stack((place, np.arctan2(first[:, 1], first[:, 0]), s, speed))
+
+
+def rows(robot: str, times: Sequence[float], samples: Array) -> Iterator[str]:
+    """Yield a CSV line per sample."""
+    for t, (x, y, heading, s, v) in zip(times, samples.tolist(), strict=True):
+        yield f"{robot},{t:.6f},{x:.6f},{y:.6f},{heading:.6f},{s:.6f},{v:.6f}"
+
+
+def until(step: float, finish: float) -> list[float]:
+    """Return the times from 0 in steps to the finish [s], which is the last one."""
+    return [*(step * i for i in range(math.ceil(finish / step))), finish]

@@ -99,7 +99,7 @@ def _prove_alone(document: PlanDocument, driven: list[Driven]) -> Proof:
         document.margin,
         None if floor is None else Floor(floor.boundary, floor.obstacles).gap,
         [robot.limits for robot in document.robots],
-        budget_for(known) if all_known else None,
+        budget_for(known, document.link) if all_known else None,
     )
     missing = {"clearance": floor is None, "limits": not all_known}
     return replace(proof, unproven=[name for name, absent in missing.items() if absent])
@@ -119,7 +119,7 @@ def _prove_against(document: PlanDocument, driven: list[Driven], scenario: Scena
     planned = {one.id for one in driven}
     failures += [f"{name} has no plan" for name in robots if name not in planned]
     limits = [Limits.of(robot) for robot in scenario.robots]
-    budget = budget_for(limits)
+    budget = budget_for(limits, scenario.link)
     tau, margin = resolve_tau(scenario.tau, budget), scenario.margin
     if document.tau < tau - 1e-9 or document.margin < margin - 1e-9:
         failures.append(

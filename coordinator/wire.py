@@ -16,6 +16,7 @@ import numpy as np
 
 from coordinator.bounds import Chain, flatten
 from coordinator.errors import InputError
+from coordinator.link_times import link_times
 from coordinator.nurbs import Array, Nurbs, nurbs
 from coordinator.nurbs_kernels import parameters_at, series
 from coordinator.plan import Path, PlanDocument, RobotPlan
@@ -26,7 +27,7 @@ from protocol.messages import Plan
 from protocol.packing import pack_floats, pack_points, pack_profile, pack_stops
 from protocol.plan_parts import unpack_plan
 from protocol.timeline import Timeline
-from protocol.timing import SECOND
+from protocol.timing import MILLISECOND, SECOND
 
 _WEIGHT_RATIO: Final = 100.0
 _ARC_ERROR: Final = 2.5e-4
@@ -66,7 +67,7 @@ def pack(document: PlanDocument, robot: RobotPlan, boot: int = 0) -> bytes:
         stops.insert(0, (0.0, round(robot.start_time * SECOND)))
     rests = {stop.s for stop in robot.stops} if accel is not None else set()
     speeds, profile = pack_profile([(s, v) for s, v in robot.profile if s not in rests])
-    path = robot.path
+    path, times = robot.path, link_times(document.link)
     plan = Plan(
         epoch=document.epoch,
         boot=boot,
@@ -82,6 +83,8 @@ def pack(document: PlanDocument, robot: RobotPlan, boot: int = 0) -> bytes:
         profile=profile,
         stops=pack_stops(stops),
         checksum=0,
+        lease_ms=times.lease_ns // MILLISECOND,
+        clock_ms=times.clock_error_ns // MILLISECOND,
     )
     return encode(seal(plan))
 

@@ -14,6 +14,7 @@ import msgspec
 
 from protocol.messages import (
     MAX_MESSAGE_BYTES,
+    Admit,
     Clock,
     Command,
     Hello,
@@ -36,6 +37,7 @@ KINDS: Final[dict[str, tuple[type[Message], ...]]] = {
     "command": (Command,),
     "report": (Report,),
     "clock": (Clock,),
+    "admit": (Admit,),
 }
 """Which messages may stand on which kind of key."""
 
@@ -89,7 +91,7 @@ def _is_sane(message: Message) -> bool:
         limits = (message.radius_m, message.max_speed_mps, message.max_accel_mps2)
         return all(0.0 <= limit < math.inf for limit in limits)
     if isinstance(message, Report):
-        return message.s_m is None or math.isfinite(message.s_m)
+        return message.rest is None or math.isfinite(message.rest.s_m)
     if isinstance(message, Plan):
         return _is_finite(message) and checksum(message) == message.checksum
     return True

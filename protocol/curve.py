@@ -1,11 +1,12 @@
 """The curve as a robot evaluates it: a rational B-spline by arc length, in plain Python.
 
-Decides: how the numbers on the wire become places.  Firmware: only `math` is imported, nothing is
-allocated by `evaluate` and `place`, results are left in attributes.  The coordinator has the
-vectorised twin in coordinator/nurbs.py.
+Decides: how the numbers on the wire become places.  Firmware: only `array` and `math` are imported,
+nothing is allocated by `evaluate` and `place`, results are left in attributes.  The coordinator has
+the vectorised twin in coordinator/nurbs.py.
 """
 
-from math import hypot
+from array import array
+from math import sqrt
 
 _GAUSS = (
     (-0.9061798459386640, 0.2369268850561891),
@@ -66,9 +67,9 @@ class Curve:
         self._by = [0.0] * (degree + 1)
         self._bw = [0.0] * (degree + 1)
         self._cell = 0
-        self._cell_u = [0.0]
-        self._cell_s = [0.0]
-        self._cell_slope: list[float] = []
+        self._cell_u = array("d", [0.0])
+        self._cell_s = array("d", [0.0])
+        self._cell_slope = array("d", [])
         self._measure()
         self.length = self._cell_s[-1]
         if not 0.0 < self.length < 1e6:
@@ -130,7 +131,7 @@ class Curve:
 
     def _speed(self, u: float) -> float:
         self.evaluate(u)
-        return hypot(self.dx, self.dy)
+        return sqrt(self.dx * self.dx + self.dy * self.dy)
 
     def _measure(self) -> None:
         """Fill the table of arc lengths: Gauss quadrature with 5 nodes over 16 cells per span."""

@@ -38,6 +38,16 @@ def clock(fleet: str, robot: str) -> str:
     return f"{ROOT}/{fleet}/clock/{robot}"
 
 
+def admit(fleet: str, robot: str) -> str:
+    """Return the key on which an operator lets a robot take part again."""
+    return f"{ROOT}/{fleet}/admit/{robot}"
+
+
+def alive(fleet: str, robot: str) -> str:
+    """Return the key that is alive for as long as the robot's link is up; nothing is put on it."""
+    return f"{ROOT}/{fleet}/alive/{robot}"
+
+
 def split(key: str) -> tuple[str, str, str] | None:
     """Split a key into (fleet, kind, robot); robot is empty for `command`; None if not ours."""
     parts = key.split("/")
@@ -45,6 +55,6 @@ def split(key: str) -> tuple[str, str, str] | None:
         return None
     if len(parts) == 3 and parts[2] == "command":
         return parts[1], "command", ""
-    if len(parts) == 4 and parts[2] in ("hello", "plan", "report", "clock"):
+    if len(parts) == 4 and parts[2] in ("hello", "plan", "report", "clock", "alive", "admit"):
         return parts[1], parts[2], parts[3]
     return None

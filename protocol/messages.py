@@ -18,6 +18,9 @@ MAX_MESSAGE_BYTES: Final = 4_000
 Counter = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 Nanoseconds = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
 Duration = Annotated[int, msgspec.Meta(ge=0, le=10**12)]
+Milliseconds = Annotated[int, msgspec.Meta(ge=1, le=65_535)]
+Offset = Annotated[int, msgspec.Meta(ge=-32_768, le=32_767)]
+Place = Annotated[int, msgspec.Meta(ge=-(2**31), le=2**31 - 1)]
 Packed = Annotated[bytes, msgspec.Meta(max_length=3_600)]
 RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}(?!\n)$")]
 
@@ -25,7 +28,9 @@ RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}(?!\n)$")]
 class Hello(msgspec.Struct, frozen=True, array_like=True, tag=1):
     """A robot introduces itself; repeated until it holds a plan.
 
-    A limit of 0 means "not stated": the robot can do what the scenario asks.
+    A limit of 0 means "not stated": the robot can do what the scenario asks.  `place` is where a
+    robot believes to stand that has come back into a fleet under way: x, y [mm] and heading [mrad];
+    it is said only while the fleet rests.
     """
 
     version: Annotated[int, msgspec.Meta(ge=0, le=255)]
@@ -33,6 +38,7 @@ class Hello(msgspec.Struct, frozen=True, array_like=True, tag=1):
     radius_m: float = 0.0
     max_speed_mps: float = 0.0
     max_accel_mps2: float = 0.0
+    place: tuple[Place, Place, Place] | None = None
 
 
 class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):
@@ -44,6 +50,8 @@ class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):
     speeds, float32 [m/s].  `profile`: float32 s [m] and the uint8 index of its speed per speed
     knot.  `stops`: float32 s [m] and int64 departure [ns after the start] per stop; a robot that
     brakes (`brake_mmps2` > 0) has speed 0 there, which the profile does not repeat.
+    `lease_ms`: the silence of the coordinator that stops the robot; `clock_ms`: how uncertain of
+    the coordinator's clock it may be.
     """
 
     epoch: Counter
@@ -60,6 +68,14 @@ class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):
     profile: Packed
     stops: Packed
     checksum: Counter
+    lease_ms: Milliseconds = 600
+    clock_ms: Milliseconds = 10
+
+
+class Admit(msgspec.Struct, frozen=True, array_like=True, tag=7):
+    """An operator's word that a robot which has come back may take part again; `boot` is any."""
+
+    boot: Counter
 
 
 class Refusal(msgspec.Struct, frozen=True, array_like=True, tag=6):
@@ -84,11 +100,23 @@ class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
     wanted: Annotated[tuple[RobotId, ...], msgspec.Meta(max_length=100)] = ()
 
 
+class Rest(msgspec.Struct, frozen=True, array_like=True):
+    """Where a robot rests: arc length on the path of an epoch, how far left of it, turned from it.
+
+    Said once, and again when the coordinator asks.
+    """
+
+    s_m: Annotated[float, msgspec.Meta(ge=0.0)]
+    epoch: Counter
+    off_mm: Offset = 0
+    turn_mrad: Offset = 0
+
+
 class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
     """A robot's state, sent on change and every REPORT_PERIOD.
 
     `epoch` is the one whose plan the robot holds (0: none); an older one than the Command's is
-    the request for the plan.  `s_m` is the arc length at which a frozen robot rests; nothing
+    the request for the plan.  `rest` says where a robot rests that has stopped on its way; nothing
     else on this wire says where a robot is.
     """
 
@@ -97,7 +125,7 @@ class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
     epoch: Counter
     phase: Annotated[int, msgspec.Meta(ge=0, le=5)]
     fault: Annotated[int, msgspec.Meta(ge=0, le=7)] = 0
-    s_m: Annotated[float, msgspec.Meta(ge=0.0)] | None = None
+    rest: Rest | None = None
 
 
 class Clock(msgspec.Struct, frozen=True, array_like=True, tag=5):
@@ -113,4 +141,4 @@ class Clock(msgspec.Struct, frozen=True, array_like=True, tag=5):
     answered_ns: Nanoseconds | None = None
 
 
-Message = Hello | Plan | Refusal | Command | Report | Clock
+Message = Hello | Plan | Refusal | Command | Report | Clock | Admit

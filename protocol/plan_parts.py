@@ -11,14 +11,14 @@ from typing import NamedTuple
 from protocol.curve import clamped_knots
 from protocol.messages import Plan
 from protocol.packing import unpack_floats, unpack_points, unpack_profile, unpack_stops
-from protocol.timing import LEASE, SECOND, late_share
+from protocol.timing import MILLISECOND, SECOND, late_share
 
 
 class PlanParts(NamedTuple):
     """What a Plan says, each part in the order in which its user takes it."""
 
-    rules: tuple[int, int, int, int]
-    """late [ns], lease [ns], track [mm], brake [mm/s^2]."""
+    rules: tuple[int, int, int, int, int]
+    """late [ns], lease [ns], track [mm], brake [mm/s^2], clock error [ns]."""
     path: tuple[int, list[float], list[float], list[float], list[float]]
     """degree, full knot vector, x, y, weights: the arguments of Curve."""
     motion: tuple[list[float], list[float], list[float], list[float]]
@@ -33,7 +33,13 @@ def unpack_plan(plan: Plan) -> PlanParts:
     if plan.brake_mmps2:
         profile = sorted(profile + [(s, 0.0) for s, _ in stops if s > 0.0])
     return PlanParts(
-        (late_share(plan.tau_ns), LEASE, plan.track_mm, plan.brake_mmps2),
+        (
+            late_share(plan.tau_ns),
+            plan.lease_ms * MILLISECOND,
+            plan.track_mm,
+            plan.brake_mmps2,
+            plan.clock_ms * MILLISECOND,
+        ),
         (
             plan.degree,
             clamped_knots(plan.degree, unpack_floats(plan.knots) or [0.0]),

@@ -37,7 +37,7 @@ class Timeline:
             slope = (end_v * end_v - v * v) / (end_s - s)
             while stop < len(stop_s) and stop_s[stop] < end_s:
                 if stop_s[stop] > s:
-                    next_v = (v * v + slope * (stop_s[stop] - s)) ** 0.5
+                    next_v = max(v * v + slope * (stop_s[stop] - s), 0.0) ** 0.5
                     time = self._add_leg(time, s, stop_s[stop], v, next_v)
                     s, v = stop_s[stop], next_v
                 self.arrivals.append(time)

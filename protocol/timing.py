@@ -23,8 +23,8 @@ LATENESS = 250 * MILLISECOND
 CLOCK_ERROR = 10 * MILLISECOND
 """A moving robot whose clock offset is less certain than this stops."""
 
-CLOCK_ERROR_TO_ARM = 8 * MILLISECOND
-"""A robot arms only with more certainty than it needs later: clocks drift between exchanges."""
+CLOCK_RESERVE = 2 * MILLISECOND
+"""A robot arms only with this much more certainty than it needs later: clocks drift."""
 
 CLOCK_PERIOD_FAST = 40 * MILLISECOND
 CLOCK_PERIOD = 2 * SECOND

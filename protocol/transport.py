@@ -16,19 +16,30 @@ Handler = Callable[[str, bytes, int | None], None]
 It may run on any thread and must return at once: it only enqueues.
 """
 
+AliveHandler = Callable[[str, bool], None]
+"""Called as handler(key, alive) when a key has become alive or has ceased to be.
+
+The same rules as for Handler.
+"""
+
 
 class TransportError(Exception):
     """The link cannot be opened; the text is one sentence for the person who started it."""
 
 
 class Transport(ABC):
-    """Publish and subscribe on keys.
+    """Publish and subscribe on keys, and see whose link is up.
 
     Obligations of every implementation:
     - Bytes arrive whole or not at all, on the key they were put on.
     - A put may be lost, doubled, delayed or overtaken by a later one; nobody is told.
     - A session does not receive its own puts.
     - `put` never blocks for longer than a millisecond and never raises because of the link.
+    - A key is alive as long as at least one session that has declared it is open and linked.  A
+      process that is killed counts as closed at once, one whose host or cable falls silent within
+      the link's detection time.  A process that hangs may keep its link up and count as alive.
+    - A watcher is told each change once, after the first it can be told.  One whose own link is
+      gone sees all others go, and come back.  It may or may not be told of its own keys.
     - After `close` no handler is called and puts are ignored; `close` may be called twice.
     """
 
@@ -39,6 +50,17 @@ class Transport(ABC):
     @abstractmethod
     def subscribe(self, key_expression: str, handler: Handler) -> None:
         """Call the handler for everything that arrives; `*` stands for one part of a key."""
+
+    @abstractmethod
+    def declare_alive(self, key: str) -> None:
+        """Make the key count as alive for others until this session ends."""
+
+    @abstractmethod
+    def watch_alive(self, key_expression: str, handler: AliveHandler) -> None:
+        """Call the handler for every key that is alive already, and at every change from then on.
+
+        `*` stands for one part of a key.
+        """
 
     @abstractmethod
     def close(self) -> None:

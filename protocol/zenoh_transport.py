@@ -17,7 +17,7 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any, Final
 
-from protocol.transport import Handler, Transport, TransportError
+from protocol.transport import AliveHandler, Handler, Transport, TransportError
 
 if TYPE_CHECKING:
     import zenoh
@@ -66,9 +66,11 @@ class ZenohTransport(Transport):
         self._session = session
         self._drop = zenoh.CongestionControl.DROP
         self._remote = zenoh.Locality.REMOTE
+        self._appears = zenoh.SampleKind.PUT
         self._error = zenoh.ZError
         self._gate = threading.RLock()
         self._closed = False
+        self._tokens: list[zenoh.LivelinessToken] = []  # Zenoh undeclares one that nobody holds
 
     @classmethod
     def listen(cls, endpoint: str) -> ZenohTransport:
@@ -133,6 +135,31 @@ class ZenohTransport(Transport):
                     handler(key, payload, sent_ns)
 
         self._session.declare_subscriber(key_expression, deliver, allowed_origin=self._remote)
+
+    def declare_alive(self, key: str) -> None:
+        """Make the key count as alive for others, also after the link was lost and found again."""
+        if not self._closed:
+            self._tokens.append(self._session.liveliness().declare_token(key))
+
+    def watch_alive(self, key_expression: str, handler: AliveHandler) -> None:
+        """Call the handler, on one of Zenoh's threads, when a key appears or is gone.
+
+        A key is gone 2 ms after its process was killed or its session closed, and about 1 s (the
+        link's lease) after its process was stopped or its link fell silent.
+        """
+        if self._closed:
+            return
+        alive: set[str] = set()
+
+        def deliver(sample: zenoh.Sample) -> None:
+            key, appears = str(sample.key_expr), sample.kind == self._appears
+            with self._gate:
+                if self._closed or appears == (key in alive):
+                    return  # a client that watches is told everything twice
+                alive.symmetric_difference_update([key])
+                handler(key, appears)
+
+        self._session.liveliness().declare_subscriber(key_expression, deliver, history=True)
 
     def close(self) -> None:
         """End the session; when this returns, no handler runs or will run.

@@ -16,8 +16,8 @@ The rules:
   start and knows the time well enough; until then it says why not.
 - GO heard when the plan has already run away is not obeyed: the robot stays where it is.
 - A robot at its goal stays there in that epoch, whatever it hears.
-- A position is never said, but for the arc length at which a frozen robot rests: in the first
-  report that says it is frozen, and again when the coordinator asks for it.
+- A position is never said, but for the arc length at which a robot rests that has stopped on its
+  way: in the first report that says it is frozen, and again when the coordinator asks for it.
 """
 
 from protocol.phases import (
@@ -40,10 +40,7 @@ from protocol.phases import (
 )
 from protocol.timing import (
     CLOCK_ERROR,
-    CLOCK_ERROR_TO_ARM,
-    CLOCK_PERIOD,
-    CLOCK_PERIOD_FAST,
-    CLOCK_SAMPLES,
+    CLOCK_RESERVE,
     HELLO_PERIOD,
     MILLISECOND,
     REPORT_PERIOD,
@@ -70,7 +67,8 @@ class Agent:
     """One robot; `max_speed` [m/s], 0 when it is not known.
 
     Read after `tick`: drive_speed [m/s], drive_curvature [rad/m], drive_distance [m].
-    Read after `report_due`: report_sequence, epoch, phase, fault and report_s [m] or None.
+    Read after `report_due`: report_sequence, epoch, phase, fault and report_s [m] or None; with
+    the latter rest_epoch, rest_off [mm] and rest_turn [mrad].
     `ride` is the plan held, with the robot's place on it, or None.
     """
 
@@ -84,6 +82,8 @@ class Agent:
         self.drive_speed = self.drive_curvature = self.drive_distance = 0.0
         self.report_sequence = 0
         self.report_s: float | None = None
+        self.rest_epoch = self.rest_off = self.rest_turn = 0
+        self.rest_s = 0.0
         self._max_speed = max_speed
         self._period = period_ns / SECOND
         self._coordinator = self._sequence = -1
@@ -91,7 +91,7 @@ class Agent:
         self._command_ns = _NEVER
         self._other_clock = self._tell_s = False
         self._reported = (0, 0, 0)
-        self._reported_ns = self._hello_ns = self._asked_ns = _NEVER
+        self._reported_ns = self._hello_ns = _NEVER
 
     def hear_command(
         self,
@@ -120,13 +120,13 @@ class Agent:
             self._apply(NEW_EPOCH, now_ns)
         elif phase == GO and epoch == self.epoch and self.phase == ARMED:
             self._hear_go(start_ns, now_ns)
-        self._tell_s = self._tell_s or (wanted and self.phase == FROZEN)
+        self._tell_s = self._tell_s or (wanted and self.rest_epoch > 0)
 
     def hear_plan(
         self,
         boot: int,
         epoch: int,
-        rules: tuple[int, int, int, int],
+        rules: tuple[int, int, int, int, int],
         path: tuple[int, list[float], list[float], list[float], list[float]],
         motion: tuple[list[float], list[float], list[float], list[float]],
     ) -> None:
@@ -159,6 +159,7 @@ class Agent:
     def tick(self, now_ns: int, x: float, y: float, heading: float) -> None:
         """Look where the robot is and decide what it does until the next tick."""
         ride = self.ride
+        self.clock.follow(now_ns, self.phase in (MOVING, BRAKING))
         self.drive_speed = self.drive_curvature = self.drive_distance = 0.0
         if ride is None:
             return
@@ -184,8 +185,8 @@ class Agent:
         self._reported, self._reported_ns = state, now_ns
         self.report_sequence += 1
         self.report_s = None
-        if self._tell_s and self.phase == FROZEN and self.ride is not None:
-            self.report_s = self.ride.follower.s
+        if self._tell_s and self.rest_epoch > 0:
+            self.report_s = self.rest_s
         self._tell_s = False
         return True
 
@@ -197,18 +198,13 @@ class Agent:
         return True
 
     def clock_due(self, now_ns: int) -> bool:
-        """Tell whether to ask for the time now, which then counts as done.
+        """Tell whether to ask for the time now, which then counts as done."""
+        enough = (self.ride.clock_error_ns if self.ride else CLOCK_ERROR) - CLOCK_RESERVE
+        return self.clock.due(now_ns, enough, self.phase in (MOVING, BRAKING))
 
-        Often at first and as long as the answers are not good enough; rarely on the move.
-        """
-        certain = (
-            self.clock.good >= CLOCK_SAMPLES and self.clock.error_ns(now_ns) <= CLOCK_ERROR_TO_ARM
-        )
-        rarely = certain or self.phase in (MOVING, BRAKING)
-        if now_ns - self._asked_ns < (CLOCK_PERIOD if rarely else CLOCK_PERIOD_FAST):
-            return False
-        self._asked_ns = now_ns
-        return True
+    def has_driven(self) -> bool:
+        """Tell whether the robot has set out on a plan, or was told to freeze with one."""
+        return self._spent_epoch > 0
 
     def may_leave(self, now_ns: int) -> bool:
         """Tell whether nothing is left to do: all over, or at the goal and the fleet is gone."""
@@ -240,7 +236,7 @@ class Agent:
     def _try_to_arm(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> None:
         if not ride.follower.misplacement(x, y, heading) <= ride.track:
             self.fault = OFF_PATH
-        elif self.clock.error_ns(now_ns) > CLOCK_ERROR_TO_ARM:
+        elif self.clock.error_ns(now_ns) > ride.clock_error_ns - CLOCK_RESERVE:
             self.fault = CLOCK_UNSURE
         else:
             self.fault = NO_FAULT
@@ -253,7 +249,7 @@ class Agent:
             return
         if fault == NO_FAULT and self._is_alone(now_ns):
             fault = LEASE_OUT
-        if fault == NO_FAULT and self.clock.error_ns(now_ns) > CLOCK_ERROR:
+        if fault == NO_FAULT and self.clock.error_ns(now_ns) > ride.clock_error_ns:
             fault = CLOCK_UNSURE
         if fault == NO_FAULT:
             ride.keep_to_plan(time)
@@ -278,9 +274,17 @@ class Agent:
             self.ride.begin_to_brake(self._plan_time(now_ns))
         elif after in (FROZEN, DONE) and self.ride is not None:
             self.ride.stand()
-            self._tell_s = after == FROZEN
+            self._remember_rest(self.ride, after == FROZEN)
+        elif after == MOVING:
+            self.rest_epoch = 0
         if after in (MOVING, FROZEN):
             self._spent_epoch = self.epoch
+
+    def _remember_rest(self, ride: Ride, tell: bool) -> None:
+        """Keep where the robot rests for as long as it does, whatever becomes of the plan."""
+        self._tell_s = tell
+        self.rest_epoch, self.rest_s = self.epoch, ride.follower.s
+        self.rest_off, self.rest_turn = ride.follower.offset()
 
     def _drop_plan(self, now_ns: int) -> None:
         self.ride, self.epoch, self.fault, self._tell_s = None, 0, NO_FAULT, False

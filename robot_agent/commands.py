@@ -6,6 +6,7 @@ Decides: options, and which driver stands behind the agent.
 from __future__ import annotations
 
 import importlib
+import json
 import math
 import time
 from functools import partial
@@ -17,6 +18,7 @@ import typer
 from protocol.keys import NAME
 from protocol.timing import SECOND
 from robot_agent.driver import Driver
+from robot_agent.loop import FixedRateLoop
 
 commands = typer.Typer()
 
@@ -40,6 +42,14 @@ def agent(
     give_up: Annotated[
         float, typer.Option(min=0.0, max=1e6, help="Seconds without one to end after; 0: never.")
     ] = 0.0,
+    rate: Annotated[int, typer.Option(min=20, max=1000, help="Ticks a second.")] = 100,
+    stats: Annotated[
+        bool, typer.Option("--stats", help="Count ticks: a JSON line per phase and at the end.")
+    ] = False,
+    at: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(metavar="X Y HEADING", help="Where it stands, metres and radians."),
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Do not tell phases.")] = False,
 ) -> None:
     """Run one robot; its body is simulated unless another driver is named.
@@ -56,6 +66,8 @@ def agent(
     if fleet is not None:
         _check_name(fleet, "--fleet")
     body = _driver(driver, max_accel)
+    if at is not None:
+        body.place(*at)
     me = Robot(robot, radius, max_speed, max_accel)
 
     def clock() -> int:
@@ -75,7 +87,9 @@ def agent(
             fleet=fleet,
             blackbox=blackbox,
             give_up_ns=round(give_up * SECOND),
+            period_ns=SECOND // rate,
             tell=(lambda _: None) if quiet else partial(typer.echo, err=True),
+            count=_print_counts if stats else _count_nothing,
         )
     except RefusedError as error:
         typer.echo(str(error), err=True)
@@ -84,6 +98,23 @@ def agent(
         typer.echo(f"{blackbox}: {error.strerror}", err=True)
         code = 2
     raise typer.Exit(code)
+
+
+def _print_counts(state: str, loop: FixedRateLoop) -> None:
+    """Print what the loop has counted until a change of phase."""
+    counts = {
+        "state": state,
+        "ticks": loop.ticks,
+        "overruns": loop.overruns,
+        "failures": loop.failures,
+        "worst_tick_us": loop.worst_ns // 1000,
+        "cpu_s": round(time.process_time(), 3),
+    }
+    typer.echo(json.dumps(counts))
+
+
+def _count_nothing(_state: str, _loop: FixedRateLoop) -> None:
+    """Keep quiet about the loop."""
 
 
 def _check_name(name: str, option: str) -> None:

@@ -19,7 +19,8 @@ class FixedRateLoop:
     Deadlines are `start += period`, so that lateness does not add up; a tick that ends after the
     next deadline counts as an overrun, and deadlines already gone are left out rather than made up
     for.  A tick that raises counts as a failure and is answered by `rescues(error)`, in order,
-    each of them called even when the one before failed.
+    each of them called even when the one before failed.  Counted: `ticks`, `overruns`, `failures`,
+    and `worst_ns`, the longest tick.
     """
 
     def __init__(
@@ -30,8 +31,7 @@ class FixedRateLoop:
         sleep: Callable[[int], None],
         period_ns: int = PERIOD_NS,
     ) -> None:
-        self.overruns = 0
-        self.failures = 0
+        self.ticks = self.overruns = self.failures = self.worst_ns = 0
         self._tick = tick
         self._rescues = rescues
         self._clock = clock
@@ -40,19 +40,23 @@ class FixedRateLoop:
 
     def run(self) -> None:
         """Run until a tick returns False."""
-        deadline = self._clock()
-        while self._guarded_tick():
+        deadline = began = self._clock()
+        while self._guarded_tick(began):
+            ended = self._clock()
+            self.ticks += 1
+            self.worst_ns = max(self.worst_ns, ended - began)
             deadline += self._period_ns
-            left = deadline - self._clock()
+            left = deadline - ended
             if left < 0:
                 self.overruns += 1
                 deadline += -left // self._period_ns * self._period_ns
             else:
                 self._sleep(left)
+            began = self._clock()
 
-    def _guarded_tick(self) -> bool:
+    def _guarded_tick(self, now_ns: int) -> bool:
         try:
-            return self._tick(self._clock())
+            return self._tick(now_ns)
         except Exception as error:
             self._rescue(error)
             return True

@@ -13,7 +13,10 @@ from protocol.timing import SECOND
 from robot_agent.steering import PathFollower
 
 ARRIVAL_SLACK = 1e-3
-"""How near [m] to its goal a robot has arrived, and how far behind still counts as in time."""
+"""How near [m] to its goal a robot has arrived."""
+
+LATE_SHARE = 0.2
+"""Share of the track tolerance that a robot may seem behind and be in time: measures have noise."""
 
 HOLD_OUT = 0.05
 """For how long [s] an order to the driver lasts should the next tick not come."""
@@ -29,21 +32,22 @@ _SPARE_SPEED = 1.05
 class Ride:
     """One plan and the robot on it.
 
-    `rules`: late [ns], lease [ns], track [mm], brake [mm/s^2, 0 stops at once].  `path`: the
-    arguments of Curve.  `motion`: the arguments of Timeline.  Raises ValueError when these make no
-    plan.  The order to the driver is left in speed [m/s], curvature [rad/m] and distance [m].
+    `rules`: late [ns], lease [ns], track [mm], brake [mm/s^2, 0 stops at once], clock error [ns].
+    `path`: the arguments of Curve.  `motion`: the arguments of Timeline.  Raises ValueError when
+    these make no plan.  The order to the driver is left in speed [m/s], curvature [rad/m] and
+    distance [m].
     """
 
     def __init__(
         self,
         epoch: int,
-        rules: tuple[int, int, int, int],
+        rules: tuple[int, int, int, int, int],
         path: tuple[int, list[float], list[float], list[float], list[float]],
         motion: tuple[list[float], list[float], list[float], list[float]],
         max_speed: float,
         period: float,
     ) -> None:
-        late_ns, self.lease_ns, track_mm, brake_mmps2 = rules
+        late_ns, self.lease_ns, track_mm, brake_mmps2, self.clock_error_ns = rules
         self.epoch = epoch
         self.late = late_ns / SECOND
         self.track = track_mm / 1000.0
@@ -65,7 +69,7 @@ class Ride:
 
     def missed(self, time: float) -> bool:
         """Tell whether the plan is farther ahead than its share of tau allows."""
-        behind = self._timeline.s_at(time - self.late) - ARRIVAL_SLACK
+        behind = self._timeline.s_at(time - self.late) - max(ARRIVAL_SLACK, LATE_SHARE * self.track)
         return not self.follower.s >= behind
 
     def trouble(self, time: float) -> int:

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import PROTOCOL_VERSION, Clock, Command, Hello, Plan, Refusal, Report
-from protocol.phases import FAULT_NAMES, FROZEN, GO, IDLE, NO_FAULT, PHASE_NAMES
+from protocol.messages import PROTOCOL_VERSION, Clock, Command, Hello, Plan, Refusal, Report, Rest
+from protocol.phases import FAULT_NAMES, FREEZE, FROZEN, GO, HOLD, IDLE, NO_FAULT, PHASE_NAMES
 from protocol.plan_parts import unpack_plan
 from protocol.transport import Transport
 from robot_agent.agent import Agent
@@ -53,12 +53,15 @@ def run_robot(
     truth_clock: Callable[[], int] | None = None,
     blackbox: Path | None = None,
     give_up_ns: int = 0,
+    period_ns: int = PERIOD_NS,
     tell: Callable[[str], None] = lambda _: None,
+    count: Callable[[str, FixedRateLoop], None] = lambda _state, _loop: None,
 ) -> int:
     """Run one robot until the fleet is over (0) or it is interrupted (130); closes everything.
 
     It also ends (1) when it has heard no coordinator for `give_up_ns` (0: waits for ever); a robot
-    under way has stopped long before.  `tell` is given a sentence at every change of phase.
+    under way has stopped long before.  `tell` is given a sentence at every change of phase, `count`
+    the same and the loop, and once more when the loop has ended.
 
     `clock`: the robot's own time [ns]; `sleep`: lets that many of its ns pass; `truth_clock`: the
     coordinator's clock, for the black box alone (default: `clock`).  Without a fleet the first one
@@ -67,7 +70,9 @@ def run_robot(
     with transport:
         box = BlackBox(blackbox) if blackbox is not None else None
         truth = truth_clock or clock
-        service = RobotService(robot, transport, driver, fleet, truth, box, clock=clock)
+        service = RobotService(
+            robot, transport, driver, fleet, truth, box, clock=clock, period_ns=period_ns
+        )
         began = clock()
         told = PHASE_NAMES[IDLE]
         gave_up = False
@@ -78,19 +83,22 @@ def run_robot(
             if (state := service.describe()) != told:
                 told = state
                 tell(f"{robot.id}: {state}")
+                count(state, loop)
             silent_ns = now_ns - max(service.heard_ns, began)
             gave_up = going and 0 < give_up_ns < silent_ns
             return going and not gave_up
 
         rescues = (lambda _: driver.stop(), lambda error: service.rescue(error, clock()))
+        loop = FixedRateLoop(tick, rescues, clock, sleep, period_ns)
         try:
-            FixedRateLoop(tick, rescues, clock, sleep).run()
+            loop.run()
         except KeyboardInterrupt:
             return 130
         finally:
             if box is not None:
                 box.close()
             driver.stop()
+            count("end", loop)
     if service.refusal is not None:
         raise RefusedError(service.refusal)
     return 1 if gave_up else 0
@@ -124,13 +132,15 @@ class RobotService:
         blackbox: BlackBox | None = None,
         boot: int | None = None,
         clock: Callable[[], int] | None = None,
+        period_ns: int = PERIOD_NS,
     ) -> None:
-        self.agent = Agent(robot.max_speed, PERIOD_NS)
+        self.agent = Agent(robot.max_speed, period_ns)
         self.boot = int.from_bytes(os.urandom(4)) if boot is None else boot
         self.refusal: str | None = None
         self.bad_messages = 0
         self.last_error = ""
         self.heard_ns = -(2**62)
+        self._phase = HOLD
         self._robot = robot
         self._transport = transport
         self._driver = driver
@@ -168,6 +178,7 @@ class RobotService:
         self._fleet = fleet
         for kind in (keys.plan, keys.clock):
             self._transport.subscribe(kind(fleet, self._robot.id), self._enqueue)
+        self._transport.declare_alive(keys.alive(fleet, self._robot.id))
 
     def _enqueue(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
         self._arrivals.append((key, payload, self._clock() if self._clock else None))
@@ -189,7 +200,7 @@ class RobotService:
                 self._hear_clock(message, now_ns if heard_ns is None else heard_ns)
 
     def _hear_command(self, fleet: str, command: Command, now_ns: int) -> None:
-        self.heard_ns = now_ns
+        self.heard_ns, self._phase = now_ns, command.phase
         if self._fleet is None:
             self._join(fleet)
         if self._blackbox is not None and command.phase == GO and self._blackbox.start_ns is None:
@@ -221,13 +232,28 @@ class RobotService:
             s = agent.ride.follower.s if agent.ride is not None else 0.0
             self._blackbox.write(self._truth_clock(), driver.true_pose(), s, agent.phase)
 
+    def _place(self) -> tuple[int, int, int] | None:
+        """Return where a robot stands that never drove in this fleet, which is frozen."""
+        pose = self._driver.pose()
+        if pose is None or self._phase != FREEZE or self.agent.has_driven():
+            return None
+        x, y, heading = (round(1000.0 * number) for number in pose)
+        return x, y, heading
+
+    def _rest(self) -> Rest | None:
+        agent = self.agent
+        if agent.report_s is None:
+            return None
+        return Rest(agent.report_s, agent.rest_epoch, agent.rest_off, agent.rest_turn)
+
     def _speak(self, now_ns: int) -> None:
         if self._fleet is None:
             return
         agent, fleet, robot = self.agent, self._fleet, self._robot
         if agent.hello_due(now_ns):
             accel = robot.max_accel if robot.max_accel < float("inf") else 0.0
-            hello = Hello(PROTOCOL_VERSION, self.boot, robot.radius, robot.max_speed, accel)
+            limits = (robot.radius, robot.max_speed, accel)
+            hello = Hello(PROTOCOL_VERSION, self.boot, *limits, self._place())
             self._transport.put(keys.hello(fleet, robot.id), encode(hello))
         if agent.clock_due(now_ns):
             asked_ns = self._clock() if self._clock else now_ns
@@ -239,6 +265,6 @@ class RobotService:
                 agent.epoch,
                 agent.phase,
                 agent.fault,
-                agent.report_s,
+                self._rest(),
             )
             self._transport.put(keys.report(fleet, robot.id), encode(report))

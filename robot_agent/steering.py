@@ -8,7 +8,7 @@ The curvature is the path's own just ahead plus the linear law of Samson (1992) 
 over the length 1 / lambda.
 """
 
-from math import atan2, cos, hypot, inf, sin
+from math import atan2, cos, inf, sin, sqrt
 
 from protocol.curve import Curve
 
@@ -50,9 +50,9 @@ class PathFollower:
         has mended it: theta / (e lambda).
         """
         self._tangent_at(0.0)
-        off = hypot(x - self._curve.x, y - self._curve.y)
+        dx, dy = x - self._curve.x, y - self._curve.y
         turned = self._turned_from_tangent(heading)
-        return off + abs(turned) * SETTLING_LENGTH * 0.37
+        return sqrt(dx * dx + dy * dy) + abs(turned) * SETTLING_LENGTH * 0.37
 
     def locate(self, x: float, y: float, heading: float) -> None:
         """Project a pose on the path near the last place: Newton steps of one evaluation each."""
@@ -70,6 +70,12 @@ class PathFollower:
         self.s = s
         self.lateral = (y - curve.y) * self._tx - (x - curve.x) * self._ty
         self.heading_error = self._turned_from_tangent(heading)
+
+    def offset(self) -> tuple[int, int]:
+        """Return how far left of the path [mm] and turned from it [mrad] the robot is."""
+        if not abs(self.lateral) < 32.0:
+            return 0, 0
+        return round(1000.0 * self.lateral), round(1000.0 * self.heading_error)
 
     def curvature(self, travel: float) -> float:
         """Return the curvature [rad/m] to drive, `travel` [m] being the way until the next tick.
@@ -96,6 +102,6 @@ class PathFollower:
         """Place the curve at s and keep its direction; the last one where it has none."""
         curve = self._curve
         curve.place(s)
-        size = hypot(curve.dx, curve.dy)
+        size = sqrt(curve.dx * curve.dx + curve.dy * curve.dy)
         if size > 1e-9:
             self._tx, self._ty = curve.dx / size, curve.dy / size

@@ -31,6 +31,12 @@ class BlackBox:
         """Return the places (m, 2) at times (m,): linear between rows, at rest outside of them."""
         return np.column_stack([np.interp(time, self.t, self.places[:, i]) for i in (0, 1)])
 
+    def between(self, begin: float, end: float, zero: float) -> BlackBox:
+        """Return the rows from `begin` to before `end`, with times counted from `zero`."""
+        kept = (self.t >= begin) & (self.t < end)
+        phases = tuple(p for p, keep in zip(self.phases, kept.tolist(), strict=True) if keep)
+        return BlackBox(self.t[kept] - zero, self.places[kept], self.s[kept], phases)
+
 
 def read_blackbox(path: Path) -> BlackBox:
     """Read a black box; a last line cut short by a kill is left out.

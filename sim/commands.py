@@ -1,4 +1,4 @@
-"""The commands that make scenarios, run and judge whole fleets here: scenario, run, judge.
+"""The commands that make scenarios, run, judge and try whole fleets here.
 
 Decides: options and exit codes.
 """
@@ -6,6 +6,7 @@ Decides: options and exit codes.
 from __future__ import annotations
 
 import difflib
+import os
 import time
 from pathlib import Path
 from typing import Annotated, cast, get_args
@@ -14,6 +15,8 @@ import typer
 
 from coordinator.commands import make_folder, within, writable
 from coordinator.console import answer_json, answers, tell, write_file
+from sim.fault_script import fault_help as script_help
+from sim.faults import fault_help
 from sim.layout import Kind, Size
 
 commands = typer.Typer()
@@ -98,9 +101,7 @@ def run(
     ] = 1.0,
     fault: Annotated[
         list[str] | None,
-        typer.Option(
-            help="kill:ROBOT@SECONDS, hang:..., coordinator-kill@SECONDS, coordinator-hang@..."
-        ),
+        typer.Option(metavar="SPEC", help=f"At SECONDS after GO, repeatable: {fault_help()}."),
     ] = None,
     effort: Annotated[int, typer.Option(min=0, max=100_000, help="Improvement rounds.")] = 20,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
@@ -167,4 +168,54 @@ def judge(
     else:
         answers.print(render_verdict(verdict))
     if verdict.collisions or not all(robot.arrived for robot in verdict.robots):
+        raise typer.Exit(1)
+
+
+@commands.command()
+def campaign(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
+    seeds: Annotated[int, typer.Option(min=1, help="How many runs.")] = 100,
+    from_seed: Annotated[int, typer.Option(min=0, help="The first one's seed.")] = 0,
+    faults: Annotated[
+        str | None, typer.Option(metavar="KINDS", help="Draw only these, a comma list.")
+    ] = None,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(metavar="SPEC", help=f"Only these (or none), repeatable: {script_help()}."),
+    ] = None,
+    loss: Annotated[float, typer.Option(callback=within(0.0, 0.3), help="At most.")] = 0.3,
+    delay_ms: Annotated[float, typer.Option(callback=within(0.0, 300.0), help="At most.")] = 300.0,
+    tau: Annotated[
+        float | None,
+        typer.Option(
+            help="Seconds, not the fault budget: tests proof.survives.",
+            callback=lambda value: value if value is None else within(0.0, 60.0)(value),
+        ),
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes; default: one per core.")] = (
+        os.cpu_count() or 1
+    ),
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Run a fleet many times in virtual time, on links and with faults that the seeds decide.
+
+    Example: splinefleet campaign examples/paper_five.toml --seeds 100
+    """
+    from coordinator.scenario_file import read_scenario
+    from sim.campaign import Wish
+    from sim.campaign_answer import render, say
+    from sim.campaign_shell import Campaign
+    from sim.fault_script import KINDS, known_kinds
+
+    kinds = known_kinds(faults) if faults else tuple(KINDS)
+    wish = Wish(kinds, loss, delay_ms / 1000.0, tau)
+    asked = Campaign.asked(read_scenario(scenario), scenario, wish, fault)
+    answer = asked.run(range(from_seed, from_seed + seeds), jobs)
+    if as_json:
+        answer_json(answer)
+    else:
+        answers.print(render(answer))
+        for violation in answer.violations:
+            answers.print(say(violation), markup=False)
+    if answer.violations:
         raise typer.Exit(1)

@@ -7,20 +7,25 @@ Decides: what counts as a collision (centres nearer than r_i + r_j) and as track
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 import numpy as np
 
 from coordinator.budget import share_for_lateness
 from coordinator.errors import InputError
+from coordinator.logbook import read_log
 from coordinator.nurbs import Array
-from coordinator.plan import PlanDocument, read
+from coordinator.plan import PlanDocument, from_json, read
 from coordinator.wire import Driven, drive
-from protocol.phases import DONE, MOVING, PHASE_NAMES
+from protocol.codec import decode
+from protocol.messages import Command
+from protocol.phases import DONE, GO, MOVING, PHASE_NAMES
+from protocol.timing import SECOND
 from sim.blackbox import BlackBox, read_blackbox
 
 _GRID: Final = 0.001
@@ -59,8 +64,49 @@ class Verdict(msgspec.Struct, frozen=True):
     robots: list[RobotVerdict]
 
 
+class Epoch(NamedTuple):
+    """A plan, when robots were first told of it and when it started [s since the first GO]."""
+
+    document: PlanDocument
+    begin: float
+    start: float
+
+
+def later_epochs(folder: Path) -> list[Epoch]:
+    """Return the epochs of a run after its first, as its logs tell them; none without a log.
+
+    A coordinator that went on from a log has written another one.
+    """
+    begins: dict[int, int] = {}
+    starts: dict[int, int] = {}
+    plans: dict[str, bytes] = {}
+    for path in sorted(folder.glob("run*.mcap")):
+        log = read_log(path)
+        plans |= log.attachments
+        for record in log.records:
+            message = decode("command", record.payload) if record.key.endswith("/command") else None
+            if isinstance(message, Command):
+                begins.setdefault(message.epoch, record.log_ns)
+                if message.phase == GO:
+                    starts.setdefault(message.epoch, message.start_ns)
+    first = min(starts, default=0)
+    return [
+        Epoch(
+            from_json(plans[name], name),
+            (begins[epoch] - starts[first]) / SECOND,
+            (start_ns - starts[first]) / SECOND,
+        )
+        for epoch, start_ns in sorted(starts.items())
+        if epoch != first and (name := f"plan-{epoch}.json") in plans
+    ]
+
+
 def judge(folder: Path) -> Verdict:
-    """Judge a run's folder; InputError when its plan or a black box is missing."""
+    """Judge a run's folder; InputError when its plan or a black box is missing.
+
+    The plans of later epochs are held against what the robots did when there is a log, which tells
+    when each began.
+    """
     document = read(folder / "plan.json")
     boxes: dict[str, BlackBox] = {}
     problems: list[str] = []
@@ -71,13 +117,19 @@ def judge(folder: Path) -> Verdict:
             problems += error.problems
     if problems:
         raise InputError(problems)
-    return judge_boxes(document, boxes)
+    return judge_boxes(document, boxes, later_epochs(folder))
 
 
-def judge_boxes(document: PlanDocument, boxes: Mapping[str, BlackBox]) -> Verdict:
-    """Judge black boxes against a plan; a robot that never moved stands at its start."""
-    driven = {one.id: one for one in drive(document)}
-    whole = {name: _from_start(driven[name], box) for name, box in boxes.items()}
+def judge_boxes(
+    document: PlanDocument, boxes: Mapping[str, BlackBox], later: Sequence[Epoch] = ()
+) -> Verdict:
+    """Judge black boxes against a plan and those of later epochs, in order.
+
+    A robot that never moved stands at its start.
+    """
+    epochs = [Epoch(document, -math.inf, 0.0), *later]
+    rides = [{one.id: one for one in drive(epoch.document)} for epoch in epochs]
+    whole = {name: _from_start(rides[0][name], box) for name, box in boxes.items()}
     pairs, collisions = [], 0
     for a, b in combinations(document.robots, 2):
         separation, t = least_separation(whole[a.id], whole[b.id])
@@ -89,7 +141,12 @@ def judge_boxes(document: PlanDocument, boxes: Mapping[str, BlackBox]) -> Verdic
         least_separation=min((pair.separation for pair in pairs), default=None),
         pairs=pairs,
         robots=[
-            _judge_robot(document, driven[robot.id], whole[robot.id], end)
+            _judge_robot(
+                document,
+                _legs(epochs, rides, robot.id, whole[robot.id]),
+                whole[robot.id],
+                end,
+            )
             for robot in document.robots
         ],
     )
@@ -119,8 +176,23 @@ def _from_start(driven: Driven, box: BlackBox) -> BlackBox:
     return BlackBox(np.zeros(1), start, np.zeros(1), (PHASE_NAMES[0],))
 
 
-def _judge_robot(document: PlanDocument, driven: Driven, box: BlackBox, end: float) -> RobotVerdict:
-    tolerance = 0.5 * document.margin
+def _legs(
+    epochs: Sequence[Epoch], rides: Sequence[Mapping[str, Driven]], name: str, box: BlackBox
+) -> list[tuple[Driven, BlackBox]]:
+    """Return the plans that a robot drove, each with what it did until the next epoch began."""
+    ends = [*(epoch.begin for epoch in epochs[1:]), math.inf]
+    return [
+        (ride[name], box.between(epoch.begin, end, epoch.start))
+        for epoch, end, ride in zip(epochs, ends, rides, strict=True)
+        if name in ride
+    ]
+
+
+def _judge_robot(
+    document: PlanDocument, legs: Sequence[tuple[Driven, BlackBox]], whole: BlackBox, end: float
+) -> RobotVerdict:
+    """Judge one robot: the whole of what it did, and each leg against its plan."""
+    tolerance, driven, box = 0.5 * document.margin, legs[0][0], whole
     goal = driven.curve.at_arc([driven.curve.length])[0]
     done = [t for t, phase in zip(box.t, box.phases, strict=True) if phase == PHASE_NAMES[DONE]]
     near = bool(np.hypot(*(box.places[-1] - goal)) <= tolerance)
@@ -134,8 +206,8 @@ def _judge_robot(document: PlanDocument, driven: Driven, box: BlackBox, end: flo
         id=driven.id,
         arrived=bool(done) and near,
         t=round(float(done[0]), 3) if done else None,
-        tracking_error=round(tracking_error(driven, box, late), 6),
-        lateness=round(_lateness(driven, box), 3),
+        tracking_error=round(max(tracking_error(d, part, late) for d, part in legs), 6),
+        lateness=round(max(_lateness(d, part) for d, part in legs), 3),
         fault=fault,
     )
 

@@ -1,29 +1,33 @@
 """A whole fleet of processes on this machine: one coordinator, one process per robot.
 
-Decides: who is started when, which faults strike, and that no process is left behind.  Processes
+Decides: who is started when, how faults strike, and that no process is left behind.  Processes
 are started anew, never forked, and only processes started here are ended, by their id.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import queue
+import signal
 import socket
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import Any, Final
 
 import msgspec
 
 from coordinator.console import tell
 from coordinator.scenario import Robot, Scenario
 from coordinator.scenario_file import scenario_to_json
-from sim.faults import Fault
+from sim.babble import Babbler
+from sim.faults import Fault, Strike, strikes_of
+from sim.faulty_body import SCRIPT
+from sim.relay import Relay
 
 Process = subprocess.Popen[str]
 Event = dict[str, Any]
@@ -43,7 +47,12 @@ class Outcome(msgspec.Struct):
 
 
 class LocalFleet:
-    """Runs a scenario in `folder`, which gets the plan, the log and the black boxes."""
+    """Runs a scenario in `folder`, which gets the plan, the logs and the black boxes.
+
+    A robot whose body is to fail drives a FaultyBody, whose script is `faults/<robot>.txt`; one
+    whose network is to be cut speaks through a relay.  A coordinator that is started again resumes
+    from the log before, the first being run.mcap, and writes run-2.mcap, and so on.
+    """
 
     def __init__(
         self, scenario: Scenario, folder: Path, *, speed: float, effort: int, faults: list[Fault]
@@ -53,47 +62,55 @@ class LocalFleet:
         self.speed = speed
         self.effort = effort
         self.faults = list(faults)
-        self.endpoint = f"tcp/127.0.0.1:{_free_port()}"
+        self._port = _free_port()
+        self.endpoint = f"tcp/127.0.0.1:{self._port}"
+        self._strikes = strikes_of(faults)
+        self._logs = [folder / "run.mcap"]
         self._robots: dict[str, Process] = {}
-        self._events: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
+        self._processes: list[Process] = []
+        self._hung: list[Process] = []
+        self._relays: dict[str, Relay] = {}
+        self._babblers: list[Babbler] = []
+        self._events: queue.SimpleQueue[tuple[Process, Event | None]] = queue.SimpleQueue()
         self._told: list[Event] = []
         self._start_ns = 0
 
     def run(self) -> Outcome:
-        """Run until the coordinator ends or is killed by a fault; then end every process."""
-        (self.folder / "blackbox").mkdir(parents=True, exist_ok=True)
-        (self.folder / "scenario.json").write_bytes(scenario_to_json(self.scenario))
-        with self._processes() as processes:
-            coordinator = self._start_coordinator(processes)
-            if self._follow(processes):
-                self._drive_on(coordinator)
-            code = coordinator.wait()
-            self._say_goodbye(code)
+        """Run until the last coordinator has ended or was killed; then end every process."""
+        self._prepare_folder()
+        with ExitStack() as stack:
+            for robot in {fault.robot for fault in self.faults if fault.act == "cut"}:
+                self._relays[robot] = Relay(self._port)
+                stack.callback(self._relays[robot].close)
+            stack.callback(self._end_processes)
+            stack.callback(self._end_babblers)
+            self._coordinator = self._start_coordinator(
+                f"--log={self._logs[0]}", f"--plan-out={self.folder / 'plan.json'}"
+            )
+            if self._follow():
+                self._drive_on()
+            code = self._coordinator.wait()
+            self._say_goodbye()
         return Outcome(code, bool(self._robots), self._told)
 
-    @contextmanager
-    def _processes(self) -> Iterator[list[Process]]:
-        processes: list[Process] = []
-        try:
-            yield processes
-        finally:
-            for process in processes:
-                process.terminate()
-            deadline = time.monotonic() + _GOODBYE_S
-            for process in processes:
-                _wait(process, deadline)
-                process.kill()
-                process.wait()
+    def _prepare_folder(self) -> None:
+        for name in ("blackbox", "faults"):
+            (self.folder / name).mkdir(parents=True, exist_ok=True)
+        (self.folder / "scenario.json").write_bytes(scenario_to_json(self.scenario))
+        for robot in self.scenario.robots:
+            self._script(robot.id).unlink(missing_ok=True)
 
-    def _start_coordinator(self, processes: list[Process]) -> Process:
+    def _script(self, robot: str) -> Path:
+        return self.folder / "faults" / f"{robot}.txt"
+
+    def _start_coordinator(self, *options: str) -> Process:
         process = subprocess.Popen(
             [
                 *_COMMAND,
                 "coordinator",
                 str(self.folder / "scenario.json"),
                 f"--listen={self.endpoint}",
-                f"--log={self.folder / 'run.mcap'}",
-                f"--plan-out={self.folder / 'plan.json'}",
+                *options,
                 f"--speed={self.speed}",
                 f"--effort={self.effort}",
                 "--json",
@@ -102,18 +119,25 @@ class LocalFleet:
             stdin=subprocess.DEVNULL,
             text=True,
         )
-        processes.append(process)
-        assert process.stdout is not None
-        threading.Thread(target=self._read_events, args=(process.stdout,), daemon=True).start()
+        self._processes.append(process)
+        threading.Thread(target=self._read_events, args=(process,), daemon=True).start()
         return process
 
+    def _resume_coordinator(self) -> None:
+        """Start a coordinator that goes on where the log of the one before ends."""
+        before = self._logs[-1]
+        self._logs.append(self.folder / f"run-{len(self._logs) + 1}.mcap")
+        self._coordinator = self._start_coordinator(f"--resume={before}", f"--log={self._logs[-1]}")
+
     def _start_robot(self, robot: Robot) -> Process:
-        return subprocess.Popen(
+        relay = self._relays.get(robot.id)
+        faulty = any(fault.robot == robot.id and fault.act == "body" for fault in self.faults)
+        process = subprocess.Popen(
             [
                 *_COMMAND,
                 "agent",
                 robot.id,
-                f"--connect={self.endpoint}",
+                f"--connect={relay.endpoint if relay else self.endpoint}",
                 f"--fleet={self.scenario.name}",
                 f"--radius={robot.radius}",
                 f"--max-speed={robot.max_speed}",
@@ -121,30 +145,35 @@ class LocalFleet:
                 f"--blackbox={self.folder / 'blackbox' / f'{robot.id}.csv'}",
                 f"--speed={self.speed}",
                 f"--give-up={_GIVE_UP_S}",
+                *(["--driver=sim.faulty_body:FaultyBody"] if faulty else []),
                 "--quiet",
             ],
             stdout=subprocess.DEVNULL,
             stdin=subprocess.DEVNULL,
             text=True,
+            env={**os.environ, SCRIPT: str(self._script(robot.id))},
         )
+        self._processes.append(process)
+        return process
 
-    def _read_events(self, stream: IO[str]) -> None:
-        """Put the coordinator's JSON lines into the queue; None when it has ended."""
-        for line in stream:
-            try:
-                self._events.put(json.loads(line))
-            except json.JSONDecodeError:
-                tell(line.rstrip())
-        self._events.put(None)
+    def _read_events(self, process: Process) -> None:
+        """Put a coordinator's JSON lines into the queue; None when it has ended."""
+        assert process.stdout is not None
+        with process.stdout as lines:
+            for line in lines:
+                try:
+                    self._events.put((process, json.loads(line)))
+                except json.JSONDecodeError:
+                    tell(line.rstrip())
+        self._events.put((process, None))
 
-    def _follow(self, processes: list[Process]) -> bool:
+    def _follow(self) -> bool:
         """Start the robots when the coordinator listens; True at GO, False when it has ended."""
-        while (event := self._events.get()) is not None:
+        while (event := self._events.get()[1]) is not None:
             self._told.append(event)
             if event["event"] == "listening":
                 for robot in self.scenario.robots:
                     self._robots[robot.id] = self._start_robot(robot)
-                    processes.append(self._robots[robot.id])
             elif event["event"] == "phase" and event["text"] == "GO":
                 self._start_ns = int(event["start_ns"])
                 return True
@@ -152,44 +181,87 @@ class LocalFleet:
                 tell(str(event["text"]))
         return False
 
-    def _drive_on(self, coordinator: Process) -> None:
-        """From GO on: let the faults strike in time, until the coordinator has ended."""
+    def _drive_on(self) -> None:
+        """From the first GO on: let the faults strike in time, until nobody coordinates."""
         while True:
-            due = self._next_fault_s()
             try:
-                event = self._events.get(timeout=due)
+                process, event = self._events.get(timeout=self._next_strike_s())
             except queue.Empty:
-                self._strike(self.faults.pop(0), coordinator)
+                self._strike(self._strikes.pop(0))
                 continue
-            if event is None:
-                return
-            self._told.append(event)
-            if event["event"] in ("fault", "refused"):
-                tell(str(event["text"]))
+            if event is not None:
+                self._told.append(event)
+                if event["event"] in ("fault", "refused"):
+                    tell(str(event["text"]))
+            elif process is self._coordinator and not self._awaits_resumption():
+                break
+        for strike in self._strikes:
+            if strike.first:
+                tell(f"{_name(strike.fault)}: the run had ended before")
 
-    def _strike(self, fault: Fault, coordinator: Process) -> None:
-        target = self._robots[fault.robot] if fault.robot else coordinator
-        target.send_signal(fault.signal)
-        tell(f"{' '.join(filter(None, (fault.kind, fault.robot)))} at {fault.time} s")
-        if fault.kind == "coordinator-hang":
-            time.sleep(_GOODBYE_S / self.speed)
-            coordinator.kill()
+    def _awaits_resumption(self) -> bool:
+        """Tell whether the coordinator was killed and another is to follow."""
+        killed = self._coordinator.wait() == -signal.SIGKILL
+        return killed and any(strike.act == "resume" for strike in self._strikes)
 
-    def _next_fault_s(self) -> float | None:
-        """Return the real seconds until the next fault, None when none is left."""
-        if not self.faults:
+    def _next_strike_s(self) -> float | None:
+        """Return the real seconds until the next strike, None when none is left."""
+        if not self._strikes:
             return None
         now = time.monotonic_ns() * self.speed
-        return max(0.0, (self._start_ns - now) / 1e9 + self.faults[0].time) / self.speed
+        return max(0.0, (self._start_ns - now) / 1e9 + self._strikes[0].time) / self.speed
 
-    def _say_goodbye(self, code: int) -> None:
+    def _strike(self, strike: Strike) -> None:
+        fault = strike.fault
+        target = self._robots[fault.robot] if fault.robot else self._coordinator
+        match strike.act:
+            case "kill":
+                target.kill()
+            case "stop":
+                target.send_signal(signal.SIGSTOP)
+                self._hung.append(target)
+            case "body":
+                with self._script(fault.robot).open("a") as script:
+                    script.write(f"{fault.kind} {fault.value}\n")
+            case "cut":
+                self._relays[fault.robot].cut()
+            case "heal":
+                self._relays[fault.robot].heal()
+            case "babble":
+                seconds = fault.value / self.speed
+                name = self.scenario.name
+                self._babblers.append(Babbler(self.endpoint, name, fault.robot, seconds))
+            case "resume":
+                self._resume_coordinator()
+        text = f"{_name(fault)} at {strike.time:g} s" + ("" if strike.first else f": {strike.act}")
+        tell(text)
+        self._told.append({"event": "strike", "robot": fault.robot, "text": text})
+
+    def _say_goodbye(self) -> None:
         """Wait for the robots to end; those without a coordinator get time to come to rest."""
-        if code != 0:
-            time.sleep(_GOODBYE_S / self.speed)
-            return
-        deadline = time.monotonic() + _GOODBYE_S
+        deadline = time.monotonic() + _GOODBYE_S / min(self.speed, 1.0)
         for process in self._robots.values():
+            if process not in self._hung:
+                _wait(process, deadline)
+
+    def _end_babblers(self) -> None:
+        for babbler in self._babblers:
+            babbler.close()
+
+    def _end_processes(self) -> None:
+        for process in self._hung:
+            process.kill()
+        for process in self._processes:
+            process.terminate()
+        deadline = time.monotonic() + _GOODBYE_S
+        for process in self._processes:
             _wait(process, deadline)
+            process.kill()
+            process.wait()
+
+
+def _name(fault: Fault) -> str:
+    return f"{fault.kind} {fault.robot}".rstrip()
 
 
 def _wait(process: Process, deadline: float) -> None:

@@ -1,139 +1,243 @@
 """A fleet in virtual time: unmodified fleet core and robot services on the in-memory link.
 
-Decides: the order in which virtual time reaches everybody.  Nothing here waits: a minute of a fleet
-takes a fraction of a second, and the same seed gives the same run.
+Decides: the order in which virtual time reaches everybody, and how fleet, robots and link are put
+together; what faults do is in strikes.py.  Nothing here waits: time jumps from one event to the
+next, a minute of a fleet takes a fraction of a second, and the same seed gives the same run.
 """
 
 from __future__ import annotations
 
+import math
 import random
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
-import numpy as np
+from msgspec.structs import replace
 
-from coordinator.fleet import Fleet, Outgoing
-from coordinator.muster import muster
+from coordinator.fleet_news import Outgoing
+from coordinator.mission import Mission, Request
 from coordinator.plan import PlanDocument, RobotPlan
+from coordinator.planner import plan_scenario
+from coordinator.recovery import Recovery
+from coordinator.scenario import Scenario
 from protocol import keys
-from protocol.phases import FREEZE, GO, PHASE_NAMES
+from protocol.codec import decode, encode
+from protocol.messages import Command
+from protocol.phases import FREEZE, GO
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 from robot_agent.loop import PERIOD_NS
-from robot_agent.service import Robot, RobotService
+from robot_agent.service import Robot, RobotService, skewed_clock
+from sim.agenda import Action, Agenda
 from sim.blackbox import BlackBox
-from sim.body import SimulatedBody
+from sim.body import FailingBody
+from sim.faults import Fault
+from sim.inhabitant import Inhabitant
 from sim.memory_transport import MemoryNetwork
+from sim.strikes import Strikes, Struck
 
 _STAGGER: Final = 3 * MILLISECOND
 _BOOT: Final = 7
 _COORDINATOR: Final = "coordinator"
 
+PLANNING: Final = 300 * MILLISECOND
+"""How long a plan takes to be found, in virtual time."""
 
-@dataclass(eq=False)
-class Inhabitant:
-    """One robot of the world: its service, its body, its own clock, what it truly did."""
+_EFFORT: Final = 5
 
-    service: RobotService
-    body: SimulatedBody
-    ahead_ns: int
-    dead_from_ns: int | None = None
-    rows: list[tuple[float, float, float, float, str]] = field(default_factory=list)
 
-    def tick(self, now_ns: int, start_ns: int) -> None:
-        """Let one control period pass; a dead robot's motors stop by their watchdog."""
-        own_ns = now_ns + self.ahead_ns
-        if self.dead_from_ns is not None and now_ns >= self.dead_from_ns:
-            self.body.step(own_ns)
-        else:
-            self.service.tick(own_ns)
-        pose, ride = self.body.true_pose(), self.service.agent.ride
-        if pose is not None and ride is not None and start_ns and now_ns >= start_ns:
-            time = (now_ns - start_ns) / SECOND
-            phase = PHASE_NAMES[self.service.agent.phase]
-            self.rows.append((time, pose[0], pose[1], ride.follower.s, phase))
+@dataclass(frozen=True)
+class Flaws:
+    """How far clocks and bodies may be off; drawn for every robot, either way.
 
-    def blackbox(self) -> BlackBox:
-        """Return what the robot truly did."""
-        numbers = np.array([row[:4] for row in self.rows]).reshape(-1, 4)
-        phases = tuple(row[4] for row in self.rows)
-        return BlackBox(numbers[:, 0], numbers[:, 1:3], numbers[:, 3], phases)
+    drift_ppm: of clocks; gain: of wheels, as a share; noise [m]: of measured places, from 0.
+    """
+
+    drift_ppm: int = 0
+    gain: float = 0.0
+    noise: float = 0.0
+
+
+NO_FLAWS: Final = Flaws()
+USUAL_FLAWS: Final = Flaws(drift_ppm=45, gain=0.01, noise=0.001)
 
 
 class World:
-    """A proven plan, its robots and a link; `kills` maps robots to plan times of death [s]."""
+    """A proven plan, its robots, a link and what goes wrong, at times counted from the first GO.
+
+    `freezes` is for tests alone: without it every FREEZE says GO instead, and nothing is planned.
+    """
 
     def __init__(
         self,
+        scenario: Scenario,
         document: PlanDocument,
         network: MemoryNetwork,
         *,
         seed: int = 0,
-        kills: Mapping[str, float] | None = None,
+        faults: Sequence[Fault] = (),
+        flaws: Flaws = NO_FLAWS,
+        planning_ns: int = PLANNING,
+        freezes: bool = True,
     ) -> None:
-        self.fleet: Fleet = muster(document, _BOOT)
-        self.now_ns = SECOND
+        self.mission = Mission(scenario, document, _BOOT, _plan)
+        self.fleet = self.mission.fleet
+        self.began_ns = 0
         self.bytes_to_coordinator = 0
+        self.struck: list[Struck] = []
+        self._agenda = Agenda(SECOND)
+        self._planning: tuple[int, Request, Recovery] | None = None
+        self._planning_ns = planning_ns
+        self._freezes = freezes
         self._network = network
-        self._kills = dict(kills or {})
+        self._faults = tuple(faults)
         self._arrivals: list[tuple[str, bytes]] = []
         self._session = network.session(_COORDINATOR)
         for kind in (keys.hello, keys.report, keys.clock):
             self._session.subscribe(kind(self.fleet.name, "*"), self._enqueue)
+        self._session.watch_alive(keys.alive(self.fleet.name, "*"), self._link_changed)
         chance = random.Random(seed)
         self.robots = {
-            robot.id: self._inhabitant(robot, boot, chance.randrange(-SECOND, SECOND))
+            robot.id: self._inhabitant(robot, boot, flaws, chance)
             for boot, robot in enumerate(document.robots, start=1)
         }
+        self._strikes = Strikes(
+            self._agenda, network, self.robots, self.fleet.name, self._coordinator_back
+        )
+        self._agenda.at(self.now_ns + COMMAND_PERIOD, self._tick_fleet)
+        for index, robot in enumerate(self.robots.values()):
+            self._agenda.at(self.now_ns + index * _STAGGER % PERIOD_NS, self._ticker(robot))
+
+    @property
+    def now_ns(self) -> int:
+        """Virtual time, which is the coordinator's [ns]."""
+        return self._agenda.now_ns
 
     def run(self, seconds: float) -> None:
-        """Let time pass until the fleet is finished or settled, at most `seconds`."""
-        end = self.now_ns + round(seconds * SECOND)
-        while self.now_ns < end and not self.fleet.is_finished:
+        """Let time pass until the fleet is finished, at most `seconds`."""
+        end_ns = self.now_ns + round(seconds * SECOND)
+        while self.now_ns < end_ns and not self.fleet.is_finished:
             self.step()
-            if self.fleet.phase == FREEZE and self.fleet.is_settled(self.now_ns):
-                return
+
+    def go_on(self, seconds: float) -> None:
+        """Let time pass whatever the fleet's state."""
+        end_ns = self.now_ns + round(seconds * SECOND)
+        while self.now_ns < end_ns:
+            self.step()
 
     def step(self) -> None:
-        """Let one millisecond pass: messages arrive at any, robots tick at their own."""
-        self.now_ns += MILLISECOND
+        """Jump to the next event: a delivery, a tick, a fault or the end of one."""
+        due_ns, arriving_ns = self._agenda.next_ns(), self._network.next_due_ns()
+        if arriving_ns is not None and arriving_ns < due_ns:
+            due_ns = arriving_ns
+        self._agenda.now_ns = max(due_ns, self.now_ns)
         self._network.advance(self.now_ns)
-        for key, payload in self._arrivals:
-            self.bytes_to_coordinator += len(payload)
-            self._send(self.fleet.hear(key, payload, self.now_ns))
-        self._arrivals.clear()
-        if self.now_ns % COMMAND_PERIOD == 0:
-            self._send(self.fleet.tick(self.now_ns))
-        if self.fleet.phase == GO:
-            for name, time in self._kills.items():
-                self.robots[name].dead_from_ns = self.fleet.start_ns + round(time * SECOND)
-        for index, robot in enumerate(self.robots.values()):
-            if (self.now_ns - index * _STAGGER) % PERIOD_NS == 0:
-                robot.tick(self.now_ns, self.fleet.start_ns)
+        if self._arrivals and not self._strikes.coordinator_hangs:
+            self._take_arrivals()
+        self._agenda.happen()
 
     def blackboxes(self) -> dict[str, BlackBox]:
         """Return what every robot truly did."""
         return {name: robot.blackbox() for name, robot in self.robots.items()}
 
-    def _inhabitant(self, plan: RobotPlan, boot: int, ahead_ns: int) -> Inhabitant:
+    def _inhabitant(
+        self, plan: RobotPlan, boot: int, flaws: Flaws, chance: random.Random
+    ) -> Inhabitant:
         accel = plan.limits.max_accel if plan.limits is not None else None
-        body = SimulatedBody(float("inf") if accel is None else accel)
-        session = self._network.session(plan.id)
-        robot = Robot(plan.id, plan.radius)
+        ahead_ns = chance.randrange(-SECOND, SECOND)
+        body = FailingBody(
+            math.inf if accel is None else accel,
+            wheel_gain=1.0 + chance.uniform(-flaws.gain, flaws.gain),
+            noise=chance.uniform(0.0, flaws.noise),
+            seed=boot,
+        )
+        drift_ppm = chance.randint(-flaws.drift_ppm, flaws.drift_ppm)
+        clock = skewed_clock(lambda: self.now_ns, ahead_ns, drift_ppm)
         service = RobotService(
-            robot,
-            session,
+            Robot(plan.id, plan.radius),
+            self._network.session(plan.id),
             body,
             self.fleet.name,
             lambda: self.now_ns,
             boot=boot,
-            clock=lambda: self.now_ns + ahead_ns,
+            clock=clock,
         )
-        return Inhabitant(service, body, ahead_ns)
+        return Inhabitant(service, body, clock)
+
+    def _ticker(self, robot: Inhabitant) -> Action:
+        def tick() -> int:
+            robot.tick()
+            if self.began_ns and self.now_ns >= self.began_ns:
+                robot.note(self.now_ns - self.began_ns)
+            return self.now_ns + PERIOD_NS
+
+        return tick
+
+    def _tick_fleet(self) -> int:
+        if not self._strikes.coordinator_hangs:
+            self._look()
+        return self.now_ns + COMMAND_PERIOD
+
+    def _look(self) -> None:
+        """Let the fleet core look at the time, and plan when it rests."""
+        self._send(self.fleet.tick(self.now_ns))
+        if self._freezes:
+            self._plan()
+        if self.fleet.phase == GO and not self.began_ns:
+            self.began_ns = self.fleet.start_ns
+            for fault in self._faults:
+                due_ns = self.began_ns + round(fault.time * SECOND)
+                self._agenda.once(due_ns, partial(self._strike, fault))
+
+    def _plan(self) -> None:
+        """Plan when the fleet rests; the plan is there some time later."""
+        request = self.mission.request(self.now_ns)
+        if request is not None:
+            due_ns = self.now_ns + self._planning_ns
+            self._planning = (due_ns, request, self.mission.solve(request))
+        if self._planning is not None and self.now_ns >= self._planning[0]:
+            _, asked, recovery = self._planning
+            self._planning = None
+            self._send(self.mission.adopt(asked, recovery, self.now_ns) or [])
+
+    def _strike(self, fault: Fault) -> None:
+        robot = self.robots.get(fault.robot)
+        phase = -1 if robot is None else robot.service.agent.phase
+        fleet = self.fleet
+        self.struck.append(Struck(fault, self.now_ns, fleet.phase, phase, fleet.epoch))
+        self._strikes.strike(fault)
+
+    def _coordinator_back(self) -> None:
+        """Look at the time first, then at what has arrived meanwhile, as the service does."""
+        self._look()
+        self._take_arrivals()
+
+    def _take_arrivals(self) -> None:
+        for key, payload in self._arrivals:
+            self.bytes_to_coordinator += len(payload)
+            self._send(self.fleet.hear(key, payload, self.now_ns))
+        self._arrivals.clear()
+
+    def _link_changed(self, key: str, alive: bool) -> None:
+        self._arrivals.append((key, b"\x01" if alive else b""))
 
     def _enqueue(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
         self._arrivals.append((key, payload))
 
     def _send(self, messages: list[Outgoing]) -> None:
         for message in messages:
-            self._session.put(message.key, message.payload)
+            payload = message.payload if self._freezes else _heedless(message.payload)
+            self._session.put(message.key, payload)
+
+
+def _heedless(payload: bytes) -> bytes:
+    """Return a message that says GO where it said FREEZE."""
+    command = decode("command", payload)
+    if isinstance(command, Command) and command.phase == FREEZE:
+        return encode(replace(command, phase=GO))
+    return payload
+
+
+def _plan(scenario: Scenario, epoch: int) -> PlanDocument:
+    return plan_scenario(scenario, effort=_EFFORT, epoch=epoch)

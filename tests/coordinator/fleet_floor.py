@@ -8,7 +8,7 @@ from coordinator.fleet import Fleet
 from coordinator.member import Member
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import Command, Hello, Report
+from protocol.messages import Command, Hello, Report, Rest
 from protocol.phases import ARMED, MOVING
 from protocol.timing import COMMAND_PERIOD, SECOND
 
@@ -33,8 +33,11 @@ class Floor:
         return self.hear(keys.hello("hall", robot), Hello(**{"version": 1, "boot": 1, **fields}))
 
     def report(self, robot, phase, boot=1, epoch=1, fault=0, s_m=None, sequence=None):
+        rest = None if s_m is None else Rest(s_m, epoch)
         number = next(self.sequence) if sequence is None else sequence
-        return self.hear(keys.report("hall", robot), Report(boot, number, epoch, phase, fault, s_m))
+        return self.hear(
+            keys.report("hall", robot), Report(boot, number, epoch, phase, fault, rest)
+        )
 
     def hear(self, key, message):
         return self.take(self.fleet.hear(key, encode(message), self.now))

@@ -6,6 +6,7 @@ import pytest
 
 from coordinator.budget import budget_for, resolve_tau, share_for_lateness
 from coordinator.plan import Limits
+from coordinator.scenario import Link
 from protocol import timing
 
 SECOND = 1e9
@@ -16,7 +17,7 @@ def limits(speed, accel):
 
 
 def test_auto_is_the_sum_of_all_shares_counted_by_hand():
-    budget = budget_for([limits(0.5, 0.5), limits(1.0, 0.8)])
+    budget = budget_for([limits(0.5, 0.5), limits(1.0, 0.8)], Link())
     by_hand = (
         timing.LATENESS
         + 2 * timing.CLOCK_ERROR
@@ -29,12 +30,12 @@ def test_auto_is_the_sum_of_all_shares_counted_by_hand():
 
 
 def test_auto_survives_every_fault():
-    budget = budget_for([limits(0.7, 0.3)])
+    budget = budget_for([limits(0.7, 0.3)], Link())
     assert budget.survives(resolve_tau("auto", budget)) == ["late", "stop", "coordinator"]
 
 
 def test_a_tau_by_hand_stands_and_says_what_it_does_not_survive():
-    budget = budget_for([limits(1.0, 1.0)])
+    budget = budget_for([limits(1.0, 1.0)], Link())
     assert resolve_tau(0.31, budget) == 0.31
     assert budget.survives(0.1) == []
     assert budget.survives(budget.late) == ["late"]
@@ -43,13 +44,13 @@ def test_a_tau_by_hand_stands_and_says_what_it_does_not_survive():
 
 
 def test_the_slowest_brake_counts_and_robots_that_stop_at_once_need_none():
-    assert budget_for([limits(1.0, 4.0), limits(1.0, 0.5)]).brake == 2.0
-    assert budget_for([limits(1.0, None)]).brake == 0.0
-    assert budget_for([]).brake == 0.0
+    assert budget_for([limits(1.0, 4.0), limits(1.0, 0.5)], Link()).brake == 2.0
+    assert budget_for([limits(1.0, None)], Link()).brake == 0.0
+    assert budget_for([], Link()).brake == 0.0
 
 
 def test_auto_is_a_whole_number_of_milliseconds():
-    tau = resolve_tau("auto", budget_for([limits(1.0, 0.7)]))
+    tau = resolve_tau("auto", budget_for([limits(1.0, 0.7)], Link()))
     assert math.isclose(tau * 1000.0, round(tau * 1000.0), abs_tol=1e-9)
 
 

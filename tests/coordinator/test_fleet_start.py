@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from coordinator.fleet import GO_LEAD
+from coordinator.fleet_phases import GO_LEAD
 from protocol import keys
 from protocol.codec import decode
 from protocol.messages import Clock, Refusal
@@ -50,11 +50,11 @@ def test_a_second_process_with_a_robots_name_is_refused_while_the_first_speaks()
     assert floor.hello("R1", boot=2)[0].payload == b"plan of R1"
 
 
-def test_a_robot_restarted_under_way_waits_for_the_next_start():
+def test_a_robot_restarted_under_way_waits_to_be_admitted():
     floor = Floor().go()
     floor.now += REPORT_TIMEOUT + 1
-    refusal = decode("plan", floor.hello("R1", boot=2)[0].payload)
-    assert "under way" in refusal.reason
+    assert floor.hello("R1", boot=2) == []
+    assert floor.fleet.incidents[-1].kind == "back"
 
 
 def test_the_fleet_goes_when_the_last_robot_is_armed_and_not_before():

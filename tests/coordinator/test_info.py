@@ -13,7 +13,7 @@ from coordinator.info_table import render
 from coordinator.logbook import Log, read_log
 from coordinator.recorder import Attachment, Recorder
 from protocol import codec, keys, packing, phases
-from protocol.messages import Clock, Command, Hello, Plan, Refusal, Report
+from protocol.messages import Clock, Command, Hello, Plan, Refusal, Report, Rest
 
 SECOND = 1_000_000_000
 BEGIN = 40 * SECOND
@@ -171,9 +171,9 @@ def test_a_position_on_the_wire_is_counted_except_from_a_frozen_robot(tmp_path):
         log_of(
             tmp_path,
             [
-                (0.0, one, Report(9, 1, 1, phases.FROZEN, 0, 1.25)),
-                (0.1, one, Report(9, 2, 1, phases.MOVING, 0, 1.25)),
-                (0.2, one, Report(9, 3, 1, phases.BRAKING, 0, 0.0)),
+                (0.0, one, Report(9, 1, 1, phases.FROZEN, 0, Rest(1.25, 1))),
+                (0.1, one, Report(9, 2, 1, phases.MOVING, 0, Rest(1.25, 1))),
+                (0.2, one, Report(9, 3, 1, phases.BRAKING, 0, Rest(0.0, 1))),
                 (0.3, "splinefleet/f/pose/R1", b"\x01"),
                 (0.4, "splinefleet/other/pose/R1", b"\x01"),
                 (0.5, "weather", b"rain"),
@@ -211,7 +211,7 @@ def test_faults_refusals_and_freezes_are_told_once_each(tmp_path):
                 (1.1, one, Report(9, 2, 1, phases.BRAKING, phases.LATE)),
                 (1.2, all_robots, command(2, 1, phases.FREEZE)),
                 (1.3, all_robots, command(3, 1, phases.FREEZE)),
-                (1.4, one, Report(9, 3, 1, phases.FROZEN, 7, 1.0)),
+                (1.4, one, Report(9, 3, 1, phases.FROZEN, 7, Rest(1.0, 1))),
                 (1.5, keys.plan("f", "R9"), Refusal(3, "not in the scenario")),
             ],
         )

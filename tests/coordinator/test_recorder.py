@@ -188,5 +188,6 @@ def test_a_schema_names_every_field_of_its_message():
         "command": "splinefleet.Command",
         "report": "splinefleet.Report",
         "clock": "splinefleet.Clock",
+        "admit": "splinefleet.Admit",
     }
     assert set(json.loads(schema.json_schema("plan"))["$defs"]) == {"Plan", "Refusal"}

@@ -44,7 +44,9 @@ def solvable(scenario):
         Course(path.at_arc, path.length, robot.radius, scenario.planned_speed(robot))
         for path, robot in zip(paths, scenario.robots, strict=True)
     ]
-    tau = LONGER + resolve_tau(scenario.tau, budget_for(map(Limits.of, scenario.robots)))
+    tau = LONGER + resolve_tau(
+        scenario.tau, budget_for(map(Limits.of, scenario.robots), scenario.link)
+    )
     zones = find_zones(courses, scenario.margin + ROOM, corners=True)
     horizon = 10.0 * sum(course.alone for course in courses) + 100.0 * tau
     try:

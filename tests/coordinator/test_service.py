@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from coordinator.logbook import read_log
-from coordinator.muster import muster
+from coordinator.mission import Mission
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
 from coordinator.recorder import Attachment, Recorder
@@ -52,6 +52,12 @@ class Hand(Transport):
     def subscribe(self, _key_expression, handler):
         self.handlers.append(handler)
 
+    def declare_alive(self, key):
+        pass
+
+    def watch_alive(self, _key_expression, handler):
+        pass
+
     def close(self):
         pass
 
@@ -79,6 +85,10 @@ class Clock:
         return self.now
 
 
+def _mission(scenario, document):
+    return Mission(scenario, document, 9, lambda s, epoch: plan_scenario(s, effort=3, epoch=epoch))
+
+
 @pytest.fixture
 def scenario():
     return parse_scenario(SCENARIO, "one.toml")
@@ -98,7 +108,7 @@ def recorded(tmp_path, scenario):
         ],
     )
     hand = Hand()
-    service = Service(muster(document, 9), hand, recorder, Clock(), speed=1000.0)
+    service = Service(_mission(scenario, document), hand, recorder, Clock(), speed=1000.0)
     yield service, hand, recorder
     recorder.close()
 

@@ -33,9 +33,13 @@ STOPS = struct.pack("<fq", 1.5, 8_400_000_000)
 KNOTS = struct.pack("<f", 3.0)
 WEIGHTS = struct.pack("<4f", 1.0, 0.75, 0.75, 1.0)
 
+LEASES = [600, 10]
+
 MESSAGES: dict[str, tuple[str, list]] = {
-    "hello": ("hello", [1, 1, 4_294_967_295, 0.15, 0.5, 0.5]),
-    "hello_that_states_no_limits": ("hello", [1, 1, 7, 0.0, 0.0, 0.0]),
+    "hello": ("hello", [1, 1, 4_294_967_295, 0.15, 0.5, 0.5, None]),
+    "hello_that_states_no_limits": ("hello", [1, 1, 7, 0.0, 0.0, 0.0, None]),
+    "hello_of_a_robot_that_came_back": ("hello", [1, 1, 7, 0.0, 0.0, 0.0, [1_500, -20, 1_571]]),
+    "admit": ("admit", [7, 12]),
     "plan": (
         "plan",
         [
@@ -64,11 +68,11 @@ MESSAGES: dict[str, tuple[str, list]] = {
     "command_go": ("command", [3, 5, 65_536, 1, 1, 123_456_789_012, []]),
     "command_freeze": ("command", [3, 5, 40_000, 2, 2, -1, ["R1", "R.2_-"]]),
     "report": ("report", [4, 77, 200, 1, 2, 0, None]),
-    "report_of_a_frozen_robot": ("report", [4, 77, 1_000, 1, 4, 1, 3.140625]),
+    "report_of_a_frozen_robot": ("report", [4, 77, 1_000, 1, 4, 1, [3.140625, 1, -3, 700]]),
     "clock_question": ("clock", [5, 77, -(2**40), None, None]),
     "clock_answer": ("clock", [5, 77, 2**40, 2**62, 1_000]),
 }
-"""Name to (kind of key, tag and fields); a plan's last field, its checksum, is added below."""
+"""Name to (kind of key, tag and fields); a plan's checksum and what follows is added below."""
 
 
 def pack(value: object) -> bytes:
@@ -94,7 +98,9 @@ def pack(value: object) -> bytes:
 def fields(name: str) -> list:
     """Return the tag and all fields of a message, a plan's checksum included."""
     _, row = MESSAGES[name]
-    return [*row, zlib.crc32(pack([*row, 0]))] if row[0] == 2 else row
+    if row[0] != 2:
+        return row
+    return [*row, zlib.crc32(pack([*row, 0, *LEASES])), *LEASES]
 
 
 def text() -> str:

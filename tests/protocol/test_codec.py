@@ -15,6 +15,7 @@ from protocol.messages import (
     Plan,
     Refusal,
     Report,
+    Rest,
 )
 from tests.golden import make_messages
 from tests.protocol.test_wire_format import a_plan
@@ -37,6 +38,7 @@ def packed(most, multiple=1):
     return lists.map(packing.pack_floats)
 
 
+offsets = st.integers(-32_768, 32_767)
 plans = st.builds(
     Plan,
     epoch=counters,
@@ -57,12 +59,22 @@ plans = st.builds(
         st.tuples(st.floats(0.0, 100.0, width=32), st.integers(-(2**63), 2**63 - 1)), max_size=4
     ).map(packing.pack_stops),
     checksum=st.just(0),
+    lease_ms=st.integers(1, 65_535),
+    clock_ms=st.integers(1, 65_535),
 ).map(codec.seal)
 
 messages = st.one_of(
     st.tuples(
         st.just("hello"),
-        st.builds(Hello, st.integers(0, 255), counters, amounts, amounts, amounts),
+        st.builds(
+            Hello,
+            st.integers(0, 255),
+            counters,
+            amounts,
+            amounts,
+            amounts,
+            st.none() | st.tuples(*3 * [st.integers(-(2**31), 2**31 - 1)]),
+        ),
     ),
     st.tuples(st.just("plan"), plans),
     st.tuples(st.just("plan"), st.builds(Refusal, counters, st.text(max_size=200))),
@@ -87,7 +99,7 @@ messages = st.one_of(
             counters,
             st.integers(0, 5),
             st.integers(0, 7),
-            st.none() | amounts,
+            st.none() | st.builds(Rest, amounts, counters, offsets, offsets),
         ),
     ),
     st.tuples(

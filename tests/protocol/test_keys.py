@@ -9,7 +9,7 @@ QUICK = settings(derandomize=True, max_examples=100, database=None)
 
 
 @QUICK
-@given(NAMES, NAMES, st.sampled_from(["hello", "plan", "report", "clock"]))
+@given(NAMES, NAMES, st.sampled_from(["hello", "plan", "report", "clock", "alive"]))
 def test_a_robots_key_splits_into_what_it_was_made_of(fleet, robot, kind):
     key = getattr(keys, kind)(fleet, robot)
     assert key == f"splinefleet/{fleet}/{kind}/{robot}"

@@ -173,3 +173,116 @@ def test_many_messages_repeated_until_heard_all_arrive_whole(link, pair):
 
     link.until(put_the_missing, inbox, lambda: len(inbox.heard) >= 500 and not missing())
     assert all(payload in wanted[key] for key, payload, _ in inbox.heard)
+
+
+class Told:
+    """A handler of changes; what it is told wakes an inbox that can be waited for."""
+
+    def __init__(self):
+        self.inbox = Inbox()
+
+    def __call__(self, key, alive):
+        self.inbox(key, alive, None)
+
+    def changes(self):
+        return [(key, alive) for key, alive, _ in self.inbox.heard]
+
+
+def wait_until_told(link, told, *changes):
+    link.until(lambda: None, told.inbox, lambda: set(changes) <= set(told.changes()))
+
+
+def test_a_watcher_is_told_who_is_alive_already_and_who_comes(link, coordinator, robot, other):
+    early, late = Told(), Told()
+    coordinator.watch_alive("f/alive/*", early)
+    robot.declare_alive("f/alive/R1")
+    wait_until_told(link, early, ("f/alive/R1", True))
+    coordinator.watch_alive("f/alive/*", late)
+    wait_until_told(link, late, ("f/alive/R1", True))
+    other.declare_alive("f/alive/R2")
+    for told in (early, late):
+        wait_until_told(link, told, ("f/alive/R2", True))
+        assert told.changes() == [("f/alive/R1", True), ("f/alive/R2", True)]
+
+
+def test_a_session_that_is_closed_is_told_as_gone_once(link, pair):
+    speaker, listener = pair
+    told = Told()
+    listener.watch_alive("f/alive/*", told)
+    speaker.declare_alive("f/alive/A")
+    speaker.declare_alive("f/alive/B")
+    wait_until_told(link, told, ("f/alive/A", True), ("f/alive/B", True))
+    speaker.close()
+    wait_until_told(link, told, ("f/alive/A", False), ("f/alive/B", False))
+    assert len(told.changes()) == 4
+
+
+def test_only_keys_that_fit_are_told(link, coordinator, robot):
+    told = Told()
+    coordinator.watch_alive("f/alive/*", told)
+    for key in ["f/alive", "g/alive/R1", "f/alive/R1/more", "f/report/R1", "f/alive/R1"]:
+        robot.declare_alive(key)
+    wait_until_told(link, told, ("f/alive/R1", True))
+    robot.close()
+    wait_until_told(link, told, ("f/alive/R1", False))
+    assert told.changes() == [("f/alive/R1", True), ("f/alive/R1", False)]
+
+
+def test_a_key_is_alive_as_long_as_any_session_that_declared_it(link, coordinator, robot, other):
+    told = Told()
+    coordinator.watch_alive("f/alive/*", told)
+    robot.declare_alive("f/alive/R1")
+    wait_until_told(link, told, ("f/alive/R1", True))
+    other.declare_alive("f/alive/R1")
+    other.declare_alive("f/alive/fence")
+    wait_until_told(link, told, ("f/alive/fence", True))
+    robot.close()
+    third = link.session("R3")
+    third.declare_alive("f/alive/second")
+    wait_until_told(link, told, ("f/alive/second", True))
+    assert ("f/alive/R1", False) not in told.changes()
+    other.close()
+    wait_until_told(link, told, ("f/alive/R1", False))
+    assert told.changes().count(("f/alive/R1", True)) == 1
+
+
+def test_a_robot_that_comes_back_is_told_as_alive_again(link, coordinator, robot):
+    told = Told()
+    coordinator.watch_alive("f/alive/*", told)
+    robot.declare_alive("f/alive/R1")
+    wait_until_told(link, told, ("f/alive/R1", True))
+    robot.close()
+    wait_until_told(link, told, ("f/alive/R1", False))
+    link.session("R1").declare_alive("f/alive/R1")
+    link.until(lambda: None, told.inbox, lambda: len(told.changes()) == 3)
+    assert told.changes()[-1] == ("f/alive/R1", True)
+
+
+def test_after_close_nobody_is_declared_and_nobody_is_told(link, coordinator, robot, other):
+    closed, deaf, fence = Told(), Told(), Told()
+    robot.watch_alive("f/alive/*", closed)
+    coordinator.watch_alive("f/alive/*", fence)
+    robot.close()
+    robot.declare_alive("f/alive/R1")
+    robot.watch_alive("f/alive/*", deaf)
+    other.declare_alive("f/alive/R2")
+    wait_until_told(link, fence, ("f/alive/R2", True))
+    assert fence.changes() == [("f/alive/R2", True)]
+    assert closed.changes() == deaf.changes() == []
+
+
+def test_a_handler_of_changes_may_close_its_own_session(link, coordinator, robot, other):
+    heard, fence = [], Told()
+
+    def close_at_once(key, alive):
+        heard.append((key, alive))
+        robot.close()
+        fence("closed", True)
+
+    robot.watch_alive("f/alive/*", close_at_once)
+    other.declare_alive("f/alive/R2")
+    wait_until_told(link, fence, ("closed", True))
+    other.declare_alive("f/alive/R3")
+    coordinator.watch_alive("f/alive/*", fence)
+    wait_until_told(link, fence, ("f/alive/R3", True))
+    assert heard == [("f/alive/R2", True)]

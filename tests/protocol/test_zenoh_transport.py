@@ -130,3 +130,16 @@ def test_a_put_with_nobody_connected_returns_at_once(link):
     for _ in range(100):
         robot.put("f/report", bytes(4_000))
     assert time.monotonic() - began < 1.0
+
+
+def test_a_robot_is_alive_again_for_a_coordinator_that_was_restarted(link):
+    first, robot = link.session("coordinator"), link.session("R1")
+    before, after = Inbox(), Inbox()
+    first.watch_alive("f/alive/*", lambda key, alive: before(key, alive, None))
+    robot.declare_alive("f/alive/R1")
+    link.until(lambda: None, before, lambda: before.payloads() == [True])
+    first.close()
+    second = link.session("coordinator")
+    second.watch_alive("f/alive/*", lambda key, alive: after(key, alive, None))
+    link.until(lambda: None, after, lambda: after.payloads() == [True])
+    assert before.payloads() == [True]

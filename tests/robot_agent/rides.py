@@ -21,8 +21,8 @@ PERIOD = 10 * MS
 COORDINATOR = 77
 ME = "R1"
 
-RULES = (250 * MS, 600 * MS, 10, 500)
-"""late, lease, track [mm], brake [mm/s^2]"""
+RULES = (250 * MS, 600 * MS, 10, 500, 10 * MS)
+"""late, lease, track [mm], brake [mm/s^2], clock error"""
 
 CORNER = 0.226
 """Control points this far apart [m] bend a cubic with radius 0.08 m where they turn by 90 deg."""

@@ -139,4 +139,4 @@ def test_whatever_a_robot_hears_it_moves_only_on_a_plan_and_tells_its_place_only
         assert not (agent.phase == MOVING and agent.epoch in braked)
         assert agent.drive_speed == 0.0 or agent.phase in (MOVING, BRAKING)
         if agent.report_due(run.own(run.now)) and agent.report_s is not None:
-            assert agent.phase == FROZEN
+            assert agent.phase not in (MOVING, BRAKING, DONE)

@@ -50,7 +50,7 @@ def test_a_freeze_brakes_along_the_path_as_the_plan_says():
 
 
 def test_a_robot_told_to_stop_at_once_does():
-    rules = (*RULES[:3], 0)
+    rules = (*RULES[:3], 0, RULES[4])
     motion = motion_along(LENGTH, 0.475, math.inf)
     run = driven_run(PATH, motion, 1.0, rules=rules)
     s = run.agent.ride.follower.s
@@ -62,7 +62,7 @@ def test_a_robot_told_to_stop_at_once_does():
 
 def test_a_braking_robot_does_not_pass_a_stop_of_its_plan():
     motion = motion_along(LENGTH, 0.475, 0.5, [(0.8, 60.0)])
-    run = driven_run(PATH, motion, 1.5, rules=(*RULES[:3], 100), body=SimulatedBody(0.5))
+    run = driven_run(PATH, motion, 1.5, rules=(*RULES[:3], 100, RULES[4]), body=SimulatedBody(0.5))
     run.command(FREEZE)
     run.until(run.now + 8 * SECOND)
     assert run.agent.phase == FROZEN

@@ -53,7 +53,7 @@ def test_the_best_exchange_wins_until_drift_has_worn_it_out():
         (10, 5, 4, 20),
         (10, 0, 15, 20),
         (30, 5, 5, 20),
-        (0, 5, 5, 2 * SECOND),
+        (0, 5, 5, 11 * SECOND),
     ],
 )
 def test_stamps_that_cannot_be_true_are_left_out(stamps):
@@ -70,3 +70,22 @@ def test_answers_to_questions_from_before_a_reset_do_not_count():
     assert not sync.add(40, 140, 140, 60)
     assert sync.add(50, 155, 155, 60)
     assert sync.offset_ns == 100
+
+
+def test_a_robot_on_the_move_slews_to_a_better_offset_within_its_bound():
+    sync = ClockSync()
+    truth = 300 * MS
+    sync.add(0, 380 * MS, 380 * MS, 160 * MS)
+    assert abs(sync.offset_ns - truth) <= sync.error_ns(160 * MS) == 80 * MS
+    sync.follow(160 * MS, True)
+    now = 200 * MS
+    sync.add(now, now + truth + MS, now + truth + MS, now + 2 * MS)
+    before, ended = sync.offset_ns, 0
+    for now in range(210 * MS, 6000 * MS, 10 * MS):
+        sync.follow(now, True)
+        assert abs(sync.offset_ns - before) <= 10 * MS // 50 + 2 * MS // 50
+        assert abs(sync.offset_ns - truth) <= sync.error_ns(now)
+        ended = ended or (now if sync.offset_ns == truth else 0)
+        before = sync.offset_ns
+    assert abs(sync.offset_ns - truth) <= MS
+    assert sync.error_ns(now) < 2 * MS

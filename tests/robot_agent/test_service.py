@@ -164,7 +164,7 @@ def test_between_go_and_arrival_a_robot_sends_at_most_a_hundred_bytes_a_second()
         if isinstance(m, Clock | Hello) or (isinstance(m, Report) and m.phase == MOVING)
     )
     assert size / FINISH <= 100.0
-    assert all(r.s_m is None for r in hall.reports())
+    assert all(r.rest is None for r in hall.reports())
 
 
 def test_a_refusal_ends_the_robot_with_its_reason():
@@ -233,7 +233,7 @@ def test_a_broken_driver_stops_the_motors_and_is_reported():
     hall.reactions[FROZEN] = raise_interrupt
     assert hall.run() == 130
     assert hall.reports()[-1].fault == DRIVER_ERROR
-    assert hall.reports()[-1].s_m is not None
+    assert hall.reports()[-1].rest is not None
     assert hall.body.speed == 0.0
 
 
@@ -258,4 +258,4 @@ def test_a_frozen_robot_stays_for_the_next_epoch():
     hall.reactions[MOVING] = freeze
     hall.reactions[FROZEN] = wait_and_leave
     assert hall.run() == 130
-    assert next(r.s_m is not None for r in hall.reports() if r.phase == FROZEN)
+    assert next(r.rest is not None for r in hall.reports() if r.phase == FROZEN)

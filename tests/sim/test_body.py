@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from protocol.phases import MOVING
 from sim.body import SimulatedBody
+from tests.robot_agent.phases import run_in
 
 MS = 1_000_000
 
@@ -62,6 +64,26 @@ def test_a_body_that_is_not_fed_stops_after_fifty_milliseconds():
     body.step(3_000 * MS)
     assert body.x == pytest.approx(0.05)
     assert body.speed == 0.0
+
+
+@pytest.mark.parametrize("cut", [1, 7, 1000])
+def test_a_body_whose_loop_hangs_stands_still_within_the_distance_ordered(cut):
+    run = run_in(MOVING)
+    agent, body, hung = run.agent, run.body, run.own(run.now)
+    body.step(hung)
+    body.drive(agent.drive_speed, agent.drive_curvature, agent.drive_distance)
+    began, ordered = body.pose(), agent.drive_distance
+    assert 0.0 < body.speed <= agent.drive_speed * 1.001
+    places = []
+    for now in range(hung + cut * MS, hung + 3_001 * MS, cut * MS):
+        body.step(now)
+        places.append((now - hung, body.pose()))
+    moved = math.dist(began[:2], body.pose()[:2])
+    assert 0.0 < moved <= min(ordered, agent.drive_speed * 0.05) + 1e-12
+    assert {pose for passed, pose in places if passed >= 50 * MS} == {body.pose()}
+    assert body.speed == 0.0
+    body.drive(agent.drive_speed, agent.drive_curvature, agent.drive_distance)
+    assert body.pose()[:2] == places[-1][1][:2]
 
 
 @settings(derandomize=True, max_examples=60)

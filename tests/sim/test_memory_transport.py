@@ -2,6 +2,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sim.memory_liveliness import CUT_NOTICE_NS
 from sim.memory_transport import LONGEST_HOLD_NS, MemoryNetwork
 
 MS = 1_000_000
@@ -176,6 +177,102 @@ def test_wrong_calls_are_refused_with_the_numbers():
     network.session("R1")
     with pytest.raises(ValueError, match="'R1' is open already"):
         network.session("R1")
+    with pytest.raises(ValueError, match="'R2' is not open"):
+        network.drop("R2")
+    with pytest.raises(ValueError, match="drop_notice_ns is -1"):
+        MemoryNetwork(drop_notice_ns=-1)
     network.advance(10)
     with pytest.raises(ValueError, match="from 10 ns to 9 ns"):
         network.advance(9)
+
+
+def watched(network):
+    """A coordinator that watches R1, which has declared itself; the changes it is told, in ms."""
+    coordinator, robot = network.session("coordinator"), network.session("R1")
+    told = []
+    coordinator.watch_alive("*", lambda _key, alive: told.append((network.now_ns // MS, alive)))
+    robot.declare_alive("R1")
+    network.advance(100 * MS)
+    assert told[0][1]
+    return robot, told
+
+
+def test_changes_are_told_after_the_longest_delay_and_never_lost():
+    network = MemoryNetwork(loss=1.0, delay_ns=(2 * MS, 9 * MS), reordering=1.0)
+    robot, told = watched(network)
+    robot.close()
+    network.advance(500 * MS)
+    assert told == [(9, True), (109, False)]
+    assert network.next_due_ns() is None
+
+
+@pytest.mark.parametrize(("arguments", "notice"), [({}, 100), ({"drop_notice_ns": 3 * MS}, 3)])
+def test_a_dropped_session_is_silent_at_once_and_gone_after_the_notice(arguments, notice):
+    network = MemoryNetwork(delay_ns=(5 * MS, 5 * MS), **arguments)
+    robot, told = watched(network)
+    heard = []
+    listener = network.session("listener")
+    listener.subscribe("k", lambda _key, payload, _sent_ns: heard.append(payload))
+    robot.subscribe("k", lambda _key, payload, _sent_ns: heard.append(payload))
+    robot.put("k", b"on its way already")
+    listener.put("k", b"to the dead")
+    network.drop("R1")
+    robot.put("k", b"too late")
+    robot.close()
+    network.advance(10_000 * MS)
+    assert heard == [b"on its way already"]
+    assert told == [(5, True), (100 + notice, False)]
+
+
+def test_a_dropped_session_that_is_back_before_the_notice_never_was_gone():
+    network = MemoryNetwork(delay_ns=(5 * MS, 5 * MS))
+    _, told = watched(network)
+    network.drop("R1")
+    network.session("R1").declare_alive("R1")
+    network.advance(10_000 * MS)
+    assert told == [(5, True)]
+
+
+@pytest.mark.parametrize("name", ["R1", "coordinator"])
+def test_a_session_that_is_cut_off_counts_as_alive_until_the_connection_is_given_up(name):
+    network = MemoryNetwork(delay_ns=(5 * MS, 5 * MS))
+    _, told = watched(network)
+    network.cut(name)
+    network.advance(100 * MS + CUT_NOTICE_NS - 1)
+    assert told == [(5, True)]
+    network.advance(20_000 * MS)
+    network.heal(name)
+    network.advance(30_000 * MS)
+    assert told == [(5, True), (10_100, False), (20_005, True)]
+
+
+def test_a_cut_that_is_healed_in_time_is_never_told():
+    network = MemoryNetwork(delay_ns=(5 * MS, 5 * MS))
+    _, told = watched(network)
+    network.cut("R1")
+    network.advance(9_000 * MS)
+    network.heal("R1")
+    network.advance(30_000 * MS)
+    assert told == [(5, True)]
+
+
+def test_what_happens_behind_a_cut_is_told_when_it_is_healed():
+    network = MemoryNetwork(delay_ns=(5 * MS, 5 * MS))
+    robot, told = watched(network)
+    network.cut("coordinator")
+    robot.close()
+    network.session("R2").declare_alive("R2")
+    network.advance(2_000 * MS)
+    assert told == [(5, True)]
+    network.heal("coordinator")
+    network.advance(3_000 * MS)
+    assert told == [(5, True), (2_005, False), (2_005, True)]
+
+
+@settings(derandomize=True, max_examples=10, database=None)
+@given(st.integers(0, 2**32))
+def test_tokens_and_watchers_leave_the_draws_of_messages_as_they_were(seed):
+    plain, watching = (MemoryNetwork(seed, loss=0.4, delay_ns=(MS, 9 * MS)) for _ in range(2))
+    watching.session("one").watch_alive("*", lambda _key, _alive: None)
+    watching.session("two").declare_alive("k")
+    assert exchange(watching, count=40) == exchange(plain, count=40)

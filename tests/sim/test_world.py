@@ -1,15 +1,17 @@
-"""Fleet core and robots together in virtual time, on good links and bad ones."""
+"""Fleet core and robots together in virtual time, on good links and bad ones, sound and failing."""
 
 import numpy as np
 import pytest
 
 from coordinator.planner import plan_scenario
 from coordinator.scenario_file import parse_scenario
-from protocol.phases import DONE, FREEZE, FROZEN, OVER
-from protocol.timing import MILLISECOND
+from protocol.phases import FREEZE, GO, OVER
+from protocol.timing import MILLISECOND, SECOND
+from sim.faults import Fault
 from sim.judge import judge_boxes
 from sim.memory_transport import MemoryNetwork
-from sim.world import World
+from sim.truth import arrived, touches
+from sim.world import USUAL_FLAWS, World
 
 SCENARIO = b"""
 name = "three"
@@ -38,72 +40,164 @@ max_speed = 0.4
 """
 
 
+ROBOTS = ("R1", "R2", "R3")
+
+
 @pytest.fixture(scope="module")
-def document():
-    return plan_scenario(parse_scenario(SCENARIO, "three.toml"))
+def scenario():
+    return parse_scenario(SCENARIO, "three.toml")
 
 
-def test_on_a_good_link_everybody_arrives_when_planned(document):
-    world = World(document, MemoryNetwork(0, delay_ns=(MILLISECOND, 3 * MILLISECOND)))
+@pytest.fixture(scope="module")
+def document(scenario):
+    return plan_scenario(scenario)
+
+
+def good_link(seed=0):
+    return MemoryNetwork(seed, delay_ns=(MILLISECOND, 3 * MILLISECOND))
+
+
+def struck(scenario, document, *faults, seed=5):
+    """Return a world after a whole run with these faults."""
+    world = World(scenario, document, good_link(seed), seed=seed, faults=faults)
+    world.run(300.0)
+    world.go_on(1.0)
+    return world
+
+
+def incidents(world, kind):
+    return [one for one in world.fleet.incidents if one.kind == kind]
+
+
+def first_freeze(world):
+    """Return when the fleet froze first [s since the first GO]."""
+    said = next(one for one in incidents(world, "phase") if one.text == "FREEZE")
+    return (said.now_ns - world.began_ns) / SECOND
+
+
+def last_motion(box, until):
+    moved = np.flatnonzero(np.hypot(*np.diff(box.places, axis=0).T) > 1e-6)
+    ends = [box.t[i + 1] for i in moved if box.t[i + 1] <= until]
+    return max(ends, default=0.0)
+
+
+def test_on_a_good_link_everybody_arrives_when_planned(scenario, document):
+    world = World(scenario, document, good_link(), flaws=USUAL_FLAWS)
     world.run(120.0)
     assert world.fleet.phase == OVER
     verdict = judge_boxes(document, world.blackboxes())
     assert verdict.collisions == 0
     for robot in verdict.robots:
         assert robot.arrived
-        assert robot.t == pytest.approx(document.robot(robot.id).finish_time, abs=0.1)
+        assert robot.t == pytest.approx(document.robot(robot.id).finish_time, abs=0.3)
         assert robot.tracking_error < document.margin / 2
 
 
-def test_the_same_seed_gives_the_same_run(document):
+def test_the_same_seed_gives_the_same_run(scenario, document):
     rows = []
     for _ in range(2):
         network = MemoryNetwork(3, loss=0.1, delay_ns=(0, 50 * MILLISECOND), doubling=0.1)
-        world = World(document, network, seed=3)
+        faults = [Fault("stall", "R1", 3.0, 1.0), Fault("corrupt", "R2", 2.0, 2.0)]
+        world = World(scenario, document, network, seed=3, faults=faults, flaws=USUAL_FLAWS)
         world.run(60.0)
         rows.append({name: robot.rows for name, robot in world.robots.items()})
     assert rows[0] == rows[1]
+    assert len(rows[0]["R1"]) > 100
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_on_a_bad_link_nobody_touches_and_everybody_arrives_or_stops(document, seed):
+@pytest.mark.parametrize("seed", range(4))
+def test_on_a_worse_link_than_planned_for_nobody_touches(scenario, document, seed):
     network = MemoryNetwork(
         seed,
-        loss=0.02 * seed,
-        delay_ns=(0, 10 * seed * MILLISECOND),
+        loss=0.1 * seed,
+        delay_ns=(0, 50 * seed * MILLISECOND),
         doubling=0.1,
         reordering=0.1,
     )
-    world = World(document, network, seed=seed)
-    world.run(180.0)
-    for _ in range(3000):
-        world.step()
-    verdict = judge_boxes(document, world.blackboxes())
-    assert verdict.collisions == 0
-    assert verdict.least_separation > 0.3
-    phases = {robot.service.agent.phase for robot in world.robots.values()}
-    assert phases <= {DONE, FROZEN}
-
-
-@pytest.mark.parametrize("dead", ["R1", "R2", "R3"])
-@pytest.mark.parametrize("time", [0.5, 2.5, 5.0, 7.5])
-def test_when_a_robot_dies_the_others_rest_within_tau(document, dead, time):
-    network = MemoryNetwork(5, delay_ns=(MILLISECOND, 20 * MILLISECOND))
-    world = World(document, network, seed=5, kills={dead: time})
+    world = World(scenario, document, network, seed=seed)
     world.run(60.0)
-    if world.fleet.phase == OVER:
-        pytest.fail("a robot died under way and nobody noticed")
-    assert world.fleet.phase == FREEZE
-    assert world.fleet.members[dead].lost
+    assert touches(document, world.blackboxes()) == []
+
+
+@pytest.mark.parametrize("dead", ROBOTS)
+@pytest.mark.parametrize("time", [0.5, 3.5, 7.5])
+def test_when_a_robot_dies_the_others_rest_within_tau_and_then_arrive(
+    scenario, document, dead, time
+):
+    world = struck(scenario, document, Fault("kill", dead, time))
     boxes = world.blackboxes()
-    assert judge_boxes(document, boxes).collisions == 0
+    assert world.fleet.members[dead].lost
+    assert touches(document, boxes) == []
+    assert arrived(world, document, boxes) == set(ROBOTS) - {dead}
+    gone_again = [one.now_ns for one in incidents(world, "phase") if one.text == "GO"][1]
+    resumed = (gone_again - world.began_ns) / SECOND
+    assert 0.0 < first_freeze(world) - time < 0.3
     for box in boxes.values():
-        moved = np.flatnonzero(np.hypot(*np.diff(box.places, axis=0).T) > 1e-9)
-        assert len(moved) == 0 or box.t[moved[-1] + 1] <= time + document.tau
+        assert last_motion(box, resumed) <= time + document.tau
 
 
-def test_the_robots_say_little_under_way(document):
-    world = World(document, MemoryNetwork(0, delay_ns=(MILLISECOND, 2 * MILLISECOND)))
+def test_the_black_box_of_a_dead_robot_covers_the_whole_run(scenario, document):
+    world = struck(scenario, document, Fault("kill", "R2", 2.0))
+    ends = [box.t[-1] for box in world.blackboxes().values()]
+    assert max(ends) - min(ends) < 0.02
+    assert min(ends) > 10.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        (Fault("hang", "R1", 3.0, 4.0), "R1 has fallen silent"),
+        (Fault("cut", "R1", 3.0, 4.0), "R1 has fallen silent"),
+        (Fault("stall", "R1", 3.0, 2.0), "R1 stopped: behind its plan"),
+        (Fault("skid", "R1", 3.0, 0.06), "R1 stopped: off its path"),
+        (Fault("driver-error", "R1", 3.0), "R1 stopped: driver error"),
+        (Fault("coordinator-hang", "", 3.0, 4.0), "stopped: did not hear the coordinator"),
+    ],
+)
+def test_whoever_fails_for_a_while_arrives_in_a_later_epoch(scenario, document, fault, reason):
+    world = struck(scenario, document, fault)
+    boxes = world.blackboxes()
+    assert incidents(world, "fault")[0].text.endswith(reason)
+    assert touches(document, boxes, [fault]) == []
+    assert world.fleet.phase == OVER
+    assert arrived(world, document, boxes) == set(ROBOTS)
+
+
+def test_random_bytes_on_a_robots_keys_change_nothing(scenario, document):
+    world = struck(scenario, document, Fault("corrupt", "R1", 1.0, 5.0))
+    assert world.fleet.epoch == 1
+    assert world.fleet.bad_messages > 100
+    assert arrived(world, document, world.blackboxes()) == set(ROBOTS)
+
+
+def test_a_robot_that_stays_slow_is_given_up_and_the_others_arrive(scenario, document):
+    world = struck(scenario, document, Fault("slow", "R3", 2.0, 0.5))
+    boxes = world.blackboxes()
+    assert not world.fleet.members["R3"].is_fit
+    assert touches(document, boxes) == []
+    assert arrived(world, document, boxes) == {"R1", "R2"}
+
+
+def test_a_hanging_coordinator_says_nothing_and_a_hanging_robot_hears_nothing(scenario, document):
+    faults = [Fault("coordinator-hang", "", 2.0, 3.0), Fault("hang", "R2", 3.0, 1.0)]
+    world = World(scenario, document, good_link(), faults=faults)
+    while not world.began_ns or world.now_ns < world.began_ns + 3 * SECOND:
+        world.step()
+    assert world.fleet.phase == GO
+    said, heard = len(world.fleet.incidents), world.robots["R2"].service.heard_ns
+    world.go_on(0.9)
+    assert (said, heard) == (len(world.fleet.incidents), world.robots["R2"].service.heard_ns)
+
+
+def test_without_freezing_no_robot_is_told_to_stop(scenario, document):
+    world = World(scenario, document, good_link(), faults=[Fault("kill", "R1", 2.0)], freezes=False)
+    world.run(20.0)
+    assert world.fleet.phase == FREEZE
+    assert {"R2", "R3"} <= arrived(world, document, world.blackboxes())
+
+
+def test_the_robots_say_little_under_way(scenario, document):
+    world = World(scenario, document, MemoryNetwork(0, delay_ns=(MILLISECOND, 2 * MILLISECOND)))
     world.run(120.0)
     seconds = max(robot.rows[-1][0] for robot in world.robots.values())
     assert world.bytes_to_coordinator / len(world.robots) / seconds < 100

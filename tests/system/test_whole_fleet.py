@@ -123,13 +123,13 @@ def test_a_killed_robot_freezes_the_others_which_tell_where_they_rest(tmp_path, 
     records = read_log(folder / "run.mcap").records
     messages = [decode(record.key.split("/")[2], record.payload) for record in records]
     assert any(isinstance(m, Command) and m.phase == FREEZE for m in messages)
-    rests = [m for m in messages if isinstance(m, Report) and m.s_m is not None]
+    rests = [m for m in messages if isinstance(m, Report) and m.rest is not None]
     assert len(rests) == 1
     assert rests[0].phase == FROZEN
     verdict = json.loads(done.stdout)["judge"]
     assert verdict["collisions"] == 0
     rest = read_blackbox(folder / "blackbox" / "R1.csv")
-    assert rest.s[-1] == pytest.approx(rests[0].s_m, abs=0.005)
+    assert rest.s[-1] == pytest.approx(rests[0].rest.s_m, abs=0.005)
     assert rest.s[-1] < 2.7
 
 

@@ -1,0 +1,34 @@
+"""What goes in and out of the fleet core: messages to send, incidents to tell, parts to play.
+
+Decides: their fields.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Outgoing:
+    """A message to put on a key."""
+
+    key: str
+    payload: bytes
+
+
+@dataclass(frozen=True)
+class Incident:
+    """Something worth telling: when, what kind, whose, in words."""
+
+    now_ns: int
+    kind: str
+    robot: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Part:
+    """A robot's part in an epoch: its Plan message and the speed that this needs [m/s]."""
+
+    plan: bytes
+    speed: float

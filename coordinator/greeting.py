@@ -1,0 +1,90 @@
+"""Who may join a fleet: what a robot says of itself, held against what its plan needs.
+
+Decides: whom to take in, whom to refuse and why, who has to wait for an operator's word.  Must not
+know: the fleet's phases, plans.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from coordinator.fleet_news import Incident, Outgoing
+from coordinator.member import Member
+from coordinator.roster import Roster
+from protocol import keys
+from protocol.codec import encode
+from protocol.messages import PROTOCOL_VERSION, Hello, Refusal
+
+_REFUSALS_TOLD: Final = 100
+
+
+class Door:
+    """The door of a fleet; what is worth telling goes to `incidents`."""
+
+    def __init__(self, fleet: str, members: Roster, incidents: list[Incident]) -> None:
+        self._fleet = fleet
+        self._members = members
+        self._incidents = incidents
+        self._refused: set[tuple[str, int]] = set()
+
+    def hear(self, robot: str, hello: Hello, begun: bool, now_ns: int) -> Member | Outgoing | None:
+        """Return the member that is in, or the refusal to send.
+
+        None for a robot that has come back into a fleet that has begun to move: it has to wait.
+        """
+        reason = self._objection(robot, hello, now_ns)
+        if reason:
+            return self._refuse(robot, hello.boot, reason, now_ns)
+        member = self._members[robot]
+        if member.boot != hello.boot:
+            if begun:
+                self._knock(member, hello, now_ns)
+                return None
+            self._tell(now_ns, "hello", robot, f"{robot} says hello")
+        member.accept(hello, now_ns)
+        return member
+
+    def admit(self, robot: str, now_ns: int) -> bool:
+        """Let a robot in that has come back, as soon as it says where it stands."""
+        member = self._members.get(robot)
+        if member is None or member.knocking is None or member.knocking.boot == member.boot:
+            self._tell(now_ns, "not admitted", robot, f"{robot} has not come back")
+            return False
+        member.admitted, member.finished, member.planned = True, False, False
+        self._tell(now_ns, "admitted", robot, f"{robot} is admitted")
+        return True
+
+    def _knock(self, member: Member, hello: Hello, now_ns: int) -> None:
+        if member.knocking is None or member.knocking.boot != hello.boot:
+            words = f"{member.id} is back; `splinefleet admit {member.id}` lets it take part"
+            self._tell(now_ns, "back", member.id, words)
+        member.knock(hello, now_ns)
+
+    def _refuse(self, robot: str, boot: int, reason: str, now_ns: int) -> Outgoing:
+        """Tell a robot why it cannot join, and everybody else once."""
+        if (robot, boot) not in self._refused and len(self._refused) < _REFUSALS_TOLD:
+            self._refused.add((robot, boot))
+            self._tell(now_ns, "refused", robot, reason)
+        return Outgoing(keys.plan(self._fleet, robot), encode(Refusal(boot, reason[:200])))
+
+    def _objection(self, robot: str, hello: Hello, now_ns: int) -> str:
+        """Return why a robot cannot join, or nothing."""
+        member = self._members.get(robot)
+        if member is None:
+            known = ", ".join(list(self._members)[:10])
+            return f"{robot} is not in fleet {self._fleet}, which has {known}"
+        if hello.version != PROTOCOL_VERSION:
+            return (
+                f"{robot} speaks protocol version {hello.version}, "
+                f"the coordinator speaks {PROTOCOL_VERSION}"
+            )
+        if hello.radius_m > member.radius + 1e-6:
+            return f"{robot} has radius {hello.radius_m} m, the plan was made for {member.radius} m"
+        if 0.0 < hello.max_speed_mps < member.speed - 1e-6:
+            return f"{robot} reaches {hello.max_speed_mps} m/s, its plan needs {member.speed} m/s"
+        if member.boot not in (None, hello.boot) and not member.is_silent(now_ns):
+            return f"another {robot} is already in fleet {self._fleet}"
+        return ""
+
+    def _tell(self, now_ns: int, kind: str, robot: str, text: str) -> None:
+        self._incidents.append(Incident(now_ns, kind, robot, text))

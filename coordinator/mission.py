@@ -1,0 +1,88 @@
+"""A fleet's epochs one after another: the fleet core, the site as it is known, the plans so far.
+
+Decides: when a fleet is planned anew and which plan it gets.  Must not know: clocks, links, files;
+`solve` takes long and changes nothing, so that a shell may run it beside the fleet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from coordinator.fleet_news import Incident, Outgoing
+from coordinator.muster import muster, parts_of
+from coordinator.plan import PlanDocument
+from coordinator.recovery import Planner, Recovery, recover
+from coordinator.scenario import Scenario
+from coordinator.site import Site
+from coordinator.standing import Standing
+from protocol.timing import SECOND
+
+MOST_EPOCHS: Final = 200
+"""A fleet that still does not arrive is given up."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """A plan that is wanted: for which epoch, and where the robots stand."""
+
+    epoch: int
+    told: tuple[Standing, ...]
+
+
+class Mission:
+    """One scenario from its first plan to the end; `planner` plans the later epochs."""
+
+    def __init__(
+        self, scenario: Scenario, document: PlanDocument, boot: int, planner: Planner
+    ) -> None:
+        self.site = Site(scenario)
+        self.documents = {document.epoch: document}
+        self.fleet = muster(document, boot)
+        self._planner = planner
+        self._wanted: Request | None = None
+
+    @property
+    def document(self) -> PlanDocument:
+        """The newest plan."""
+        return self.documents[max(self.documents)]
+
+    def request(self, now_ns: int) -> Request | None:
+        """Return a plan that is wanted and was not asked for yet."""
+        if not self.fleet.is_settled(now_ns):
+            return None
+        wanted = Request(self.fleet.next_epoch, tuple(self.fleet.standings()))
+        if wanted == self._wanted:
+            return None
+        self._wanted = wanted
+        return wanted
+
+    def solve(self, request: Request) -> Recovery:
+        """Return the plan that was asked for; pure, may take seconds."""
+        if request.epoch > MOST_EPOCHS:
+            return Recovery(self.site, None, (f"given up after {MOST_EPOCHS} epochs",))
+        return recover(self.site, self.documents, request.told, request.epoch, self._planner)
+
+    def take_over(self, boot: int, last_ns: int, now_ns: int) -> None:
+        """Go on with another boot id, in place of a coordinator that was alive at `last_ns`."""
+        self._wanted = None
+        self.fleet.take_over(boot, last_ns, now_ns)
+
+    def adopt(self, request: Request, recovery: Recovery, now_ns: int) -> list[Outgoing] | None:
+        """Begin the next epoch; None when the fleet is no longer as it was when it was asked."""
+        asked = Request(self.fleet.next_epoch, tuple(self.fleet.standings()))
+        if request != self._wanted or asked != request or not self.fleet.is_settled(now_ns):
+            return None
+        self._wanted = None
+        for sentence in recovery.said:
+            self.fleet.incidents.append(Incident(now_ns, "stays", "", sentence))
+        self.site = recovery.site
+        for one in self.site.aside:
+            self.fleet.members[one.robot.id].finished |= one.why == "arrived"
+        if recovery.document is None:
+            return self.fleet.adopt(request.epoch, {}, 0, now_ns)
+        document = recovery.document
+        self.documents[document.epoch] = document
+        finish = max(robot.finish_time for robot in document.robots)
+        parts = parts_of(document, self.fleet.boot)
+        return self.fleet.adopt(document.epoch, parts, round(finish * SECOND), now_ns)

@@ -1,0 +1,68 @@
+"""What an operator says to a running fleet: admit.
+
+Decides: options and exit codes.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from typing import Annotated, Final
+
+import typer
+
+from coordinator.console import tell
+from protocol import keys
+from protocol.codec import decode, encode
+from protocol.messages import Admit, Command
+from protocol.phases import COMMAND_NAMES, FREEZE
+
+commands = typer.Typer()
+
+_PERIOD_S: Final = 0.2
+
+
+@commands.command()
+def admit(
+    robot: Annotated[str, typer.Argument(help="The robot that has come back.")],
+    connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator.")],
+    fleet: Annotated[str | None, typer.Option(help="Fleet; without it the first heard.")] = None,
+    wait: Annotated[
+        float, typer.Option(min=0.5, max=600.0, help="Seconds to wait for the fleet to take it in.")
+    ] = 20.0,
+) -> None:
+    """Let a restarted robot take part again: the fleet freezes and is planned anew with it.
+
+    Exit code 1 when the fleet does not begin a new epoch in time.
+
+    Example: splinefleet admit R3 --connect tcp/127.0.0.1:7447
+    """
+    from protocol.zenoh_transport import ZenohTransport
+
+    heard: queue.SimpleQueue[tuple[str, Command]] = queue.SimpleQueue()
+
+    def hear(key: str, payload: bytes, _sent_ns: int | None) -> None:
+        place, message = keys.split(key), decode("command", payload)
+        if place is not None and isinstance(message, Command):
+            heard.put((place[0], message))
+
+    if not keys.NAME.fullmatch(robot):
+        raise typer.BadParameter(f"{robot[:60]!r} is no robot's name", param_hint="ROBOT")
+    with ZenohTransport.connect(connect, timeout_s=wait) as transport:
+        transport.subscribe(keys.command(fleet or "*"), hear)
+        deadline = time.monotonic() + wait
+        frozen, said = False, 0.0
+        while (now := time.monotonic()) < deadline:
+            try:
+                name, command = heard.get(timeout=_PERIOD_S)
+            except queue.Empty:
+                continue
+            if not frozen and now - said > _PERIOD_S:
+                transport.put(keys.admit(name, robot), encode(Admit(1)))
+                said = now
+            frozen |= said > 0.0 and command.phase == FREEZE
+            if frozen and command.phase != FREEZE:
+                tell(f"{name}: epoch {command.epoch}, {COMMAND_NAMES[command.phase]}")
+                return
+    tell(f"no new epoch with {robot} within {wait:g} s; is it back, the fleet under way?", "red")
+    raise typer.Exit(1)

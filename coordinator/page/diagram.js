@@ -1,0 +1,166 @@
+// Distance along the path over time: every robot's line, the epochs, what happened, the cursor.
+
+class DiagramView {
+  constructor(canvas, play) {
+    this.sheet = new Sheet(canvas);
+    this.play = play;
+    this.longest = Math.max(1, ...play.epochs.flatMap((epoch) =>
+      [...epoch.motions.values()].map((motion) => motion.length)));
+    this.background = null;
+    this.key = "";
+    this.box = { left: 36, top: 12, right: 12, bottom: 26 };
+  }
+
+  X(t) {
+    const { left, right } = this.box;
+    return left + (this.sheet.width - left - right) * t / this.play.scene.end;
+  }
+
+  Y(s) {
+    const { top, bottom } = this.box;
+    return this.sheet.height - bottom - (this.sheet.height - top - bottom) * s / this.longest;
+  }
+
+  /** The time at a place on the canvas. */
+  time(x) {
+    const { left, right } = this.box;
+    const t = (x - left) / (this.sheet.width - left - right) * this.play.scene.end;
+    return Math.min(Math.max(t, 0), this.play.scene.end);
+  }
+
+  draw(t, found, focus, hover, look) {
+    const key = [focus, look.dark, this.play.scene.end].join();
+    if (this.sheet.resize() || key !== this.key) {
+      this.key = key;
+      this.background = this.lines(focus, look);
+    }
+    const pen = this.sheet.begin(this.background.canvas), x = this.X(t);
+    pen.strokeStyle = look.ink;
+    pen.lineWidth = 1.25;
+    pen.beginPath();
+    pen.moveTo(x, this.box.top);
+    pen.lineTo(x, this.sheet.height - this.box.bottom);
+    pen.stroke();
+    found.forEach((robot, index) => {
+      if (robot && robot.motion) this.dot(pen, x, this.Y(robot.s), index, focus, hover, look);
+    });
+    if (found[hover] && found[hover].motion) this.dot(pen, x, this.Y(found[hover].s), hover, focus, hover, look);
+  }
+
+  dot(pen, x, y, index, focus, hover, look) {
+    const strong = index === focus || index === hover;
+    pen.globalAlpha = focus >= 0 && !strong ? 0.25 : 1;
+    pen.beginPath();
+    pen.arc(x, y, strong ? 5.5 : 3.5, 0, 7);
+    pen.fillStyle = look.robot(index);
+    pen.fill();
+    pen.strokeStyle = look.panel;
+    pen.lineWidth = 1;
+    pen.stroke();
+    pen.globalAlpha = 1;
+  }
+
+  lines(focus, look) {
+    const sheet = this.sheet.twin(), { pen } = sheet;
+    this.axes(pen, look);
+    this.events(pen, look);
+    pen.lineJoin = "round";
+    const crowd = this.play.scene.robots.length > CROWD;
+    this.play.epochs.forEach((epoch, number) => {
+      const next = this.play.epochs[number + 1], end = next ? next.begin : this.play.scene.end;
+      for (const [index, motion] of epoch.motions) {
+        pen.globalAlpha = focus >= 0 && focus !== index ? 0.15 : crowd && focus !== index ? 0.45 : 1;
+        pen.strokeStyle = look.robot(index);
+        pen.lineWidth = focus === index ? 2.75 : crowd ? 1 : 1.75;
+        this.line(pen, epoch, motion, end);
+      }
+    });
+    pen.globalAlpha = 1;
+    return sheet;
+  }
+
+  line(pen, epoch, motion, end) {
+    const times = [Math.max(epoch.begin, 0)];
+    for (const [t0, t1, , , v0, v1] of motion.ride.legs) {
+      const parts = Math.abs(v1 - v0) > 1e-9 ? 6 : 1;
+      for (let i = 0; i <= parts; i++) times.push(epoch.start + t0 + (t1 - t0) * i / parts);
+    }
+    if (motion.ride.halt) times.push(epoch.start + motion.ride.halt[0], epoch.start + motion.ride.halt[1]);
+    times.push(end);
+    times.sort((a, b) => a - b);
+    pen.beginPath();
+    let begun = false;
+    for (const t of times) {
+      if (t < Math.max(epoch.begin, 0) || t > end) continue;
+      const x = this.X(t), y = this.Y(motion.progress(t - epoch.start)[0]);
+      if (begun) pen.lineTo(x, y); else pen.moveTo(x, y);
+      begun = true;
+    }
+    pen.stroke();
+  }
+
+  axes(pen, look) {
+    const { left, right, top, bottom } = this.box, { width, height } = this.sheet;
+    pen.font = look.font(11);
+    pen.strokeStyle = look.line;
+    pen.fillStyle = look.muted;
+    pen.lineWidth = 1;
+    pen.textAlign = "right";
+    pen.textBaseline = "middle";
+    const rise = roundStep(this.longest, Math.max(height / 60, 2));
+    for (let i = 0; i * rise <= this.longest; i++) {
+      const y = Math.round(this.Y(i * rise)) + 0.5;
+      pen.beginPath();
+      pen.moveTo(left, y);
+      pen.lineTo(width - right, y);
+      pen.stroke();
+      pen.fillText(`${+(i * rise).toFixed(3)}${i ? "" : " m"}`, left - 6, y);
+    }
+    pen.textAlign = "center";
+    pen.textBaseline = "top";
+    const stride = roundStep(this.play.scene.end, Math.max(width / 90, 2));
+    for (let i = 0; i * stride <= this.play.scene.end; i++) {
+      const x = this.X(i * stride), last = (i + 1) * stride > this.play.scene.end;
+      pen.fillText(`${+(i * stride).toFixed(3)}${last ? " s" : ""}`, x, height - bottom + 7);
+      pen.beginPath();
+      pen.moveTo(Math.round(x) + 0.5, height - bottom);
+      pen.lineTo(Math.round(x) + 0.5, height - bottom + 4);
+      pen.stroke();
+    }
+    pen.beginPath();
+    pen.moveTo(left, top);
+    pen.lineTo(left, height - bottom);
+    pen.stroke();
+  }
+
+  events(pen, look) {
+    pen.lineWidth = 1;
+    for (const mark of this.play.scene.marks) {
+      if (mark.t < 0.01) continue;
+      pen.strokeStyle = markColour(mark, look);
+      pen.setLineDash([3, 3]);
+      pen.beginPath();
+      pen.moveTo(this.X(mark.t), this.box.top);
+      pen.lineTo(this.X(mark.t), this.sheet.height - this.box.bottom);
+      pen.stroke();
+    }
+    pen.setLineDash([]);
+  }
+
+  /** The robot whose line is nearest to a place on the canvas, or -1. */
+  pick(x, y) {
+    const t = this.time(x);
+    let best = -1, least = 12;
+    this.play.scene.robots.forEach((_, index) => {
+      const robot = this.play.robot(index, t);
+      if (!robot || !robot.motion) return;
+      const away = Math.abs(this.Y(robot.s) - y);
+      if (away < least) [best, least] = [index, away];
+    });
+    return best;
+  }
+}
+
+function markColour(mark, look) {
+  return { fault: look.red, freeze: look.amber }[mark.kind] || look.muted;
+}

@@ -1,0 +1,129 @@
+// What stands beside the pictures as text: the terms, every robot, what happened.
+
+const byId = (name) => document.getElementById(name);
+
+function element(name, properties, ...children) {
+  const made = Object.assign(document.createElement(name), properties);
+  made.append(...children);
+  return made;
+}
+
+function said(robot, bodies) {
+  if (!robot) return "not known";
+  if (robot.state === "waits") {
+    const left = `${(robot.wait.until - robot.plan).toFixed(1)} s`;
+    return robot.lets >= 0 ? `waits for ${bodies[robot.lets].id}, ${left}` : `waits ${left}`;
+  }
+  return robot.state;
+}
+
+function describe(scene) {
+  const count = scene.robots.length;
+  byId("name").textContent = scene.name;
+  byId("terms").textContent =
+    `${count} robot${count === 1 ? "" : "s"} · τ ${scene.tau} s · margin ${scene.margin} m · policy ${scene.policy}`;
+  const verdict = byId("verdict");
+  verdict.hidden = scene.proven === null;
+  verdict.textContent = scene.proven ? "proof holds" : "proof fails";
+  verdict.className = scene.proven ? "holds" : "fails";
+}
+
+/** One row a robot: its colour, what it does, how far it has come. */
+class RobotList {
+  constructor(list, play, choose, hover) {
+    this.bodies = play.scene.robots;
+    this.rows = this.bodies.map((body, index) => {
+      const swatch = element("span", { className: "swatch" });
+      const state = element("span", { className: "state" });
+      const speed = element("span", { className: "number" });
+      const bar = element("span", { className: "bar" });
+      const button = element("button", { type: "button" },
+        swatch, element("span", { className: "id", textContent: body.id }), state, speed,
+        element("span", { className: "track" }, bar));
+      button.setAttribute("aria-pressed", "false");
+      button.addEventListener("click", () => choose(index));
+      button.addEventListener("pointerenter", () => hover(index));
+      button.addEventListener("pointerleave", () => hover(-1));
+      button.title = `Show ${body.id} alone`;
+      return { button, swatch, state, speed, bar };
+    });
+    list.replaceChildren(...this.rows.map((row) => element("li", {}, row.button)));
+  }
+
+  paint(look) {
+    this.rows.forEach((row, index) => row.swatch.style.setProperty("--colour", look.robot(index)));
+  }
+
+  choose(focus) {
+    this.rows.forEach((row, index) => row.button.setAttribute("aria-pressed", String(index === focus)));
+  }
+
+  tell(found) {
+    this.rows.forEach((row, index) => {
+      const robot = found[index], text = said(robot, this.bodies);
+      if (row.state.textContent !== text) row.state.textContent = text;
+      const speed = robot ? `${robot.v.toFixed(2)} m/s` : "";
+      if (row.speed.textContent !== speed) row.speed.textContent = speed;
+      row.bar.style.width = robot ? `${(100 * robot.s / robot.length).toFixed(1)}%` : "0";
+      row.button.dataset.state = robot ? robot.state : "";
+    });
+  }
+}
+
+/** The marks: ticks on the slider, and a list to jump from. */
+class EventList {
+  constructor(list, ticks, play, seek) {
+    const marks = play.scene.marks, end = play.scene.end;
+    byId("events-title").parentElement.hidden = marks.length === 0;
+    list.replaceChildren(...marks.map((mark) => {
+      const button = element("button", { type: "button" },
+        element("span", { className: "number", textContent: `${mark.t.toFixed(1)} s` }),
+        element("span", { className: `mark ${mark.kind}` }),
+        element("span", { textContent: mark.text }));
+      button.addEventListener("click", () => seek(mark.t));
+      return element("li", {}, button);
+    }));
+    ticks.replaceChildren(...marks.map((mark) => {
+      const tick = element("span", { className: `mark ${mark.kind}` });
+      tick.style.setProperty("--at", Math.min(Math.max(mark.t / end, 0), 1));
+      return tick;
+    }));
+  }
+}
+
+/** Numbers beside the pointer. */
+class Tip {
+  constructor(box) {
+    this.box = box;
+  }
+
+  tell(play, index, t, found, x, y) {
+    const robot = found[index];
+    this.box.hidden = !robot;
+    if (!robot) return;
+    const bodies = play.scene.robots, lines = [
+      said(robot, bodies),
+      `${robot.s.toFixed(2)} of ${robot.length.toFixed(2)} m, ${robot.v.toFixed(2)} m/s`,
+      `at ${robot.x.toFixed(2)}, ${robot.y.toFixed(2)} m`,
+    ];
+    const near = this.nearest(found, index);
+    if (near) lines.push(`${near.away.toFixed(2)} m to ${bodies[near.other].id}`);
+    const truth = play.truth(index, t);
+    if (truth) lines.push(`truly ${(1000 * Math.hypot(truth.x - robot.x, truth.y - robot.y)).toFixed(0)} mm off${truth.over ? ", last row" : ""}`);
+    this.box.replaceChildren(element("strong", { textContent: bodies[index].id }),
+      ...lines.map((line) => element("span", { textContent: line })));
+    const room = this.box.parentElement.getBoundingClientRect();
+    this.box.style.left = `${Math.max(Math.min(x + 14, room.width - this.box.offsetWidth - 4), 4)}px`;
+    this.box.style.top = `${Math.max(Math.min(y + 14, room.height - this.box.offsetHeight - 4), 4)}px`;
+  }
+
+  nearest(found, index) {
+    let best = null;
+    found.forEach((robot, other) => {
+      if (!robot || other === index) return;
+      const away = Math.hypot(robot.x - found[index].x, robot.y - found[index].y);
+      if (!best || away < best.away) best = { other, away };
+    });
+    return best;
+  }
+}

@@ -1,0 +1,70 @@
+// Colours: those of Okabe and Ito, told apart by colour-blind people, for light and dark ground.
+
+const HUES = {
+  light: ["#0072b2", "#c84f00", "#00805c", "#b25089", "#a87400", "#2b8fc4", "#57606a", "#7c7600"],
+  dark: ["#58aee6", "#ff9050", "#35c79c", "#e39bc6", "#eab13e", "#90d2f5", "#adb6c1", "#cfc650"],
+};
+const SHADES = { light: [1, 0.68, 0.85, 0.52], dark: [1, 0.74, 0.88, 0.62] };
+
+function shaded(colour, share) {
+  const part = (at) => Math.round(parseInt(colour.slice(at, at + 2), 16) * share);
+  return `rgb(${part(1)} ${part(3)} ${part(5)})`;
+}
+
+/** The page's colours as they are now; `robot(i)` is a robot's. */
+class Look {
+  constructor() {
+    const style = getComputedStyle(document.documentElement);
+    const theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+    const read = (name) => style.getPropertyValue(`--${name}`).trim();
+    this.dark = theme === "dark";
+    for (const name of ["ink", "muted", "line", "panel", "ground", "solid", "amber", "red"]) this[name] = read(name);
+    this.onRobot = this.dark ? "#0d1117" : "#ffffff";
+    this.font = (size, weight = 400) => `${weight} ${size}px ${read("font")}`;
+    this.robot = (index) =>
+      shaded(HUES[theme][index % 8], SHADES[theme][Math.floor(index / 8) % 4]);
+  }
+}
+
+/** A canvas that is as sharp as the screen; `resize` tells whether its size has changed. */
+class Sheet {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.pen = canvas.getContext("2d");
+    this.width = this.height = this.scale = 0;
+  }
+
+  resize() {
+    const box = this.canvas.getBoundingClientRect(), scale = window.devicePixelRatio || 1;
+    const same = box.width === this.width && box.height === this.height && scale === this.scale;
+    if (same) return false;
+    [this.width, this.height, this.scale] = [box.width, box.height, scale];
+    this.canvas.width = Math.round(box.width * scale);
+    this.canvas.height = Math.round(box.height * scale);
+    return true;
+  }
+
+  /** An empty sheet of the same size, for what seldom changes. */
+  twin() {
+    const canvas = document.createElement("canvas");
+    canvas.width = this.canvas.width;
+    canvas.height = this.canvas.height;
+    const pen = canvas.getContext("2d");
+    pen.setTransform(this.scale, 0, 0, this.scale, 0, 0);
+    return { canvas, pen };
+  }
+
+  begin(background) {
+    this.pen.setTransform(1, 0, 0, 1, 0, 0);
+    this.pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    if (background && background.width && background.height) this.pen.drawImage(background, 0, 0);
+    this.pen.setTransform(this.scale, 0, 0, this.scale, 0, 0);
+    return this.pen;
+  }
+}
+
+/** Round steps of 1, 2 or 5 that make about `count` of a range. */
+function roundStep(range, count) {
+  const raw = Math.max(range, 1e-6) / count, power = 10 ** Math.floor(Math.log10(raw));
+  return power * ([1, 2, 5].find((factor) => factor * power >= raw) || 10);
+}

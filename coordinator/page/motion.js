@@ -1,0 +1,160 @@
+// Where robots are: computed from their plans, never from positions that somebody sent.
+
+/** The last index whose value in ascending `values` is not above x; at least 0. */
+function lastUpTo(values, x) {
+  let low = 0, high = values.length - 1;
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (values[middle] <= x) low = middle; else high = middle - 1;
+  }
+  return low;
+}
+
+/** One robot's part in an epoch: s(t) from its legs, (x, y) from its polyline. */
+class Motion {
+  constructor(ride) {
+    this.ride = ride;
+    [this.arcs, this.xs, this.ys] = ride.path;
+    this.begins = ride.legs.map((leg) => leg[0]);
+    this.length = this.arcs[this.arcs.length - 1];
+    this.finish = ride.legs[ride.legs.length - 1][1];
+    this.headings = this.turned();
+  }
+
+  /** Headings at the polyline's points, without jumps: the mean of the pieces beside them. */
+  turned() {
+    const { xs, ys } = this, pieces = [];
+    for (let i = 0; i + 1 < xs.length; i++) {
+      const angle = Math.atan2(ys[i + 1] - ys[i], xs[i + 1] - xs[i]);
+      const before = i ? pieces[i - 1] : angle;
+      const turn = angle - before;
+      pieces.push(before + turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI)));
+    }
+    return xs.map((_, i) => {
+      const last = pieces[Math.max(i - 1, 0)], next = pieces[Math.min(i, pieces.length - 1)];
+      return 0.5 * (last + next);
+    });
+  }
+
+  /** [arc length, speed] at a plan time, had the robot kept to its plan. */
+  planned(t) {
+    const [t0, t1, s0, s1, v0, v1] = this.ride.legs[lastUpTo(this.begins, t)];
+    const passed = t - t0;
+    if (passed <= 0) return [s0, 0];
+    if (t >= t1) return [s1, 0];
+    const rate = (v1 - v0) / (t1 - t0);
+    return [s0 + passed * (v0 + 0.5 * rate * passed), v0 + rate * passed];
+  }
+
+  /** [arc length, speed] at a plan time; after a halt the robot brakes and rests. */
+  progress(t) {
+    const halt = this.ride.halt;
+    if (!halt || t < halt[0]) return this.planned(t);
+    const [t0, t1, s0, s1] = halt;
+    if (t >= t1) return [s1, 0];
+    const part = (t - t0) / (t1 - t0);
+    return [s0 + (s1 - s0) * part * (2 - part), 2 * (s1 - s0) * (1 - part) / (t1 - t0)];
+  }
+
+  /** {x, y, heading} at an arc length. */
+  place(s) {
+    const { arcs, xs, ys, headings } = this;
+    const i = Math.min(lastUpTo(arcs, s), arcs.length - 2);
+    const part = Math.min(Math.max((s - arcs[i]) / (arcs[i + 1] - arcs[i]), 0), 1);
+    const between = (values) => values[i] + part * (values[i + 1] - values[i]);
+    return { x: between(xs), y: between(ys), heading: between(headings) };
+  }
+
+  /** Points [x, y] from one arc length to another. */
+  stretch(from, to) {
+    const points = [this.place(from)];
+    for (let i = lastUpTo(this.arcs, from) + 1; i < this.arcs.length && this.arcs[i] < to; i++) {
+      points.push({ x: this.xs[i], y: this.ys[i] });
+    }
+    points.push(this.place(to));
+    return points;
+  }
+
+  /** The wait that a robot is in at a plan time, or undefined. */
+  wait(t) {
+    const halt = this.ride.halt;
+    if (halt && t >= halt[0]) return undefined;
+    return this.ride.waits.find((wait) => t >= wait.since && t < wait.until);
+  }
+}
+
+/** A scene in time: all robots at any second. */
+class Play {
+  constructor(scene) {
+    this.scene = scene;
+    this.epochs = scene.epochs.map((epoch) => ({
+      ...epoch,
+      motions: new Map(epoch.rides.map((ride) => [ride.robot, new Motion(ride)])),
+      why: new Map(epoch.aside.map((one) => [one.robot, one.why])),
+    }));
+    this.begins = this.epochs.map((epoch) => epoch.begin);
+    this.ghosts = new Map(scene.ghosts.map((ghost) => [ghost.robot, ghost]));
+  }
+
+  epochAt(t) {
+    return this.epochs[lastUpTo(this.begins, t)];
+  }
+
+  /** What the coordinator states at a time: "hold", "go" or "freeze". */
+  phaseAt(t) {
+    const epoch = this.epochAt(t);
+    if (epoch.frozen !== null && t >= epoch.frozen) return "freeze";
+    return t < epoch.start ? "hold" : "go";
+  }
+
+  /** One robot at a time: {x, y, heading, s, length, v, state, lets, motion}. */
+  robot(index, t) {
+    const now = lastUpTo(this.begins, t);
+    const motion = this.epochs[now].motions.get(index);
+    if (!motion) return this.left(index, now);
+    const plan = t - this.epochs[now].start;
+    const [s, v] = motion.progress(plan), wait = motion.wait(plan), halt = motion.ride.halt;
+    let state = "drives", lets = -1;
+    if (halt && plan >= halt[0]) state = plan < halt[1] ? "brakes" : "stopped";
+    else if (plan >= motion.finish) state = "arrived";
+    else if (plan < 0) state = "ready";
+    else if (wait) [state, lets] = ["waits", wait.lets];
+    return { ...motion.place(s), s, length: motion.length, v, state, lets, wait, plan, motion };
+  }
+
+  /** A robot without a part in an epoch stays where the last one that had it left it. */
+  left(index, now) {
+    const why = this.epochs[now].why.get(index) || "no plan";
+    for (let i = now - 1; i >= 0; i--) {
+      const motion = this.epochs[i].motions.get(index);
+      if (!motion) continue;
+      const [s] = motion.progress(this.epochs[i + 1].begin - this.epochs[i].start);
+      return { ...motion.place(s), s, length: motion.length, v: 0, state: why, lets: -1 };
+    }
+    return null;
+  }
+
+  /** Where a robot truly was, or null when its black box does not tell. */
+  truth(index, t) {
+    const ghost = this.ghosts.get(index);
+    if (!ghost || ghost.t.length === 0) return null;
+    const { t: times, x: xs, y: ys } = ghost, i = lastUpTo(times, t);
+    const size = i + 1 < times.length ? times[i + 1] - times[i] : 0;
+    const part = size > 0 ? Math.min(Math.max((t - times[i]) / size, 0), 1) : 0;
+    const between = (values) => values[i] + part * (values[Math.min(i + 1, times.length - 1)] - values[i]);
+    return { x: between(xs), y: between(ys), over: t > times[times.length - 1] + 0.5 };
+  }
+
+  /** All robots by id, for whoever asks from outside. */
+  at(t) {
+    const all = {};
+    this.scene.robots.forEach((robot, index) => {
+      const found = this.robot(index, t);
+      if (found) {
+        const { x, y, heading, s, v, state } = found;
+        all[robot.id] = { x, y, heading, s, v, state };
+      }
+    });
+    return all;
+  }
+}

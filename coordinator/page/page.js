@@ -1,0 +1,226 @@
+// The page: time, controls, and what happens when.
+
+const live = document.documentElement.dataset.live === "true";
+const shown = { paths: true, zones: true, waits: true, ghosts: true };
+const controls = {
+  play: byId("play"), shape: byId("play-shape"), slider: byId("slider"), clock: byId("clock"),
+  phase: byId("phase"), speed: byId("speed"), follow: byId("follow"),
+};
+const tip = new Tip(byId("tip"));
+const PHASES = { hold: "ready", go: "go", freeze: "frozen" };
+
+let look = new Look();
+let play, floor, diagram, robots;
+let now = 0, running = false, focus = -1, hover = -1, pointer = null, stale = true;
+let before = 0, listed = -Infinity, following = live;
+
+function load(scene) {
+  const first = !play;
+  play = new Play(scene);
+  floor = new FloorView(byId("floor"), play, shown);
+  diagram = new DiagramView(byId("diagram"), play);
+  robots = new RobotList(byId("robots"), play, chooseToggled, (index) => { hover = index; stale = true; });
+  new EventList(byId("events"), byId("ticks"), play, seek);
+  describe(scene);
+  robots.paint(look);
+  robots.choose(focus);
+  byId("ghosts-label").hidden = scene.ghosts.length === 0;
+  byId("floor").parentElement.style.setProperty("--aspect", Math.min(Math.max(floor.aspect, 0.6), 2.4));
+  controls.slider.max = scene.end;
+  if (first) now = 0;
+  listed = -Infinity;
+  stale = true;
+}
+
+function seek(t) {
+  now = Math.min(Math.max(t, 0), play.scene.end);
+  stale = true;
+}
+
+function setRunning(on) {
+  if (on && now >= play.scene.end) now = 0;
+  running = on;
+  controls.play.setAttribute("aria-label", on ? "Pause" : "Play");
+  controls.shape.setAttribute("d", on ? "M3 1.5h3.5v13H3zM9.5 1.5H13v13H9.5z" : "M3 1.5 14 8 3 14.5z");
+}
+
+function setFollowing(on) {
+  following = live && on;
+  controls.follow.setAttribute("aria-pressed", String(following));
+}
+
+function chooseToggled(index) {
+  focus = focus === index ? -1 : index;
+  robots.choose(focus);
+  stale = true;
+}
+
+/** Draw everything as it is now. */
+function draw() {
+  const found = play.scene.robots.map((_, index) => play.robot(index, now));
+  floor.draw(now, found, focus, hover, look);
+  diagram.draw(now, found, focus, hover, look);
+  if (pointer) tip.tell(play, hover, now, found, pointer.x, pointer.y);
+  tell(found);
+}
+
+/** Text follows ten times a second: nobody reads faster, and it costs more than drawing. */
+function tell(found) {
+  const time = performance.now();
+  controls.slider.value = now;
+  controls.clock.textContent = `${now.toFixed(1)} s`;
+  if (running && time - listed < 100) return;
+  listed = time;
+  const epoch = play.epochAt(now), phase = PHASES[play.phaseAt(now)];
+  const text = play.epochs.length > 1 || play.scene.source === "log" ? `epoch ${epoch.epoch}, ${phase}` : "";
+  if (controls.phase.textContent !== text) controls.phase.textContent = text;
+  controls.slider.setAttribute("aria-valuetext", `${now.toFixed(1)} seconds${text ? `, ${text}` : ""}`);
+  robots.tell(found);
+}
+
+function frame(time) {
+  const passed = Math.min((time - before) / 1000, 0.25);
+  before = time;
+  if (following) followLive();
+  else if (running) {
+    seek(now + passed * Number(controls.speed.value));
+    if (now >= play.scene.end) setRunning(false);
+  }
+  if (stale) {
+    stale = false;
+    draw();
+  }
+  requestAnimationFrame(frame);
+}
+
+function jump(direction) {
+  const times = [0, ...play.scene.marks.map((mark) => mark.t), play.scene.end];
+  const found = direction > 0 ? times.find((t) => t > now + 0.05) : times.findLast((t) => t < now - 0.05);
+  if (found !== undefined) seek(found);
+}
+
+function faster(step) {
+  const { speed } = controls;
+  speed.selectedIndex = Math.min(Math.max(speed.selectedIndex + step, 0), speed.options.length - 1);
+}
+
+const KEYS = {
+  " ": () => setRunning(!running),
+  ArrowLeft: (event) => seek(now - (event.shiftKey ? 5 : 0.5)),
+  ArrowRight: (event) => seek(now + (event.shiftKey ? 5 : 0.5)),
+  ArrowUp: () => jump(-1),
+  ArrowDown: () => jump(1),
+  Home: () => seek(0),
+  End: () => seek(play.scene.end),
+  "+": () => faster(1),
+  "=": () => faster(1),
+  "-": () => faster(-1),
+  Escape: () => { if (focus >= 0) chooseToggled(focus); },
+};
+
+function pressed(event) {
+  const act = KEYS[event.key], target = event.target;
+  if (!act || event.ctrlKey || event.metaKey || event.altKey) return;
+  const own = target.closest("select") || (event.key === " " && target.closest("button, summary, input[type=checkbox]"));
+  if (own) return;
+  event.preventDefault();
+  if (event.key !== "+" && event.key !== "-" && event.key !== "=") setFollowing(false);
+  act(event);
+}
+
+function at(event) {
+  const box = event.currentTarget.getBoundingClientRect();
+  return { x: event.clientX - box.left, y: event.clientY - box.top };
+}
+
+function watchFloor(canvas) {
+  const point = (event) => {
+    pointer = at(event);
+    hover = floor.pick(pointer.x, pointer.y);
+    stale = true;
+  };
+  canvas.addEventListener("pointermove", point);
+  canvas.addEventListener("pointerdown", (event) => {
+    point(event);
+    if (hover >= 0 || focus >= 0) chooseToggled(hover >= 0 ? hover : focus);
+  });
+  canvas.addEventListener("pointerleave", leave);
+}
+
+function watchDiagram(canvas) {
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    setFollowing(false);
+    seek(diagram.time(at(event).x));
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const place = at(event);
+    if (event.buttons) seek(diagram.time(place.x));
+    hover = diagram.pick(place.x, place.y);
+    stale = true;
+  });
+  canvas.addEventListener("pointerleave", leave);
+}
+
+function leave() {
+  hover = -1;
+  pointer = null;
+  byId("tip").hidden = true;
+  stale = true;
+}
+
+function repaint() {
+  look = new Look();
+  robots.paint(look);
+  stale = true;
+}
+
+/** A running fleet: a new scene at every epoch, and its clock twice a second. */
+let fleetClock = null;
+function listen() {
+  const source = new EventSource("events");
+  controls.follow.hidden = false;
+  source.addEventListener("scene", (event) => load(JSON.parse(event.data)));
+  source.addEventListener("clock", (event) => {
+    const { now: seconds, speed } = JSON.parse(event.data);
+    fleetClock = { seconds, speed, heard: performance.now() };
+  });
+}
+
+function followLive() {
+  if (!fleetClock) return;
+  const t = fleetClock.seconds + fleetClock.speed * (performance.now() - fleetClock.heard) / 1000;
+  if (t > play.scene.end) {
+    play.scene.end = Math.ceil(t / 10) * 10;
+    controls.slider.max = play.scene.end;
+  }
+  seek(t);
+}
+
+load(JSON.parse(byId("scene").textContent));
+watchFloor(byId("floor"));
+watchDiagram(byId("diagram"));
+document.addEventListener("keydown", pressed);
+controls.play.addEventListener("click", () => { setFollowing(false); setRunning(!running); });
+controls.slider.addEventListener("input", () => { setFollowing(false); seek(Number(controls.slider.value)); });
+controls.follow.addEventListener("click", () => setFollowing(!following));
+for (const name of Object.keys(shown)) {
+  byId(`show-${name}`).addEventListener("change", (event) => {
+    shown[name] = event.target.checked;
+    stale = true;
+  });
+}
+new ResizeObserver(() => { stale = true; }).observe(document.body);
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
+if (live) listen();
+requestAnimationFrame(frame);
+
+window.splinefleet = {
+  at: (t) => play.at(t),
+  seek: (t) => { setFollowing(false); seek(t); },
+  draw,
+  choose: chooseToggled,
+  get time() { return now; },
+  get running() { return running; },
+  get end() { return play.scene.end; },
+};

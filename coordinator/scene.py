@@ -1,0 +1,300 @@
+"""What the page shows: floor, robots, epochs with their motions, zones and marks, as plain data.
+
+Decides: the fields of the page's data, and how exactly motions are told (1 mm).  Must not know:
+logs (scene_log.py), black boxes (ghosts.py), HTML (page.py).
+
+Times are seconds since the first GO, those inside a ride seconds of its plan; lengths are metres.
+Robots are told by their index in `robots`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from coordinator.nurbs import Array, Nurbs
+from coordinator.plan import Crossing, PlanDocument, Reason, RobotPlan
+from coordinator.scenario import Point
+from coordinator.wire import Driven, drive
+from protocol.timeline import Timeline
+
+ACCURACY: Final = 4e-4
+"""A path's polyline is nowhere farther [m] from the curve at the same arc length; then rounded."""
+
+_DIGITS: Final = 4
+_FINE_DIGITS: Final = 5
+_SHORTEST: Final = 1e-3
+"""Pieces [m] are not halved below this."""
+
+_AFTERWARDS: Final = 1.0
+"""The page goes on for so long [s] after the last arrival."""
+
+Leg = tuple[float, float, float, float, float, float]
+"""Constant acceleration: from and until [s], from and to [m], speed before and after [m/s]."""
+
+Halt = tuple[float, float, float, float]
+"""The plan is left at a plan time [s] and an arc length [m]: from t0 until t1, from s0 to s1."""
+
+
+class Body(msgspec.Struct, frozen=True, kw_only=True):
+    """A robot: id and radius [m]."""
+
+    id: str
+    radius: float
+
+
+class Wait(msgspec.Struct, frozen=True, kw_only=True):
+    """A planned rest at arc length s, between two plan times, for a robot (-1: nobody's sake)."""
+
+    s: float
+    since: float
+    until: float
+    lets: int = -1
+
+
+class Ride(msgspec.Struct, frozen=True, kw_only=True):
+    """One robot's part in an epoch.
+
+    path: arc lengths, x and y of a polyline.  legs: the motion; between two of them and
+    outside of them the robot rests.  halt: where it left its plan, braking evenly; null if it
+    never did.
+    """
+
+    robot: int
+    path: tuple[list[float], list[float], list[float]]
+    legs: list[Leg]
+    waits: list[Wait] = []
+    halt: Halt | None = None
+
+
+class Zone(msgspec.Struct, frozen=True, kw_only=True):
+    """Stretches of two paths on which the two robots might touch.
+
+    `forces`: whether one of them waits because of it.
+    """
+
+    a: int
+    b: int
+    on_a: tuple[float, float]
+    on_b: tuple[float, float]
+    forces: bool
+
+
+class Aside(msgspec.Struct, frozen=True, kw_only=True):
+    """A robot without a part in an epoch, and why; it stays where the one before has left it."""
+
+    robot: int
+    why: str
+
+
+class Epoch(msgspec.Struct, frozen=True, kw_only=True):
+    """A plan: shown from `begin` on, its time zero is `start`, `frozen` when all were told to stop.
+
+    keep_out: the polygons around robots that stand aside.
+    """
+
+    epoch: int
+    begin: float
+    start: float
+    frozen: float | None = None
+    rides: list[Ride]
+    aside: list[Aside] = []
+    keep_out: list[list[Point]] = []
+    zones: list[Zone] = []
+
+
+class Mark(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that happened; kind: "go", "freeze", "over" or "fault"."""
+
+    t: float
+    kind: str
+    text: str
+
+
+class Ghost(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a robot truly was: times and places, straight in between."""
+
+    robot: int
+    t: list[float]
+    x: list[float]
+    y: list[float]
+
+
+class Scene(msgspec.Struct, frozen=True, kw_only=True):
+    """Everything on the page."""
+
+    name: str
+    policy: str
+    tau: float
+    margin: float
+    proven: bool | None
+    source: str
+    end: float
+    boundary: list[Point]
+    obstacles: list[list[Point]]
+    robots: list[Body]
+    epochs: list[Epoch]
+    marks: list[Mark] = []
+    ghosts: list[Ghost] = []
+
+
+def scene_of_plan(document: PlanDocument) -> Scene:
+    """Return the scene of a plan as planned; InputError when a robot would refuse its message."""
+    index = {robot.id: place for place, robot in enumerate(document.robots)}
+    epoch = Epoch(
+        epoch=document.epoch,
+        begin=0.0,
+        start=0.0,
+        rides=rides_of(document, index),
+        zones=zones_of(document, index),
+    )
+    last = max((robot.finish_time for robot in document.robots), default=0.0)
+    return scene_from([document], [epoch], "plan", last + _AFTERWARDS)
+
+
+def scene_from(
+    documents: Sequence[PlanDocument], epochs: list[Epoch], source: str, end: float
+) -> Scene:
+    """Return a scene without marks and ghosts; the first document has everybody and the floor."""
+    first = documents[0]
+    floor = first.workspace
+    return Scene(
+        name=first.scenario,
+        policy=first.policy,
+        tau=first.tau,
+        margin=first.margin,
+        proven=all(one.proof.holds for one in documents if one.proof is not None)
+        if any(one.proof for one in documents)
+        else None,
+        source=source,
+        end=round(end, _DIGITS),
+        boundary=[] if floor is None else floor.boundary,
+        obstacles=[] if floor is None else floor.obstacles,
+        robots=[Body(id=robot.id, radius=robot.radius) for robot in first.robots],
+        epochs=epochs,
+    )
+
+
+def rides_of(
+    document: PlanDocument,
+    index: Mapping[str, int],
+    halts: Mapping[str, Halt] | None = None,
+    driven: Sequence[Driven] | None = None,
+) -> list[Ride]:
+    """Return the motions of a document, from the bytes that the robots get.
+
+    `driven`: what `drive` returned for the document, if that is known already.
+    """
+    left = {} if halts is None else halts
+    return [
+        Ride(
+            robot=index[robot.id],
+            path=_columns(polyline(one.curve)),
+            legs=_legs(one.timeline),
+            waits=_waits(robot, index),
+            halt=left.get(robot.id),
+        )
+        for robot, one in zip(document.robots, driven or drive(document), strict=True)
+    ]
+
+
+def polyline(curve: Nurbs) -> Array:
+    """Return arc lengths, x and y (n, 3) [m] of points that straight lines join well enough.
+
+    Between two of them the curve at any arc length is within ACCURACY of the line at the same.
+    """
+    s = np.unique(np.clip(curve.arc_at(np.unique(curve.knots)), 0.0, curve.length))
+    parts = np.arange(1, 8) / 8.0
+    while True:
+        ends, sizes = curve.at_arc(s), np.diff(s)
+        inner = s[:-1, None] + sizes[:, None] * parts
+        line = ends[:-1, None] + np.diff(ends, axis=0)[:, None] * parts[:, None]
+        off = curve.at_arc(inner.ravel()).reshape(line.shape) - line
+        coarse = np.hypot(off[..., 0], off[..., 1]).max(axis=1) > ACCURACY
+        coarse &= sizes > _SHORTEST
+        if not coarse.any():
+            return np.column_stack((s, ends))
+        s = np.sort(np.concatenate((s, inner[coarse, 3])))
+
+
+def zones_of(document: PlanDocument, index: Mapping[str, int]) -> list[Zone]:
+    """Return what forces somebody to wait, and the crossings that nobody waits at.
+
+    A crossing's zone is taken to reach as far along both paths as the two have to keep apart:
+    farther where paths cross flatly, which is an illustration; the proof is proof.py.
+    """
+    zones = [_forced(reason, index) for reason in document.waits]
+    radius = {robot.id: robot.radius for robot in document.robots}
+    length = {robot.id: robot.length for robot in document.robots}
+    for crossing in document.crossings:
+        if not any(_covers(zone, crossing, index) for zone in zones[: len(document.waits)]):
+            need = radius[crossing.a] + radius[crossing.b] + document.margin
+            zones.append(
+                Zone(
+                    a=index[crossing.a],
+                    b=index[crossing.b],
+                    on_a=_around(crossing.s_a, need, length[crossing.a]),
+                    on_b=_around(crossing.s_b, need, length[crossing.b]),
+                    forces=False,
+                )
+            )
+    return zones
+
+
+def rounded_points(points: Sequence[Point]) -> list[Point]:
+    """Return a polygon with the page's digits."""
+    return [(round(x, _DIGITS), round(y, _DIGITS)) for x, y in points]
+
+
+def _forced(reason: Reason, index: Mapping[str, int]) -> Zone:
+    return Zone(
+        a=index[reason.robot],
+        b=index[reason.yields_to],
+        on_a=(round(reason.zone[0], _DIGITS), round(reason.zone[1], _DIGITS)),
+        on_b=(round(reason.their_zone[0], _DIGITS), round(reason.their_zone[1], _DIGITS)),
+        forces=True,
+    )
+
+
+def _covers(zone: Zone, crossing: Crossing, index: Mapping[str, int]) -> bool:
+    """Tell whether a crossing lies in a zone."""
+    a, b, s_a, s_b = index[crossing.a], index[crossing.b], crossing.s_a, crossing.s_b
+    if (zone.a, zone.b) == (b, a):
+        s_a, s_b = s_b, s_a
+    elif (zone.a, zone.b) != (a, b):
+        return False
+    return zone.on_a[0] <= s_a <= zone.on_a[1] and zone.on_b[0] <= s_b <= zone.on_b[1]
+
+
+def _around(s: float, need: float, length: float) -> tuple[float, float]:
+    return round(max(s - need, 0.0), _DIGITS), round(min(s + need, length), _DIGITS)
+
+
+def _columns(points: Array) -> tuple[list[float], list[float], list[float]]:
+    s, x, y = np.round(points, _DIGITS).T.tolist()
+    return s, x, y
+
+
+def _legs(line: Timeline) -> list[Leg]:
+    columns = (line.t0, line.t1, line.s0, line.s1, line.v0, line.v1)
+    rows = np.round(np.array(columns), _FINE_DIGITS).T.tolist()
+    return [(a, b, c, d, e, f) for a, b, c, d, e, f in rows]
+
+
+def _waits(robot: RobotPlan, index: Mapping[str, int]) -> list[Wait]:
+    """Return a robot's waits, the late start included."""
+    found = [(stop.s, stop.arrive, stop.depart, stop.yields_to) for stop in robot.stops]
+    if robot.start_time > 0.0:
+        found.insert(0, (0.0, 0.0, robot.start_time, robot.start_yields_to))
+    return [
+        Wait(
+            s=round(s, _DIGITS),
+            since=round(since, _DIGITS),
+            until=round(until, _DIGITS),
+            lets=index.get(owner, -1),
+        )
+        for s, since, until, owner in found
+    ]

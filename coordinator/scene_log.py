@@ -1,0 +1,234 @@
+"""The scene of a log: its epochs one after another, what went wrong, and who stayed behind.
+
+Decides: when an epoch is shown, and where a robot is that has left its plan: it brakes evenly from
+the moment when the fleet was told to freeze to where it said that it rests; one that was not heard
+of again stays where the plan had it when it was last heard.  Must not know: files, black boxes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+
+from coordinator.adoption import adoption_key, request_of
+from coordinator.errors import InputError
+from coordinator.info import summarise
+from coordinator.plan import PlanDocument, from_json
+from coordinator.scene import (
+    Aside,
+    Epoch,
+    Halt,
+    Mark,
+    Scene,
+    rides_of,
+    rounded_points,
+    scene_from,
+    zones_of,
+)
+from coordinator.standing import Standing
+from coordinator.summary import FaultSummary
+from coordinator.wire import Driven, drive
+from protocol import keys
+from protocol.codec import decode
+from protocol.messages import Command, Report
+from protocol.phases import BRAKING, DONE, FREEZE, FROZEN, GO, MOVING, OVER
+from protocol.timing import SECOND
+
+if TYPE_CHECKING:
+    from coordinator.logbook import Log, Record
+
+_WHY: Final = {"arrived": "arrived", "lost": "lost", "unfit": "not fit", "rests": "no way"}
+_KINDS: Final = {"freeze": "freeze"}
+_NS: Final = 1 / SECOND
+
+
+class Course:
+    """The facts of one or more logs of the same fleet, in order; times in ns."""
+
+    def __init__(self) -> None:
+        self.plans: dict[int, PlanDocument] = {}
+        self.begins: dict[int, int] = {}
+        self.starts: dict[int, int] = {}
+        self.frozen: dict[int, int] = {}
+        self.over: int | None = None
+        self.last = 0
+        self.rests: dict[tuple[int, str], float] = {}
+        self.heard: dict[tuple[int, str], tuple[int, int]] = {}
+        self.told: dict[int, tuple[Standing, ...]] = {}
+        self.faults: list[tuple[int, FaultSummary]] = []
+
+    def take(self, log: Log, name: str) -> None:
+        """Take in a log; InputError when a plan in it cannot be read."""
+        for file, content in log.attachments.items():
+            if file.startswith("plan-") and file.endswith(".json"):
+                document = from_json(content, f"{name}: {file}")
+                self.plans[document.epoch] = document
+        fleet = log.metadata.get("fleet", "")
+        for record in log.records:
+            self._take(record, fleet)
+        if log.records:
+            begin = log.records[0].log_ns
+            faults = msgspec.convert(summarise(log)["faults"], list[FaultSummary])
+            self.faults += [(begin + round(fault.t * SECOND), fault) for fault in faults]
+
+    def take_command(self, command: Command, now_ns: int) -> None:
+        """Take in what the coordinator stated at a time."""
+        self.last = max(self.last, now_ns)
+        self.begins.setdefault(command.epoch, now_ns)
+        if command.phase == GO:
+            self.starts.setdefault(command.epoch, command.start_ns)
+        elif command.phase == FREEZE:
+            self.frozen.setdefault(command.epoch, now_ns)
+        elif command.phase == OVER and self.over is None:
+            self.over = now_ns
+
+    def _take(self, record: Record, fleet: str) -> None:
+        if record.key == adoption_key(fleet):
+            request = request_of(record.payload)
+            if request is not None:
+                self.told[request.epoch] = request.told
+            return
+        place = keys.split(record.key)
+        if place is None or place[0] != fleet:
+            return
+        self.last = max(self.last, record.log_ns)
+        message = decode(place[1], record.payload) if place[1] in ("command", "report") else None
+        if isinstance(message, Command):
+            self.take_command(message, record.log_ns)
+        elif isinstance(message, Report):
+            self._take_report(message, place[2], record.log_ns)
+
+    def _take_report(self, report: Report, robot: str, now_ns: int) -> None:
+        if report.phase in (MOVING, BRAKING, FROZEN, DONE):
+            self.heard[report.epoch, robot] = (now_ns, report.phase)
+        if report.rest is not None:
+            self.rests.setdefault(
+                (report.epoch if not report.rest.epoch else report.rest.epoch, robot),
+                report.rest.s_m,
+            )
+
+
+def scene_of_logs(logs: Sequence[tuple[str, Log]]) -> Scene:
+    """Return the scene of a log, or of several that went on from each other, in order.
+
+    logs: (name for messages, log).  Raises InputError when there is no plan in them.
+    """
+    course = Course()
+    for name, log in logs:
+        course.take(log, name)
+    if not course.plans:
+        raise InputError([f"{logs[-1][0]}: holds no plan"])
+    return scene_of_course(course)
+
+
+def scene_of_course(course: Course) -> Scene:
+    """Return the scene of what is known so far; there is at least one plan."""
+    zero = min(course.starts.values(), default=min(course.begins.values(), default=0))
+    documents = [document for _, document in sorted(course.plans.items())]
+    index = {robot.id: place for place, robot in enumerate(documents[0].robots)}
+    epochs = [
+        _epoch(course, document, documents[0], index, zero)
+        for document in documents
+        if not course.begins or document.epoch in course.begins
+    ]
+    end = (course.last - zero) * _NS
+    scene = scene_from(documents, epochs, "log", max(end, 1.0))
+    return msgspec.structs.replace(scene, marks=list(_marks(course, epochs, zero)))
+
+
+def _epoch(
+    course: Course,
+    document: PlanDocument,
+    first: PlanDocument,
+    index: Mapping[str, int],
+    zero: int,
+) -> Epoch:
+    number = document.epoch
+    begin = (course.begins.get(number, zero) - zero) * _NS
+    start = (course.starts[number] - zero) * _NS if number in course.starts else begin
+    frozen = (course.frozen[number] - zero) * _NS if number in course.frozen else None
+    driven = drive(document)
+    halts = {}
+    for one in driven:
+        halt = _halt(course, number, one, start, frozen, zero)
+        if halt is not None:
+            halts[one.id] = halt
+    known = 0 if first.workspace is None else len(first.workspace.obstacles)
+    floor = document.workspace
+    return Epoch(
+        epoch=number,
+        begin=round(min(begin, start), 4),
+        start=round(start, 4),
+        frozen=None if frozen is None else round(frozen, 4),
+        rides=rides_of(document, index, halts, driven),
+        aside=_aside(course, document, index),
+        keep_out=[]
+        if floor is None or document is first
+        else [rounded_points(corners) for corners in floor.obstacles[known:]],
+        zones=zones_of(document, index),
+    )
+
+
+def _aside(course: Course, document: PlanDocument, index: Mapping[str, int]) -> list[Aside]:
+    """Return the robots that a plan leaves out, with the last that was told of them."""
+    taking_part = {robot.id for robot in document.robots}
+    why: dict[str, str] = {}
+    for epoch, told in sorted(course.told.items()):
+        if epoch <= document.epoch:
+            why |= {standing.robot: _WHY[standing.state] for standing in told}
+    return [
+        Aside(robot=place, why=why.get(name, "no way"))
+        for name, place in index.items()
+        if name not in taking_part
+    ]
+
+
+def _halt(
+    course: Course, epoch: int, one: Driven, start: float, frozen: float | None, zero: int
+) -> Halt | None:
+    """Return where a robot left its plan for good; plan times [s], arc lengths [m]."""
+    if epoch not in course.starts:
+        return (0.0, 0.0, 0.0, 0.0)
+    if frozen is None:
+        return None
+    now = frozen - start
+    place = one.timeline.s_at(now)
+    rest = course.rests.get((epoch, one.id))
+    if rest is None:
+        heard, phase = course.heard.get((epoch, one.id), (None, DONE))
+        if heard is None or phase == DONE:
+            return None
+        now = min(now, (heard - zero) * _NS - start)
+        place = rest = one.timeline.s_at(now)
+    elif rest < place:
+        now, place = _time_at(one, rest, now), rest
+    speed = one.timeline.v_at(now)
+    braking = 2.0 * (rest - place) / speed if speed > 0.0 else 0.0
+    return (round(now, 4), round(now + braking, 4), round(place, 4), round(rest, 4))
+
+
+def _time_at(one: Driven, s: float, latest: float) -> float:
+    """Return the first plan time [s] at which a robot is due at arc length s, by halving."""
+    low, high = 0.0, latest
+    while high - low > 1e-4:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if one.timeline.s_at(middle) < s else (low, middle)
+    return high
+
+
+def _marks(course: Course, epochs: Sequence[Epoch], zero: int) -> Iterator[Mark]:
+    """Yield what happened, in order of time."""
+    marks = [
+        Mark(t=epoch.start, kind="go", text=f"epoch {epoch.epoch}: {len(epoch.rides)} robots go")
+        for epoch in epochs
+        if epoch.epoch in course.starts
+    ]
+    for at, fault in course.faults:
+        robot = f"{fault.robot} " if fault.robot else ""
+        kind = _KINDS.get(fault.kind, "fault")
+        marks.append(Mark(t=round((at - zero) * _NS, 3), kind=kind, text=f"{robot}{fault.fault}"))
+    if course.over is not None:
+        marks.append(Mark(t=round((course.over - zero) * _NS, 3), kind="over", text="over"))
+    yield from sorted(marks, key=lambda mark: mark.t)

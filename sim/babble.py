@@ -1,0 +1,64 @@
+"""Somebody who puts random bytes on a robot's keys.
+
+Decides: which bytes, on which keys, how often.  Must not know: what the bytes could mean.
+"""
+
+from __future__ import annotations
+
+import itertools
+import random
+import threading
+import time
+from collections.abc import Iterator
+from typing import Final
+
+from protocol import keys
+from protocol.transport import TransportError
+from protocol.zenoh_transport import ZenohTransport
+
+RATE: Final = 50.0
+"""Messages a second."""
+
+LONGEST: Final = 400
+"""Bytes; more than a plan of a few control points has."""
+
+_PATIENCE_S: Final = 2.0
+
+
+def noise(fleet: str, robot: str, seed: int = 0) -> Iterator[tuple[str, bytes]]:
+    """Return keys and random bytes without end; the same for the same seed."""
+    source = random.Random(seed)
+    for kind in itertools.cycle((keys.hello, keys.report, keys.clock, keys.plan)):
+        yield kind(fleet, robot), source.randbytes(source.randint(0, LONGEST))
+
+
+class Babbler:
+    """Puts noise for some real seconds, over a session and on a thread of its own.
+
+    Without a coordinator it gives up by itself.
+    """
+
+    def __init__(self, endpoint: str, fleet: str, robot: str, seconds: float) -> None:
+        self._endpoint = endpoint
+        self._messages = itertools.islice(noise(fleet, robot), round(seconds * RATE))
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"babble {robot}")
+        self._thread.start()
+
+    def close(self) -> None:
+        """End early if need be; returns when the session is closed."""
+        self._over.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            transport = ZenohTransport.connect(self._endpoint, timeout_s=_PATIENCE_S)
+        except TransportError:
+            return
+        with transport:
+            due = time.monotonic()
+            for key, payload in self._messages:
+                transport.put(key, payload)
+                due += 1.0 / RATE
+                if self._over.wait(max(0.0, due - time.monotonic())):
+                    return

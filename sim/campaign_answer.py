@@ -1,0 +1,99 @@
+"""What a campaign found, in the contract's form and as a table for people.
+
+Decides: how outcomes add up.  Must not know: how runs are made.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import msgspec
+import numpy as np
+from rich.table import Table
+
+from sim.campaign import Outcome
+
+_MEASURES: Final = {
+    "freeze": "death to FREEZE, s",
+    "rest": "death to the last motion, s",
+    "share": "death to the last motion, share of tau",
+    "resume": "FREEZE to the next GO, s",
+}
+
+
+class Violation(msgspec.Struct, frozen=True):
+    """A run that went wrong: what, and the command that shows it again."""
+
+    seed: int
+    command: str
+    why: tuple[str, ...]
+
+
+class Spread(msgspec.Struct, frozen=True):
+    """How many times were measured, and how they spread."""
+
+    count: int
+    median: float
+    p99: float
+    worst: float
+
+
+class Answer(msgspec.Struct, frozen=True):
+    """A campaign; `excused` counts the robots that could not be expected to arrive, by reason."""
+
+    runs: int
+    collisions: int
+    stuck: int
+    arrived: int
+    expected: int
+    violations: list[Violation]
+    latency: dict[str, Spread]
+    excused: dict[str, int]
+    epochs: int
+
+
+def add_up(outcomes: Sequence[Outcome], violations: Iterable[Violation] = ()) -> Answer:
+    """Return the sums and spreads of all runs."""
+    reasons = Counter(reason for one in outcomes for reason in one.excused.values())
+    return Answer(
+        runs=len(outcomes),
+        collisions=sum(len(one.touches) for one in outcomes),
+        stuck=sum(len(one.stuck) + (not one.over) for one in outcomes),
+        arrived=sum(one.arrived for one in outcomes),
+        expected=sum(one.expected for one in outcomes),
+        violations=list(violations),
+        latency={name: found for name in _MEASURES if (found := _spread(outcomes, name))},
+        excused=dict(sorted(reasons.items())),
+        epochs=sum(one.epochs for one in outcomes),
+    )
+
+
+def render(answer: Answer) -> Table:
+    """Return a table for people."""
+    table = Table(box=None, show_header=False, padding=(0, 2))
+    for name in ("runs", "epochs", "collisions", "stuck"):
+        table.add_row(name, str(getattr(answer, name)))
+    table.add_row("arrived", f"{answer.arrived} of {answer.expected} expected")
+    excused = ", ".join(f"{count} {reason}" for reason, count in answer.excused.items())
+    table.add_row("not expected", excused or "none")
+    for name, title in _MEASURES.items():
+        if name in answer.latency:
+            one = answer.latency[name]
+            spread = f"median {one.median:.2f}, 99 % {one.p99:.2f}, worst {one.worst:.2f}"
+            table.add_row(title, f"{spread} ({one.count})")
+    return table
+
+
+def say(violation: Violation) -> str:
+    """Return a violation on two lines, the second of which is the command alone."""
+    return f"seed {violation.seed}: {'; '.join(violation.why)}\n{violation.command}"
+
+
+def _spread(outcomes: Sequence[Outcome], name: str) -> Spread | None:
+    values = [value for one in outcomes for value in getattr(one.latencies, name)]
+    if not values:
+        return None
+    median, p99, worst = (round(float(q), 4) for q in np.quantile(values, (0.5, 0.99, 1.0)))
+    return Spread(len(values), median, p99, worst)

@@ -1,0 +1,106 @@
+"""A TCP relay before the coordinator: one robot's network, which can be cut and healed.
+
+Decides: when bytes pass.  Must not know: what they mean, who is a robot.
+
+While the relay is cut it passes nothing either way, the end of a connection included, and carries
+new connections no farther: to both sides it looks like a network that loses everything.  What was
+sent meanwhile arrives when it is healed, as TCP would send it again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+from contextlib import suppress
+from typing import Final
+
+_CHUNK: Final = 65_536
+
+
+class Relay:
+    """Listens on a loopback port of its own until it is closed and passes on to another port.
+
+    Runs in a thread of its own; its methods may be called from any thread.
+    """
+
+    def __init__(self, port: int) -> None:
+        self._target = port
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port: int = self._listener.getsockname()[1]
+        self.endpoint = f"tcp/127.0.0.1:{self.port}"
+        self._loop = asyncio.new_event_loop()
+        self._whole = asyncio.Event()
+        self._over = asyncio.Event()
+        self._connections: set[asyncio.Task[None]] = set()
+        self._thread = threading.Thread(target=self._run, name=f"relay {self.port}", daemon=True)
+        self._whole.set()
+        self._thread.start()
+
+    def close(self) -> None:
+        """Close every connection and the port; may be called twice."""
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._over.set)
+            self._thread.join()
+
+    def cut(self) -> None:
+        """Pass nothing from now on."""
+        self._loop.call_soon_threadsafe(self._whole.clear)
+
+    def heal(self) -> None:
+        """Pass on what has been held, and whatever comes."""
+        self._loop.call_soon_threadsafe(self._whole.set)
+
+    def _run(self) -> None:
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(self._serve())
+
+    async def _serve(self) -> None:
+        server = await asyncio.start_server(self._accept, sock=self._listener)
+        async with server:
+            await self._over.wait()
+            server.close()
+            for connection in self._connections:
+                connection.cancel()
+            await asyncio.gather(*self._connections, return_exceptions=True)
+
+    def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        connection = asyncio.create_task(self._connect(reader, writer))
+        self._connections.add(connection)
+        connection.add_done_callback(self._connections.discard)
+
+    async def _connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Pass one connection on until both of its ends have closed it."""
+        with suppress(OSError):
+            try:
+                await self._whole.wait()
+                there = await asyncio.open_connection("127.0.0.1", self._target)
+                try:
+                    await asyncio.gather(self._pump(reader, there[1]), self._pump(there[0], writer))
+                finally:
+                    await _close(there[1])
+            finally:
+                await _close(writer)
+
+    async def _pump(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
+        """Pass bytes on in one direction, and their end."""
+        while content := await _read(source):
+            await self._whole.wait()
+            sink.write(content)
+            await sink.drain()
+        await self._whole.wait()
+        sink.write_eof()
+
+
+async def _read(source: asyncio.StreamReader) -> bytes:
+    """Return what has come, nothing at the end, which a broken connection is too."""
+    try:
+        return await source.read(_CHUNK)
+    except OSError:
+        return b""
+
+
+async def _close(writer: asyncio.StreamWriter) -> None:
+    writer.close()
+    with suppress(OSError):
+        await writer.wait_closed()

@@ -1,0 +1,125 @@
+"""What a fault does to whom in virtual time.
+
+Decides: how each kind looks from outside the robot's program, and when it ends.  Must not know:
+plans, what a fleet makes of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from protocol.timing import SECOND
+from sim.agenda import Agenda
+from sim.babble import RATE, noise
+from sim.faults import Fault
+from sim.inhabitant import Inhabitant
+from sim.memory_transport import MemoryNetwork
+
+_BABBLE_NS: Final = round(SECOND / RATE)
+
+
+@dataclass(frozen=True)
+class Struck:
+    """A fault that has happened: when, and the phases of the fleet and of its robot just before.
+
+    `robot_phase` is -1 for the coordinator's.
+    """
+
+    fault: Fault
+    now_ns: int
+    fleet_phase: int
+    robot_phase: int
+    epoch: int
+
+
+class Strikes:
+    """Strikes the robots of a world; `coordinator_back` is called when the coordinator wakes."""
+
+    def __init__(
+        self,
+        agenda: Agenda,
+        network: MemoryNetwork,
+        robots: Mapping[str, Inhabitant],
+        fleet: str,
+        coordinator_back: Callable[[], None],
+    ) -> None:
+        self._agenda = agenda
+        self._network = network
+        self._robots = robots
+        self._fleet = fleet
+        self._coordinator_back = coordinator_back
+        self._until: dict[tuple[str, str], float] = {}
+        self._babblers = 0
+
+    @property
+    def coordinator_hangs(self) -> bool:
+        """Tell whether the coordinator does nothing now."""
+        return self._is_under("coordinator-hang", "")
+
+    def strike(self, fault: Fault) -> None:
+        """Let a fault begin; the dead are left alone."""
+        if not fault.robot:
+            self._last(fault, lambda: None, self._coordinator_back)
+            return
+        robot, network, name = self._robots[fault.robot], self._network, fault.robot
+        if robot.dead:
+            return
+        if fault.kind == "kill":
+            robot.dead = True
+            network.drop(name)
+        elif fault.kind == "hang":
+            self._last(fault, lambda: self._hang(name), lambda: self._wake(name))
+        elif fault.kind == "slow":
+            robot.body.slow(fault.value)
+        elif fault.kind == "stall":
+            self._last(fault, lambda: robot.body.stall(True), lambda: robot.body.stall(False))
+        elif fault.kind == "skid":
+            robot.body.skid(fault.value)
+        elif fault.kind == "cut":
+            self._last(fault, lambda: network.cut(name), lambda: network.heal(name))
+        elif fault.kind == "driver-error":
+            robot.body.fail()
+        elif fault.kind == "corrupt":
+            self._babble(fault)
+        else:
+            raise ValueError(f"{fault.kind!r} is no kind of fault in virtual time")
+
+    def _last(self, fault: Fault, begin: Callable[[], None], end: Callable[[], None]) -> None:
+        """Let a fault last for its value [s]; of several of a kind the one that lasts ends it."""
+        what = (fault.kind, fault.robot)
+        over_ns = self._agenda.now_ns + fault.value * SECOND
+        self._until[what] = max(over_ns, self._until.get(what, 0.0))
+        begin()
+        if over_ns < math.inf:
+            due_ns = math.ceil(over_ns)
+            self._agenda.once(due_ns, lambda: None if self._is_under(*what) else end())
+
+    def _is_under(self, kind: str, robot: str) -> bool:
+        return self._agenda.now_ns < self._until.get((kind, robot), 0.0)
+
+    def _hang(self, name: str) -> None:
+        self._robots[name].hung = True
+        self._network.hold(name)
+
+    def _wake(self, name: str) -> None:
+        self._robots[name].hung = False
+        self._network.release(name)
+
+    def _babble(self, fault: Fault) -> None:
+        """Put random bytes on a robot's keys for a while."""
+        self._babblers += 1
+        session = self._network.session(f"babbler {self._babblers}")
+        end_ns = self._agenda.now_ns + round(fault.value * SECOND)
+        messages = noise(self._fleet, fault.robot, round(1000.0 * fault.time))
+
+        def put() -> int:
+            if self._agenda.now_ns >= end_ns:
+                session.close()
+                return 0
+            session.put(*next(messages))
+            return self._agenda.now_ns + _BABBLE_NS
+
+        self._agenda.at(self._agenda.now_ns, put)

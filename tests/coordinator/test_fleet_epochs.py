@@ -1,0 +1,229 @@
+"""The fleet core from one epoch to the next, by hand-made messages."""
+
+from __future__ import annotations
+
+import pytest
+
+from coordinator.fleet_news import Part
+from coordinator.fleet_phases import ARM_PATIENCE, FREEZE_PATIENCE
+from protocol import keys
+from protocol.codec import decode, encode
+from protocol.messages import Admit, Command, Plan, Report, Rest
+from protocol.phases import (
+    ARMED,
+    BRAKING,
+    DONE,
+    FREEZE,
+    FROZEN,
+    GO,
+    HOLD,
+    IDLE,
+    LATE,
+    LEASE_OUT,
+    MOVING,
+    OVER,
+)
+from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
+from tests.coordinator.fleet_floor import DURATION, NAMES, Floor
+
+PARTS = {name: Part(b"second plan of " + name.encode(), 0.5) for name in NAMES}
+
+
+def frozen_but(*lost, finished=()):
+    """A fleet that froze because of those lost and has settled."""
+    floor = Floor().go()
+    for name in finished:
+        floor.report(name, DONE)
+    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
+        for name in NAMES:
+            if name not in lost:
+                floor.report(name, DONE if name in finished else MOVING)
+        floor.tick()
+    assert floor.commands[-1].phase == FREEZE
+    for name in NAMES:
+        if name not in (*lost, *finished):
+            floor.report(name, FROZEN, s_m=1.25)
+    floor.tick()
+    assert floor.fleet.is_settled(floor.now)
+    return floor
+
+
+def adopt(floor, *names):
+    parts = {name: PARTS[name] for name in names}
+    return floor.take(floor.fleet.adopt(2, parts, DURATION, floor.now))
+
+
+def state_of(floor):
+    return {standing.robot: standing.state for standing in floor.fleet.standings()}
+
+
+def test_a_frozen_fleet_tells_where_its_robots_stand():
+    floor = frozen_but("R2", finished=("R3",))
+    told = {standing.robot: standing for standing in floor.fleet.standings()}
+    assert (told["R1"].state, told["R1"].s, told["R1"].epoch) == ("rests", 1.25, 1)
+    assert (told["R2"].state, told["R2"].s) == ("lost", None)
+    assert told["R3"].state == "arrived"
+    heard = floor.fleet.members["R2"].heard_ns - floor.fleet.start_ns
+    assert told["R2"].since < heard / SECOND < told["R2"].until
+
+
+def test_the_next_epoch_holds_sends_its_plans_and_goes_when_its_robots_are_armed():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    assert (floor.commands[-1].phase, floor.commands[-1].epoch) == (HOLD, 2)
+    for name in ("R1", "R3"):
+        (sent,) = floor.report(name, IDLE, epoch=0)
+        assert sent.payload == PARTS[name].plan
+        floor.report(name, ARMED, epoch=2)
+    floor.tick()
+    assert (floor.commands[-1].phase, floor.commands[-1].epoch) == (GO, 2)
+    for name in ("R1", "R3"):
+        floor.report(name, DONE, epoch=2)
+    floor.tick()
+    assert floor.commands[-1].phase == FREEZE
+    assert state_of(floor) == {"R1": "arrived", "R3": "arrived"}
+    adopt(floor)
+    assert floor.commands[-1].phase == OVER
+    assert not floor.fleet.members.has_arrived
+
+
+def test_a_robot_lost_while_a_later_epoch_arms_freezes_the_fleet_at_the_new_starts():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    floor.report("R1", ARMED, epoch=2)
+    floor.hear(keys.report("hall", "R3"), Report(1, next(floor.sequence), 0, IDLE))
+    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 1):
+        floor.report("R1", ARMED, epoch=2)
+        floor.tick()
+    assert floor.commands[-1].phase == FREEZE
+    assert floor.fleet.is_settled(floor.now + COMMAND_PERIOD)
+    told = {standing.robot: standing for standing in floor.fleet.standings()}
+    assert (told["R3"].state, told["R3"].s, told["R3"].epoch) == ("lost", 0.0, 2)
+    assert (told["R1"].state, told["R1"].s, told["R1"].epoch) == ("rests", 0.0, 2)
+
+
+def test_a_robot_that_does_not_arm_in_a_later_epoch_is_not_fit_after_two_tries():
+    floor = frozen_but("R2")
+    for epoch in (2, 3):
+        floor.fleet.adopt(epoch, {n: PARTS[n] for n in ("R1", "R3")}, DURATION, floor.now)
+        for _ in range(ARM_PATIENCE // COMMAND_PERIOD + 2):
+            floor.report("R1", ARMED, epoch=epoch)
+            floor.report("R3", IDLE, epoch=0, fault=LATE)
+            floor.tick()
+        assert floor.commands[-1].phase == FREEZE
+    assert state_of(floor) == {"R1": "rests", "R3": "unfit"}
+
+
+@pytest.mark.parametrize(("fault", "state"), [(LATE, "unfit"), (LEASE_OUT, "rests")])
+def test_a_robot_that_fails_by_itself_in_two_epochs_is_not_sent_again(fault, state):
+    floor = Floor().go()
+    for epoch in (1, 2):
+        floor.report("R2", BRAKING, epoch=epoch, fault=fault)
+        for name in NAMES:
+            floor.report(name, FROZEN, epoch=epoch, s_m=0.5)
+        if epoch == 1:
+            adopt(floor, *NAMES)
+            floor.everybody(ARMED, epoch=2)
+            floor.tick()
+            floor.everybody(MOVING, epoch=2)
+    assert state_of(floor) == {"R1": "rests", "R2": state, "R3": "rests"}
+
+
+def test_a_lost_robot_that_speaks_again_is_asked_where_it_rests_and_told_of():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    floor.report("R2", FROZEN)
+    floor.tick()
+    assert floor.commands[-1].wanted == ("R2",)
+    assert "R2" not in state_of(floor)
+    floor.hear(keys.report("hall", "R2"), Report(1, next(floor.sequence), 0, IDLE, 0, Rest(3.5, 1)))
+    floor.tick()
+    assert floor.commands[-1].wanted == ()
+    assert state_of(floor)["R2"] == "rests"
+
+
+def test_a_link_that_is_gone_freezes_a_moving_fleet_at_once_but_not_one_that_gathers():
+    floor = Floor()
+    floor.hello("R1")
+    assert floor.fleet.hear(keys.alive("hall", "R1"), b"", floor.now) == []
+    floor = Floor().go()
+    (sent,) = floor.fleet.hear(keys.alive("hall", "R2"), b"", floor.now)
+    assert decode("command", sent.payload).phase == FREEZE
+    assert floor.fleet.members["R2"].lost
+    assert floor.fleet.hear(keys.alive("hall", "R3"), b"\x01", floor.now) == []
+
+
+@pytest.mark.parametrize(
+    ("boot", "epoch", "gives_way"),
+    [(99, 1, True), (5, 1, False), (5, 2, True), (99, 0, False), (77, 5, False)],
+)
+def test_of_two_coordinators_the_higher_epoch_then_boot_id_wins(boot, epoch, gives_way):
+    floor = Floor().go()
+    command = encode(Command(boot, 1, epoch, GO, 0))
+    floor.fleet.hear(keys.command("hall"), command, floor.now)
+    assert floor.fleet.superseded == gives_way
+    assert ("another coordinator" in floor.fleet.incidents[-1].text) == gives_way
+
+
+def test_no_plan_goes_to_a_robot_that_has_no_part():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    sent = floor.hello("R2")
+    assert not any(isinstance(decode("plan", o.payload), Plan) for o in sent)
+    assert all(PARTS["R2"].plan != o.payload for o in sent)
+
+
+def test_where_a_robot_rested_in_an_earlier_epoch_says_nothing_once_it_was_sent_on():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    late = Report(1, next(floor.sequence), 0, IDLE, 0, Rest(1.25, 1))
+    floor.hear(keys.report("hall", "R1"), late)
+    for name in ("R1", "R3"):
+        floor.report(name, ARMED, epoch=2)
+    floor.tick()
+    assert floor.commands[-1].phase == GO
+    floor.hear(keys.report("hall", "R1"), Report(1, next(floor.sequence), 2, MOVING, 0, Rest(1, 1)))
+    floor.report("R3", BRAKING, epoch=2, fault=LATE)
+    floor.tick()
+    assert not floor.fleet.is_settled(floor.now)
+    floor.report("R1", FROZEN, epoch=2, s_m=0.75)
+    floor.report("R3", FROZEN, epoch=2, s_m=0.5)
+    told = {standing.robot: standing for standing in floor.fleet.standings()}
+    assert (told["R1"].epoch, told["R1"].s) == (2, 0.75)
+
+
+def test_a_robot_that_came_back_is_taken_in_at_the_place_it_says_when_it_is_admitted():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    for name in ("R1", "R3"):
+        floor.report(name, ARMED, epoch=2)
+    floor.tick()
+    assert floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(1)), floor.now) == []
+    assert floor.hello("R2", boot=9) == []
+    assert floor.commands[-1].phase == GO
+    (sent,) = floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(1)), floor.now)
+    assert decode("command", sent.payload).phase == FREEZE
+    for name in ("R1", "R3"):
+        floor.report(name, FROZEN, epoch=2, s_m=0.5)
+    floor.tick()
+    assert not floor.fleet.is_settled(floor.now)
+    floor.hello("R2", boot=9, place=(1_500, -20, 1_571))
+    floor.tick()
+    assert floor.fleet.is_settled(floor.now)
+    told = {standing.robot: standing for standing in floor.fleet.standings()}
+    assert (told["R2"].state, told["R2"].place) == ("rests", (1.5, -0.02, 1.571))
+    floor.fleet.adopt(3, PARTS, DURATION, floor.now)
+    (sent,) = floor.report("R2", IDLE, boot=9, epoch=0)
+    assert sent.payload == PARTS["R2"].plan
+
+
+def test_an_admitted_robot_that_never_says_where_it_stands_is_not_waited_for_for_ever():
+    floor = frozen_but("R2")
+    floor.hello("R2", boot=9)
+    floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(1)), floor.now)
+    for _ in range((FREEZE_PATIENCE + 3 * SECOND) // COMMAND_PERIOD):
+        for name in ("R1", "R3"):
+            floor.report(name, FROZEN, s_m=1.25)
+        floor.tick()
+    assert floor.fleet.is_settled(floor.now)
+    assert state_of(floor)["R1"] == "rests"

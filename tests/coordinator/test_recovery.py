@@ -1,0 +1,176 @@
+"""Planning anew around the lost: who drives on, who stays, what stands where."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from msgspec.structs import replace
+
+from coordinator.planner import plan_scenario
+from coordinator.recovery import recover
+from coordinator.scenario_file import parse_scenario
+from coordinator.site import Site, next_site
+from coordinator.standing import Standing
+from coordinator.wire import drive
+
+CROSSING = b"""
+name = "crossing"
+[workspace]
+bounds = [0.0, 0.0, 8.0, 8.0]
+[[robots]]
+id = "A"
+start = [1.0, 4.0]
+goal = [7.0, 4.0]
+via = [[3.0, 4.5], [6.0, 4.0]]
+radius = 0.2
+max_speed = 0.5
+[[robots]]
+id = "B"
+start = [4.0, 1.0]
+goal = [4.0, 7.0]
+radius = 0.2
+max_speed = 0.5
+[[robots]]
+id = "C"
+start = [1.0, 7.0]
+goal = [7.0, 1.5]
+radius = 0.3
+max_speed = 0.5
+"""
+
+
+def plan(scenario, epoch):
+    return plan_scenario(scenario, effort=3, epoch=epoch)
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return parse_scenario(CROSSING, "crossing.toml")
+
+
+@pytest.fixture(scope="module")
+def documents(scenario):
+    return {1: plan(scenario, 1)}
+
+
+def rests(robot, s, **fields):
+    return Standing(robot=robot, state="rests", epoch=1, s=s, **fields)
+
+
+def lost(robot, since, until):
+    return Standing(robot=robot, state="lost", epoch=1, since=since, until=until)
+
+
+def driven(documents, robot):
+    return next(one for one in drive(documents[1]) if one.id == robot)
+
+
+def recovered(scenario, documents, *told):
+    return recover(Site(scenario), documents, told, 2, plan)
+
+
+def test_robots_start_where_they_rest_with_their_headings_and_the_vias_ahead(scenario, documents):
+    ride = driven(documents, "A")
+    s = 0.6 * ride.curve.length
+    found = recovered(scenario, documents, rests("A", s), rests("B", 0.5), rests("C", 0.4))
+    assert found.document is not None
+    assert found.document.proof.holds
+    again = {one.id: one for one in drive(found.document)}["A"].curve
+    place, ahead = ride.curve.at_arc([s, s + 1e-4])
+    assert again.at_arc([0.0])[0] == pytest.approx(place, abs=1e-5)
+    way = again.at_arc([1e-3])[0] - again.at_arc([0.0])[0]
+    turned = math.atan2(*(ahead - place)[::-1]) - math.atan2(*way[::-1])
+    assert abs(math.remainder(turned, math.tau)) < 0.02
+    (robot,) = (r for r in found.site.scenario.robots if r.id == "A")
+    assert robot.via == ((6.0, 4.0),)
+
+
+def test_a_lost_robot_is_an_obstacle_over_all_places_where_it_may_stand(scenario, documents):
+    told = (rests("A", 0.3), rests("C", 0.4), lost("B", 4.0, 9.0))
+    found = recovered(scenario, documents, *told)
+    ride = driven(documents, "B")
+    (aside,) = found.site.aside
+    shape = shapely.Polygon(aside.disc())
+    times = np.linspace(4.0, 9.0, 400)
+    places = ride.curve.at_arc([ride.timeline.s_at(t) for t in times])
+    discs = [shapely.Point(*p).buffer(0.2, quad_segs=64) for p in places]
+    assert all(shape.buffer(1e-9).covers(disc) for disc in discs)
+    assert shape.area < shapely.union_all(discs).area * 1.01
+    for one in drive(found.document):
+        line = shapely.LineString(one.curve.at_arc(np.linspace(0.0, one.curve.length, 2000)))
+        assert line.distance(shape) >= one.radius + scenario.margin - 1e-3
+
+
+def test_a_robot_at_its_goal_stays_there_and_is_driven_around(scenario, documents):
+    told = (rests("A", 0.3), rests("C", 0.4), Standing(robot="B", state="arrived", epoch=1))
+    found = recovered(scenario, documents, *told)
+    assert [robot.id for robot in found.document.robots] == ["A", "C"]
+    assert [(one.robot.id, one.why) for one in found.site.aside] == [("B", "arrived")]
+    at_goal = replace(told[0], s=driven(documents, "A").curve.length)
+    again = next_site(Site(scenario), documents, (at_goal, *told[1:]))
+    assert {one.robot.id: one.why for one in again.aside}["A"] == "arrived"
+
+
+def test_a_robot_whose_goal_is_closed_off_stays_and_is_named_and_the_rest_go_on(scenario):
+    closed = replace(scenario.robots[1], goal=(7.0, 4.4))
+    scenario = replace(scenario, robots=(scenario.robots[0], closed, scenario.robots[2]))
+    whole = replace(scenario, robots=(scenario.robots[0], scenario.robots[2]))
+    documents = {1: plan(whole, 1)}
+    told = (Standing(robot="A", state="arrived", epoch=1), rests("C", 0.4))
+    found = recover(Site(scenario), documents, told, 2, plan)
+    assert found.document is not None
+    assert [robot.id for robot in found.document.robots] == ["C"]
+    assert found.said[0].startswith("B stays where it is")
+    assert {one.robot.id: one.why for one in found.site.aside} == {"A": "arrived", "B": "closed in"}
+    later = next_site(found.site, documents, (Standing(robot="C", state="arrived", epoch=1),))
+    assert [robot.id for robot in later.scenario.robots] == ["B"]
+
+
+def test_nobody_left_to_drive_is_no_plan(scenario, documents):
+    told = tuple(Standing(robot=r.id, state="arrived", epoch=1) for r in scenario.robots)
+    assert recovered(scenario, documents, *told).document is None
+
+
+def test_a_robot_off_its_path_starts_from_where_it_is(scenario, documents):
+    told = (rests("A", 0.3), rests("B", 0.5), rests("C", 0.4, off=0.12, turn=0.3))
+    site = next_site(Site(scenario), documents, told)
+    ride = driven(documents, "C")
+    place, ahead = ride.curve.at_arc([0.4, 0.4001])
+    heading = math.atan2(*(ahead - place)[::-1])
+    (robot,) = (r for r in site.scenario.robots if r.id == "C")
+    assert robot.start[0] == pytest.approx(place[0] - 0.12 * math.sin(heading), abs=1e-4)
+    assert robot.start[1] == pytest.approx(place[1] + 0.12 * math.cos(heading), abs=1e-4)
+    assert robot.start[2] == pytest.approx(heading + 0.3, abs=1e-3)
+
+
+def test_the_same_standings_give_the_same_bytes(scenario, documents):
+    told = (rests("A", 0.3), lost("B", 4.0, 9.0), rests("C", 0.4))
+    found = [recovered(scenario, documents, *told).document for _ in range(2)]
+    assert found[0] == found[1]
+
+
+def test_robots_that_rest_anywhere_in_a_plan_can_go_on(scenario, documents):
+    finish = max(robot.finish_time for robot in documents[1].robots)
+    rides = drive(documents[1])
+    for time in np.linspace(0.0, finish, 12):
+        told = [rests(r.id, r.timeline.s_at(time)) for r in rides]
+        found = recovered(scenario, documents, *told)
+        left = [r.id for r in rides if r.curve.length - r.timeline.s_at(time) > 1e-3]
+        assert [r.id for r in found.document.robots] == left if left else not found.document
+
+
+def test_a_via_point_that_somebody_stands_on_is_dropped_and_told(scenario, documents):
+    ride = driven(documents, "A")
+    s = 0.5 * ride.curve.length
+    x, y = ride.curve.at_arc([s])[0].tolist()
+    through = replace(scenario.robots[1], via=((x, y),))
+    scenario = replace(scenario, robots=(scenario.robots[0], through, scenario.robots[2]))
+    stands = Standing(robot="A", state="unfit", epoch=1, s=s)
+    found = recovered(scenario, documents, stands, rests("B", 0.5), rests("C", 0.4))
+    assert found.said == (f"B does not pass ({x:.2f}, {y:.2f}): A stands there",)
+    (robot,) = (r for r in found.site.scenario.robots if r.id == "B")
+    assert robot.via == ()
+    assert {robot.id for robot in found.document.robots} == {"B", "C"}

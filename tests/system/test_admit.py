@@ -1,0 +1,58 @@
+"""A robot dies, is started again where it stands, and takes part again on an operator's word."""
+
+import contextlib
+import json
+
+from coordinator.scenario_file import read_scenario
+from sim.blackbox import read_blackbox
+from tests.system.fleet_tools import (
+    free_endpoint,
+    line_with,
+    processes_of,
+    splinefleet,
+    started,
+)
+from tests.system.test_faults import ROBOTS, THREE_ROBOTS
+
+
+def test_a_restarted_robot_is_taken_in_where_it_stands_and_arrives(tmp_path):
+    scenario, endpoint = tmp_path / "three.toml", free_endpoint()
+    scenario.write_text(THREE_ROBOTS)
+    robots = {robot.id: robot for robot in read_scenario(scenario).robots}
+
+    def agent(name, *more):
+        limits = (f"--radius={robots[name].radius}", f"--max-accel={robots[name].max_accel}")
+        box = f"--blackbox={tmp_path / f'{name}{len(more)}.csv'}"
+        return started("agent", name, f"--connect={endpoint}", *limits, box, *more)
+
+    log = tmp_path / "run.mcap"
+    with contextlib.ExitStack() as stack:
+        coordinator = stack.enter_context(
+            started("coordinator", scenario, f"--listen={endpoint}", f"--log={log}", "--json")
+        )
+        line_with(coordinator, '"listening"', 60.0)
+        agents = {name: stack.enter_context(agent(name)) for name in ROBOTS}
+        line_with(coordinator, '"R3 is moving"', 40.0)
+        agents["R3"].kill()
+        line_with(coordinator, '"planned"', 30.0)
+        box = read_blackbox(tmp_path / "R30.csv")
+        x, y = box.places[-1] if len(box.t) else robots["R3"].start[:2]
+        stack.enter_context(agent("R3", "--at", str(x), str(y), "1.5708"))
+        line_with(coordinator, '"back"', 30.0)
+        done = splinefleet("admit", "R3", f"--connect={endpoint}")
+        assert done.returncode == 0, done.stderr
+        summary = json.loads(line_with(coordinator, '"summary"', 60.0))
+        assert coordinator.wait(20.0) == 0
+    assert summary["arrived"]
+    assert splinefleet("replay", log, "--check").returncode == 0
+    assert processes_of(tmp_path) == []
+
+
+def test_nobody_is_admitted_who_has_not_come_back(tmp_path):
+    scenario, endpoint = tmp_path / "three.toml", free_endpoint()
+    scenario.write_text(THREE_ROBOTS)
+    with started("coordinator", scenario, f"--listen={endpoint}", "--json") as coordinator:
+        line_with(coordinator, '"listening"', 60.0)
+        done = splinefleet("admit", "R3", f"--connect={endpoint}", "--wait", "1.5")
+    assert done.returncode == 1
+    assert "is it back" in done.stderr

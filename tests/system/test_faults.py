@@ -1,0 +1,208 @@
+"""Every kind of fault on real processes over real Zenoh.
+
+Three robots, two of whose paths cross, and tau = "auto", so that nobody may touch whatever fails.
+"""
+
+import asyncio
+import contextlib
+import os
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from coordinator.info import summarise
+from coordinator.logbook import read_log
+from coordinator.scenario_file import read_scenario
+from protocol.codec import decode
+from protocol.messages import Command
+from protocol.phases import FREEZE
+from protocol.timing import COMMAND_PERIOD, LEASE, SECOND
+from sim.blackbox import read_blackbox
+from sim.faults import parse_faults
+from sim.judge import Verdict, judge
+from sim.local_fleet import LocalFleet, Outcome
+from tests.system.fleet_tools import processes_of, splinefleet
+
+DEADLINE_S = 60.0
+ROBOTS = ("R1", "R2", "R3")
+
+THREE_ROBOTS = """
+name = "three"
+[workspace]
+bounds = [0.0, 0.0, 3.2, 3.0]
+[[robots]]
+id = "R1"
+start = [0.4, 1.5]
+goal = [1.8, 1.5]
+priority = 1
+radius = 0.15
+max_speed = 0.6
+max_accel = 1.2
+[[robots]]
+id = "R2"
+start = [1.3, 2.2]
+goal = [1.3, 0.8]
+radius = 0.15
+max_speed = 0.6
+max_accel = 1.2
+[[robots]]
+id = "R3"
+start = [2.7, 0.8]
+goal = [2.7, 2.2]
+radius = 0.15
+max_speed = 0.6
+max_accel = 1.2
+"""
+
+
+@dataclass
+class Run:
+    """A run that has ended."""
+
+    folder: Path
+    outcome: Outcome
+    verdict: Verdict
+
+    @property
+    def info(self):
+        return summarise(read_log(self.folder / "run.mcap"))
+
+    @property
+    def named(self):
+        """The robots whose faults the coordinator or the log tells of."""
+        told = {event["robot"] for event in self.outcome.events if event["event"] == "fault"}
+        return (told | {fault["robot"] for fault in self.info["faults"]}) - {""}
+
+    @property
+    def struck(self):
+        return [event["text"] for event in self.outcome.events if event["event"] == "strike"]
+
+    @property
+    def arrived(self):
+        return {robot.id for robot in self.verdict.robots if robot.arrived}
+
+    @property
+    def froze(self):
+        """Whether the coordinator said FREEZE."""
+        records = read_log(self.folder / "run.mcap").records
+        heard = (decode("command", r.payload) for r in records if r.key.endswith("/command"))
+        return any(isinstance(m, Command) and m.phase == FREEZE for m in heard)
+
+    def box(self, robot):
+        return read_blackbox(self.folder / "blackbox" / f"{robot}.csv")
+
+    def went_well(self):
+        everybody = self.arrived == set(ROBOTS)
+        return self.outcome.code == 0 and everybody and not self.named and not self.froze
+
+
+@pytest.fixture
+def run_with(tmp_path):
+    """Run the three robots with faults, to their end; nobody may have touched or be left over."""
+    file, folder = tmp_path / "three.toml", tmp_path / "out"
+    file.write_text(THREE_ROBOTS)
+
+    async def run(*texts):
+        scenario = read_scenario(file)
+        faults = parse_faults(texts, ROBOTS)
+        fleet = LocalFleet(scenario, folder, speed=1.0, effort=20, faults=faults)
+        running = asyncio.create_task(asyncio.to_thread(fleet.run))
+        done, _ = await asyncio.wait([running], timeout=DEADLINE_S)
+        if not done:
+            for process in processes_of(folder):
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(process, signal.SIGKILL)
+        outcome = await running
+        assert done, f"not ended after {DEADLINE_S} s: {outcome.events[-5:]}"
+        verdict = judge(folder)
+        assert verdict.collisions == 0
+        assert processes_of(folder) == []
+        return Run(folder, outcome, verdict)
+
+    return run
+
+
+@pytest.mark.parametrize("fault", ["kill:R1@1.2", "hang:R1@1.2", "stall:R1@1.2"])
+async def test_a_robot_that_is_lost_is_named_and_nobody_touches(run_with, fault):
+    run = await run_with(fault)
+    assert run.named == {"R1"}
+    assert run.froze
+    assert run.outcome.code == 1
+    assert "R1" not in run.arrived
+
+
+@pytest.mark.parametrize(
+    "fault", ["cut:R1@1.2:4", "slow:R1@1.2:0.5", "stall:R1@1.2:2", "skid:R1@1.2"]
+)
+async def test_a_robot_that_fails_for_a_while_is_named_and_nobody_touches(run_with, fault):
+    run = await run_with(fault)
+    assert run.named == {"R1"}
+
+
+async def test_a_skidding_body_truly_slides(run_with):
+    run = await run_with("skid:R1@1.2:0.2")
+    box = run.box("R1")
+    aside = abs(box.places[:, 1] - 1.5)
+    struck = box.t[aside > 0.01][0]
+    assert 1.2 <= struck < 1.4
+    assert 0.1 < aside[box.t < struck + 0.4].max() < 0.21
+
+
+async def test_a_robot_cut_off_stops_by_itself_before_the_network_is_back(run_with):
+    run = await run_with("cut:R1@1.2:30")
+    box = run.box("R1")
+    moving = box.t[:-1][abs(box.s[1:] - box.s[:-1]) > 1e-6]
+    assert moving.max() < 1.2 + (LEASE + COMMAND_PERIOD) / SECOND + 0.5 + 0.3
+    assert box.phases[-1] == "frozen"
+
+
+@pytest.mark.parametrize("fault", ["cut:R1@1.2:0.15", "slow:R1@1.2:0.98"])
+async def test_what_can_be_borne_stops_nobody(run_with, fault):
+    run = await run_with(fault)
+    assert run.went_well(), run.outcome
+
+
+async def test_a_step_of_the_wall_clock_changes_nothing(run_with):
+    run = await run_with("clock-step:R1@1.2:3600", "clock-step:R2@1.5:-86400")
+    assert run.struck == ["clock-step R1 at 1.2 s", "clock-step R2 at 1.5 s"]
+    assert run.went_well(), run.outcome
+
+
+async def test_random_bytes_on_its_keys_change_nothing(run_with):
+    run = await run_with("corrupt:R1@0.5:2")
+    assert run.info["bad_messages"] > 50
+    assert run.went_well(), run.outcome
+
+
+@pytest.mark.parametrize("fault", ["coordinator-kill@1.2", "coordinator-hang@1.2"])
+async def test_without_a_coordinator_all_robots_stop_by_themselves(run_with, fault):
+    run = await run_with(fault)
+    assert run.outcome.code == -signal.SIGKILL
+    assert run.arrived == set()
+    for robot in ROBOTS:
+        assert run.box(robot).phases[-1] == "frozen"
+
+
+async def test_a_coordinator_that_was_killed_is_started_again(run_with):
+    run = await run_with("coordinator-restart@1.2:2")
+    assert run.struck == [
+        "coordinator-restart at 1.2 s",
+        "coordinator-restart at 3.2 s: resume",
+    ]
+    if "--resume" in splinefleet("coordinator", "--help").stdout:
+        assert run.arrived == set(ROBOTS)
+
+
+async def test_several_robots_may_fail_in_one_run(run_with):
+    run = await run_with("kill:R1@1.2", "hang:R3@1.2")
+    assert run.outcome.code == 1
+    assert run.named == {"R1", "R3"}
+
+
+async def test_a_fault_after_the_end_does_not_strike(run_with, capfd):
+    run = await run_with("kill:R1@500")
+    assert run.struck == []
+    assert "kill R1: the run had ended before" in capfd.readouterr().err
+    assert run.went_well(), run.outcome
