@@ -11,7 +11,9 @@ from typing import Final
 import typer
 
 import coordinator.commands
+import coordinator.log_commands
 import coordinator.operator_commands
+import coordinator.view_commands
 import robot_agent.commands
 import sim.commands
 from coordinator.console import tell
@@ -29,7 +31,9 @@ app = typer.Typer(
 )
 for package in (
     coordinator.commands,
+    coordinator.log_commands,
     coordinator.operator_commands,
+    coordinator.view_commands,
     robot_agent.commands,
     sim.commands,
 ):

@@ -1,4 +1,4 @@
-"""The coordinator's commands: plan, verify, coordinator, replay, info, plot.
+"""The coordinator's commands: plan, verify, coordinator, plot.
 
 Decides: options and exit codes.  Heavy modules are imported when a command needs them.
 """
@@ -6,7 +6,6 @@ Decides: options and exit codes.  Heavy modules are imported when a command need
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Literal
@@ -168,83 +167,10 @@ def coordinator(
 
 
 @commands.command()
-def replay(
-    log: LogFile,
-    check: Annotated[bool, typer.Option("--check", help="Run the log again, compare.")] = False,
-    speed: Speed = 1.0,
-    listen: Annotated[str, typer.Option(help="tcp/HOST:PORT")] = "tcp/127.0.0.1:7447",
-    as_json: Json = False,
-) -> None:
-    """Publish a log's traffic again in time, or check that it can be reproduced byte for byte.
-
-    Example: splinefleet replay runs/demo/run.mcap --check
-    """
-    if check:
-        _check(log, as_json)
-        return
-    from coordinator.logbook import read_log
-    from coordinator.replay import play
-    from protocol.zenoh_transport import ZenohTransport
-
-    recorded = read_log(log)
-    if recorded.damage:
-        tell(f"{log}: {recorded.damage}; what is whole is played")
-    with ZenohTransport.listen(listen) as transport:
-        tell(f"playing {len(recorded.records)} messages on {listen}")
-        begin = time.monotonic()
-
-        def wait_until(seconds: float) -> None:
-            time.sleep(max(0.0, begin + seconds - time.monotonic()))
-
-        count = play(recorded, transport, wait_until, speed)
-    if as_json:
-        answer_json({"messages": count})
-
-
-def _check(log: Path, as_json: bool) -> None:
-    from coordinator.logbook import check_bytes, read_log
-    from coordinator.replay import Check, check_log
-
-    damage = check_bytes(log)
-    result = Check(0, 0, damage) if damage else check_log(read_log(log))
-    if as_json:
-        answer_json(result._asdict())
-    elif not result.difference:
-        answers.print(f"{result.plans} plans and {result.commands} commands: every byte agrees")
-    if result.note:
-        tell(f"{log}: {result.note}")
-    if result.difference:
-        tell(f"{log}: {result.difference}")
-        raise typer.Exit(1)
-
-
-@commands.command()
-def info(
-    source: Annotated[Path, typer.Argument(help="Log of a run, MCAP, or plan file.")],
-    as_json: Json = False,
-) -> None:
-    """Tell what happened: epochs, waits, faults, bytes per key; of a plan, who waits and why.
-
-    Example: splinefleet info runs/demo/run.mcap --json
-    """
-    from coordinator.info import summarise, summarise_plan
-    from coordinator.info_table import render
-    from coordinator.logbook import read_log
-    from coordinator.plan import read
-
-    plan_file = source.suffix == ".json"
-    summary = summarise_plan(read(source)) if plan_file else summarise(read_log(source))
-    if as_json:
-        answer_json(summary)
-    else:
-        answers.print(render(summary))
-
-
-@commands.command()
 def plot(
     source: Annotated[Path, typer.Argument(help="Plan file or log.")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="FILE.svg or FILE.png", callback=writable())
+        Path, typer.Option("-o", "--output", help="FILE.svg, .png or .html.", callback=writable())
     ],
     robots: Annotated[str, typer.Option(help="R1,R3: only these in full, the others faint.")] = "",
     detail: Annotated[
@@ -258,9 +184,17 @@ def plot(
     """Draw the floor with paths, crossings and stops, and the distance-time diagram.
 
     Around the obstacles stand their outlines grown by radius + margin: no centre goes inside.
+    An .html file is the page of `splinefleet view`: it plays the plan or the log.
 
     Example: splinefleet plot plan.json -o plan.svg --robots R1,R3
     """
+    if output.suffix.lower() == ".html":
+        from coordinator.page import page_of
+        from coordinator.view import read_scene
+
+        write_file(output, page_of(read_scene(source)).encode())
+        tell(f"wrote {output}")
+        return
     from coordinator.figure import draw_plan
     from coordinator.figure_view import View
     from coordinator.logbook import read_log

@@ -100,7 +100,7 @@ def story_of_log(log: Log) -> Story:
     """Return the story of a log, as far as its robots were sent on their way."""
     heard = _Heard(log)
     documents = documents_of(log)
-    lag_ns = clock_lag(log.records)
+    lag_ns = clock_lag(log)
     starts = [turn.start_ns for turn in heard.turns.values()]
     zero_ns = (min(starts) if starts else 0) + lag_ns
     legs = _legs(heard, _driven(heard, documents), zero_ns, lag_ns)
@@ -186,9 +186,7 @@ class _Heard:
             turn.frozen_ns = log_ns if turn.frozen_ns is None else turn.frozen_ns
 
 
-def _driven(
-    heard: _Heard, documents: Mapping[int, PlanDocument]
-) -> dict[int, dict[str, Driven]]:
+def _driven(heard: _Heard, documents: Mapping[int, PlanDocument]) -> dict[int, dict[str, Driven]]:
     """Return what every robot drove, by epoch: from the plans attached, else from the wire."""
     found: dict[int, dict[str, Driven]] = {}
     radii = heard.radii

@@ -9,7 +9,8 @@ for their panels read all of them.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final
+from collections.abc import Mapping
+from typing import Annotated, Final
 
 import msgspec
 
@@ -57,6 +58,14 @@ class Color(msgspec.Struct, frozen=True):
 
 class Vector3(msgspec.Struct, frozen=True):
     """Three lengths [m]."""
+
+    x: float
+    y: float
+    z: float = 0.0
+
+
+class Point3(msgspec.Struct, frozen=True):
+    """A place [m]."""
 
     x: float
     y: float
@@ -130,7 +139,7 @@ class LinePrimitive(msgspec.Struct, frozen=True, kw_only=True):
     pose: Pose = Pose()
     thickness: float
     scale_invariant: bool = False
-    points: list[Vector3]
+    points: list[Point3]
     color: Color
     colors: list[Color] = []
     indices: list[_Unsigned] = []
@@ -140,7 +149,7 @@ class TriangleListPrimitive(msgspec.Struct, frozen=True, kw_only=True):
     """Triangles of three points each, through `indices` where there are any."""
 
     pose: Pose = Pose()
-    points: list[Vector3]
+    points: list[Point3]
     color: Color
     colors: list[Color] = []
     indices: list[_Unsigned] = []
@@ -242,26 +251,26 @@ def schema_name(kind: type[WellKnown]) -> str:
 
 def json_schema(kind: type[WellKnown]) -> bytes:
     """Return a message's JSON Schema without references, which viewers do not follow."""
-    whole: dict[str, Any] = msgspec.json.schema(kind)
-    schema: dict[str, Any] = _resolved(whole, whole["$defs"])
-    return msgspec.json.encode(schema)
+    whole = msgspec.json.schema(kind)
+    return msgspec.json.encode(_resolved(whole, whole["$defs"]))
 
 
-def _resolved(schema: Any, definitions: dict[str, Any]) -> Any:  # noqa: ANN401
-    """Return a schema with every reference replaced by what it refers to, all fields required."""
+def _resolved(schema: object, definitions: Mapping[str, object]) -> object:
+    """Return a schema with what each reference refers to in its place, all fields required."""
     if isinstance(schema, list):
         return [_resolved(item, definitions) for item in schema]
     if not isinstance(schema, dict):
         return schema
     if "$ref" in schema:
         name = schema["$ref"].rpartition("/")[2]
-        title = _TIMES.get(name, f"foxglove.{name}")
-        return _resolved(definitions[name], definitions) | {"title": title}
+        found = _resolved(definitions[name], definitions)
+        assert isinstance(found, dict)
+        return found | {"title": _TIMES.get(name, f"foxglove.{name}")}
     resolved = {
         word: _resolved(part, definitions)
         for word, part in schema.items()
         if word not in ("$defs", "default")
     }
     if "properties" in resolved:
-        resolved["required"] = list(resolved["properties"])
+        resolved["required"] = list(schema["properties"])
     return resolved

@@ -15,6 +15,7 @@ import msgspec
 
 from coordinator import plan as plan_file
 from coordinator.errors import InputError
+from coordinator.info_numbers import Numbers, broadcast, clock_lag
 from coordinator.plan import PlanDocument
 from coordinator.summary import (
     EpochSummary,
@@ -89,6 +90,9 @@ class _Telling:
         self._heard: dict[str, tuple[int, int]] = {}
         self._sent: list[tuple[str, int, int]] = []
         self._last_arrival_ns: int | None = None
+        self._ours: dict[str, tuple[int, int]] = {}
+        self._lag_ns = clock_lag(log)
+        self._numbers = Numbers(log)
         self.summary = Summary(
             fleet=log.metadata.get("fleet", ""),
             policy=log.metadata.get("policy"),
@@ -97,12 +101,30 @@ class _Telling:
             complete=log.complete,
             damage=log.damage,
             messages=len(records),
+            passive=log.metadata.get("passive") == "yes",
         )
         self._read_plans(log.attachments)
         for record in records:
             self._count(record)
         self.summary.epochs = list(self._epochs.values())
         self.summary.robot_payload_bytes_per_second = self._busiest_robot()
+        self._add_up(records[-1].log_ns if records else 0)
+
+    def _add_up(self, end_ns: int) -> None:
+        """Fill in what is known at the end of the log: rates, lateness, latencies, broadcast."""
+        told = self.summary
+        for traffic in told.keys.values():
+            if told.duration > 0.0:
+                traffic.messages_per_second = traffic.messages / told.duration
+                traffic.bytes_per_second = traffic.bytes / told.duration
+        for robot in told.robots.values():
+            if robot.arrived is not None and robot.planned_finish is not None:
+                robot.late = robot.arrived - robot.planned_finish
+        self._numbers.fill(told)
+        if self._starts_ns:
+            last_ns = end_ns if self._last_arrival_ns is None else self._last_arrival_ns
+            seconds = max(last_ns - min(self._starts_ns.values()), 0) / 1e9
+            told.broadcast = broadcast(told, self._ours, seconds)
 
     def _seconds(self, time_ns: int) -> float:
         return (time_ns - self._begin_ns) / 1e9
@@ -146,6 +168,8 @@ class _Telling:
         if message is None:
             self.summary.bad_messages += 1
             return
+        count, total = self._ours.get(kind, (0, 0))
+        self._ours[kind] = (count + 1, total + size)
         if isinstance(message, Hello | Report) or _is_question(message):
             self._robot(robot).bytes_sent += size
             self._sent.append((robot, record.log_ns, size))
@@ -154,6 +178,7 @@ class _Telling:
                 self.summary.largest_message_to_robot_bytes, size
             )
         self._tell(message, robot, record)
+        self._numbers.hear(message, robot, record)
 
     def _count_stranger(self, key: str) -> None:
         """Count what is on the fleet's keys without being a message: nobody knows what it says."""
@@ -183,7 +208,7 @@ class _Telling:
         epoch.phases.append(PhaseChange(self._seconds(log_ns), name))
         epoch.ended = _ENDINGS.get(command.phase, "running")
         if command.phase == phases.GO:
-            self._starts_ns.setdefault(command.epoch, command.start_ns)
+            self._starts_ns.setdefault(command.epoch, command.start_ns + self._lag_ns)
             epoch.start = self._seconds(self._starts_ns[command.epoch])
         if command.phase == phases.FREEZE:
             self._tell_silence(log_ns)
@@ -203,6 +228,7 @@ class _Telling:
             told = self._robot(robot)
             if told.arrived is None:
                 told.fault = "lost its link"
+                self._numbers.link_lost(log_ns)
                 self._tell_fault(log_ns, robot, told.fault, "link")
 
     def _tell_report(self, report: Report, robot: str, log_ns: int) -> None:

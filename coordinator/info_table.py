@@ -11,8 +11,16 @@ from rich.table import Table
 from rich.text import Text
 
 from coordinator.plan_table import render_proof
-from coordinator.summary import EpochSummary, RobotSummary, Summary
+from coordinator.summary import (
+    Broadcast,
+    EpochSummary,
+    FreezeSummary,
+    Percentiles,
+    RobotSummary,
+    Summary,
+)
 from coordinator.wait_table import waits_table
+from protocol.keys import ROOT
 
 
 def render(summary: dict[str, object]) -> RenderableType:
@@ -28,8 +36,14 @@ def render(summary: dict[str, object]) -> RenderableType:
         parts.append(waits_table(told.waits))
     if told.faults:
         parts.append(_faults(told))
+    if told.freezes:
+        parts.append(_freezes(told.freezes))
+    if told.latencies:
+        parts.append(_latencies(told.latencies))
     if told.keys:
         parts.append(_keys(told))
+    if told.broadcast is not None and told.broadcast.robots > 1:
+        parts.append(_broadcast(told.broadcast))
     if planned and told.proof is not None:
         parts.append(render_proof(told.proof))
     return Group(*parts)
@@ -53,6 +67,7 @@ def _headline(told: Summary) -> Table:
         ("tau", _seconds(told.tau)),
         ("log", f"{told.duration:.2f} s, {state}"),
         ("messages", f"{told.messages}, of them {told.bad_messages} bad"),
+        ("lost on the way", f"{told.lost_messages}, by gaps in their numbers"),
         ("positions on the wire", str(told.positions_on_wire)),
         ("largest plan", f"{told.largest_plan_bytes} bytes"),
         ("largest message to a robot", f"{told.largest_message_to_robot_bytes} bytes"),
@@ -88,8 +103,11 @@ def _epochs(epochs: list[EpochSummary]) -> Table:
 
 def _robots(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
     """Return the robots; those of a plan have not arrived yet, nor sent anything."""
-    columns = ["robot", "plan", "points", "stops", "planned", "arrived", "sent", "fault"]
-    known = len(columns) if driven else columns.index("arrived")
+    columns = [
+        *("robot", "plan B", "points", "stops", "planned s"),
+        *("arrived s", "late s", "sent B", "fault"),
+    ]
+    known = len(columns) if driven else columns.index("arrived s")
     table = _table("robots", *columns[:known])
     for name, robot in sorted(robots.items()):
         stops = [
@@ -99,12 +117,11 @@ def _robots(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
         ]
         cells: list[str | Text] = [
             Text(name),
-            f"{robot.plan_bytes} B",
+            str(robot.plan_bytes),
             str(robot.control_points),
             Text("\n".join(stops) or "-"),
-            _seconds(robot.planned_finish),
-            _seconds(robot.arrived),
-            f"{robot.bytes_sent} B",
+            *map(_number, (robot.planned_finish, robot.arrived, robot.late)),
+            str(robot.bytes_sent),
             Text(robot.fault or "-"),
         ]
         table.add_row(*cells[:known])
@@ -118,11 +135,49 @@ def _faults(told: Summary) -> Table:
     return table
 
 
-def _keys(told: Summary) -> Table:
-    table = _table("keys", "key", "messages", "bytes")
-    for key, traffic in sorted(told.keys.items()):
-        table.add_row(Text(key), str(traffic.messages), str(traffic.bytes))
+def _freezes(freezes: list[FreezeSummary]) -> Table:
+    table = _table("freezes", "at", "epoch", "noticed for", "silent for", "all at rest", "next GO")
+    for freeze in freezes:
+        times = (freeze.notice, freeze.silence, freeze.rest, freeze.go)
+        cells = [_seconds(time) for time in times]
+        table.add_row(_seconds(freeze.t), str(freeze.epoch), *cells)
     return table
+
+
+def _latencies(latencies: dict[str, Percentiles]) -> Table:
+    table = _table("latencies, ms", "what", "times", "median", "90 %", "99 %", "most")
+    for name, told in sorted(latencies.items()):
+        cells = (f"{1000.0 * time:.1f}" for time in (told.median, told.p90, told.p99, told.most))
+        table.add_row(name.replace("_", " "), str(told.count), *cells)
+    return table
+
+
+def _keys(told: Summary) -> Table:
+    root = f"{ROOT}/{told.fleet}/"
+    table = _table(f"keys, ours below {root}", "key", "messages", "bytes", "messages/s", "bytes/s")
+    for key, traffic in sorted(told.keys.items()):
+        table.add_row(
+            Text(key.removeprefix(root)),
+            str(traffic.messages),
+            str(traffic.bytes),
+            f"{traffic.messages_per_second:.1f}",
+            f"{traffic.bytes_per_second:.1f}",
+        )
+    return table
+
+
+def _broadcast(told: Broadcast) -> Text:
+    """Return the line beside what a broadcasting fleet would have sent."""
+    ours = f"{told.our_messages:,} messages, {told.our_bytes:,} bytes were delivered in all"
+    theirs = (
+        f"{told.robots} robots broadcasting positions at {told.rate:g} Hz for "
+        f"{told.seconds:.1f} s: {told.messages:,} messages, {told.bytes:,} bytes"
+    )
+    return Text(f"{ours}; {theirs}")
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
 
 
 def _seconds(value: float | None) -> str:

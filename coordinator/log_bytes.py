@@ -121,16 +121,17 @@ def scan(data: bytes) -> tuple[list[Sound], str]:
     damages: list[str] = []
     if not data.startswith(MCAP0_MAGIC):
         damages.append("damaged at byte 0: the file does not begin as an MCAP file does")
-    end, opcode, data_end = len(MCAP0_MAGIC), 0, 0
+    end, opcode, data_end, summary = len(MCAP0_MAGIC), 0, 0, 0
     for frame in _frames(data):
         end, opcode = frame.end, frame.opcode
         try:
             records = _parse(frame)
             if isinstance(records[0], mcap_records.DataEnd):
-                data_end = end
+                data_end, summary = end, len(sound)
                 _check_data_section(data, frame, records[0])
             elif isinstance(records[0], mcap_records.Footer):
                 _check_summary(data, frame, records[0], data_end)
+                summary = 0
             sound.extend((frame.offset, record) for record in records)
         except (_DamageError, *_UNREADABLE) as error:
             reason = error if isinstance(error, _DamageError) else "it cannot be read"
@@ -140,6 +141,8 @@ def scan(data: bytes) -> tuple[list[Sound], str]:
             damages.append(f"damaged at byte {end}: the file does not end as an MCAP file does")
     elif is_closed(data):
         damages.append(f"damaged at byte {end}: no whole record follows, yet the file was closed")
+    if summary:
+        del sound[summary:]  # nothing vouches for it
     return sound, damages[0] if damages else ""
 
 

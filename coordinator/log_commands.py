@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import typer
 
@@ -22,8 +22,8 @@ from protocol.keys import NAME
 
 commands = typer.Typer()
 
-_SHOWN_S = 1.0
-"""What takes longer than this has a progress bar."""
+Item = TypeVar("Item")
+Source = Annotated[Path, typer.Argument(help="Log of a run, MCAP, or plan file.")]
 
 
 def key_pattern(pattern: str) -> str:
@@ -49,9 +49,6 @@ def fleet_name(name: str | None) -> str | None:
     if name is not None and not NAME.fullmatch(name):
         raise typer.BadParameter(f"{name[:60]!r} is no fleet's name")
     return name
-
-
-Source = Annotated[Path, typer.Argument(help="Log of a run, MCAP, or plan file.")]
 
 
 @commands.command()
@@ -130,7 +127,8 @@ def replay(
     if recorded.damage:
         tell(f"{log}: {recorded.damage}; what is whole is played")
     found = cues(recorded, Wish(since, math.inf if until is None else until, keys, prefix))
-    with ZenohTransport.listen(listen) as transport:
+    transport = ZenohTransport.listen(listen)
+    with transport:
         if wait_listener > 0.0:
             tell(f"waiting for a listener on {listen}")
             if not transport.wait_for_listener(f"{prefix}/**" if prefix else "**", wait_listener):
@@ -142,10 +140,16 @@ def replay(
         def wait_until(seconds: float) -> None:
             time.sleep(max(0.0, begin + seconds - time.monotonic()))
 
-        long = bool(found) and found[-1].due / speed > _SHOWN_S
-        count = play(_shown(found, "playing", long), transport.put, wait_until, speed)
+        count = play(_shown(found, "playing"), transport.put, wait_until, speed)
     if as_json:
         answer_json({"messages": count})
+
+
+def _shown(items: Sequence[Item], what: str) -> Iterable[Item]:
+    """Yield the items with a progress bar for people on a terminal."""
+    from rich.progress import track
+
+    return track(items, what, console=errors, transient=True, disable=not errors.is_terminal)
 
 
 def _check(log: Path, as_json: bool) -> None:

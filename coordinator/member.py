@@ -51,8 +51,9 @@ class Member:
     planned: bool = True
     boot: int | None = None
     heard_ns: int = 0
-    said_ns: int = 0
-    """When its last report was heard: it can only have moved on since."""
+    kept_ns: int = 0
+    """When it last said that it keeps to its plan: it was hardly behind, and can only have moved on
+    since; one that brakes may have stood for long."""
     sequence: int = -1
     sent_epoch: int = 0
     epoch: int = 0
@@ -80,7 +81,7 @@ class Member:
         if self.admitted and hello.place is not None:
             x, y, heading = (number / 1000.0 for number in hello.place)
             self.accept(hello, now_ns)
-            self.said_ns, self.admitted, self.strikes, self.sent_epoch = now_ns, False, 0, 0
+            self.kept_ns, self.admitted, self.strikes, self.sent_epoch = now_ns, False, 0, 0
             self.rest = Standing(robot=self.id, state="rests", epoch=0, place=(x, y, heading))
 
     def accept(self, hello: Hello, now_ns: int) -> None:
@@ -112,7 +113,9 @@ class Member:
         """Take a report in; False when it is not this robot's newest."""
         if report.boot != self.boot or report.sequence <= self.sequence:
             return False
-        self.heard_ns = self.said_ns = now_ns
+        self.heard_ns = now_ns
+        if report.phase not in (BRAKING, FROZEN):
+            self.kept_ns = now_ns
         self.sequence, self.lost, self.gone = report.sequence, False, False
         self.epoch, self.phase, self.fault = report.epoch, report.phase, report.fault
         if report.rest is not None and report.rest.epoch >= self.sent_epoch:

@@ -15,7 +15,15 @@ import msgspec
 from coordinator.scene import Scene
 
 _PARTS: Final = Path(__file__).with_name("page")
-_SCRIPTS: Final = ("motion.js", "look.js", "floor.js", "diagram.js", "lists.js", "page.js")
+_SCRIPTS: Final = (
+    "motion.js",
+    "look.js",
+    "ground.js",
+    "floor.js",
+    "diagram.js",
+    "lists.js",
+    "page.js",
+)
 _POLICY: Final = (
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; "
     "connect-src {connect}"

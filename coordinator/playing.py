@@ -27,6 +27,9 @@ class Wish(NamedTuple):
     prefix: str = ""
 
 
+EVERYTHING = Wish()
+
+
 class Cue(NamedTuple):
     """A message to be put on a key so many seconds after the beginning."""
 
@@ -35,7 +38,7 @@ class Cue(NamedTuple):
     payload: bytes
 
 
-def cues(log: Log, wish: Wish = Wish()) -> list[Cue]:
+def cues(log: Log, wish: Wish = EVERYTHING) -> list[Cue]:
     """Return what is to be put, in the order of the log; ValueError when the pattern is none.
 
     The coordinator's own records and the news of links, which are no messages, are left out.

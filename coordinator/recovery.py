@@ -9,6 +9,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
+
+from msgspec.structs import replace
 
 from coordinator.errors import PlanError
 from coordinator.paths import Pathfinder
@@ -16,6 +19,10 @@ from coordinator.plan import PlanDocument
 from coordinator.scenario import Scenario
 from coordinator.site import Site, next_site, passable
 from coordinator.standing import Standing
+
+_GENTLE: Final = 0.05
+"""Least radius of turns [m]: robots that stop anywhere face anywhere, and via points may ask for
+needles that a robot which turns on the spot could drive in theory."""
 
 Planner = Callable[[Scenario, int], PlanDocument]
 """Plans a scenario for an epoch; raises PlanError."""
@@ -46,13 +53,27 @@ def recover(
     while site.scenario.robots:
         scenario = site.planned()
         try:
-            return Recovery(site, plan(scenario, epoch), tuple(said))
+            return Recovery(site, _plan(scenario, epoch, plan), tuple(said))
         except PlanError as error:
             stay = _closed_in(scenario) or _blamed(scenario, str(error))
         for name, why in stay.items():
             said.append(f"{name} stays where it is: {why}")
             site = site.without(name)
+        site, dropped = passable(site)
+        said += dropped
     return Recovery(site, None, tuple(said))
+
+
+def _plan(scenario: Scenario, epoch: int, plan: Planner) -> PlanDocument:
+    """Plan with turns that are easy to drive from a stand, with any turns where that fails."""
+    gentle = tuple(
+        replace(robot, min_turn_radius=max(robot.min_turn_radius, _GENTLE))
+        for robot in scenario.robots
+    )
+    try:
+        return plan(replace(scenario, robots=gentle), epoch)
+    except PlanError:
+        return plan(scenario, epoch)
 
 
 def _closed_in(scenario: Scenario) -> dict[str, str]:

@@ -7,7 +7,7 @@ be what the core sends at that moment; a Command that nothing else explains is a
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 import msgspec
@@ -24,7 +24,6 @@ from protocol import keys
 from protocol.codec import decode
 from protocol.messages import Clock, Command
 from protocol.phases import OVER
-from protocol.transport import Transport
 
 RESUMED: Final = "resumed.mcap"
 """The attachment with the log that a log goes on from."""
@@ -201,22 +200,3 @@ def _first_difference(expected: bytes, found: bytes) -> str:
         if a != b:
             return f"byte {place} is {b:#04x} in the log, {a:#04x} now"
     return f"{len(found)} bytes in the log, {len(expected)} now"
-
-
-def play(
-    log: Log,
-    transport: Transport,
-    wait_until: Callable[[float], None],
-    speed: float,
-) -> int:
-    """Publish a log's messages again in time; returns how many.
-
-    wait_until(seconds since the beginning) returns when that much time has passed.
-    """
-    if not log.records:
-        return 0
-    begin = log.records[0].log_ns
-    for record in log.records:
-        wait_until((record.log_ns - begin) / 1e9 / speed)
-        transport.put(record.key, record.payload)
-    return len(log.records)

@@ -66,13 +66,13 @@ class Roster(dict[str, Member]):
     def standings(self, epoch: int, zero_ns: int, until_ns: int, has_gone: bool) -> list[Standing]:
         """Return where those stand that have a part in the epoch, or none but have spoken since.
 
-        Plan time counts from `zero_ns`.  One that has not said where it rests has moved on from its
-        last word until `until_ns`; nobody has moved in an epoch that has not gone.
+        Plan time counts from `zero_ns`.  One that has not said where it rests has moved on since it
+        last kept to its plan, until `until_ns`; nobody has moved in an epoch that has not gone.
         """
         found = []
         for member in self.values():
             if member.planned or (member.rest is not None and not member.lost):
-                since, until = member.said_ns - zero_ns, until_ns - zero_ns
+                since, until = member.kept_ns - zero_ns, until_ns - zero_ns
                 if not has_gone:
                     since = until = 0
                 found.append(member.standing(epoch, since, until))

@@ -143,7 +143,7 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
 
 def scene_of_plan(document: PlanDocument) -> Scene:
     """Return the scene of a plan as planned; InputError when a robot would refuse its message."""
-    index = {robot.id: place for place, robot in enumerate(document.robots)}
+    index = index_of([document])
     epoch = Epoch(
         epoch=document.epoch,
         begin=0.0,
@@ -155,25 +155,31 @@ def scene_of_plan(document: PlanDocument) -> Scene:
     return scene_from([document], [epoch], "plan", last + _AFTERWARDS)
 
 
+def index_of(documents: Sequence[PlanDocument]) -> dict[str, int]:
+    """Return the index of every robot that a document names, in order of appearance."""
+    names = dict.fromkeys(robot.id for document in documents for robot in document.robots)
+    return {name: place for place, name in enumerate(names)}
+
+
 def scene_from(
     documents: Sequence[PlanDocument], epochs: list[Epoch], source: str, end: float
 ) -> Scene:
-    """Return a scene without marks and ghosts; the first document has everybody and the floor."""
+    """Return a scene without marks and ghosts; the first document has the floor and the terms."""
     first = documents[0]
     floor = first.workspace
+    radius = {robot.id: robot.radius for document in documents for robot in document.robots}
+    proofs = [document.proof for document in documents if document.proof is not None]
     return Scene(
         name=first.scenario,
         policy=first.policy,
-        tau=first.tau,
-        margin=first.margin,
-        proven=all(one.proof.holds for one in documents if one.proof is not None)
-        if any(one.proof for one in documents)
-        else None,
+        tau=round(first.tau, _DIGITS),
+        margin=round(first.margin, _DIGITS),
+        proven=all(proof.holds for proof in proofs) if proofs else None,
         source=source,
         end=round(end, _DIGITS),
         boundary=[] if floor is None else floor.boundary,
         obstacles=[] if floor is None else floor.obstacles,
-        robots=[Body(id=robot.id, radius=robot.radius) for robot in first.robots],
+        robots=[Body(id=name, radius=radius[name]) for name in index_of(documents)],
         epochs=epochs,
     )
 

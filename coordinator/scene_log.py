@@ -22,6 +22,7 @@ from coordinator.scene import (
     Halt,
     Mark,
     Scene,
+    index_of,
     rides_of,
     rounded_points,
     scene_from,
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from coordinator.logbook import Log, Record
 
 _WHY: Final = {"arrived": "arrived", "lost": "lost", "unfit": "not fit", "rests": "no way"}
-_KINDS: Final = {"freeze": "freeze"}
 _NS: Final = 1 / SECOND
 
 
@@ -98,16 +98,14 @@ class Course:
         if isinstance(message, Command):
             self.take_command(message, record.log_ns)
         elif isinstance(message, Report):
-            self._take_report(message, place[2], record.log_ns)
+            self.take_report(message, place[2], record.log_ns)
 
-    def _take_report(self, report: Report, robot: str, now_ns: int) -> None:
+    def take_report(self, report: Report, robot: str, now_ns: int) -> None:
+        """Take in what a robot said at a time; the first word about where it rests counts."""
         if report.phase in (MOVING, BRAKING, FROZEN, DONE):
             self.heard[report.epoch, robot] = (now_ns, report.phase)
         if report.rest is not None:
-            self.rests.setdefault(
-                (report.epoch if not report.rest.epoch else report.rest.epoch, robot),
-                report.rest.s_m,
-            )
+            self.rests.setdefault((report.rest.epoch, robot), report.rest.s_m)
 
 
 def scene_of_logs(logs: Sequence[tuple[str, Log]]) -> Scene:
@@ -127,7 +125,7 @@ def scene_of_course(course: Course) -> Scene:
     """Return the scene of what is known so far; there is at least one plan."""
     zero = min(course.starts.values(), default=min(course.begins.values(), default=0))
     documents = [document for _, document in sorted(course.plans.items())]
-    index = {robot.id: place for place, robot in enumerate(documents[0].robots)}
+    index = index_of(documents)
     epochs = [
         _epoch(course, document, documents[0], index, zero)
         for document in documents
@@ -225,10 +223,15 @@ def _marks(course: Course, epochs: Sequence[Epoch], zero: int) -> Iterator[Mark]
         for epoch in epochs
         if epoch.epoch in course.starts
     ]
-    for at, fault in course.faults:
-        robot = f"{fault.robot} " if fault.robot else ""
-        kind = _KINDS.get(fault.kind, "fault")
-        marks.append(Mark(t=round((at - zero) * _NS, 3), kind=kind, text=f"{robot}{fault.fault}"))
+    marks += [
+        Mark(t=round((at - zero) * _NS, 3), kind="freeze", text="all are told to freeze")
+        for at in course.frozen.values()
+    ]
+    marks += [
+        Mark(t=round((at - zero) * _NS, 3), kind="fault", text=f"{fault.robot} {fault.fault}")
+        for at, fault in course.faults
+        if fault.kind != "freeze"
+    ]
     if course.over is not None:
         marks.append(Mark(t=round((course.over - zero) * _NS, 3), kind="over", text="over"))
     yield from sorted(marks, key=lambda mark: mark.t)

@@ -41,6 +41,9 @@ It arms up to half the margin off; what it is off is in the margin that the othe
 _PER_TURN: Final = 0.037
 """How far [m] a robot comes off its path for each radian that it starts turned from it."""
 
+_TURNING: Final = 0.1
+"""A via point needs so much room [m] beside it: paths turn there."""
+
 _THERE: Final = 1e-3
 """A robot nearer to its goal than this [m] has arrived."""
 
@@ -123,13 +126,11 @@ def passable(site: Site) -> tuple[Site, list[str]]:
     said: list[str] = []
     robots = []
     for robot in site.scenario.robots:
-        room = robot.radius + site.scenario.margin
+        room = robot.radius + site.scenario.margin + _TURNING
         left = []
         for place in robot.via:
             here = shapely.Point(place)
-            by = [
-                a for a in site.aside if shapely.Polygon(a.disc()).distance(here) <= room + _THERE
-            ]
+            by = [a for a in site.aside if shapely.Polygon(a.disc()).distance(here) <= room]
             if by:
                 where = f"({place[0]:.2f}, {place[1]:.2f})"
                 said.append(f"{robot.id} does not pass {where}: {by[0].robot.id} stands there")

@@ -12,10 +12,12 @@ from coordinator.wait_summary import WaitSummary
 
 
 class Traffic(msgspec.Struct):
-    """What went over one key; payload bytes."""
+    """What went over one key; payload bytes; the rates are over the whole log."""
 
     messages: int = 0
     bytes: int = 0
+    messages_per_second: float = 0.0
+    bytes_per_second: float = 0.0
 
 
 class PhaseChange(msgspec.Struct):
@@ -44,7 +46,11 @@ class StopSummary(msgspec.Struct):
 
 
 class RobotSummary(msgspec.Struct):
-    """One robot: plan from the last plan that names it, the rest from the wire; times [s]."""
+    """One robot: plan from the last plan that names it, the rest from the wire; times [s].
+
+    `late`: heard of as arrived so long after the plan's finish, which is up to a report period
+    more than it was.  `reports_lost`: gaps in its sequence numbers.
+    """
 
     plan_bytes: int = 0
     control_points: int = 0
@@ -52,7 +58,10 @@ class RobotSummary(msgspec.Struct):
     planned_finish: float | None = None
     stops: list[StopSummary] = []
     arrived: float | None = None
+    late: float | None = None
     reports: int = 0
+    reports_lost: int = 0
+    reports_doubled: int = 0
     bytes_sent: int = 0
     fault: str | None = None
 
@@ -66,14 +75,61 @@ class FaultSummary(msgspec.Struct):
     kind: str
 
 
+class Percentiles(msgspec.Struct, frozen=True):
+    """How long something took [s]: half of `count` times at most `median`, and so on."""
+
+    count: int
+    median: float
+    p90: float
+    p99: float
+    most: float
+
+
+class FreezeSummary(msgspec.Struct):
+    """A freeze at `t` [s] and how long it took; null: not in the log.
+
+    `notice`: from the first sign of a fault in the log to FREEZE, null when silence was the sign;
+    `silence`: for how long the most silent robot had not been heard; `rest`: from FREEZE to the
+    report by which every robot that still spoke was at rest; `go`: from FREEZE to the next GO.
+    """
+
+    t: float
+    epoch: int
+    notice: float | None = None
+    silence: float | None = None
+    rest: float | None = None
+    go: float | None = None
+
+
+class Broadcast(msgspec.Struct, frozen=True):
+    """Beside what this fleet sent in all: the same one telling every position to every robot.
+
+    Deliveries and their payload, as if each robot sent `position_bytes` to each other one `rate`
+    times a second, `seconds` long: from the first GO to the last arrival.  A Command counts once
+    for each robot that it reaches.
+    """
+
+    robots: int
+    seconds: float
+    rate: float
+    position_bytes: int
+    messages: int
+    bytes: int
+    our_messages: int
+    our_bytes: int
+
+
 class Summary(msgspec.Struct):
     """The whole; `duration` [s] of the log, `tau` [s] of its first plan.
 
     `source`: "log" or "plan"; of a plan nothing but its own fields is known.  `waits`: of every
     epoch's plan, `proof`: of the last one.
     `bad_messages`: payloads on the fleet's keys that no receiver accepts.  `damage`: where the
-    file is not as it was written.  `robot_payload_bytes_per_second`: of the busiest robot, from
-    the first GO to the last arrival, null when there was none.
+    file is not as it was written.  `passive`: recorded by one who only listened.  `latencies`:
+    command_age and report_age, from the stamp of the coordinator's session to the recording;
+    command_gap, from one Command to the next; the freezes' parts.  `lost_messages`: gaps in the
+    sequence numbers of Reports and Commands.  `robot_payload_bytes_per_second`: of the busiest
+    robot, from the first GO to the last arrival, null when there was none.
     """
 
     fleet: str
@@ -84,7 +140,9 @@ class Summary(msgspec.Struct):
     damage: str
     messages: int
     source: str = "log"
+    passive: bool = False
     bad_messages: int = 0
+    lost_messages: int = 0
     positions_on_wire: int = 0
     largest_plan_bytes: int = 0
     largest_message_to_robot_bytes: int = 0
@@ -92,6 +150,9 @@ class Summary(msgspec.Struct):
     epochs: list[EpochSummary] = []
     robots: dict[str, RobotSummary] = {}
     faults: list[FaultSummary] = []
+    freezes: list[FreezeSummary] = []
+    latencies: dict[str, Percentiles] = {}
+    broadcast: Broadcast | None = None
     waits: list[WaitSummary] = []
     proof: Proof | None = None
     keys: dict[str, Traffic] = {}

@@ -27,6 +27,8 @@ _ENDPOINT: Final = re.compile(r"tcp/(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9_.-]+):(\d{1,5
 _ATTEMPT_MS: Final = 2_000
 """The longest single attempt to connect: Zenoh ignores Ctrl-C while it tries."""
 
+_LOOK_S: Final = 0.02
+
 _COMMON: Final[dict[str, Any]] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
@@ -135,6 +137,21 @@ class ZenohTransport(Transport):
                     handler(key, payload, sent_ns)
 
         self._session.declare_subscriber(key_expression, deliver, allowed_origin=self._remote)
+
+    def wait_for_listener(self, key_expression: str, timeout_s: float) -> bool:
+        """Wait until another session subscribes to any of these keys; False when none does."""
+        publisher = self._session.declare_publisher(
+            key_expression, allowed_destination=self._remote
+        )
+        deadline = time.monotonic() + timeout_s
+        try:
+            while not publisher.matching_status.matching:  # type: ignore[attr-defined]
+                if time.monotonic() >= deadline:
+                    return False
+                time.sleep(_LOOK_S)
+        finally:
+            publisher.undeclare()  # type: ignore[no-untyped-call]
+        return True
 
     def declare_alive(self, key: str) -> None:
         """Make the key count as alive for others, also after the link was lost and found again."""

@@ -25,7 +25,10 @@ REST_TIME = 0.1
 REST_SLACK = 3e-3
 """A robot ordered to stand that has not moved by REST_SLACK [m] for REST_TIME [s] rests."""
 
-_CATCH_UP_RATE = 1.0 / HOLD_OUT
+CATCH_UP_RATE = 10.0
+"""Of what a robot lags behind, so much is made up per second: a body that is slow to change its
+speed, and a place with noise, must not make it swing about its plan."""
+
 _SPARE_SPEED = 1.05
 
 
@@ -95,7 +98,7 @@ class Ride:
         timeline, s = self._timeline, self.follower.s
         planned = timeline.s_at(time)
         speed = (timeline.s_at(time + self._period) - planned) / self._period
-        self.speed = min(max(speed + (planned - s) * _CATCH_UP_RATE, 0.0), self._limit)
+        self.speed = min(max(speed + (planned - s) * CATCH_UP_RATE, 0.0), self._limit)
         self._reach(timeline.s_at(time + HOLD_OUT) - s)
 
     def begin_to_brake(self, time: float) -> None:

@@ -25,7 +25,8 @@ _BABBLE_NS: Final = round(SECOND / RATE)
 class Struck:
     """A fault that has happened: when, and the phases of the fleet and of its robot just before.
 
-    `robot_phase` is -1 for the coordinator's.
+    `robot_phase` is -1 of a robot that had no part in the epoch or did nothing any more, and of the
+    coordinator.
     """
 
     fault: Fault

@@ -203,8 +203,10 @@ class World:
 
     def _strike(self, fault: Fault) -> None:
         robot = self.robots.get(fault.robot)
-        phase = -1 if robot is None else robot.service.agent.phase
         fleet = self.fleet
+        works = robot is not None and not (robot.dead or robot.hung)
+        has_part = works and fleet.members[fault.robot].planned
+        phase = robot.service.agent.phase if robot is not None and has_part else -1
         self.struck.append(Struck(fault, self.now_ns, fleet.phase, phase, fleet.epoch))
         self._strikes.strike(fault)
 

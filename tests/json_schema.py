@@ -39,7 +39,11 @@ def _type(wanted, value, *_):
 
 def _bound(fits):
     def rule(wanted, value, *_):
-        if not isinstance(value, bool) and isinstance(value, (int, float)) and not fits(value, wanted):
+        if (
+            not isinstance(value, bool)
+            and isinstance(value, (int, float))
+            and not fits(value, wanted)
+        ):
             yield True
 
     return rule

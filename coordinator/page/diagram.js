@@ -8,7 +8,7 @@ class DiagramView {
       [...epoch.motions.values()].map((motion) => motion.length)));
     this.background = null;
     this.key = "";
-    this.box = { left: 36, top: 12, right: 12, bottom: 26 };
+    this.box = { left: 36, top: 18, right: 12, bottom: 26 };
   }
 
   X(t) {
@@ -44,7 +44,8 @@ class DiagramView {
     found.forEach((robot, index) => {
       if (robot && robot.motion) this.dot(pen, x, this.Y(robot.s), index, focus, hover, look);
     });
-    if (found[hover] && found[hover].motion) this.dot(pen, x, this.Y(found[hover].s), hover, focus, hover, look);
+    const over = found[hover];
+    if (over && over.motion) this.dot(pen, x, this.Y(over.s), hover, focus, hover, look);
   }
 
   dot(pen, x, y, index, focus, hover, look) {
@@ -145,6 +146,16 @@ class DiagramView {
       pen.stroke();
     }
     pen.setLineDash([]);
+    if (this.play.epochs.length < 2) return;
+    pen.textAlign = "left";
+    pen.textBaseline = "bottom";
+    pen.fillStyle = look.muted;
+    this.play.epochs.forEach((epoch, number) => {
+      const next = this.play.epochs[number + 1], x = this.X(Math.max(epoch.begin, 0));
+      const room = this.X(next ? next.begin : this.play.scene.end) - x;
+      const text = [`epoch ${epoch.epoch}`, `${epoch.epoch}`].find((one) => pen.measureText(one).width + 4 < room);
+      if (text) pen.fillText(text, x + 2, this.box.top - 1);
+    });
   }
 
   /** The robot whose line is nearest to a place on the canvas, or -1. */

@@ -1,60 +1,11 @@
-// The floor seen from above.  What changes only with the epoch is drawn once, on a sheet of its own.
+// The floor at one moment: robots, what is left of their paths, lit zones, waits, ghosts.
 
-const CROWD = 40;
-
-class FloorView {
+class FloorView extends Ground {
   constructor(canvas, play, shown) {
-    this.sheet = new Sheet(canvas);
-    this.play = play;
-    this.shown = shown;
-    this.crowd = play.scene.robots.length > CROWD;
-    this.bounds = this.extent();
+    super(canvas, play, shown);
     this.background = null;
     this.key = "";
     this.spots = [];
-  }
-
-  /** [x0, y0, x1, y1] of the floor, or of all paths when there is none. */
-  extent() {
-    const { boundary, robots } = this.play.scene;
-    let points = boundary, room = 0;
-    if (!points.length) {
-      points = this.play.epochs.flatMap((epoch) =>
-        [...epoch.motions.values()].flatMap((motion) => motion.xs.map((x, i) => [x, motion.ys[i]])));
-      room = 2 * Math.max(...robots.map((robot) => robot.radius), 0.1);
-    }
-    const box = [Infinity, Infinity, -Infinity, -Infinity];
-    for (const [x, y] of points) {
-      box[0] = Math.min(box[0], x - room);
-      box[1] = Math.min(box[1], y - room);
-      box[2] = Math.max(box[2], x + room);
-      box[3] = Math.max(box[3], y + room);
-    }
-    return box[0] < box[2] ? box : [0, 0, 1, 1];
-  }
-
-  get aspect() {
-    const [x0, y0, x1, y1] = this.bounds;
-    return (x1 - x0) / (y1 - y0);
-  }
-
-  fit() {
-    const [x0, y0, x1, y1] = this.bounds, { width, height } = this.sheet, edge = 10;
-    this.zoom = Math.max(Math.min((width - 2 * edge) / (x1 - x0), (height - 2 * edge) / (y1 - y0)), 1e-6);
-    this.left = 0.5 * (width - this.zoom * (x1 - x0)) - this.zoom * x0;
-    this.base = 0.5 * (height + this.zoom * (y1 - y0)) + this.zoom * y0;
-  }
-
-  X(x) { return this.left + this.zoom * x; }
-  Y(y) { return this.base - this.zoom * y; }
-
-  trace(pen, points, closed) {
-    pen.beginPath();
-    points.forEach((point, i) => {
-      const x = this.X(point.x ?? point[0]), y = this.Y(point.y ?? point[1]);
-      if (i) pen.lineTo(x, y); else pen.moveTo(x, y);
-    });
-    if (closed) pen.closePath();
   }
 
   /** Draw the floor at a time; `found` are the robots' states, `focus` and `hover` robots or -1. */
@@ -67,6 +18,7 @@ class FloorView {
       this.background = this.ground(epoch, focus, look);
     }
     const pen = this.sheet.begin(this.background.canvas);
+    if (this.shown.paths) this.drawAhead(pen, found, focus, look);
     if (this.shown.zones) this.light(pen, epoch, found, focus, look);
     if (this.shown.waits) this.drawWaits(pen, found, focus, look);
     this.spots = [];
@@ -80,90 +32,17 @@ class FloorView {
     if (this.shown.waits) this.sayWaits(pen, found, focus, look);
   }
 
-  ground(epoch, focus, look) {
-    const sheet = this.sheet.twin(), { pen } = sheet, { boundary, obstacles } = this.play.scene;
+  /** What is left of every path, stronger than what lies behind. */
+  drawAhead(pen, found, focus, look) {
     pen.lineJoin = pen.lineCap = "round";
-    if (boundary.length) {
-      this.trace(pen, boundary, true);
-      pen.fillStyle = look.ground;
-      pen.fill();
-    }
-    for (const corners of obstacles) {
-      this.trace(pen, corners, true);
-      pen.fillStyle = look.solid;
-      pen.fill();
-    }
-    if (boundary.length) {
-      this.trace(pen, boundary, true);
-      pen.strokeStyle = look.muted;
-      pen.lineWidth = 1;
-      pen.stroke();
-    }
-    for (const corners of epoch.keep_out) {
-      this.trace(pen, corners, true);
-      pen.fillStyle = pen.strokeStyle = look.red;
-      pen.globalAlpha = 0.1;
-      pen.fill();
-      pen.globalAlpha = 0.6;
-      pen.setLineDash([3, 3]);
-      pen.stroke();
-      pen.setLineDash([]);
-      pen.globalAlpha = 1;
-    }
-    if (this.shown.paths) this.drawPaths(pen, epoch, focus, look);
-    if (this.shown.zones) this.drawZones(pen, epoch, focus, look);
-    return sheet;
-  }
-
-  drawPaths(pen, epoch, focus, look) {
-    for (const [index, motion] of epoch.motions) {
-      const faint = focus >= 0 && focus !== index, goal = motion.place(motion.length);
-      const radius = this.zoom * this.play.scene.robots[index].radius;
+    found.forEach((robot, index) => {
+      const wanted = focus < 0 ? !this.crowd : focus === index;
+      if (!wanted || !robot || !robot.motion || robot.s >= robot.length || robot.state === "stopped") return;
       pen.strokeStyle = look.robot(index);
-      pen.globalAlpha = faint ? 0.15 : this.crowd && focus !== index ? 0.4 : 0.85;
-      pen.lineWidth = focus === index ? 2.5 : this.crowd ? 1 : 1.75;
-      this.trace(pen, motion.xs.map((x, i) => [x, motion.ys[i]]));
+      pen.lineWidth = 2;
+      this.trace(pen, robot.motion.stretch(robot.s, robot.length));
       pen.stroke();
-      pen.lineWidth = 1.25;
-      pen.setLineDash([3, 3]);
-      pen.beginPath();
-      pen.arc(this.X(goal.x), this.Y(goal.y), Math.max(radius, 3), 0, 7);
-      pen.stroke();
-      pen.setLineDash([]);
-      pen.fillStyle = look.robot(index);
-      pen.beginPath();
-      pen.arc(this.X(goal.x), this.Y(goal.y), 2, 0, 7);
-      pen.fill();
-    }
-    pen.globalAlpha = 1;
-  }
-
-  /** Zones of interest: all of a small fleet; of a large one those that force waits. */
-  zones(epoch, focus) {
-    return epoch.zones.filter((zone) =>
-      focus >= 0 ? zone.a === focus || zone.b === focus : zone.forces || !this.crowd);
-  }
-
-  drawZones(pen, epoch, focus, look) {
-    this.lightable = this.zones(epoch, focus);
-    pen.strokeStyle = look.muted;
-    pen.globalAlpha = 0.16;
-    for (const zone of this.lightable) {
-      if (zone.forces) {
-        this.band(pen, epoch, zone.a, zone.on_a);
-        this.band(pen, epoch, zone.b, zone.on_b);
-      }
-    }
-    pen.globalAlpha = 1;
-  }
-
-  band(pen, epoch, index, [from, to]) {
-    const motion = epoch.motions.get(index);
-    if (!motion) return;
-    pen.lineCap = "round";
-    pen.lineWidth = Math.max(2 * this.zoom * this.play.scene.robots[index].radius, 6);
-    this.trace(pen, motion.stretch(from, to));
-    pen.stroke();
+    });
   }
 
   light(pen, epoch, found, focus, look) {
@@ -172,12 +51,12 @@ class FloorView {
       return robot && robot.motion && robot.state !== "arrived" && robot.s >= from && robot.s <= to;
     };
     pen.strokeStyle = look.amber;
-    for (const zone of this.lightable || []) {
+    for (const zone of this.lightable) {
       const a = within(zone.a, zone.on_a), b = within(zone.b, zone.on_b);
       if (!a && !b) continue;
-      pen.globalAlpha = 0.5;
+      pen.globalAlpha = this.crowd ? 0.35 : 0.5;
       if (a) this.band(pen, epoch, zone.a, zone.on_a); else this.band(pen, epoch, zone.b, zone.on_b);
-      pen.globalAlpha = 0.25;
+      pen.globalAlpha = this.crowd ? 0.12 : 0.25;
       if (a) this.band(pen, epoch, zone.b, zone.on_b); else this.band(pen, epoch, zone.a, zone.on_a);
     }
     pen.globalAlpha = 1;
@@ -201,7 +80,8 @@ class FloorView {
     if (inside || !this.crowd || focus === index) {
       pen.textAlign = "center";
       pen.textBaseline = "middle";
-      pen.font = look.font(inside ? Math.min(radius * 0.95, 13) * Math.min(1, 2.6 / body.id.length) : 11, 600);
+      const size = Math.min(radius * 0.95, 13) * Math.min(1, 2.6 / body.id.length);
+      pen.font = look.font(inside ? size : 11, 600);
       pen.fillStyle = inside && !gone ? look.onRobot : look.ink;
       if (inside) {
         pen.fillText(body.id, x, y + 0.5);
@@ -217,7 +97,7 @@ class FloorView {
 
   /** A small wedge on the rim, where the robot faces. */
   drawHeading(pen, x, y, radius, heading, colour) {
-    const reach = radius + Math.max(3.5, 0.28 * radius), wide = 0.42;
+    const reach = radius + Math.max(4, 0.45 * radius), wide = 0.5;
     pen.beginPath();
     pen.moveTo(x + reach * Math.cos(heading), y - reach * Math.sin(heading));
     pen.arc(x, y, radius + 0.5, -(heading - wide), -(heading + wide), true);
@@ -227,8 +107,8 @@ class FloorView {
   }
 
   drawGhosts(pen, t, found, focus, look) {
-    pen.setLineDash([4, 3]);
-    pen.lineWidth = 1.5;
+    pen.setLineDash([3, 3]);
+    pen.lineWidth = 1;
     pen.strokeStyle = look.ink;
     this.play.scene.robots.forEach((body, index) => {
       const truth = this.play.truth(index, t);
@@ -251,16 +131,19 @@ class FloorView {
   }
 
   drawWaits(pen, found, focus, look) {
-    pen.lineWidth = 1.5;
-    pen.strokeStyle = look.ink;
-    pen.setLineDash([2, 4]);
-    for (const { robot, other } of this.waiting(found, focus)) {
+    const quiet = this.crowd && focus < 0;
+    pen.lineWidth = quiet ? 1 : 1.5;
+    pen.setLineDash(quiet ? [1, 3] : [2, 4]);
+    pen.globalAlpha = quiet ? 0.5 : 1;
+    for (const { robot, other, index } of this.waiting(found, focus)) {
+      pen.strokeStyle = quiet ? look.robot(index) : look.ink;
       pen.beginPath();
       pen.moveTo(this.X(robot.x), this.Y(robot.y));
       pen.lineTo(this.X(other.x), this.Y(other.y));
       pen.stroke();
     }
     pen.setLineDash([]);
+    pen.globalAlpha = 1;
   }
 
   sayWaits(pen, found, focus, look) {
@@ -268,19 +151,34 @@ class FloorView {
     pen.font = look.font(12, 500);
     pen.textAlign = "left";
     pen.textBaseline = "middle";
+    const taken = [];
     for (const { robot, index } of this.waiting(found, focus)) {
       const bodies = this.play.scene.robots, text = `waits for ${bodies[robot.lets].id}`;
-      const wide = pen.measureText(text).width + 14, radius = Math.max(this.zoom * bodies[index].radius, 4);
-      const right = this.X(robot.x) + radius + 8;
-      const x = right + wide < this.sheet.width ? right : this.X(robot.x) - radius - 8 - wide;
-      const y = Math.max(this.Y(robot.y), 14);
+      const spot = this.room(robot, bodies[index], pen.measureText(text).width + 14, taken);
+      taken.push(spot);
       pen.fillStyle = look.ink;
       pen.beginPath();
-      pen.roundRect(x, y - 11, wide, 22, 11);
+      pen.roundRect(spot.x, spot.y, spot.wide, spot.tall, 11);
       pen.fill();
       pen.fillStyle = look.panel;
-      pen.fillText(text, x + 7, y + 0.5);
+      pen.fillText(text, spot.x + 7, spot.y + 11.5);
     }
+  }
+
+  /** A place beside a robot for words, that hides no other robot if there is one. */
+  room(robot, body, wide, taken) {
+    const x = this.X(robot.x), y = this.Y(robot.y), tall = 22;
+    const away = Math.max(this.zoom * body.radius, 4) + 8;
+    const middle = Math.max(Math.min(x - wide / 2, this.sheet.width - wide - 2), 2);
+    const tries = [[x + away, y - 11], [x - away - wide, y - 11], [middle, y + away], [middle, y - away - 34]]
+      .map(([left, top]) => ({ x: left, y: top, wide, tall }));
+    const inside = ({ x: left, y: top }) =>
+      left > 0 && top > 0 && left + wide < this.sheet.width && top + tall < this.sheet.height;
+    const hides = (one) => taken.some((other) =>
+      Math.abs(one.x - other.x) < 0.5 * (wide + other.wide) && Math.abs(one.y - other.y) < tall) ||
+      this.spots.some((spot) => spot.x + spot.radius > one.x && spot.x - spot.radius < one.x + wide &&
+        spot.y + spot.radius > one.y && spot.y - spot.radius < one.y + tall);
+    return tries.find((one) => inside(one) && !hides(one)) || tries.find(inside) || tries[0];
   }
 
   /** The robot at a place on the canvas, or -1. */

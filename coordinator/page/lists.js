@@ -21,7 +21,8 @@ function describe(scene) {
   const count = scene.robots.length;
   byId("name").textContent = scene.name;
   byId("terms").textContent =
-    `${count} robot${count === 1 ? "" : "s"} · τ ${scene.tau} s · margin ${scene.margin} m · policy ${scene.policy}`;
+    `${count} robot${count === 1 ? "" : "s"} · τ ${scene.tau} s` +
+    ` · margin ${scene.margin} m · policy ${scene.policy}`;
   const verdict = byId("verdict");
   verdict.hidden = scene.proven === null;
   verdict.textContent = scene.proven ? "proof holds" : "proof fails";
@@ -109,7 +110,10 @@ class Tip {
     const near = this.nearest(found, index);
     if (near) lines.push(`${near.away.toFixed(2)} m to ${bodies[near.other].id}`);
     const truth = play.truth(index, t);
-    if (truth) lines.push(`truly ${(1000 * Math.hypot(truth.x - robot.x, truth.y - robot.y)).toFixed(0)} mm off${truth.over ? ", last row" : ""}`);
+    if (truth) {
+      const off = 1000 * Math.hypot(truth.x - robot.x, truth.y - robot.y);
+      lines.push(`truly ${off.toFixed(0)} mm off${truth.over ? ", when last recorded" : ""}`);
+    }
     this.box.replaceChildren(element("strong", { textContent: bodies[index].id }),
       ...lines.map((line) => element("span", { textContent: line })));
     const room = this.box.parentElement.getBoundingClientRect();

@@ -4,7 +4,7 @@ const HUES = {
   light: ["#0072b2", "#c84f00", "#00805c", "#b25089", "#a87400", "#2b8fc4", "#57606a", "#7c7600"],
   dark: ["#58aee6", "#ff9050", "#35c79c", "#e39bc6", "#eab13e", "#90d2f5", "#adb6c1", "#cfc650"],
 };
-const SHADES = { light: [1, 0.68, 0.85, 0.52], dark: [1, 0.74, 0.88, 0.62] };
+const SHADES = { light: [1, 0.72, 0.86, 0.6], dark: [1, 0.74, 0.88, 0.62] };
 
 function shaded(colour, share) {
   const part = (at) => Math.round(parseInt(colour.slice(at, at + 2), 16) * share);
@@ -18,7 +18,9 @@ class Look {
     const theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
     const read = (name) => style.getPropertyValue(`--${name}`).trim();
     this.dark = theme === "dark";
-    for (const name of ["ink", "muted", "line", "panel", "ground", "solid", "amber", "red"]) this[name] = read(name);
+    for (const name of ["ink", "muted", "line", "panel", "ground", "solid", "amber", "red"]) {
+      this[name] = read(name);
+    }
     this.onRobot = this.dark ? "#0d1117" : "#ffffff";
     this.font = (size, weight = 400) => `${weight} ${size}px ${read("font")}`;
     this.robot = (index) =>

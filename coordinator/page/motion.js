@@ -83,11 +83,15 @@ class Motion {
   }
 }
 
+/** Before the first plan of a running fleet is heard. */
+const NOTHING = { epoch: 0, begin: 0, start: 0, frozen: null, rides: [], aside: [], keep_out: [], zones: [] };
+
 /** A scene in time: all robots at any second. */
 class Play {
   constructor(scene) {
     this.scene = scene;
-    this.epochs = scene.epochs.map((epoch) => ({
+    const epochs = scene.epochs.length ? scene.epochs : [NOTHING];
+    this.epochs = epochs.map((epoch) => ({
       ...epoch,
       motions: new Map(epoch.rides.map((ride) => [ride.robot, new Motion(ride)])),
       why: new Map(epoch.aside.map((one) => [one.robot, one.why])),

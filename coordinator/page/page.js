@@ -26,10 +26,16 @@ function load(scene) {
   robots.choose(focus);
   byId("ghosts-label").hidden = scene.ghosts.length === 0;
   byId("floor").parentElement.style.setProperty("--aspect", Math.min(Math.max(floor.aspect, 0.6), 2.4));
-  controls.slider.max = scene.end;
+  setEnd(scene.end);
   if (first) now = 0;
   listed = -Infinity;
   stale = true;
+}
+
+function setEnd(end) {
+  play.scene.end = end;
+  controls.slider.max = end;
+  byId("end").textContent = `of ${end.toFixed(1)} s`;
 }
 
 function seek(t) {
@@ -121,7 +127,8 @@ const KEYS = {
 function pressed(event) {
   const act = KEYS[event.key], target = event.target;
   if (!act || event.ctrlKey || event.metaKey || event.altKey) return;
-  const own = target.closest("select") || (event.key === " " && target.closest("button, summary, input[type=checkbox]"));
+  const clicks = event.key === " " && target.closest("button, summary, input[type=checkbox]");
+  const own = target.closest("select") || clicks;
   if (own) return;
   event.preventDefault();
   if (event.key !== "+" && event.key !== "-" && event.key !== "=") setFollowing(false);
@@ -190,10 +197,7 @@ function listen() {
 function followLive() {
   if (!fleetClock) return;
   const t = fleetClock.seconds + fleetClock.speed * (performance.now() - fleetClock.heard) / 1000;
-  if (t > play.scene.end) {
-    play.scene.end = Math.ceil(t / 10) * 10;
-    controls.slider.max = play.scene.end;
-  }
+  if (t > play.scene.end) setEnd(Math.ceil(t / 10) * 10);
   seek(t);
 }
 
@@ -202,7 +206,10 @@ watchFloor(byId("floor"));
 watchDiagram(byId("diagram"));
 document.addEventListener("keydown", pressed);
 controls.play.addEventListener("click", () => { setFollowing(false); setRunning(!running); });
-controls.slider.addEventListener("input", () => { setFollowing(false); seek(Number(controls.slider.value)); });
+controls.slider.addEventListener("input", () => {
+  setFollowing(false);
+  seek(Number(controls.slider.value));
+});
 controls.follow.addEventListener("click", () => setFollowing(!following));
 for (const name of Object.keys(shown)) {
   byId(`show-${name}`).addEventListener("change", (event) => {

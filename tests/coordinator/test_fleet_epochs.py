@@ -227,3 +227,20 @@ def test_an_admitted_robot_that_never_says_where_it_stands_is_not_waited_for_for
         floor.tick()
     assert floor.fleet.is_settled(floor.now)
     assert state_of(floor)["R1"] == "rests"
+
+
+def test_a_robot_lost_while_it_brakes_may_stand_where_it_last_kept_to_its_plan():
+    floor = Floor().go()
+    kept = floor.now
+    for _ in range(9):
+        floor.tick()
+        floor.report("R1", MOVING)
+        floor.report("R3", MOVING)
+        floor.report("R2", BRAKING, fault=LATE)
+    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
+        floor.report("R1", FROZEN, s_m=1.0)
+        floor.report("R3", FROZEN, s_m=1.0)
+        floor.tick()
+    told = {standing.robot: standing for standing in floor.fleet.standings()}
+    assert told["R2"].state == "lost"
+    assert told["R2"].since <= (kept - floor.fleet.start_ns) / SECOND

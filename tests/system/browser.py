@@ -143,7 +143,7 @@ def browser(folder):
         [find_browser(), *OPTIONS, f"--user-data-dir={folder}"],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        preexec_fn=connect,  # noqa: PLW1509
+        preexec_fn=connect,
         close_fds=False,
         start_new_session=True,
     )

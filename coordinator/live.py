@@ -1,0 +1,84 @@
+"""A running fleet followed: what is heard made into scenes, and both into events for the page.
+
+Decides: what is listened to, and when the page is told.  Must not know: how the page looks.  It
+listens only: nothing is ever sent to the fleet but the link itself.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from coordinator.live_course import LiveCourse
+from coordinator.page import scene_json
+from coordinator.plan import read
+from coordinator.scene import Scene
+from protocol import keys
+from protocol.transport import Transport
+from protocol.zenoh_transport import ZenohTransport
+
+_PERIOD_S: Final = 0.5
+"""The page is told the fleet's time this often, and of news at most twice as often."""
+
+
+class Feed:
+    """What is known of the fleet, for any number of listening pages."""
+
+    def __init__(self, course: LiveCourse) -> None:
+        self._course = course
+        self._news = threading.Condition()
+        self._version = 0
+
+    def listen(self, transport: Transport, fleet: str | None) -> None:
+        """Subscribe to all that the fleet says."""
+        name = fleet or "*"
+        for kind in (keys.hello, keys.plan, keys.report, keys.clock):
+            transport.subscribe(kind(name, "*"), self._hear)
+        transport.subscribe(keys.command(name), self._hear)
+
+    def scene(self) -> Scene:
+        """Return the scene as it is known now."""
+        with self._news:
+            return self._course.scene()
+
+    def events(self) -> Iterator[tuple[str, str]]:
+        """Yield a scene whenever something new is known, and the fleet's time."""
+        seen = -1
+        while True:
+            with self._news:
+                fresh = self._version != seen or self._news.wait(_PERIOD_S)
+                scene = self._course.scene() if fresh else None
+                clock, seen = self._course.clock(time.monotonic()), self._version
+            if scene is not None:
+                yield "scene", scene_json(scene)
+            if clock is not None:
+                yield "clock", msgspec.json.encode(clock).decode()
+            else:
+                yield "", ""
+            if scene is not None:
+                time.sleep(0.5 * _PERIOD_S)
+
+    def _hear(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
+        with self._news:
+            if self._course.hear(key, payload, time.monotonic()):
+                self._version += 1
+                self._news.notify_all()
+
+
+@contextmanager
+def followed(endpoint: str, fleet: str | None, plan: Path | None) -> Iterator[Feed]:
+    """Follow the fleet at an endpoint; `plan` tells the floor and the first epoch.
+
+    Raises TransportError when nobody is there, InputError for a bad plan file.
+    """
+    document = None if plan is None else read(plan)
+    feed = Feed(LiveCourse(fleet or (document.scenario if document else None), document))
+    with ZenohTransport.connect(endpoint) as transport:
+        feed.listen(transport, fleet)
+        yield feed

@@ -1,0 +1,145 @@
+// The floor where it changes only with the epoch: drawn once, on a sheet of its own.
+
+const CROWD = 40;
+
+class Ground {
+  constructor(canvas, play, shown) {
+    this.sheet = new Sheet(canvas);
+    this.play = play;
+    this.shown = shown;
+    this.crowd = play.scene.robots.length > CROWD;
+    this.bounds = this.extent();
+    this.lightable = [];
+  }
+
+  /** [x0, y0, x1, y1] of the floor, or of all paths when there is none. */
+  extent() {
+    const { boundary, robots } = this.play.scene;
+    let points = boundary, room = 0;
+    if (!points.length) {
+      points = this.play.epochs.flatMap((epoch) =>
+        [...epoch.motions.values()].flatMap((motion) => motion.xs.map((x, i) => [x, motion.ys[i]])));
+      room = 2 * Math.max(...robots.map((robot) => robot.radius), 0.1);
+    }
+    const box = [Infinity, Infinity, -Infinity, -Infinity];
+    for (const [x, y] of points) {
+      box[0] = Math.min(box[0], x - room);
+      box[1] = Math.min(box[1], y - room);
+      box[2] = Math.max(box[2], x + room);
+      box[3] = Math.max(box[3], y + room);
+    }
+    return box[0] < box[2] ? box : [0, 0, 1, 1];
+  }
+
+  get aspect() {
+    const [x0, y0, x1, y1] = this.bounds;
+    return (x1 - x0) / (y1 - y0);
+  }
+
+  fit() {
+    const [x0, y0, x1, y1] = this.bounds, { width, height } = this.sheet, edge = 10;
+    const fits = Math.min((width - 2 * edge) / (x1 - x0), (height - 2 * edge) / (y1 - y0));
+    this.zoom = Math.max(fits, 1e-6);
+    this.left = 0.5 * (width - this.zoom * (x1 - x0)) - this.zoom * x0;
+    this.base = 0.5 * (height + this.zoom * (y1 - y0)) + this.zoom * y0;
+  }
+
+  X(x) { return this.left + this.zoom * x; }
+  Y(y) { return this.base - this.zoom * y; }
+
+  trace(pen, points, closed) {
+    pen.beginPath();
+    points.forEach((point, i) => {
+      const x = this.X(point.x ?? point[0]), y = this.Y(point.y ?? point[1]);
+      if (i) pen.lineTo(x, y); else pen.moveTo(x, y);
+    });
+    if (closed) pen.closePath();
+  }
+
+  ground(epoch, focus, look) {
+    const sheet = this.sheet.twin(), { pen } = sheet, { boundary, obstacles } = this.play.scene;
+    pen.lineJoin = pen.lineCap = "round";
+    if (boundary.length) {
+      this.trace(pen, boundary, true);
+      pen.fillStyle = look.ground;
+      pen.fill();
+    }
+    for (const corners of obstacles) {
+      this.trace(pen, corners, true);
+      pen.fillStyle = look.solid;
+      pen.fill();
+    }
+    if (boundary.length) {
+      this.trace(pen, boundary, true);
+      pen.strokeStyle = look.muted;
+      pen.lineWidth = 1;
+      pen.stroke();
+    }
+    for (const corners of epoch.keep_out) {
+      this.trace(pen, corners, true);
+      pen.fillStyle = pen.strokeStyle = look.red;
+      pen.globalAlpha = 0.1;
+      pen.fill();
+      pen.globalAlpha = 0.6;
+      pen.setLineDash([3, 3]);
+      pen.stroke();
+      pen.setLineDash([]);
+      pen.globalAlpha = 1;
+    }
+    if (this.shown.paths) this.drawPaths(pen, epoch, focus, look);
+    if (this.shown.zones) this.drawZones(pen, epoch, focus, look);
+    return sheet;
+  }
+
+  drawPaths(pen, epoch, focus, look) {
+    for (const [index, motion] of epoch.motions) {
+      const faint = focus >= 0 && focus !== index, goal = motion.place(motion.length);
+      const radius = this.zoom * this.play.scene.robots[index].radius;
+      pen.strokeStyle = look.robot(index);
+      pen.globalAlpha = faint ? 0.12 : 0.35;
+      pen.lineWidth = this.crowd && focus !== index ? 1 : 1.5;
+      this.trace(pen, motion.xs.map((x, i) => [x, motion.ys[i]]));
+      pen.stroke();
+      pen.globalAlpha = faint ? 0.12 : this.crowd && focus !== index ? 0.5 : 0.9;
+      pen.lineWidth = 1.25;
+      pen.setLineDash([3, 3]);
+      pen.beginPath();
+      pen.arc(this.X(goal.x), this.Y(goal.y), Math.max(radius, 3), 0, 7);
+      pen.stroke();
+      pen.setLineDash([]);
+      pen.fillStyle = look.robot(index);
+      pen.beginPath();
+      pen.arc(this.X(goal.x), this.Y(goal.y), 2, 0, 7);
+      pen.fill();
+    }
+    pen.globalAlpha = 1;
+  }
+
+  /** Zones of interest: all of a small fleet; of a large one those that force waits. */
+  zones(epoch, focus) {
+    return epoch.zones.filter((zone) =>
+      focus >= 0 ? zone.a === focus || zone.b === focus : zone.forces || !this.crowd);
+  }
+
+  drawZones(pen, epoch, focus, look) {
+    this.lightable = this.zones(epoch, focus);
+    pen.strokeStyle = look.muted;
+    pen.globalAlpha = this.crowd && focus < 0 ? 0.06 : 0.16;
+    for (const zone of this.lightable) {
+      if (zone.forces) {
+        this.band(pen, epoch, zone.a, zone.on_a);
+        this.band(pen, epoch, zone.b, zone.on_b);
+      }
+    }
+    pen.globalAlpha = 1;
+  }
+
+  band(pen, epoch, index, [from, to]) {
+    const motion = epoch.motions.get(index);
+    if (!motion) return;
+    pen.lineCap = "round";
+    pen.lineWidth = Math.max(2 * this.zoom * this.play.scene.robots[index].radius, 6);
+    this.trace(pen, motion.stretch(from, to));
+    pen.stroke();
+  }
+}

@@ -1,0 +1,187 @@
+"""The page in a headless Chromium: what it shows is what the plan says."""
+
+import json
+import math
+import os
+import random
+from pathlib import Path
+
+import pytest
+
+from coordinator.page import page_of
+from coordinator.plan import read, to_json
+from coordinator.planner import plan_scenario
+from coordinator.scenario_file import read_scenario
+from coordinator.scene import scene_of_plan
+from coordinator.wire import drive
+from sim.generator import generate
+from tests.system.browser import browser, find_browser
+from tests.system.fleet_tools import ROOT, line_with, splinefleet, started
+
+pytestmark = pytest.mark.skipif(
+    find_browser() is None, reason="no Chromium is installed (BROWSER names one)"
+)
+
+AXE = next(
+    (
+        path
+        for path in (
+            Path(os.environ.get("AXE", "axe.min.js")),
+            ROOT / "node_modules" / "axe-core" / "axe.min.js",
+        )
+        if path.is_file()
+    ),
+    None,
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with plan.json and page.html of the paper's five robots."""
+    folder = tmp_path_factory.mktemp("page")
+    document = plan_scenario(read_scenario(ROOT / "examples" / "paper_five.toml"), effort=0)
+    (folder / "plan.json").write_bytes(to_json(document))
+    made = splinefleet("plot", folder / "plan.json", "-o", folder / "page.html")
+    assert made.returncode == 0, made.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def tab(folder):
+    with browser(folder / "profile") as tab:
+        yield tab
+
+
+@pytest.fixture
+def page(tab, folder):
+    """The page, fresh, on a large light screen; it must not complain."""
+    tab.errors.clear()
+    tab.asked.clear()
+    tab.screen(1400, 900)
+    address = (folder / "page.html").as_uri()
+    tab.open(address)
+    yield tab
+    assert tab.errors == []
+    assert tab.asked == [address]
+
+
+def test_the_slider_moves_the_robots_to_where_the_plan_has_them(page, folder):
+    document = read(folder / "plan.json")
+    chance = random.Random(5)
+    for _ in range(20):
+        t = round(chance.uniform(0.0, 25.0), 2)
+        page.run(
+            f"(s => {{ s.value = {t}; s.dispatchEvent(new Event('input')); }})"
+            "(document.getElementById('slider'))"
+        )
+        page.settle()
+        assert page.run("splinefleet.time") == pytest.approx(t)
+        assert page.run("document.getElementById('clock').textContent") == f"{t:.1f} s"
+        told = page.run("splinefleet.at(splinefleet.time)")
+        for one in drive(document):
+            s = one.timeline.s_at(t)
+            true = one.curve.at_arc([s])[0]
+            assert math.dist((told[one.id]["x"], told[one.id]["y"]), true) < 0.002
+            assert told[one.id]["s"] == pytest.approx(s, abs=1e-3)
+            assert told[one.id]["v"] == pytest.approx(one.timeline.v_at(t), abs=1e-3)
+
+
+def test_the_picture_shows_a_robot_where_the_plan_has_it(page):
+    x, y = page.run("(r => [r.x, r.y])(splinefleet.at(9).R3)")
+    page.run("splinefleet.seek(9)")
+    page.settle()
+    box = page.run(
+        "(b => [b.left, b.top, b.width, b.height])"
+        "(document.getElementById('floor').getBoundingClientRect())"
+    )
+    zoom = min((box[2] - 20) / 10.0, (box[3] - 20) / 10.0)
+    page.point(box[0] + 0.5 * box[2] + zoom * (x - 5.0), box[1] + 0.5 * box[3] - zoom * (y - 5.0))
+    tip = page.run("document.getElementById('tip').innerText")
+    assert tip.startswith("R3")
+    assert f"at {x:.2f}, {y:.2f} m" in tip
+
+
+def test_the_keyboard_plays_steps_and_jumps(page):
+    now = "splinefleet.time"
+    page.press("ArrowRight")
+    page.press("ArrowRight")
+    page.press("ArrowLeft")
+    assert page.run(now) == pytest.approx(0.5)
+    page.press("End")
+    assert page.run(now) == pytest.approx(page.run("splinefleet.end"))
+    page.press("Home")
+    assert page.run(now) == 0
+    speed = "document.getElementById('speed').value"
+    page.press("+", "+")
+    assert page.run(speed) == "2"
+    page.press("-", "-")
+    assert page.run(speed) == "1"
+    page.press(" ", " ")
+    assert page.run("splinefleet.running")
+    assert page.run("document.getElementById('play').getAttribute('aria-label')") == "Pause"
+    page.run(
+        "new Promise(r => { const look = () => splinefleet.time > 0.05 ? r() : "
+        "requestAnimationFrame(look); look(); })"
+    )
+    page.press(" ", " ")
+    assert not page.run("splinefleet.running")
+
+
+def test_waiting_is_told_in_words(page, folder):
+    document = read(folder / "plan.json")
+    robot = next(robot for robot in document.robots if robot.stops)
+    stop = robot.stops[0]
+    page.run(f"splinefleet.seek({0.5 * (stop.arrive + stop.depart)})")
+    page.settle()
+    said = page.run("document.getElementById('robots').innerText")
+    assert f"{robot.id}\nwaits for {stop.yields_to}" in said
+
+
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("width", [320, 390, 800, 1920])
+def test_nothing_scrolls_sideways(page, width, dark):
+    page.screen(width, 844, dark)
+    page.settle()
+    assert page.run("document.documentElement.scrollWidth") <= width
+    sizes = page.run(
+        "['floor', 'diagram'].map(id => document.getElementById(id).getBoundingClientRect().width)"
+    )
+    assert min(sizes) > 0.4 * min(width, 600)
+
+
+@pytest.mark.skipif(AXE is None, reason="no axe.min.js here (AXE names one)")
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("width", [390, 1920])
+def test_axe_finds_nothing_that_keeps_anybody_out(page, width, dark):
+    page.screen(width, 1080, dark)
+    page.run("splinefleet.seek(2.2)")
+    page.settle()
+    page.run(AXE.read_text() + "; true")
+    found = page.run("axe.run(document, {resultTypes: ['violations']})")
+    assert [(one["id"], [n["target"] for n in one["nodes"]]) for one in found["violations"]] == []
+
+
+def test_a_hundred_robots_are_drawn_in_a_fiftieth_of_a_second(tab, folder):
+    document = plan_scenario(generate("open", 100, 3), effort=0)
+    (folder / "hundred.html").write_text(page_of(scene_of_plan(document)))
+    tab.errors.clear()
+    tab.screen(1920, 1080)
+    tab.open((folder / "hundred.html").as_uri())
+    times = tab.run(
+        "(() => { const took = []; for (let i = 0; i < 60; i++) {"
+        " splinefleet.seek(i / 3); const begin = performance.now(); splinefleet.draw();"
+        " took.push(performance.now() - begin); } return took; })()"
+    )
+    assert sorted(times)[len(times) // 2] < 20.0
+    assert tab.errors == []
+
+
+def test_view_serves_the_page(tab, folder):
+    with started("view", folder / "plan.json", "--no-open") as process:
+        address = line_with(process, "http://").strip()
+        tab.errors.clear()
+        tab.asked.clear()
+        tab.open(address)
+        assert json.dumps(tab.errors) == "[]"
+        assert tab.asked == [address]
+        assert set(tab.run("splinefleet.at(3)")) == {"R1", "R2", "R3", "R4", "R5"}
