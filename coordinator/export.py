@@ -44,18 +44,38 @@ _HALVINGS: Final = 60
 class Leg:
     """What one robot drove in one epoch: its plan from `start` on, its plan's time zero.
 
-    It does not go beyond arc length `most` [m], which it reaches at `end`; there it stays.
+    From plan time `brake` [s] on it braked at `rate` [m/s^2] (0: it stood at once) and rested.
     """
 
     epoch: int
     driven: Driven
     start: float
-    end: float
-    most: float = math.inf
+    brake: float = math.inf
+    rate: float = 0.0
+
+    @property
+    def end(self) -> float:
+        """When the robot came to rest."""
+        line = self.driven.timeline
+        if self.brake >= line.finish:
+            return self.start + line.finish
+        slowing = line.v_at(self.brake) / self.rate if self.rate > 0.0 else 0.0
+        return self.start + self.brake + slowing
 
     def sample(self, times: Array) -> Array:
         """Return x, y [m], heading [rad], s [m], v [m/s] at times of the story, (m, 5)."""
-        return trajectory.sample(self.driven, (times - self.start).tolist(), self.most)
+        line = self.driven.timeline
+        by_plan = np.minimum(times - self.start, self.brake)
+        s = np.array([line.s_at(t) for t in by_plan.tolist()])
+        v = np.array([line.v_at(t) for t in by_plan.tolist()])
+        slowing = times - self.start - by_plan
+        if self.rate > 0.0:
+            slowing = np.minimum(slowing, v / self.rate)
+            s += slowing * (v - 0.5 * self.rate * slowing)
+            v -= self.rate * slowing
+        else:
+            v[slowing > 0.0] = 0.0
+        return trajectory.at_arcs(self.driven, s, v)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +111,7 @@ def read_story(path: Path) -> Story:
 
 def story_of_plan(document: PlanDocument) -> Story:
     """Return the story of a plan as if it were driven from time 0 on."""
-    legs = [Leg(document.epoch, one, 0.0, one.timeline.finish) for one in drive(document)]
+    legs = [Leg(document.epoch, one, 0.0) for one in drive(document)]
     last = max((leg.end for leg in legs), default=0.0)
     return Story(document.scenario, legs, {document.epoch: document}, 0, 0.0, last)
 
@@ -211,22 +231,27 @@ def _legs(
     for epoch, turn in sorted(heard.turns.items()):
         start_ns = turn.start_ns + lag_ns
         for robot, one in driven.get(epoch, {}).items():
-            start, most = (start_ns - zero_ns) / 1e9, math.inf
-            end = one.timeline.finish
-            if turn.frozen_ns is not None:
-                heard_ns = min(heard.last.get((epoch, robot), turn.frozen_ns), turn.frozen_ns)
-                until = max(heard_ns - start_ns, 0) / 1e9
-                most = heard.rests.get((epoch, robot), one.timeline.s_at(until))
-                end = _reached(one, most)
-            legs.append(Leg(epoch, one, start, start + end, most))
+            brake, rate = math.inf, one.plan.brake_mmps2 / 1000.0
+            if turn.frozen_ns is not None and (epoch, robot) in heard.rests:
+                brake = _brakes(one, heard.rests[epoch, robot], rate)
+            elif turn.frozen_ns is not None:
+                last_ns = min(heard.last.get((epoch, robot), turn.frozen_ns), turn.frozen_ns)
+                brake, rate = max(last_ns - start_ns, 0) / 1e9, 0.0
+            legs.append(Leg(epoch, one, (start_ns - zero_ns) / 1e9, brake, rate))
     return legs
 
 
-def _reached(driven: Driven, s: float) -> float:
-    """Return when a robot comes to arc length s by its plan [s]; its finish when it does not."""
+def _brakes(driven: Driven, s: float, rate: float) -> float:
+    """Return when a robot that rests at arc length s began to brake [s]; inf: it did not."""
     line = driven.timeline
+
+    def rests(t: float) -> float:
+        return line.s_at(t) + (line.v_at(t) ** 2 / (2.0 * rate) if rate > 0.0 else 0.0)
+
     low, high = 0.0, line.finish
+    if rests(high) <= s:
+        return math.inf
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if line.s_at(middle) >= s else (middle, high)
+        low, high = (low, middle) if rests(middle) >= s else (middle, high)
     return high

@@ -145,7 +145,7 @@ def _zones(story: Story) -> Iterator[Told]:
             if mine is None or theirs is None:
                 continue
             depart = mine.start + _departure(document, reason)
-            end = min(depart, mine.end) if math.isfinite(mine.most) else depart
+            end = min(depart, mine.end)
             for t, lit in ((mine.start, False), (depart - reason.wait, True), (end, False)):
                 if t <= end:
                     now = Time.of(_time_ns(story.zero_ns, t))

@@ -17,7 +17,7 @@ from coordinator.scene_log import Course, scene_of_course
 from coordinator.summary import FaultSummary
 from coordinator.wire import path_of, unpack
 from protocol import keys
-from protocol.codec import decode
+from protocol.codec import decode, encode
 from protocol.messages import Clock, Command, Hello, Message, Plan, Report
 from protocol.phases import FAULT_NAMES, NO_FAULT
 from protocol.plan_parts import unpack_plan
@@ -154,7 +154,7 @@ def _document(plan: Plan, fleet: str, floor: PlanDocument | None) -> PlanDocumen
 
 def _robot_plan(plan: Plan, radius: float) -> RobotPlan:
     """Return a robot's part of a plan as a file would have it; ValueError when it is none."""
-    driven = unpack(msgspec.msgpack.encode(plan), radius)
+    driven = unpack(encode(plan), radius)
     profile_s, profile_v, stop_s, departs = unpack_plan(plan).motion
     rows = list(zip(stop_s, driven.timeline.arrivals, departs, strict=True))
     late = rows[0][2] if rows and rows[0][0] <= 0.0 else 0.0

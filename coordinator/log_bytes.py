@@ -50,9 +50,16 @@ _PARSERS: Final[dict[int, Callable[[ReadDataStream], mcap_records.McapRecord]]] 
 
 
 class _Frame(NamedTuple):
+    """A record as it stands in the file; `records` are it and, of a chunk, those inside it.
+
+    `fault` says why it is not sound, and is empty when it is.
+    """
+
     offset: int
     opcode: int
     content: bytes
+    records: list[mcap_records.McapRecord]
+    fault: str
 
     @property
     def end(self) -> int:
@@ -73,42 +80,61 @@ def is_closed(data: bytes) -> bool:
 
 
 def _frames(data: bytes) -> Iterator[_Frame]:
-    """Yield the records that are whole, up to the footer.
+    """Yield the records that are whole, sound or not, up to the footer.
 
-    A record that cannot be where it says it ends stands for all bytes up to the next sound chunk.
+    One that cannot be where it says it ends stands for all bytes up to the next sound chunk.
     """
-    offset = len(MCAP0_MAGIC)
-    while offset + _PREFIX.size <= len(data):
-        opcode, length = _PREFIX.unpack_from(data, offset)
-        begin = offset + _PREFIX.size
-        end = begin + length
-        if end > len(data):
-            # An attachment may be a log itself: its chunks are not this log's.
-            found = None if opcode == Opcode.ATTACHMENT else _next_chunk(data, begin)
-            if found is None:
-                return
-            end = found
-        yield _Frame(offset, opcode, data[begin:end])
-        if opcode == Opcode.FOOTER:
+    offset, last = len(MCAP0_MAGIC), False
+    while not last:
+        frame = _frame_at(data, offset)
+        last = frame is not None and frame.opcode == Opcode.FOOTER
+        if frame is None or (frame.fault and not _goes_on(data, frame.end)):
+            skipped = _up_to_next_chunk(data, offset)
+            last = last and skipped is None
+            frame = skipped or frame
+        if frame is None:
             return
-        offset = end
+        yield frame
+        offset = frame.end
 
 
-def _next_chunk(data: bytes, begin: int) -> int | None:
-    """Return where the first sound chunk from `begin` on is, None when there is none."""
-    place = begin
+def _frame_at(data: bytes, offset: int) -> _Frame | None:
+    """Return the record at a place; None when the file ends before it does."""
+    begin = offset + _PREFIX.size
+    if begin > len(data):
+        return None
+    opcode, length = _PREFIX.unpack_from(data, offset)
+    content = data[begin : begin + length]
+    if len(content) < length:
+        return None
+    try:
+        return _Frame(offset, opcode, content, _parse(opcode, content), "")
+    except _DamageError as error:
+        return _Frame(offset, opcode, content, [], str(error))
+    except _UNREADABLE:
+        return _Frame(offset, opcode, content, [], "it cannot be read")
+
+
+def _goes_on(data: bytes, offset: int) -> bool:
+    """Tell whether a record may end here: a sound one follows, or nothing."""
+    following = _frame_at(data, offset)
+    return offset == len(data) or (following is not None and not following.fault)
+
+
+def _up_to_next_chunk(data: bytes, offset: int) -> _Frame | None:
+    """Return the bytes up to the next sound chunk as a record that is not sound.
+
+    None when no chunk follows, or an attachment is at the place: it may be a log itself, and its
+    chunks are not this log's.
+    """
+    begin = place = offset + _PREFIX.size
+    if begin > len(data) or data[offset] == Opcode.ATTACHMENT:
+        return None
     while (place := data.find(_CHUNK_SIGN, place)) >= 0:
         start, place = place - _BEFORE_SIGN, place + 1
-        if start < begin:
-            continue
-        opcode, length = _PREFIX.unpack_from(data, start)
-        end = start + _PREFIX.size + length
-        if opcode == Opcode.CHUNK and end <= len(data):
-            try:
-                _parse(_Frame(start, opcode, data[start + _PREFIX.size : end]))
-            except (_DamageError, *_UNREADABLE):
-                continue
-            return start
+        found = _frame_at(data, start) if start >= begin else None
+        if found is not None and found.opcode == Opcode.CHUNK and not found.fault:
+            return _Frame(offset, data[offset], data[begin:start], [], "its length is wrong")
     return None
 
 
@@ -123,19 +149,18 @@ def scan(data: bytes) -> tuple[list[Sound], str]:
         damages.append("damaged at byte 0: the file does not begin as an MCAP file does")
     end, opcode, data_end, summary = len(MCAP0_MAGIC), 0, 0, 0
     for frame in _frames(data):
-        end, opcode = frame.end, frame.opcode
-        try:
-            records = _parse(frame)
-            if isinstance(records[0], mcap_records.DataEnd):
-                data_end, summary = end, len(sound)
-                _check_data_section(data, frame, records[0])
-            elif isinstance(records[0], mcap_records.Footer):
-                _check_summary(data, frame, records[0], data_end)
-                summary = 0
-            sound.extend((frame.offset, record) for record in records)
-        except (_DamageError, *_UNREADABLE) as error:
-            reason = error if isinstance(error, _DamageError) else "it cannot be read"
-            damages.append(f"damaged at byte {frame.offset} ({_name(opcode)}): {reason}")
+        end, opcode, fault = frame.end, frame.opcode, frame.fault
+        first = frame.records[0] if frame.records else None
+        if isinstance(first, mcap_records.DataEnd):
+            data_end, summary = end, len(sound)
+            fault = _data_fault(data, frame, first)
+        elif isinstance(first, mcap_records.Footer):
+            fault = _summary_fault(data, frame, first, data_end)
+            summary = summary if fault else 0
+        if fault:
+            damages.append(f"damaged at byte {frame.offset} ({_name(opcode)}): {fault}")
+        else:
+            sound.extend((frame.offset, record) for record in frame.records)
     if opcode == Opcode.FOOTER:
         if not MCAP0_MAGIC.startswith(data[end:]):
             damages.append(f"damaged at byte {end}: the file does not end as an MCAP file does")
@@ -146,46 +171,48 @@ def scan(data: bytes) -> tuple[list[Sound], str]:
     return sound, damages[0] if damages else ""
 
 
-def _parse(frame: _Frame) -> list[mcap_records.McapRecord]:
+def _parse(opcode: int, content: bytes) -> list[mcap_records.McapRecord]:
     """Return the record and, for a chunk, those inside it.
 
     Raises _DamageError or one of _UNREADABLE when it is not sound.
     """
-    parser = _PARSERS.get(frame.opcode)
+    parser = _PARSERS.get(opcode)
     if parser is None:
-        raise _DamageError(f"no record has the number {frame.opcode}")
-    stream = ReadDataStream(io.BytesIO(frame.content))
+        raise _DamageError(f"no record has the number {opcode}")
+    stream = ReadDataStream(io.BytesIO(content))
     record = parser(stream)
-    if stream.count != len(frame.content):
+    if stream.count != len(content):
         raise _DamageError("its length is wrong")
     if isinstance(record, mcap_records.Attachment):
-        (checksum,) = struct.unpack("<I", frame.content[-4:])
-        if zlib.crc32(frame.content[:-4]) != checksum:
+        (checksum,) = struct.unpack("<I", content[-4:])
+        if zlib.crc32(content[:-4]) != checksum:
             raise _DamageError("its checksum is wrong")
     if isinstance(record, mcap_records.Chunk):
         return [record, *breakup_chunk(record, validate_crc=True)]
     return [record]
 
 
-def _check_data_section(data: bytes, frame: _Frame, record: mcap_records.DataEnd) -> None:
+def _data_fault(data: bytes, frame: _Frame, record: mcap_records.DataEnd) -> str:
     """Compare the checksum over everything before; chunks and attachments have their own."""
     if record.data_section_crc == 0:
-        raise _DamageError("the checksum over all bytes before it is missing")
+        return "the checksum over all bytes before it is missing"
     if zlib.crc32(data[: frame.offset]) != record.data_section_crc:
-        raise _DamageError(
+        return (
             "the checksum over all bytes before it is wrong, though chunks and attachments are "
             "sound: header, metadata or a message index was changed, or the checksum itself"
         )
+    return ""
 
 
-def _check_summary(data: bytes, frame: _Frame, record: mcap_records.Footer, data_end: int) -> None:
+def _summary_fault(data: bytes, frame: _Frame, record: mcap_records.Footer, data_end: int) -> str:
     if not data_end:
-        raise _DamageError("no end of the data came before it")
+        return "no end of the data came before it"
     if record.summary_start != data_end:
-        raise _DamageError("the summary is not where it says")
+        return "the summary is not where it says"
     checked = data[record.summary_start : frame.offset + _FOOTER_CHECKED]
     if zlib.crc32(checked) != record.summary_crc:
-        raise _DamageError(f"the checksum over the summary from byte {data_end} is wrong")
+        return f"the checksum over the summary from byte {data_end} is wrong"
+    return ""
 
 
 def _name(opcode: int) -> str:

@@ -10,7 +10,6 @@ way.
 from __future__ import annotations
 
 import platform
-import queue
 import threading
 import time
 from collections.abc import Callable
@@ -115,12 +114,16 @@ class Recording:
 
 def first_fleet(transport: Transport) -> str:
     """Wait for any fleet's Command and return the fleet's name."""
-    heard: queue.SimpleQueue[str] = queue.SimpleQueue()
-    transport.subscribe(keys.command("*"), lambda key, _payload, _sent_ns: heard.put(key))
-    while True:
-        try:
-            place = keys.split(heard.get(timeout=_LOOK_S))
-        except queue.Empty:
-            continue
-        if place is not None:
-            return place[0]
+    found: list[str] = []
+    heard = threading.Event()
+
+    def hear(key: str, _payload: bytes, _sent_ns: int | None) -> None:
+        place = keys.split(key)
+        if place is not None and not found:
+            found.append(place[0])
+            heard.set()
+
+    transport.subscribe(keys.command("*"), hear)
+    while not heard.wait(_LOOK_S):
+        pass
+    return found[0]

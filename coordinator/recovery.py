@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
@@ -55,7 +56,7 @@ def recover(
         try:
             return Recovery(site, _plan(scenario, epoch, plan), tuple(said))
         except PlanError as error:
-            stay = _closed_in(scenario) or _blamed(scenario, str(error))
+            stay = _closed_in(turned(scenario)) or _blamed(scenario, str(error))
         for name, why in stay.items():
             said.append(f"{name} stays where it is: {why}")
             site = site.without(name)
@@ -65,15 +66,25 @@ def recover(
 
 
 def _plan(scenario: Scenario, epoch: int, plan: Planner) -> PlanDocument:
-    """Plan with turns that are easy to drive from a stand, with any turns where that fails."""
-    gentle = tuple(
-        replace(robot, min_turn_radius=max(robot.min_turn_radius, _GENTLE))
+    """Plan with turns that are easy to drive, else with any, else after turning on the spot."""
+    with suppress(PlanError):
+        gentle = tuple(
+            replace(robot, min_turn_radius=max(robot.min_turn_radius, _GENTLE))
+            for robot in scenario.robots
+        )
+        return plan(replace(scenario, robots=gentle), epoch)
+    with suppress(PlanError):
+        return plan(scenario, epoch)
+    return plan(turned(scenario), epoch)
+
+
+def turned(scenario: Scenario) -> Scenario:
+    """Return the scenario with robots that turn on the spot facing anywhere at their starts."""
+    robots = tuple(
+        robot if robot.min_turn_radius > 0.0 else replace(robot, start=robot.start[:2])
         for robot in scenario.robots
     )
-    try:
-        return plan(replace(scenario, robots=gentle), epoch)
-    except PlanError:
-        return plan(scenario, epoch)
+    return replace(scenario, robots=robots)
 
 
 def _closed_in(scenario: Scenario) -> dict[str, str]:

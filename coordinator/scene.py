@@ -93,12 +93,14 @@ class Aside(msgspec.Struct, frozen=True, kw_only=True):
 class Epoch(msgspec.Struct, frozen=True, kw_only=True):
     """A plan: shown from `begin` on, its time zero is `start`, `frozen` when all were told to stop.
 
+    started: whether there was a GO; without one nobody moves.
     keep_out: the polygons around robots that stand aside.
     """
 
     epoch: int
     begin: float
     start: float
+    started: bool = True
     frozen: float | None = None
     rides: list[Ride]
     aside: list[Aside] = []

@@ -74,13 +74,17 @@ class Course:
             self.faults += [(begin + round(fault.t * SECOND), fault) for fault in faults]
 
     def take_command(self, command: Command, now_ns: int) -> None:
-        """Take in what the coordinator stated at a time."""
+        """Take in what the coordinator stated at a time.
+
+        One that goes on from a log freezes, under a new epoch's number, the last that started.
+        """
         self.last = max(self.last, now_ns)
+        if command.phase == FREEZE:
+            self.frozen.setdefault(max(self.starts, default=command.epoch), now_ns)
+            return
         self.begins.setdefault(command.epoch, now_ns)
         if command.phase == GO:
             self.starts.setdefault(command.epoch, command.start_ns)
-        elif command.phase == FREEZE:
-            self.frozen.setdefault(command.epoch, now_ns)
         elif command.phase == OVER and self.over is None:
             self.over = now_ns
 
@@ -159,6 +163,7 @@ def _epoch(
         epoch=number,
         begin=round(min(begin, start), 4),
         start=round(start, 4),
+        started=number in course.starts,
         frozen=None if frozen is None else round(frozen, 4),
         rides=rides_of(document, index, halts, driven),
         aside=_aside(course, document, index),
@@ -187,9 +192,7 @@ def _halt(
     course: Course, epoch: int, one: Driven, start: float, frozen: float | None, zero: int
 ) -> Halt | None:
     """Return where a robot left its plan for good; plan times [s], arc lengths [m]."""
-    if epoch not in course.starts:
-        return (0.0, 0.0, 0.0, 0.0)
-    if frozen is None:
+    if epoch not in course.starts or frozen is None:
         return None
     now = frozen - start
     place = one.timeline.s_at(now)
@@ -217,7 +220,7 @@ def _time_at(one: Driven, s: float, latest: float) -> float:
 
 
 def _marks(course: Course, epochs: Sequence[Epoch], zero: int) -> Iterator[Mark]:
-    """Yield what happened, in order of time."""
+    """Yield what happened, in order of time; a fault stands before the freeze that it led to."""
     marks = [
         Mark(t=epoch.start, kind="go", text=f"epoch {epoch.epoch}: {len(epoch.rides)} robots go")
         for epoch in epochs
@@ -234,4 +237,4 @@ def _marks(course: Course, epochs: Sequence[Epoch], zero: int) -> Iterator[Mark]
     ]
     if course.over is not None:
         marks.append(Mark(t=round((course.over - zero) * _NS, 3), kind="over", text="over"))
-    yield from sorted(marks, key=lambda mark: mark.t)
+    yield from sorted(marks, key=lambda mark: (round(mark.t, 1), mark.kind))

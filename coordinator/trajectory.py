@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from coordinator.nurbs import Array
 from coordinator.plan import PlanDocument
@@ -25,16 +26,16 @@ def csv_rows(document: PlanDocument, step: float) -> Iterator[str]:
         yield from rows(driven.id, times, sample(driven, times))
 
 
-def sample(driven: Driven, times: Sequence[float], most: float = math.inf) -> Array:
-    """Return x, y [m], heading [rad], s [m], v [m/s] at plan times [s], (m, 5).
-
-    The robot comes to rest at arc length `most` if its plan leads beyond.
-    """
+def sample(driven: Driven, times: Sequence[float]) -> Array:
+    """Return x, y [m], heading [rad], s [m], v [m/s] at plan times [s], (m, 5)."""
     line = driven.timeline
-    s = np.minimum([line.s_at(t) for t in times], most)
-    speed = np.where(s < most, [line.v_at(t) for t in times], 0.0)
+    return at_arcs(driven, np.array([line.s_at(t) for t in times]), [line.v_at(t) for t in times])
+
+
+def at_arcs(driven: Driven, s: Array, v: ArrayLike) -> Array:
+    """Return x, y, heading, s, v, (m, 5), at arc lengths s [m] driven at v [m/s]."""
     place, first = driven.curve.derivatives(driven.curve.parameter_at(s), 1)
-    return np.column_stack((place, np.arctan2(first[:, 1], first[:, 0]), s, speed))
+    return np.column_stack((place, np.arctan2(first[:, 1], first[:, 0]), s, v))
 
 
 def rows(robot: str, times: Sequence[float], samples: Array) -> Iterator[str]:

@@ -60,13 +60,17 @@ from robot_agent.transitions import (
     TROUBLE,
 )
 
+TURN_SHARE = 0.9
+"""A robot that would start farther off its path than this share of its tolerance turns first."""
+
 _NEVER = -(1 << 62)
 
 
 class Agent:
     """One robot; `max_speed` [m/s], 0 when it is not known.
 
-    Read after `tick`: drive_speed [m/s], drive_curvature [rad/m], drive_distance [m].
+    Read after `tick`: drive_speed [m/s], drive_curvature [rad/m], drive_distance [m]; drive_turn
+    [rad] is not 0 where the robot has to turn on the spot instead.
     Read after `report_due`: report_sequence, epoch, phase, fault and report_s [m] or None; with
     the latter rest_epoch, rest_off [mm] and rest_turn [mrad].
     `ride` is the plan held, with the robot's place on it, or None.
@@ -79,7 +83,7 @@ class Agent:
         self.epoch = 0
         self.finished = False
         self.ride: Ride | None = None
-        self.drive_speed = self.drive_curvature = self.drive_distance = 0.0
+        self.drive_speed = self.drive_curvature = self.drive_distance = self.drive_turn = 0.0
         self.report_sequence = 0
         self.report_s: float | None = None
         self.rest_epoch = self.rest_off = self.rest_turn = 0
@@ -160,7 +164,7 @@ class Agent:
         """Look where the robot is and decide what it does until the next tick."""
         ride = self.ride
         self.clock.follow(now_ns, self.phase in (MOVING, BRAKING))
-        self.drive_speed = self.drive_curvature = self.drive_distance = 0.0
+        self.drive_speed = self.drive_curvature = self.drive_distance = self.drive_turn = 0.0
         if ride is None:
             return
         if self.phase == IDLE:
@@ -234,8 +238,11 @@ class Agent:
             self._apply(GO_IN_TIME, now_ns)
 
     def _try_to_arm(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> None:
-        if not ride.follower.misplacement(x, y, heading) <= ride.track:
-            self.fault = OFF_PATH
+        if not ride.follower.misplacement(x, y, heading) <= TURN_SHARE * ride.track:
+            off, turn = ride.follower.turn_at_start(x, y, heading)
+            near = off <= TURN_SHARE * ride.track
+            self.fault = NO_FAULT if near else OFF_PATH
+            self.drive_turn = turn if near else 0.0
         elif self.clock.error_ns(now_ns) > ride.clock_error_ns - CLOCK_RESERVE:
             self.fault = CLOCK_UNSURE
         else:

@@ -21,8 +21,8 @@ class Driver(ABC):
 
     Obligations of every implementation:
     - It never travels farther than the distance it was last given, whatever happens to the loop.
-    - It stops by itself when `drive` has not been called for WATCHDOG_NS: a hung program does not
-      drive on.
+    - It stops by itself when neither `drive` nor `turn` has been called for WATCHDOG_NS: a hung
+      program does not drive on.
     - It never reverses.
     - No method blocks for longer than a millisecond.
     """
@@ -47,6 +47,13 @@ class Driver(ABC):
 
         Speed and distance are not negative; a positive curvature turns left.  Replaces the order
         before; speed 0 brakes and holds.
+        """
+
+    @abstractmethod
+    def turn(self, angle_rad: float) -> None:
+        """Turn on the spot by this angle (left is positive) and hold; replaces the order before.
+
+        Called every tick until the robot faces where it should.  A base that cannot only holds.
         """
 
     @abstractmethod

@@ -227,7 +227,10 @@ class RobotService:
             pose = agent.ride.follower.start_pose()
             driver.place(*pose)
         agent.tick(now_ns, *(pose or (0.0, 0.0, 0.0)))
-        driver.drive(agent.drive_speed, agent.drive_curvature, agent.drive_distance)
+        if agent.drive_turn:
+            driver.turn(agent.drive_turn)
+        else:
+            driver.drive(agent.drive_speed, agent.drive_curvature, agent.drive_distance)
         if self._blackbox is not None:
             s = agent.ride.follower.s if agent.ride is not None else 0.0
             self._blackbox.write(self._truth_clock(), driver.true_pose(), s, agent.phase)

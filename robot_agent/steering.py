@@ -54,6 +54,12 @@ class PathFollower:
         turned = self._turned_from_tangent(heading)
         return sqrt(dx * dx + dy * dy) + abs(turned) * SETTLING_LENGTH * 0.37
 
+    def turn_at_start(self, x: float, y: float, heading: float) -> tuple[float, float]:
+        """Return how far [m] a pose is from the curve's beginning, and what to turn there [rad]."""
+        self._tangent_at(0.0)
+        dx, dy = x - self._curve.x, y - self._curve.y
+        return sqrt(dx * dx + dy * dy), -self._turned_from_tangent(heading)
+
     def locate(self, x: float, y: float, heading: float) -> None:
         """Project a pose on the path near the last place: Newton steps of one evaluation each."""
         if not abs(x) + abs(y) + abs(heading) < 1e9:

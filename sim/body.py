@@ -11,6 +11,9 @@ from typing import Final
 
 from robot_agent.driver import Driver, DriverError, Pose
 
+TURN_RATE = 2.0
+"""How quickly a body turns on the spot [rad/s]."""
+
 SLEW_SHARE = 1.25
 """How much harder the motors can accelerate than plans ask them to."""
 
@@ -45,7 +48,7 @@ class SimulatedBody(Driver):
         self._powered_ns = 0
         self._wanted = 0.0
         self._curvature = 0.0
-        self._room = 0.0
+        self._room = self._turn = 0.0
 
     def place(self, x: float, y: float, heading: float) -> None:
         """Put the body somewhere, at rest."""
@@ -68,11 +71,17 @@ class SimulatedBody(Driver):
         self._wanted = max(speed_mps, 0.0)
         self._curvature = curvature_radpm
         self._room = max(distance_m, 0.0)
+        self._turn = 0.0
         self._powered_ns = self.WATCHDOG_NS
+
+    def turn(self, angle_rad: float) -> None:
+        """Take an order to turn; a body that still rolls stops first."""
+        self.drive(0.0, 0.0, 0.0)
+        self._turn = angle_rad
 
     def stop(self) -> None:
         """Rest at once."""
-        self._wanted = self._room = self.speed = 0.0
+        self._wanted = self._room = self.speed = self._turn = 0.0
 
     def step(self, now_ns: int) -> None:
         """Integrate the motion from the last step until now; time never runs back."""
@@ -89,6 +98,11 @@ class SimulatedBody(Driver):
             self.speed = 0.0
         self._room -= ordered
         self._roll(ordered * self._gain)
+        if self._turn and not self.speed:
+            most = TURN_RATE * driven / 1e9
+            angle = min(max(self._turn, -most), most)
+            self._turn -= angle
+            self.heading = math.remainder(self.heading + angle, math.tau)
 
     def _ramp(self, seconds: float) -> float:
         """Change speed towards the wanted one; return the way [m] that this takes up."""
@@ -155,6 +169,10 @@ class FailingBody(SimulatedBody):
             self._failing = False
             raise DriverError("the base does not answer")
         return super().pose()
+
+    def turn(self, angle_rad: float) -> None:
+        """Take an order to turn, unless stalled."""
+        super().turn(0.0 if self._stalled else angle_rad)
 
     def drive(self, speed_mps: float, curvature_radpm: float, distance_m: float) -> None:
         """Take an order, unless stalled."""

@@ -48,6 +48,17 @@ class DiagramView {
     if (over && over.motion) this.dot(pen, x, this.Y(over.s), hover, focus, hover, look);
   }
 
+  /** The time under the pointer. */
+  preview(t, look) {
+    const { pen } = this.sheet;
+    pen.strokeStyle = look.muted;
+    pen.lineWidth = 1;
+    pen.beginPath();
+    pen.moveTo(this.X(t), this.box.top);
+    pen.lineTo(this.X(t), this.sheet.height - this.box.bottom);
+    pen.stroke();
+  }
+
   dot(pen, x, y, index, focus, hover, look) {
     const strong = index === focus || index === hover;
     pen.globalAlpha = focus >= 0 && !strong ? 0.25 : 1;
@@ -93,7 +104,7 @@ class DiagramView {
     let begun = false;
     for (const t of times) {
       if (t < Math.max(epoch.begin, 0) || t > end) continue;
-      const x = this.X(t), y = this.Y(motion.progress(t - epoch.start)[0]);
+      const x = this.X(t), y = this.Y(motion.progress(epoch.planTime(t))[0]);
       if (begun) pen.lineTo(x, y); else pen.moveTo(x, y);
       begun = true;
     }

@@ -28,6 +28,7 @@ class FloorView extends Ground {
     for (const index of new Set([focus, hover])) {
       if (found[index]) this.drawRobot(pen, found[index], index, focus, look);
     }
+    if (found[hover]) this.ring(pen, found[hover], hover, look.ink);
     if (this.shown.ghosts) this.drawGhosts(pen, t, found, focus, look);
     if (this.shown.waits) this.sayWaits(pen, found, focus, look);
   }
@@ -93,6 +94,31 @@ class FloorView extends Ground {
       }
     }
     pen.globalAlpha = 1;
+  }
+
+  ring(pen, place, index, colour) {
+    const radius = Math.max(this.zoom * this.play.scene.robots[index].radius, 3.5);
+    pen.lineWidth = 2;
+    pen.strokeStyle = colour;
+    pen.beginPath();
+    pen.arc(this.X(place.x), this.Y(place.y), radius + 1.5, 0, 7);
+    pen.stroke();
+  }
+
+  /** Where a robot is at the time under the pointer in the diagram. */
+  preview(robot, index, t, look) {
+    if (!robot) return;
+    const { pen } = this.sheet, x = this.X(robot.x), y = this.Y(robot.y);
+    this.ring(pen, robot, index, look.robot(index));
+    pen.font = look.font(11, 600);
+    pen.textAlign = "center";
+    pen.textBaseline = "middle";
+    pen.lineWidth = 3;
+    pen.strokeStyle = look.ground;
+    pen.fillStyle = look.ink;
+    const below = y + Math.max(this.zoom * this.play.scene.robots[index].radius, 4) + 11;
+    pen.strokeText(`${t.toFixed(1)} s`, x, below);
+    pen.fillText(`${t.toFixed(1)} s`, x, below);
   }
 
   /** A small wedge on the rim, where the robot faces. */

@@ -84,7 +84,10 @@ class Motion {
 }
 
 /** Before the first plan of a running fleet is heard. */
-const NOTHING = { epoch: 0, begin: 0, start: 0, frozen: null, rides: [], aside: [], keep_out: [], zones: [] };
+const NOTHING = {
+  epoch: 0, begin: 0, start: 0, started: false, frozen: null,
+  rides: [], aside: [], keep_out: [], zones: [],
+};
 
 /** A scene in time: all robots at any second. */
 class Play {
@@ -96,6 +99,7 @@ class Play {
       motions: new Map(epoch.rides.map((ride) => [ride.robot, new Motion(ride)])),
       why: new Map(epoch.aside.map((one) => [one.robot, one.why])),
     }));
+    for (const epoch of this.epochs) epoch.planTime = (t) => (epoch.started ? t - epoch.start : -1);
     this.begins = this.epochs.map((epoch) => epoch.begin);
     this.ghosts = new Map(scene.ghosts.map((ghost) => [ghost.robot, ghost]));
   }
@@ -108,7 +112,7 @@ class Play {
   phaseAt(t) {
     const epoch = this.epochAt(t);
     if (epoch.frozen !== null && t >= epoch.frozen) return "freeze";
-    return t < epoch.start ? "hold" : "go";
+    return epoch.planTime(t) < 0 ? "hold" : "go";
   }
 
   /** One robot at a time: {x, y, heading, s, length, v, state, lets, motion}. */
@@ -116,7 +120,7 @@ class Play {
     const now = lastUpTo(this.begins, t);
     const motion = this.epochs[now].motions.get(index);
     if (!motion) return this.left(index, now);
-    const plan = t - this.epochs[now].start;
+    const plan = this.epochs[now].planTime(t);
     const [s, v] = motion.progress(plan), wait = motion.wait(plan), halt = motion.ride.halt;
     let state = "drives", lets = -1;
     if (halt && plan >= halt[0]) state = plan < halt[1] ? "brakes" : "stopped";
@@ -132,7 +136,7 @@ class Play {
     for (let i = now - 1; i >= 0; i--) {
       const motion = this.epochs[i].motions.get(index);
       if (!motion) continue;
-      const [s] = motion.progress(this.epochs[i + 1].begin - this.epochs[i].start);
+      const [s] = motion.progress(this.epochs[i].planTime(this.epochs[i + 1].begin));
       return { ...motion.place(s), s, length: motion.length, v: 0, state: why, lets: -1 };
     }
     return null;

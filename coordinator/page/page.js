@@ -11,15 +11,18 @@ const PHASES = { hold: "ready", go: "go", freeze: "frozen" };
 
 let look = new Look();
 let play, floor, diagram, robots;
-let now = 0, running = false, focus = -1, hover = -1, pointer = null, stale = true;
-let before = 0, listed = -Infinity, following = live;
+let now = 0, running = false, focus = -1, hover = -1, stale = true;
+let pointer = null, preview = null;
+let before = 0, listed = -Infinity, following = live, names = null;
 
 function load(scene) {
   const first = !play;
   play = new Play(scene);
   floor = new FloorView(byId("floor"), play, shown);
   diagram = new DiagramView(byId("diagram"), play);
-  robots = new RobotList(byId("robots"), play, chooseToggled, (index) => { hover = index; stale = true; });
+  const found = scene.robots.map((robot) => robot.id).join();
+  if (found !== names) robots = new RobotList(byId("robots"), play, chooseToggled, hoverOver);
+  names = found;
   new EventList(byId("events"), byId("ticks"), play, seek);
   describe(scene);
   robots.paint(look);
@@ -29,6 +32,11 @@ function load(scene) {
   setEnd(scene.end);
   if (first) now = 0;
   listed = -Infinity;
+  stale = true;
+}
+
+function hoverOver(index) {
+  hover = index;
   stale = true;
 }
 
@@ -66,6 +74,10 @@ function draw() {
   const found = play.scene.robots.map((_, index) => play.robot(index, now));
   floor.draw(now, found, focus, hover, look);
   diagram.draw(now, found, focus, hover, look);
+  if (preview !== null && hover >= 0) {
+    floor.preview(play.robot(hover, preview), hover, preview, look);
+    diagram.preview(preview, look);
+  }
   if (pointer) tip.tell(play, hover, now, found, pointer.x, pointer.y);
   tell(found);
 }
@@ -143,8 +155,7 @@ function at(event) {
 function watchFloor(canvas) {
   const point = (event) => {
     pointer = at(event);
-    hover = floor.pick(pointer.x, pointer.y);
-    stale = true;
+    hoverOver(floor.pick(pointer.x, pointer.y));
   };
   canvas.addEventListener("pointermove", point);
   canvas.addEventListener("pointerdown", (event) => {
@@ -163,17 +174,16 @@ function watchDiagram(canvas) {
   canvas.addEventListener("pointermove", (event) => {
     const place = at(event);
     if (event.buttons) seek(diagram.time(place.x));
-    hover = diagram.pick(place.x, place.y);
-    stale = true;
+    preview = diagram.time(place.x);
+    hoverOver(diagram.pick(place.x, place.y));
   });
   canvas.addEventListener("pointerleave", leave);
 }
 
 function leave() {
-  hover = -1;
-  pointer = null;
+  pointer = preview = null;
   byId("tip").hidden = true;
-  stale = true;
+  hoverOver(-1);
 }
 
 function repaint() {

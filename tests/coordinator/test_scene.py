@@ -206,8 +206,19 @@ def test_a_fleet_that_never_got_a_go_does_not_move():
     told.command(0.0, 1, HOLD)
     told.command(9.0, 1, HOLD)
     scene = told.scene()
-    assert all(ride.halt == (0.0, 0.0, 0.0, 0.0) for ride in scene.epochs[0].rides)
+    assert [epoch.started for epoch in scene.epochs] == [False]
     assert scene.marks == []
+
+
+def test_a_coordinator_that_goes_on_freezes_the_epoch_before():
+    told = Telling(planned("paper_five"))
+    told.attachments["plan-2.json"] = to_json(msgspec.structs.replace(told.document, epoch=2))
+    told.command(0.0, 1, GO)
+    told.command(6.0, 2, FREEZE)
+    told.command(6.5, 2, HOLD)
+    told.command(7.0, 2, GO, start=7.5)
+    first, second = told.scene().epochs
+    assert (first.frozen, second.begin, second.start, second.frozen) == (6.0, 6.5, 7.5, None)
 
 
 def test_logs_that_went_on_from_each_other_make_one_scene():

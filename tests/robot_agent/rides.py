@@ -112,7 +112,10 @@ class Run:
             self.body.step(own)
             self.agent.tick(own, *self.body.pose())
             agent = self.agent
-            self.body.drive(agent.drive_speed, agent.drive_curvature, agent.drive_distance)
+            if agent.drive_turn:
+                self.body.turn(agent.drive_turn)
+            else:
+                self.body.drive(agent.drive_speed, agent.drive_curvature, agent.drive_distance)
             if self.agent.clock_due(own) and talking:
                 told = now + 2 * MS
                 self.agent.hear_clock(own, told, told, self.own(now + 4 * MS))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from protocol.phases import (
@@ -16,6 +18,7 @@ from protocol.phases import (
     OFF_PATH,
 )
 from robot_agent.agent import Agent
+from sim.body import TURN_RATE
 from tests.robot_agent.phases import LENGTH, MOTION, PATH, hear_next_epoch, hear_plan, run_in
 from tests.robot_agent.rides import COORDINATOR, MS, RULES, SECOND, motion_along
 
@@ -35,7 +38,7 @@ def test_a_robot_without_the_time_does_not_arm_and_says_so():
     assert (agent.phase, agent.fault) == (ARMED, NO_FAULT)
 
 
-@pytest.mark.parametrize("off", [(0.02, 0.0, 0.0), (0.0, -0.02, 0.0), (0.0, 0.0, 1.0)])
+@pytest.mark.parametrize("off", [(0.02, 0.0, 0.0), (0.0, -0.02, 0.0), (0.02, 0.0, 1.0)])
 def test_a_robot_that_stands_elsewhere_does_not_arm_until_it_is_put_right(off):
     run = run_in(IDLE)
     run.agent.hear_plan(COORDINATOR, 1, RULES, PATH, MOTION)
@@ -46,6 +49,18 @@ def test_a_robot_that_stands_elsewhere_does_not_arm_until_it_is_put_right(off):
     run.body.place(*right)
     run.until(run.now + 50 * MS)
     assert (run.agent.phase, run.agent.fault) == (ARMED, NO_FAULT)
+
+
+@pytest.mark.parametrize("turned", [1.0, -3.0, 0.4])
+def test_a_robot_at_its_place_that_faces_elsewhere_turns_on_the_spot_and_arms(turned):
+    run = run_in(IDLE)
+    run.agent.hear_plan(COORDINATOR, 1, RULES, PATH, MOTION)
+    x, y, heading = run.agent.ride.follower.start_pose()
+    run.body.place(x, y, heading + turned)
+    run.until(run.now + round(abs(turned) / TURN_RATE * SECOND) + 50 * MS)
+    assert (run.agent.phase, run.agent.fault) == (ARMED, NO_FAULT)
+    assert (run.body.x, run.body.y) == (x, y)
+    assert abs(math.remainder(run.body.heading - heading, math.tau)) < 0.3
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from protocol.phases import MOVING
-from sim.body import SimulatedBody
+from sim.body import TURN_RATE, SimulatedBody
 from tests.robot_agent.phases import run_in
 
 MS = 1_000_000
@@ -135,3 +135,15 @@ def test_stop_stops_and_place_moves_the_body():
     body.place(3.0, 4.0, 1.0)
     body.step(10_000 * MS)
     assert body.pose() == (3.0, 4.0, 1.0)
+
+
+def test_a_body_turns_on_the_spot_at_its_rate_and_no_longer_than_its_watchdog():
+    body = placed(0.1)
+    body.turn(0.5)
+    body.step(40 * MS)
+    assert body.true_pose() == pytest.approx((0.0, 0.0, 0.04 * TURN_RATE))
+    body.step(10_000 * MS)
+    assert body.heading == pytest.approx(0.05 * TURN_RATE)
+    body.turn(-0.02)
+    body.step(10_050 * MS)
+    assert body.heading == pytest.approx(0.05 * TURN_RATE - 0.02)

@@ -91,9 +91,7 @@ class Tab:
     def open(self, url):
         """Load a page and wait until it can be asked."""
         self.call("Page.navigate", url=url)
-        deadline = time.monotonic() + 30.0
-        while not self.run("document.readyState === 'complete' && Boolean(window.splinefleet)"):
-            assert time.monotonic() < deadline, f"{url} does not load: {self.errors}"
+        self.wait("document.readyState === 'complete' && window.splinefleet")
         self.settle()
 
     def run(self, script):
@@ -103,6 +101,13 @@ class Tab:
         )
         assert "exceptionDetails" not in result, result["exceptionDetails"]
         return result["result"].get("value")
+
+    def wait(self, condition, seconds=30.0):
+        """Wait until a JavaScript condition holds; fail after the deadline."""
+        deadline = time.monotonic() + seconds
+        while not self.run(f"Boolean({condition})"):
+            assert time.monotonic() < deadline, f"not within {seconds} s: {condition}"
+            self.settle()
 
     def settle(self):
         """Wait until two frames have been drawn."""

@@ -4,6 +4,8 @@ import json
 import math
 import os
 import random
+import signal
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -16,7 +18,14 @@ from coordinator.scene import scene_of_plan
 from coordinator.wire import drive
 from sim.generator import generate
 from tests.system.browser import browser, find_browser
-from tests.system.fleet_tools import ROOT, line_with, splinefleet, started
+from tests.system.fleet_tools import (
+    ROOT,
+    TWO_ROBOTS,
+    free_endpoint,
+    line_with,
+    splinefleet,
+    started,
+)
 
 pytestmark = pytest.mark.skipif(
     find_browser() is None, reason="no Chromium is installed (BROWSER names one)"
@@ -127,6 +136,28 @@ def test_the_keyboard_plays_steps_and_jumps(page):
     assert not page.run("splinefleet.running")
 
 
+def test_the_diagram_moves_the_time_and_shows_the_place_under_the_pointer(page):
+    left, top, width, height = page.run(
+        "(b => [b.left, b.top, b.width, b.height])"
+        "(document.getElementById('diagram').getBoundingClientRect())"
+    )
+    end = page.run("splinefleet.end")
+    for share in (0.25, 0.75):
+        x = left + 36 + share * (width - 48)
+        page.point(x, top + 0.5 * height, "mousePressed")
+        page.point(x, top + 0.5 * height, "mouseReleased")
+        assert page.run("splinefleet.time") == pytest.approx(share * end, rel=0.02)
+    page.point(left + 36 + 0.5 * (width - 48), top + 0.3 * height)
+
+
+def test_choosing_a_robot_fades_the_others_until_escape(page):
+    page.run("document.querySelectorAll('#robots button')[2].click()")
+    pressed = "document.querySelectorAll('#robots [aria-pressed=true] .id')"
+    assert page.run(f"[...{pressed}].map(one => one.textContent)") == ["R3"]
+    page.press("Escape")
+    assert page.run(f"{pressed}.length") == 0
+
+
 def test_waiting_is_told_in_words(page, folder):
     document = read(folder / "plan.json")
     robot = next(robot for robot in document.robots if robot.stops)
@@ -185,3 +216,32 @@ def test_view_serves_the_page(tab, folder):
         assert json.dumps(tab.errors) == "[]"
         assert tab.asked == [address]
         assert set(tab.run("splinefleet.at(3)")) == {"R1", "R2", "R3", "R4", "R5"}
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=10.0) == 130
+
+
+def test_a_running_fleet_is_followed(tab, tmp_path):
+    (tmp_path / "two.toml").write_text(TWO_ROBOTS)
+    endpoint = free_endpoint()
+    with ExitStack() as stack:
+        coordinator = stack.enter_context(
+            started("coordinator", tmp_path / "two.toml", "--listen", endpoint, "--effort", "0")
+        )
+        view = stack.enter_context(started("view", "--connect", endpoint, "--no-open"))
+        address = line_with(view, "http://").strip()
+        tab.errors.clear()
+        tab.open(address)
+        assert tab.run("Object.keys(splinefleet.at(0)).length") == 0
+        for robot in ("R1", "R2"):
+            stack.enter_context(started("agent", robot, "--connect", endpoint))
+        tab.wait("splinefleet.time > 1 && splinefleet.at(splinefleet.time).R1.v > 0.1")
+        told = tab.run("[splinefleet.time, splinefleet.at(splinefleet.time)]")
+        document = plan_scenario(read_scenario(tmp_path / "two.toml"), effort=0)
+        one = drive(document)[0]
+        true = one.curve.at_arc([one.timeline.s_at(told[0])])[0]
+        assert math.dist((told[1]["R1"]["x"], told[1]["R1"]["y"]), true) < 0.002
+        tab.wait(
+            "Object.values(splinefleet.at(splinefleet.time)).every(r => r.state === 'arrived')"
+        )
+        assert coordinator.wait(timeout=30.0) == 0
+        assert tab.errors == []

@@ -1,0 +1,108 @@
+"""A bystander's view of a fleet: made from the messages alone."""
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from coordinator.live_course import LiveCourse
+from coordinator.planner import plan_scenario
+from coordinator.scenario_file import read_scenario
+from coordinator.scene import scene_of_plan
+from coordinator.wire import pack
+from protocol import keys
+from protocol.codec import encode
+from protocol.messages import Clock, Command, Hello, Report, Rest
+from protocol.phases import FREEZE, FROZEN, GO, HOLD
+from protocol.timing import SECOND
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+FLEET = "paper-five"
+ZERO = 1000 * SECOND
+OURS = 50.0
+"""Our clock [s] at the fleet's ZERO."""
+
+
+@cache
+def document():
+    return plan_scenario(read_scenario(EXAMPLES / "paper_five_real.toml"), effort=0)
+
+
+def tell_plans(course, t=-1.0):
+    for robot in document().robots:
+        said = Hello(version=1, boot=1, radius_m=robot.radius)
+        course.hear(keys.hello(FLEET, robot.id), encode(said), OURS + t)
+        assert course.hear(keys.plan(FLEET, robot.id), pack(document(), robot), OURS + t)
+
+
+def tell_command(course, t, phase, epoch=1):
+    start = 0 if phase == HOLD else ZERO
+    message = encode(Command(1, 1, epoch, phase, start))
+    return course.hear(keys.command(FLEET), message, OURS + t)
+
+
+def tell_time(course, t, ours):
+    stamp = ZERO + round(t * SECOND)
+    message = encode(Clock(1, 5, stamp, stamp))
+    course.hear(keys.clock(FLEET, "R1"), message, OURS + ours)
+
+
+def test_the_motions_are_those_of_the_plan_file():
+    course = LiveCourse(None, None)
+    tell_time(course, -2.0, -2.0)
+    tell_plans(course)
+    assert tell_command(course, -1.0, HOLD)
+    assert tell_command(course, -0.5, GO)
+    assert not tell_command(course, -0.4, GO)
+    scene, wanted = course.scene(), scene_of_plan(document())
+    assert scene.robots == wanted.robots
+    (epoch,) = scene.epochs
+    assert (epoch.start, epoch.frozen) == (0.0, None)
+    for ride, true in zip(epoch.rides, wanted.epochs[0].rides, strict=True):
+        assert (ride.path, ride.legs) == (true.path, true.legs)
+        assert [(wait.s, wait.until) for wait in ride.waits] == [
+            (pytest.approx(wait.s), pytest.approx(wait.until)) for wait in true.waits
+        ]
+
+
+def test_a_freeze_is_seen_and_where_a_robot_rests():
+    course = LiveCourse(FLEET, document())
+    tell_time(course, 0.0, 0.0)
+    tell_command(course, 0.0, GO)
+    assert tell_command(course, 4.0, FREEZE)
+    rest = encode(Report(1, 1, 1, FROZEN, 0, Rest(0.75, 1)))
+    assert course.hear(keys.report(FLEET, "R1"), rest, OURS + 4.5)
+    assert not course.hear(keys.report(FLEET, "R1"), rest, OURS + 4.7)
+    fault = encode(Report(1, 2, 1, FROZEN, 3, Rest(0.75, 1)))
+    assert course.hear(keys.report(FLEET, "R1"), fault, OURS + 4.9)
+    scene = course.scene()
+    assert scene.epochs[0].frozen == pytest.approx(4.0, abs=1e-3)
+    assert scene.epochs[0].rides[0].halt[3] == pytest.approx(0.75, abs=1e-3)
+    told = [(mark.kind, mark.text) for mark in scene.marks]
+    assert told == [
+        ("go", "epoch 1: 5 robots go"),
+        ("freeze", "all are told to freeze"),
+        ("fault", "R1 behind its plan"),
+    ]
+
+
+def test_the_fleets_time_is_told_even_when_it_runs_faster():
+    course = LiveCourse(FLEET, document())
+    assert course.clock(OURS) is None
+    tell_time(course, 0.0, 0.0)
+    tell_command(course, 0.0, GO)
+    tell_time(course, 40.0, 10.0)
+    told = course.clock(OURS + 12.0)
+    assert (told.now, told.speed) == (48.0, 4.0)
+
+
+def test_strangers_and_bad_bytes_change_nothing():
+    course = LiveCourse(FLEET, None)
+    assert not course.hear("other/thing", b"x", 0.0)
+    assert not course.hear(keys.command("another"), encode(Command(1, 1, 1, HOLD, 0)), 0.0)
+    for kind in (keys.plan, keys.report, keys.clock, keys.hello):
+        assert not course.hear(kind(FLEET, "R1"), b"\xc1nonsense", 0.0)
+    spoilt = bytearray(pack(document(), document().robots[0]))
+    spoilt[-9] ^= 0xFF
+    course.hear(keys.plan(FLEET, "R1"), bytes(spoilt), 0.0)
+    assert course.scene().robots == []

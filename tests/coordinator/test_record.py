@@ -1,0 +1,146 @@
+"""A fleet's traffic recorded from beside it, on real Zenoh and on a transport held in the hand."""
+
+import threading
+
+import pytest
+
+from coordinator import record
+from coordinator.errors import InputError, LogError
+from coordinator.info import summarise
+from coordinator.logbook import read_log
+from coordinator.record import Recording, first_fleet
+from protocol import keys
+from protocol.codec import encode
+from protocol.messages import Clock, Command, Report
+from protocol.phases import GO, MOVING, OVER
+from protocol.transport import Transport
+from protocol.zenoh_transport import ZenohTransport
+from tests.protocol.links import PATIENCE_S, free_endpoint
+
+COMMAND, REPORT = keys.command("f"), keys.report("f", "R1")
+
+
+class Silent(Transport):
+    """A transport that says nothing by itself and fails when anything is put."""
+
+    def __init__(self):
+        self.handlers = {}
+
+    def put(self, key, payload):
+        raise AssertionError(f"{key}: {payload}, of one who only listens")
+
+    def subscribe(self, key_expression, handler):
+        self.handlers[key_expression] = handler
+
+    def declare_alive(self, key):
+        raise AssertionError(f"{key}, of one who only listens")
+
+    def watch_alive(self, key_expression, handler):
+        self.handlers[key_expression] = handler
+
+    def close(self):
+        pass
+
+
+@pytest.fixture(autouse=True)
+def _no_lingering(monkeypatch):
+    monkeypatch.setattr(record, "LINGER_S", 0.0)
+
+
+def test_everything_below_the_fleets_name_is_recorded_with_its_stamp(tmp_path):
+    link, path = Silent(), tmp_path / "run.mcap"
+    recording = Recording(path)
+    recording.begin(link, "f")
+    (hear, change) = link.handlers["splinefleet/f/**"], link.handlers["splinefleet/f/alive/*"]
+    change(keys.alive("f", "R1"), True)
+    hear(COMMAND, encode(Command(9, 1, 1, GO, 5)), 10**18)
+    hear(REPORT, encode(Report(1, 1, 1, MOVING)), None)
+    hear("splinefleet/f/pose/R1/x", b"junk", None)
+    hear(COMMAND, b"\xc1", None)
+    assert not recording.listener.over.is_set()
+    hear(COMMAND, encode(Command(9, 2, 1, OVER, 0)), None)
+    change(keys.alive("f", "R1"), False)
+    recording.wait()
+    assert recording.close() == 5
+    log = read_log(path)
+    assert log.complete
+    assert [record.key.rpartition("/f/")[2] for record in log.records] == [
+        *("alive/R1", "command", "report/R1", "pose/R1/x", "command", "command", "alive/R1"),
+    ]
+    assert log.records[1].publish_ns == 10**18
+    assert (log.records[0].payload, log.records[-1].payload) == (b"\x01", b"")
+    assert (log.metadata["fleet"], log.metadata["passive"]) == ("f", "yes")
+    told = summarise(log)
+    assert (told["passive"], told["positions_on_wire"], told["bad_messages"]) == (True, 1, 1)
+
+
+def test_another_hosts_clock_is_told_by_the_answers_about_the_time(tmp_path, monkeypatch):
+    link, path = Silent(), tmp_path / "run.mcap"
+    now = [1_000_000_000_000]
+    monkeypatch.setattr(Recording, "_clock", lambda _self: now[0])
+    recording = Recording(path)
+    recording.begin(link, "f")
+    hear = link.handlers["splinefleet/f/**"]
+    ahead = 777_000_000_000  # this clock is so far ahead of the coordinator's
+    for i in range(5):
+        now[0] += 100_000_000
+        answered = now[0] - ahead - (1_000_000 if i else 90_000_000)
+        hear(keys.clock("f", "R1"), encode(Clock(1, i, answered, answered)), None)
+    start = now[0] - ahead
+    hear(COMMAND, encode(Command(9, 1, 1, GO, start)), None)
+    now[0] += 2_000_000_000
+    hear(REPORT, encode(Report(1, 1, 1, 5)), None)
+    recording.close()
+    arrival = summarise(read_log(path))["epochs"][0]["arrivals"]["R1"]
+    assert arrival == pytest.approx(2.0, abs=0.002)
+
+
+def test_a_recording_that_has_not_begun_leaves_no_file(tmp_path):
+    assert Recording(tmp_path / "run.mcap").close() == 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_cannot_be_written_is_told_at_the_beginning_or_at_the_close(tmp_path):
+    with pytest.raises(InputError, match="No such file"):
+        Recording(tmp_path / "no" / "run.mcap").begin(Silent(), "f")
+    recording = Recording(tmp_path / "run.mcap")
+    recording.begin(Silent(), "f")
+    recording._recorder._stream.close()
+    recording.listener.hear(COMMAND, b"x", None)
+    recording.wait()
+    with pytest.raises(LogError, match="cannot be written"):
+        recording.close()
+
+
+def test_a_fleet_on_zenoh_is_recorded_whole_by_one_who_found_it_by_itself(tmp_path):
+    endpoint, path = free_endpoint(), tmp_path / "run.mcap"
+    recording, names = Recording(path), []
+    command = [encode(Command(9, i, 1, GO, 0)) for i in range(50)]
+    report = [encode(Report(1, i, 1, MOVING)) for i in range(50)]
+    with ZenohTransport.listen(endpoint) as coordinator, ZenohTransport.connect(endpoint) as robot:
+        robot.declare_alive(keys.alive("f", "R1"))
+        with ZenohTransport.connect(endpoint) as listener:
+            thread = threading.Thread(target=lambda: names.append(first_fleet(listener)))
+            thread.start()
+            while thread.is_alive():
+                coordinator.put(COMMAND, command[0])
+                thread.join(0.02)
+            recording.begin(listener, names[0])
+            assert coordinator.wait_for_listener("splinefleet/f/report/*", PATIENCE_S)
+            assert robot.wait_for_listener("splinefleet/f/report/*", PATIENCE_S)
+            for one, other in zip(command, report, strict=True):
+                coordinator.put(COMMAND, one)
+                robot.put(REPORT, other)
+            while not recording.listener.over.wait(0.02):
+                coordinator.put(COMMAND, encode(Command(9, 99, 1, OVER, 0)))
+            recording.wait()
+        recording.close()
+    assert names == ["f"]
+    log = read_log(path)
+    found = [record for record in log.records if record.key == COMMAND]
+    assert [r.payload for r in found if r.payload in command][-50:] == command
+    assert [r.payload for r in log.records if r.key == REPORT] == report
+    assert keys.alive("f", "R1") in {record.key for record in log.records}
+    late = [r.log_ns + int(log.metadata["wall_offset_ns"]) - r.publish_ns for r in found]
+    assert all(0 <= age < 5_000_000_000 for age in late)
+    assert summarise(log)["latencies"]["command_age"]["count"] == len(found)
