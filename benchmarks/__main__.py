@@ -23,6 +23,7 @@ from benchmarks.paths import against_peers, fleets, for_robots
 from benchmarks.planning import planning
 from benchmarks.proof import proving, sharpness
 from benchmarks.quality import quality
+from benchmarks.recording import recording, writing
 from benchmarks.reliability import campaigns
 from benchmarks.safety import safety
 from benchmarks.swaps import swaps
@@ -46,6 +47,10 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "safety": {"seeded scenarios, judged by a dense sampler": partial(safety, 200)},
     "reliability": {"seeded fleets with 1 to 4 faults": partial(campaigns, 500)},
     "agent": {"one tick of the robot's core": agent},
+    "recording": {
+        "recording what arrives over Zenoh": recording,
+        "the recorder alone, what 100 robots say": writing,
+    },
 }
 
 

@@ -199,6 +199,8 @@ class _Heard:
                     self.rests[message.rest.epoch, place[2]] = message.rest.s_m
 
     def _hear_command(self, command: Command, log_ns: int) -> None:
+        if self.log.metadata.get("boot", str(command.boot)) != str(command.boot):
+            return  # of another coordinator
         if command.phase == phases.GO:
             self.turns.setdefault(command.epoch, _Turn(command.start_ns))
         elif command.phase == phases.FREEZE and command.epoch in self.turns:

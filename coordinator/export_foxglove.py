@@ -22,6 +22,7 @@ from coordinator.export_scene import (
     FRAME,
     colour_of,
     floor_entities,
+    frame_of,
     path_entity,
     robot_entity,
     zone_entity,
@@ -204,4 +205,4 @@ def _poses(legs: Sequence[Leg], times: Array) -> Array:
 def _transform(now: Time, name: str, pose: Array) -> FrameTransform:
     x, y, heading = pose.tolist()
     turned = Quaternion(z=math.sin(0.5 * heading), w=math.cos(0.5 * heading))
-    return FrameTransform(now, FRAME, name, Vector3(x, y), turned)
+    return FrameTransform(now, FRAME, frame_of(name), Vector3(x, y), turned)

@@ -33,7 +33,7 @@ from coordinator.nurbs import Array
 from coordinator.plan import Floor, Reason
 
 FRAME: Final = "floor"
-"""The frame that everything stands in; each robot has one of its own, named as it is."""
+"""The frame that everything stands in; each robot has one of its own."""
 
 _COLOURS: Final = ("0072b2", "d55e00", "009e73", "cc79a7", "e69f00", "56b4e9", "8c8c8c", "a59a00")
 _LINE: Final = Color(0.55, 0.57, 0.6)
@@ -46,6 +46,11 @@ _HEIGHT: Final = 0.2
 
 _CORNERS: Final = 48
 _ZONE_STEP: Final = 0.05
+
+
+def frame_of(robot: str) -> str:
+    """Return the name of a robot's frame."""
+    return f"robot/{robot}"
 
 
 def colour_of(index: int) -> Color:
@@ -102,7 +107,7 @@ def robot_entity(leg: Leg, colour: Color, now: Time) -> SceneEntity:
     thick = 0.25 * radius
     return SceneEntity(
         timestamp=now,
-        frame_id=name,
+        frame_id=frame_of(name),
         id=f"robot/{name}",
         cylinders=[CylinderPrimitive(body, Vector3(2 * radius, 2 * radius, _HEIGHT), colour)],
         arrows=[ArrowPrimitive(above, 0.5 * radius, thick, 0.4 * radius, 2.0 * thick, ink)],

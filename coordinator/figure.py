@@ -57,8 +57,6 @@ def draw_plan(document: PlanDocument, out: Path, view: View | None = None) -> No
     robots that are not there, and a file that cannot be written.
     """
     suffix = out.suffix.lower()
-    if suffix == ".html":
-        raise InputError([f"{out}: the page that plays a plan comes in a later version"])
     if suffix not in _METADATA:
         raise InputError([f"{out}: a picture ends in .svg or .png, not in {suffix!r}"])
     if not document.robots:

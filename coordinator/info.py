@@ -29,6 +29,8 @@ from coordinator.summary import (
 from coordinator.wait_summary import waits_of
 from protocol import codec, keys, phases
 from protocol.messages import Clock, Command, Hello, Message, Plan, Refusal, Report
+from protocol.plan_parts import unpack_plan
+from protocol.timeline import Timeline
 from protocol.timing import REPORT_TIMEOUT
 
 if TYPE_CHECKING:
@@ -144,6 +146,7 @@ class _Telling:
         documents.sort(key=lambda document: document.epoch)
         for document in documents:
             _take_plan(self.summary, document)
+        self._plans_attached = bool(documents)
         if documents:
             self.summary.tau = documents[0].tau
             self.summary.policy = self.summary.policy or documents[0].policy
@@ -195,9 +198,23 @@ class _Telling:
             told = self._robot(robot)
             told.plan_bytes = max(told.plan_bytes, size)
             told.control_points = len(message.points) // _POINT_BYTES
+            if not self._plans_attached:
+                self._take_message(message, told)
             self.summary.largest_plan_bytes = max(self.summary.largest_plan_bytes, size)
         elif isinstance(message, Refusal):
             self._tell_fault(record.log_ns, robot, message.reason, "refusal")
+
+    def _take_message(self, plan: Plan, told: RobotSummary) -> None:
+        """Take a robot's times and stops from the message, where no plan is attached."""
+        self.summary.tau = plan.tau_ns / 1e9
+        motion = unpack_plan(plan).motion
+        try:
+            told.planned_finish = Timeline(*motion).finish
+        except ValueError:
+            return
+        rests = list(zip(*motion[2:], strict=True))
+        told.planned_start = next((depart for s, depart in rests if s <= 0.0), 0.0)
+        told.stops = [StopSummary(s, depart, "") for s, depart in rests if s > 0.0]
 
     def _tell_command(self, command: Command, log_ns: int) -> None:
         if self._phase == (command.epoch, command.phase):

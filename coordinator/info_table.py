@@ -105,7 +105,7 @@ def _robots(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
     """Return the robots; those of a plan have not arrived yet, nor sent anything."""
     columns = [
         *("robot", "plan B", "points", "stops", "planned s"),
-        *("arrived s", "late s", "sent B", "fault"),
+        *("arrived s", "late", "sent B", "fault"),
     ]
     known = len(columns) if driven else columns.index("arrived s")
     table = _table("robots", *columns[:known])

@@ -156,8 +156,10 @@ def _check(log: Path, as_json: bool) -> None:
     from coordinator.logbook import check_bytes, read_log
     from coordinator.replay import Check, check_log
 
-    damage = check_bytes(log)
-    result = Check(0, 0, damage) if damage else check_log(read_log(log))
+    damage, recorded = check_bytes(log), read_log(log)
+    if recorded.metadata.get("passive") == "yes":
+        damage = damage or "was recorded from beside; only the coordinator's own log can be checked"
+    result = Check(0, 0, damage) if damage else check_log(recorded)
     if as_json:
         answer_json(result._asdict())
     elif not result.difference:
@@ -215,7 +217,9 @@ def recover(
     whole = make_whole(load(log), str(log))
     _write_at_once(place, whole.data)
     if as_json:
-        answer_json({"output": str(place), **whole._replace(data=b"")._asdict(), "data": None})
+        told = whole._asdict()
+        del told["data"]
+        answer_json({"output": str(place), **told})
         return
     was = "was whole" if whole.complete and not whole.damage else "was not closed"
     tell(f"{log}: {whole.damage or was}")

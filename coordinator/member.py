@@ -28,7 +28,7 @@ from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
 
 PLAN_PERIOD: Final = COMMAND_PERIOD
 
-STRIKES: Final = 2
+STRIKES: Final = 3
 """So many epochs may a robot end by a fault of its own; then it is left where it stands."""
 
 

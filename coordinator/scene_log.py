@@ -16,18 +16,8 @@ from coordinator.adoption import adoption_key, request_of
 from coordinator.errors import InputError
 from coordinator.info import summarise
 from coordinator.plan import PlanDocument, from_json
-from coordinator.scene import (
-    Aside,
-    Epoch,
-    Halt,
-    Mark,
-    Scene,
-    index_of,
-    rides_of,
-    rounded_points,
-    scene_from,
-    zones_of,
-)
+from coordinator.scene import Aside, Epoch, Halt, Mark, Scene
+from coordinator.scene_plan import index_of, rides_of, rounded_points, scene_from, zones_of
 from coordinator.standing import Standing
 from coordinator.summary import FaultSummary
 from coordinator.wire import Driven, drive

@@ -21,8 +21,9 @@ from coordinator.ghosts import read_ghosts
 from coordinator.logbook import Log, log_from_bytes, read_log
 from coordinator.plan import read
 from coordinator.replay import RESUMED
-from coordinator.scene import Scene, scene_of_plan
+from coordinator.scene import Scene
 from coordinator.scene_log import scene_of_logs
+from coordinator.scene_plan import scene_of_plan
 
 HOST: Final = "127.0.0.1"
 _HOSTS: Final = (HOST, "localhost")

@@ -15,7 +15,7 @@ The rules:
   been heard yet) and the robot is idle or armed.  The robot arms when it also stands at the plan's
   start and knows the time well enough; until then it says why not.
 - GO heard when the plan has already run away is not obeyed: the robot stays where it is.
-- A robot at its goal stays there in that epoch, whatever it hears.
+- A robot at its goal stays there in that epoch, whatever it hears; so does one that braked there.
 - A position is never said, but for the arc length at which a robot rests that has stopped on its
   way: in the first report that says it is frozen, and again when the coordinator asks for it.
 """
@@ -177,7 +177,7 @@ class Agent:
             if self.phase == BRAKING:
                 ride.keep_braking(time)
                 if ride.rests(time, x, y):
-                    self._apply(AT_REST, now_ns)
+                    self._apply(ARRIVED if ride.at_goal() else AT_REST, now_ns)
             self.drive_speed, self.drive_distance = ride.speed, ride.distance
             self.drive_curvature = ride.curvature
 

@@ -90,6 +90,11 @@ class Ride:
         over = time - self._timeline.finish
         return over >= 0.0 and (left <= ARRIVAL_SLACK or (over >= self.late and left <= self.track))
 
+    def at_goal(self) -> bool:
+        """Tell whether the robot is where the plan ends."""
+        left = self._timeline.length - self.follower.s
+        return left <= ARRIVAL_SLACK and abs(self.follower.lateral) <= self.track
+
     def keep_to_plan(self, time: float) -> None:
         """Order the plan's speed until the next tick, and a part of what the robot lags behind.
 

@@ -63,7 +63,7 @@ class RobotList {
     this.rows.forEach((row, index) => {
       const robot = found[index], text = said(robot, this.bodies);
       if (row.state.textContent !== text) row.state.textContent = text;
-      const speed = robot ? `${robot.v.toFixed(2)} m/s` : "";
+      const speed = robot && robot.v > 0.005 ? `${robot.v.toFixed(2)} m/s` : "";
       if (row.speed.textContent !== speed) row.speed.textContent = speed;
       row.bar.style.width = robot ? `${(100 * robot.s / robot.length).toFixed(1)}%` : "0";
       row.button.dataset.state = robot ? robot.state : "";

@@ -6,14 +6,19 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from coordinator.commands import commands
+from coordinator.commands import commands as plan_commands
 from coordinator.errors import InputError
+from coordinator.log_commands import commands as log_commands
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
 from coordinator.recorder import Attachment, Recorder
 from coordinator.scenario_file import scenario_to_json
 from coordinator.scenario_toml import scenario_to_toml
 from tests.scenarios import a_robot, a_scenario
+
+commands = typer.Typer()
+for part in (plan_commands, log_commands):
+    commands.add_typer(part)
 
 HALL = a_scenario([a_robot("R1", (1.0, 1.0), (9.0, 7.0))])
 
@@ -72,6 +77,11 @@ PROVES = "`splinefleet verify plan.json` proves it again, `plot` draws it"
         ),
         ("replay plan.json --check", f"plan.json is a plan, not a log; {PROVES}"),
         ("replay plan.json", f"plan.json is a plan, not a log; {PROVES}"),
+        ("recover plan.json", f"plan.json is a plan, not a log; {PROVES}"),
+        (
+            "export hall.toml --to csv -o a.csv",
+            "hall.toml is a scenario, not a log; `splinefleet run hall.toml` records one",
+        ),
     ],
 )
 @pytest.mark.usefixtures("folder")
@@ -94,6 +104,10 @@ def test_a_file_of_no_kind_is_still_told_with_its_fault():
         ("plan hall.toml --csv new/a.csv", "'--csv': new/a.csv: there is no folder new"),
         ("plan hall.toml -o plan.json/a.json", "there is no folder plan.json"),
         ("plot plan.json -o new/a.svg", "'--output': new/a.svg: there is no folder new"),
+        ("recover run.mcap -o new/a.mcap", "'--output': new/a.mcap: there is no folder new"),
+        ("recover run.mcap -o whole.json", "'--output': whole.json does not end in .mcap"),
+        ("export plan.json --to csv -o new/a.csv", "'--output': new/a.csv: there is no folder new"),
+        ("export run.mcap --to foxglove -o run.mcap", "run.mcap is the source itself"),
         ("coordinator hall.toml --log new/run.mcap", "'--log': new/run.mcap: there is no folder"),
         ("coordinator hall.toml --plan-out p.txt", "'--plan-out': p.txt does not end in .json"),
     ],

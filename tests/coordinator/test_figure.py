@@ -153,7 +153,7 @@ def test_a_plan_whose_proof_fails_says_not_to_drive_it(tmp_path):
     [
         ("plan.pdf", r"\.svg or \.png, not in '\.pdf'"),
         ("plan", "not in ''"),
-        ("plan.html", "comes in a later version"),
+        ("plan.html", "ends in .svg or .png"),
         ("no/such/folder/plan.svg", "No such file"),
     ],
 )

@@ -120,7 +120,12 @@ def test_a_good_run_is_told_from_hold_to_over(tmp_path):
         }
     ]
     assert told["messages"] == 13
-    assert told["keys"]["splinefleet/f/report/R2"] == {"messages": 1, "bytes": 8}
+    assert told["keys"]["splinefleet/f/report/R2"] == {
+        "messages": 1,
+        "bytes": 8,
+        "messages_per_second": 1 / 10.5,
+        "bytes_per_second": 8 / 10.5,
+    }
     assert (told["positions_on_wire"], told["bad_messages"], told["faults"]) == (0, 0, [])
     assert (told["fleet"], told["policy"], told["tau"]) == ("f", "safe", 0.5)
     assert (told["duration"], told["complete"], told["damage"]) == (10.5, True, "")
@@ -144,7 +149,10 @@ def test_a_robot_is_told_with_its_plan_its_stops_and_what_it_sent(tmp_path):
         "planned_finish": 8.0,
         "stops": [{"s": 1.5, "depart": 4.5, "yields_to": "R2"}],
         "arrived": 8.0,
+        "late": 0.0,
         "reports": 4,
+        "reports_lost": 0,
+        "reports_doubled": 0,
         "bytes_sent": by_hand,
         "fault": None,
     }
@@ -281,6 +289,112 @@ def test_the_tables_show_arrivals_stops_and_silence(tmp_path):
         assert "positions on the wire" in text.getvalue()
     Console(file=text, width=140).print(render(summarise(log_of(tmp_path, good_run()))))
     assert "s 1.50 m until 4.50 s for R2" in text.getvalue()
+
+
+def frozen_run():
+    """R1 faults at 3.0 s, FREEZE 3.1 s; R1 rests at 3.9 s, R2 at 4.3 s; the next GO is at 6.5 s."""
+    one, two, all_robots = keys.report("f", "R1"), keys.report("f", "R2"), keys.command("f")
+    return [
+        (1.0, all_robots, command(1, 1, phases.GO)),
+        (2.6, one, Report(9, 1, 1, phases.MOVING)),
+        (2.9, two, Report(9, 1, 1, phases.MOVING)),
+        (3.0, one, Report(9, 2, 1, phases.BRAKING, phases.OFF_PATH)),
+        (3.1, all_robots, command(2, 1, phases.FREEZE)),
+        (3.3, two, Report(9, 2, 1, phases.BRAKING)),
+        (3.9, one, Report(9, 4, 1, phases.FROZEN, phases.OFF_PATH, Rest(1.0, 1))),
+        (4.3, two, Report(9, 3, 1, phases.FROZEN, 0, Rest(1.2, 1))),
+        (4.5, two, Report(9, 3, 1, phases.FROZEN, 0, Rest(1.2, 1))),
+        (6.0, all_robots, command(3, 2, phases.HOLD)),
+        (6.5, all_robots, command(6, 2, phases.GO)),
+    ]
+
+
+def test_a_freeze_is_timed_from_the_first_sign_to_the_next_go(tmp_path):
+    told = summarise(log_of(tmp_path, frozen_run()))
+    (freeze,) = told["freezes"]
+    assert (freeze["t"], freeze["epoch"]) == (pytest.approx(2.1), 1)
+    times = [freeze[name] for name in ("notice", "silence", "rest", "go")]
+    assert times == pytest.approx([0.1, 0.2, 1.2, 3.4])
+    assert told["latencies"]["freeze_rest"] == {
+        "count": 1,
+        **dict.fromkeys(("median", "p90", "p99", "most"), 1.2),
+    }
+
+
+def test_a_freeze_for_silence_tells_how_long_it_was_and_no_sign(tmp_path):
+    (go, _, moving, *_), all_robots = frozen_run(), keys.command("f")
+    run = [go, moving, (3.5, all_robots, command(2, 1, phases.FREEZE))]
+    (freeze,) = summarise(log_of(tmp_path, run))["freezes"]
+    assert freeze["notice"] is None
+    assert freeze["silence"] == pytest.approx(0.6)
+    assert (freeze["rest"], freeze["go"]) == (None, None)
+
+
+def test_messages_lost_and_doubled_are_seen_in_their_numbers(tmp_path):
+    told = summarise(log_of(tmp_path, frozen_run()))
+    assert (told["robots"]["R1"]["reports_lost"], told["robots"]["R2"]["reports_lost"]) == (1, 0)
+    assert told["robots"]["R2"]["reports_doubled"] == 1
+    assert told["lost_messages"] == 1 + 2  # Commands 4 and 5 never went by
+
+
+def test_the_age_of_messages_is_told_from_their_stamps_only_where_there_are_any(tmp_path):
+    path = tmp_path / "run.mcap"
+    for speed in ("1.0", "2.0"):
+        with Recorder(path, metadata={"fleet": "f", "speed": speed}, wall_offset_ns=10**18) as log:
+            for i in range(100):
+                at = BEGIN + i * SECOND // 10
+                payload = codec.encode(Report(9, i, 1, phases.MOVING))
+                log.record(keys.report("f", "R1"), payload, at, 10**18 + at - (i + 1) * 1_000_000)
+                log.record(keys.command("f"), codec.encode(command(i, 1, phases.HOLD)), at)
+        ages = summarise(read_log(path))["latencies"]
+        assert "command_age" not in ages
+        gap = pytest.approx(0.1)
+        assert ages["command_gap"] == {
+            "count": 99, "median": gap, "p90": gap, "p99": gap, "most": gap,
+        }  # fmt: skip
+        if speed == "1.0":
+            told = {"count": 100, "median": 0.05, "p90": 0.09, "p99": 0.099, "most": 0.1}
+            assert ages["report_age"] == told
+        else:
+            assert "report_age" not in ages
+
+
+def test_what_a_broadcasting_fleet_would_have_sent_is_told_beside(tmp_path):
+    messages = good_run()
+    told = summarise(log_of(tmp_path, messages))["broadcast"]
+    assert (told["robots"], told["seconds"]) == (2, 8.0)
+    assert told["messages"] == 10 * 8 * 2 * 1
+    assert told["bytes"] == 24 * told["messages"]
+    reach = [2 if isinstance(message, Command) else 1 for *_, message in messages]
+    sizes = [len(codec.encode(message)) for *_, message in messages]
+    assert told["our_messages"] == sum(reach)
+    assert told["our_bytes"] == sum(a * b for a, b in zip(reach, sizes, strict=True))
+    assert summarise(log_of(tmp_path, messages[:3]))["broadcast"] is None
+
+
+def test_without_a_plan_attached_times_and_stops_are_told_from_the_message(tmp_path):
+    path = tmp_path / "run.mcap"
+    with Recorder(path, metadata={"fleet": "f"}, wall_offset_ns=0) as log:
+        log.record(keys.plan("f", "R1"), codec.encode(plan_message("R1")), BEGIN)
+    told = summarise(read_log(path))
+    assert told["tau"] == 0.5
+    assert told["robots"]["R1"]["planned_finish"] == pytest.approx(12.0)
+    assert told["robots"]["R1"]["planned_start"] == 0.0
+
+
+def test_a_number_that_is_no_sequence_of_this_robot_makes_no_loss(tmp_path):
+    one = keys.report("f", "R1")
+    babble = [(0.1 * i, one, Report(9, 10**6 * i, 1, phases.MOVING)) for i in range(9)]
+    assert summarise(log_of(tmp_path, babble))["lost_messages"] == 0
+
+
+def test_the_tables_show_freezes_latencies_and_the_other_way_of_telling_positions(tmp_path):
+    text = io.StringIO()
+    Console(file=text, width=140).print(render(summarise(log_of(tmp_path, frozen_run()))))
+    Console(file=text, width=140).print(render(summarise(log_of(tmp_path, good_run()))))
+    assert "all at rest" in text.getvalue()
+    assert "freeze notice" in text.getvalue()
+    assert "2 robots broadcasting positions at 10 Hz for 8.0 s: 160 messages" in text.getvalue()
 
 
 def test_the_summary_is_imported_without_the_file_format():

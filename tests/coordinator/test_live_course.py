@@ -8,7 +8,7 @@ import pytest
 from coordinator.live_course import LiveCourse
 from coordinator.planner import plan_scenario
 from coordinator.scenario_file import read_scenario
-from coordinator.scene import scene_of_plan
+from coordinator.scene_plan import scene_of_plan
 from coordinator.wire import pack
 from protocol import keys
 from protocol.codec import encode

@@ -15,9 +15,17 @@ from coordinator.errors import InputError
 from coordinator.page import page_of
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
+from coordinator.recorder import Attachment, Recorder
+from coordinator.replay import RESUMED
 from coordinator.scenario_file import read_scenario
-from coordinator.scene import Scene, scene_of_plan
+from coordinator.scene import Scene
+from coordinator.scene_plan import scene_of_plan
 from coordinator.view import read_scene, served
+from protocol import keys
+from protocol.codec import encode
+from protocol.messages import Command
+from protocol.phases import FREEZE, GO
+from protocol.timing import SECOND
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -147,3 +155,31 @@ def test_a_plan_file_is_read_as_its_scene(tmp_path):
     assert read_scene(file) == scene()
     with pytest.raises(InputError):
         read_scene(tmp_path / "none.mcap")
+
+
+def write_log(path, epoch, attachments, commands):
+    """Write a log of Commands (t, phase, start) of an epoch."""
+    with Recorder(
+        path,
+        metadata={"fleet": "paper-five"},
+        wall_offset_ns=0,
+        attachments=[Attachment(name, "", data) for name, data in attachments.items()],
+    ) as log:
+        for t, phase, start in commands:
+            message = Command(1, 1, epoch, phase, round(start * SECOND))
+            log.record(keys.command("paper-five"), encode(message), round(t * SECOND))
+
+
+def test_a_log_is_read_with_those_it_went_on_from_and_the_black_boxes_beside_it(tmp_path):
+    first, second = tmp_path / "first.mcap", tmp_path / "run.mcap"
+    plans = [to_json(msgspec.structs.replace(document(), epoch=epoch)) for epoch in (1, 2)]
+    write_log(first, 1, {"plan-1.json": plans[0]}, [(9.0, GO, 10.0), (13.0, GO, 10.0)])
+    before = {RESUMED: first.read_bytes(), "plan-2.json": plans[1]}
+    write_log(second, 2, before, [(14.0, FREEZE, 0.0), (15.0, GO, 16.0), (18.0, GO, 16.0)])
+    (tmp_path / "blackbox").mkdir()
+    (tmp_path / "blackbox" / "R4.csv").write_text("t,x,y,heading,s,phase\n0.0,3,4,0,0,moving\n")
+    found = read_scene(second)
+    assert [(one.epoch, one.start, one.frozen) for one in found.epochs] == [(1, 0, 4), (2, 6, None)]
+    assert found.end == 8.0
+    assert [(ghost.robot, ghost.x, ghost.y) for ghost in found.ghosts] == [(3, [3.0], [4.0])]
+    assert len(page_of(found)) < 1_000_000

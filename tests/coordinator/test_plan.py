@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from coordinator.commands import commands
 from coordinator.errors import InputError
+from coordinator.log_commands import commands as log_commands
 from coordinator.logbook import Log, Record
 from coordinator.plan import PlanDocument, Stop, from_json, to_json
 from coordinator.plan_table import render_proof
@@ -196,7 +197,8 @@ def test_the_proof_says_what_it_could_not_prove():
      ("coordinator", "--wait"), ("run", "--speed")],
 )  # fmt: skip
 def test_an_option_that_is_no_finite_number_is_refused_by_name(command, option, value):
-    group = sim_commands if command == "run" else commands
+    groups = {"run": sim_commands, "replay": log_commands}
+    group = groups.get(command, commands)
     result = CliRunner().invoke(group, [command, "absent.toml", f"{option}={value}"])
     assert result.exit_code == 2
     assert option in result.output

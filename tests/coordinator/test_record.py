@@ -3,10 +3,12 @@
 import threading
 
 import pytest
+from typer.testing import CliRunner
 
 from coordinator import record
 from coordinator.errors import InputError, LogError
 from coordinator.info import summarise
+from coordinator.log_commands import commands
 from coordinator.logbook import read_log
 from coordinator.record import Recording, first_fleet
 from protocol import keys
@@ -93,6 +95,15 @@ def test_another_hosts_clock_is_told_by_the_answers_about_the_time(tmp_path, mon
     recording.close()
     arrival = summarise(read_log(path))["epochs"][0]["arrivals"]["R1"]
     assert arrival == pytest.approx(2.0, abs=0.002)
+
+
+def test_a_log_from_beside_cannot_be_checked_and_says_so(tmp_path):
+    recording = Recording(tmp_path / "run.mcap")
+    recording.begin(Silent(), "f")
+    recording.close()
+    result = CliRunner().invoke(commands, ["replay", str(tmp_path / "run.mcap"), "--check"])
+    assert result.exit_code == 1
+    assert "was recorded from beside" in result.output.replace("\n", " ")
 
 
 def test_a_recording_that_has_not_begun_leaves_no_file(tmp_path):

@@ -19,8 +19,8 @@ from coordinator.mission import Request
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
 from coordinator.scenario_file import read_scenario
-from coordinator.scene import scene_of_plan
 from coordinator.scene_log import scene_of_logs
+from coordinator.scene_plan import scene_of_plan
 from coordinator.standing import Standing
 from coordinator.wire import drive
 from protocol import keys

@@ -7,6 +7,8 @@ import asyncio
 import contextlib
 import os
 import signal
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +25,7 @@ from sim.blackbox import read_blackbox
 from sim.faults import parse_faults
 from sim.judge import Verdict, judge
 from sim.local_fleet import LocalFleet, Outcome
-from tests.system.fleet_tools import processes_of, splinefleet
+from tests.system.fleet_tools import processes_of
 
 DEADLINE_S = 60.0
 ROBOTS = ("R1", "R2", "R3")
@@ -98,47 +100,91 @@ class Run:
         return self.outcome.code == 0 and everybody and not self.named and not self.froze
 
 
-@pytest.fixture
-def run_with(tmp_path):
-    """Run the three robots with faults, to their end; nobody may have touched or be left over."""
-    file, folder = tmp_path / "three.toml", tmp_path / "out"
-    file.write_text(THREE_ROBOTS)
+LOST = ("kill:R1@1.2", "hang:R1@1.2", "stall:R1@1.2")
+FOR_A_WHILE = ("cut:R1@1.2:4", "slow:R1@1.2:0.5", "stall:R1@1.2:2", "skid:R1@1.2")
+HARMLESS = ("cut:R1@1.2:0.15", "slow:R1@1.2:0.98")
+COORDINATOR = ("coordinator-kill@1.2", "coordinator-hang@1.2")
+CLOCK_STEPS = ("clock-step:R1@1.2:3600", "clock-step:R2@1.5:-86400")
+TWO_DEATHS = ("kill:R1@1.2", "hang:R3@1.2")
+ALONE = (
+    *LOST,
+    *FOR_A_WHILE,
+    *HARMLESS,
+    *COORDINATOR,
+    "skid:R1@1.2:0.2",
+    "cut:R1@1.2:30",
+    "corrupt:R1@0.5:2",
+    "coordinator-restart@1.2:2",
+    "kill:R1@500",
+)
+TOGETHER = 3
+"""Fleets that run at a time: each mostly waits, and machines have few cores."""
 
+
+def run_fleet(folder, texts):
+    """Run the three robots with faults, to their end; nobody may have touched or be left over."""
+    file = folder / "three.toml"
+    file.write_text(THREE_ROBOTS)
+    fleet = LocalFleet(
+        read_scenario(file),
+        folder / "out",
+        speed=1.0,
+        effort=20,
+        faults=parse_faults(texts, ROBOTS),
+    )
+    watch = threading.Timer(DEADLINE_S, end_processes_of, (folder,))
+    watch.start()
+    try:
+        outcome = fleet.run()
+    finally:
+        in_time = watch.is_alive()
+        watch.cancel()
+    assert in_time, f"not ended after {DEADLINE_S} s: {outcome.events[-5:]}"
+    verdict = judge(folder / "out")
+    assert verdict.collisions == 0
+    assert processes_of(folder) == []
+    return Run(folder / "out", outcome, verdict)
+
+
+def end_processes_of(folder):
+    for process in processes_of(folder):
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(process, signal.SIGKILL)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """All runs of this module by their faults, some at a time."""
+    with ThreadPoolExecutor(TOGETHER) as pool:
+        yield {
+            texts: pool.submit(run_fleet, tmp_path_factory.mktemp("fleet"), texts)
+            for texts in (*((text,) for text in ALONE), CLOCK_STEPS, TWO_DEATHS)
+        }
+
+
+@pytest.fixture
+def run_with(runs):
     async def run(*texts):
-        scenario = read_scenario(file)
-        faults = parse_faults(texts, ROBOTS)
-        fleet = LocalFleet(scenario, folder, speed=1.0, effort=20, faults=faults)
-        running = asyncio.create_task(asyncio.to_thread(fleet.run))
-        done, _ = await asyncio.wait([running], timeout=DEADLINE_S)
-        if not done:
-            for process in processes_of(folder):
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(process, signal.SIGKILL)
-        outcome = await running
-        assert done, f"not ended after {DEADLINE_S} s: {outcome.events[-5:]}"
-        verdict = judge(folder)
-        assert verdict.collisions == 0
-        assert processes_of(folder) == []
-        return Run(folder, outcome, verdict)
+        return await asyncio.wrap_future(runs[texts])
 
     return run
 
 
-@pytest.mark.parametrize("fault", ["kill:R1@1.2", "hang:R1@1.2", "stall:R1@1.2"])
+@pytest.mark.parametrize("fault", LOST)
 async def test_a_robot_that_is_lost_is_named_and_nobody_touches(run_with, fault):
     run = await run_with(fault)
     assert run.named == {"R1"}
     assert run.froze
     assert run.outcome.code == 1
-    assert "R1" not in run.arrived
+    assert run.arrived == {"R2", "R3"}
 
 
-@pytest.mark.parametrize(
-    "fault", ["cut:R1@1.2:4", "slow:R1@1.2:0.5", "stall:R1@1.2:2", "skid:R1@1.2"]
-)
+@pytest.mark.parametrize("fault", FOR_A_WHILE)
 async def test_a_robot_that_fails_for_a_while_is_named_and_nobody_touches(run_with, fault):
     run = await run_with(fault)
     assert run.named == {"R1"}
+    assert run.arrived >= {"R2", "R3"}
+    assert "R1" in run.arrived or fault.startswith(("slow", "skid"))
 
 
 async def test_a_skidding_body_truly_slides(run_with):
@@ -158,14 +204,14 @@ async def test_a_robot_cut_off_stops_by_itself_before_the_network_is_back(run_wi
     assert box.phases[-1] == "frozen"
 
 
-@pytest.mark.parametrize("fault", ["cut:R1@1.2:0.15", "slow:R1@1.2:0.98"])
+@pytest.mark.parametrize("fault", HARMLESS)
 async def test_what_can_be_borne_stops_nobody(run_with, fault):
     run = await run_with(fault)
     assert run.went_well(), run.outcome
 
 
 async def test_a_step_of_the_wall_clock_changes_nothing(run_with):
-    run = await run_with("clock-step:R1@1.2:3600", "clock-step:R2@1.5:-86400")
+    run = await run_with(*CLOCK_STEPS)
     assert run.struck == ["clock-step R1 at 1.2 s", "clock-step R2 at 1.5 s"]
     assert run.went_well(), run.outcome
 
@@ -176,7 +222,7 @@ async def test_random_bytes_on_its_keys_change_nothing(run_with):
     assert run.went_well(), run.outcome
 
 
-@pytest.mark.parametrize("fault", ["coordinator-kill@1.2", "coordinator-hang@1.2"])
+@pytest.mark.parametrize("fault", COORDINATOR)
 async def test_without_a_coordinator_all_robots_stop_by_themselves(run_with, fault):
     run = await run_with(fault)
     assert run.outcome.code == -signal.SIGKILL
@@ -191,18 +237,17 @@ async def test_a_coordinator_that_was_killed_is_started_again(run_with):
         "coordinator-restart at 1.2 s",
         "coordinator-restart at 3.2 s: resume",
     ]
-    if "--resume" in splinefleet("coordinator", "--help").stdout:
-        assert run.arrived == set(ROBOTS)
+    assert run.arrived == set(ROBOTS)
 
 
 async def test_several_robots_may_fail_in_one_run(run_with):
-    run = await run_with("kill:R1@1.2", "hang:R3@1.2")
+    run = await run_with(*TWO_DEATHS)
     assert run.outcome.code == 1
     assert run.named == {"R1", "R3"}
+    assert run.arrived == {"R2"}
 
 
-async def test_a_fault_after_the_end_does_not_strike(run_with, capfd):
+async def test_a_fault_after_the_end_does_not_strike(run_with):
     run = await run_with("kill:R1@500")
     assert run.struck == []
-    assert "kill R1: the run had ended before" in capfd.readouterr().err
     assert run.went_well(), run.outcome

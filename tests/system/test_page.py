@@ -14,7 +14,7 @@ from coordinator.page import page_of
 from coordinator.plan import read, to_json
 from coordinator.planner import plan_scenario
 from coordinator.scenario_file import read_scenario
-from coordinator.scene import scene_of_plan
+from coordinator.scene_plan import scene_of_plan
 from coordinator.wire import drive
 from sim.generator import generate
 from tests.system.browser import browser, find_browser

@@ -1,0 +1,177 @@
+"""A log written while messages pour in over Zenoh: what is lost, what it costs.
+
+`python -m benchmarks recording` records for 10 s, `python -m benchmarks.recording SECONDS` for
+another time.  The messages come from a process of their own, which waits when the link is full.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import zenoh
+from mcap.reader import make_reader
+
+from benchmarks.table import ROOT, Row, show
+from coordinator.record import Listener, Recording
+from coordinator.recorder import Recorder
+from protocol import keys
+from protocol.codec import encode
+from protocol.messages import Report
+from protocol.phases import MOVING
+from protocol.zenoh_transport import ZenohTransport
+
+FLEET: Final = "benchmark"
+ROBOTS: Final = 100
+FLOOD: Final = 20_000
+TRAFFIC: Final = 620
+"""What 100 robots and their coordinator say in a second: 5 reports each, a question about the time
+and its answer every other second, 10 Commands."""
+
+_BATCH_S: Final = 0.001
+_TICK_S: Final = 0.01
+_LOOK_S: Final = 0.25
+_PATIENCE_S: Final = 30.0
+
+
+def recording(seconds: float = 10.0) -> list[Row]:
+    """Record a flood, then as much as 100 robots say; CPU and memory are the recorder's process.
+
+    CPU is the share of one core over all its threads, Zenoh's included.  Memory grows from when a
+    quarter of the time has passed.
+    """
+    return [_recorded(rate, seconds) for rate in (FLOOD, TRAFFIC)]
+
+
+def writing(seconds: float = 10.0) -> list[Row]:
+    """Let the recorder alone write what 100 robots say, as it does beside the fleet core.
+
+    CPU is the share of one core, that of making the messages included.
+    """
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mcap"
+        with Recorder(path, metadata={"fleet": FLEET}, wall_offset_ns=0) as recorder:
+            began, spent, done = time.monotonic(), time.process_time(), 0
+            while (passed := time.monotonic() - began) < seconds:
+                for number in range(done, round(passed * TRAFFIC)):
+                    payload = encode(Report(1, number, 1, MOVING))
+                    recorder.record(keys.report(FLEET, f"R{number % ROBOTS}"), payload, number)
+                    done = number + 1
+                time.sleep(_TICK_S)
+            spent = time.process_time() - spent
+    return [{"messages/s": round(done / passed), "CPU %": 100.0 * spent / passed}]
+
+
+def _recorded(rate: int, seconds: float) -> Row:
+    """Return what became of so many messages a second."""
+    endpoint, sent = f"tcp/127.0.0.1:{_free_port()}", round(rate * seconds)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mcap"
+        recording = Recording(path)
+        with ZenohTransport.listen(endpoint) as transport:
+            recording.begin(transport, FLEET)
+            assert recording.listener is not None
+            measured = _listen(recording.listener, endpoint, rate, sent)
+        recording.close()
+        with path.open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+        kept = summary.statistics.message_count if summary is not None else 0
+        size = path.stat().st_size
+    return {**measured, "lost": sent - kept, "bytes a message": size / max(kept, 1)}
+
+
+def _listen(listener: Listener, endpoint: str, rate: int, sent: int) -> Row:
+    """Let another process send; look at this one meanwhile."""
+    sizes: list[float] = []
+    publisher = subprocess.Popen(
+        [sys.executable, "-m", "benchmarks.recording", endpoint, str(rate), str(sent)], cwd=ROOT
+    )
+    try:
+        _wait_for(lambda: listener.messages > 0)
+        began, spent = time.monotonic(), time.process_time()
+        while listener.messages < sent and publisher.poll() is None:
+            sizes.append(_memory_mb())
+            time.sleep(_LOOK_S)
+        passed, spent = time.monotonic() - began, time.process_time() - spent
+        publisher.wait(_PATIENCE_S)
+        _wait_for(lambda: listener.messages >= sent, at_most=2.0)
+    finally:
+        publisher.kill()
+        publisher.wait()
+    settled = sizes[len(sizes) // 4 :]
+    return {
+        "messages/s": round(listener.messages / passed),
+        "seconds": passed,
+        "sent": sent,
+        "heard": listener.messages,
+        "CPU %": 100.0 * spent / passed,
+        "memory MB": settled[0],
+        "growth MB": max(settled) - settled[0],
+    }
+
+
+def publish(endpoint: str, rate: int, count: int) -> None:
+    """Put so many messages at a rate, as a hundred robots in turn; none is dropped here."""
+    config = zenoh.Config()
+    for name, value in (
+        ("mode", "client"),
+        ("connect/endpoints", [endpoint]),
+        ("scouting/multicast/enabled", False),
+        ("transport/shared_memory/enabled", False),
+    ):
+        config.insert_json5(name, json.dumps(value))
+    with zenoh.open(config) as session:
+        publishers = [
+            session.declare_publisher(
+                keys.report(FLEET, f"R{i}"),
+                congestion_control=zenoh.CongestionControl.BLOCK,
+            )
+            for i in range(ROBOTS)
+        ]
+        began, done = time.monotonic(), 0
+        while done < count:
+            due = min(round((time.monotonic() - began) * rate), count)
+            for number in range(done, due):
+                publishers[number % ROBOTS].put(encode(Report(1, number, 1, MOVING)))
+            done = max(done, due)
+            time.sleep(_BATCH_S)
+
+
+def _wait_for(state: Callable[[], bool], at_most: float = _PATIENCE_S) -> None:
+    deadline = time.monotonic() + at_most
+    while not state() and time.monotonic() < deadline:
+        time.sleep(0.01)
+
+
+def _memory_mb() -> float:
+    """Return the memory that this process holds."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def main() -> None:
+    """Measure and print; with an endpoint, a rate and a count, be the process that sends."""
+    if len(sys.argv) == 4:
+        publish(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
+    else:
+        seconds = [float(text) for text in sys.argv[1:]]
+        show("recording what arrives over Zenoh", recording(*seconds))
+        show("the recorder alone", writing(*seconds))
+
+
+if __name__ == "__main__":
+    main()
