@@ -1,4 +1,4 @@
-"""A story as an MCAP file that Foxglove, Lichtblick and Rerun open directly.
+"""A story as an MCAP file that Foxglove and Lichtblick open directly.
 
 Decides: topics, and when what appears.  Must not know: shapes (export_scene.py).
 

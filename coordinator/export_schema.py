@@ -250,7 +250,7 @@ def schema_name(kind: type[WellKnown]) -> str:
 
 
 def json_schema(kind: type[WellKnown]) -> bytes:
-    """Return a message's JSON Schema without references, which viewers do not follow."""
+    """Return a message's JSON Schema without references, which not every viewer follows."""
     whole = msgspec.json.schema(kind)
     return msgspec.json.encode(_resolved(whole, whole["$defs"]))
 

@@ -116,7 +116,6 @@ class Coordinator:
     def _recorder(
         self, log: Path | None, document: PlanDocument, boot: int, resume: Path | None
     ) -> Recorder:
-        now = self.clock()
         metadata = {
             "fleet": document.scenario,
             "policy": document.policy,
@@ -135,9 +134,8 @@ class Coordinator:
             metadata["began_ns"] = str(self._began_ns)
             attachments[1:] = [Attachment(RESUMED, "application/octet-stream", self._before)]
         path = log if log is not None else Path(os.devnull)
-        return Recorder(
-            path, metadata=metadata, wall_offset_ns=time.time_ns() - now, attachments=attachments
-        )
+        offset = time.time_ns() - self.clock()
+        return Recorder(path, metadata=metadata, wall_offset_ns=offset, attachments=attachments)
 
     def _watcher(self, table: FleetTable) -> Callable[[Fleet, int], None]:
         def watch(fleet: Fleet, now_ns: int) -> None:

@@ -255,7 +255,7 @@ def export(
 ) -> None:
     """Write the robots' motions, by the plans in a plan file or a log, for other tools.
 
-    csv: robot,t,x,y,heading,s,v.  foxglove: an MCAP for Foxglove, Lichtblick and Rerun.
+    csv: robot,t,x,y,heading,s,v.  foxglove: an MCAP for Foxglove and Lichtblick.
 
     Example: splinefleet export runs/demo/run.mcap --to foxglove -o scene.mcap
     """

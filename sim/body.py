@@ -7,18 +7,14 @@ from __future__ import annotations
 
 import math
 import random
-from typing import Final
 
-from robot_agent.driver import Driver, DriverError, Pose
+from robot_agent.driver import Driver, Pose
 
 TURN_RATE = 2.0
 """How quickly a body turns on the spot [rad/s]."""
 
 SLEW_SHARE = 1.25
 """How much harder the motors can accelerate than plans ask them to."""
-
-SKID_TIME: Final = 0.2
-"""For how long [s] a body slides."""
 
 
 class SimulatedBody(Driver):
@@ -123,68 +119,3 @@ class SimulatedBody(Driver):
         self.x += chord * math.cos(self.heading + turn)
         self.y += chord * math.sin(self.heading + turn)
         self.heading = math.remainder(self.heading + 2.0 * turn, math.tau)
-
-
-class FailingBody(SimulatedBody):
-    """A SimulatedBody whose wheels slow down, stall or slip, and whose electronics fail, on order.
-
-    In virtual time: whoever keeps the time gives the orders.
-    """
-
-    def __init__(
-        self,
-        max_accel: float = math.inf,
-        *,
-        wheel_gain: float = 1.0,
-        noise: float = 0.0,
-        seed: int = 0,
-    ) -> None:
-        super().__init__(max_accel, wheel_gain=wheel_gain, noise=noise, seed=seed)
-        self._stalled = False
-        self._slide_left = self._slide_speed = 0.0
-        self._failing = False
-
-    def slow(self, share: float) -> None:
-        """Roll from now on this share of what is ordered."""
-        self._gain *= share
-
-    def stall(self, stalled: bool) -> None:
-        """Stand still whatever is ordered, or no longer."""
-        self._stalled = stalled
-        if stalled:
-            self.stop()
-
-    def skid(self, metres: float) -> None:
-        """Slide to the left within SKID_TIME; a base that stands does not slip."""
-        if self.speed > 0.0:
-            self._slide_left, self._slide_speed = metres, abs(metres) / SKID_TIME
-
-    def fail(self) -> None:
-        """Raise DriverError when next asked for the pose, once."""
-        self._failing = True
-
-    def pose(self) -> Pose | None:
-        """Return the measured pose; DriverError when a failure is due."""
-        if self._failing:
-            self._failing = False
-            raise DriverError("the base does not answer")
-        return super().pose()
-
-    def turn(self, angle_rad: float) -> None:
-        """Take an order to turn, unless stalled."""
-        super().turn(0.0 if self._stalled else angle_rad)
-
-    def drive(self, speed_mps: float, curvature_radpm: float, distance_m: float) -> None:
-        """Take an order, unless stalled."""
-        super().drive(0.0 if self._stalled else speed_mps, curvature_radpm, distance_m)
-
-    def step(self, now_ns: int) -> None:
-        """Let time pass, sliding if that is due."""
-        before = now_ns if self._now_ns is None else self._now_ns
-        super().step(now_ns)
-        if self._slide_left:
-            way = min(abs(self._slide_left), self._slide_speed * max(now_ns - before, 0) / 1e9)
-            way = math.copysign(way, self._slide_left)
-            self._slide_left -= way
-            self.x -= way * math.sin(self.heading)
-            self.y += way * math.cos(self.heading)

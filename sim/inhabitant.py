@@ -16,7 +16,7 @@ from protocol.timing import SECOND
 from robot_agent.driver import DriverError
 from robot_agent.service import RobotService
 from sim.blackbox import BlackBox
-from sim.body import FailingBody
+from sim.failing_body import FailingBody
 
 Row = tuple[float, float, float, float, str]
 

@@ -77,8 +77,10 @@ class Strikes:
             robot.body.slow(fault.value)
         elif fault.kind == "stall":
             self._last(fault, lambda: robot.body.stall(True), lambda: robot.body.stall(False))
-        elif fault.kind == "skid":
+        elif fault.kind == "skid" and robot.body.speed > 0.0:
             robot.body.skid(fault.value)
+        elif fault.kind == "skid":
+            return  # A base that stands does not slip.
         elif fault.kind == "cut":
             self._last(fault, lambda: network.cut(name), lambda: network.heal(name))
         elif fault.kind == "driver-error":

@@ -31,7 +31,7 @@ from robot_agent.loop import PERIOD_NS
 from robot_agent.service import Robot, RobotService, skewed_clock
 from sim.agenda import Action, Agenda
 from sim.blackbox import BlackBox
-from sim.body import FailingBody
+from sim.failing_body import FailingBody
 from sim.faults import Fault
 from sim.inhabitant import Inhabitant
 from sim.memory_transport import MemoryNetwork
