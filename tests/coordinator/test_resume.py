@@ -1,0 +1,144 @@
+"""Going on from the log of a coordinator that died, wherever its log ends."""
+
+import asyncio
+import random
+
+import pytest
+
+from coordinator.errors import InputError
+from coordinator.logbook import log_from_bytes, read_log
+from coordinator.mission import Mission
+from coordinator.plan import to_json
+from coordinator.planner import plan_scenario
+from coordinator.recorder import Attachment, Recorder
+from coordinator.replay import RESUMED, check_log, go_on
+from coordinator.scenario_file import parse_scenario, scenario_to_json
+from coordinator.service import Service
+from protocol import keys
+from protocol.codec import decode, encode
+from protocol.messages import Command, Hello, Report, Rest
+from protocol.phases import ARMED, DONE, FREEZE, FROZEN, GO, HOLD, LATE, MOVING
+from protocol.timing import MILLISECOND, SECOND
+from tests.coordinator.test_service import SCENARIO, Clock, Hand
+
+EFFORT = 3
+CUTS = 120
+
+
+class DyingHand(Hand):
+    """A robot that freezes, says where it rests, and goes on in the next epoch."""
+
+    def answer(self, command):
+        """Arm, drive, fail at the twelfth Command, say where it rests; from then on arrive."""
+        if command.sequence == 1:
+            self.say(keys.hello("one", "R1"), Hello(1, 5))
+        fails = command.epoch == 1 and command.sequence >= 12
+        phase = {HOLD: ARMED, GO: FROZEN if fails else MOVING, FREEZE: FROZEN}
+        if command.epoch > 1 and command.phase == GO and command.sequence % 9 == 0:
+            phase[GO] = DONE
+        rest = Rest(0.5, command.epoch) if command.phase == FREEZE else None
+        told = phase.get(command.phase, DONE)
+        report = Report(5, next(self.sequence), command.epoch, told, LATE * fails, rest)
+        self.say(keys.report("one", "R1"), report)
+
+
+def planner(scenario, epoch):
+    return plan_scenario(scenario, effort=EFFORT, epoch=epoch)
+
+
+@pytest.fixture(scope="module")
+def story(tmp_path_factory):
+    """The bytes of a log in which a robot fails, is planned anew, and drives on."""
+    path = tmp_path_factory.mktemp("log") / "run.mcap"
+    scenario = parse_scenario(SCENARIO, "one.toml")
+    document = planner(scenario, 1)
+    recorder = Recorder(
+        path,
+        metadata={"fleet": "one", "policy": "safe", "boot": "9", "effort": str(EFFORT)},
+        wall_offset_ns=10**18,
+        attachments=[
+            Attachment("scenario.json", "application/json", scenario_to_json(scenario)),
+            Attachment("plan-1.json", "application/json", to_json(document)),
+        ],
+    )
+    hand = DyingHand()
+    mission = Mission(scenario, document, 9, planner)
+    service = Service(mission, hand, recorder, Clock(10 * MILLISECOND), speed=100.0)
+
+    async def run():
+        try:
+            async with asyncio.timeout(3.0):
+                await service.run(60.0)
+        except TimeoutError:
+            return
+
+    asyncio.run(run())
+    recorder.close()
+    return path.read_bytes()
+
+
+def test_the_story_has_a_second_epoch_that_went(story):
+    log = log_from_bytes(story, "run.mcap")
+    told = [decode("command", r.payload) for r in log.records if r.key == keys.command("one")]
+    assert {(m.epoch, m.phase) for m in told} >= {(1, GO), (1, FREEZE), (2, HOLD), (2, GO)}
+    assert check_log(log).difference == ""
+
+
+def test_wherever_the_log_ends_the_next_epoch_is_above_all_that_a_robot_was_told(story):
+    chance, resumed = random.Random(5), 0
+    for _ in range(CUTS):
+        try:
+            log = log_from_bytes(story[: chance.randrange(len(story))], "run.mcap")
+        except InputError:
+            continue  # Cut within the first bytes, before anything was said.
+        if not log.records:
+            continue
+        try:
+            mission = go_on(log, 77, log.records[-1].log_ns + SECOND)
+        except InputError as error:
+            assert "has ended" in str(error)
+            continue
+        resumed += 1
+        fleet = mission.fleet
+        told = [m for r in log.records if isinstance(m := decode("command", r.payload), Command)]
+        highest = max((m.epoch for m in told), default=0)
+        (sent,) = fleet.tick(log.records[-1].log_ns + SECOND)
+        command = decode("command", sent.payload)
+        assert (command.boot, command.phase) == (77, FREEZE)
+        assert command.epoch > highest
+        assert fleet.members["R1"].boot in (None, 5)
+    assert resumed > CUTS / 4
+
+
+def test_a_robot_that_moved_is_asked_where_it_rests_and_planned_from_there(story):
+    log = log_from_bytes(story, "run.mcap")
+    at = next(
+        i
+        for i, r in enumerate(log.records)
+        if r.key == keys.command("one") and decode("command", r.payload).phase == GO
+    )
+    del log.records[at + 4 :]
+    now = log.records[-1].log_ns + SECOND
+    mission = go_on(log, 77, now)
+    fleet = mission.fleet
+    fleet.tick(now)
+    assert mission.request(now + SECOND) is None
+    key = keys.report("one", "R1")
+    fleet.hear(key, encode(Report(5, 10_000, 1, FROZEN, 1)), now)
+    (sent,) = fleet.tick(now + SECOND // 10)
+    assert decode("command", sent.payload).wanted == ("R1",)
+    fleet.hear(key, encode(Report(5, 10_001, 1, FROZEN, 1, Rest(0.75, 1))), now)
+    fleet.tick(now + SECOND // 5)
+    request = mission.request(now + SECOND // 5)
+    assert request.epoch == 2
+    assert request.told[0].s == 0.75
+    assert mission.solve(request).document.epoch == 2
+
+
+def test_a_log_that_has_ended_or_is_none_is_not_gone_on_from(story, tmp_path):
+    log = log_from_bytes(story, "run.mcap")
+    with pytest.raises(InputError, match="cannot be gone on from"):
+        go_on(log.__class__({}, {}, [], True, ""), 77, 0)
+    broken = tmp_path / "x.mcap"
+    broken.write_bytes(story)
+    assert RESUMED not in read_log(broken).attachments
