@@ -18,12 +18,15 @@ from collections.abc import Mapping
 from coordinator.fleet_news import Incident, Outgoing, Part
 from coordinator.fleet_phases import (
     ARM_PATIENCE,
+    AWAY,
+    DRAIN,
     FAREWELLS,
     FREEZE_PATIENCE,
     GO_LEAD,
     RESUME_PATIENCE,
     TASK_GRACE,
     TRANSITIONS,
+    UNLOGGED,
     Event,
 )
 from coordinator.greeting import Door
@@ -36,11 +39,11 @@ from protocol.messages import Admit, Clock, Command, Hello, Report
 from protocol.phases import (
     COMMAND_NAMES,
     DONE,
-    FAULT_NAMES,
     FREEZE,
     GO,
     HOLD,
     OVER,
+    fault_name,
 )
 from protocol.timing import COMMAND_PERIOD, SECOND
 
@@ -78,6 +81,8 @@ class Fleet:
         self._changed_ns = self._ticked_ns = self._frozen_ns = self._patient_until_ns = 0
         self._driven_epoch = epoch
         self._has_gone = False
+        self._stale_until_ns = 0
+        self._doubted: set[str] = set()
         self._farewells = 0
         self._door = Door(name, self.members, self.incidents)
 
@@ -107,10 +112,15 @@ class Fleet:
     def tick(self, now_ns: int) -> list[Outgoing]:
         """Look at the time, and say every COMMAND_PERIOD what should be.
 
-        After a gap between ticks the coordinator itself was away: what robots said meanwhile has
-        yet to be heard, so nobody is called silent at once.
+        After a gap between ticks the coordinator itself was away.  What robots said meanwhile is
+        stale, so nobody is called silent at once; but no lease is renewed either before each that
+        moves has been heard anew.
         """
-        was_away = now_ns - self._ticked_ns > 2 * COMMAND_PERIOD
+        was_away = now_ns - self._ticked_ns > AWAY
+        if was_away:
+            self._stale_until_ns = now_ns + DRAIN
+            moving = [m.id for m in self.members.planned if m.phase != DONE]
+            self._doubted = set(moving) if self.phase == GO else set()
         self._ticked_ns = now_ns
         if self.phase == HOLD:
             self._muster(now_ns, was_away)
@@ -120,7 +130,7 @@ class Fleet:
             self._settle(now_ns, was_away)
         elif self.phase == OVER:
             self._farewells += 1
-        return [self._command()]
+        return [] if self.phase == GO and self._doubted else [self._command()]
 
     @property
     def is_finished(self) -> bool:
@@ -161,13 +171,15 @@ class Fleet:
         The fleet freezes, by its leases or because it is told to, and says where it stands; all
         robots are given time to speak.
         """
-        self.boot, self._sequence, self.epoch = boot, 0, self.next_epoch
+        self.boot, self._sequence, self.epoch = boot, 0, self.next_epoch + 1
+        self.superseded = False
         if not self._has_gone:
             self.first_epoch = self.epoch
         for member in self.members.values():
             member.gone = False
         self.phase, self._changed_ns, self._ticked_ns = FREEZE, now_ns, now_ns
-        self._frozen_ns, self._patient_until_ns = last_ns, now_ns + RESUME_PATIENCE
+        self._frozen_ns = last_ns + UNLOGGED
+        self._patient_until_ns = now_ns + RESUME_PATIENCE
         self._tell(now_ns, "phase", "", "goes on from a log: FREEZE")
 
     def missing(self, now_ns: int) -> list[str]:
@@ -192,14 +204,19 @@ class Fleet:
         member = self.members.get(robot)
         if member is None:
             return []
+        if report.rest is not None and not 1 <= report.rest.epoch <= self._driven_epoch:
+            return self._hear_stranger(member, report.rest.epoch, now_ns)
         was = (member.phase, member.fault)
-        if not member.hear(report, now_ns):
+        stale = now_ns - self._ticked_ns > AWAY or now_ns < self._stale_until_ns
+        if not member.hear(report, now_ns, stale):
             return []
+        if not stale:
+            self._doubted.discard(robot)
         if (member.phase, member.fault) != was:
             self._tell(now_ns, "report", robot, member.describe())
         if self.phase == GO and member.planned and member.has_stopped(self.epoch):
             member.strike()
-            self._fail(member, f"{robot} stopped: {FAULT_NAMES[member.fault]}", now_ns)
+            self._fail(member, f"{robot} stopped: {fault_name(member.fault)}", now_ns)
             return [self._command()]
         if self.phase == HOLD and member.epoch != self.epoch:
             return self._send_plan(member, now_ns)
@@ -214,6 +231,15 @@ class Fleet:
         under_way = self.phase == GO or self.epoch != self.first_epoch
         if under_way and member.planned and not member.finished:
             return self._lose(member, "has lost its link", now_ns)
+        return []
+
+    def _hear_stranger(self, member: Member, epoch: int, now_ns: int) -> list[Outgoing]:
+        """Believe no place on a path that is not known; a log that is gone on from may lack it."""
+        self.bad_messages += 1
+        if self._patient_until_ns and member.boot is not None and not self.superseded:
+            words = f"{member.id} rests on a path of epoch {epoch}, which the log does not hold"
+            self._tell(now_ns, "fault", member.id, words)
+            self.superseded = True
         return []
 
     def _hear_other(self, command: Command, now_ns: int) -> list[Outgoing]:
@@ -256,8 +282,12 @@ class Fleet:
             self._turn("all done" if self.members.has_arrived else "some can go on", now_ns)
             return
         for member in moving:
+            if member.id in self._doubted and now_ns < self._stale_until_ns + member.timeout_ns:
+                continue
             if member.is_silent(now_ns) and not was_away:
                 self._lose(member, "has fallen silent", now_ns)
+            elif member.has_not_set_out(self.start_ns, now_ns):
+                self._fail(member, f"{member.id} has not set out", now_ns)
             elif now_ns > self.start_ns + self._duration_ns + TASK_GRACE:
                 member.strikes += 1
                 self._fail(member, f"{member.id} has not arrived in time", now_ns)
@@ -290,7 +320,7 @@ class Fleet:
         if phase == GO:
             self.start_ns, self._has_gone = now_ns + GO_LEAD, True
             for member in self.members.planned:
-                member.set_out(self.epoch)
+                member.set_out(self.epoch, now_ns)
         self._tell(now_ns, "phase", "", COMMAND_NAMES[phase])
 
     def _command(self) -> Outgoing:

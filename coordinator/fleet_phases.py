@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Final, Literal
 
 from protocol.phases import FREEZE, GO, HOLD, OVER
-from protocol.timing import MILLISECOND, SECOND
+from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 
 GO_LEAD: Final = 400 * MILLISECOND
 """From the decision to go until the common start: every robot hears of it in time."""
@@ -24,6 +24,15 @@ ARM_PATIENCE: Final = 10 * SECOND
 
 RESUME_PATIENCE: Final = 5 * SECOND
 """How long robots have to find a coordinator that goes on from a log."""
+
+AWAY: Final = 2 * COMMAND_PERIOD
+"""A coordinator that has not looked at the time for so long was away."""
+
+DRAIN: Final = 50 * MILLISECOND
+"""So long after it is back it hears what was said meanwhile."""
+
+UNLOGGED: Final = 2 * COMMAND_PERIOD
+"""So long a coordinator may have gone on after the last record that its log kept."""
 
 FAREWELLS: Final = 5
 """How often OVER is said."""

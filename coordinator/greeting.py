@@ -50,13 +50,16 @@ class Door:
         if member is None or member.knocking is None or member.knocking.boot == member.boot:
             self._tell(now_ns, "not admitted", robot, f"{robot} has not come back")
             return False
-        member.admitted, member.finished, member.planned = True, False, False
+        if member.planned and not member.finished:
+            self._tell(now_ns, "not admitted", robot, f"{robot} is not given up yet, ask again")
+            return False
+        member.admitted = True
         self._tell(now_ns, "admitted", robot, f"{robot} is admitted")
         return True
 
     def _knock(self, member: Member, hello: Hello, now_ns: int) -> None:
         if member.knocking is None or member.knocking.boot != hello.boot:
-            words = f"{member.id} is back; `splinefleet admit {member.id}` lets it take part"
+            words = f"{member.id} is back; `splinefleet admit {member.id} --connect ...` lets it in"
             self._tell(now_ns, "back", member.id, words)
         member.knock(hello, now_ns)
 

@@ -256,7 +256,9 @@ class _Telling:
             self.summary.positions_on_wire += 1
         if report.fault != self._faults.get(robot, phases.NO_FAULT):
             self._faults[robot] = report.fault
-            told.fault = _fault_name(report.fault) if report.fault != phases.NO_FAULT else None
+            told.fault = (
+                phases.fault_name(report.fault) if report.fault != phases.NO_FAULT else None
+            )
             if told.fault is not None and report.phase != phases.IDLE:
                 self._tell_fault(log_ns, robot, told.fault, "report")
         start_ns = self._starts_ns.get(report.epoch)
@@ -287,8 +289,3 @@ class _Telling:
 
 def _is_question(message: Message) -> bool:
     return isinstance(message, Clock) and message.received_ns is None
-
-
-def _fault_name(fault: int) -> str:
-    """Return a fault's name; a robot may know more faults than are named here."""
-    return phases.FAULT_NAMES[fault] if fault < len(phases.FAULT_NAMES) else f"fault {fault}"

@@ -16,7 +16,7 @@ from pathlib import Path
 from coordinator.console import answer_json, tell, write_file
 from coordinator.errors import InputError
 from coordinator.fleet import Fleet
-from coordinator.logbook import read_log
+from coordinator.logbook import is_unfinished, read_log
 from coordinator.mission import Mission
 from coordinator.plan import PlanDocument, to_json
 from coordinator.planning import plan_here
@@ -63,6 +63,9 @@ class Coordinator:
         if self.scenario.policy != "safe":
             name, policy = self.scenario.name, self.scenario.policy
             raise InputError([f"{name}: policy: {policy!r} is for study, only 'safe' is driven"])
+        if log is not None and is_unfinished(log):
+            problem = f"--log: {log} holds a run that was not ended; --resume goes on from it"
+            raise InputError([problem])
         boot = int.from_bytes(os.urandom(4), "little")
         mission = self._begin(boot, plan_file) if resume is None else self._go_on(boot, resume, log)
         fleet, document = mission.fleet, mission.document

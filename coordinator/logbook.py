@@ -113,6 +113,12 @@ def check_bytes(path: Path) -> str | None:
     return scan(load(path))[1] or None
 
 
+def is_unfinished(path: Path) -> bool:
+    """Tell whether a file is the log of a run that was not ended."""
+    data = path.read_bytes() if path.is_file() else b""
+    return data.startswith(MCAP0_MAGIC) and not is_closed(data)
+
+
 def load(path: Path) -> bytes:
     """Return the bytes of a log; InputError when there is no such file or it is no MCAP file."""
     try:

@@ -16,13 +16,13 @@ from protocol.phases import (
     ARMED,
     BRAKING,
     DONE,
-    FAULT_NAMES,
     FROZEN,
     IDLE,
     LEASE_OUT,
     MOVING,
     NO_FAULT,
     PHASE_NAMES,
+    fault_name,
 )
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
 
@@ -81,6 +81,7 @@ class Member:
         if self.admitted and hello.place is not None:
             x, y, heading = (number / 1000.0 for number in hello.place)
             self.accept(hello, now_ns)
+            self.finished = self.planned = False
             self.kept_ns, self.admitted, self.strikes, self.sent_epoch = now_ns, False, 0, 0
             self.rest = Standing(robot=self.id, state="rests", epoch=0, place=(x, y, heading))
 
@@ -92,9 +93,9 @@ class Member:
         self.boot, self.sequence, self.epoch, self.phase, self.fault = hello.boot, -1, 0, IDLE, 0
         self.plan_sent_ns = self.done_ns = None
 
-    def set_out(self, epoch: int) -> None:
+    def set_out(self, epoch: int, now_ns: int) -> None:
         """Be sent on its way: where it rested before says nothing any more."""
-        self.sent_epoch, self.rest = epoch, None
+        self.sent_epoch, self.rest, self.kept_ns = epoch, None, now_ns
 
     def take_part(self, plan: bytes, speed: float) -> None:
         """Get a part in a new epoch."""
@@ -109,12 +110,16 @@ class Member:
         self.plan_sent_ns = now_ns
         return True
 
-    def hear(self, report: Report, now_ns: int) -> bool:
-        """Take a report in; False when it is not this robot's newest."""
+    def hear(self, report: Report, now_ns: int, stale: bool = False) -> bool:
+        """Take a report in; False when it is not this robot's newest.
+
+        A stale one has waited while the coordinator was away: nobody knows since when.
+        """
         if report.boot != self.boot or report.sequence <= self.sequence:
             return False
-        self.heard_ns = now_ns
-        if report.phase not in (BRAKING, FROZEN):
+        if not stale:
+            self.heard_ns = now_ns
+        if report.phase == MOVING and not stale:
             self.kept_ns = now_ns
         self.sequence, self.lost, self.gone = report.sequence, False, False
         self.epoch, self.phase, self.fault = report.epoch, report.phase, report.fault
@@ -135,7 +140,7 @@ class Member:
     def describe(self) -> str:
         """Say what the robot does, in words."""
         text = f"{self.id} is {PHASE_NAMES[self.phase]}"
-        return f"{text}: {FAULT_NAMES[self.fault]}" if self.fault else text
+        return f"{text}: {fault_name(self.fault)}" if self.fault else text
 
     def strike(self) -> None:
         """Count a fault of the robot's own; the coordinator's silence is none."""
@@ -153,6 +158,10 @@ class Member:
     def is_armed(self, epoch: int, now_ns: int) -> bool:
         """Tell whether the robot stands ready with this epoch's plan."""
         return self.phase == ARMED and self.epoch == epoch and not self.is_silent(now_ns)
+
+    def has_not_set_out(self, start_ns: int, now_ns: int) -> bool:
+        """Tell whether the robot speaks but has not gone with the others: it does not hear."""
+        return self.phase in (IDLE, ARMED) and now_ns > start_ns + self.timeout_ns
 
     def has_stopped(self, epoch: int) -> bool:
         """Tell whether the robot has given up its time-table of this epoch."""

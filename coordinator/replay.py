@@ -150,7 +150,9 @@ class _Rerun:
             return self._adopt(record)
         place = keys.split(record.key)
         kind = "" if place is None else place[1]
-        if not _is_sent(kind, record.payload, self._fleet.boot):
+        if not _is_sent(kind, record.payload, self._fleet.boot) or (
+            kind == "clock" and not self._due
+        ):
             if self._due:
                 return f"the core sends on {self._due[0].key} first, the log does not"
             self._due.extend(self._fleet.hear(record.key, record.payload, record.log_ns))

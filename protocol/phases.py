@@ -36,3 +36,8 @@ FAULT_NAMES = (
     "clock not certain",
     "plan not acceptable",
 )
+
+
+def fault_name(fault: int) -> str:
+    """Return a fault's name; a robot may know more faults than are named here."""
+    return FAULT_NAMES[fault] if fault < len(FAULT_NAMES) else "fault " + str(fault)

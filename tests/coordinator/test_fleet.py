@@ -8,6 +8,7 @@ from typing import get_args
 import pytest
 
 from coordinator.fleet_phases import (
+    DRAIN,
     FAREWELLS,
     FREEZE_PATIENCE,
     GO_LEAD,
@@ -17,7 +18,7 @@ from coordinator.fleet_phases import (
 )
 from protocol.codec import decode, encode
 from protocol.messages import Clock, Hello, Report
-from protocol.phases import BRAKING, DONE, FREEZE, FROZEN, GO, HOLD, LATE, MOVING, OVER
+from protocol.phases import ARMED, BRAKING, DONE, FREEZE, FROZEN, GO, HOLD, LATE, MOVING, OVER
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
 from tests.coordinator.fleet_floor import DURATION, Floor
 
@@ -44,16 +45,52 @@ def test_a_silent_robot_freezes_the_fleet_within_its_timeout_and_a_command():
     assert not floor.fleet.members["R1"].lost
 
 
-def test_a_coordinator_that_was_away_hears_before_it_calls_anybody_silent():
+def test_a_coordinator_that_was_away_renews_no_lease_before_it_has_heard_everybody_anew():
     floor = Floor().go()
-    floor.tick(4 * COMMAND_PERIOD + REPORT_TIMEOUT)
-    assert floor.commands[-1].phase == GO
+    floor.now += REPORT_TIMEOUT + 4 * COMMAND_PERIOD
     floor.everybody(MOVING)
+    said = len(floor.commands)
+    floor.tick(0)
+    floor.report("R1", MOVING)
+    floor.now += DRAIN + 1
+    floor.report("R1", MOVING)
+    floor.report("R2", MOVING)
+    floor.tick()
+    assert len(floor.commands) == said
+    floor.report("R3", MOVING)
     floor.tick()
     assert floor.commands[-1].phase == GO
-    floor.tick(3 * REPORT_TIMEOUT)
-    floor.tick()
+    assert len(floor.commands) == said + 1
+
+
+def test_who_is_not_heard_anew_after_the_coordinator_was_away_is_lost_where_it_last_was_sure():
+    floor = Floor().go()
+    sure = floor.now
+    floor.now += REPORT_TIMEOUT + 4 * COMMAND_PERIOD
+    floor.everybody(MOVING)
+    floor.tick(0)
+    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
+        floor.tick()
+        floor.report("R1", MOVING)
+        floor.report("R3", MOVING)
     assert floor.commands[-1].phase == FREEZE
+    assert floor.fleet.members["R2"].lost
+    assert floor.fleet.members["R2"].kept_ns <= sure
+
+
+def test_a_robot_that_speaks_but_does_not_set_out_freezes_the_fleet():
+    floor = Floor()
+    for robot in ("R1", "R2", "R3"):
+        floor.hello(robot)
+    floor.everybody(ARMED)
+    floor.tick()
+    while floor.commands[-1].phase == GO and floor.now < floor.fleet.start_ns + SECOND:
+        floor.report("R1", MOVING)
+        floor.report("R2", ARMED)
+        floor.report("R3", MOVING)
+        floor.tick()
+    assert floor.commands[-1].phase == FREEZE
+    assert floor.now <= floor.fleet.start_ns + REPORT_TIMEOUT + 2 * COMMAND_PERIOD
 
 
 def test_a_robot_called_lost_that_speaks_again_is_waited_for():
@@ -101,8 +138,10 @@ def test_a_robot_that_died_at_its_goal_harms_nobody():
 def test_a_fleet_that_does_not_arrive_in_time_is_frozen():
     floor = Floor().go()
     floor.now += GO_LEAD + DURATION + TASK_GRACE
-    floor.everybody(MOVING)
     floor.tick()
+    for _ in range(2):
+        floor.everybody(MOVING)
+        floor.tick()
     assert floor.commands[-1].phase == FREEZE
 
 

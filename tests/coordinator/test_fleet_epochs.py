@@ -245,3 +245,30 @@ def test_a_robot_lost_while_it_brakes_may_stand_where_it_last_kept_to_its_plan()
     told = {standing.robot: standing for standing in floor.fleet.standings()}
     assert told["R2"].state == "lost"
     assert told["R2"].since <= (kept - floor.fleet.start_ns) / SECOND
+
+
+@pytest.mark.parametrize("epoch", [0, 2, 4_000_000_000])
+def test_a_place_on_a_path_that_is_not_known_is_not_believed(epoch):
+    floor = Floor().go()
+    forged = Report(1, next(floor.sequence), 1, FROZEN, 0, Rest(1.0, epoch))
+    assert floor.hear(keys.report("hall", "R1"), forged) == []
+    assert floor.fleet.members["R1"].rest is None
+    assert floor.fleet.bad_messages == 1
+
+
+def test_a_fault_without_a_name_is_told_by_its_number():
+    floor = Floor().go()
+    floor.report("R2", BRAKING, fault=7)
+    assert any("fault 7" in incident.text for incident in floor.fleet.incidents)
+
+
+def test_a_coordinator_that_goes_on_takes_an_epoch_above_all_and_ends_where_one_is_missing():
+    floor = Floor().go()
+    floor.fleet.superseded = True
+    for boot, epoch in ((78, 3), (79, 4)):
+        floor.fleet.take_over(boot, floor.now, floor.now)
+        floor.tick()
+        assert (floor.commands[-1].boot, floor.commands[-1].epoch) == (boot, epoch)
+    assert not floor.fleet.superseded
+    floor.hear(keys.report("hall", "R1"), Report(1, 999, 5, FROZEN, 0, Rest(1.0, 5)))
+    assert floor.fleet.superseded

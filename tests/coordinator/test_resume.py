@@ -129,9 +129,9 @@ def test_a_robot_that_moved_is_asked_where_it_rests_and_planned_from_there(story
     fleet.hear(key, encode(Report(5, 10_001, 1, FROZEN, 1, Rest(0.75, 1))), now)
     fleet.tick(now + SECOND // 5)
     request = mission.request(now + SECOND // 5)
-    assert request.epoch == 2
+    assert request.epoch == 3
     assert request.told[0].s == 0.75
-    assert mission.solve(request).document.epoch == 2
+    assert mission.solve(request).document.epoch == 3
 
 
 def test_a_log_that_has_ended_or_is_none_is_not_gone_on_from(story, tmp_path):
