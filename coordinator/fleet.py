@@ -15,11 +15,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from coordinator.absence import Absence
 from coordinator.fleet_news import Incident, Outgoing, Part
 from coordinator.fleet_phases import (
     ARM_PATIENCE,
-    AWAY,
-    DRAIN,
     FAREWELLS,
     FREEZE_PATIENCE,
     GO_LEAD,
@@ -78,11 +77,10 @@ class Fleet:
         self._settling_ns = settling_ns
         self._behind_ns = behind_ns
         self._sequence = 0
-        self._changed_ns = self._ticked_ns = self._frozen_ns = self._patient_until_ns = 0
+        self._changed_ns = self._frozen_ns = self._patient_until_ns = 0
         self._driven_epoch = epoch
         self._has_gone = False
-        self._stale_until_ns = 0
-        self._doubted: set[str] = set()
+        self._absence = Absence()
         self._farewells = 0
         self._door = Door(name, self.members, self.incidents)
 
@@ -112,16 +110,10 @@ class Fleet:
     def tick(self, now_ns: int) -> list[Outgoing]:
         """Look at the time, and say every COMMAND_PERIOD what should be.
 
-        After a gap between ticks the coordinator itself was away.  What robots said meanwhile is
-        stale, so nobody is called silent at once; but no lease is renewed either before each that
-        moves has been heard anew.
+        Nothing is said while robots move that have yet to be heard since the coordinator was away.
         """
-        was_away = now_ns - self._ticked_ns > AWAY
-        if was_away:
-            self._stale_until_ns = now_ns + DRAIN
-            moving = [m.id for m in self.members.planned if m.phase != DONE]
-            self._doubted = set(moving) if self.phase == GO else set()
-        self._ticked_ns = now_ns
+        moving = [m.id for m in self.members.planned if self.phase == GO and m.phase != DONE]
+        was_away = self._absence.look(now_ns, moving)
         if self.phase == HOLD:
             self._muster(now_ns, was_away)
         elif self.phase == GO:
@@ -130,7 +122,7 @@ class Fleet:
             self._settle(now_ns, was_away)
         elif self.phase == OVER:
             self._farewells += 1
-        return [] if self.phase == GO and self._doubted else [self._command()]
+        return [] if self.phase == GO and self._absence.doubted else [self._command()]
 
     @property
     def is_finished(self) -> bool:
@@ -177,7 +169,8 @@ class Fleet:
             self.first_epoch = self.epoch
         for member in self.members.values():
             member.gone = False
-        self.phase, self._changed_ns, self._ticked_ns = FREEZE, now_ns, now_ns
+        self.phase, self._changed_ns = FREEZE, now_ns
+        self._absence.look(now_ns, ())
         self._frozen_ns = last_ns + UNLOGGED
         self._patient_until_ns = now_ns + RESUME_PATIENCE
         self._tell(now_ns, "phase", "", "goes on from a log: FREEZE")
@@ -207,11 +200,11 @@ class Fleet:
         if report.rest is not None and not 1 <= report.rest.epoch <= self._driven_epoch:
             return self._hear_stranger(member, report.rest.epoch, now_ns)
         was = (member.phase, member.fault)
-        stale = now_ns - self._ticked_ns > AWAY or now_ns < self._stale_until_ns
+        stale = self._absence.is_stale(now_ns)
         if not member.hear(report, now_ns, stale):
             return []
         if not stale:
-            self._doubted.discard(robot)
+            self._absence.doubted.discard(robot)
         if (member.phase, member.fault) != was:
             self._tell(now_ns, "report", robot, member.describe())
         if self.phase == GO and member.planned and member.has_stopped(self.epoch):
@@ -282,7 +275,7 @@ class Fleet:
             self._turn("all done" if self.members.has_arrived else "some can go on", now_ns)
             return
         for member in moving:
-            if member.id in self._doubted and now_ns < self._stale_until_ns + member.timeout_ns:
+            if self._absence.spares(member.id, member.timeout_ns, now_ns):
                 continue
             if member.is_silent(now_ns) and not was_away:
                 self._lose(member, "has fallen silent", now_ns)

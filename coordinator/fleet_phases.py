@@ -25,12 +25,6 @@ ARM_PATIENCE: Final = 10 * SECOND
 RESUME_PATIENCE: Final = 5 * SECOND
 """How long robots have to find a coordinator that goes on from a log."""
 
-AWAY: Final = 2 * COMMAND_PERIOD
-"""A coordinator that has not looked at the time for so long was away."""
-
-DRAIN: Final = 50 * MILLISECOND
-"""So long after it is back it hears what was said meanwhile."""
-
 UNLOGGED: Final = 2 * COMMAND_PERIOD
 """So long a coordinator may have gone on after the last record that its log kept."""
 

@@ -7,8 +7,8 @@ from typing import get_args
 
 import pytest
 
+from coordinator.absence import DRAIN
 from coordinator.fleet_phases import (
-    DRAIN,
     FAREWELLS,
     FREEZE_PATIENCE,
     GO_LEAD,
