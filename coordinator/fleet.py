@@ -16,9 +16,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from coordinator.absence import Absence
+from coordinator.failing import Failing, on_the_way, that_do_not_arm
 from coordinator.fleet_news import Incident, Outgoing, Part
 from coordinator.fleet_phases import (
-    ARM_PATIENCE,
     FAREWELLS,
     FREEZE_PATIENCE,
     GO_LEAD,
@@ -223,7 +223,8 @@ class Fleet:
         member.gone = True
         under_way = self.phase == GO or self.epoch != self.first_epoch
         if under_way and member.planned and not member.finished:
-            return self._lose(member, "has lost its link", now_ns)
+            self._give_up([Failing(member, "has lost its link", lost=True)], now_ns)
+            return [self._command()]
         return []
 
     def _hear_stranger(self, member: Member, epoch: int, now_ns: int) -> list[Outgoing]:
@@ -257,16 +258,11 @@ class Fleet:
 
     def _muster(self, now_ns: int, was_away: bool) -> None:
         """Go when all are armed; in a later epoch nobody is waited for who fails to arm."""
-        missing = self.missing(now_ns)
-        if not missing:
+        if not self.missing(now_ns):
             self._turn("all armed", now_ns)
         elif self.epoch != self.first_epoch and not was_away:
-            for member in self.members.planned:
-                if member.is_silent(now_ns):
-                    self._lose(member, "has fallen silent", now_ns)
-                elif now_ns - self._changed_ns > ARM_PATIENCE and member.id in missing:
-                    member.strikes += 1
-                    self._fail(member, f"{member.id} does not arm: {member.describe()}", now_ns)
+            members = self.members.planned
+            self._give_up(that_do_not_arm(members, self.epoch, self._changed_ns, now_ns), now_ns)
 
     def _watch(self, now_ns: int, was_away: bool) -> None:
         """See who is lost or late while the fleet moves, and whether everybody has arrived."""
@@ -274,16 +270,19 @@ class Fleet:
         if not moving:
             self._turn("all done" if self.members.has_arrived else "some can go on", now_ns)
             return
-        for member in moving:
-            if self._absence.spares(member.id, member.timeout_ns, now_ns):
-                continue
-            if member.is_silent(now_ns) and not was_away:
-                self._lose(member, "has fallen silent", now_ns)
-            elif member.has_not_set_out(self.start_ns, now_ns):
-                self._fail(member, f"{member.id} has not set out", now_ns)
-            elif now_ns > self.start_ns + self._duration_ns + TASK_GRACE:
-                member.strikes += 1
-                self._fail(member, f"{member.id} has not arrived in time", now_ns)
+
+        def spared(member: Member) -> bool:
+            return was_away or self._absence.spares(member.id, member.timeout_ns, now_ns)
+
+        deadline = self.start_ns + self._duration_ns + TASK_GRACE
+        self._give_up(on_the_way(moving, spared, self.start_ns, deadline, now_ns), now_ns)
+
+    def _give_up(self, failing: list[Failing], now_ns: int) -> None:
+        """Freeze the fleet for the sake of these robots."""
+        for member, what, lost, strike in failing:
+            member.lost |= lost
+            member.strikes += strike
+            self._fail(member, f"{member.id} {what}", now_ns)
 
     def _settle(self, now_ns: int, was_away: bool) -> None:
         """See who is lost in a fleet that freezes."""
@@ -294,11 +293,6 @@ class Fleet:
             member.admitted &= not waited
             if member.planned and not member.finished:
                 member.lost |= member.is_silent(now_ns) or (waited and not member.is_at_rest())
-
-    def _lose(self, member: Member, what: str, now_ns: int) -> list[Outgoing]:
-        member.lost = True
-        self._fail(member, f"{member.id} {what}", now_ns)
-        return [self._command()]
 
     def _fail(self, member: Member, text: str, now_ns: int) -> None:
         self._tell(now_ns, "fault", member.id, text)
