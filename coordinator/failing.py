@@ -14,7 +14,7 @@ from coordinator.member import Member
 
 
 class Failing(NamedTuple):
-    """A robot and what is wrong with it; lost: it does not speak; strike: it has itself to blame."""
+    """A robot and what is wrong with it; lost: it is silent; strike: it has itself to blame."""
 
     member: Member
     what: str
