@@ -94,7 +94,10 @@ def scenario(
 @commands.command()
 def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
-    out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the run; replaces what an earlier run left there."),
+    ] = None,
     speed: Annotated[
         float,
         typer.Option(callback=within(0.1, 20.0), help="Times real time; late robots stop."),
@@ -137,7 +140,7 @@ def run(
         scenario=asked.name,
         succeeded=succeeded(outcome.code, verdict),
         judge=verdict,
-        info=summarise(read_log(folder / "run.mcap")),
+        info=summarise(read_log(sorted(folder.glob("run*.mcap"), key=_age)[-1])),
         files=files_of(folder),
     )
     write_file(folder / "summary.json", msgspec.json.format(msgspec.json.encode(summary), indent=1))
@@ -148,6 +151,11 @@ def run(
     if not summary.succeeded:
         tell(f"the run did not succeed; see {folder}", "red")
         raise typer.Exit(1)
+
+
+def _age(path: Path) -> tuple[int, str]:
+    """Return what sorts logs by age: run.mcap, run-2.mcap, ..., run-10.mcap."""
+    return len(path.name), path.name
 
 
 @commands.command()

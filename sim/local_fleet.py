@@ -32,6 +32,9 @@ from sim.relay import Relay
 Process = subprocess.Popen[str]
 Event = dict[str, Any]
 
+_OF_A_RUN: Final = ("run*.mcap", "plan*.*", "summary.json", "blackbox/*.csv")
+"""What an earlier run may have left in the folder; two runs must not mix."""
+
 _GOODBYE_S: Final = 5.0
 _GIVE_UP_S: Final = 30.0
 """A robot whose fleet has vanished, this program included, ends after so long [s]."""
@@ -96,6 +99,9 @@ class LocalFleet:
     def _prepare_folder(self) -> None:
         for name in ("blackbox", "faults"):
             (self.folder / name).mkdir(parents=True, exist_ok=True)
+        for pattern in _OF_A_RUN:
+            for old in self.folder.glob(pattern):
+                old.unlink()
         (self.folder / "scenario.json").write_bytes(scenario_to_json(self.scenario))
         for robot in self.scenario.robots:
             self._script(robot.id).unlink(missing_ok=True)

@@ -34,13 +34,14 @@ def succeeded(code: int, verdict: Verdict) -> bool:
 def files_of(folder: Path) -> dict[str, str]:
     """Return where the run's files are."""
     names = {"plan": "plan.json", "log": "run.mcap", "picture": "plan.svg", "png": "plan.png"}
+    names |= {f"log {path.stem[4:]}": path.name for path in sorted(folder.glob("run-*.mcap"))}
     return {what: str(folder / name) for what, name in names.items() if (folder / name).exists()}
 
 
 def render(summary: RunSummary) -> RenderableType:
     """Return the summary for people."""
     table = Table(
-        "robot", "arrived s", "tracking error mm", "lateness s", "", title=summary.scenario
+        "robot", "arrived s", "tracking error mm", "lateness s", "fault", title=summary.scenario
     )
     for robot in summary.judge.robots:
         when = f"{robot.t:.2f}" if robot.arrived and robot.t is not None else "no"
