@@ -22,7 +22,7 @@ from coordinator import trajectory
 from coordinator.errors import InputError
 from coordinator.info import summarise
 from coordinator.info_numbers import clock_lag
-from coordinator.logbook import Log, log_from_bytes, read_log
+from coordinator.logbook import RESUMED, Log, log_from_bytes, read_log
 from coordinator.nurbs import Array
 from coordinator.plan import PlanDocument
 from coordinator.recorder import WALL_OFFSET
@@ -30,9 +30,6 @@ from coordinator.summary import Summary
 from coordinator.wire import Driven, drive, unpack
 from protocol import codec, keys, phases
 from protocol.messages import Command, Hello, Plan, Report
-
-RESUMED: Final = "resumed.mcap"
-"""The attachment with the log that a log goes on from."""
 
 _UNKNOWN_RADIUS: Final = 0.15
 """What a robot that never said its radius is drawn with [m]."""

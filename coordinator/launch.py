@@ -16,12 +16,12 @@ from pathlib import Path
 from coordinator.console import answer_json, tell, write_file
 from coordinator.errors import InputError
 from coordinator.fleet import Fleet
-from coordinator.logbook import is_unfinished, read_log
+from coordinator.logbook import RESUMED, is_unfinished, read_log
 from coordinator.mission import Mission
 from coordinator.plan import PlanDocument, to_json
 from coordinator.planning import plan_here
 from coordinator.recorder import Attachment, Recorder
-from coordinator.replay import RESUMED, go_on
+from coordinator.replay import go_on
 from coordinator.scenario import Scenario
 from coordinator.scenario_file import scenario_to_json
 from coordinator.service import Service

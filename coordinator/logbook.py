@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import msgspec
 from mcap import records as mcap_records
@@ -23,6 +23,9 @@ from coordinator.errors import InputError
 from coordinator.file_kinds import kind_of, wrong_kind
 from coordinator.log_bytes import Sound, is_closed, scan
 from coordinator.recorder import METADATA_NAME, WALL_OFFSET
+
+RESUMED: Final = "resumed.mcap"
+"""The attachment with the log that a log goes on from."""
 
 
 class Record(msgspec.Struct, frozen=True):

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
 from coordinator.adoption import adoption_key, request_of
 from coordinator.errors import InputError, PlanError
 from coordinator.fleet_news import Outgoing
-from coordinator.logbook import Log, Record, log_from_bytes
+from coordinator.logbook import RESUMED, Log, Record, log_from_bytes
 from coordinator.mission import Mission
 from coordinator.plan import PlanDocument
 from coordinator.planning import plan_here
@@ -24,9 +24,6 @@ from protocol import keys
 from protocol.codec import decode
 from protocol.messages import Clock, Command
 from protocol.phases import OVER
-
-RESUMED: Final = "resumed.mcap"
-"""The attachment with the log that a log goes on from."""
 
 
 class Check(NamedTuple):

@@ -92,10 +92,6 @@ SCENARIO_QUANTITIES: Final = {
     "stop_time": Quantity("s"),
     "speed_reserve": Quantity(from_least=True, most=1.0, below_most=True),
 }
-LINK_QUANTITIES: Final = {
-    "delay": Quantity("s", from_least=True, most=5.0),
-    "loss": Quantity(from_least=True, most=0.5),
-}
 ROBOT_QUANTITIES: Final = {
     "radius": Quantity("m", least=LEAST, from_least=True),
     "max_speed": Quantity("m/s", least=LEAST, most=FASTEST, from_least=True),

@@ -20,9 +20,9 @@ from coordinator.errors import InputError
 from coordinator.file_kinds import LOG_MAGIC, kind_of_document, wrong_kind
 from coordinator.scenario import Link, Point, Policy, Pose, Robot, Scenario, Workspace
 from coordinator.scenario_checks import (
-    LINK_QUANTITIES,
     ROBOT_QUANTITIES,
     SCENARIO_QUANTITIES,
+    Quantity,
     find_problems,
     key_name,
     printable,
@@ -33,6 +33,10 @@ from coordinator.workspace_file import read_workspace
 
 MOST_ROBOTS: Final = 10_000
 MOST_PRIORITY: Final = 1_000_000
+LINK_QUANTITIES: Final = {
+    "delay": Quantity("s", from_least=True, most=5.0),
+    "loss": Quantity(from_least=True, most=0.5),
+}
 SCENARIO_REQUIRED: Final = ("workspace", "robots")
 ROBOT_REQUIRED: Final = ("id", "start", "goal", "radius", "max_speed")
 

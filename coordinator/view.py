@@ -18,9 +18,8 @@ import msgspec
 
 from coordinator.errors import InputError
 from coordinator.ghosts import read_ghosts
-from coordinator.logbook import Log, log_from_bytes, read_log
+from coordinator.logbook import RESUMED, Log, log_from_bytes, read_log
 from coordinator.plan import read
-from coordinator.replay import RESUMED
 from coordinator.scene import Scene
 from coordinator.scene_log import scene_of_logs
 from coordinator.scene_plan import scene_of_plan

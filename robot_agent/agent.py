@@ -188,9 +188,7 @@ class Agent:
             return False
         self._reported, self._reported_ns = state, now_ns
         self.report_sequence += 1
-        self.report_s = None
-        if self._tell_s and self.rest_epoch > 0:
-            self.report_s = self.rest_s
+        self.report_s = self.rest_s if self._tell_s and self.rest_epoch > 0 else None
         self._tell_s = False
         return True
 
@@ -280,17 +278,16 @@ class Agent:
         elif after == BRAKING and self.ride is not None:
             self.ride.begin_to_brake(self._plan_time(now_ns))
         elif after in (FROZEN, DONE) and self.ride is not None:
-            self.ride.stand()
-            self._remember_rest(self.ride, after == FROZEN)
+            self._rest(self.ride, after == FROZEN)
         elif after == MOVING:
             self.rest_epoch = 0
         if after in (MOVING, FROZEN):
             self._spent_epoch = self.epoch
 
-    def _remember_rest(self, ride: Ride, tell: bool) -> None:
-        """Keep where the robot rests for as long as it does, whatever becomes of the plan."""
-        self._tell_s = tell
-        self.rest_epoch, self.rest_s = self.epoch, ride.follower.s
+    def _rest(self, ride: Ride, tell: bool) -> None:
+        """Stand, and keep where for as long as that lasts, whatever becomes of the plan."""
+        ride.stand()
+        self._tell_s, self.rest_epoch, self.rest_s = tell, self.epoch, ride.follower.s
         self.rest_off, self.rest_turn = ride.follower.offset()
 
     def _drop_plan(self, now_ns: int) -> None:

@@ -49,10 +49,8 @@ class PathFollower:
         The distance to the curve's beginning, and what a heading error adds to it before the law
         has mended it: theta / (e lambda).
         """
-        self._tangent_at(0.0)
-        dx, dy = x - self._curve.x, y - self._curve.y
-        turned = self._turned_from_tangent(heading)
-        return sqrt(dx * dx + dy * dy) + abs(turned) * SETTLING_LENGTH * 0.37
+        off, turn = self.turn_at_start(x, y, heading)
+        return off + abs(turn) * SETTLING_LENGTH * 0.37
 
     def turn_at_start(self, x: float, y: float, heading: float) -> tuple[float, float]:
         """Return how far [m] a pose is from the curve's beginning, and what to turn there [rad]."""

@@ -12,11 +12,11 @@ import msgspec
 import pytest
 
 from coordinator.errors import InputError
+from coordinator.logbook import RESUMED
 from coordinator.page import page_of
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
 from coordinator.recorder import Attachment, Recorder
-from coordinator.replay import RESUMED
 from coordinator.scenario_file import read_scenario
 from coordinator.scene import Scene
 from coordinator.scene_plan import scene_of_plan

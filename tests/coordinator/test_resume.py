@@ -6,12 +6,12 @@ import random
 import pytest
 
 from coordinator.errors import InputError
-from coordinator.logbook import log_from_bytes, read_log
+from coordinator.logbook import RESUMED, log_from_bytes, read_log
 from coordinator.mission import Mission
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
 from coordinator.recorder import Attachment, Recorder
-from coordinator.replay import RESUMED, check_log, go_on
+from coordinator.replay import check_log, go_on
 from coordinator.scenario_file import parse_scenario, scenario_to_json
 from coordinator.service import Service
 from protocol import keys
