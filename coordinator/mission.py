@@ -69,11 +69,14 @@ class Mission:
         self.fleet.take_over(boot, last_ns, now_ns)
 
     def adopt(self, request: Request, recovery: Recovery, now_ns: int) -> list[Outgoing] | None:
-        """Begin the next epoch; None when the fleet is no longer as it was when it was asked."""
+        """Begin the next epoch; None when the fleet is no longer as it was when it was asked.
+
+        It may be so again later: a plan that came at the wrong moment is asked for anew.
+        """
+        wanted, self._wanted = self._wanted, None
         asked = Request(self.fleet.next_epoch, tuple(self.fleet.standings()))
-        if request != self._wanted or asked != request or not self.fleet.is_settled(now_ns):
+        if request != wanted or asked != request or not self.fleet.is_settled(now_ns):
             return None
-        self._wanted = None
         for sentence in recovery.said:
             self.fleet.incidents.append(Incident(now_ns, "stays", "", sentence))
         self.site = recovery.site

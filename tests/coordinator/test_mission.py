@@ -1,0 +1,83 @@
+"""When a fleet is planned anew, and when a plan that was found is adopted."""
+
+from __future__ import annotations
+
+from coordinator.mission import Mission
+from coordinator.planner import plan_scenario
+from coordinator.scenario_file import parse_scenario
+from protocol import keys
+from protocol.codec import encode
+from protocol.messages import Hello, Report, Rest
+from protocol.phases import ARMED, BRAKING, FREEZE, FROZEN, HOLD, MOVING
+from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
+
+TWO = b"""
+name = "two"
+[workspace]
+bounds = [0.0, 0.0, 4.0, 4.0]
+[[robots]]
+id = "R1"
+start = [0.5, 1.0]
+goal = [3.5, 1.0]
+radius = 0.2
+max_speed = 0.5
+[[robots]]
+id = "R2"
+start = [0.5, 3.0]
+goal = [3.5, 3.0]
+radius = 0.2
+max_speed = 0.5
+"""
+
+
+class Frozen:
+    """A fleet of two that froze because R2 fell silent; R1 has said where it rests."""
+
+    def __init__(self):
+        scenario = parse_scenario(TWO, "two.toml")
+        document = plan_scenario(scenario, effort=1)
+        self.mission = Mission(
+            scenario, document, 9, lambda s, epoch: plan_scenario(s, effort=1, epoch=epoch)
+        )
+        self.fleet = self.mission.fleet
+        self.now, self.sequence = 5 * SECOND, 0
+        for name in ("R1", "R2"):
+            self.hear(keys.hello("two", name), Hello(version=1, boot=1))
+            self.report(name, ARMED)
+        self.tick()
+        self.report("R1", MOVING)
+        self.report("R2", MOVING)
+        for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
+            self.tick()
+            self.report("R1", MOVING)
+        assert self.fleet.phase == FREEZE
+        self.report("R1", FROZEN, Rest(0.5, 1))
+        self.tick()
+
+    def hear(self, key, message):
+        self.fleet.hear(key, encode(message), self.now)
+
+    def report(self, name, phase, rest=None):
+        self.sequence += 1
+        self.hear(keys.report("two", name), Report(1, self.sequence, 1, phase, 0, rest))
+
+    def tick(self):
+        self.now += COMMAND_PERIOD
+        self.fleet.tick(self.now)
+
+
+def test_a_plan_that_comes_while_a_lost_robot_speaks_again_is_asked_for_anew_when_it_dies():
+    frozen = Frozen()
+    mission = frozen.mission
+    request = mission.request(frozen.now)
+    recovery = mission.solve(request)
+    assert mission.request(frozen.now) is None
+    frozen.report("R2", BRAKING)
+    assert mission.adopt(request, recovery, frozen.now) is None
+    frozen.fleet.hear(keys.alive("two", "R2"), b"", frozen.now)
+    frozen.report("R1", FROZEN)
+    frozen.tick()
+    again = mission.request(frozen.now)
+    assert again == request
+    assert mission.adopt(again, recovery, frozen.now) is not None
+    assert frozen.fleet.phase == HOLD
