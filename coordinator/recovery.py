@@ -66,16 +66,20 @@ def recover(
 
 
 def _plan(scenario: Scenario, epoch: int, plan: Planner) -> PlanDocument:
-    """Plan with turns that are easy to drive, else with any, else after turning on the spot."""
-    with suppress(PlanError):
-        gentle = tuple(
-            replace(robot, min_turn_radius=max(robot.min_turn_radius, _GENTLE))
-            for robot in scenario.robots
-        )
-        return plan(replace(scenario, robots=gentle), epoch)
-    with suppress(PlanError):
-        return plan(scenario, epoch)
+    """Plan with turns that are easy to drive, after turning on the spot if need be, or with any."""
+    for asked in (_gentle(scenario), _gentle(turned(scenario)), scenario):
+        with suppress(PlanError):
+            return plan(asked, epoch)
     return plan(turned(scenario), epoch)
+
+
+def _gentle(scenario: Scenario) -> Scenario:
+    """Return the scenario with robots that take their turns wide."""
+    robots = tuple(
+        replace(robot, min_turn_radius=max(robot.min_turn_radius, _GENTLE))
+        for robot in scenario.robots
+    )
+    return replace(scenario, robots=robots)
 
 
 def turned(scenario: Scenario) -> Scenario:

@@ -9,6 +9,7 @@ import pytest
 import shapely
 from msgspec.structs import replace
 
+from coordinator.errors import PlanError
 from coordinator.planner import plan_scenario
 from coordinator.recovery import recover
 from coordinator.scenario_file import parse_scenario
@@ -174,3 +175,16 @@ def test_a_via_point_that_somebody_stands_on_is_dropped_and_told(scenario, docum
     (robot,) = (r for r in found.site.scenario.robots if r.id == "B")
     assert robot.via == ()
     assert {robot.id for robot in found.document.robots} == {"B", "C"}
+
+
+def test_robots_turn_on_the_spot_rather_than_take_needle_turns(scenario, documents):
+    asked = []
+
+    def fails(scenario, _epoch):
+        asked.append({(len(one.start), one.min_turn_radius > 0.0) for one in scenario.robots})
+        raise PlanError("C is in the way")
+
+    recover(
+        Site(scenario), documents, [rests("A", 0.3), rests("B", 0.3), rests("C", 0.4)], 2, fails
+    )
+    assert asked[:4] == [{(3, True)}, {(2, True)}, {(3, False)}, {(2, False)}]
