@@ -127,7 +127,8 @@ class Ride:
         return time - self._rest_from >= REST_TIME
 
     def stand(self) -> None:
-        """Order to hold."""
+        """Order to hold, and find where on the path that is."""
+        self.follower.find()
         self.speed = self.curvature = self.distance = 0.0
 
     def _reach(self, distance: float) -> None:

@@ -21,6 +21,12 @@ _LEAST_LOOK_AHEAD = 0.002
 _SHARPEST = 50.0
 _LONGEST_STEP = 0.05
 _CLOSE_ENOUGH = 2e-4
+_BESIDE = 2e-3
+"""A robot no farther [m] than this before or behind the place found is where it seems to be."""
+
+_SEARCH_WAY = 0.3
+_SEARCH_STEP = 0.02
+_SEARCH_END = 1e-5
 
 
 class PathFollower:
@@ -35,6 +41,7 @@ class PathFollower:
         self.lateral = 0.0
         self.heading_error = 0.0
         self._curve = curve
+        self._x = self._y = self._heading = inf
         self._tx = 1.0
         self._ty = 0.0
 
@@ -63,6 +70,7 @@ class PathFollower:
         if not abs(x) + abs(y) + abs(heading) < 1e9:
             self.lateral = inf
             return
+        self._x, self._y, self._heading = x, y, heading
         curve, s = self._curve, self.s
         for _ in range(4):
             self._tangent_at(s)
@@ -71,9 +79,35 @@ class PathFollower:
             s = min(max(s + min(max(along, -_LONGEST_STEP), _LONGEST_STEP), 0.0), curve.length)
             if abs(s - before) < _CLOSE_ENOUGH:
                 break
-        self.s = s
-        self.lateral = (y - curve.y) * self._tx - (x - curve.x) * self._ty
-        self.heading_error = self._turned_from_tangent(heading)
+        self._take(s)
+
+    def find(self) -> None:
+        """Search for the pose that was located last, on the path around the last place.
+
+        Newton's steps stay behind where a robot has left a turn that was too sharp for it.
+        """
+        if not self.lateral < inf or not self._x < inf:
+            return
+        s, step, nearest = self.s, _SEARCH_STEP, self._apart(self.s)
+        self._take(s)
+        if nearest * nearest <= self.lateral * self.lateral + _BESIDE * _BESIDE:
+            return
+        place, end = max(s - _SEARCH_WAY, 0.0), min(s + _SEARCH_WAY, self._curve.length)
+        while place <= end:
+            apart = self._apart(place)
+            if apart < nearest:
+                nearest, s = apart, place
+            place += step
+        while step > _SEARCH_END:
+            step *= 0.5
+            before, after = max(s - step, 0.0), min(s + step, self._curve.length)
+            here = self._apart(s)
+            if self._apart(before) < here:
+                s = before
+            elif self._apart(after) < here:
+                s = after
+        self._tangent_at(s)
+        self._take(s)
 
     def offset(self) -> tuple[int, int]:
         """Return how far left of the path [mm] and turned from it [mrad] the robot is."""
@@ -97,6 +131,18 @@ class PathFollower:
             rate = 1.0 / max(SETTLING_LENGTH, _TICKS_TO_SETTLE * travel)
             bend -= rate * (rate * self.lateral + 2.0 * self.heading_error)
         return min(max(bend, -_SHARPEST), _SHARPEST)
+
+    def _take(self, s: float) -> None:
+        """Take the place at s, where the tangent was found last, for the robot's."""
+        curve, self.s = self._curve, s
+        self.lateral = (self._y - curve.y) * self._tx - (self._x - curve.x) * self._ty
+        self.heading_error = self._turned_from_tangent(self._heading)
+
+    def _apart(self, s: float) -> float:
+        """Return how far [m] the robot is from the path's place at s."""
+        self._tangent_at(s)
+        dx, dy = self._x - self._curve.x, self._y - self._curve.y
+        return sqrt(dx * dx + dy * dy)
 
     def _turned_from_tangent(self, heading: float) -> float:
         x, y = cos(heading), sin(heading)
