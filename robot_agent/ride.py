@@ -84,11 +84,14 @@ class Ride:
     def arrived(self, time: float) -> bool:
         """Tell whether the plan is over and the robot at its goal.
 
-        Within the track tolerance is near enough once it has had its share of tau to come closer.
+        Within the track tolerance is near enough once it has had its share of tau to come closer:
+        one that slips as it arrives is not there yet.
         """
-        left = self._timeline.length - self.follower.s
-        over = time - self._timeline.finish
-        return over >= 0.0 and (left <= ARRIVAL_SLACK or (over >= self.late and left <= self.track))
+        left, over = self._timeline.length - self.follower.s, time - self._timeline.finish
+        if over >= self.late:
+            return left <= self.track
+        beside = abs(self.follower.lateral) - max(ARRIVAL_SLACK, LATE_SHARE * self.track)
+        return over >= 0.0 and left <= ARRIVAL_SLACK and beside <= 0.0
 
     def at_goal(self) -> bool:
         """Tell whether the robot is where the plan ends."""

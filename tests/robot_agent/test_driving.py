@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from protocol.phases import DONE, MOVING, NO_FAULT
+from protocol.phases import DONE, FROZEN, MOVING, NO_FAULT, OFF_PATH
 from sim.body import SimulatedBody
+from sim.failing_body import FailingBody
 from tests.robot_agent.rides import armed_run, dense_line, driven_run, motion_along, winding_path
 
 PATH = winding_path()
@@ -75,3 +76,14 @@ def test_a_fast_robot_settles_too():
     run = driven_run(path, motion, 12.5, max_speed=3.3, seed=2, body=SimulatedBody(2.0))
     assert run.agent.phase == DONE
     assert cKDTree(dense_line(path)[0]).query(np.array(run.places))[0].max() < 0.01
+
+
+@pytest.mark.parametrize("before", [0.03, 0.04, 0.1])
+def test_a_robot_that_slips_as_it_arrives_has_not_arrived(before):
+    motion = motion_along(LENGTH, SPEED, 0.5)
+    finish = LENGTH / SPEED + SPEED / 0.5
+    run = driven_run(PATH, motion, finish - before, body=FailingBody(0.5))
+    run.body.skid(0.05)
+    run.until(run.now + 1_000_000_000)
+    assert (run.agent.phase, run.agent.fault) == (FROZEN, OFF_PATH)
+    assert DONE not in run.phases
