@@ -122,6 +122,8 @@ class Member:
         if report.phase == MOVING and not stale:
             self.kept_ns = now_ns
         self.sequence, self.lost, self.gone = report.sequence, False, False
+        if self.phase == DONE and report.phase == FROZEN:
+            self.finished, self.done_ns = False, None  # It was pushed off its goal.
         self.epoch, self.phase, self.fault = report.epoch, report.phase, report.fault
         if report.rest is not None and report.rest.epoch >= self.sent_epoch:
             self.rest = Standing(

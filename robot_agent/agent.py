@@ -16,6 +16,7 @@ The rules:
   start and knows the time well enough; until then it says why not.
 - GO heard when the plan has already run away is not obeyed: the robot stays where it is.
 - A robot at its goal stays there in that epoch, whatever it hears; so does one that braked there.
+  One that is pushed off it is frozen.
 - A position is never said, but for the arc length at which a robot rests that has stopped on its
   way: in the first report that says it is frozen, and again when the coordinator asks for it.
 """
@@ -53,6 +54,7 @@ from robot_agent.transitions import (
     AT_REST,
     GO_IN_TIME,
     GO_TOO_LATE,
+    LEFT_PATH,
     NEW_EPOCH,
     READY,
     TOLD_TO_FREEZE,
@@ -169,11 +171,13 @@ class Agent:
             return
         if self.phase == IDLE:
             self._try_to_arm(ride, now_ns, x, y, heading)
-        elif self.phase in (MOVING, BRAKING):
+        elif self.phase in (MOVING, BRAKING, DONE):
             ride.follower.locate(x, y, heading)
             time = self._plan_time(now_ns)
             if self.phase == MOVING:
                 self._keep_to_plan(ride, time, now_ns)
+            elif self.phase == DONE and ride.trouble(time) == OFF_PATH:
+                self._fail(OFF_PATH, now_ns)
             if self.phase == BRAKING:
                 ride.keep_braking(time)
                 if ride.rests(time, x, y):
@@ -262,10 +266,10 @@ class Agent:
             self._fail(fault, now_ns)
 
     def _fail(self, fault: int, now_ns: int) -> None:
-        """Remember the first fault and brake."""
-        if self.fault == NO_FAULT and self.phase != DONE:
+        """Remember the first fault and brake; at the goal only having left it is one."""
+        if self.fault == NO_FAULT and (self.phase != DONE or fault == OFF_PATH):
             self.fault = fault
-        self._apply(TROUBLE, now_ns)
+        self._apply(LEFT_PATH if fault == OFF_PATH else TROUBLE, now_ns)
 
     def _apply(self, event: str, now_ns: int) -> None:
         """Go to the next phase by the table and do what entering it takes."""

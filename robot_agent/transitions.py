@@ -13,6 +13,7 @@ NEW_EPOCH = "new epoch"
 TROUBLE = "trouble"
 AT_REST = "at rest"
 ARRIVED = "arrived"
+LEFT_PATH = "left its path"
 
 TRANSITIONS = {
     (IDLE, READY): ARMED,
@@ -26,9 +27,11 @@ TRANSITIONS = {
     (MOVING, TROUBLE): BRAKING,
     (MOVING, NEW_EPOCH): BRAKING,
     (MOVING, ARRIVED): DONE,
+    (MOVING, LEFT_PATH): BRAKING,
     (BRAKING, AT_REST): FROZEN,
     (BRAKING, ARRIVED): DONE,
     (FROZEN, NEW_EPOCH): IDLE,
     (DONE, NEW_EPOCH): IDLE,
+    (DONE, LEFT_PATH): FROZEN,
 }
 """(phase, event) -> phase; whatever does not stand here changes nothing."""

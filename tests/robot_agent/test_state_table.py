@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import functools
+import math
 
 import pytest
 
@@ -73,6 +74,13 @@ def brake_at_the_goal(run: Run) -> None:
     vars(run).update(vars(near))
 
 
+def be_pushed(run: Run) -> None:
+    """Be pushed aside."""
+    run.body.x -= 0.05 * math.sin(run.body.heading)
+    run.body.y += 0.05 * math.cos(run.body.heading)
+    run.agent.tick(run.own(run.now), *run.body.pose())
+
+
 STIMULI = {
     transitions.READY: be_ready,
     transitions.GO_IN_TIME: lambda run: run.command(GO),
@@ -82,6 +90,7 @@ STIMULI = {
     transitions.TROUBLE: lambda run: run.agent.hear_driver_error(run.own(run.now)),
     transitions.AT_REST: rest,
     transitions.ARRIVED: arrive,
+    transitions.LEFT_PATH: be_pushed,
 }
 """What brings an event about."""
 
@@ -97,10 +106,12 @@ ROWS = {
     (MOVING, transitions.TROUBLE): BRAKING,
     (MOVING, transitions.NEW_EPOCH): BRAKING,
     (MOVING, transitions.ARRIVED): DONE,
+    (MOVING, transitions.LEFT_PATH): BRAKING,
     (BRAKING, transitions.AT_REST): FROZEN,
     (BRAKING, transitions.ARRIVED): DONE,
     (FROZEN, transitions.NEW_EPOCH): IDLE,
     (DONE, transitions.NEW_EPOCH): IDLE,
+    (DONE, transitions.LEFT_PATH): FROZEN,
 }
 """What the rules at the head of agent.py ask for."""
 

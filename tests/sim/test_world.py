@@ -1,5 +1,7 @@
 """Fleet core and robots together in virtual time, on good links and bad ones, sound and failing."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -201,3 +203,18 @@ def test_the_robots_say_little_under_way(scenario, document):
     world.run(120.0)
     seconds = max(robot.rows[-1][0] for robot in world.robots.values())
     assert world.bytes_to_coordinator / len(world.robots) / seconds < 100
+
+
+def test_a_robot_that_is_pushed_off_its_goal_says_so_and_drives_back(scenario, document):
+    world = World(scenario, document, good_link())
+    while not world.fleet.members["R1"].finished:
+        world.step()
+    body = world.robots["R1"].body
+    body.x, body.y = body.x - 0.15 * math.sin(body.heading), body.y + 0.15 * math.cos(body.heading)
+    world.go_on(0.5)
+    assert not world.fleet.members["R1"].finished
+    world.run(120.0)
+    world.go_on(1.0)
+    assert "R1 stopped: off its path" in [one.text for one in incidents(world, "fault")]
+    assert arrived(world, document, world.blackboxes()) == set(ROBOTS)
+    assert touches(document, world.blackboxes()) == []
