@@ -18,6 +18,7 @@ import robot_agent.commands
 import sim.commands
 from coordinator.console import tell
 from coordinator.errors import InputError, LogError, PlanError
+from coordinator.quick_options import read_quickly
 from protocol.transport import TransportError
 
 _ENDING: Final = (signal.SIGINT, signal.SIGTERM)
@@ -44,6 +45,7 @@ def main() -> None:
     """Run the command line; exit codes as in the contract."""
     # What plans are made of has no cycles: this saves seconds at 1,000 robots.
     gc.set_threshold(100_000, 50, 100)
+    read_quickly()
     for number in _ENDING:
         signal.signal(number, _interrupt)
     try:
@@ -61,6 +63,8 @@ def main() -> None:
         code = 2
     except KeyboardInterrupt:
         code = 130
+    # What is left ends with the process: this saves a search through all of it for cycles.
+    gc.freeze()
     sys.exit(code if isinstance(code, int) else 0)
 
 

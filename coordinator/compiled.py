@@ -18,8 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final, ParamSpec, TypeVar, cast
 
-import numba
-
+from coordinator.lean_numba import numba
 from coordinator.quick_loading import load_quickly
 
 P = ParamSpec("P")
@@ -61,9 +60,10 @@ def _sources(file: Path) -> tuple[Path, ...]:
 def _choose_cache(file: Path) -> None:
     """Keep code beside the sources; where that may not be written, numba finds a place itself."""
     if os.access(_CACHE if _CACHE.exists() else _FOLDER, os.W_OK):
-        numba.config.CACHE_DIR = str(_cache_of(file))  # type: ignore[attr-defined]
+        numba.config.CACHE_DIR = str(_cache_of(file))
 
 
+@functools.cache
 def _cache_of(file: Path) -> Path:
     """Return where the code of a kernel file is kept."""
     digest = hashlib.sha256(b"".join(source.read_bytes() for source in _sources(file)))
