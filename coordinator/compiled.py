@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import inspect
 import os
 import re
 from collections.abc import Callable
@@ -33,7 +32,7 @@ load_quickly()
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of arrays and numbers on first use; the machine code is kept on disk."""
-    _choose_cache(Path(inspect.getfile(function)))
+    _choose_cache(Path(function.__code__.co_filename))
     compile_it = numba.njit(cache=True, nogil=True, error_model="numpy")
     return cast(Callable[P, R], compile_it(function))
 
@@ -59,8 +58,14 @@ def _sources(file: Path) -> tuple[Path, ...]:
 
 def _choose_cache(file: Path) -> None:
     """Keep code beside the sources; where that may not be written, numba finds a place itself."""
-    if os.access(_CACHE if _CACHE.exists() else _FOLDER, os.W_OK):
+    if _may_write():
         numba.config.CACHE_DIR = str(_cache_of(file))
+
+
+@functools.cache
+def _may_write() -> bool:
+    """Tell whether code may be kept beside the sources."""
+    return os.access(_CACHE if _CACHE.exists() else _FOLDER, os.W_OK)
 
 
 @functools.cache

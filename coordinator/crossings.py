@@ -21,7 +21,10 @@ _SAME: Final = 1e-6
 """Curves nearer than this [m] run on top of each other: float32 tells no finer."""
 
 _PART: Final = 5000
-"""Pairs that an executor gets at a time, at least."""
+"""Pairs that an executor gets at a time, unless they are fewer altogether."""
+
+_FEWEST: Final = 500
+"""Pairs that are worth an executor."""
 
 _MOST_PARTS: Final = 8
 
@@ -58,8 +61,6 @@ def crossing_table(
     In order of the pairs and along their first curves.  Many pairs go to the executor in parts.
     Raises ValueError as intersections.find_all_intersections does.
     """
-    if executor is None or len(pairs) < 2 * _PART:
-        return _table(curves, pairs)
     return CrossingSearch(curves, pairs, executor).result()
 
 
@@ -72,8 +73,8 @@ class CrossingSearch:
         self.curves, self.pairs = tuple(curves), pairs
         self._parts = np.array_split(pairs, min(max(len(pairs) // _PART, 1), _MOST_PARTS))
         self._found: list[Future[Array]] = []
-        if executor is not None and len(pairs) >= 2 * _PART:
-            self._found = [executor.submit(_table, curves, part) for part in self._parts]
+        if executor is not None and len(pairs) >= _FEWEST:
+            self._found = [executor.submit(_table, self.curves, part) for part in self._parts]
 
     def result(self) -> Array:
         """Return the table as crossing_table has it; waits for it, and raises as that does."""
