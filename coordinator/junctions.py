@@ -21,8 +21,8 @@ from coordinator.row_kernels import robot_rows
 from coordinator.track import CELL, Track
 from coordinator.waiting_kernels import Ride
 
-_MOST_ROWS: Final = 6_000_000
-"""So many rows are kept; beyond that they are found again when they are asked for."""
+_MOST_ROWS: Final = 12_000_000
+"""So many rows, 40 bytes each, are kept; beyond that they are found again when asked for."""
 
 _FEW_ROWS: Final = 20_000
 _ENOUGH_ROWS: Final = 3_000_000
@@ -77,6 +77,7 @@ class Junctions:
         self.tracks = [replace(track, cell=self._cell) for track in tracks]
         self._approaches: dict[tuple[int, bool], Approach] = {}
         self._rows: dict[int, tuple[Rows, Known]] = {}
+        self._kept = 0
         self._sort()
 
     def with_track(self, index: int, track: Track) -> Junctions:
@@ -90,6 +91,7 @@ class Junctions:
         changed = {index, *self.near(index), *fresh.near(index)}
         fresh._approaches = {k: v for k, v in self._approaches.items() if k[0] not in changed}
         fresh._rows = {k: v for k, v in self._rows.items() if k not in changed}
+        fresh._kept = sum(len(rows.cell) for rows, _ in fresh._rows.values())
         return fresh
 
     def finer(self) -> Junctions:
@@ -153,10 +155,12 @@ class Junctions:
     def rows_of(self, index: int) -> tuple[Rows, Known]:
         """Return a robot's zones as rows, and room for what they forbid."""
         if index not in self._rows:
-            if sum(len(rows.cell) for rows, _ in self._rows.values()) > _MOST_ROWS:
+            if self._kept > _MOST_ROWS:
                 self._rows.clear()
                 self._approaches.clear()
+                self._kept = 0
             self._rows[index] = self._find_rows(index)
+            self._kept += len(self._rows[index][0].cell)
         return self._rows[index]
 
     def _find_rows(self, index: int) -> tuple[Rows, Known]:
