@@ -1,8 +1,7 @@
 """Importing numba without what it only looks whether it is there.
 
 numba imports SciPy to compare its version, and PyYAML for a configuration file that we do not have;
-the locked dependencies answer the first, and the second is left to whoever needs it.  That is 20 ms
-of a process's start.
+the locked dependencies answer the first, and the second is left to whoever needs it.
 
 Decides: what numba finds when it is imported.  Must not know: kernels.
 """
