@@ -7,8 +7,9 @@ sides: the second derivative by arc length is a hat of height |t1 - t0| / d (see
     least radius             d * cos(theta / 2)^2 / (2 sin(theta / 2))
     length saved             about 7 / 30 d (1 - cos(theta))
 
-`handling` (5,) is that of a robot: speed [m/s], acceleration, lateral acceleration [m/s^2], the
-radius [m] at which a corner costs no speed, and the one that every corner should have.
+`handling` (6,) is that of a robot: speed [m/s], acceleration, lateral acceleration [m/s^2], the
+radius [m] at which a corner costs no speed, the one that every corner should have, and the time
+[s] that a corner less is worth.
 
 Decides: what a width means and costs, and how wide a corner can be.  Must not know: polygons.
 """

@@ -21,12 +21,16 @@ _RESERVE = 1.05
 
 @dataclass(frozen=True)
 class Handling:
-    """Speed [m/s], accelerations [m/s^2] (inf: no limit) and least radius [m] of a robot."""
+    """Speed [m/s], accelerations [m/s^2] (inf: no limit) and least radius [m] of a robot.
+
+    `spent_per_corner` [m]: how much longer a way may be for the sake of one corner less.
+    """
 
     speed: float = 1.0
     accel: float = math.inf
     lateral: float = math.inf
     min_turn_radius: float = 0.0
+    spent_per_corner: float = 0.0
 
     @property
     def tightest(self) -> float:
@@ -40,5 +44,6 @@ class Handling:
         return max(min(max(free, _EASY_RADIUS), _WIDEST_RADIUS), self.tightest)
 
     def numbers(self) -> Array:
-        """Return the five numbers that corner_kernels.py works with."""
-        return np.array((self.speed, self.accel, self.lateral, self.easy, self.tightest))
+        """Return the six numbers that corner_kernels.py works with."""
+        worth = self.spent_per_corner / self.speed
+        return np.array((self.speed, self.accel, self.lateral, self.easy, self.tightest, worth))

@@ -16,12 +16,14 @@ from typing import Final
 import numpy as np
 
 from coordinator.few_knots_kernels import merged, reachable
+from coordinator.message_room import ROOM, path_bytes, speed_bytes
 from coordinator.nurbs import Array, Nurbs
 from coordinator.ramp_kernels import between
 from coordinator.speed_cap import cap_on
 
-_LOSS: Final = 0.006
-"""Share of the fastest time that may be lost for the sake of fewer knots."""
+_LOSSES: Final = (0.006, 0.012, 0.025, 0.05, 0.1, 0.15, 0.2, 0.25)
+"""Shares of the fastest time that may be lost for the sake of fewer knots; the later ones where a
+message has no room for more."""
 
 _RAMP: Final = 0.01
 """Length [m] of the speed change at a bend for robots without a limit on acceleration."""
@@ -79,7 +81,8 @@ class SpeedLimits:
 def limits_on(curve: Nurbs, speed: float, accel: float, lateral: float) -> SpeedLimits:
     """Return the limits on a curve for a planned speed [m/s] and accelerations [m/s^2].
 
-    A motion along the whole curve takes at most 1 % longer than the fastest one.
+    A motion along the whole curve takes at most 1 % longer than the fastest one, unless only fewer
+    knots fit a message.
     """
     free = SpeedLimits(curve.length, speed * speed, accel, ())
     if math.isinf(lateral):
@@ -89,7 +92,12 @@ def limits_on(curve: Nurbs, speed: float, accel: float, lateral: float) -> Speed
         return free
     lower = np.maximum(w - 2.0 * free.ramp * _PLACE_ERROR, 0.25 * w)
     w = np.where(w < _CRAWL * free.top, lower, w)
-    s, w = merged(*reachable(s, w, 2.0 * free.ramp, math.isfinite(accel)), _LOSS)
+    fastest = reachable(s, w, 2.0 * free.ramp, math.isfinite(accel))
+    room = ROOM - path_bytes(len(curve.points))
+    for loss in _LOSSES:
+        s, w = merged(*fastest, loss)
+        if speed_bytes(len(s), len(np.unique(w))) <= room:
+            break
     return replace(free, bends=tuple(zip(s.tolist(), w.tolist(), strict=True)))
 
 

@@ -1,6 +1,6 @@
 """Compiled: where the corners of a polygon go, and how wide each is rounded.
 
-`handling` (5,) is that of a robot, as in corner_kernels.py; `solid` what it keeps clear of.
+`handling` (6,) is that of a robot, as in corner_kernels.py; `solid` what it keeps clear of.
 
 Decides: which corners become one, which move out, and their half-widths.  Must not know: curves.
 """
@@ -83,7 +83,8 @@ def merge(
 ) -> tuple[Array, Flags]:
     """Make one corner of two neighbours that turn the same way, where that is quicker.
 
-    Only vertices begin..end - 1 of the polygon (n, 2) that are not exact are merged.
+    Only vertices begin..end - 1 of the polygon (n, 2) that are not exact are merged.  Where a
+    corner less is worth some time, so are corners that do not touch, and those that cost no more.
     """
     vertices, flags, count = polygon.copy(), exact.copy(), len(polygon)
     corner = np.empty(2)
@@ -98,7 +99,10 @@ def merge(
             and not flags[i + 1]
             and one * two > 0.0
             and abs(one + two) <= _WIDEST_MERGED
-            and width_for(handling[3], one) + width_for(handling[3], two) > size
+            and (
+                handling[5] > 0.0
+                or width_for(handling[3], one) + width_for(handling[3], two) > size
+            )
         )
         if better:
             into = math.hypot(b[0] - a[0], b[1] - a[1])
@@ -108,7 +112,7 @@ def merge(
             if single < math.inf:
                 pair, _, _ = _trial(a, b, c, handling, solid)
                 other, _, _ = _trial(b, c, d, handling, solid)
-                better = single < pair + other - size / handling[0]
+                better = single < pair + other - size / handling[0] + handling[5]
             else:
                 better = False
         if better:

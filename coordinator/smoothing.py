@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -21,6 +22,7 @@ from coordinator.corner_kernels import NARROWEST, STRAIGHT
 from coordinator.errors import PlanError, TurnError
 from coordinator.fit import Fit, Flags, fit, lengths_along
 from coordinator.handling import Handling
+from coordinator.message_room import ROOM, path_bytes
 from coordinator.nurbs import Array, Nurbs
 from coordinator.polygon_kernels import merge, push, widths
 from coordinator.space import Space
@@ -30,6 +32,10 @@ _PUSH_SHARE: Final = 0.006
 """Pushing all corners out may lengthen the way by this share."""
 _LONGEST: Final = 1.02
 """Longer curves than this, against the polygon, are made again without moving corners."""
+_SPENT_PER_CORNER: Final = (0.02, 0.1, 0.5, 2.0)
+"""Lengths [m] that a corner less may cost, tried in turn, where a path has too many."""
+_SPEEDS_PER_PATH: Final = 0.5
+"""Bytes of speed knots to expect for each byte of a path on which bends are slow."""
 
 
 def smooth(
@@ -44,8 +50,31 @@ def smooth(
     exact (n,): vertices that the curve passes exactly; the others are cut.  `headed`: whether the
     directions of the first and of the last leg are asked for.  Raises PlanError when a turn does
     not fit, TurnError when it is tighter than the robot can turn.
+
+    A way with so many corners that it would not fit a message gets fewer, at the price of length.
     """
     space = space.near(polygon)
+    found = _smoothed(polygon, exact, space, handling, headed)
+    for spent in _SPENT_PER_CORNER:
+        if _fits(found.curve, handling):
+            break
+        with suppress(PlanError):
+            thrifty = replace(handling, spent_per_corner=spent)
+            fewer = _smoothed(polygon, exact, space, thrifty, headed)
+            found = min(found, fewer, key=lambda fit: len(fit.curve.points))
+    return found
+
+
+def _fits(curve: Nurbs, handling: Handling) -> bool:
+    """Tell whether a message has room for a curve and, if bends are slow, for the speeds on it."""
+    speeds = 0.0 if math.isinf(handling.lateral) else _SPEEDS_PER_PATH
+    return path_bytes(len(curve.points)) * (1.0 + speeds) <= ROOM
+
+
+def _smoothed(
+    polygon: Array, exact: Flags, space: Space, handling: Handling, headed: tuple[bool, bool]
+) -> Fit:
+    """Return the curve along a polygon near which the space is known, as `smooth` does."""
     polygon, exact = _without_straight(polygon, exact, headed)
     blunted, passed = blunt(polygon, exact, space, headed[1], handling.easy)
     if blunted is not polygon:
@@ -57,7 +86,8 @@ def smooth(
     budget = _PUSH_SHARE * float(lengths_along(polygon)[-1]) / max(end - begin, 1)
     wider = push(wider, passed, begin, end, budget, numbers, space.solid)
     found = _rounded(wider, passed, space, handling)
-    if found.curve.length > _LONGEST * lengths_along(polygon)[-1]:
+    too_long = found.curve.length > _LONGEST * lengths_along(polygon)[-1]
+    if too_long and handling.spent_per_corner == 0.0:
         with suppress(TurnError):
             return _turnable(_rounded(polygon, exact, space, handling), handling)
     return _turnable(found, handling)
