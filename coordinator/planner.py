@@ -25,6 +25,7 @@ from coordinator.errors import InputError, PlanError
 from coordinator.explain import explain_waits
 from coordinator.junctions import FEW, Junctions
 from coordinator.motion import Motion, limits_on
+from coordinator.near_places import near_places
 from coordinator.nurbs import Nurbs
 from coordinator.paths import Pathfinder, find_paths
 from coordinator.plan import Limits, PlanDocument, Reason
@@ -39,7 +40,8 @@ DEFAULT_EFFORT = 20
 
 _NEED_PAD = 0.0005
 _TAU_PAD = 0.002
-"""The schedule keeps this much more [m], [s] than needed, for what rounding to the wire costs."""
+"""The schedule keeps this much more [m], [s] than needed, for what rounding to the wire costs;
+less distance where robots stand nearer than that (near_places.py)."""
 
 _EFFORT_PER_WAY = 5
 _WAYS = 2
@@ -126,6 +128,7 @@ class _Stages:
         self.executor = executor
         self.tau = tau
         self.pathfinder = Pathfinder(scenario)
+        self.near = near_places(scenario, _NEED_PAD)
         self.paths: list[Nurbs] = []
         self.tracks: list[Track] = []
         self.notes: list[str] = []
@@ -264,10 +267,11 @@ class _Stages:
         robot = self.scenario.robots[index]
         speed = self.scenario.planned_speed(robot)
         limits = limits_on(path, speed, robot.max_accel, robot.max_lateral_accel)
-        return Track(limits, chords_of(path))
+        return Track(limits, chords_of(path, self.near.errors[index]))
 
     def _meet(self, tracks: list[Track], indices: tuple[int, ...] | None = None) -> Junctions:
         robots = self.scenario.robots
         chosen = range(len(robots)) if indices is None else indices
-        radii, margin = [robots[i].radius for i in chosen], self.scenario.margin + _NEED_PAD
+        radii = [robots[i].radius - self.near.less[i] for i in chosen]
+        margin = self.scenario.margin + _NEED_PAD
         return Junctions(tracks, radii, margin, self.tau + _TAU_PAD, self.executor)
