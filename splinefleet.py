@@ -19,6 +19,7 @@ import sim.commands
 from coordinator.console import tell
 from coordinator.errors import InputError, LogError, PlanError
 from coordinator.quick_options import read_quickly
+from coordinator.usage import usage_line
 from protocol.transport import TransportError
 
 _ENDING: Final = (signal.SIGINT, signal.SIGTERM)
@@ -49,7 +50,7 @@ def main() -> None:
     for number in _ENDING:
         signal.signal(number, _interrupt)
     try:
-        code = app(standalone_mode=False)
+        code = app(standalone_mode=False, prog_name="splinefleet")
     except (InputError, TransportError) as error:
         tell(str(error), "red")
         code = 2
@@ -59,7 +60,7 @@ def main() -> None:
     except typer.Abort:
         code = 130
     except typer.TyperException as error:
-        tell(error.format_message(), "red")
+        tell(usage_line(error), "red")
         code = 2
     except KeyboardInterrupt:
         code = 130

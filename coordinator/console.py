@@ -13,8 +13,8 @@ from rich.console import Console
 
 from coordinator.errors import InputError
 
-errors = Console(stderr=True, soft_wrap=True, highlight=False)
-answers = Console(soft_wrap=True, highlight=False)
+errors = Console(stderr=True, soft_wrap=True, highlight=False, emoji=False)
+answers = Console(soft_wrap=True, highlight=False, emoji=False)
 
 
 def answer_json(value: object) -> None:

@@ -21,7 +21,7 @@ from sim.faults import Fault
 MOST_FAULTS: Final = 4
 
 _FORM: Final = re.compile(
-    r"(?P<kind>[a-z-]+)(:(?P<robot>[^@:]+))?@(?P<time>\d+(\.\d+)?)(:(?P<value>-?\d+(\.\d+)?))?"
+    r"(?P<kind>[a-z-]+)(:(?P<robot>[^@:]+))?@(?P<time>-?\d+(\.\d+)?)(:(?P<value>-?\d+(\.\d+)?))?"
 )
 _SOON: Final = 6.0
 """Every other fault follows within so many seconds: while the fleet freezes, plans or arms."""
@@ -140,6 +140,8 @@ def _problem(text: str, robots: Sequence[str]) -> str:
     given = found["value"]
     if (given is not None and not kind.number) or (given is None and kind.default is None):
         return form
+    if found["time"].startswith("-"):
+        return f"{found['time']} s is before the first GO; the time is 0 or more"
     if found["robot"] is not None and found["robot"] not in robots:
         return f"no robot {found['robot']}; there are {', '.join(robots)}"
     if given is not None and not kind.least <= float(given) <= kind.most:

@@ -21,7 +21,7 @@ Act = Literal["kill", "stop", "body", "cut", "heal", "babble", "resume"]
 _LONGEST: Final = 1e6
 _COORDINATOR: Final = "coordinator-"
 _FORM: Final = re.compile(
-    r"(?P<kind>[a-z-]+)(:(?P<robot>[^@:]+))?@(?P<time>\d+(\.\d+)?)(:(?P<value>-?\d+(\.\d+)?))?"
+    r"(?P<kind>[a-z-]+)(:(?P<robot>[^@:]+))?@(?P<time>-?\d+(\.\d+)?)(:(?P<value>-?\d+(\.\d+)?))?"
 )
 
 
@@ -142,6 +142,8 @@ def _problem(text: str, robots: Sequence[str]) -> str:
     given = found["value"]
     if (given is not None and not kind.number) or (given is None and kind.default is None):
         return f"is not of the form {form_of(name)}"
+    if found["time"].startswith("-"):
+        return f"{found['time']} s is before the first GO; the time is 0 or more"
     if found["robot"] is not None and found["robot"] not in robots:
         return f"no robot {found['robot']}; there are {', '.join(robots)}"
     if given is not None and not kind.least <= float(given) <= kind.most:

@@ -58,6 +58,7 @@ def test_faults_come_under_way_and_some_soon_after_another():
         ("kill@3", "is not of the form kill:ROBOT@SECONDS"),
         ("slow:R1@3", "is not of the form slow:ROBOT@SECONDS:SHARE"),
         ("slow:R1@3:1.5", "SHARE 1.5 is not within 0 to 1"),
+        ("kill:R1@-3", "-3 s is before the first GO; the time is 0 or more"),
         ("kill:R9@3", "no robot R9; there are R1, R2, R3"),
         ("coordinator-hang:R1@3", "is not of the form coordinator-hang@SECONDS[:SECONDS]"),
     ],

@@ -1,0 +1,75 @@
+"""What is wrong with a command line, in one line: option, value, what is allowed.
+
+Decides: the words for what Typer found.  Must not know: the commands.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any, Final
+
+import typer
+
+_ARGUMENT: Final = re.compile(r"\{(\w+)\}")
+"""How Typer writes an argument that has no metavar."""
+
+_NUMBERS: Final = {"int": "a whole number", "float": "a number", "bool": "yes or no"}
+_LIMITS: Final = {
+    "greater_than_equal": ("ge", "{} is less than {:g}, the least allowed"),
+    "less_than_equal": ("le", "{} is more than {:g}, the most allowed"),
+}
+
+
+def usage_line(error: typer.TyperException) -> str:
+    """Return one line for a command line that cannot be run."""
+    if isinstance(error, typer.BadParameter):
+        name = _name(error)
+        if type(error).__name__ == "MissingParameter":
+            return f"{name} is missing{_usage(error)}"
+        return f"{name}: {_problem(error)}" if name else _problem(error)
+    return _plain(error.format_message()) + _usage(error)
+
+
+def _usage(error: typer.TyperException) -> str:
+    """Return how the command is used, as the end of a line; nothing where that is not known."""
+    context = getattr(error, "ctx", None)
+    if context is None:
+        return ""
+    usage = " ".join(context.get_usage().split()).replace("Usage:", "usage:")
+    return "; " + _ARGUMENT.sub(lambda found: found[1].upper(), usage)
+
+
+def _name(error: typer.BadParameter) -> str:
+    """Return the option or argument that an error is about, as it is written; "" for none."""
+    hint = getattr(error, "param_hint", None)
+    if hint is not None:
+        return str(hint) if isinstance(hint, str) else str(hint[-1])
+    parameter = getattr(error, "param", None)
+    if parameter is None:
+        return ""
+    if parameter.param_type_name == "argument":
+        return str(parameter.metavar or parameter.name).upper()
+    return str(max(parameter.opts, key=len))
+
+
+def _problem(error: typer.BadParameter) -> str:
+    """Return what is wrong with a value, with the value."""
+    found = getattr(error.__cause__, "errors", None)
+    if found is None:
+        return _plain(error.message)
+    problem: Mapping[str, Any] = found()[0]
+    kind, value = str(problem["type"]), problem["input"]
+    if kind in _LIMITS and not math.isnan(float(value)):
+        limit, words = _LIMITS[kind]
+        return words.format(value, problem["ctx"][limit])
+    wanted = "a number" if kind in _LIMITS else _NUMBERS.get(kind.partition("_")[0])
+    if wanted is not None:
+        return f"{str(value)[:60]!r} is not {wanted}"
+    return _plain(str(problem["msg"]).removeprefix("Value error, "))
+
+
+def _plain(text: str) -> str:
+    """Return a text on one line, without its full stop."""
+    return " ".join(text.split()).removesuffix(".")
