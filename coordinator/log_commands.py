@@ -202,6 +202,7 @@ def recover(
             callback=writable(".mcap"),
         ),
     ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
     as_json: Json = False,
 ) -> None:
     """Make a cut or damaged log whole: every complete chunk, attachments, a proper end.
@@ -214,6 +215,8 @@ def recover(
     place = output or log.with_name(f"{log.stem}-whole.mcap")
     if place.resolve() == log.resolve():
         raise InputError([f"--output: {place} is the log itself; name another file"])
+    if place.exists() and not force:
+        raise InputError([f"--output: {place} is there already; --force replaces it"])
     whole = make_whole(load(log), str(log))
     _write_at_once(place, whole.data)
     if as_json:

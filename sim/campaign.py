@@ -60,7 +60,8 @@ class Wish:
 class Outcome(msgspec.Struct, frozen=True):
     """What came of one run; `violations` in words, none when all is well.
 
-    `excused`: who was not expected to arrive, and why; `said`: what the fleet told of these.
+    `excused`: who was not expected to arrive, and why; `said`: what the fleet told of these;
+    `anyway`: how many of them arrived all the same.
     """
 
     seed: int
@@ -76,6 +77,7 @@ class Outcome(msgspec.Struct, frozen=True):
     epochs: int
     seconds: float
     latencies: Latencies
+    anyway: int = 0
 
 
 def run_seed(
@@ -142,6 +144,7 @@ def run_one(
         epochs=world.fleet.epoch,
         seconds=round((over_ns - world.began_ns) / SECOND, 3),
         latencies=latencies(world, boxes),
+        anyway=len(set(excuses) & there),
     )
 
 

@@ -22,6 +22,14 @@ _MEASURES: Final = {
     "resume": "FREEZE to the next GO, s",
 }
 
+_REASONS: Final = {
+    "hang": "hung to the end",
+    "stall": "stalled to the end",
+    "cut": "cut off to the end",
+    "unfit": "failed too often",
+}
+"""Reasons why a robot is not expected, in words where they are not the reason itself."""
+
 
 class Violation(msgspec.Struct, frozen=True):
     """A run that went wrong: what, and the command that shows it again."""
@@ -41,7 +49,11 @@ class Spread(msgspec.Struct, frozen=True):
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """A campaign; `excused` counts the robots that could not be expected to arrive, by reason."""
+    """A campaign; `robots` are those of all runs together.
+
+    `excused` counts those that could not be expected to arrive, by reason; `anyway`: how many of
+    them arrived all the same, mostly before it struck them.
+    """
 
     runs: int
     collisions: int
@@ -52,6 +64,8 @@ class Answer(msgspec.Struct, frozen=True):
     latency: dict[str, Spread]
     excused: dict[str, int]
     epochs: int
+    robots: int = 0
+    anyway: int = 0
 
 
 def add_up(outcomes: Sequence[Outcome], violations: Iterable[Violation] = ()) -> Answer:
@@ -67,23 +81,33 @@ def add_up(outcomes: Sequence[Outcome], violations: Iterable[Violation] = ()) ->
         latency={name: found for name in _MEASURES if (found := _spread(outcomes, name))},
         excused=dict(sorted(reasons.items())),
         epochs=sum(one.epochs for one in outcomes),
+        robots=sum(one.expected + len(one.excused) for one in outcomes),
+        anyway=sum(one.anyway for one in outcomes),
     )
 
 
 def render(answer: Answer) -> Table:
     """Return a table for people."""
     table = Table(box=None, show_header=False, padding=(0, 2))
-    for name in ("runs", "epochs", "collisions", "stuck"):
+    for name in ("runs", "epochs", "robots", "collisions", "stuck"):
         table.add_row(name, str(getattr(answer, name)))
     table.add_row("arrived", f"{answer.arrived} of {answer.expected} expected")
-    excused = ", ".join(f"{count} {reason}" for reason, count in answer.excused.items())
-    table.add_row("not expected", excused or "none")
+    table.add_row("not expected", _excused(answer))
     for name, title in _MEASURES.items():
         if name in answer.latency:
             one = answer.latency[name]
             spread = f"median {one.median:.2f}, 99 % {one.p99:.2f}, worst {one.worst:.2f}"
             table.add_row(title, f"{spread} ({one.count})")
     return table
+
+
+def _excused(answer: Answer) -> str:
+    """Say how many robots nobody could expect, why, and what became of them."""
+    if not answer.excused:
+        return "none"
+    reasons = [f"{count} {_REASONS.get(why, why)}" for why, count in answer.excused.items()]
+    total = sum(answer.excused.values())
+    return f"{total}: {', '.join(reasons)}; {answer.anyway} of them arrived all the same"
 
 
 def say(violation: Violation) -> str:

@@ -89,6 +89,9 @@ def scenario(
         write_file(output, scenario_to_json(made))
     else:
         write_file(output, scenario_to_toml(made, f"Made by: {command}"))
+    if output is not None:
+        many = f"{len(made.robots)} robots, {len(made.workspace.obstacles)} obstacles"
+        tell(f"wrote {output}: {made.name}, {many}")
 
 
 @commands.command()

@@ -215,8 +215,20 @@ def test_the_command_says_what_was_kept_and_leaves_the_log_alone(tmp_path, recor
     assert f"{len(whole.records)} messages" in result.output.replace("\n", " ")
     assert cut.read_bytes() == recorded[:-500]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run-whole.mcap", "run.mcap"]
-    answer = CliRunner().invoke(commands, ["recover", str(cut), "--json"]).stdout
+    answer = CliRunner().invoke(commands, ["recover", str(cut), "--force", "--json"]).stdout
     assert msgspec.json.decode(answer)["messages"] == len(whole.records)
+
+
+def test_a_file_that_is_there_is_replaced_on_wish_only(tmp_path, recorded):
+    log, other = tmp_path / "run.mcap", tmp_path / "other.mcap"
+    log.write_bytes(recorded)
+    other.write_bytes(b"dear")
+    asked = ["recover", str(log), "-o", str(other)]
+    with pytest.raises(InputError, match=r"other\.mcap is there already; --force replaces it"):
+        commands(asked, standalone_mode=False)
+    assert other.read_bytes() == b"dear"
+    assert CliRunner().invoke(commands, [*asked, "--force"]).exit_code == 0
+    assert read_log(other).complete
 
 
 def test_a_log_is_not_written_over_itself(tmp_path, recorded):

@@ -1,16 +1,19 @@
 """Campaigns: fleets in virtual time with random faults; nobody touches, nobody waits for ever."""
 
+import io
 import json
 from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
+from rich.console import Console
 from typer.testing import CliRunner
 
 from coordinator.scenario import Link
 from coordinator.scenario_file import read_scenario
 from protocol.phases import OVER
 from sim.campaign import LINKS, Wish, is_promised, make_world, plan_for, run_one, run_seed
+from sim.campaign_answer import add_up, render
 from sim.campaign_pool import attempt
 from sim.campaign_shell import Campaign
 from sim.commands import commands
@@ -103,6 +106,23 @@ def test_every_run_lasts_until_the_fleet_is_over_whoever_is_lost(five):
     outcome = run_one(scenario, document, 1, faults)
     assert (outcome.expected, outcome.arrived) == (1, 1)
     assert set(outcome.excused.values()) == {"killed"}
+    assert outcome.anyway == 0
+
+
+def test_the_table_says_what_became_of_every_robot(five):
+    scenario, document = plan_for(five, GOOD, None)
+    finish = max(robot.finish_time for robot in document.robots)
+    early = run_one(scenario, document, 1, [Fault("kill", "R1", 3.0)])
+    late = run_one(scenario, document, 1, [Fault("kill", "R1", finish + 0.3)])
+    assert (early.anyway, late.anyway) == (0, 1)
+    answer = add_up([early, late])
+    assert (answer.robots, answer.expected, answer.anyway) == (10, 8, 1)
+    text = io.StringIO()
+    Console(file=text, width=80).print(render(answer))
+    said = " ".join(text.getvalue().split())
+    assert "robots 10" in said
+    assert "arrived 8 of 8 expected" in said
+    assert "not expected 2: 2 killed; 1 of them arrived all the same" in said
 
 
 def test_what_the_code_raises_is_a_violation(five):

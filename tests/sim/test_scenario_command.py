@@ -24,7 +24,11 @@ def test_the_command_writes_toml_json_or_to_stdout(tmp_path):
     assert printed.stdout.startswith(f"# Made by: splinefleet scenario rooms {asked}\n")
     assert parse_scenario(printed.stdout.encode(), "stdout.toml") == expected
     for name in ("a.toml", "b.JSON"):
-        assert ask("rooms", *asked.split(), "-o", tmp_path / name).exit_code == 0
+        made = ask("rooms", *asked.split(), "-o", tmp_path / name)
+        assert made.exit_code == 0
+        assert made.stdout == ""
+        told = f"wrote {tmp_path / name}: rooms-5-9, 5 robots, "
+        assert " ".join(made.stderr.split()).startswith(" ".join(told.split()))
     assert (tmp_path / "a.toml").read_bytes() == printed.stdout_bytes
     assert (tmp_path / "b.JSON").read_bytes() == scenario_to_json(expected)
 
