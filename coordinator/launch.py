@@ -12,16 +12,20 @@ import time
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from typing import Final
 
 from coordinator.console import answer_json, tell, write_file
 from coordinator.errors import InputError
 from coordinator.fleet import Fleet
+from coordinator.fleet_phases import GO_LEAD
 from coordinator.logbook import RESUMED, is_unfinished, read_log
+from coordinator.member import STRIKES
 from coordinator.mission import Mission
 from coordinator.plan import PlanDocument, to_json
 from coordinator.planning import plan_here
 from coordinator.recorder import Attachment, Recorder
 from coordinator.replay import go_on
+from coordinator.roll_call import RollCall
 from coordinator.scenario import Scenario
 from coordinator.scenario_file import scenario_to_json
 from coordinator.service import Service
@@ -31,6 +35,12 @@ from protocol.phases import PHASE_NAMES
 from protocol.zenoh_transport import ZenohTransport
 
 VERSIONED = ("splinefleet", "eclipse-zenoh", "mcap", "msgspec", "numpy", "scipy", "shapely")
+
+_WITHOUT: Final = {
+    "lost": "it is lost, not heard any more",
+    "unfit": f"it has failed in {STRIKES} epochs",
+}
+"""Why a robot is left where it stands; one that has no way is told with what closes it."""
 
 
 class Coordinator:
@@ -42,6 +52,8 @@ class Coordinator:
         self.speed = speed
         self._events = events
         self._told = 0
+        self._roll_call = RollCall()
+        self._aside: dict[str, str] = {}
         self._before, self._began_ns = b"", 0
 
     def clock(self) -> int:
@@ -80,7 +92,7 @@ class Coordinator:
                         recorder,
                         self.clock,
                         self.speed,
-                        self._watcher(table),
+                        self._watcher(mission, table),
                         lambda document: self._keep(document, plan_file),
                     )
                     arrived = asyncio.run(service.run(patience))
@@ -104,6 +116,9 @@ class Coordinator:
         mission = go_on(read_log(resume), boot, self._began_ns)
         if mission.fleet.name != self.scenario.name:
             raise InputError([f"--resume: {resume} is the log of fleet {mission.fleet.name}"])
+        if not self._events:
+            self._told = len(mission.fleet.incidents) - 1
+        self._aside = {one.robot.id: one.why for one in mission.site.aside}
         return mission
 
     def _plan_again(self, scenario: Scenario, epoch: int) -> PlanDocument:
@@ -140,9 +155,13 @@ class Coordinator:
         offset = time.time_ns() - self.clock()
         return Recorder(path, metadata=metadata, wall_offset_ns=offset, attachments=attachments)
 
-    def _watcher(self, table: FleetTable) -> Callable[[Fleet, int], None]:
+    def _watcher(self, mission: Mission, table: FleetTable) -> Callable[[Fleet, int], None]:
         def watch(fleet: Fleet, now_ns: int) -> None:
             self._tell_incidents(fleet)
+            self._tell_aside(mission)
+            waiting = self._roll_call.news(fleet, now_ns)
+            if waiting:
+                self._say("waiting", text=waiting)
             table.watch(fleet, now_ns)
 
         return watch
@@ -159,6 +178,15 @@ class Coordinator:
             )
         self._told = len(fleet.incidents)
 
+    def _tell_aside(self, mission: Mission) -> None:
+        """Tell of robots that a new epoch goes on without, unless it was said why they stay."""
+        aside: dict[str, str] = {one.robot.id: one.why for one in mission.site.aside}
+        for robot, why in aside.items():
+            if why in _WITHOUT and self._aside.get(robot) != why:
+                text = f"{robot} has no part in the next epoch: {_WITHOUT[why]}"
+                self._say("aside", robot=robot, text=text)
+        self._aside = aside
+
     def _say(self, event: str, **facts: object) -> None:
         if self._events:
             answer_json({"event": event, **facts})
@@ -168,14 +196,16 @@ class Coordinator:
             tell(str(facts["text"]))
 
     def _summarise(self, fleet: Fleet, arrived: bool) -> None:
-        """Tell how every robot ended."""
+        """Tell how every robot ended; times count from the first GO, as everywhere."""
+        gone = (one for one in fleet.incidents if (one.kind, one.text) == ("phase", "GO"))
+        zero_ns = next((one.now_ns + GO_LEAD for one in gone), 0)
         robots = [
             {
                 "id": member.id,
                 "phase": "lost" if member.lost else PHASE_NAMES[member.phase],
                 "arrived": None
                 if member.done_ns is None
-                else round((member.done_ns - fleet.start_ns) / 1e9, 3),
+                else round((member.done_ns - zero_ns) / 1e9, 3),
                 "rest_s": member.rest_s,
             }
             for member in fleet.members.values()
@@ -188,5 +218,9 @@ class Coordinator:
             return
         for robot in robots:
             when = robot["arrived"]
-            text = f"arrived at {when} s" if when is not None else f"ended {robot['phase']}"
+            text = (
+                f"arrived {when} s after the first GO"
+                if when is not None
+                else f"ended {robot['phase']}"
+            )
             tell(f"{robot['id']}: {text}")

@@ -18,6 +18,7 @@ from coordinator.mission import Mission, Request
 from coordinator.plan import PlanDocument, to_json
 from coordinator.recorder import Recorder
 from coordinator.recovery import Recovery
+from coordinator.roll_call import missing_in_words
 from protocol import keys
 from protocol.phases import HOLD
 from protocol.timing import COMMAND_PERIOD, SECOND
@@ -83,8 +84,8 @@ class Service:
                 return self.fleet.members.has_arrived
             first = self.fleet.epoch == self.fleet.first_epoch
             if first and self.fleet.phase == HOLD and now - began > patience_s * SECOND:
-                missing = ", ".join(self.fleet.missing(now))
-                self.fleet.incidents.append(Incident(now, "timeout", "", f"not armed: {missing}"))
+                text = f"gave up after {patience_s:g} s; {missing_in_words(self.fleet, now)}"
+                self.fleet.incidents.append(Incident(now, "timeout", "", text))
                 return False
 
     def _plan(self, now: int) -> None:

@@ -9,6 +9,7 @@ import importlib
 import json
 import math
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -50,7 +51,7 @@ def agent(
         tuple[float, float, float] | None,
         typer.Option(metavar="X Y HEADING", help="Where it stands, metres and radians."),
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Do not tell phases.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Tell nothing but why it ends.")] = False,
 ) -> None:
     """Run one robot; its body is simulated unless another driver is named.
 
@@ -68,6 +69,7 @@ def agent(
     body = _driver(driver, max_accel)
     if at is not None:
         body.place(*at)
+    tell: Callable[[str], None] = (lambda _: None) if quiet else partial(typer.echo, err=True)
     me = Robot(robot, radius, max_speed, max_accel)
 
     def clock() -> int:
@@ -78,6 +80,7 @@ def agent(
 
     try:
         transport = ZenohTransport.connect(connect, timeout_s=wait)
+        tell(f"{robot}: connected to {connect}, waiting for a plan")
         code = run_robot(
             me,
             transport,
@@ -88,7 +91,7 @@ def agent(
             blackbox=blackbox,
             give_up_ns=round(give_up * SECOND),
             period_ns=SECOND // rate,
-            tell=(lambda _: None) if quiet else partial(typer.echo, err=True),
+            tell=tell,
             count=_print_counts if stats else _count_nothing,
         )
     except RefusedError as error:

@@ -16,16 +16,21 @@ from pathlib import Path
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import PROTOCOL_VERSION, Clock, Command, Hello, Plan, Refusal, Report, Rest
-from protocol.phases import FAULT_NAMES, FREEZE, FROZEN, GO, HOLD, IDLE, NO_FAULT, PHASE_NAMES
+from protocol.phases import FREEZE, GO, HOLD, IDLE, PHASE_NAMES
 from protocol.plan_parts import unpack_plan
+from protocol.timing import COMMAND_PERIOD
 from protocol.transport import Transport
 from robot_agent.agent import Agent
 from robot_agent.blackbox import BlackBox
 from robot_agent.driver import Driver
 from robot_agent.loop import PERIOD_NS, FixedRateLoop
+from robot_agent.words import Lasting, phase_in_words, waits_for
 
 _WAITING = 256
 """Messages that may wait for a tick; a flood pushes the oldest out."""
+
+_SILENCE_NS = 5 * COMMAND_PERIOD
+"""A coordinator that has said nothing for so long is not heard."""
 
 
 class RefusedError(Exception):
@@ -60,8 +65,9 @@ def run_robot(
     """Run one robot until the fleet is over (0) or it is interrupted (130); closes everything.
 
     It also ends (1) when it has heard no coordinator for `give_up_ns` (0: waits for ever); a robot
-    under way has stopped long before.  `tell` is given a sentence at every change of phase, `count`
-    the same and the loop, and once more when the loop has ended.
+    under way has stopped long before.  `tell` is given a sentence at every change of phase, and
+    what keeps an idle robot from being armed; `count` the phase and the loop, and once more when
+    the loop has ended.
 
     `clock`: the robot's own time [ns]; `sleep`: lets that many of its ns pass; `truth_clock`: the
     coordinator's clock, for the black box alone (default: `clock`).  Without a fleet the first one
@@ -75,6 +81,7 @@ def run_robot(
         )
         began = clock()
         told = PHASE_NAMES[IDLE]
+        reason = Lasting()
         gave_up = False
 
         def tick(now_ns: int) -> bool:
@@ -84,6 +91,8 @@ def run_robot(
                 told = state
                 tell(f"{robot.id}: {state}")
                 count(state, loop)
+            if why := reason.hear(service.waits_for(now_ns), now_ns):
+                tell(f"{robot.id}: {why}")
             silent_ns = now_ns - max(service.heard_ns, began)
             gave_up = going and 0 < give_up_ns < silent_ns
             return going and not gave_up
@@ -162,11 +171,15 @@ class RobotService:
 
     def describe(self) -> str:
         """Return the robot's phase in words, and why it stopped if it did."""
-        agent = self.agent
-        text = PHASE_NAMES[agent.phase]
-        if agent.fault != NO_FAULT and agent.phase != IDLE:
-            text += f", {FAULT_NAMES[agent.fault]}"
-        return f"{text}, waiting for a new plan" if agent.phase == FROZEN else text
+        return phase_in_words(self.agent, self.last_error)
+
+    def waits_for(self, now_ns: int) -> str:
+        """Return in words what keeps the robot from being armed; empty when nothing does."""
+        if self.agent.phase != IDLE:
+            return ""
+        heard = now_ns - self.heard_ns < _SILENCE_NS
+        pose = self._driver.pose()
+        return waits_for(self.agent, self._robot.id, self._fleet, self._phase, heard, pose)
 
     def rescue(self, error: Exception, now_ns: int) -> None:
         """Tell the agent and the coordinator that a tick has failed."""

@@ -1,0 +1,85 @@
+"""What a robot tells the person who started it: its phase, what it waits for, and why.
+
+Decides: the words, and that a reason is told once it has lasted.  Must not know: links, consoles,
+or anything that makes a robot move.
+"""
+
+from __future__ import annotations
+
+from protocol.phases import (
+    DRIVER_ERROR,
+    FROZEN,
+    HOLD,
+    IDLE,
+    NO_FAULT,
+    OFF_PATH,
+    PHASE_NAMES,
+    fault_name,
+)
+from protocol.timing import SECOND
+from robot_agent.agent import Agent
+from robot_agent.driver import Pose
+
+PATIENCE_NS = SECOND
+
+
+class Lasting:
+    """Lets a text through once it has stayed the same for PATIENCE_NS, and once only.
+
+    What stands behind a colon may vary: measured places do.
+    """
+
+    def __init__(self) -> None:
+        self._reason = self._told = ""
+        self._since_ns = 0
+
+    def hear(self, text: str, now_ns: int) -> str:
+        """Return the text when it is to be told now, else nothing."""
+        reason = text.partition(":")[0]
+        if reason != self._reason:
+            self._reason, self._since_ns = reason, now_ns
+        if reason == self._told or now_ns - self._since_ns < PATIENCE_NS:
+            return ""
+        self._told = reason
+        return text
+
+
+def phase_in_words(agent: Agent, error: str) -> str:
+    """Return a robot's phase, and why it stopped if it did; `error`: what last went wrong."""
+    text = PHASE_NAMES[agent.phase]
+    if agent.fault != NO_FAULT and agent.phase != IDLE:
+        text += f", {fault_name(agent.fault)}"
+        if agent.fault == DRIVER_ERROR and error:
+            text += f" ({error})"
+    return f"{text}, waiting for a new plan" if agent.phase == FROZEN else text
+
+
+def waits_for(
+    agent: Agent, robot: str, fleet: str | None, phase: int, heard: bool, pose: Pose | None
+) -> str:
+    """Say what keeps an idle robot from being armed; empty when nothing does.
+
+    `phase` is the fleet's, `heard` tells whether its coordinator is; `pose`: where the robot
+    believes to be.
+    """
+    if fleet is None:
+        return "hears no coordinator"
+    if not heard:
+        return f"hears no coordinator of fleet {fleet}"
+    if agent.fault == OFF_PATH and agent.ride is not None and pose is not None:
+        begins = _place(agent.ride.follower.start_pose())
+        return f"does not arm, {fault_name(OFF_PATH)}: stands at {_place(pose)}, not at {begins}"
+    if agent.fault != NO_FAULT:
+        return f"does not arm, {fault_name(agent.fault)}"
+    if agent.ride is not None:
+        return ""
+    if phase == HOLD:
+        return f"has said hello to fleet {fleet}, which has sent no plan yet"
+    way_in = f"`splinefleet admit {robot} --connect ...` lets it in"
+    if pose is None:
+        way_in += ", after a start with --at X Y HEADING"
+    return f"fleet {fleet} is under way without it; {way_in}"
+
+
+def _place(pose: Pose) -> str:
+    return f"({pose[0]:.3f}, {pose[1]:.3f})"

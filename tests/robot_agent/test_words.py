@@ -1,0 +1,93 @@
+"""What a robot tells the person who started it until it is armed."""
+
+import pytest
+
+from protocol.phases import ARMED, BAD_PLAN, CLOCK_UNSURE, DRIVER_ERROR, FROZEN, GO, HOLD
+from robot_agent.agent import Agent
+from robot_agent.words import PATIENCE_NS, Lasting, phase_in_words, waits_for
+from tests.robot_agent.rides import MS
+from tests.robot_agent.test_service import Hall, raise_interrupt
+
+HERE = (1.0, 2.0, 0.0)
+
+
+def idle(fault=0):
+    agent = Agent()
+    agent.fault = fault
+    return agent
+
+
+@pytest.mark.parametrize(
+    ("fleet", "phase", "heard", "pose", "fault", "said"),
+    [
+        (None, HOLD, False, None, 0, "hears no coordinator"),
+        ("hall", HOLD, False, None, 0, "hears no coordinator of fleet hall"),
+        ("hall", HOLD, True, None, 0, "has said hello to fleet hall, which has sent no plan yet"),
+        ("hall", HOLD, True, None, BAD_PLAN, "does not arm, plan not acceptable"),
+        ("hall", HOLD, True, None, CLOCK_UNSURE, "does not arm, clock not certain"),
+        (
+            "hall", GO, True, HERE, 0,
+            "fleet hall is under way without it; `splinefleet admit R3 --connect ...` lets it in",
+        ),
+        (
+            "hall", GO, True, None, 0,
+            "fleet hall is under way without it; `splinefleet admit R3 --connect ...` lets it in, "
+            "after a start with --at X Y HEADING",
+        ),
+    ],
+)  # fmt: skip
+def test_what_keeps_a_robot_from_being_armed_is_said_in_words(
+    fleet, phase, heard, pose, fault, said
+):
+    assert waits_for(idle(fault), "R3", fleet, phase, heard, pose) == said
+
+
+def test_a_reason_is_told_once_it_has_lasted_and_once():
+    lasting, told = Lasting(), []
+    texts = ["a"] * 5 + ["b: 1", "b: 2"] * 10 + [""] * 20 + ["b: 3"] * 20
+    for tick, text in enumerate(texts):
+        told.append(lasting.hear(text, tick * PATIENCE_NS // 10))
+    assert [text for text in told if text] == ["b: 1", "b: 3"]
+
+
+def told_until(hall, seconds=3.0, **options):
+    """What a robot tells in this time; it is interrupted then."""
+    told = []
+    react, end = hall.react, hall.clock() + round(seconds * 1000) * MS
+
+    def react_or_end():
+        react()
+        if hall.clock() >= end:
+            raise_interrupt()
+
+    hall.react = react_or_end
+    assert hall.run(tell=told.append, **options) in (0, 130)
+    return told
+
+
+def test_a_robot_that_stands_elsewhere_tells_where_and_where_its_plan_begins():
+    hall = Hall()
+    hall.body.place(9.0, 9.0, 0.0)
+    (line,) = told_until(hall)
+    assert "does not arm, off its path: stands at (9.000, 9.000), not at (" in line
+
+
+def test_a_robot_whose_coordinator_is_silent_tells_so():
+    hall = Hall()
+    hall.silent, hall.plans = True, []
+    (line,) = told_until(hall)
+    assert line.endswith(": hears no coordinator of fleet hall")
+
+
+def test_a_robot_that_arms_at_once_tells_its_phases_alone():
+    hall = Hall()
+    hall.reactions[ARMED] = raise_interrupt
+    (line,) = told_until(hall)
+    assert line.endswith(": armed")
+
+
+def test_a_driver_that_fails_is_told_with_what_it_said():
+    agent = Agent()
+    agent.phase, agent.fault = FROZEN, DRIVER_ERROR
+    said = phase_in_words(agent, "DriverError: wheel 2")
+    assert said == "frozen, driver error (DriverError: wheel 2), waiting for a new plan"
