@@ -163,17 +163,20 @@ def _age(path: Path) -> tuple[int, str]:
 
 @commands.command()
 def judge(
-    folder: Annotated[Path, typer.Argument(help="Folder of a run.")],
+    source: Annotated[Path, typer.Argument(help="Folder of a run, or its log.")],
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Tell from the black boxes what truly happened: separations, arrivals, tracking error.
+
+    The folder holds plan.json or the coordinator's log (run.mcap, run-2.mcap, ...), which has the
+    plans in it, and ROBOT.csv or blackbox/ROBOT.csv of every robot.  A log stands for its folder.
 
     Example: splinefleet judge runs/demo
     """
     from sim.judge import judge as judge_run
     from sim.summary import render_verdict
 
-    verdict = judge_run(folder)
+    verdict = judge_run(source)
     if as_json:
         answer_json(verdict)
     else:

@@ -11,22 +11,18 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import msgspec
 import numpy as np
 
 from coordinator.budget import share_for_lateness
-from coordinator.errors import InputError
-from coordinator.logbook import read_log
 from coordinator.nurbs import Array
-from coordinator.plan import PlanDocument, from_json, read
+from coordinator.plan import PlanDocument
 from coordinator.wire import Driven, drive
-from protocol.codec import decode
-from protocol.messages import Command
-from protocol.phases import DONE, GO, MOVING, PHASE_NAMES
-from protocol.timing import SECOND
-from sim.blackbox import BlackBox, read_blackbox
+from protocol.phases import DONE, MOVING, PHASE_NAMES
+from sim.blackbox import BlackBox
+from sim.evidence import Epoch, gather
 
 _GRID: Final = 0.001
 _SLACK: Final = 0.02
@@ -64,60 +60,14 @@ class Verdict(msgspec.Struct, frozen=True):
     robots: list[RobotVerdict]
 
 
-class Epoch(NamedTuple):
-    """A plan, when robots were first told of it and when it started [s since the first GO]."""
-
-    document: PlanDocument
-    begin: float
-    start: float
-
-
-def later_epochs(folder: Path) -> list[Epoch]:
-    """Return the epochs of a run after its first, as its logs tell them; none without a log.
-
-    A coordinator that went on from a log has written another one.
-    """
-    begins: dict[int, int] = {}
-    starts: dict[int, int] = {}
-    plans: dict[str, bytes] = {}
-    for path in sorted(folder.glob("run*.mcap")):
-        log = read_log(path)
-        plans |= log.attachments
-        for record in log.records:
-            message = decode("command", record.payload) if record.key.endswith("/command") else None
-            if isinstance(message, Command):
-                begins.setdefault(message.epoch, record.log_ns)
-                if message.phase == GO:
-                    starts.setdefault(message.epoch, message.start_ns)
-    first = min(starts, default=0)
-    return [
-        Epoch(
-            from_json(plans[name], name),
-            (begins[epoch] - starts[first]) / SECOND,
-            (start_ns - starts[first]) / SECOND,
-        )
-        for epoch, start_ns in sorted(starts.items())
-        if epoch != first and (name := f"plan-{epoch}.json") in plans
-    ]
-
-
-def judge(folder: Path) -> Verdict:
-    """Judge a run's folder; InputError when its plan or a black box is missing.
+def judge(source: Path) -> Verdict:
+    """Judge a run's folder or log; InputError when its plan or a black box is missing.
 
     The plans of later epochs are held against what the robots did when there is a log, which tells
     when each began.
     """
-    document = read(folder / "plan.json")
-    boxes: dict[str, BlackBox] = {}
-    problems: list[str] = []
-    for robot in document.robots:
-        try:
-            boxes[robot.id] = read_blackbox(folder / "blackbox" / f"{robot.id}.csv")
-        except InputError as error:
-            problems += error.problems
-    if problems:
-        raise InputError(problems)
-    return judge_boxes(document, boxes, later_epochs(folder))
+    found = gather(source)
+    return judge_boxes(found.document, found.boxes, found.later)
 
 
 def judge_boxes(
