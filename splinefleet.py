@@ -11,6 +11,7 @@ from typing import Final
 import typer
 
 import coordinator.commands
+import coordinator.info_commands
 import coordinator.log_commands
 import coordinator.operator_commands
 import coordinator.view_commands
@@ -33,6 +34,7 @@ app = typer.Typer(
 )
 for package in (
     coordinator.commands,
+    coordinator.info_commands,
     coordinator.log_commands,
     coordinator.operator_commands,
     coordinator.view_commands,

@@ -21,6 +21,7 @@ commands = typer.Typer()
 ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")]
 PlanFile = Annotated[Path, typer.Argument(help="Plan file, as `plan -o` writes it.")]
 LogFile = Annotated[Path, typer.Argument(help="Log of a run, MCAP.")]
+Source = Annotated[Path, typer.Argument(help="Log of a run, MCAP, or plan file.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from coordinator import plan as plan_file
 from coordinator import trajectory
+from coordinator.braking import brakes_at
 from coordinator.errors import InputError
 from coordinator.info import summarise
 from coordinator.info_numbers import clock_lag
@@ -33,8 +34,6 @@ from protocol.messages import Command, Hello, Plan, Report
 
 _UNKNOWN_RADIUS: Final = 0.15
 """What a robot that never said its radius is drawn with [m]."""
-
-_HALVINGS: Final = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,25 +231,9 @@ def _legs(
         for robot, one in driven.get(epoch, {}).items():
             brake, rate = math.inf, one.plan.brake_mmps2 / 1000.0
             if turn.frozen_ns is not None and (epoch, robot) in heard.rests:
-                brake = _brakes(one, heard.rests[epoch, robot], rate)
+                brake = brakes_at(one.timeline, heard.rests[epoch, robot], rate)
             elif turn.frozen_ns is not None:
                 last_ns = min(heard.last.get((epoch, robot), turn.frozen_ns), turn.frozen_ns)
                 brake, rate = max(last_ns - start_ns, 0) / 1e9, 0.0
             legs.append(Leg(epoch, one, (start_ns - zero_ns) / 1e9, brake, rate))
     return legs
-
-
-def _brakes(driven: Driven, s: float, rate: float) -> float:
-    """Return when a robot that rests at arc length s began to brake [s]; inf: it did not."""
-    line = driven.timeline
-
-    def rests(t: float) -> float:
-        return line.s_at(t) + (line.v_at(t) ** 2 / (2.0 * rate) if rate > 0.0 else 0.0)
-
-    low, high = 0.0, line.finish
-    if rests(high) <= s:
-        return math.inf
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if rests(middle) >= s else (middle, high)
-    return high

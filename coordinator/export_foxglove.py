@@ -166,18 +166,21 @@ def _lines(story: Story) -> Iterator[Told]:
     """Yield what happened as lines of text."""
     if story.summary is None:
         return
+    begin = story.first + (story.summary.zero or 0.0)
     for epoch in story.summary.epochs:
         for change in epoch.phases:
-            yield _line(story, change.t, INFO, f"epoch {epoch.epoch}: {change.phase}", "")
+            yield _line(story, begin + change.t, INFO, f"epoch {epoch.epoch}: {change.phase}", "")
         for robot, t in epoch.arrivals.items():
-            yield _line(story, (epoch.start or 0.0) + t, INFO, f"{robot} has arrived", robot)
+            yield _line(story, begin + t, INFO, f"{robot} has arrived", robot)
     for fault in story.summary.faults:
-        yield _line(story, fault.t, _LEVELS.get(fault.kind, ERROR), fault.fault, fault.robot)
+        yield _line(
+            story, begin + fault.t, _LEVELS.get(fault.kind, ERROR), fault.fault, fault.robot
+        )
 
 
 def _line(story: Story, t: float, level: int, text: str, robot: str) -> Told:
-    now = Time.of(_time_ns(story.zero_ns, story.first + t))
-    return Told(story.first + t, "/log", Log(now, level, text, robot or "coordinator"))
+    now = Time.of(_time_ns(story.zero_ns, t))
+    return Told(t, "/log", Log(now, level, text, robot or "coordinator"))
 
 
 def _frames(story: Story, step: float, progress: Progress) -> Iterator[Told]:

@@ -1,90 +1,66 @@
-"""What happened, told from a log: epochs, arrivals, waits, faults, bytes, positions on the wire.
+"""What happened, told from a log: epochs, arrivals, waits, faults, bytes, who came near whom.
 
-Decides: how a log, or a plan alone, is summed up.  Must not know: files (logbook.py and plan.py
-read them), what a plan should look like, or how the summary is shown (info_table.py).
+Decides: how a log is summed up.  Must not know: files (logbook.py and true_course.py read them),
+what a plan should look like, or how the summary is shown (info_table.py).
 
-Times `t` and `start` count in seconds from the log's first message, arrivals from the GO of their
-epoch, both on the coordinator's clock.
+All times count in seconds from the time zero of the first epoch that got a GO, as in black boxes
+and on the page; in a log without one, from its first message.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Final
 
 import msgspec
 
-from coordinator import plan as plan_file
-from coordinator.errors import InputError
-from coordinator.info_numbers import Numbers, broadcast, clock_lag
-from coordinator.plan import PlanDocument
+from coordinator.courses import Courses
+from coordinator.info_numbers import Numbers, broadcast, clock_lag, first_go
+from coordinator.info_plan import read_plans, take_message, take_plans
 from coordinator.summary import (
     EpochSummary,
     FaultSummary,
     PhaseChange,
     RobotSummary,
-    StopSummary,
     Summary,
     Traffic,
 )
-from coordinator.wait_summary import waits_of
+from coordinator.true_course import TrueCourse, courses_in
 from protocol import codec, keys, phases
 from protocol.messages import Clock, Command, Hello, Message, Plan, Refusal, Report
-from protocol.plan_parts import unpack_plan
-from protocol.timeline import Timeline
 from protocol.timing import REPORT_TIMEOUT
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from coordinator.logbook import Log, Record
 
-_ENDINGS: Final = {phases.OVER: "over", phases.FREEZE: "frozen"}
 _POINT_BYTES: Final = 8
+_NO_BOXES: Final[Mapping[str, TrueCourse]] = {}
 
 
-def summarise(log: Log) -> dict[str, object]:
-    """Return the summary of a log as plain data, the fields of `Summary`."""
-    summary: dict[str, object] = msgspec.to_builtins(_Telling(log).summary)
+def summarise(log: Log, boxes: Mapping[str, TrueCourse] = _NO_BOXES) -> dict[str, object]:
+    """Return the summary of a log as plain data, the fields of `Summary`.
+
+    boxes: the robots' black boxes, as far as they are known.
+    """
+    summary: dict[str, object] = msgspec.to_builtins(_Telling(log, boxes).summary)
     return summary
 
 
-def summarise_plan(document: PlanDocument) -> dict[str, object]:
-    """Return the summary of a plan that nobody has driven, the fields of `Summary` too."""
-    summary = Summary(
-        fleet=document.scenario,
-        policy=document.policy,
-        tau=document.tau,
-        duration=0.0,
-        complete=True,
-        damage="",
-        messages=0,
-        source="plan",
-    )
-    _take_plan(summary, document)
-    for robot in document.robots:
-        told = summary.robots[robot.id]
-        told.plan_bytes = robot.wire_bytes
-        told.control_points = len(robot.path.control_points)
-    summary.largest_plan_bytes = max((robot.wire_bytes for robot in document.robots), default=0)
-    told_all: dict[str, object] = msgspec.to_builtins(summary)
-    return told_all
-
-
-def _take_plan(summary: Summary, document: PlanDocument) -> None:
-    """Take each robot's times and stops from a plan, its waits and its proof."""
-    for robot in document.robots:
-        told = summary.robots.setdefault(robot.id, RobotSummary())
-        told.planned_start = robot.start_time
-        told.planned_finish = robot.finish_time
-        told.stops = [StopSummary(stop.s, stop.depart, stop.yields_to) for stop in robot.stops]
-    summary.waits += waits_of(document)
-    summary.proof = document.proof
+def courses_of(log: Log, folders: Iterable[Path]) -> dict[str, TrueCourse]:
+    """Return the black boxes of a log's robots that are in these folders."""
+    places = (keys.split(key) for key in {record.key for record in log.records})
+    robots = {place[2] for place in places if place is not None and place[1] == "report"}
+    return courses_in(folders, sorted(robots))
 
 
 class _Telling:
     """Goes through a log once and fills in the summary."""
 
-    def __init__(self, log: Log) -> None:
+    def __init__(self, log: Log, boxes: Mapping[str, TrueCourse]) -> None:
         records = log.records
-        self._begin_ns = records[0].log_ns if records else 0
+        begin_ns = records[0].log_ns if records else 0
         self._epochs: dict[int, EpochSummary] = {}
         self._starts_ns: dict[int, int] = {}
         self._phase: tuple[int, int] | None = None
@@ -94,23 +70,30 @@ class _Telling:
         self._last_arrival_ns: int | None = None
         self._ours: dict[str, tuple[int, int]] = {}
         self._lag_ns = clock_lag(log)
-        self._numbers = Numbers(log)
+        go_ns = first_go(log, self._lag_ns)
+        self._zero_ns = begin_ns if go_ns is None else go_ns
+        self._numbers = Numbers(log, self._zero_ns)
+        self._courses = Courses(self._zero_ns, self._lag_ns, log.metadata.get("boot", ""))
+        self._plans = read_plans(log.attachments)
+        self._messages: list[tuple[str, Plan]] = []
         self.summary = Summary(
             fleet=log.metadata.get("fleet", ""),
             policy=log.metadata.get("policy"),
             tau=None,
-            duration=self._seconds(records[-1].log_ns) if records else 0.0,
+            duration=(records[-1].log_ns - begin_ns) / 1e9 if records else 0.0,
             complete=log.complete,
             damage=log.damage,
             messages=len(records),
+            zero=None if go_ns is None else (go_ns - begin_ns) / 1e9,
             passive=log.metadata.get("passive") == "yes",
         )
-        self._read_plans(log.attachments)
         for record in records:
             self._count(record)
         self.summary.epochs = list(self._epochs.values())
         self.summary.robot_payload_bytes_per_second = self._busiest_robot()
+        self._take_plans()
         self._add_up(records[-1].log_ns if records else 0)
+        self._courses.fill(self.summary.robots, boxes)
 
     def _add_up(self, end_ns: int) -> None:
         """Fill in what is known at the end of the log: rates, lateness, latencies, broadcast."""
@@ -128,28 +111,25 @@ class _Telling:
             seconds = max(last_ns - min(self._starts_ns.values()), 0) / 1e9
             told.broadcast = broadcast(told, self._ours, seconds)
 
+    def _take_plans(self) -> None:
+        """Take what plans say, from the attachments, or from the messages where there are none."""
+        told = self.summary
+        starts = {epoch: self._seconds(start_ns) for epoch, start_ns in self._starts_ns.items()}
+        take_plans(told, self._plans, starts)
+        if self._plans:
+            told.tau = self._plans[0].tau
+            told.policy = told.policy or self._plans[0].policy
+            return
+        for robot, plan in self._messages:
+            told.tau = plan.tau_ns / 1e9
+            if plan.epoch in starts or not starts:
+                take_message(plan, self._robot(robot), starts.get(plan.epoch, 0.0))
+
     def _seconds(self, time_ns: int) -> float:
-        return (time_ns - self._begin_ns) / 1e9
+        return (time_ns - self._zero_ns) / 1e9
 
     def _robot(self, name: str) -> RobotSummary:
         return self.summary.robots.setdefault(name, RobotSummary())
-
-    def _read_plans(self, attachments: dict[str, bytes]) -> None:
-        """Take what the plan attachments say; of a robot, what the last one says that names it."""
-        documents = []
-        for name, data in attachments.items():
-            if name.startswith("plan-"):
-                try:
-                    documents.append(plan_file.from_json(data, name))
-                except InputError:
-                    continue
-        documents.sort(key=lambda document: document.epoch)
-        for document in documents:
-            _take_plan(self.summary, document)
-        self._plans_attached = bool(documents)
-        if documents:
-            self.summary.tau = documents[0].tau
-            self.summary.policy = self.summary.policy or documents[0].policy
 
     def _count(self, record: Record) -> None:
         size = len(record.payload)
@@ -180,8 +160,9 @@ class _Telling:
             self.summary.largest_message_to_robot_bytes = max(
                 self.summary.largest_message_to_robot_bytes, size
             )
-        self._tell(message, robot, record)
         self._numbers.hear(message, robot, record)
+        self._courses.hear(message, robot, record)
+        self._tell(message, robot, record)
 
     def _count_stranger(self, key: str) -> None:
         """Count what is on the fleet's keys without being a message: nobody knows what it says."""
@@ -198,23 +179,10 @@ class _Telling:
             told = self._robot(robot)
             told.plan_bytes = max(told.plan_bytes, size)
             told.control_points = len(message.points) // _POINT_BYTES
-            if not self._plans_attached:
-                self._take_message(message, told)
+            self._messages.append((robot, message))
             self.summary.largest_plan_bytes = max(self.summary.largest_plan_bytes, size)
         elif isinstance(message, Refusal):
             self._tell_fault(record.log_ns, robot, message.reason, "refusal")
-
-    def _take_message(self, plan: Plan, told: RobotSummary) -> None:
-        """Take a robot's times and stops from the message, where no plan is attached."""
-        self.summary.tau = plan.tau_ns / 1e9
-        motion = unpack_plan(plan).motion
-        try:
-            told.planned_finish = Timeline(*motion).finish
-        except ValueError:
-            return
-        rests = list(zip(*motion[2:], strict=True))
-        told.planned_start = next((depart for s, depart in rests if s <= 0.0), 0.0)
-        told.stops = [StopSummary(s, depart, "") for s, depart in rests if s > 0.0]
 
     def _tell_command(self, command: Command, log_ns: int) -> None:
         if self._phase == (command.epoch, command.phase):
@@ -223,13 +191,21 @@ class _Telling:
         epoch = self._epochs.setdefault(command.epoch, EpochSummary(command.epoch))
         name = phases.COMMAND_NAMES[command.phase]
         epoch.phases.append(PhaseChange(self._seconds(log_ns), name))
-        epoch.ended = _ENDINGS.get(command.phase, "running")
+        epoch.ended = self._ending(epoch, command.phase)
         if command.phase == phases.GO:
             self._starts_ns.setdefault(command.epoch, command.start_ns + self._lag_ns)
             epoch.start = self._seconds(self._starts_ns[command.epoch])
-        if command.phase == phases.FREEZE:
+        if command.phase == phases.FREEZE and not self._numbers.stopped_nobody:
             self._tell_silence(log_ns)
             self._tell_fault(log_ns, "", "the fleet was told to freeze", "freeze")
+
+    def _ending(self, epoch: EpochSummary, phase: int) -> str:
+        """Return how an epoch ends in a phase."""
+        if phase == phases.FREEZE:
+            return "arrived" if self._numbers.stopped_nobody else "frozen"
+        if phase == phases.OVER:
+            return "over" if epoch.start is not None else "nobody goes"
+        return "running"
 
     def _tell_silence(self, log_ns: int) -> None:
         """Tell which robots had not been heard for too long when the fleet was frozen."""
@@ -261,13 +237,11 @@ class _Telling:
             )
             if told.fault is not None and report.phase != phases.IDLE:
                 self._tell_fault(log_ns, robot, told.fault, "report")
-        start_ns = self._starts_ns.get(report.epoch)
-        if report.phase != phases.DONE or start_ns is None:
+        if report.phase != phases.DONE or report.epoch not in self._starts_ns:
             return
         epoch = self._epochs[report.epoch]
         if robot not in epoch.arrivals:
-            epoch.arrivals[robot] = (log_ns - start_ns) / 1e9
-            told.arrived = epoch.arrivals[robot] if told.arrived is None else told.arrived
+            told.arrived = epoch.arrivals[robot] = self._seconds(log_ns)
             self._last_arrival_ns = log_ns
 
     def _tell_fault(self, log_ns: int, robot: str, fault: str, kind: str) -> None:

@@ -9,10 +9,12 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
+from coordinator.errors import InputError
 from coordinator.summary import Broadcast, FreezeSummary, Percentiles, Summary
 from protocol import keys, phases
 from protocol.codec import decode
@@ -48,6 +50,26 @@ def clock_lag(log: Log) -> int:
     return statistics.median_low(lags) if lags else 0
 
 
+def first_go(log: Log, lag_ns: int) -> int | None:
+    """Return the time zero of the first epoch with a GO, on the log's clock [ns]; None without any.
+
+    A log that goes on from another has that one's.
+    """
+    from coordinator.logbook import RESUMED, log_from_bytes
+
+    if RESUMED in log.attachments:
+        with suppress(InputError):
+            found = first_go(log_from_bytes(log.attachments[RESUMED], RESUMED), lag_ns)
+            if found is not None and log.records and found <= log.records[0].log_ns:
+                return found
+    for record in log.records:
+        if record.key.endswith("/command"):
+            message = decode("command", record.payload)
+            if isinstance(message, Command) and message.phase == phases.GO:
+                return message.start_ns + lag_ns
+    return None
+
+
 def percentiles(values: Sequence[float]) -> Percentiles:
     """Return the percentiles of at least one time, each a value that occurred."""
     ordered = sorted(values)
@@ -77,10 +99,15 @@ class _Speaker:
 
 
 class Numbers:
-    """Goes through a log beside `info`, which calls `hear` with every message that counts."""
+    """Goes through a log beside `info`, which calls `hear` with every message that counts.
 
-    def __init__(self, log: Log) -> None:
-        self._begin_ns = log.records[0].log_ns if log.records else 0
+    `stopped_nobody`: the last FREEZE came when all that had been sent on their way had arrived; it
+    is how the epoch ends when others of the fleet have not, and no freeze to be told as such.
+    """
+
+    def __init__(self, log: Log, zero_ns: int) -> None:
+        self.stopped_nobody = False
+        self._zero_ns = zero_ns
         self._wall_ns = int(log.metadata.get("wall_offset_ns", "0"))
         self._in_time = log.metadata.get("speed", "1.0") in ("1", "1.0")
         self._times: dict[str, list[float]] = {}
@@ -139,6 +166,10 @@ class Numbers:
         self._said_ns[command.boot] = log_ns
         was, self._phase = self._phase, command.phase
         if command.phase == phases.FREEZE != was:
+            states = [phase for _, phase in self._states.values()]
+            arrived = phases.DONE in states and not set(states) & {*_UNDER_WAY, phases.ARMED}
+            self.stopped_nobody = was == phases.GO and self._sign_ns is None and arrived
+        if command.phase == phases.FREEZE != was and not self.stopped_nobody:
             self._freeze(command.epoch, log_ns)
         elif command.phase == phases.GO != was:
             self._sign_ns = None
@@ -152,7 +183,7 @@ class Numbers:
         moving = {name: at for name, (at, phase) in self._states.items() if phase in _UNDER_WAY}
         silence = max((log_ns - at for at in moving.values()), default=None)
         freeze = FreezeSummary(
-            t=(log_ns - self._begin_ns) / 1e9,
+            t=(log_ns - self._zero_ns) / 1e9,
             epoch=epoch,
             notice=None if self._sign_ns is None else (log_ns - self._sign_ns) / 1e9,
             silence=None if silence is None else silence / 1e9,

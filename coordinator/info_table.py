@@ -5,11 +5,14 @@ Decides: what a person sees first.  Must not know: logs or messages, only the su
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import msgspec
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from coordinator.plain_table import plain_table
 from coordinator.plan_table import render_proof
 from coordinator.summary import (
     Broadcast,
@@ -32,6 +35,8 @@ def render(summary: dict[str, object]) -> RenderableType:
         parts.append(_epochs(told.epochs))
     if told.robots:
         parts.append(_robots(told.robots, driven=not planned))
+        parts.append(_arrivals(told.robots, driven=not planned))
+        parts += [Text(line) for line in _sources(told)]
     if told.waits:
         parts.append(waits_table(told.waits))
     if told.faults:
@@ -66,6 +71,7 @@ def _headline(told: Summary) -> Table:
         ("policy", told.policy or "-"),
         ("tau", _seconds(told.tau)),
         ("log", f"{told.duration:.2f} s, {state}"),
+        ("times", _zero(told.zero)),
         ("messages", f"{told.messages}, of them {told.bad_messages} bad"),
         ("lost on the way", f"{told.lost_messages}, by gaps in their numbers"),
         ("positions on the wire", str(told.positions_on_wire)),
@@ -78,6 +84,23 @@ def _headline(told: Summary) -> Table:
     return table
 
 
+def _zero(zero: float | None) -> str:
+    """Say what times count from."""
+    if zero is None:
+        return "in s from the log's first message; there was no GO"
+    place = f"{zero:.2f} s into the log" if zero >= 0.0 else f"{-zero:.2f} s before the log begins"
+    return f"in s from the first GO, {place}"
+
+
+def _sources(told: Summary) -> Iterator[str]:
+    """Say where distances are from, and what is not known without black boxes."""
+    sources = {robot.nearest.source for robot in told.robots.values() if robot.nearest}
+    if sources:
+        yield f"distances of centres by the {sources.pop()}"
+    if told.source == "log" and not any(r.true_arrival for r in told.robots.values()):
+        yield "true arrivals and distances from the plan need black boxes: --blackbox FOLDER"
+
+
 def _grid(*rows: tuple[str, str]) -> Table:
     table = Table.grid(padding=(0, 2))
     for name, value in rows:
@@ -85,15 +108,8 @@ def _grid(*rows: tuple[str, str]) -> Table:
     return table
 
 
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left")
-    for column in columns:
-        table.add_column(column)
-    return table
-
-
 def _epochs(epochs: list[EpochSummary]) -> Table:
-    table = _table("epochs", "epoch", "GO at", "phases", "arrived", "ended")
+    table = plain_table("epoch", "GO at", "phases", "arrived", "ended", title="epochs")
     for epoch in epochs:
         changes = ", ".join(f"{change.phase} {change.t:.2f}" for change in epoch.phases)
         arrived = str(len(epoch.arrivals))
@@ -102,13 +118,9 @@ def _epochs(epochs: list[EpochSummary]) -> Table:
 
 
 def _robots(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
-    """Return the robots; those of a plan have not arrived yet, nor sent anything."""
-    columns = [
-        *("robot", "plan B", "points", "stops", "planned s"),
-        *("arrived s", "late", "sent B", "fault"),
-    ]
-    known = len(columns) if driven else columns.index("arrived s")
-    table = _table("robots", *columns[:known])
+    """Return the robots with their plans; those of a plan alone have not sent anything."""
+    names = [*("robot", "plan B", "points", "stops"), *(("sent B", "fault") if driven else ())]
+    table = plain_table(*names, title="robots")
     for name, robot in sorted(robots.items()):
         stops = [
             f"s {stop.s:.2f} m until {stop.depart:.2f} s"
@@ -120,23 +132,45 @@ def _robots(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
             str(robot.plan_bytes),
             str(robot.control_points),
             Text("\n".join(stops) or "-"),
-            *map(_number, (robot.planned_finish, robot.arrived, robot.late)),
             str(robot.bytes_sent),
             Text(robot.fault or "-"),
         ]
-        table.add_row(*cells[:known])
+        table.add_row(*cells[: len(names)])
+    return table
+
+
+def _arrivals(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
+    """Return when the robots arrived, how well they kept to their plans, and who came near them."""
+    known = ("heard s", "late s", "true s", "off plan mm") if driven else ()
+    names = ["robot", "planned s", *known, "nearest", "m", "at s"]
+    table = plain_table(*names, title="arrivals, and who came nearest")
+    for name, robot in sorted(robots.items()):
+        off = None if robot.tracking_error is None else 1000.0 * robot.tracking_error
+        heard = [robot.arrived, robot.late, robot.true_arrival]
+        cells = [_number(robot.planned_finish)]
+        if driven:
+            cells += [*map(_number, heard), "-" if off is None else f"{off:.1f}"]
+        near = robot.nearest
+        others = (
+            ("-", "-", "-")
+            if near is None
+            else (near.robot, f"{near.distance:.3f}", _number(near.t))
+        )
+        table.add_row(Text(name), *cells, *map(Text, others))
     return table
 
 
 def _faults(told: Summary) -> Table:
-    table = _table("faults", "at", "robot", "what", "kind")
+    table = plain_table("at", "robot", "what", "kind", title="faults and freezes")
     for fault in told.faults:
         table.add_row(_seconds(fault.t), Text(fault.robot or "-"), Text(fault.fault), fault.kind)
     return table
 
 
 def _freezes(freezes: list[FreezeSummary]) -> Table:
-    table = _table("freezes", "at", "epoch", "noticed for", "silent for", "all at rest", "next GO")
+    table = plain_table(
+        "at", "epoch", "noticed for", "silent for", "all at rest", "next GO", title="freezes"
+    )
     for freeze in freezes:
         times = (freeze.notice, freeze.silence, freeze.rest, freeze.go)
         cells = [_seconds(time) for time in times]
@@ -145,7 +179,7 @@ def _freezes(freezes: list[FreezeSummary]) -> Table:
 
 
 def _latencies(latencies: dict[str, Percentiles]) -> Table:
-    table = _table("latencies, ms", "what", "times", "median", "90 %", "99 %", "most")
+    table = plain_table("what", "times", "median", "90 %", "99 %", "most", title="latencies, ms")
     for name, told in sorted(latencies.items()):
         cells = (f"{1000.0 * time:.1f}" for time in (told.median, told.p90, told.p99, told.most))
         table.add_row(name.replace("_", " "), str(told.count), *cells)
@@ -154,7 +188,9 @@ def _latencies(latencies: dict[str, Percentiles]) -> Table:
 
 def _keys(told: Summary) -> Table:
     root = f"{ROOT}/{told.fleet}/"
-    table = _table(f"keys, ours below {root}", "key", "messages", "bytes", "messages/s", "bytes/s")
+    table = plain_table(
+        "key", "messages", "bytes", "messages/s", "bytes/s", title=f"keys, ours below {root}"
+    )
     for key, traffic in sorted(told.keys.items()):
         table.add_row(
             Text(key.removeprefix(root)),

@@ -1,4 +1,4 @@
-"""The commands about logs: record, replay, info, recover, export.
+"""The commands about logs: record, replay, recover, export.
 
 Decides: options and exit codes.  Heavy modules are imported when a command needs them.
 """
@@ -15,7 +15,7 @@ from typing import Annotated, Literal, TypeVar
 
 import typer
 
-from coordinator.commands import Json, LogFile, Speed, within, writable
+from coordinator.commands import Json, LogFile, Source, Speed, within, writable
 from coordinator.console import answer_json, answers, errors, tell, write_file
 from coordinator.errors import InputError, PlanError
 from protocol.keys import NAME
@@ -23,7 +23,6 @@ from protocol.keys import NAME
 commands = typer.Typer()
 
 Item = TypeVar("Item")
-Source = Annotated[Path, typer.Argument(help="Log of a run, MCAP, or plan file.")]
 
 
 def key_pattern(pattern: str) -> str:
@@ -169,25 +168,6 @@ def _check(log: Path, as_json: bool) -> None:
     if result.difference:
         tell(f"{log}: {result.difference}")
         raise typer.Exit(1)
-
-
-@commands.command()
-def info(source: Source, as_json: Json = False) -> None:
-    """Tell what happened: epochs, waits, faults, latencies, traffic; of a plan, who waits and why.
-
-    Example: splinefleet info runs/demo/run.mcap --json
-    """
-    from coordinator.info import summarise, summarise_plan
-    from coordinator.info_table import render
-    from coordinator.logbook import read_log
-    from coordinator.plan import read
-
-    plan_file = source.suffix == ".json"
-    summary = summarise_plan(read(source)) if plan_file else summarise(read_log(source))
-    if as_json:
-        answer_json(summary)
-    else:
-        answers.print(render(summary))
 
 
 @commands.command()

@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Final
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
+from coordinator.plain_table import plain_table
 from coordinator.plan import PlanDocument, Proof, RobotPlan
 from coordinator.wait_summary import waits_of
 from coordinator.wait_table import waits_table
@@ -26,7 +26,8 @@ _WAITS: Final = 10
 def render(document: PlanDocument) -> RenderableType:
     """Return a plan as tables: robots, why they wait, the proof."""
     title = f"{document.scenario} · policy {document.policy} · tau {document.tau} s"
-    table = Table("robot", "path m", "points", "start s", "finish s", "stops", "bytes", title=title)
+    columns = ("robot", "path m", "points", "start s", "finish s", "stops", "bytes")
+    table = plain_table(*columns, title=title)
     shown = _shown(document.robots)
     for robot in shown:
         table.add_row(

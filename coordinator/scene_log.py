@@ -19,7 +19,7 @@ from coordinator.plan import PlanDocument, from_json
 from coordinator.scene import Aside, Epoch, Halt, Mark, Scene
 from coordinator.scene_plan import index_of, rides_of, rounded_points, scene_from, zones_of
 from coordinator.standing import Standing
-from coordinator.summary import FaultSummary
+from coordinator.summary import FaultSummary, Summary
 from coordinator.wire import Driven, drive
 from protocol import keys
 from protocol.codec import decode
@@ -59,9 +59,9 @@ class Course:
         for record in log.records:
             self._take(record, fleet)
         if log.records:
-            begin = log.records[0].log_ns
-            faults = msgspec.convert(summarise(log)["faults"], list[FaultSummary])
-            self.faults += [(begin + round(fault.t * SECOND), fault) for fault in faults]
+            told = msgspec.convert(summarise(log), Summary)
+            zero = log.records[0].log_ns + round((told.zero or 0.0) * SECOND)
+            self.faults += [(zero + round(fault.t * SECOND), fault) for fault in told.faults]
 
     def take_command(self, command: Command, now_ns: int) -> None:
         """Take in what the coordinator stated at a time.

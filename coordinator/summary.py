@@ -28,7 +28,11 @@ class PhaseChange(msgspec.Struct):
 
 
 class EpochSummary(msgspec.Struct):
-    """One epoch: its plan's time zero `start` [s], null if it never got a GO; arrivals [s]."""
+    """One epoch: its plan's time zero `start` [s], null if it never got a GO; arrivals [s].
+
+    `ended`: "over"; "frozen", on the way; "arrived", all that had a part in it, though others of
+    the fleet had not; "nobody goes", without a GO; "running" at the end of the log.
+    """
 
     epoch: int
     start: float | None = None
@@ -38,18 +42,31 @@ class EpochSummary(msgspec.Struct):
 
 
 class StopSummary(msgspec.Struct):
-    """A planned rest at arc length s [m] until plan time `depart` [s]."""
+    """A planned rest at arc length s [m] until `depart` [s]."""
 
     s: float
     depart: float
     yields_to: str
 
 
+class NearestSummary(msgspec.Struct, frozen=True):
+    """The robot that came nearest to one: the distance of their centres [m], and when [s].
+
+    `source`: "black boxes", or "plans" where not every robot's is known.
+    """
+
+    robot: str
+    distance: float
+    t: float
+    source: str
+
+
 class RobotSummary(msgspec.Struct):
-    """One robot: plan from the last plan that names it, the rest from the wire; times [s].
+    """One robot: its plan, the last one with a GO that names it; the rest from the wire; times [s].
 
     `late`: heard of as arrived so long after the plan's finish, which is up to a report period
-    more than it was.  `reports_lost`: gaps in its sequence numbers.
+    more than it was.  `reports_lost`: gaps in its sequence numbers.  `true_arrival` and
+    `tracking_error` [m], the greatest distance from its plans, are from its black box.
     """
 
     plan_bytes: int = 0
@@ -58,7 +75,10 @@ class RobotSummary(msgspec.Struct):
     planned_finish: float | None = None
     stops: list[StopSummary] = []
     arrived: float | None = None
+    true_arrival: float | None = None
     late: float | None = None
+    tracking_error: float | None = None
+    nearest: NearestSummary | None = None
     reports: int = 0
     reports_lost: int = 0
     reports_doubled: int = 0
@@ -67,7 +87,10 @@ class RobotSummary(msgspec.Struct):
 
 
 class FaultSummary(msgspec.Struct):
-    """A fault that a robot reported (kind "report") or a freeze of the fleet (kind "freeze")."""
+    """Something that went wrong, or a freeze of robots that were under way (kind "freeze").
+
+    Other kinds: "report", of a robot; "silence"; "link", gone; "refusal".
+    """
 
     t: float
     robot: str
@@ -122,6 +145,8 @@ class Broadcast(msgspec.Struct, frozen=True):
 class Summary(msgspec.Struct):
     """The whole; `duration` [s] of the log, `tau` [s] of its first plan.
 
+    All times count from GO of the first epoch, which is `zero` [s] after the log's first message
+    (before it, in the log of a resumed coordinator); null without a GO: from the first message.
     `source`: "log" or "plan"; of a plan nothing but its own fields is known.  `waits`: of every
     epoch's plan, `proof`: of the last one.
     `bad_messages`: payloads on the fleet's keys that no receiver accepts.  `damage`: where the
@@ -139,6 +164,7 @@ class Summary(msgspec.Struct):
     complete: bool
     damage: str
     messages: int
+    zero: float | None = None
     source: str = "log"
     passive: bool = False
     bad_messages: int = 0

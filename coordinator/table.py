@@ -12,6 +12,7 @@ from rich.table import Table
 
 from coordinator.console import errors
 from coordinator.fleet import Fleet
+from coordinator.plain_table import plain_table
 from coordinator.plan import PlanDocument
 from coordinator.wire import drive
 from protocol.phases import COMMAND_NAMES, FAULT_NAMES, FREEZE, GO, MOVING, PHASE_NAMES
@@ -54,7 +55,8 @@ class FleetTable:
         title = f"{fleet.name} · epoch {fleet.epoch} · {COMMAND_NAMES[fleet.phase]}"
         if fleet.phase == GO:
             title += f" · {max(time, 0.0):.1f} s"
-        table = Table("robot", "phase", "progress by the clock", "%", "next stop", title=title)
+        columns = ("robot", "phase", "progress by the clock", "%", "next stop")
+        table = plain_table(*columns, title=title)
         for member in fleet.members.values():
             line = self._lines[member.id]
             share = line.s_at(time) / line.length if member.phase >= MOVING else 0.0
@@ -66,7 +68,7 @@ class FleetTable:
             table.add_row(
                 member.id,
                 phase,
-                ProgressBar(total=1.0, completed=share, width=30),
+                ProgressBar(total=1.0, completed=share, width=20),
                 f"{100.0 * share:.0f}",
                 self._next_stop(member.id, time),
             )

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
+from coordinator.plain_table import plain_table
 from coordinator.scenario_checks import printable
 from coordinator.wait_summary import WaitSummary, longest
 
@@ -25,7 +26,7 @@ def waits_table(waits: Sequence[WaitSummary], most: int | None = None) -> Table:
     )
     epochs = len({wait.epoch for wait in waits}) > 1
     columns = ("robot", "at m", "for s", "lets pass", "its zone m", "their zone m", "other way")
-    table = Table(*(["epoch"] if epochs else []), *columns, title=title, title_justify="left")
+    table = plain_table(*(["epoch"] if epochs else []), *columns, title=title)
     for wait in shown:
         cells = [
             wait.robot,

@@ -119,7 +119,7 @@ def run(
     import msgspec
 
     from coordinator.figure import draw_plan
-    from coordinator.info import summarise
+    from coordinator.info import courses_of, summarise
     from coordinator.logbook import read_log
     from coordinator.plan import read
     from coordinator.scenario_file import read_scenario
@@ -139,11 +139,12 @@ def run(
     for name in ("plan.svg", "plan.png"):
         draw_plan(read(folder / "plan.json"), folder / name)
     verdict = judge_run(folder)
+    log = read_log(sorted(folder.glob("run*.mcap"), key=_age)[-1])
     summary = RunSummary(
         scenario=asked.name,
         succeeded=succeeded(outcome.code, verdict),
         judge=verdict,
-        info=summarise(read_log(sorted(folder.glob("run*.mcap"), key=_age)[-1])),
+        info=summarise(log, courses_of(log, [folder / "blackbox"])),
         files=files_of(folder),
     )
     write_file(folder / "summary.json", msgspec.json.format(msgspec.json.encode(summary), indent=1))

@@ -6,13 +6,16 @@ Decides: when a run has succeeded.  Must not know: processes.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 import msgspec
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
+from coordinator.plain_table import plain_table
 from sim.judge import Verdict
+
+_SINCE: Final = "times in s from the first GO"
 
 
 class RunSummary(msgspec.Struct):
@@ -40,9 +43,8 @@ def files_of(folder: Path) -> dict[str, str]:
 
 def render(summary: RunSummary) -> RenderableType:
     """Return the summary for people."""
-    table = Table(
-        "robot", "arrived s", "tracking error mm", "lateness s", "fault", title=summary.scenario
-    )
+    columns = ("robot", "arrived s", "tracking error mm", "lateness s", "fault")
+    table = plain_table(*columns, title=f"{summary.scenario}, {_SINCE}")
     for robot in summary.judge.robots:
         when = f"{robot.t:.2f}" if robot.arrived and robot.t is not None else "no"
         error = f"{1000.0 * robot.tracking_error:.1f}"
@@ -61,7 +63,8 @@ def render(summary: RunSummary) -> RenderableType:
 
 def render_verdict(verdict: Verdict) -> RenderableType:
     """Return the judge's answer for people."""
-    robots = Table("robot", "arrived", "at s", "tracking error mm", "lateness s", "fault")
+    columns = ("robot", "arrived", "at s", "tracking error mm", "lateness s", "fault")
+    robots = plain_table(*columns, title=_SINCE)
     for robot in verdict.robots:
         robots.add_row(
             robot.id,
@@ -71,7 +74,7 @@ def render_verdict(verdict: Verdict) -> RenderableType:
             f"{robot.lateness:.3f}",
             robot.fault,
         )
-    pairs = Table("pair", "least separation m", "at s")
+    pairs = plain_table("pair", "least separation m", "at s")
     for pair in sorted(verdict.pairs, key=lambda pair: pair.separation)[:20]:
         pairs.add_row(f"{pair.a} {pair.b}", f"{pair.separation:.4f}", f"{pair.t:.2f}")
     return Group(robots, pairs, Text(f"collisions {verdict.collisions}"))

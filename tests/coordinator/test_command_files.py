@@ -1,5 +1,6 @@
 """The files that commands are given and asked for: of the right kind, in a folder that is there."""
 
+import json
 import shutil
 
 import pytest
@@ -8,16 +9,20 @@ from typer.testing import CliRunner
 
 from coordinator.commands import commands as plan_commands
 from coordinator.errors import InputError
+from coordinator.info_commands import commands as info_commands
 from coordinator.log_commands import commands as log_commands
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
 from coordinator.recorder import Attachment, Recorder
 from coordinator.scenario_file import scenario_to_json
 from coordinator.scenario_toml import scenario_to_toml
+from protocol.codec import encode
+from protocol.messages import Report
+from protocol.phases import MOVING
 from tests.scenarios import a_robot, a_scenario
 
 commands = typer.Typer()
-for part in (plan_commands, log_commands):
+for part in (plan_commands, info_commands, log_commands):
     commands.add_typer(part)
 
 HALL = a_scenario([a_robot("R1", (1.0, 1.0), (9.0, 7.0))])
@@ -124,3 +129,15 @@ def test_a_plan_is_written_where_it_may_be(folder):
     result = CliRunner().invoke(commands, ["plan", "hall.toml", "-o", "A.JSON", "--effort", "0"])
     assert result.exit_code == 0
     assert (folder / "A.JSON").exists()
+
+
+def test_a_stray_file_beside_a_log_is_told_of_and_one_that_was_asked_for_is_an_error(folder):
+    key, report = "splinefleet/f/report/R1", encode(Report(9, 1, 1, MOVING))
+    with Recorder(folder / "r.mcap", metadata={"fleet": "f"}, wall_offset_ns=0) as log:
+        log.record(key, report, 0)
+    (folder / "R1.csv").write_text("not a black box")
+    result = CliRunner().invoke(commands, ["info", "r.mcap", "--json"])
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)["messages"] == 1
+    assert "R1.csv: line 1: the columns are not" in problem_of("info r.mcap --blackbox .")
+    assert "'nowhere' does not exist" in problem_of("info r.mcap --blackbox nowhere")

@@ -4,11 +4,13 @@ import io
 import subprocess
 import sys
 
+import msgspec
 import pytest
 from rich.console import Console
 
 from coordinator import plan as plan_file
-from coordinator.info import summarise, summarise_plan
+from coordinator.info import summarise
+from coordinator.info_plan import summarise_plan
 from coordinator.info_table import render
 from coordinator.logbook import Log, read_log
 from coordinator.recorder import Attachment, Recorder
@@ -109,16 +111,17 @@ def test_a_good_run_is_told_from_hold_to_over(tmp_path):
     assert told["epochs"] == [
         {
             "epoch": 1,
-            "start": 2.0,
+            "start": 0.0,
             "phases": [
-                {"t": 0.0, "phase": "HOLD"},
-                {"t": 1.0, "phase": "GO"},
-                {"t": 10.5, "phase": "OVER"},
+                {"t": -2.0, "phase": "HOLD"},
+                {"t": -1.0, "phase": "GO"},
+                {"t": 8.5, "phase": "OVER"},
             ],
             "arrivals": {"R2": 7.0, "R1": 8.0},
             "ended": "over",
         }
     ]
+    assert told["zero"] == 2.0
     assert told["messages"] == 13
     assert told["keys"]["splinefleet/f/report/R2"] == {
         "messages": 1,
@@ -149,7 +152,10 @@ def test_a_robot_is_told_with_its_plan_its_stops_and_what_it_sent(tmp_path):
         "planned_finish": 8.0,
         "stops": [{"s": 1.5, "depart": 4.5, "yields_to": "R2"}],
         "arrived": 8.0,
+        "true_arrival": None,
         "late": 0.0,
+        "tracking_error": None,
+        "nearest": None,
         "reports": 4,
         "reports_lost": 0,
         "reports_doubled": 0,
@@ -225,12 +231,103 @@ def test_faults_refusals_and_freezes_are_told_once_each(tmp_path):
         )
     )
     assert [(f["t"], f["robot"], f["fault"], f["kind"]) for f in told["faults"]] == [
-        (1.0, "R1", "behind its plan", "report"),
-        (1.2, "", "the fleet was told to freeze", "freeze"),
-        (1.4, "R1", "fault 7", "report"),
-        (1.5, "R9", "not in the scenario", "refusal"),
+        (-1.0, "R1", "behind its plan", "report"),
+        (-0.8, "", "the fleet was told to freeze", "freeze"),
+        (-0.6, "R1", "fault 7", "report"),
+        (-0.5, "R9", "not in the scenario", "refusal"),
     ]
     assert told["epochs"][0]["ended"] == "frozen"
+
+
+def test_times_without_a_go_count_from_the_first_message_and_that_is_said(tmp_path):
+    all_robots = keys.command("f")
+    run = [(3.0, all_robots, command(1, 1, phases.HOLD)), (4.0, all_robots, command(2, 1, 2))]
+    told = summarise(log_of(tmp_path, run))
+    assert told["zero"] is None
+    assert [change["t"] for change in told["epochs"][0]["phases"]] == [0.0, 1.0]
+    assert "there was no GO" in shown(told)
+    assert "first GO, 2.00 s into the log" in shown(summarise(log_of(tmp_path, good_run())))
+
+
+def test_a_log_that_goes_on_from_another_counts_from_the_first_go_of_both(tmp_path):
+    log_of(tmp_path, good_run()[:9])
+    before = Attachment("resumed.mcap", "x", (tmp_path / "run.mcap").read_bytes())
+    path, all_robots = tmp_path / "run-2.mcap", keys.command("f")
+    with Recorder(
+        path, metadata={"fleet": "f"}, wall_offset_ns=10**18, attachments=[before]
+    ) as log:
+        for seconds, message in (
+            (12.0, command(1, 2, phases.FREEZE)),
+            (14.0, command(2, 3, phases.GO)),
+        ):
+            log.record(all_robots, codec.encode(message), BEGIN + round(seconds * SECOND))
+    told = summarise(read_log(path))
+    assert told["zero"] == -10.0
+    assert [epoch["phases"][0]["t"] for epoch in told["epochs"]] == [10.0, 12.0]
+    assert "first GO, 10.00 s before the log begins" in shown(told)
+
+
+def arrived_without_one():
+    """R1 falls silent and R2 drives on in epoch 2; FREEZE when it has arrived, then OVER."""
+    one, two, all_robots = keys.report("f", "R1"), keys.report("f", "R2"), keys.command("f")
+    second = command(4, 2, phases.GO)
+    return [
+        (1.0, all_robots, command(1, 1, phases.GO)),
+        (2.5, one, Report(9, 1, 1, phases.MOVING)),
+        (2.6, two, Report(9, 1, 1, phases.MOVING)),
+        (3.4, two, Report(9, 2, 1, phases.MOVING)),
+        (3.5, all_robots, command(2, 1, phases.FREEZE)),
+        (4.0, two, Report(9, 3, 1, phases.FROZEN, 0, Rest(1.0, 1))),
+        (5.0, all_robots, command(3, 2, phases.HOLD)),
+        (6.0, all_robots, msgspec.structs.replace(second, start_ns=GO_AT + 4 * SECOND)),
+        (6.2, two, Report(9, 4, 2, phases.MOVING)),
+        (14.0, two, Report(9, 5, 2, phases.DONE)),
+        (14.1, all_robots, command(5, 2, phases.FREEZE)),
+        (14.4, all_robots, command(6, 3, phases.OVER)),
+    ]
+
+
+def test_the_end_of_an_epoch_whose_robots_have_arrived_is_no_fault(tmp_path):
+    plans = [plan_document(1), plan_document(2)]
+    told = summarise(log_of(tmp_path, arrived_without_one(), plans=plans))
+    assert [(epoch["ended"], epoch["start"]) for epoch in told["epochs"]] == [
+        ("frozen", 0.0),
+        ("arrived", 4.0),
+        ("nobody goes", None),
+    ]
+    assert [fault["kind"] for fault in told["faults"]] == ["silence", "freeze"]
+    assert len(told["freezes"]) == 1
+
+
+def test_arrivals_and_plans_of_later_epochs_count_from_the_first_go_too(tmp_path):
+    plans = [plan_document(1), plan_document(2)]
+    told = summarise(log_of(tmp_path, arrived_without_one(), plans=plans))
+    robot = told["robots"]["R2"]
+    assert told["epochs"][1]["arrivals"] == {"R2": 12.0}
+    assert (robot["planned_start"], robot["planned_finish"]) == (5.0, 11.0)
+    assert (robot["arrived"], robot["late"]) == (12.0, 1.0)
+    assert told["robots"]["R1"]["stops"] == [{"s": 1.5, "depart": 8.5, "yields_to": "R2"}]
+
+
+def shown(told, width=140):
+    text = io.StringIO()
+    Console(file=text, width=width).print(render(told))
+    return text.getvalue()
+
+
+def test_no_word_of_a_table_is_cut_at_80_columns(tmp_path):
+    told = summarise(log_of(tmp_path, arrived_without_one(), plans=[plan_document(1, [WAIT])]))
+    for robot in told["robots"].values():
+        robot["stops"] = [{"s": 123.45, "depart": 678.9, "yields_to": "a-long-name-of-a-robot"}] * 2
+        robot |= {"arrived": 1234.5, "late": 12.34, "true_arrival": 1234.5, "fault": "off its path"}
+        robot |= {"tracking_error": 0.1234, "planned_finish": 1234.5, "bytes_sent": 123_456}
+        robot["nearest"] = {"robot": "R2", "distance": 12.345, "t": 1234.5, "source": "plans"}
+    told["robots"]["a-robot-with-a-name-of-32-letters"] = told["robots"]["R1"]
+    said = shown(told, 80)
+    assert "…" not in said
+    for word in ("planned", "heard", "nearest", "robot", "points", "arrived", "noticed"):
+        assert f" {word} " in said
+    assert max(map(len, said.splitlines())) <= 80
 
 
 def test_an_empty_log_and_a_log_without_names_are_told_too(tmp_path):
@@ -312,7 +409,7 @@ def frozen_run():
 def test_a_freeze_is_timed_from_the_first_sign_to_the_next_go(tmp_path):
     told = summarise(log_of(tmp_path, frozen_run()))
     (freeze,) = told["freezes"]
-    assert (freeze["t"], freeze["epoch"]) == (pytest.approx(2.1), 1)
+    assert (freeze["t"], freeze["epoch"]) == (pytest.approx(1.1), 1)
     times = [freeze[name] for name in ("notice", "silence", "rest", "go")]
     assert times == pytest.approx([0.1, 0.2, 1.2, 3.4])
     assert told["latencies"]["freeze_rest"] == {

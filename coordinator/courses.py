@@ -1,0 +1,138 @@
+"""Where a log's robots were over time, by their plans and by their black boxes, told in numbers.
+
+Decides: whose plan held when, how far from it a robot truly was, who came nearest to whom.  Must
+not know: files, how numbers are shown.  Times are seconds since the log's zero, see info.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from coordinator.braking import brakes_at
+from coordinator.nearness import nearest_of_all
+from coordinator.ride_samples import Array, RideSamples, ride_of_message, times_between
+from coordinator.summary import NearestSummary, RobotSummary
+from coordinator.true_course import TrueCourse
+from protocol import phases
+from protocol.messages import Command, Message, Plan, Report
+
+if TYPE_CHECKING:
+    from coordinator.logbook import Record
+
+_ROW: Final = 0.02
+"""Time [s] by which a row of a black box may be off: it is written once per control tick."""
+
+
+class Courses:
+    """Goes through a log beside `info`, which calls `hear` with every message that counts.
+
+    `zero_ns`: what times count from, `lag_ns`: how far the log's clock is ahead of the
+    coordinator's; `boot`: whose Commands count, "" for everybody's.
+    """
+
+    def __init__(self, zero_ns: int, lag_ns: int, boot: str) -> None:
+        self._zero_ns, self._lag_ns, self._boot = zero_ns, lag_ns, boot
+        self._plans: dict[tuple[int, str], Plan] = {}
+        self._begins: dict[int, float] = {}
+        self._starts: dict[int, float] = {}
+        self._frozen: dict[int, float] = {}
+        self._rests: dict[tuple[int, str], float] = {}
+        self._last: dict[tuple[int, str], float] = {}
+        self._end = 0.0
+
+    def hear(self, message: Message, robot: str, record: Record) -> None:
+        """Take in a message."""
+        now = (record.log_ns - self._zero_ns) / 1e9
+        self._end = max(self._end, now)
+        if isinstance(message, Command) and self._boot in ("", str(message.boot)):
+            self._begins.setdefault(message.epoch, now)
+            if message.phase == phases.GO:
+                start_ns = message.start_ns + self._lag_ns
+                self._starts.setdefault(message.epoch, (start_ns - self._zero_ns) / 1e9)
+            elif message.phase == phases.FREEZE and self._starts:
+                self._frozen.setdefault(max(self._starts), now)
+        elif isinstance(message, Plan):
+            self._plans.setdefault((message.epoch, robot), message)
+        elif isinstance(message, Report):
+            self._last[message.epoch, robot] = now
+            if message.rest is not None:
+                self._rests[message.rest.epoch, robot] = message.rest.s_m
+
+    def fill(self, robots: Mapping[str, RobotSummary], boxes: Mapping[str, TrueCourse]) -> None:
+        """Put who came how near to whom into the robots' summaries, and what only boxes know.
+
+        Distances are those of the black boxes where every robot that drove has one.
+        """
+        rides = self._rides()
+        for name, box in boxes.items():
+            if name in robots and len(box.t):
+                robots[name].true_arrival = box.arrival
+                robots[name].tracking_error = self._tracking(rides.get(name, []), box)
+        boxed = bool(rides) and all(name in boxes and len(boxes[name].t) for name in rides)
+        times = self._times([boxes[name] for name in rides] if boxed else [])
+        names = list(rides)
+        tracks = [
+            boxes[name].at(times) if boxed else self._by_plan(rides[name], times) for name in names
+        ]
+        for name, near in zip(names, nearest_of_all(times, tracks), strict=False):
+            robots[name].nearest = NearestSummary(
+                robot=names[near.other],
+                distance=round(near.distance, 4),
+                t=round(near.t, 3),
+                source="black boxes" if boxed else "plans",
+            )
+
+    def _times(self, boxes: list[TrueCourse]) -> Array:
+        """Return when to look: from the first GO to the end, none before a GO."""
+        if not self._starts:
+            return np.empty(0)
+        ends = (float(box.t[-1]) for box in boxes)
+        return times_between(min(self._starts.values()), max([self._end, *ends]))
+
+    def _rides(self) -> dict[str, list[tuple[int, RideSamples]]]:
+        """Return what every robot drove, in the order of the epochs."""
+        found: dict[str, list[tuple[int, RideSamples]]] = {}
+        for (epoch, robot), plan in sorted(self._plans.items()):
+            if epoch in self._starts:
+                try:
+                    ride = ride_of_message(plan)
+                except ValueError:
+                    continue
+                found.setdefault(robot, []).append((epoch, self._halted(epoch, robot, ride)))
+        return found
+
+    def _halted(self, epoch: int, robot: str, ride: RideSamples) -> RideSamples:
+        """Return the ride with where it ended, if that was before its plan did."""
+        frozen, start = self._frozen.get(epoch), self._starts[epoch]
+        if frozen is None:
+            return ride
+        if (epoch, robot) in self._rests:
+            return ride.halted(
+                brakes_at(ride.line, self._rests[epoch, robot], ride.rate), ride.rate
+            )
+        last = min(self._last.get((epoch, robot), frozen), frozen)
+        return ride.halted(max(last - start, 0.0), 0.0)
+
+    def _by_plan(self, rides: list[tuple[int, RideSamples]], times: Array) -> Array:
+        """Return where the plans had a robot, (n, 2): at rest before, between and after them."""
+        places = np.empty((len(times), 2))
+        begins = [self._starts[epoch] for epoch, _ in rides]
+        which = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
+        for number, (epoch, ride) in enumerate(rides):
+            mine = which == number
+            places[mine] = ride.places_at(ride.driven_at(times[mine] - self._starts[epoch]))
+        return places
+
+    def _tracking(self, rides: list[tuple[int, RideSamples]], box: TrueCourse) -> float | None:
+        """Return the greatest distance [m] from the plans while they held; None without any."""
+        worst: list[float] = []
+        for epoch, ride in rides:
+            later = [at for number, at in self._begins.items() if number > epoch]
+            rows = box.between(self._begins[epoch], min(later, default=math.inf))
+            if len(rows.t):
+                worst.append(rows.off(ride, self._starts[epoch], _ROW))
+        return round(max(worst), 6) if worst else None

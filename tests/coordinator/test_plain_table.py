@@ -1,0 +1,72 @@
+"""The tables for people: at 80 columns rows grow, and no word is cut."""
+
+import io
+
+from rich.console import Console
+from rich.table import Table
+
+from coordinator import plan_table
+from coordinator.muster import muster
+from coordinator.plain_table import plain_table
+from coordinator.plan import Reason
+from coordinator.planner import plan_scenario
+from coordinator.table import FleetTable
+from coordinator.wait_summary import WaitSummary, waits_of
+from coordinator.wait_table import waits_table
+from protocol.phases import FREEZE, FROZEN, LEASE_OUT
+from sim import summary
+from sim.judge import PairVerdict, RobotVerdict, Verdict
+from tests.scenarios import a_robot, a_scenario
+
+NAME = "transport-robot-number-25"
+HALL = a_scenario([a_robot(NAME, (1.0, 1.0), (9.0, 7.0)), a_robot("R2", (1.0, 7.0), (9.0, 1.0))])
+
+
+def shown(table):
+    text = io.StringIO()
+    Console(file=text, width=80).print(table)
+    return text.getvalue()
+
+
+def assert_fits(said, *words):
+    assert "…" not in said
+    assert max(map(len, said.splitlines())) <= 80
+    for word in words:
+        assert f" {word} " in said
+
+
+def test_a_plain_table_folds_where_rich_cuts():
+    columns = ("robot", "arrived s", "tracking error mm", "lateness s", "fault", "where", "why so")
+    cells = [NAME, "29.07", "0.1", "0.003", "recording ends at 7.99 s", "x" * 30, "y" * 30]
+    cut, whole = Table(*columns), plain_table(*columns)
+    for table in (cut, whole):
+        table.add_row(*cells)
+    assert "…" in shown(cut)
+    assert_fits(shown(whole), "arrived", "tracking", "lateness")
+
+
+def test_plans_waits_and_verdicts_fit():
+    document = plan_scenario(HALL, effort=0)
+    assert_fits(shown(plan_table.render(document)), "finish", "points")
+    reason = Reason(
+        robot=NAME, s=123.45, wait=10.25, yields_to=NAME, zone=(111.61, 122.55),
+        their_zone=(100.5, 111.4), otherwise=122.25, tried=True,
+    )  # fmt: skip
+    document.waits.append(reason)
+    waits: list[WaitSummary] = waits_of(document)
+    assert_fits(shown(waits_table(waits)), "robot", "lets", "other")
+    fault = "recording ends at 1207.99 s"
+    robots = [RobotVerdict(NAME, True, 1234.56, 0.1234, 12.345, fault)]
+    verdict = Verdict(0, 0.3, [PairVerdict(NAME, "R2", 0.3, 12.0)], robots)
+    told = summary.RunSummary("hall", False, verdict, {}, {})
+    assert_fits(shown(summary.render(told)), "arrived", "tracking", "lateness")
+    assert "times in s from the first GO" in shown(summary.render_verdict(verdict))
+
+
+def test_the_table_of_a_running_fleet_fits():
+    document = plan_scenario(HALL, effort=0)
+    fleet = muster(document, 9)
+    for member in fleet.members.values():
+        member.phase, member.fault = FROZEN, LEASE_OUT
+    fleet.phase = FREEZE
+    assert_fits(shown(FleetTable(document).render(fleet, 10**9)), "robot", "phase", "progress")
