@@ -9,7 +9,6 @@ import importlib
 import json
 import math
 import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -69,7 +68,6 @@ def agent(
     body = _driver(driver, max_accel)
     if at is not None:
         body.place(*at)
-    tell: Callable[[str], None] = (lambda _: None) if quiet else partial(typer.echo, err=True)
     me = Robot(robot, radius, max_speed, max_accel)
 
     def clock() -> int:
@@ -80,7 +78,6 @@ def agent(
 
     try:
         transport = ZenohTransport.connect(connect, timeout_s=wait)
-        tell(f"{robot}: connected to {connect}, waiting for a plan")
         code = run_robot(
             me,
             transport,
@@ -91,7 +88,7 @@ def agent(
             blackbox=blackbox,
             give_up_ns=round(give_up * SECOND),
             period_ns=SECOND // rate,
-            tell=tell,
+            tell=(lambda _: None) if quiet else partial(typer.echo, err=True),
             count=_print_counts if stats else _count_nothing,
         )
     except RefusedError as error:
