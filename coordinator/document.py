@@ -7,7 +7,7 @@ how paths and motions were found.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from itertools import combinations
 
 import msgspec
@@ -57,12 +57,7 @@ def make_document(
     names = [robot.id for robot in scenario.robots]
     robots = []
     for robot, path, motion in zip(scenario.robots, paths, motions, strict=True):
-        planned = _robot_plan(robot, path, motion, names)
-        try:
-            size = len(pack(bare, planned, boot=2**32 - 1))
-        except OversizeError as error:
-            raise PlanError(f"{robot.id}: {error}; fewer via points would help") from None
-        robots.append(msgspec.structs.replace(planned, wire_bytes=size))
+        robots.append(_robot_plan(bare, robot, path, motion, names))
     if crossings is None:
         pairs = np.array(list(combinations(range(len(robots)), 2)), dtype=np.int64).reshape(-1, 2)
         crossings = CrossingSearch(paths, pairs, None)
@@ -70,7 +65,42 @@ def make_document(
     return msgspec.structs.replace(bare, robots=robots, crossings=said)
 
 
-def _robot_plan(robot: Robot, path: Nurbs, motion: Motion, names: Sequence[str]) -> RobotPlan:
+def with_new_times(
+    document: PlanDocument,
+    robots: Sequence[Robot],
+    paths: Sequence[Nurbs],
+    motions: Sequence[Motion],
+    changed: Container[int],
+) -> PlanDocument:
+    """Return a document without its proof in which some robots have other motions.
+
+    Raises PlanError when a robot's times are too long for a message.
+    """
+    names = [robot.id for robot in document.robots]
+    plans = [
+        _robot_plan(document, *parts, names) if index in changed else document.robots[index]
+        for index, parts in enumerate(zip(robots, paths, motions, strict=True))
+    ]
+    at = {name: index for index, name in enumerate(names)}
+    pairs = np.array([(at[c.a], at[c.b]) for c in document.crossings], np.int64).reshape(-1, 2)
+    table = [(k, c.x, c.y, c.s_a, c.s_b) for k, c in enumerate(document.crossings)]
+    said = _crossings(plans, motions, pairs, np.array(table, np.float64).reshape(-1, 5))
+    return msgspec.structs.replace(document, robots=plans, crossings=said, proof=None)
+
+
+def _robot_plan(
+    document: PlanDocument, robot: Robot, path: Nurbs, motion: Motion, names: Sequence[str]
+) -> RobotPlan:
+    """Return a robot's part with the length of its message."""
+    planned = _rounded(robot, path, motion, names)
+    try:
+        size = len(pack(document, planned, boot=2**32 - 1))
+    except OversizeError as error:
+        raise PlanError(f"{robot.id}: {error}; fewer via points would help") from None
+    return msgspec.structs.replace(planned, wire_bytes=size)
+
+
+def _rounded(robot: Robot, path: Nurbs, motion: Motion, names: Sequence[str]) -> RobotPlan:
     waits = [wait for wait in motion.waits if wait.s > 0.0]
     starts = [wait for wait in motion.waits if wait.s <= 0.0]
     profile = _rounded_profile(motion)

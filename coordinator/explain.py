@@ -24,16 +24,19 @@ _MOST_PLANNED: Final = 20_000
 
 
 def explain_waits(
-    junctions: Junctions, motions: Sequence[Motion], names: Sequence[str]
+    junctions: Junctions, motions: Sequence[Motion], names: Sequence[str], most: int = _MOST
 ) -> list[Reason]:
-    """Return why robots wait, in their order and along their paths."""
+    """Return why robots wait, in their order and along their paths.
+
+    What the other order would cost is tried for so many waits at most.
+    """
     waits = [
         (index, number, lasts)
         for index, motion in enumerate(motions)
         for number, lasts in enumerate(_lasting(motion))
         if motion.waits[number].owner >= 0
     ]
-    longest = sorted(waits, key=lambda wait: -wait[2])[: min(_MOST, _MOST_PLANNED // len(names))]
+    longest = sorted(waits, key=lambda wait: -wait[2])[: min(most, _MOST_PLANNED // len(names))]
     table = Motions(junctions.lengths())
     for index, motion in enumerate(motions):
         table.put(index, motion)

@@ -136,6 +136,18 @@ class Junctions:
             )
         return self._approaches[key]
 
+    def approach_from(self, index: int, begin: float, beyond: float, anywhere: bool) -> Approach:
+        """Return the approach of a robot at rest at `begin`, which may stop again beyond [m].
+
+        What its zones forbid up to where it rests is past.
+        """
+        track, (rows, known) = self.tracks[index], self.rows_of(index)
+        nearest = max(begin + track.cell, beyond)
+        places = [s for s in self._places(index, anywhere) if s > nearest]
+        places = [begin, *places, track.limits.length]
+        span = self.span(index, self.zones_of(index))
+        return Approach(rows, known, span, track.ride(places), np.array(track.time_left(places)))
+
     def _places(self, index: int, anywhere: bool) -> list[float]:
         """Return where a robot may wait [m]: half a cell before the cells of its zones."""
         track = self.tracks[index]

@@ -232,6 +232,19 @@ class Motion:
         self.knots_s, self.knots_w = np.array(knots_s), np.array(knots_w)
         self.knots_t = np.array(knots_t)
 
+    def place_at(self, time: float) -> float:
+        """Return where the robot is at a plan time [s], as arc length [m]; 0 before its start."""
+        at = int(np.searchsorted(self.knots_t, time, side="right")) - 1
+        if at < 0 or at + 1 == len(self.knots_t):
+            return 0.0 if at < 0 else self.limits.length
+        s, after = self.knots_s[at : at + 2].tolist()
+        if after <= s:
+            return float(s)
+        t0, t1 = self.knots_t[at : at + 2].tolist()
+        v0, v1 = np.sqrt(self.knots_w[at : at + 2]).tolist()
+        passed = time - t0
+        return float(s + passed * (v0 + 0.5 * (v1 - v0) / (t1 - t0) * passed))
+
     @property
     def start_time(self) -> float:
         """Plan time [s] at which the robot leaves its start."""

@@ -137,7 +137,10 @@ class Floor(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PlanDocument(msgspec.Struct, frozen=True, kw_only=True):
-    """The whole plan of one epoch; `tau` [s], `margin` [m]."""
+    """The whole plan of one epoch; `tau` [s], `margin` [m].
+
+    `revision` counts how often its times were changed while it was driven.
+    """
 
     format: str = FORMAT
     scenario: str
@@ -153,6 +156,7 @@ class PlanDocument(msgspec.Struct, frozen=True, kw_only=True):
     timing: dict[str, float] = {}
     workspace: Floor | None = None
     notes: list[str] = []
+    revision: int = 0
 
     def robot(self, robot_id: str) -> RobotPlan:
         """Return one robot's plan; KeyError when there is none of that name."""

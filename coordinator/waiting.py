@@ -6,8 +6,10 @@ Decides: where and until when one robot waits.  Must not know: who should go fir
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from coordinator.bans_kernels import BOTH, FIRST, forbid
 from coordinator.conflict_zones import Indices
@@ -16,6 +18,21 @@ from coordinator.motion import Motion, Wait
 from coordinator.rest_kernels import search
 from coordinator.timetable import Motions
 from coordinator.waiting_kernels import PLACE, Bans
+
+
+@dataclass(frozen=True)
+class Begun:
+    """What of a motion under way stays: its rests before the last one, and that one at s [m].
+
+    The robot leaves it from `release` to `leave_by` [s], and may stop again beyond a place [m].
+    """
+
+    waits: tuple[Wait, ...]
+    s: float
+    release: float
+    leave_by: float
+    beyond: float
+
 
 _EARLIER = 0.02
 """Waiting in a zone that others have yet to pass has to be quicker by this [s]."""
@@ -67,12 +84,41 @@ def _waits(
     low, high = forbid(rows, modes, motions.table, track.elapsed, junctions.tau, known)
     bans = Bans(rows.first, rows.cell, known.begin, known.end, low, high, approach.span)
     rests, arrival = search(approach.ride, bans, approach.rest, release, polite, leave_by)
+    return float(arrival), _as_waits(junctions, index, approach, rests)
+
+
+def rest_of_motion(
+    junctions: Junctions, motions: Motions, index: int, begun: Begun, modes: Indices
+) -> Motion | None:
+    """Return the motion that ends a begun one first, with what its zones ask; None if none."""
+    for polite in (True, False):
+        approach = junctions.approach_from(index, begun.s, begun.beyond, anywhere=not polite)
+        track, rows, known = junctions.tracks[index], approach.rows, approach.known
+        low, high = forbid(rows, modes, motions.table, track.elapsed, junctions.tau, known)
+        past = rows.cell <= track.cell_at(begun.s)
+        begin = np.where(past, math.inf, known.begin)
+        bans = Bans(rows.first, rows.cell, begin, known.end, low, high, approach.span)
+        times = (begun.release, polite, begun.leave_by)
+        rests, arrival = search(approach.ride, bans, approach.rest, *times)
+        if arrival < math.inf:
+            found = _as_waits(junctions, index, approach, rests)
+            if begun.s > 0.0 and (not found or found[0].s > begun.s):
+                depart = float(rests[0, 1])
+                found.insert(0, Wait(begun.s, depart, -1))
+            return Motion(track.limits, [*begun.waits, *found])
+    return None
+
+
+def _as_waits(
+    junctions: Junctions, index: int, approach: Approach, rests: npt.NDArray[np.float64]
+) -> list[Wait]:
+    """Return what the search found, without rests that nothing asks for."""
     waits: list[Wait] = []
-    zones = junctions.zones_of(index)
+    zones, other = junctions.zones_of(index), approach.rows.other
     for station, depart, zone in rests.tolist():
         s, k = float(approach.ride.stations[int(station), PLACE]), int(zone)
-        owner = (int(rows.other[k]), int(zones[k])) if k >= 0 else (-1, -1)
+        owner = (int(other[k]), int(zones[k])) if k >= 0 else (-1, -1)
         at_rest = s > 0.0 and not approach.ride.at_once
         if at_rest or k >= 0 or (s <= 0.0 and depart > 0.0):
             waits.append(Wait(s, depart, *owner))
-    return float(arrival), waits
+    return waits

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 import zlib
-from typing import Final
+from functools import reduce
+from operator import or_
+from typing import Final, TypeVar
 
 import msgspec
 
@@ -19,6 +21,8 @@ from protocol.messages import (
     Command,
     Hello,
     Message,
+    NewTimes,
+    Pace,
     Plan,
     Refusal,
     Report,
@@ -33,9 +37,9 @@ from protocol.packing import (
 
 KINDS: Final[dict[str, tuple[type[Message], ...]]] = {
     "hello": (Hello,),
-    "plan": (Plan, Refusal),
+    "plan": (Plan, Refusal, NewTimes),
     "command": (Command,),
-    "report": (Report,),
+    "report": (Report, Pace),
     "clock": (Clock,),
     "admit": (Admit,),
 }
@@ -43,8 +47,7 @@ KINDS: Final[dict[str, tuple[type[Message], ...]]] = {
 
 _encoder: Final = msgspec.msgpack.Encoder()
 _decoders: Final = {
-    kind: msgspec.msgpack.Decoder(Plan | Refusal if kind == "plan" else types[0])
-    for kind, types in KINDS.items()
+    kind: msgspec.msgpack.Decoder(reduce(or_, types)) for kind, types in KINDS.items()
 }
 
 
@@ -75,12 +78,15 @@ def decode(kind: str, payload: bytes) -> Message | None:
     return message if _is_sane(message) else None
 
 
-def seal(plan: Plan) -> Plan:
+Sealed = TypeVar("Sealed", Plan, NewTimes)
+
+
+def seal(plan: Sealed) -> Sealed:
     """Return the plan with its checksum filled in."""
     return msgspec.structs.replace(plan, checksum=checksum(plan))
 
 
-def checksum(plan: Plan) -> int:
+def checksum(plan: Plan | NewTimes) -> int:
     """Return the CRC-32 over the plan's encoding with the checksum field at 0."""
     return zlib.crc32(_encoder.encode(msgspec.structs.replace(plan, checksum=0)))
 
@@ -93,17 +99,26 @@ def _is_sane(message: Message) -> bool:
     if isinstance(message, Report):
         return message.rest is None or math.isfinite(message.rest.s_m)
     if isinstance(message, Plan):
-        return _is_finite(message) and checksum(message) == message.checksum
-    return True
+        return _is_path_whole(message) and _is_whole(message)
+    return not isinstance(message, NewTimes) or _is_whole(message)
 
 
-def _is_finite(plan: Plan) -> bool:
-    """Tell whether all packed fields are whole and their numbers finite."""
+def _is_whole(plan: Plan | NewTimes) -> bool:
+    """Tell whether speeds, profile and stops are whole, finite numbers, and all is as it was."""
     try:
-        numbers = unpack_floats(plan.knots + plan.weights + plan.speeds)
-        numbers += [value for place in unpack_points(plan.points) for value in place]
+        numbers = unpack_floats(plan.speeds)
         numbers += [s for s, _ in unpack_profile(plan.speeds, plan.profile)]
         numbers += [s for s, _ in unpack_stops(plan.stops)]
     except ValueError:
         return False
-    return len(plan.knots) % 4 == len(plan.weights) % 4 == 0 and all(map(math.isfinite, numbers))
+    return all(map(math.isfinite, numbers)) and checksum(plan) == plan.checksum
+
+
+def _is_path_whole(plan: Plan) -> bool:
+    """Tell whether a path's packed fields are whole and its numbers finite."""
+    try:
+        numbers = unpack_floats(plan.knots) + unpack_floats(plan.weights)
+        numbers += [value for place in unpack_points(plan.points) for value in place]
+    except ValueError:
+        return False
+    return all(map(math.isfinite, numbers))

@@ -72,6 +72,23 @@ class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):
     clock_ms: Milliseconds = 10
 
 
+class NewTimes(msgspec.Struct, frozen=True, array_like=True, tag=8):
+    """New times for a plan that is being driven: the same path, other stops.
+
+    `revision` counts them within an epoch.  The packed fields are those of Plan and take their
+    place.
+    """
+
+    epoch: Counter
+    boot: Counter
+    revision: Counter
+    brake_mmps2: Counter
+    speeds: Packed
+    profile: Packed
+    stops: Packed
+    checksum: Counter
+
+
 class Admit(msgspec.Struct, frozen=True, array_like=True, tag=7):
     """An operator's word that a robot which has come back may take part again; `boot` is any."""
 
@@ -128,6 +145,19 @@ class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
     rest: Rest | None = None
 
 
+class Pace(msgspec.Struct, frozen=True, array_like=True, tag=9):
+    """Goes with the reports of a robot whose times were changed, or that asks for new ones.
+
+    `revision`: the one it holds.  `stood_us`: the plan time [us] that has it where it stands; said
+    by one that stands because it is late, as long as the others move.
+    """
+
+    boot: Counter
+    epoch: Counter
+    revision: Counter
+    stood_us: Annotated[int, msgspec.Meta(ge=0, le=2**53)] | None = None
+
+
 class Clock(msgspec.Struct, frozen=True, array_like=True, tag=5):
     """The four time stamps of NTP: the robot asks with the first, the answer carries three.
 
@@ -141,4 +171,4 @@ class Clock(msgspec.Struct, frozen=True, array_like=True, tag=5):
     answered_ns: Nanoseconds | None = None
 
 
-Message = Hello | Plan | Refusal | Command | Report | Clock | Admit
+Message = Hello | Plan | Refusal | NewTimes | Command | Report | Pace | Clock | Admit

@@ -9,9 +9,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from protocol.curve import clamped_knots
-from protocol.messages import Plan
+from protocol.messages import NewTimes, Plan
 from protocol.packing import unpack_floats, unpack_points, unpack_profile, unpack_stops
 from protocol.timing import MILLISECOND, SECOND, late_share
+
+Motion = tuple[list[float], list[float], list[float], list[float]]
 
 
 class PlanParts(NamedTuple):
@@ -21,17 +23,13 @@ class PlanParts(NamedTuple):
     """late [ns], lease [ns], track [mm], brake [mm/s^2], clock error [ns]."""
     path: tuple[int, list[float], list[float], list[float], list[float]]
     """degree, full knot vector, x, y, weights: the arguments of Curve."""
-    motion: tuple[list[float], list[float], list[float], list[float]]
+    motion: Motion
     """Speed knots s and v, stops s and departures [s]: the arguments of Timeline."""
 
 
 def unpack_plan(plan: Plan) -> PlanParts:
     """Unpack a Plan; ValueError when a packed field is not whole."""
     points = unpack_points(plan.points)
-    stops = unpack_stops(plan.stops)
-    profile = unpack_profile(plan.speeds, plan.profile)
-    if plan.brake_mmps2:
-        profile = sorted(profile + [(s, 0.0) for s, _ in stops if s > 0.0])
     return PlanParts(
         (
             late_share(plan.tau_ns),
@@ -47,10 +45,19 @@ def unpack_plan(plan: Plan) -> PlanParts:
             [y for _, y in points],
             unpack_floats(plan.weights) or [1.0] * len(points),
         ),
-        (
-            [s for s, _ in profile],
-            [v for _, v in profile],
-            [s for s, _ in stops],
-            [depart_ns / SECOND for _, depart_ns in stops],
-        ),
+        unpack_motion(plan),
+    )
+
+
+def unpack_motion(times: Plan | NewTimes) -> Motion:
+    """Unpack the times of a plan; ValueError when a packed field is not whole."""
+    stops = unpack_stops(times.stops)
+    profile = unpack_profile(times.speeds, times.profile)
+    if times.brake_mmps2:
+        profile = sorted(profile + [(s, 0.0) for s, _ in stops if s > 0.0])
+    return (
+        [s for s, _ in profile],
+        [v for _, v in profile],
+        [s for s, _ in stops],
+        [depart_ns / SECOND for _, depart_ns in stops],
     )

@@ -67,6 +67,17 @@ class Timeline:
         rate = (self.v1[leg] - self.v0[leg]) / (self.t1[leg] - self.t0[leg])
         return self.v0[leg] + rate * passed
 
+    def time_at(self, s: float) -> float:
+        """Return when the motion first comes to arc length s [m]; the finish beyond the end."""
+        for leg in range(len(self.t0)):
+            if s <= self.s1[leg]:
+                passed = max(s - self.s0[leg], 0.0)
+                v0, v1 = self.v0[leg], self.v1[leg]
+                slope = (v1 * v1 - v0 * v0) / (self.s1[leg] - self.s0[leg])
+                v = max(v0 * v0 + slope * passed, 0.0) ** 0.5
+                return self.t0[leg] + (2.0 * passed / (v0 + v) if passed > 0.0 else 0.0)
+        return self.finish
+
     def next_stop(self, time: float) -> tuple[float, float] | None:
         """Return (s, departure) of the rest that the robot is in or comes to next, or None."""
         for leg in range(self._find(time), len(self.t0)):

@@ -9,8 +9,7 @@ The rules:
   ahead of it, and behind it by less than its share of tau.
 - Whatever goes wrong while it moves makes it brake along its path and freeze.  A robot that has
   braked moves again only with the plan of a later epoch.
-- A Command older than the last one heard changes nothing.  Another coordinator (boot) is believed
-  before motion, or when its epoch is higher; it takes the plan and the clock of the old one away.
+- Another coordinator takes the plan and the clock of the old one away (leader.py).
 - A plan is held when its coordinator and epoch are those of the newest Command (or no Command has
   been heard yet) and the robot is idle or armed.  The robot arms when it also stands at the plan's
   start and knows the time well enough; until then it says why not.
@@ -19,6 +18,8 @@ The rules:
   One that is pushed off it is frozen.
 - A position is never said, but for the arc length at which a robot rests that has stopped on its
   way: in the first report that says it is frozen, and again when the coordinator asks for it.
+- A robot that stands because it is late says instead, as long as the others move, which plan time
+  has it there; with new times for the rest of its way it goes on in the same epoch.
 """
 
 from protocol.phases import (
@@ -39,28 +40,12 @@ from protocol.phases import (
     OFF_PATH,
     OVER,
 )
-from protocol.timing import (
-    CLOCK_ERROR,
-    CLOCK_RESERVE,
-    HELLO_PERIOD,
-    MILLISECOND,
-    REPORT_PERIOD,
-    SECOND,
-)
+from protocol.timing import CLOCK_ERROR, CLOCK_RESERVE, HELLO_PERIOD, REPORT_PERIOD, SECOND
+from robot_agent import transitions
 from robot_agent.clock_sync import ClockSync
+from robot_agent.leader import Leader
+from robot_agent.resting_place import RestingPlace
 from robot_agent.ride import Ride
-from robot_agent.transitions import (
-    ARRIVED,
-    AT_REST,
-    GO_IN_TIME,
-    GO_TOO_LATE,
-    LEFT_PATH,
-    NEW_EPOCH,
-    READY,
-    TOLD_TO_FREEZE,
-    TRANSITIONS,
-    TROUBLE,
-)
 
 TURN_SHARE = 0.9
 """A robot that would start farther off its path than this share of its tolerance turns first."""
@@ -74,29 +59,26 @@ class Agent:
     Read after `tick`: drive_speed [m/s], drive_curvature [rad/m], drive_distance [m]; drive_turn
     [rad] is not 0 where the robot has to turn on the spot instead.
     Read after `report_due`: report_sequence, epoch, phase, fault and report_s [m] or None; with
-    the latter rest_epoch, rest_off [mm] and rest_turn [mrad].
+    the latter the other numbers of `rest`.  `revision` counts new times in this epoch.
     `ride` is the plan held, with the robot's place on it, or None.
     """
 
-    def __init__(self, max_speed: float = 0.0, period_ns: int = 10 * MILLISECOND) -> None:
+    def __init__(self, max_speed: float = 0.0, period_ns: int = SECOND // 100) -> None:
         self.clock = ClockSync()
         self.phase = IDLE
         self.fault = NO_FAULT
-        self.epoch = 0
+        self.epoch = self.revision = 0
         self.finished = False
         self.ride: Ride | None = None
         self.drive_speed = self.drive_curvature = self.drive_distance = self.drive_turn = 0.0
         self.report_sequence = 0
         self.report_s: float | None = None
-        self.rest_epoch = self.rest_off = self.rest_turn = 0
-        self.rest_s = 0.0
+        self.rest = RestingPlace()
         self._max_speed = max_speed
         self._period = period_ns / SECOND
-        self._coordinator = self._sequence = -1
-        self._command_epoch = self._spent_epoch = self._start_ns = 0
-        self._command_ns = _NEVER
-        self._other_clock = self._tell_s = False
-        self._reported = (0, 0, 0)
+        self._leader = Leader()
+        self._spent_epoch = self._start_ns = 0
+        self._reported = (0, 0, 0, 0)
         self._reported_ns = self._hello_ns = _NEVER
 
     def hear_command(
@@ -110,23 +92,25 @@ class Agent:
         now_ns: int,
     ) -> None:
         """Take a Command; `wanted` tells whether it asks for this robot's arc length."""
-        if boot != self._coordinator:
-            if not self._believes(boot, epoch, now_ns):
-                return
-        elif sequence <= self._sequence:
+        leader, before_motion = self._leader, self.phase in (IDLE, ARMED)
+        if not leader.counts(boot, sequence, epoch, before_motion):
             return
-        if epoch != self._command_epoch and self.ride is None:
+        if epoch != leader.epoch and self.ride is None:
             self.fault = NO_FAULT
-        self._sequence, self._command_epoch, self._command_ns = sequence, epoch, now_ns
+        another = boot != leader.boot and leader.boot >= 0
+        leader.hear(boot, sequence, epoch, phase, now_ns)
+        if another and before_motion:
+            self._apply(transitions.NEW_EPOCH, now_ns)
         if phase == FREEZE:
-            self._apply(TOLD_TO_FREEZE, now_ns)
+            self._apply(transitions.TOLD_TO_FREEZE, now_ns)
         elif phase == OVER:
             self.finished = self.phase not in (MOVING, BRAKING)
         elif epoch > self.epoch and self.ride is not None:
-            self._apply(NEW_EPOCH, now_ns)
+            self._apply(transitions.NEW_EPOCH, now_ns)
         elif phase == GO and epoch == self.epoch and self.phase == ARMED:
             self._hear_go(start_ns, now_ns)
-        self._tell_s = self._tell_s or (wanted and self.rest_epoch > 0)
+        if wanted:
+            self.rest.ask()
 
     def hear_plan(
         self,
@@ -140,9 +124,10 @@ class Agent:
 
         One that makes no sense is reported as BAD_PLAN and not held.
         """
-        if self._coordinator < 0:
-            self._coordinator, self._command_epoch = boot, epoch
-        if boot != self._coordinator or epoch != self._command_epoch:
+        leader = self._leader
+        if leader.boot < 0:
+            leader.boot, leader.epoch = boot, epoch
+        if boot != leader.boot or epoch != leader.epoch:
             return
         if self.phase not in (IDLE, ARMED) or epoch <= max(self.epoch, self._spent_epoch):
             return
@@ -153,9 +138,25 @@ class Agent:
         except (ValueError, ArithmeticError, IndexError):
             self.fault = BAD_PLAN
 
+    def hear_times(
+        self,
+        boot: int,
+        epoch: int,
+        revision: int,
+        motion: tuple[list[float], list[float], list[float], list[float]],
+        now_ns: int,
+    ) -> None:
+        """Take new times for the plan being driven; those that do not fit change nothing."""
+        if self.ride is None or boot != self._leader.boot or epoch != self.epoch:
+            return
+        goes_on = revision > self.revision and (self.phase == MOVING or self.awaits_times())
+        if goes_on and self.ride.take_times(motion, self._plan_time(now_ns)):
+            self.revision = revision
+            self._apply(transitions.NEW_TIMES, now_ns)
+
     def hear_clock(self, sent_ns: int, received_ns: int, answered_ns: int, now_ns: int) -> None:
         """Take the coordinator's answer to a question about the time."""
-        if not self._other_clock:
+        if not self._leader.has_other_clock:
             self.clock.add(sent_ns, received_ns, answered_ns, now_ns)
 
     def hear_driver_error(self, now_ns: int) -> None:
@@ -181,19 +182,20 @@ class Agent:
             if self.phase == BRAKING:
                 ride.keep_braking(time)
                 if ride.rests(time, x, y):
-                    self._apply(ARRIVED if ride.at_goal() else AT_REST, now_ns)
+                    self._apply(
+                        transitions.ARRIVED if ride.at_goal() else transitions.AT_REST, now_ns
+                    )
             self.drive_speed, self.drive_distance = ride.speed, ride.distance
             self.drive_curvature = ride.curvature
 
     def report_due(self, now_ns: int) -> bool:
         """Tell whether to report now, which then counts as done."""
-        state = (self.epoch, self.phase, self.fault)
+        state = (self.epoch, self.revision, self.phase, self.fault)
         if state == self._reported and now_ns - self._reported_ns < REPORT_PERIOD:
             return False
         self._reported, self._reported_ns = state, now_ns
         self.report_sequence += 1
-        self.report_s = self.rest_s if self._tell_s and self.rest_epoch > 0 else None
-        self._tell_s = False
+        self.report_s = self.rest.s if self.rest.is_due() else None
         return True
 
     def hello_due(self, now_ns: int) -> bool:
@@ -208,6 +210,11 @@ class Agent:
         enough = (self.ride.clock_error_ns if self.ride else CLOCK_ERROR) - CLOCK_RESERVE
         return self.clock.due(now_ns, enough, self.phase in (MOVING, BRAKING))
 
+    def awaits_times(self) -> bool:
+        """Tell whether the robot stands because it is late, and the others move."""
+        late = self.phase == FROZEN and self.fault == LATE
+        return late and self._leader.phase == GO and self._leader.epoch == self.epoch
+
     def has_driven(self) -> bool:
         """Tell whether the robot has set out on a plan, or was told to freeze with one."""
         return self._spent_epoch > 0
@@ -216,28 +223,13 @@ class Agent:
         """Tell whether nothing is left to do: all over, or at the goal and the fleet is gone."""
         return self.finished or (self.phase == DONE and self._is_alone(now_ns))
 
-    def _believes(self, boot: int, epoch: int, now_ns: int) -> bool:
-        """Decide about a coordinator not heard before.
-
-        Another one has another clock: a plan being driven keeps the old one's to its end.
-        """
-        before_motion = self.phase in (IDLE, ARMED)
-        if not before_motion and epoch <= self._command_epoch:
-            return False
-        if self._coordinator >= 0:
-            self._other_clock = True
-            if before_motion:
-                self._apply(NEW_EPOCH, now_ns)
-        self._coordinator = boot
-        return True
-
     def _hear_go(self, start_ns: int, now_ns: int) -> None:
         self._start_ns = start_ns
         if self.ride is not None and self.ride.missed(self._plan_time(now_ns)):
             self.fault = LATE
-            self._apply(GO_TOO_LATE, now_ns)
+            self._apply(transitions.GO_TOO_LATE, now_ns)
         else:
-            self._apply(GO_IN_TIME, now_ns)
+            self._apply(transitions.GO_IN_TIME, now_ns)
 
     def _try_to_arm(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> None:
         if not ride.follower.misplacement(x, y, heading) <= TURN_SHARE * ride.track:
@@ -249,12 +241,12 @@ class Agent:
             self.fault = CLOCK_UNSURE
         else:
             self.fault = NO_FAULT
-            self._apply(READY, now_ns)
+            self._apply(transitions.READY, now_ns)
 
     def _keep_to_plan(self, ride: Ride, time: float, now_ns: int) -> None:
         fault = ride.trouble(time)
         if ride.arrived(time) and fault != OFF_PATH:
-            self._apply(ARRIVED, now_ns)
+            self._apply(transitions.ARRIVED, now_ns)
             return
         if fault == NO_FAULT and self._is_alone(now_ns):
             fault = LEASE_OUT
@@ -269,11 +261,12 @@ class Agent:
         """Remember the first fault and brake; at the goal only having left it is one."""
         if self.fault == NO_FAULT and (self.phase != DONE or fault == OFF_PATH):
             self.fault = fault
-        self._apply(LEFT_PATH if fault == OFF_PATH else TROUBLE, now_ns)
+        left = fault == OFF_PATH
+        self._apply(transitions.LEFT_PATH if left else transitions.TROUBLE, now_ns)
 
     def _apply(self, event: str, now_ns: int) -> None:
         """Go to the next phase by the table and do what entering it takes."""
-        after = TRANSITIONS.get((self.phase, event))
+        after = transitions.TRANSITIONS.get((self.phase, event))
         if after is None:
             return
         self.phase = after
@@ -284,24 +277,27 @@ class Agent:
         elif after in (FROZEN, DONE) and self.ride is not None:
             self._rest(self.ride, after == FROZEN)
         elif after == MOVING:
-            self.rest_epoch = 0
+            self.fault = NO_FAULT
+            self.rest.leave()
         if after in (MOVING, FROZEN):
             self._spent_epoch = self.epoch
 
     def _rest(self, ride: Ride, tell: bool) -> None:
         """Stand, and keep where for as long as that lasts, whatever becomes of the plan."""
         ride.stand()
-        self._tell_s, self.rest_epoch, self.rest_s = tell, self.epoch, ride.follower.s
-        self.rest_off, self.rest_turn = ride.follower.offset()
+        follower = ride.follower
+        tell = tell and not self.awaits_times()
+        self.rest.keep(self.epoch, follower.s, follower.offset(), ride.planned_at(follower.s), tell)
 
     def _drop_plan(self, now_ns: int) -> None:
-        self.ride, self.epoch, self.fault, self._tell_s = None, 0, NO_FAULT, False
-        if self._other_clock:
-            self._other_clock = False
+        self.ride, self.epoch, self.revision, self.fault = None, 0, 0, NO_FAULT
+        self.rest.hush()
+        if self._leader.has_other_clock:
+            self._leader.has_other_clock = False
             self.clock.reset(now_ns)
 
     def _plan_time(self, now_ns: int) -> float:
         return (now_ns + self.clock.offset_ns - self._start_ns) / SECOND
 
     def _is_alone(self, now_ns: int) -> bool:
-        return self.ride is not None and now_ns - self._command_ns > self.ride.lease_ns
+        return self.ride is not None and self._leader.is_silent(self.ride.lease_ns, now_ns)

@@ -64,16 +64,39 @@ class Ride:
             raise ValueError(
                 f"the motion ends at {self._timeline.length} m, the path at {curve.length} m"
             )
+        self._slack = max(ARRIVAL_SLACK, LATE_SHARE * self.track)
         self._limit = max_speed or _SPARE_SPEED * max(motion[1])
         self._brake_speed = 0.0
         self._brake_from = -inf
         self._rest_from = inf
         self._rest_x = self._rest_y = 0.0
 
+    def take_times(
+        self,
+        motion: tuple[list[float], list[float], list[float], list[float]],
+        time: float,
+    ) -> bool:
+        """Take other times for the same path; False, and no change, if they do not fit.
+
+        They must not have the robot behind where it is.
+        """
+        try:
+            timeline = Timeline(*motion)
+        except (ValueError, ArithmeticError, IndexError):
+            return False
+        longer = abs(timeline.length - self._timeline.length)
+        if longer > ARRIVAL_SLACK or self.follower.s > timeline.s_at(time) + self._slack:
+            return False
+        self._timeline = timeline
+        return True
+
+    def planned_at(self, s: float) -> float:
+        """Return the plan time [s] that has the robot at arc length s [m]."""
+        return self._timeline.time_at(s)
+
     def missed(self, time: float) -> bool:
         """Tell whether the plan is farther ahead than its share of tau allows."""
-        behind = self._timeline.s_at(time - self.late) - max(ARRIVAL_SLACK, LATE_SHARE * self.track)
-        return not self.follower.s >= behind
+        return not self.follower.s >= self._timeline.s_at(time - self.late) - self._slack
 
     def trouble(self, time: float) -> int:
         """Return the fault that ends the ride now, or NO_FAULT."""

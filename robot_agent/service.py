@@ -15,9 +15,20 @@ from pathlib import Path
 
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import PROTOCOL_VERSION, Clock, Command, Hello, Plan, Refusal, Report, Rest
+from protocol.messages import (
+    PROTOCOL_VERSION,
+    Clock,
+    Command,
+    Hello,
+    NewTimes,
+    Pace,
+    Plan,
+    Refusal,
+    Report,
+    Rest,
+)
 from protocol.phases import FREEZE, GO, HOLD, IDLE, PHASE_NAMES
-from protocol.plan_parts import unpack_plan
+from protocol.plan_parts import unpack_motion, unpack_plan
 from protocol.timing import COMMAND_PERIOD
 from protocol.transport import Transport
 from robot_agent.agent import Agent
@@ -207,6 +218,8 @@ class RobotService:
                 self._hear_command(place[0], message, now_ns)
             elif isinstance(message, Plan) and message.robot == self._robot.id:
                 self.agent.hear_plan(message.boot, message.epoch, *unpack_plan(message))
+            elif isinstance(message, NewTimes):
+                self._hear_times(message, now_ns)
             elif isinstance(message, Refusal) and message.boot == self.boot:
                 self.refusal = message.reason
             elif isinstance(message, Clock) and message.boot == self.boot:
@@ -227,6 +240,10 @@ class RobotService:
             self._robot.id in command.wanted,
             now_ns,
         )
+
+    def _hear_times(self, times: NewTimes, now_ns: int) -> None:
+        motion = unpack_motion(times)
+        self.agent.hear_times(times.boot, times.epoch, times.revision, motion, now_ns)
 
     def _hear_clock(self, answer: Clock, heard_ns: int) -> None:
         if answer.received_ns is not None and answer.answered_ns is not None:
@@ -260,7 +277,7 @@ class RobotService:
         agent = self.agent
         if agent.report_s is None:
             return None
-        return Rest(agent.report_s, agent.rest_epoch, agent.rest_off, agent.rest_turn)
+        return Rest(agent.report_s, agent.rest.epoch, agent.rest.off, agent.rest.turn)
 
     def _speak(self, now_ns: int) -> None:
         if self._fleet is None:
@@ -284,3 +301,7 @@ class RobotService:
                 self._rest(),
             )
             self._transport.put(keys.report(fleet, robot.id), encode(report))
+            if agent.revision > 0 or agent.awaits_times():
+                stood_us = agent.rest.stood_us if agent.awaits_times() else None
+                pace = Pace(self.boot, agent.epoch, agent.revision, stood_us)
+                self._transport.put(keys.report(fleet, robot.id), encode(pace))

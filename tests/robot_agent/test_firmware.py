@@ -18,6 +18,8 @@ from tests.robot_agent.rides import RULES
 ROOT = Path(__file__).parents[2]
 FIRMWARE = (
     "robot_agent/agent.py",
+    "robot_agent/leader.py",
+    "robot_agent/resting_place.py",
     "robot_agent/ride.py",
     "robot_agent/transitions.py",
     "robot_agent/steering.py",

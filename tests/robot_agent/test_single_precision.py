@@ -118,6 +118,8 @@ def single_firmware() -> dict[str, SimpleNamespace]:
     sources = {name.removesuffix(".py").replace("/", "."): ROOT / name for name in FIRMWARE}
 
     def load(name, *_rest):
+        if name == "robot_agent":  # a module that is imported from its package
+            return SimpleNamespace(transitions=load("robot_agent.transitions"))
         if name not in modules:
             tree = ast.fix_missing_locations(Rounding().visit(ast.parse(sources[name].read_text())))
             space = {"__builtins__": inside, "__name__": name, "Single": Single, "divide": divide}

@@ -107,9 +107,11 @@ ROWS = {
     (MOVING, transitions.NEW_EPOCH): BRAKING,
     (MOVING, transitions.ARRIVED): DONE,
     (MOVING, transitions.LEFT_PATH): BRAKING,
+    (MOVING, transitions.NEW_TIMES): MOVING,
     (BRAKING, transitions.AT_REST): FROZEN,
     (BRAKING, transitions.ARRIVED): DONE,
     (FROZEN, transitions.NEW_EPOCH): IDLE,
+    (FROZEN, transitions.NEW_TIMES): MOVING,
     (DONE, transitions.NEW_EPOCH): IDLE,
     (DONE, transitions.LEFT_PATH): FROZEN,
 }

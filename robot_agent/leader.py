@@ -1,0 +1,42 @@
+"""The coordinator that a robot obeys, and its newest Command.
+
+Decides: which Command counts, and when the coordinator is silent.  Must not know: what a Command
+makes the robot do.  Firmware: imports nothing but the shared numbers.
+
+A Command older than the last one heard changes nothing.  Another coordinator (boot) is believed
+before motion, or when its epoch is higher.
+"""
+
+from protocol.phases import HOLD
+
+_NEVER = -(1 << 62)
+
+
+class Leader:
+    """boot: -1 as long as none was heard; epoch, phase, sequence: of its newest Command.
+
+    `has_other_clock`: it is not the one that the robot's time comes from.
+    """
+
+    def __init__(self) -> None:
+        self.boot = self.sequence = -1
+        self.epoch = 0
+        self.phase = HOLD
+        self.has_other_clock = False
+        self._heard_ns = _NEVER
+
+    def counts(self, boot: int, sequence: int, epoch: int, before_motion: bool) -> bool:
+        """Tell whether a Command counts; one that moves the robot keeps its coordinator."""
+        if boot == self.boot:
+            return sequence > self.sequence
+        return before_motion or epoch > self.epoch
+
+    def hear(self, boot: int, sequence: int, epoch: int, phase: int, now_ns: int) -> None:
+        """Take a Command that counts."""
+        self.has_other_clock = self.has_other_clock or self.boot not in (-1, boot)
+        self.boot, self.sequence = boot, sequence
+        self.epoch, self.phase, self._heard_ns = epoch, phase, now_ns
+
+    def is_silent(self, lease_ns: int, now_ns: int) -> bool:
+        """Tell whether nothing was heard for longer than a lease."""
+        return now_ns - self._heard_ns > lease_ns
