@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from msgspec.structs import replace
 
 from coordinator.braking import brakes_at
 from coordinator.nearness import nearest_of_all
@@ -18,10 +19,13 @@ from coordinator.ride_samples import Array, RideSamples, ride_of_message, times_
 from coordinator.summary import NearestSummary, RobotSummary
 from coordinator.true_course import TrueCourse
 from protocol import phases
-from protocol.messages import Command, Message, Plan, Report
+from protocol.messages import Command, Message, NewTimes, Plan, Report
 
 if TYPE_CHECKING:
     from coordinator.logbook import Record
+
+Turn = tuple[int, int]
+"""An epoch, and how often its times were changed."""
 
 _ROW: Final = 0.02
 """Time [s] by which a row of a black box may be off: it is written once per control tick."""
@@ -36,8 +40,8 @@ class Courses:
 
     def __init__(self, zero_ns: int, lag_ns: int, boot: str) -> None:
         self._zero_ns, self._lag_ns, self._boot = zero_ns, lag_ns, boot
-        self._plans: dict[tuple[int, str], Plan] = {}
-        self._begins: dict[int, float] = {}
+        self._plans: dict[tuple[Turn, str], Plan] = {}
+        self._begins: dict[Turn, float] = {}
         self._starts: dict[int, float] = {}
         self._frozen: dict[int, float] = {}
         self._rests: dict[tuple[int, str], float] = {}
@@ -49,18 +53,28 @@ class Courses:
         now = (record.log_ns - self._zero_ns) / 1e9
         self._end = max(self._end, now)
         if isinstance(message, Command) and self._boot in ("", str(message.boot)):
-            self._begins.setdefault(message.epoch, now)
+            self._begins.setdefault((message.epoch, 0), now)
             if message.phase == phases.GO:
                 start_ns = message.start_ns + self._lag_ns
                 self._starts.setdefault(message.epoch, (start_ns - self._zero_ns) / 1e9)
             elif message.phase == phases.FREEZE and self._starts:
                 self._frozen.setdefault(max(self._starts), now)
         elif isinstance(message, Plan):
-            self._plans.setdefault((message.epoch, robot), message)
+            self._plans.setdefault(((message.epoch, 0), robot), message)
+        elif isinstance(message, NewTimes):
+            self._take_times(message, robot, now)
         elif isinstance(message, Report):
             self._last[message.epoch, robot] = now
             if message.rest is not None:
                 self._rests[message.rest.epoch, robot] = message.rest.s_m
+
+    def _take_times(self, times: NewTimes, robot: str, now: float) -> None:
+        plan = self._plans.get(((times.epoch, 0), robot))
+        if plan is not None:
+            parts = {name: getattr(times, name) for name in ("speeds", "profile", "stops")}
+            turn = (times.epoch, times.revision)
+            self._plans[turn, robot] = replace(plan, **parts)
+            self._begins.setdefault(turn, now)
 
     def fill(self, robots: Mapping[str, RobotSummary], boxes: Mapping[str, TrueCourse]) -> None:
         """Put who came how near to whom into the robots' summaries, and what only boxes know.
@@ -93,17 +107,21 @@ class Courses:
         ends = (float(box.t[-1]) for box in boxes)
         return times_between(min(self._starts.values()), max([self._end, *ends]))
 
-    def _rides(self) -> dict[str, list[tuple[int, RideSamples]]]:
-        """Return what every robot drove, in the order of the epochs."""
-        found: dict[str, list[tuple[int, RideSamples]]] = {}
-        for (epoch, robot), plan in sorted(self._plans.items()):
-            if epoch in self._starts:
+    def _rides(self) -> dict[str, list[tuple[Turn, RideSamples]]]:
+        """Return what every robot drove, in the order of the epochs and their new times."""
+        found: dict[str, list[tuple[Turn, RideSamples]]] = {}
+        for turn, robot in sorted(self._plans):
+            if turn[0] in self._starts:
                 try:
-                    ride = ride_of_message(plan)
+                    ride = ride_of_message(self._plans[turn, robot])
                 except ValueError:
                     continue
-                found.setdefault(robot, []).append((epoch, self._halted(epoch, robot, ride)))
+                found.setdefault(robot, []).append((turn, self._halted(turn[0], robot, ride)))
         return found
+
+    def _begin(self, turn: Turn) -> float:
+        """Return from when on a robot drove by a plan, or by new times."""
+        return self._starts[turn[0]] if turn[1] == 0 else self._begins[turn]
 
     def _halted(self, epoch: int, robot: str, ride: RideSamples) -> RideSamples:
         """Return the ride with where it ended, if that was before its plan did."""
@@ -117,22 +135,27 @@ class Courses:
         last = min(self._last.get((epoch, robot), frozen), frozen)
         return ride.halted(max(last - start, 0.0), 0.0)
 
-    def _by_plan(self, rides: list[tuple[int, RideSamples]], times: Array) -> Array:
+    def _by_plan(self, rides: list[tuple[Turn, RideSamples]], times: Array) -> Array:
         """Return where the plans had a robot, (n, 2): at rest before, between and after them."""
         places = np.empty((len(times), 2))
-        begins = [self._starts[epoch] for epoch, _ in rides]
+        begins = [self._begin(turn) for turn, _ in rides]
         which = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
-        for number, (epoch, ride) in enumerate(rides):
+        for number, (turn, ride) in enumerate(rides):
             mine = which == number
-            places[mine] = ride.places_at(ride.driven_at(times[mine] - self._starts[epoch]))
+            places[mine] = ride.places_at(ride.driven_at(times[mine] - self._starts[turn[0]]))
         return places
 
-    def _tracking(self, rides: list[tuple[int, RideSamples]], box: TrueCourse) -> float | None:
-        """Return the greatest distance [m] from the plans while they held; None without any."""
+    def _tracking(self, rides: list[tuple[Turn, RideSamples]], box: TrueCourse) -> float | None:
+        """Return the greatest distance [m] from the plans while they held; None without any.
+
+        New times hold from when the robot keeps to them: one that stood late has taken them then.
+        """
         worst: list[float] = []
-        for epoch, ride in rides:
-            later = [at for number, at in self._begins.items() if number > epoch]
-            rows = box.between(self._begins[epoch], min(later, default=math.inf))
+        held = {turn: box.timed_from(self._begins[turn]) for turn, _ in rides if turn[1]}
+        held |= {turn: at for turn, at in self._begins.items() if turn[1] == 0}
+        for turn, ride in rides:
+            later = [at for other, at in held.items() if other > turn]
+            rows = box.between(held[turn], min(later, default=math.inf))
             if len(rows.t):
-                worst.append(rows.off(ride, self._starts[epoch], _ROW))
+                worst.append(rows.off(ride, self._starts[turn[0]], _ROW))
         return round(max(worst), 6) if worst else None

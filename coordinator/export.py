@@ -149,7 +149,7 @@ def documents_of(log: Log) -> dict[int, PlanDocument]:
         except InputError:
             found = {}
     for name, data in log.attachments.items():
-        if name.startswith("plan-"):
+        if plan_file.is_plan_name(name):
             try:
                 document = plan_file.from_json(data, name)
             except InputError:

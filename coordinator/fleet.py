@@ -2,9 +2,10 @@
 
 In prose: HOLD until every robot that has a part in the epoch is armed; then GO at a common start
 time.  While GO, a robot that falls silent, reports a fault or stops, or misses the task deadline,
-turns the phase to FREEZE.  A frozen fleet that rests is planned anew (`adopt`): the next epoch, in
-HOLD.  When all have arrived the phase is OVER.  The Command of every tick states the phase anew, so
-a lost message changes nothing, nor does an event that a phase does not list.
+turns the phase to FREEZE; for one that is late the others may get new times instead (`take_times`).
+A frozen fleet that rests is planned anew (`adopt`): the next epoch, in HOLD.  When all have arrived
+the phase is OVER.  The Command of every tick states the phase anew, so a lost message changes
+nothing, nor does an event that a phase does not list.
 
 Decides: what is said to whom, and when the fleet goes, freezes and ends.  Must not know: clocks
 (`now_ns` is an argument), Zenoh, files, paths.  The same inputs give the same bytes: replay relies
@@ -15,28 +16,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from coordinator.absence import Absence
+from coordinator.delay import Delay
+from coordinator.epoch_times import EpochTimes
 from coordinator.failing import Failing, on_the_way, that_do_not_arm
-from coordinator.fleet_news import Incident, Outgoing, Part
+from coordinator.fleet_news import Outgoing, Part
 from coordinator.fleet_phases import (
-    FAREWELLS,
     FREEZE_PATIENCE,
-    GO_LEAD,
     RESUME_PATIENCE,
-    TASK_GRACE,
-    TRANSITIONS,
-    UNLOGGED,
-    Event,
 )
+from coordinator.fleet_state import FleetState
 from coordinator.greeting import Door
+from coordinator.lateness import Lateness
 from coordinator.member import Member
-from coordinator.roster import Roster
-from coordinator.standing import Standing
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import Admit, Clock, Command, Hello, Report
+from protocol.messages import Admit, Clock, Command, Hello, Pace, Report
 from protocol.phases import (
-    COMMAND_NAMES,
     DONE,
     FREEZE,
     GO,
@@ -44,44 +39,23 @@ from protocol.phases import (
     OVER,
     fault_name,
 )
-from protocol.timing import COMMAND_PERIOD, SECOND
 
 
-class Fleet:
-    """The coordinator's side of a fleet; all times in ns on the coordinator's clock.
-
-    `settling_ns`: how long after FREEZE even a robot that hears nothing may still move;
-    `behind_ns`: how far behind its plan one may have been when it said that it moves.
-    """
+class Fleet(FleetState):
+    """The coordinator's side of a fleet; all times in ns on the coordinator's clock."""
 
     def __init__(
         self,
         name: str,
         boot: int,
-        epoch: int,
         members: list[Member],
-        duration_ns: int,
-        settling_ns: int = 2 * SECOND,
-        behind_ns: int = SECOND // 2,
+        times: EpochTimes,
+        delay: Delay | None = None,
     ) -> None:
-        self.name = name
-        self.boot = boot
-        self.epoch = self.first_epoch = epoch
-        self.members = Roster(members)
-        self.phase = HOLD
-        self.start_ns = 0
+        super().__init__(name, boot, members, times, delay or Delay())
         self.bad_messages = 0
         self.superseded = False
-        self.incidents: list[Incident] = []
-        self._duration_ns = duration_ns
-        self._settling_ns = settling_ns
-        self._behind_ns = behind_ns
-        self._sequence = 0
-        self._changed_ns = self._frozen_ns = self._patient_until_ns = 0
-        self._driven_epoch = epoch
-        self._has_gone = False
-        self._absence = Absence()
-        self._farewells = 0
+        self._patient_until_ns = 0
         self._door = Door(name, self.members, self.incidents)
 
     def hear(self, key: str, payload: bytes, now_ns: int) -> list[Outgoing]:
@@ -98,6 +72,8 @@ class Fleet:
             return self._hear_hello(robot, message, now_ns)
         if isinstance(message, Report):
             return self._hear_report(robot, message, now_ns)
+        if isinstance(message, Pace):
+            return self._hear_pace(robot, message, now_ns)
         if isinstance(message, Clock) and message.received_ns is None:
             return self._answer_clock(robot, message, now_ns)
         if isinstance(message, Command):
@@ -122,40 +98,49 @@ class Fleet:
             self._settle(now_ns, was_away)
         elif self.phase == OVER:
             self._farewells += 1
-        return [] if self.phase == GO and self._absence.doubted else [self._command()]
-
-    @property
-    def is_finished(self) -> bool:
-        """Tell whether nothing is left to do and the robots have been told."""
-        return self.phase == OVER and self._farewells >= FAREWELLS
-
-    @property
-    def next_epoch(self) -> int:
-        """The number of the next plan."""
-        return max(self.epoch, self._driven_epoch + 1)
-
-    def is_settled(self, now_ns: int) -> bool:
-        """Tell whether a frozen fleet rests: all have told where, or are lost."""
-        if self.phase != FREEZE or now_ns < self._changed_ns + COMMAND_PERIOD:
-            return False
-        return self.members.has_told(self._has_gone)
-
-    def standings(self) -> list[Standing]:
-        """Return where the robots stand that have a part in this epoch or have spoken since."""
-        until = self._frozen_ns + self._settling_ns + self._behind_ns
-        zero = self.start_ns + self._behind_ns
-        return self.members.standings(self._driven_epoch, zero, until, self._has_gone)
+        if self.phase == GO and self._absence.doubted:
+            return []
+        late = [self.members[name] for name in sorted(self._delay.missing)]
+        return [*(Outgoing(keys.plan(self.name, m.id), m.times) for m in late), self._command()]
 
     def adopt(
         self, epoch: int, parts: Mapping[str, Part], duration_ns: int, now_ns: int
     ) -> list[Outgoing]:
         """Begin the next epoch with these robots' parts; the others stay where they stand."""
-        self.epoch = self._driven_epoch = epoch
-        self._duration_ns = duration_ns
+        self.epoch = epoch
+        self.times.begin(epoch, duration_ns)
+        self._delay.begin_epoch()
         self.members.assign(parts)
         self._turn("planned" if parts else "none can go", now_ns)
-        self._has_gone = False
         return [self._command()]
+
+    def late(self) -> Lateness | None:
+        """Return what new times are wanted for and were not asked for yet."""
+        return self._delay.request() if self.phase == GO else None
+
+    def take_times(
+        self, late: Lateness, times: Mapping[str, bytes], duration_ns: int, now_ns: int
+    ) -> list[Outgoing] | None:
+        """Tell these robots their new times (NewTimes messages); freeze if there are none.
+
+        None when they are no longer waited for.
+        """
+        if self.phase != GO or not self._delay.awaits(late):
+            return None
+        if not times:
+            self._fail(
+                self.members[late.robot],
+                f"{late.robot} is late, and there are no new times",
+                now_ns,
+            )
+            return [self._command()]
+        self.times.duration_ns = duration_ns
+        self._delay.tell(times, self.times)
+        for name, message in times.items():
+            self.members[name].times = message
+        told = ", ".join(sorted(times))
+        self._tell(now_ns, "late", late.robot, f"new times for {told}: {late.robot} is late")
+        return [Outgoing(keys.plan(self.name, name), times[name]) for name in sorted(times)]
 
     def take_over(self, boot: int, last_ns: int, now_ns: int) -> None:
         """Go on in place of a coordinator that was last sure to be alive at `last_ns`.
@@ -165,19 +150,16 @@ class Fleet:
         """
         self.boot, self._sequence, self.epoch = boot, 0, self.next_epoch + 1
         self.superseded = False
-        if not self._has_gone:
+        if not self.times.has_gone:
             self.first_epoch = self.epoch
         for member in self.members.values():
             member.gone = False
         self.phase, self._changed_ns = FREEZE, now_ns
         self._absence.look(now_ns, ())
-        self._frozen_ns = last_ns + UNLOGGED
+        self._delay.drop()
+        self.times.lose_sight(last_ns)
         self._patient_until_ns = now_ns + RESUME_PATIENCE
         self._tell(now_ns, "phase", "", "goes on from a log: FREEZE")
-
-    def missing(self, now_ns: int) -> list[str]:
-        """Name the robots that are not armed yet."""
-        return self.members.unarmed(self.epoch, now_ns)
 
     def _hear_hello(self, robot: str, hello: Hello, now_ns: int) -> list[Outgoing]:
         begun = self.phase != HOLD or self.epoch != self.first_epoch
@@ -197,7 +179,7 @@ class Fleet:
         member = self.members.get(robot)
         if member is None:
             return []
-        if report.rest is not None and not 1 <= report.rest.epoch <= self._driven_epoch:
+        if report.rest is not None and not 1 <= report.rest.epoch <= self.times.epoch:
             return self._hear_stranger(member, report.rest.epoch, now_ns)
         was = (member.phase, member.fault)
         stale = self._absence.is_stale(now_ns)
@@ -208,11 +190,29 @@ class Fleet:
         if (member.phase, member.fault) != was:
             self._tell(now_ns, "report", robot, member.describe())
         if self.phase == GO and member.planned and member.has_stopped(self.epoch):
-            member.strike()
-            self._fail(member, f"{robot} stopped: {fault_name(member.fault)}", now_ns)
-            return [self._command()]
+            return self._hear_stopped(member, now_ns)
         if self.phase == HOLD and member.epoch != self.epoch:
             return self._send_plan(member, now_ns)
+        return []
+
+    def _hear_stopped(self, member: Member, now_ns: int) -> list[Outgoing]:
+        """Freeze the fleet for a robot that has stopped, unless it is late and that is borne."""
+        if self._delay.bears(member, now_ns):
+            return []
+        borne = self._delay.begin(member, self.times, now_ns)
+        member.strike()
+        if borne:
+            self._tell(now_ns, "late", member.id, f"{member.id} is late; the others go on")
+            return []
+        self._fail(member, f"{member.id} stopped: {fault_name(member.fault)}", now_ns)
+        return [self._command()]
+
+    def _hear_pace(self, robot: str, pace: Pace, now_ns: int) -> list[Outgoing]:
+        member = self.members.get(robot)
+        if member is not None and member.boot == pace.boot and self.phase == GO:
+            name = self._delay.robot
+            if self._delay.hear(member, pace, self.times, now_ns):
+                self._tell(now_ns, "late", name, f"{name} goes on later, and all know")
         return []
 
     def _hear_gone(self, robot: str, now_ns: int) -> list[Outgoing]:
@@ -244,12 +244,6 @@ class Fleet:
             self.superseded = True
         return []
 
-    def _send_plan(self, member: Member, now_ns: int) -> list[Outgoing]:
-        """Send a plan, unless it has just been sent or the robot has no part."""
-        if self.phase not in (HOLD, GO) or not member.plan_due(now_ns):
-            return []
-        return [Outgoing(keys.plan(self.name, member.id), member.plan)]
-
     def _answer_clock(self, robot: str, clock: Clock, now_ns: int) -> list[Outgoing]:
         if robot not in self.members:
             return []
@@ -274,53 +268,18 @@ class Fleet:
         def spared(member: Member) -> bool:
             return was_away or self._absence.spares(member.id, member.timeout_ns, now_ns)
 
-        deadline = self.start_ns + self._duration_ns + TASK_GRACE
-        self._give_up(on_the_way(moving, spared, self.start_ns, deadline, now_ns), now_ns)
-
-    def _give_up(self, failing: list[Failing], now_ns: int) -> None:
-        """Freeze the fleet for the sake of these robots."""
-        for member, what, lost, strike in failing:
-            member.lost |= lost
-            member.strikes += strike
-            self._fail(member, f"{member.id} {what}", now_ns)
+        start, deadline = self.times.start_ns, self.times.deadline_ns
+        self._give_up(on_the_way(moving, spared, start, deadline, now_ns), now_ns)
+        if self._delay.is_over(now_ns):
+            member = self.members[self._delay.robot]
+            self._give_up([Failing(member, "is late, and new times did not come through")], now_ns)
 
     def _settle(self, now_ns: int, was_away: bool) -> None:
         """See who is lost in a fleet that freezes."""
         if was_away or now_ns < self._patient_until_ns:
             return
-        waited = now_ns - self._changed_ns > self._settling_ns + FREEZE_PATIENCE
+        waited = now_ns - self._changed_ns > self.times.settling_ns + FREEZE_PATIENCE
         for member in self.members.values():
             member.admitted &= not waited
             if member.planned and not member.finished:
                 member.lost |= member.is_silent(now_ns) or (waited and not member.is_at_rest())
-
-    def _fail(self, member: Member, text: str, now_ns: int) -> None:
-        self._tell(now_ns, "fault", member.id, text)
-        self._turn("robot failed", now_ns)
-
-    def _turn(self, event: Event, now_ns: int) -> None:
-        phase = TRANSITIONS.get((self.phase, event))
-        if phase is None:
-            return
-        self.phase, self._changed_ns = phase, now_ns
-        self._frozen_ns = now_ns if phase == FREEZE else self._frozen_ns
-        if phase == GO:
-            self.start_ns, self._has_gone = now_ns + GO_LEAD, True
-            for member in self.members.planned:
-                member.set_out(self.epoch, now_ns)
-        self._tell(now_ns, "phase", "", COMMAND_NAMES[phase])
-
-    def _command(self) -> Outgoing:
-        self._sequence += 1
-        command = Command(
-            boot=self.boot,
-            sequence=self._sequence,
-            epoch=self.epoch,
-            phase=self.phase,
-            start_ns=self.start_ns if self.phase in (GO, FREEZE) else 0,
-            wanted=tuple(self.members.wanted(self.phase == FREEZE)[:100]),
-        )
-        return Outgoing(keys.command(self.name), encode(command))
-
-    def _tell(self, now_ns: int, kind: str, robot: str, text: str) -> None:
-        self.incidents.append(Incident(now_ns, kind, robot, text))

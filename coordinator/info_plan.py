@@ -46,15 +46,19 @@ def summarise_plan(document: PlanDocument) -> dict[str, object]:
 
 
 def read_plans(attachments: Mapping[str, bytes]) -> list[PlanDocument]:
-    """Return the plans among a log's attachments, by epoch; one that is spoilt is passed over."""
-    documents = []
+    """Return the plans among a log's attachments, by epoch; one that is spoilt is passed over.
+
+    Of an epoch whose times were changed it is the last one.
+    """
+    documents: dict[int, PlanDocument] = {}
     for name, data in attachments.items():
-        if name.startswith("plan-"):
+        if plan_file.is_plan_name(name):
             try:
-                documents.append(plan_file.from_json(data, name))
+                document = plan_file.from_json(data, name)
             except InputError:
                 continue
-    return sorted(documents, key=lambda document: document.epoch)
+            documents[document.epoch] = document
+    return [documents[epoch] for epoch in sorted(documents)]
 
 
 def take_plans(

@@ -21,7 +21,7 @@ from coordinator.fleet_phases import GO_LEAD
 from coordinator.logbook import RESUMED, is_unfinished, read_log
 from coordinator.member import STRIKES
 from coordinator.mission import Mission
-from coordinator.plan import PlanDocument, to_json
+from coordinator.plan import PlanDocument, plan_name, to_json
 from coordinator.planning import plan_here
 from coordinator.recorder import Attachment, Recorder
 from coordinator.replay import go_on
@@ -127,9 +127,13 @@ class Coordinator:
     def _keep(self, document: PlanDocument, first: Path | None) -> None:
         """Write a later epoch's plan beside the first one's, and tell of it."""
         if first is not None:
-            file = first.with_name(f"{first.stem}-{document.epoch}{first.suffix}")
+            name = plan_name(document.epoch, document.revision).removeprefix("plan")
+            file = first.with_name(f"{first.stem}{Path(name).stem}{first.suffix}")
             write_file(file, to_json(document))
-        self._say("planned", text=f"epoch {document.epoch}: {len(document.robots)} robots go on")
+        text = f"epoch {document.epoch}: {len(document.robots)} robots go on"
+        if document.revision:
+            text = f"epoch {document.epoch}: new times, the {document.revision}. time"
+        self._say("planned", text=text)
 
     def _recorder(
         self, log: Path | None, document: PlanDocument, boot: int, resume: Path | None
@@ -146,7 +150,7 @@ class Coordinator:
         }
         attachments = [
             Attachment("scenario.json", "application/json", scenario_to_json(self.scenario)),
-            Attachment(f"plan-{document.epoch}.json", "application/json", to_json(document)),
+            Attachment(plan_name(document.epoch), "application/json", to_json(document)),
         ]
         if resume is not None:
             metadata["began_ns"] = str(self._began_ns)
@@ -174,7 +178,7 @@ class Coordinator:
                 robot=incident.robot,
                 text=incident.text,
                 now_ns=incident.now_ns,
-                start_ns=fleet.start_ns,
+                start_ns=fleet.times.start_ns,
             )
         self._told = len(fleet.incidents)
 

@@ -17,8 +17,8 @@ from coordinator.scene_log import Course, scene_of_course
 from coordinator.summary import FaultSummary
 from coordinator.wire import path_of, unpack
 from protocol import keys
-from protocol.codec import decode, encode
-from protocol.messages import Clock, Command, Hello, Message, Plan, Report
+from protocol.codec import decode, encode, seal
+from protocol.messages import Clock, Command, Hello, Message, NewTimes, Plan, Report
 from protocol.phases import FAULT_NAMES, NO_FAULT
 from protocol.plan_parts import unpack_plan
 from protocol.timing import SECOND
@@ -45,6 +45,7 @@ class LiveCourse:
         self._course = Course()
         self._radius: dict[str, float] = {}
         self._phase: tuple[int, int] | None = None
+        self._plans: dict[tuple[int, str], Plan] = {}
         self._faults: dict[str, int] = {}
         self._first: tuple[int, float] | None = None
         self._latest: tuple[int, float] = (0, 0.0)
@@ -91,6 +92,8 @@ class LiveCourse:
             return self._take_report(message, robot, now)
         if isinstance(message, Plan):
             return self._take_plan(message)
+        if isinstance(message, NewTimes):
+            return self._take_times(message, robot)
         if isinstance(message, Hello) and message.radius_m > 0.0:
             self._radius[robot] = message.radius_m
         return False
@@ -106,19 +109,29 @@ class LiveCourse:
             course.faults.append((now_ns, FaultSummary(0.0, robot, name, "report")))
         return changed or len(course.rests) > known
 
-    def _take_plan(self, plan: Plan) -> bool:
+    def _take_plan(self, plan: Plan, anew: bool = False) -> bool:
         """Add a robot's plan to its epoch's document; a plan that is no plan is passed over."""
         documents = self._course.plans
         document = documents.get(plan.epoch, _document(plan, self.fleet or "", self._floor))
-        if any(robot.id == plan.robot for robot in document.robots):
+        self._plans.setdefault((plan.epoch, plan.robot), plan)
+        if not anew and any(robot.id == plan.robot for robot in document.robots):
             return False
         try:
             robot = _robot_plan(plan, self._radius.get(plan.robot, _RADIUS))
         except (ValueError, msgspec.MsgspecError, IndexError):
             return False
-        robots = sorted([*document.robots, robot], key=lambda one: one.id)
+        others = [one for one in document.robots if one.id != plan.robot]
+        robots = sorted([*others, robot], key=lambda one: one.id)
         documents[plan.epoch] = msgspec.structs.replace(document, robots=robots)
         return True
+
+    def _take_times(self, times: NewTimes, robot: str) -> bool:
+        """Give a plan that is known other times."""
+        plan = self._plans.get((times.epoch, robot))
+        if plan is None or plan.boot != times.boot:
+            return False
+        parts = {name: getattr(times, name) for name in ("speeds", "profile", "stops")}
+        return self._take_plan(seal(msgspec.structs.replace(plan, **parts)), anew=True)
 
     def _set_clock(self, answered_ns: int, now: float) -> None:
         self._first = self._first or (answered_ns, now)

@@ -59,6 +59,8 @@ class Member:
     epoch: int = 0
     phase: int = IDLE
     fault: int = 0
+    times: bytes = b""
+    """The newest NewTimes message."""
     plan_sent_ns: int | None = None
     done_ns: int | None = None
     lost: bool = False

@@ -10,9 +10,11 @@ from dataclasses import dataclass
 from typing import Final
 
 from coordinator.fleet_news import Incident, Outgoing
-from coordinator.muster import muster, parts_of
+from coordinator.lateness import Lateness
+from coordinator.muster import muster, parts_of, times_of
 from coordinator.plan import PlanDocument
 from coordinator.recovery import Planner, Recovery, recover
+from coordinator.retiming import retime
 from coordinator.scenario import Scenario
 from coordinator.site import Site
 from coordinator.standing import Standing
@@ -62,6 +64,26 @@ class Mission:
         if request.epoch > MOST_EPOCHS:
             return Recovery(self.site, None, (f"given up after {MOST_EPOCHS} epochs",))
         return recover(self.site, self.documents, request.told, request.epoch, self._planner)
+
+    def late(self) -> Lateness | None:
+        """Return what new times are wanted for and were not asked for yet."""
+        return self.fleet.late()
+
+    def retime(self, late: Lateness) -> PlanDocument | None:
+        """Return the newest plan with new times, None if there are none; pure, takes a while."""
+        return retime(self.site.scenario, self.document, late)
+
+    def take_times(
+        self, late: Lateness, document: PlanDocument | None, now_ns: int
+    ) -> list[Outgoing] | None:
+        """Go on with new times, or freeze without; None when they are no longer waited for."""
+        driven, boot = self.document, self.fleet.boot
+        times = {} if document is None else times_of(document, driven, boot)
+        finish = max(robot.finish_time for robot in (document or driven).robots)
+        messages = self.fleet.take_times(late, times, round(finish * SECOND), now_ns)
+        if messages is not None and document is not None:
+            self.documents[document.epoch] = document
+        return messages
 
     def take_over(self, boot: int, last_ns: int, now_ns: int) -> None:
         """Go on with another boot id, in place of a coordinator that was alive at `last_ns`."""

@@ -6,13 +6,15 @@ Decides: that a plan without a proof never becomes a fleet.
 from __future__ import annotations
 
 from coordinator.budget import budget_for
+from coordinator.delay import Delay
+from coordinator.epoch_times import EpochTimes
 from coordinator.errors import PlanError
 from coordinator.fleet import Fleet
 from coordinator.fleet_news import Part
 from coordinator.link_times import link_times
 from coordinator.member import Member
 from coordinator.plan import PlanDocument
-from coordinator.wire import pack
+from coordinator.wire import pack, pack_times
 from protocol.timing import SECOND
 
 
@@ -39,11 +41,14 @@ def muster(document: PlanDocument, boot: int) -> Fleet:
     return Fleet(
         document.scenario,
         boot,
-        document.epoch,
         members,
-        round(finish * SECOND),
-        round(settling * SECOND),
-        round(behind * SECOND),
+        EpochTimes(
+            document.epoch,
+            round(finish * SECOND),
+            round(settling * SECOND),
+            round(behind * SECOND),
+        ),
+        Delay(round(document.tau * SECOND), round(budget.travel * SECOND)),
     )
 
 
@@ -54,4 +59,15 @@ def parts_of(document: PlanDocument, boot: int) -> dict[str, Part]:
     return {
         robot.id: Part(pack(document, robot, boot), max(v for _, v in robot.profile))
         for robot in document.robots
+    }
+
+
+def times_of(document: PlanDocument, driven: PlanDocument, boot: int) -> dict[str, bytes]:
+    """Return the NewTimes messages of a proven plan that changes the times of the one driven."""
+    parts = parts_of(document, boot)
+    was = {robot.id: robot for robot in driven.robots}
+    return {
+        robot.id: pack_times(parts[robot.id].plan, document.revision)
+        for robot in document.robots
+        if robot != was[robot.id]
     }

@@ -166,6 +166,16 @@ class PlanDocument(msgspec.Struct, frozen=True, kw_only=True):
         raise KeyError(robot_id)
 
 
+def plan_name(epoch: int, revision: int = 0) -> str:
+    """Return the name under which a plan is attached to a log."""
+    return f"plan-{epoch}.json" if revision == 0 else f"plan-{epoch}-{revision}.json"
+
+
+def is_plan_name(name: str) -> bool:
+    """Tell whether an attachment of this name is a plan; of an epoch the last one counts."""
+    return name.startswith("plan-") and name.endswith(".json")
+
+
 def to_json(document: PlanDocument) -> bytes:
     """Return the document as indented JSON."""
     return msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n"

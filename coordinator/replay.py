@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import msgspec
 
-from coordinator.adoption import adoption_key, request_of
+from coordinator.adoption import adoption_key, lateness_of, request_of, retiming_key
 from coordinator.errors import InputError, PlanError
 from coordinator.fleet_news import Outgoing
 from coordinator.logbook import RESUMED, Log, Record, log_from_bytes
 from coordinator.mission import Mission
-from coordinator.plan import PlanDocument
+from coordinator.plan import PlanDocument, plan_name
 from coordinator.planning import plan_here
 from coordinator.scenario_file import parse_scenario
 from protocol import keys
@@ -145,6 +145,8 @@ class _Rerun:
         """Feed one record to the core, or hold it against what the core sends."""
         if record.key == adoption_key(self._fleet.name):
             return self._adopt(record)
+        if record.key == retiming_key(self._fleet.name):
+            return self._retime(record)
         place = keys.split(record.key)
         kind = "" if place is None else place[1]
         if not _is_sent(kind, record.payload, self._fleet.boot) or (
@@ -175,13 +177,25 @@ class _Rerun:
         if request != request_of(record.payload):
             return "the robots do not stand where the log says"
         recovery = self._mission.solve(request)
-        name = f"plan-{request.epoch}.json"
-        if recovery.document is not None and name in self._attachments:
-            difference = _compare_documents(name, self._attachments[name], recovery.document)
-            if difference:
-                return difference
         self._due.extend(self._mission.adopt(request, recovery, record.log_ns) or [])
-        return ""
+        return self._compare_plan(recovery.document)
+
+    def _retime(self, record: Record) -> str:
+        """Look for new times again where the log has them."""
+        late = lateness_of(record.payload)
+        if self._due or late is None or late != self._mission.late():
+            return "the core does not ask for new times here"
+        document = self._mission.retime(late)
+        self._due.extend(self._mission.take_times(late, document, record.log_ns) or [])
+        return self._compare_plan(document)
+
+    def _compare_plan(self, document: PlanDocument | None) -> str:
+        """Hold a plan against the one that is attached."""
+        if document is None:
+            return ""
+        name = plan_name(document.epoch, document.revision)
+        recorded = self._attachments.get(name)
+        return "" if recorded is None else _compare_documents(name, recorded, document)
 
 
 def _is_sent(kind: str, payload: bytes, boot: int) -> bool:

@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import msgspec
 import numpy as np
 from msgspec.structs import replace
 
@@ -25,6 +24,7 @@ from coordinator.document import with_new_times
 from coordinator.errors import InputError, PlanError
 from coordinator.explain import explain_waits
 from coordinator.junctions import Junctions
+from coordinator.lateness import Lateness
 from coordinator.motion import Motion, Wait, limits_on, ramp_ends
 from coordinator.nurbs import Nurbs, nurbs
 from coordinator.plan import PlanDocument, RobotPlan
@@ -43,14 +43,6 @@ _REPEATS: Final = 6
 
 _SAME_PLACE: Final = 1e-4
 """A robot that stands so near [m] to a rest of its plan stands there."""
-
-
-class Lateness(msgspec.Struct, frozen=True):
-    """Who stands late, which plan time [s] has it there, and from when on times may change [s]."""
-
-    robot: str
-    stood: float
-    switch: float
 
 
 def retime(scenario: Scenario, document: PlanDocument, late: Lateness) -> PlanDocument | None:

@@ -15,7 +15,7 @@ import msgspec
 from coordinator.adoption import adoption_key, request_of
 from coordinator.errors import InputError
 from coordinator.info import summarise
-from coordinator.plan import PlanDocument, from_json
+from coordinator.plan import PlanDocument, from_json, is_plan_name
 from coordinator.scene import Aside, Epoch, Halt, Mark, Scene
 from coordinator.scene_plan import index_of, rides_of, rounded_points, scene_from, zones_of
 from coordinator.standing import Standing
@@ -52,7 +52,7 @@ class Course:
     def take(self, log: Log, name: str) -> None:
         """Take in a log; InputError when a plan in it cannot be read."""
         for file, content in log.attachments.items():
-            if file.startswith("plan-") and file.endswith(".json"):
+            if is_plan_name(file):
                 document = from_json(content, f"{name}: {file}")
                 self.plans[document.epoch] = document
         fleet = log.metadata.get("fleet", "")

@@ -11,11 +11,12 @@ import asyncio
 from collections.abc import Callable
 from typing import Final
 
-from coordinator.adoption import adoption_key, record_of
+from coordinator.adoption import adoption_key, record_of, retiming_key
 from coordinator.fleet import Fleet
 from coordinator.fleet_news import Incident, Outgoing
+from coordinator.lateness import Lateness
 from coordinator.mission import Mission, Request
-from coordinator.plan import PlanDocument, to_json
+from coordinator.plan import PlanDocument, plan_name, to_json
 from coordinator.recorder import Recorder
 from coordinator.recovery import Recovery
 from coordinator.roll_call import missing_in_words
@@ -60,6 +61,7 @@ class Service:
         self._arrivals: asyncio.Queue[Arrival] = asyncio.Queue(_WAITING)
         self._phase = (0, -1)
         self._planning: tuple[Request, asyncio.Future[Recovery]] | None = None
+        self._retiming: tuple[Lateness, asyncio.Future[PlanDocument | None]] | None = None
 
     async def run(self, patience_s: float) -> bool:
         """Run until nothing is left to do; tell whether every robot has arrived.
@@ -75,6 +77,7 @@ class Service:
             now = self._clock()
             self._send(self.fleet.tick(now), now)
             self._plan(now)
+            self._retime(now)
             if self._watch is not None:
                 self._watch(self.fleet, now)
             due += COMMAND_PERIOD
@@ -104,11 +107,35 @@ class Service:
             return
         self._recorder.record(adoption_key(self.fleet.name), record_of(asked), now)
         if recovery.document is not None:
-            name = f"plan-{asked.epoch}.json"
-            self._recorder.attach(name, "application/json", to_json(recovery.document))
-            if self._keep is not None:
-                self._keep(recovery.document)
+            self._keep_plan(recovery.document)
         self._send(messages, now)
+
+    def _retime(self, now: int) -> None:
+        """Look for new times when a robot is late, and tell them when they are there."""
+        late = self.mission.late()
+        if late is not None:
+            loop = asyncio.get_running_loop()
+            self._retiming = (late, loop.run_in_executor(None, self.mission.retime, late))
+        if self._retiming is None or not self._retiming[1].done():
+            return
+        asked, future = self._retiming
+        self._retiming = None
+        document = future.result()
+        messages = self.mission.take_times(asked, document, now)
+        if messages is None:
+            return
+        self._recorder.record(retiming_key(self.fleet.name), record_of(asked), now)
+        if document is not None:
+            self._keep_plan(document)
+            self._recorder.sync()
+        self._send(messages, now)
+
+    def _keep_plan(self, document: PlanDocument) -> None:
+        """Attach a plan to the log, and hand it on."""
+        name = plan_name(document.epoch, document.revision)
+        self._recorder.attach(name, "application/json", to_json(document))
+        if self._keep is not None:
+            self._keep(document)
 
     def _listen(self, loop: asyncio.AbstractEventLoop) -> None:
         def enqueue(key: str, payload: bytes, sent_ns: int | None) -> None:

@@ -51,7 +51,7 @@ class FleetTable:
 
     def render(self, fleet: Fleet, now_ns: int) -> Table:
         """Return the table."""
-        time = (now_ns - fleet.start_ns) / 1e9 if fleet.phase in (GO, FREEZE) else 0.0
+        time = (now_ns - fleet.times.start_ns) / 1e9 if fleet.phase in (GO, FREEZE) else 0.0
         title = f"{fleet.name} · epoch {fleet.epoch} · {COMMAND_NAMES[fleet.phase]}"
         if fleet.phase == GO:
             title += f" · {max(time, 0.0):.1f} s"

@@ -6,6 +6,7 @@ Must not know: logs, messages.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -48,6 +49,11 @@ class TrueCourse:
         """Return the rows from `begin` to before `end`."""
         kept = (self.t >= begin) & (self.t < end)
         return TrueCourse(self.t[kept], self.places[kept], self.timed[kept], self.arrival)
+
+    def timed_from(self, since: float) -> float:
+        """Return when the robot first kept to a time-table from a time on [s]; inf if never."""
+        rows = self.t[(self.t >= since) & self.timed]
+        return float(rows[0]) if len(rows) else math.inf
 
     def off(self, ride: RideSamples, start: float, row: float) -> float:
         """Return the greatest distance [m] from a plan whose time zero is `start`.

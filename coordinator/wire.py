@@ -23,7 +23,7 @@ from coordinator.plan import Path, PlanDocument, RobotPlan
 from coordinator.wire_kernels import robot_table
 from protocol.codec import decode, encode, seal
 from protocol.curve import Curve
-from protocol.messages import Plan
+from protocol.messages import NewTimes, Plan
 from protocol.packing import pack_floats, pack_points, pack_profile, pack_stops
 from protocol.plan_parts import unpack_plan
 from protocol.timeline import Timeline
@@ -87,6 +87,23 @@ def pack(document: PlanDocument, robot: RobotPlan, boot: int = 0) -> bytes:
         clock_ms=times.clock_error_ns // MILLISECOND,
     )
     return encode(seal(plan))
+
+
+def pack_times(payload: bytes, revision: int) -> bytes:
+    """Return the NewTimes message with the times of a Plan message."""
+    plan = decode("plan", payload)
+    assert isinstance(plan, Plan)
+    times = NewTimes(
+        epoch=plan.epoch,
+        boot=plan.boot,
+        revision=revision,
+        brake_mmps2=plan.brake_mmps2,
+        speeds=plan.speeds,
+        profile=plan.profile,
+        stops=plan.stops,
+        checksum=0,
+    )
+    return encode(seal(times))
 
 
 def unpack(payload: bytes, radius: float) -> Driven:

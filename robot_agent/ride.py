@@ -70,6 +70,8 @@ class Ride:
         self._brake_from = -inf
         self._rest_from = inf
         self._rest_x = self._rest_y = 0.0
+        self._stuck_from = inf
+        self._stuck_s = -inf
 
     def take_times(
         self,
@@ -128,13 +130,16 @@ class Ride:
         """
         timeline, s = self._timeline, self.follower.s
         planned = timeline.s_at(time)
+        if not abs(s - self._stuck_s) <= REST_SLACK:
+            self._stuck_from, self._stuck_s = time, s
         speed = (timeline.s_at(time + self._period) - planned) / self._period
         self.speed = min(max(speed + (planned - s) * CATCH_UP_RATE, 0.0), self._limit)
         self._reach(timeline.s_at(time + HOLD_OUT) - s)
 
     def begin_to_brake(self, time: float) -> None:
-        """Brake from the last order's speed on."""
-        self._brake_speed = self.speed
+        """Brake from the last order's speed on; one that has not moved is ordered to stand."""
+        stuck = time - self._stuck_from >= REST_TIME
+        self._brake_speed = 0.0 if stuck else self.speed
         self._brake_from = time
         self._rest_from = inf
 

@@ -16,16 +16,20 @@ from typing import NamedTuple
 
 from coordinator.errors import InputError
 from coordinator.logbook import RESUMED, Log, log_from_bytes, read_log
-from coordinator.plan import PlanDocument, from_json, read
+from coordinator.plan import PlanDocument, from_json, plan_name, read
+from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Command
+from protocol.messages import Command, NewTimes
 from protocol.phases import GO
 from protocol.timing import SECOND
 from sim.blackbox import BlackBox, read_blackbox
 
 
 class Epoch(NamedTuple):
-    """A plan, when robots were first told of it and when it started [s since the first GO]."""
+    """A plan, when robots were first told of it and when it started [s since the first GO].
+
+    One with new times for the epoch before starts when that did.
+    """
 
     document: PlanDocument
     begin: float
@@ -41,10 +45,10 @@ class Evidence(NamedTuple):
 
 
 class _Told(NamedTuple):
-    """What logs tell: plans by name; by epoch when it was first spoken of, its time zero [ns]."""
+    """What logs tell: plans by name; when epoch and revision were first told, epochs' zero [ns]."""
 
     plans: dict[str, bytes]
-    begins: dict[int, int]
+    begins: dict[tuple[int, int], int]
     starts: dict[int, int]
 
 
@@ -79,9 +83,12 @@ def _told(logs: Sequence[Log]) -> _Told:
     for log in logs:
         told.plans.update(log.attachments)
         for record in log.records:
-            message = decode("command", record.payload) if record.key.endswith("/command") else None
+            place = keys.split(record.key)
+            message = None if place is None else decode(place[1], record.payload)
+            if isinstance(message, NewTimes):
+                told.begins.setdefault((message.epoch, message.revision), record.log_ns)
             if isinstance(message, Command):
-                told.begins.setdefault(message.epoch, record.log_ns)
+                told.begins.setdefault((message.epoch, 0), record.log_ns)
                 if message.phase == GO:
                     told.starts.setdefault(message.epoch, message.start_ns)
     return told
@@ -98,16 +105,17 @@ def _first_plan(folder: Path, source: Path, plans: Mapping[str, bytes]) -> PlanD
 
 
 def _later(told: _Told) -> list[Epoch]:
-    """Return the epochs after the first that started, with the plans that are known."""
+    """Return the plans after the first whose epochs started, in the order of their times."""
     first = min(told.starts, default=0)
     return [
         Epoch(
             from_json(told.plans[name], name),
-            (told.begins[epoch] - told.starts[first]) / SECOND,
-            (start_ns - told.starts[first]) / SECOND,
+            (begin_ns - told.starts[first]) / SECOND,
+            (told.starts[epoch] - told.starts[first]) / SECOND,
         )
-        for epoch, start_ns in sorted(told.starts.items())
-        if epoch != first and (name := f"plan-{epoch}.json") in told.plans
+        for (epoch, revision), begin_ns in sorted(told.begins.items())
+        if (epoch, revision) != (first, 0) and epoch in told.starts
+        if (name := plan_name(epoch, revision)) in told.plans
     ]
 
 

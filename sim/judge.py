@@ -129,13 +129,27 @@ def _from_start(driven: Driven, box: BlackBox) -> BlackBox:
 def _legs(
     epochs: Sequence[Epoch], rides: Sequence[Mapping[str, Driven]], name: str, box: BlackBox
 ) -> list[tuple[Driven, BlackBox]]:
-    """Return the plans that a robot drove, each with what it did until the next epoch began."""
-    ends = [*(epoch.begin for epoch in epochs[1:]), math.inf]
+    """Return the plans that a robot drove, each with what it did until the next epoch began.
+
+    New times count from when it keeps to a plan: one that stood late has taken them then.
+    """
+    begins = [
+        _keeps_to_plan(box, epoch.begin) if epoch.document.revision else epoch.begin
+        for epoch in epochs
+    ]
     return [
-        (ride[name], box.between(epoch.begin, end, epoch.start))
-        for epoch, end, ride in zip(epochs, ends, rides, strict=True)
+        (ride[name], box.between(begin, end, epoch.start))
+        for epoch, begin, end, ride in zip(
+            epochs, begins, [*begins[1:], math.inf], rides, strict=True
+        )
         if name in ride
     ]
+
+
+def _keeps_to_plan(box: BlackBox, since: float) -> float:
+    """Return when a robot first keeps to a plan from a time on [s]; infinite if it never does."""
+    rows = zip(box.t.tolist(), box.phases, strict=True)
+    return next((t for t, phase in rows if t >= since and phase in _TIMED), math.inf)
 
 
 def _judge_robot(

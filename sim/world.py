@@ -17,6 +17,7 @@ from typing import Final
 from msgspec.structs import replace
 
 from coordinator.fleet_news import Outgoing
+from coordinator.lateness import Lateness
 from coordinator.mission import Mission, Request
 from coordinator.plan import PlanDocument, RobotPlan
 from coordinator.planner import plan_scenario
@@ -43,6 +44,9 @@ _COORDINATOR: Final = "coordinator"
 
 PLANNING: Final = 300 * MILLISECOND
 """How long a plan takes to be found, in virtual time."""
+
+RETIMING: Final = 150 * MILLISECOND
+"""How long new times take to be found, in virtual time."""
 
 _EFFORT: Final = 5
 
@@ -88,6 +92,7 @@ class World:
         self.struck: list[Struck] = []
         self._agenda = Agenda(SECOND)
         self._planning: tuple[int, Request, Recovery] | None = None
+        self._retiming: tuple[int, Lateness, PlanDocument | None] | None = None
         self._planning_ns = planning_ns
         self._freezes = freezes
         self._network = network
@@ -184,8 +189,9 @@ class World:
         self._send(self.fleet.tick(self.now_ns))
         if self._freezes:
             self._plan()
+            self._retime()
         if self.fleet.phase == GO and not self.began_ns:
-            self.began_ns = self.fleet.start_ns
+            self.began_ns = self.fleet.times.start_ns
             for fault in self._faults:
                 due_ns = self.began_ns + round(fault.time * SECOND)
                 self._agenda.once(due_ns, partial(self._strike, fault))
@@ -200,6 +206,16 @@ class World:
             _, asked, recovery = self._planning
             self._planning = None
             self._send(self.mission.adopt(asked, recovery, self.now_ns) or [])
+
+    def _retime(self) -> None:
+        """Look for new times when a robot is late; they are there some time later."""
+        late = self.mission.late()
+        if late is not None:
+            self._retiming = (self.now_ns + RETIMING, late, self.mission.retime(late))
+        if self._retiming is not None and self.now_ns >= self._retiming[0]:
+            _, asked, document = self._retiming
+            self._retiming = None
+            self._send(self.mission.take_times(asked, document, self.now_ns) or [])
 
     def _strike(self, fault: Fault) -> None:
         robot = self.robots.get(fault.robot)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 
+from coordinator.epoch_times import EpochTimes
 from coordinator.fleet import Fleet
 from coordinator.member import Member
 from protocol import keys
@@ -24,7 +25,7 @@ class Floor:
             Member(id=name, radius=0.2, speed=0.5, plan=b"plan of " + name.encode())
             for name in NAMES
         ]
-        self.fleet = Fleet("hall", 77, epoch, members, DURATION)
+        self.fleet = Fleet("hall", 77, members, EpochTimes(epoch, DURATION))
         self.now = 5 * SECOND
         self.sequence = itertools.count(1)
         self.commands = []

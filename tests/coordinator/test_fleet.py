@@ -84,13 +84,13 @@ def test_a_robot_that_speaks_but_does_not_set_out_freezes_the_fleet():
         floor.hello(robot)
     floor.everybody(ARMED)
     floor.tick()
-    while floor.commands[-1].phase == GO and floor.now < floor.fleet.start_ns + SECOND:
+    while floor.commands[-1].phase == GO and floor.now < floor.fleet.times.start_ns + SECOND:
         floor.report("R1", MOVING)
         floor.report("R2", ARMED)
         floor.report("R3", MOVING)
         floor.tick()
     assert floor.commands[-1].phase == FREEZE
-    assert floor.now <= floor.fleet.start_ns + REPORT_TIMEOUT + 2 * COMMAND_PERIOD
+    assert floor.now <= floor.fleet.times.start_ns + REPORT_TIMEOUT + 2 * COMMAND_PERIOD
 
 
 def test_a_robot_called_lost_that_speaks_again_is_waited_for():

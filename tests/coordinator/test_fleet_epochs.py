@@ -64,7 +64,7 @@ def test_a_frozen_fleet_tells_where_its_robots_stand():
     assert (told["R1"].state, told["R1"].s, told["R1"].epoch) == ("rests", 1.25, 1)
     assert (told["R2"].state, told["R2"].s) == ("lost", None)
     assert told["R3"].state == "arrived"
-    heard = floor.fleet.members["R2"].heard_ns - floor.fleet.start_ns
+    heard = floor.fleet.members["R2"].heard_ns - floor.fleet.times.start_ns
     assert told["R2"].since < heard / SECOND < told["R2"].until
 
 
@@ -244,7 +244,7 @@ def test_a_robot_lost_while_it_brakes_may_stand_where_it_last_kept_to_its_plan()
         floor.tick()
     told = {standing.robot: standing for standing in floor.fleet.standings()}
     assert told["R2"].state == "lost"
-    assert told["R2"].since <= (kept - floor.fleet.start_ns) / SECOND
+    assert told["R2"].since <= (kept - floor.fleet.times.start_ns) / SECOND
 
 
 @pytest.mark.parametrize("epoch", [0, 2, 4_000_000_000])

@@ -4,12 +4,13 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from coordinator.live_course import LiveCourse
 from coordinator.planner import plan_scenario
 from coordinator.scenario_file import read_scenario
 from coordinator.scene_plan import scene_of_plan
-from coordinator.wire import pack
+from coordinator.wire import pack, pack_times
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import Clock, Command, Hello, Report, Rest
@@ -106,3 +107,18 @@ def test_strangers_and_bad_bytes_change_nothing():
     spoilt[-9] ^= 0xFF
     course.hear(keys.plan(FLEET, "R1"), bytes(spoilt), 0.0)
     assert course.scene().robots == []
+
+
+def test_new_times_change_the_motion_that_is_shown():
+    course = LiveCourse(None, None)
+    tell_time(course, -2.0, -2.0)
+    tell_plans(course)
+    robot = document().robots[0]
+    later = replace(robot, start_time=robot.start_time + 2.0)
+    message = pack_times(pack(document(), later), 1)
+    assert course.hear(keys.plan(FLEET, robot.id), message, OURS)
+    tell_command(course, -0.5, GO)
+    (epoch,) = course.scene().epochs
+    assert epoch.rides[0].legs[-1][1] == pytest.approx(robot.finish_time + 2.0, abs=1e-3)
+    unknown = pack_times(pack(replace(document(), epoch=2), later), 1)
+    assert not course.hear(keys.plan(FLEET, robot.id), unknown, OURS)

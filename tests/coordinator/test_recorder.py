@@ -190,4 +190,4 @@ def test_a_schema_names_every_field_of_its_message():
         "clock": "splinefleet.Clock",
         "admit": "splinefleet.Admit",
     }
-    assert set(json.loads(schema.json_schema("plan"))["$defs"]) == {"Plan", "Refusal"}
+    assert set(json.loads(schema.json_schema("plan"))["$defs"]) == {"Plan", "Refusal", "NewTimes"}

@@ -67,6 +67,9 @@ MESSAGES: dict[str, tuple[str, list]] = {
     "command_hold": ("command", [3, 5, 1, 0, 0, 0, []]),
     "command_go": ("command", [3, 5, 65_536, 1, 1, 123_456_789_012, []]),
     "command_freeze": ("command", [3, 5, 40_000, 2, 2, -1, ["R1", "R.2_-"]]),
+    "new_times": ("plan", [8, 300, 77, 2, 500, SPEEDS, PROFILE, STOPS]),
+    "pace": ("report", [9, 77, 300, 2, None]),
+    "pace_of_a_robot_that_stands": ("report", [9, 77, 300, 0, 12_345_678]),
     "report": ("report", [4, 77, 200, 1, 2, 0, None]),
     "report_of_a_frozen_robot": ("report", [4, 77, 1_000, 1, 4, 1, [3.140625, 1, -3, 700]]),
     "clock_question": ("clock", [5, 77, -(2**40), None, None]),
@@ -98,6 +101,8 @@ def pack(value: object) -> bytes:
 def fields(name: str) -> list:
     """Return the tag and all fields of a message, a plan's checksum included."""
     _, row = MESSAGES[name]
+    if row[0] == 8:
+        return [*row, zlib.crc32(pack([*row, 0]))]
     if row[0] != 2:
         return row
     return [*row, zlib.crc32(pack([*row, 0, *LEASES])), *LEASES]

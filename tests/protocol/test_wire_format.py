@@ -10,6 +10,8 @@ from protocol.messages import (
     Clock,
     Command,
     Hello,
+    NewTimes,
+    Pace,
     Plan,
     Refusal,
     Report,
@@ -17,7 +19,17 @@ from protocol.messages import (
 )
 from tests.golden import make_messages
 
-TYPES = {1: Hello, 2: Plan, 3: Command, 4: Report, 5: Clock, 6: Refusal, 7: Admit}
+TYPES = {
+    1: Hello,
+    2: Plan,
+    3: Command,
+    4: Report,
+    5: Clock,
+    6: Refusal,
+    7: Admit,
+    8: NewTimes,
+    9: Pace,
+}
 GOLDEN = [line.split() for line in make_messages.FILE.read_text().splitlines()]
 
 

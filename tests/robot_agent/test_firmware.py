@@ -96,7 +96,7 @@ def bare(name: str) -> ast.Module:
 
 
 def defined_names() -> set[str]:
-    """Return what firmware calls its own functions, methods, classes and attributes."""
+    """Return what firmware calls its own functions, methods, classes, attributes, constants."""
     names = set()
     for tree in TREES.values():
         for node in ast.walk(tree):
@@ -104,6 +104,9 @@ def defined_names() -> set[str]:
                 names.add(node.name)
             elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
                 names.add(node.attr)
+        for node in tree.body:
+            if isinstance(node, ast.Assign):
+                names |= {target.id for target in node.targets if isinstance(target, ast.Name)}
     return names
 
 
@@ -181,8 +184,9 @@ def test_a_firmware_module_imports_only_what_micropython_and_the_firmware_have(n
             assert {alias.name for alias in node.names} <= set(LIBRARIES)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0
-            assert node.module in own | set(LIBRARIES)
             wanted = {alias.name for alias in node.names}
+            modules = {f"{node.module}.{name}" for name in wanted}
+            assert node.module in own | set(LIBRARIES) or modules <= own
             assert wanted <= LIBRARIES.get(node.module, wanted)
 
 

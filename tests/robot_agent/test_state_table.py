@@ -16,6 +16,7 @@ from protocol.phases import (
     FROZEN,
     GO,
     IDLE,
+    LATE,
     MOVING,
     OFF_PATH,
     PHASE_NAMES,
@@ -23,7 +24,7 @@ from protocol.phases import (
 from protocol.timeline import Timeline
 from robot_agent import transitions
 from tests.robot_agent.phases import MOTION, hear_next_epoch, hear_plan, run_in
-from tests.robot_agent.rides import MS, PERIOD, SECOND, Run
+from tests.robot_agent.rides import COORDINATOR, MS, PERIOD, SECOND, Run
 
 FINISH_NS = round(Timeline(*MOTION).finish * SECOND)
 START = (1.0, 2.0, 0.3)
@@ -65,6 +66,25 @@ def arrive(run: Run) -> None:
         run.until(run.start_ns + FINISH_NS + SECOND)
 
 
+def get_new_times(run: Run) -> None:
+    """Be given times that have the robot where it is for a second more."""
+    s = run.agent.ride.follower.s if run.agent.ride else 0.0
+    if run.agent.phase == FROZEN:
+        vars(run).update(vars(copy.deepcopy(late())))
+        s = run.agent.ride.follower.s
+    motion = (*MOTION[:2], [s], [(run.now - run.start_ns) / SECOND + 1.0])
+    run.agent.hear_times(COORDINATOR, run.epoch, 1, motion, run.own(run.now))
+
+
+@functools.cache
+def late() -> Run:
+    """Return a robot that stands because it could not move, while the fleet goes on."""
+    run = copy.deepcopy(brought(MOVING))
+    stand(run, run.body.pose(), 0.6)
+    assert (run.agent.phase, run.agent.fault) == (FROZEN, LATE)
+    return run
+
+
 def brake_at_the_goal(run: Run) -> None:
     """Be told to freeze just before the goal, and come to rest there."""
     near = copy.deepcopy(brought(MOVING))
@@ -91,6 +111,7 @@ STIMULI = {
     transitions.AT_REST: rest,
     transitions.ARRIVED: arrive,
     transitions.LEFT_PATH: be_pushed,
+    transitions.NEW_TIMES: get_new_times,
 }
 """What brings an event about."""
 

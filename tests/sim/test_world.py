@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from coordinator.planner import plan_scenario
 from coordinator.scenario_file import parse_scenario
 from protocol.phases import FREEZE, GO, OVER
 from protocol.timing import MILLISECOND, SECOND
 from sim.faults import Fault
-from sim.judge import judge_boxes
+from sim.judge import Epoch, judge_boxes
 from sim.memory_transport import MemoryNetwork
 from sim.truth import arrived, touches
 from sim.world import USUAL_FLAWS, World
@@ -150,7 +151,6 @@ def test_the_black_box_of_a_dead_robot_covers_the_whole_run(scenario, document):
     [
         (Fault("hang", "R1", 3.0, 4.0), "R1 has fallen silent"),
         (Fault("cut", "R1", 3.0, 4.0), "R1 has fallen silent"),
-        (Fault("stall", "R1", 3.0, 2.0), "R1 stopped: behind its plan"),
         (Fault("skid", "R1", 3.0, 0.06), "R1 stopped: off its path"),
         (Fault("driver-error", "R1", 3.0), "R1 stopped: driver error"),
         (Fault("coordinator-hang", "", 3.0, 4.0), "stopped: did not hear the coordinator"),
@@ -163,6 +163,28 @@ def test_whoever_fails_for_a_while_arrives_in_a_later_epoch(scenario, document, 
     assert touches(document, boxes, [fault]) == []
     assert world.fleet.phase == OVER
     assert arrived(world, document, boxes) == set(ROBOTS)
+
+
+@pytest.mark.parametrize("seconds", [0.6, 2.0])
+def test_a_robot_held_up_for_a_while_gets_new_times_and_nobody_freezes(scenario, document, seconds):
+    world = struck(scenario, document, Fault("stall", "R1", 3.0, seconds))
+    boxes = world.blackboxes()
+    assert (world.fleet.epoch, world.fleet.revision) == (1, 1)
+    assert [one.text for one in incidents(world, "phase")] == ["GO", "OVER"]
+    assert touches(document, boxes) == []
+    assert arrived(world, document, boxes) == set(ROBOTS)
+    told = next(one for one in incidents(world, "late") if "new times" in one.text)
+    begin = (told.now_ns - world.began_ns) / SECOND
+    verdict = judge_boxes(document, boxes, [Epoch(world.mission.document, begin, 0.0)])
+    assert all(robot.tracking_error < 0.5 * document.margin for robot in verdict.robots)
+
+
+def test_a_robot_held_up_for_a_while_freezes_a_fleet_whose_tau_has_no_room(scenario):
+    short = replace(scenario, tau=1.4)
+    document = plan_scenario(short)
+    world = struck(short, document, Fault("stall", "R1", 3.0, 2.0))
+    assert incidents(world, "fault")[0].text == "R1 stopped: behind its plan"
+    assert arrived(world, document, world.blackboxes()) == set(ROBOTS)
 
 
 def test_random_bytes_on_a_robots_keys_change_nothing(scenario, document):

@@ -1,0 +1,16 @@
+"""What new times are wanted for: a robot that stands because it is late.
+
+Decides: the facts that new times start from.  Must not know: paths, plans.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class Lateness(msgspec.Struct, frozen=True):
+    """Who stands late, which plan time [s] has it there, and from when on times may change [s]."""
+
+    robot: str
+    stood: float
+    switch: float
