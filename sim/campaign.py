@@ -39,6 +39,9 @@ _SLOW_NOTICE: Final = 10 * SECOND
 """How long the link of a robot that has lost its power counts as up."""
 
 _PLANNING: Final = (50 * MILLISECOND, 3 * SECOND)
+_PERIODS: Final = (10 * MILLISECOND, *3 * (20 * MILLISECOND,))
+"""Between two ticks of a robot: mostly 50 Hz, as slow as a control loop should be."""
+
 _NEEDS: Final = {"corrupt": (), "coordinator-hang": ("coordinator",)}
 """Which entries of proof.survives promise that nobody touches under a fault; others: stop."""
 
@@ -176,6 +179,7 @@ def make_world(
         faults=faults,
         flaws=USUAL_FLAWS,
         planning_ns=dice.randint(*_PLANNING),
+        period_ns=dice.choice(_PERIODS),
         freezes=freezes,
     )
 

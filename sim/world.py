@@ -83,6 +83,7 @@ class World:
         faults: Sequence[Fault] = (),
         flaws: Flaws = NO_FLAWS,
         planning_ns: int = PLANNING,
+        period_ns: int = PERIOD_NS,
         freezes: bool = True,
     ) -> None:
         self.mission = Mission(scenario, document, _BOOT, _plan)
@@ -94,6 +95,7 @@ class World:
         self._planning: tuple[int, Request, Recovery] | None = None
         self._retiming: tuple[int, Lateness, PlanDocument | None] | None = None
         self._planning_ns = planning_ns
+        self._period_ns = period_ns
         self._freezes = freezes
         self._network = network
         self._faults = tuple(faults)
@@ -112,7 +114,7 @@ class World:
         )
         self._agenda.at(self.now_ns + COMMAND_PERIOD, self._tick_fleet)
         for index, robot in enumerate(self.robots.values()):
-            self._agenda.at(self.now_ns + index * _STAGGER % PERIOD_NS, self._ticker(robot))
+            self._agenda.at(self.now_ns + index * _STAGGER % period_ns, self._ticker(robot))
 
     @property
     def now_ns(self) -> int:
@@ -167,6 +169,7 @@ class World:
             lambda: self.now_ns,
             boot=boot,
             clock=clock,
+            period_ns=self._period_ns,
         )
         return Inhabitant(service, body, clock)
 
@@ -175,7 +178,7 @@ class World:
             robot.tick()
             if self.began_ns and self.now_ns >= self.began_ns:
                 robot.note(self.now_ns - self.began_ns)
-            return self.now_ns + PERIOD_NS
+            return self.now_ns + self._period_ns
 
         return tick
 
