@@ -85,17 +85,18 @@ class Curve:
         while span > degree and u < knots[span]:
             span -= 1
         self._span = span
-        bx, by, bw = self._bx, self._by, self._bw
+        bx, by, bw, first = self._bx, self._by, self._bw, span - degree
+        hx, hy, hw = self._hx, self._hy, self._hw
         for i in range(degree + 1):
-            bx[i], by[i] = self._hx[span - degree + i], self._hy[span - degree + i]
-            bw[i] = self._hw[span - degree + i]
+            bx[i], by[i], bw[i] = hx[first + i], hy[first + i], hw[first + i]
         for level in range(1, degree):
             for i in range(degree, level - 1, -1):
-                low = knots[span - degree + i]
-                part = (u - low) / (knots[span + 1 + i - level] - low)
-                bx[i] += (1.0 - part) * (bx[i - 1] - bx[i])
-                by[i] += (1.0 - part) * (by[i - 1] - by[i])
-                bw[i] += (1.0 - part) * (bw[i - 1] - bw[i])
+                low = knots[first + i]
+                left = 1.0 - (u - low) / (knots[span + 1 + i - level] - low)
+                x, y, w = bx[i], by[i], bw[i]
+                bx[i] = x + left * (bx[i - 1] - x)
+                by[i] = y + left * (by[i - 1] - y)
+                bw[i] = w + left * (bw[i - 1] - w)
         low = knots[span]
         width = knots[span + 1] - low
         part = (u - low) / width
