@@ -14,8 +14,7 @@ The rules:
   been heard yet) and the robot is idle or armed.  The robot arms when it also stands at the plan's
   start and knows the time well enough; until then it says why not.
 - GO heard when the plan has already run away is not obeyed: the robot stays where it is.
-- A robot at its goal stays there in that epoch, whatever it hears; so does one that braked there.
-  One that is pushed off it is frozen.
+- A robot at its goal, having braked or not, stays there in that epoch; pushed off it is frozen.
 - A position is never said, but for the arc length at which a robot rests that has stopped on its
   way: in the first report that says it is frozen, and again when the coordinator asks for it.
 - A robot that stands because it is late says instead, as long as the others move, which plan time
@@ -97,9 +96,7 @@ class Agent:
             return
         if epoch != leader.epoch and self.ride is None:
             self.fault = NO_FAULT
-        another = boot != leader.boot and leader.boot >= 0
-        leader.hear(boot, sequence, epoch, phase, now_ns)
-        if another and before_motion:
+        if leader.hear(boot, sequence, epoch, phase, now_ns) and before_motion:
             self._apply(transitions.NEW_EPOCH, now_ns)
         if phase == FREEZE:
             self._apply(transitions.TOLD_TO_FREEZE, now_ns)
@@ -285,9 +282,8 @@ class Agent:
     def _rest(self, ride: Ride, tell: bool) -> None:
         """Stand, and keep where for as long as that lasts, whatever becomes of the plan."""
         ride.stand()
-        follower = ride.follower
-        tell = tell and not self.awaits_times()
-        self.rest.keep(self.epoch, follower.s, follower.offset(), ride.planned_at(follower.s), tell)
+        s, tell = ride.follower.s, tell and not self.awaits_times()
+        self.rest.keep(self.epoch, s, ride.follower.offset(), ride.planned_at(s), tell)
 
     def _drop_plan(self, now_ns: int) -> None:
         self.ride, self.epoch, self.revision, self.fault = None, 0, 0, NO_FAULT

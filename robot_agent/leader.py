@@ -31,11 +31,13 @@ class Leader:
             return sequence > self.sequence
         return before_motion or epoch > self.epoch
 
-    def hear(self, boot: int, sequence: int, epoch: int, phase: int, now_ns: int) -> None:
-        """Take a Command that counts."""
-        self.has_other_clock = self.has_other_clock or self.boot not in (-1, boot)
+    def hear(self, boot: int, sequence: int, epoch: int, phase: int, now_ns: int) -> bool:
+        """Take a Command that counts; tell whether another coordinator leads from now on."""
+        another = self.boot not in (-1, boot)
+        self.has_other_clock = self.has_other_clock or another
         self.boot, self.sequence = boot, sequence
         self.epoch, self.phase, self._heard_ns = epoch, phase, now_ns
+        return another
 
     def is_silent(self, lease_ns: int, now_ns: int) -> bool:
         """Tell whether nothing was heard for longer than a lease."""

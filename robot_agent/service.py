@@ -124,17 +124,6 @@ def run_robot(
     return 1 if gave_up else 0
 
 
-def skewed_clock(clock: Callable[[], int], offset_ns: int, drift_ppm: int) -> Callable[[], int]:
-    """Return a clock that is ahead of another and gains on it: a robot's own, in simulation."""
-    began = clock()
-
-    def skewed() -> int:
-        now = clock()
-        return now + offset_ns + (now - began) * drift_ppm // 1_000_000
-
-    return skewed
-
-
 class RobotService:
     """What happens in one tick; `bad_messages` counts what could not be understood.
 

@@ -29,7 +29,8 @@ from protocol.messages import Command
 from protocol.phases import FREEZE, GO
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 from robot_agent.loop import PERIOD_NS
-from robot_agent.service import Robot, RobotService, skewed_clock
+from robot_agent.service import Robot, RobotService
+from robot_agent.skewed_clock import skewed_clock
 from sim.agenda import Action, Agenda
 from sim.blackbox import BlackBox
 from sim.failing_body import FailingBody

@@ -14,7 +14,8 @@ from protocol.messages import Clock, Command, Hello, Plan, Refusal, Report
 from protocol.packing import pack_floats, pack_points, pack_profile, pack_stops
 from protocol.phases import ARMED, DONE, DRIVER_ERROR, FREEZE, FROZEN, GO, HOLD, MOVING, OVER
 from robot_agent.driver import DriverError
-from robot_agent.service import RefusedError, Robot, run_robot, skewed_clock
+from robot_agent.service import RefusedError, Robot, run_robot
+from robot_agent.skewed_clock import skewed_clock
 from sim.body import SimulatedBody
 from sim.memory_transport import MemoryNetwork
 from tests.robot_agent.rides import COORDINATOR, ME, MS, SECOND, motion_along, winding_path
