@@ -20,6 +20,7 @@ from coordinator.errors import PlanError, TurnError
 from coordinator.fit import Fit, Flags
 from coordinator.floor import Floor
 from coordinator.gap_kernels import entered, nearest_of
+from coordinator.given_path import given_curve
 from coordinator.handling import Handling
 from coordinator.leads import Leads, leads
 from coordinator.nurbs import Array, Nurbs
@@ -88,8 +89,15 @@ class Pathfinder:
         """Return robot `index`'s path; it keeps off other robots' starts and goals if it can.
 
         `detours` (k, 3) [m]: further places to keep off, x, y, radius; `refuge`: a place to pass
-        before all via points.  Raises PlanError when there is no way.
+        before all via points.  Raises PlanError when there is no way.  A path that was given stays
+        as it is, or is told to be impossible.
         """
+        robot = self.scenario.robots[index]
+        if robot.path is not None:
+            if len(detours) or refuge is not None:
+                raise PlanError(f"{robot.id}: keeps the path that it was given")
+            with _named(robot):
+                return given_curve(robot, robot.path, self.scenario.margin, self.floor)
         return self.fit(index, detours, refuge).curve
 
     def fit(self, index: int, detours: Array = NO_DISCS, refuge: Point | None = None) -> Fit:

@@ -42,9 +42,19 @@ class _Range(NamedTuple):
             return
         low = f"{'above' if self.above else 'from'} {self.least:g}"
         high = f" to {self.most:g}" if self.most < math.inf else ""
-        yield f"{field}: is {value:g} {self.unit}, allowed is {low}{high} {self.unit}"
+        unit = f" {self.unit}" if self.unit else ""
+        yield f"{field}: is {value:g}{unit}, allowed is {low}{high}{unit}"
 
 
+class PathNames(NamedTuple):
+    """What a file calls the parts of a curve."""
+
+    knots: str = "knots"
+    points: str = "control_points"
+    weights: str = "weights"
+
+
+PATH_NAMES: Final = PathNames()
 _COORDINATE: Final = _Range("m", -_LARGEST, _LARGEST)
 _POINT: Final = _Range("m", -math.inf)
 _WEIGHT: Final = _Range("", 0.0, above=True)
@@ -97,7 +107,7 @@ def _robot_faults(where: str, robot: RobotPlan) -> Iterator[str]:
         yield from allowed.faults(f"{where}.{key}", getattr(robot, key))
     if robot.limits is not None:
         yield from _limit_faults(f"{where}.limits", robot.limits)
-    yield from _path_faults(f"{where}.path", robot.path)
+    yield from path_faults(f"{where}.path", robot.path)
     yield from _profile_faults(f"{where}.profile", robot.profile, robot.length)
     yield from _stop_faults(f"{where}.stops", robot.stops, robot.length)
 
@@ -109,30 +119,34 @@ def _limit_faults(where: str, limits: Limits) -> Iterator[str]:
             yield from allowed.faults(f"{where}.{key}", value)
 
 
-def _path_faults(where: str, path: Path) -> Iterator[str]:
+def path_faults(where: str, path: Path, names: PathNames = PATH_NAMES) -> Iterator[str]:
+    """Yield what is wrong with a curve's degree, control points, knots and weights.
+
+    `names`: how the file calls them.
+    """
     for i, point in enumerate(path.control_points):
         for axis, value in enumerate(point):
-            yield from _POINT.faults(f"{where}.control_points[{i}][{axis}]", value)
+            yield from _POINT.faults(f"{where}.{names.points}[{i}][{axis}]", value)
     for i, weight in enumerate(path.weights):
-        yield from _WEIGHT.faults(f"{where}.weights[{i}]", weight)
+        yield from _WEIGHT.faults(f"{where}.{names.weights}[{i}]", weight)
     count = len(path.control_points)
     if len(path.weights) != count:
         yield (
-            f"{where}.weights: are {len(path.weights)}, "
+            f"{where}.{names.weights}: are {len(path.weights)}, "
             f"allowed is one for each of {count} control points"
         )
     if path.degree not in _DEGREES:
         yield f"{where}.degree: is {path.degree}, allowed is 1 to 7"
     elif count <= path.degree:
         least = path.degree + 1
-        yield f"{where}.control_points: are {count}, degree {path.degree} allows {least} or more"
+        yield f"{where}.{names.points}: are {count}, degree {path.degree} allows {least} or more"
     elif len(path.knots) != count + path.degree + 1:
         yield (
-            f"{where}.knots: are {len(path.knots)}, "
+            f"{where}.{names.knots}: are {len(path.knots)}, "
             f"allowed is control points + degree + 1 = {count + path.degree + 1}"
         )
     else:
-        yield from _knot_faults(f"{where}.knots", path.knots, path.degree)
+        yield from _knot_faults(f"{where}.{names.knots}", path.knots, path.degree)
 
 
 def _knot_faults(where: str, knots: Sequence[float], degree: int) -> Iterator[str]:

@@ -16,8 +16,27 @@ Pose = tuple[float, float] | tuple[float, float, float]
 Policy = Literal["safe", "paper"]
 
 
+class GivenPath(msgspec.Struct, frozen=True, kw_only=True):
+    """A NURBS curve [m] that a robot is to drive as it is: somebody else's path.
+
+    knots: clamped, len(control_points) + degree + 1 of them, in any unit; () is uniform.
+    weights: positive; () is 1 for all.  rounding [m]: corners, where the curve turns on the spot,
+    may be cut by up to so much; 0 keeps them, and few robots can drive them.
+    """
+
+    degree: int
+    control_points: tuple[Point, ...]
+    knots: tuple[float, ...] = ()
+    weights: tuple[float, ...] = ()
+    rounding: float = 0.0
+
+
 class Robot(msgspec.Struct, frozen=True, kw_only=True):
-    """One robot: lengths [m], speeds [m/s], accelerations [m/s^2], headings [rad]."""
+    """One robot: lengths [m], speeds [m/s], accelerations [m/s^2], headings [rad].
+
+    One with a path has it in place of via points; it starts at the first control point and its
+    goal is the last.
+    """
 
     id: str
     start: Pose
@@ -31,6 +50,14 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
     """Default: max_accel."""
     min_turn_radius: float = 0.0
     priority: int = 0
+    path: GivenPath | None = None
+
+    @property
+    def end_fields(self) -> tuple[str, str]:
+        """Return the fields of a scenario file that say where the robot starts and ends."""
+        if self.path is None:
+            return "start", "goal"
+        return "path.control_points[0]", f"path.control_points[{len(self.path.control_points) - 1}]"
 
 
 class MapPart(msgspec.Struct, frozen=True, kw_only=True):

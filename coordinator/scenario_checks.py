@@ -141,7 +141,8 @@ def find_problems(scenario: Scenario) -> list[str]:
     ]
     problems += _doubled_ids(scenario.robots)
     for index, robot in enumerate(scenario.robots):
-        problems += _missing_steps(f"robots[{index}]", robot)
+        if robot.path is None:
+            problems += _missing_steps(f"robots[{index}]", robot)
     # GEOS divides by the length of edges near 1e-300 m, which numpy would report as a warning.
     with np.errstate(all="ignore"):
         problems += _tight_places(scenario, sound)
@@ -180,8 +181,9 @@ def _doubled_ids(robots: Sequence[Robot]) -> Iterator[str]:
 
 def _places(field: str, robot: Robot) -> list[tuple[str, Point | Pose]]:
     """Return (field, place) of the start, every via point and the goal, in the order of driving."""
+    first, last = robot.end_fields
     vias = [(f"{field}.via[{index}]", via) for index, via in enumerate(robot.via)]
-    return [(f"{field}.start", robot.start), *vias, (f"{field}.goal", robot.goal)]
+    return [(f"{field}.{first}", robot.start), *vias, (f"{field}.{last}", robot.goal)]
 
 
 def _missing_steps(field: str, robot: Robot) -> Iterator[str]:
@@ -291,7 +293,8 @@ def _overlaps(scenario: Scenario, which: str) -> Iterator[str]:
 def _overlap(scenario: Scenario, which: str, first: int, second: int, gap: float) -> str:
     a, b = scenario.robots[first], scenario.robots[second]
     name_a, name_b = a.id or f"robots[{first}]", b.id or f"robots[{second}]"
+    field = b.end_fields[which == "goal"]
     return (
-        f"robots[{second}].{which}: {name_b} is {gap:.6g} m from the {which} of {name_a}, "
+        f"robots[{second}].{field}: {name_b} is {gap:.6g} m from the {which} of {name_a}, "
         f"their radii + margin need {scenario.need(a, b):.6g} m"
     )

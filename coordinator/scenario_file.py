@@ -18,6 +18,7 @@ import msgspec
 
 from coordinator.errors import InputError
 from coordinator.file_kinds import LOG_MAGIC, kind_of_document, wrong_kind
+from coordinator.path_file import read_path
 from coordinator.scenario import Link, Point, Policy, Pose, Robot, Scenario, Workspace
 from coordinator.scenario_checks import (
     ROBOT_QUANTITIES,
@@ -39,6 +40,7 @@ LINK_QUANTITIES: Final = {
 }
 SCENARIO_REQUIRED: Final = ("workspace", "robots")
 ROBOT_REQUIRED: Final = ("id", "start", "goal", "radius", "max_speed")
+ROBOT_REQUIRED_ON_PATH: Final = ("id", "path", "radius", "max_speed")
 
 
 def read_scenario(path: Path) -> Scenario:
@@ -67,6 +69,10 @@ def parse_scenario(text: bytes, name: str) -> Scenario:
         raise InputError([wrong_kind(name, "plan", "scenario")])
     scenario = _scenario(document, name, problems)
     problems += find_problems(scenario)
+    if not problems and any(robot.path is not None for robot in scenario.robots):
+        from coordinator.given_path import path_problems  # kernels, that few scenarios need
+
+        problems += path_problems(scenario)
     if problems:
         raise InputError([f"{file}: {problem}" for problem in problems])
     return scenario
@@ -79,6 +85,8 @@ def scenario_to_json(scenario: Scenario) -> bytes:
         del document["workspace"]["from_map"]
     for robot in document["robots"]:
         robot |= {key: "inf" for key in ROBOT_QUANTITIES if math.isinf(robot[key])}
+        for key in ("path",) if robot["path"] is None else ("start", "goal", "via"):
+            del robot[key]
     return msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n"
 
 
@@ -154,7 +162,9 @@ def _link(value: object, problems: list[str]) -> Link:
 
 
 def _robot(value: object, where: str, problems: list[str]) -> Robot:
-    table = Table(value, where, Robot.__struct_fields__, ROBOT_REQUIRED, problems)
+    given = isinstance(value, dict) and "path" in value
+    required = ROBOT_REQUIRED_ON_PATH if given else ROBOT_REQUIRED
+    table = Table(value, where, Robot.__struct_fields__, required, problems)
     fields = {"radius": math.nan, "max_speed": math.nan} | table.numbers(ROBOT_QUANTITIES)
     fields.setdefault("max_accel", fields["max_speed"])
     fields.setdefault("max_lateral_accel", fields["max_accel"])
@@ -163,6 +173,9 @@ def _robot(value: object, where: str, problems: list[str]) -> Robot:
         if type(priority) is not int or abs(priority) > MOST_PRIORITY:
             limit = f"an integer from -{MOST_PRIORITY} to {MOST_PRIORITY}"
             table.note("priority", f"{show(priority)} is not {limit}")
+    if given:
+        path, start, goal = read_path(table)
+        return Robot(id=table.name("id"), start=start, goal=goal, path=path, **fields)
     vias = enumerate(table.items("via", "places [[x, y], ...]"))
     return Robot(
         id=table.name("id"),

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
-from coordinator.scenario import Link, Point, Robot, Scenario, Workspace
+from coordinator.scenario import GivenPath, Link, Point, Robot, Scenario, Workspace
 
 WIDTH: Final = 100
 """A list longer than this many characters gets one line per item."""
@@ -62,8 +62,9 @@ def _workspace(floor: Workspace) -> Iterator[str]:
 
 def _robot(robot: Robot) -> Iterator[str]:
     yield f'id = "{robot.id}"'
-    yield f"start = {_place(robot.start)}"
-    yield f"goal = {_place(robot.goal)}"
+    if robot.path is None:
+        yield f"start = {_place(robot.start)}"
+        yield f"goal = {_place(robot.goal)}"
     if robot.via:
         yield from _listed("via", (_place(via) for via in robot.via))
     yield f"radius = {_number(robot.radius)}"
@@ -76,6 +77,19 @@ def _robot(robot: Robot) -> Iterator[str]:
         yield f"min_turn_radius = {_number(robot.min_turn_radius)}"
     if robot.priority:
         yield f"priority = {robot.priority}"
+    if robot.path is not None:
+        yield from _path(robot.path)
+
+
+def _path(path: GivenPath) -> Iterator[str]:
+    yield f"path.degree = {path.degree}"
+    yield from _listed("path.control_points", (_place(point) for point in path.control_points))
+    if path.knots:
+        yield from _listed("path.knots", (_number(knot) for knot in path.knots))
+    if path.weights:
+        yield from _listed("path.weights", (_number(weight) for weight in path.weights))
+    if path.rounding:
+        yield f"path.rounding = {_number(path.rounding)}"
 
 
 def _listed(key: str, items: Iterable[str]) -> Iterator[str]:

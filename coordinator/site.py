@@ -1,6 +1,7 @@
 """What a new plan starts from: the floor with everybody who stands on it, and who is to drive.
 
-Robots that are planned for start where they rest.  Robots that are not stand aside: at their goals,
+Robots that are planned for start where they rest.  One with a given path drives the rest of it; off
+it, it finds its own way to the same goal.  Robots that are not stand aside: at their goals,
 lost, not fit, or closed in; they are obstacles over all places where they may stand.
 
 Decides: where robots stand, and what of a scenario is left to do.  Must not know: how plans are
@@ -18,6 +19,8 @@ import numpy as np
 import shapely
 from msgspec.structs import replace
 
+from coordinator.given_path import path_of
+from coordinator.knots import piece
 from coordinator.nurbs import Array
 from coordinator.plan import PlanDocument
 from coordinator.scenario import Point, Pose, Robot, Scenario
@@ -153,7 +156,7 @@ def _stands(
             return robot if was is None else was
         return replace(was.robot, start=was.pose)
     if standing.place is not None:
-        return replace(robot, start=standing.place, via=())
+        return replace(robot, start=standing.place, via=(), path=None)
     if standing.state == "arrived":
         return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
     ride = driven.get(standing.epoch, {}).get(robot.id)
@@ -168,7 +171,11 @@ def _stands(
         return Aside(robot, why, np.array([pose[:2]]), pose)
     if ride.curve.length - s < _THERE and _is_on_path(standing, margin):
         return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
-    return replace(robot, start=pose, via=_ahead(ride, robot.via, s))
+    path = None
+    if robot.path is not None and _is_on_path(standing, margin):
+        u = float(ride.curve.parameter_at([s])[0])
+        path = path_of(piece(ride.curve, u, float(ride.curve.knots[-1])))
+    return replace(robot, start=pose, via=_ahead(ride, robot.via, s), path=path)
 
 
 def _stretch(ride: Driven, standing: Standing) -> Array:

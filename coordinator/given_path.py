@@ -1,0 +1,212 @@
+"""A path that was given, as the curve that a robot drives, or why no robot of its kind can.
+
+Decides: what is done to a given curve (float32, rounded corners) and what it must keep.  Must not
+know: files, other robots, times.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import shapely
+
+from coordinator.bounds import flatten
+from coordinator.corners import corners, rounded
+from coordinator.errors import PlanError
+from coordinator.floor import Floor
+from coordinator.knots import piece, refine
+from coordinator.nurbs import Array, Nurbs, nurbs
+from coordinator.nurbs_kernels import parameters_at, series
+from coordinator.path_file import whole
+from coordinator.scenario import GivenPath, Robot, Scenario
+from coordinator.splines import joined
+from coordinator.wire_kernels import robot_table
+
+_ODD_SCALE: Final = 1e3
+"""Knots stay as they are unless their unit is farther than this factor from a metre."""
+
+_FLAT: Final = 2e-4
+_SHORTFALL: Final = 1e-3
+"""Flattening [m], and the shortfall [m] of clearance that the proof accepts."""
+
+_STEP: Final = 0.01
+"""The place that is too near to something is told this finely [m]."""
+
+_HALVINGS: Final = 6
+_ARC_ERROR: Final = 1e-4
+"""Knot spans are halved so often at most, until arc lengths are as good as this [m]."""
+
+_LOOKS: Final = 256
+"""Places per knot span at which a curve is looked at for sharp turns."""
+
+_SHARPEST: Final = 1e-3
+"""A bend of a smaller radius [m] is a turn on the spot."""
+
+_TURN: Final = 1.02
+"""The proof allows 1 % for a turning radius; what looks sharper than this surely is."""
+
+
+def curve_of(path: GivenPath) -> Nurbs:
+    """Return a path as a curve in the numbers of the wire (float32), corners rounded as asked."""
+    full = whole(path)
+    curve = nurbs(full.degree, full.knots, full.control_points, full.weights)
+    if not np.ptp(curve.points, axis=0).max() > 0.0:
+        raise PlanError("its path has no length")
+    if path.rounding > 0.0:
+        curve = rounded(curve, path.rounding)
+    return _single(_measurable(_even(curve)))
+
+
+def _single(curve: Nurbs) -> Nurbs:
+    """Return a curve in float32, its parameter in something like metres."""
+    scale = _polygon_length(curve) / curve.knots[-1]
+    knots = curve.knots if 1.0 / _ODD_SCALE <= scale <= _ODD_SCALE else curve.knots * scale
+    single = (array.astype(np.float32) for array in (knots, curve.points, curve.weights))
+    return nurbs(curve.degree, *single)
+
+
+def _even(curve: Nurbs) -> Nurbs:
+    """Return the same curve; where its parameter jumps to another speed, its parts are paced anew.
+
+    Robots measure a path by cubic pieces between knots, which a jump in speed makes wrong.
+    """
+    own, times = np.unique(curve.knots, return_counts=True)
+    cuts = [0.0, *own[1:-1][times[1:-1] >= curve.degree].tolist(), float(own[-1])]
+    parts = [piece(curve, *ends) for ends in pairwise(cuts)]
+    moving = [part for part in parts if _polygon_length(part) > 0.0]
+    return joined(moving) if len(parts) > 1 else curve
+
+
+def _measurable(curve: Nurbs) -> Nurbs:
+    """Return the same curve with knots inserted until robots measure arc lengths along it well."""
+    for _ in range(_HALVINGS):
+        u, s, slopes = robot_table(*series(*curve.lifted))
+        middles = 0.5 * (s[:-1] + s[1:])
+        found = parameters_at(u, s, slopes, middles)
+        rough = found[np.abs(curve.arc_at(found) - middles) > _ARC_ERROR]
+        if len(rough) == 0:
+            break
+        borders = np.unique(curve.knots)
+        spans = np.unique(np.clip(np.searchsorted(borders, rough) - 1, 0, len(borders) - 2))
+        curve = refine(curve, 0.5 * (borders[spans] + borders[spans + 1]))
+    return curve
+
+
+def _polygon_length(curve: Nurbs) -> float:
+    legs = np.diff(curve.points, axis=0)
+    return float(np.hypot(legs[:, 0], legs[:, 1]).sum())
+
+
+def path_of(curve: Nurbs) -> GivenPath:
+    """Return a curve as a path to be driven as it is."""
+    return GivenPath(
+        degree=curve.degree,
+        control_points=tuple((x, y) for x, y in curve.points.tolist()),
+        knots=tuple(curve.knots.tolist()),
+        weights=() if (curve.weights == 1.0).all() else tuple(curve.weights.tolist()),
+    )
+
+
+def given_curve(robot: Robot, path: GivenPath, margin: float, floor: Floor) -> Nurbs:
+    """Return the curve of a robot's given path; PlanError saying why it cannot be driven."""
+    curve = curve_of(path)
+    told = list(complaints(curve, robot, margin, floor))
+    if told:
+        raise PlanError("its path " + ", and ".join(told))
+    return curve
+
+
+def path_problems(scenario: Scenario) -> list[str]:
+    """Return why given paths cannot be driven, one line a robot."""
+    floor = Floor(scenario.workspace.boundary, scenario.workspace.obstacles)
+    problems = []
+    for index, robot in enumerate(scenario.robots):
+        if robot.path is not None:
+            try:
+                given_curve(robot, robot.path, scenario.margin, floor)
+            except PlanError as error:
+                problems.append(f"robots[{index}].path: {robot.id}: {error}")
+    return problems
+
+
+def complaints(curve: Nurbs, robot: Robot, margin: float, floor: Floor) -> Iterator[str]:
+    """Yield what makes a curve impossible for a robot: turns and what is solid; margin [m]."""
+    if math.isfinite(robot.max_lateral_accel) or robot.min_turn_radius > 0.0:
+        yield from _turns(curve, robot.min_turn_radius)
+    chain = flatten(curve, _FLAT)
+    clearance = floor.gap(chain.points) - chain.bound - robot.radius
+    if clearance < margin - _SHORTFALL:
+        yield _say_clearance(chain.points, robot.radius + margin, floor)
+
+
+def _turns(curve: Nurbs, least: float) -> Iterator[str]:
+    """Yield the sharpest of the turns that a robot cannot drive; `least` radius [m]."""
+    found = corners(curve)
+    if found:
+        sharpest = max(found, key=lambda corner: corner.turn)
+        x, y = sharpest.place
+        yield (
+            f"turns on the spot by {math.degrees(sharpest.turn):.0f} degrees at ({x:.2f}, {y:.2f});"
+            " path.rounding says by how much corners of straight legs may be cut"
+        )
+        return
+    radius, (x, y) = _sharpest(curve)
+    if radius < _SHARPEST:
+        yield f"turns on the spot at ({x:.2f}, {y:.2f})"
+    elif radius < least / _TURN:
+        yield (
+            f"bends with a radius of {radius:.3f} m at ({x:.2f}, {y:.2f}), "
+            f"min_turn_radius is {least:g} m"
+        )
+
+
+def _sharpest(curve: Nurbs) -> tuple[float, Array]:
+    """Return the least radius of a curve [m] and where it is (2,) [m].
+
+    What is certain about bends the proof finds out; this is to say where, cusps included.
+    """
+    borders = np.unique(curve.knots)
+    parts = np.linspace(0.0, 1.0, _LOOKS, endpoint=False)
+    u = (borders[:-1, None] + np.diff(borders)[:, None] * parts).ravel()
+    places, first = curve.derivatives(u, 1)
+    (ax, ay), (bx, by) = first[:-1].T, first[1:].T
+    turns = np.abs(np.arctan2(ax * by - ay * bx, ax * bx + ay * by))
+    steps = np.hypot(*np.diff(places, axis=0).T)
+    radii = np.minimum(
+        steps / np.maximum(turns, 1e-12), 1.0 / np.maximum(np.abs(curve.curvature(u))[1:], 1e-12)
+    )
+    sharp = int(np.argmin(radii))
+    return float(radii[sharp]), places[sharp]
+
+
+def _say_clearance(line: Array, need: float, floor: Floor) -> str:
+    """Say where a polyline (n, 2) is nearest to something solid, or off the floor."""
+    place = min(_places(line), key=lambda at: _slack(at, floor))
+    x, y = place
+    here = shapely.Point(place)
+    edge = floor.outline.exterior.distance(here)
+    if not floor.outline.covers(here):
+        return f"leaves the floor near ({x:.2f}, {y:.2f})"
+    gap = float(floor.distance(np.array([place]))[0])
+    what = "the floor's edge" if edge <= gap else "an obstacle"
+    if gap <= 0.0:
+        return f"leads through {what} near ({x:.2f}, {y:.2f})"
+    return f"comes within {gap:.3f} m of {what} near ({x:.2f}, {y:.2f}), it needs {need:g} m"
+
+
+def _slack(place: Sequence[float], floor: Floor) -> float:
+    """Return the distance [m] from anything solid; the farther off the floor, the less."""
+    here = shapely.Point(place)
+    off = floor.outline.distance(here)
+    return -off if off > 0.0 else float(floor.distance(np.array([place]))[0])
+
+
+def _places(line: Array) -> Iterator[tuple[float, float]]:
+    """Yield places on a polyline, a step apart at most."""
+    for begin, end in pairwise(line):
+        count = 1 + int(math.dist(begin, end) / _STEP)
+        yield from (begin + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - begin)).tolist()
