@@ -14,6 +14,7 @@ import coordinator.commands
 import coordinator.info_commands
 import coordinator.log_commands
 import coordinator.operator_commands
+import coordinator.vda5050_commands
 import coordinator.view_commands
 import robot_agent.commands
 import sim.commands
@@ -37,6 +38,7 @@ for package in (
     coordinator.info_commands,
     coordinator.log_commands,
     coordinator.operator_commands,
+    coordinator.vda5050_commands,
     coordinator.view_commands,
     robot_agent.commands,
     sim.commands,

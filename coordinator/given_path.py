@@ -43,8 +43,9 @@ _ARC_ERROR: Final = 1e-4
 _LOOKS: Final = 256
 """Places per knot span at which a curve is looked at for sharp turns."""
 
+_CUSP: Final = 0.1
 _SHARPEST: Final = 1e-3
-"""A bend of a smaller radius [m] is a turn on the spot."""
+"""A turn by more [rad] between two of these places, of a smaller radius [m], is one on the spot."""
 
 _TURN: Final = 1.02
 """The proof allows 1 % for a turning radius; what looks sharper than this surely is."""
@@ -144,7 +145,10 @@ def complaints(curve: Nurbs, robot: Robot, margin: float, floor: Floor) -> Itera
 
 
 def _turns(curve: Nurbs, least: float) -> Iterator[str]:
-    """Yield the sharpest of the turns that a robot cannot drive; `least` radius [m]."""
+    """Yield the sharpest of the turns that a robot cannot drive; `least` radius [m].
+
+    What is certain about bends the proof finds out; this is to say early what and where.
+    """
     found = corners(curve)
     if found:
         sharpest = max(found, key=lambda corner: corner.turn)
@@ -154,21 +158,6 @@ def _turns(curve: Nurbs, least: float) -> Iterator[str]:
             " path.rounding says by how much corners of straight legs may be cut"
         )
         return
-    radius, (x, y) = _sharpest(curve)
-    if radius < _SHARPEST:
-        yield f"turns on the spot at ({x:.2f}, {y:.2f})"
-    elif radius < least / _TURN:
-        yield (
-            f"bends with a radius of {radius:.3f} m at ({x:.2f}, {y:.2f}), "
-            f"min_turn_radius is {least:g} m"
-        )
-
-
-def _sharpest(curve: Nurbs) -> tuple[float, Array]:
-    """Return the least radius of a curve [m] and where it is (2,) [m].
-
-    What is certain about bends the proof finds out; this is to say where, cusps included.
-    """
     borders = np.unique(curve.knots)
     parts = np.linspace(0.0, 1.0, _LOOKS, endpoint=False)
     u = (borders[:-1, None] + np.diff(borders)[:, None] * parts).ravel()
@@ -176,11 +165,16 @@ def _sharpest(curve: Nurbs) -> tuple[float, Array]:
     (ax, ay), (bx, by) = first[:-1].T, first[1:].T
     turns = np.abs(np.arctan2(ax * by - ay * bx, ax * bx + ay * by))
     steps = np.hypot(*np.diff(places, axis=0).T)
-    radii = np.minimum(
-        steps / np.maximum(turns, 1e-12), 1.0 / np.maximum(np.abs(curve.curvature(u))[1:], 1e-12)
-    )
-    sharp = int(np.argmin(radii))
-    return float(radii[sharp]), places[sharp]
+    cusps = np.flatnonzero((turns > _CUSP) & (steps < _SHARPEST * turns))
+    for x, y in places[cusps[:1]]:
+        yield f"turns on the spot at ({x:.2f}, {y:.2f})"
+    bends = np.abs(curve.curvature(u))
+    x, y = places[np.argmax(bends)]
+    if len(cusps) == 0 and bends.max() * least > _TURN:
+        yield (
+            f"bends with a radius of {1.0 / bends.max():.3f} m at ({x:.2f}, {y:.2f}), "
+            f"min_turn_radius is {least:g} m"
+        )
 
 
 def _say_clearance(line: Array, need: float, floor: Floor) -> str:

@@ -18,6 +18,7 @@ import typer
 from coordinator.commands import Json, LogFile, Source, Speed, within, writable
 from coordinator.console import answer_json, answers, errors, tell, write_file
 from coordinator.errors import InputError, PlanError
+from coordinator.vda5050 import Version
 from protocol.keys import NAME
 
 commands = typer.Typer()
@@ -228,25 +229,31 @@ def _write_at_once(path: Path, content: bytes) -> None:
 @commands.command()
 def export(
     source: Source,
-    to: Annotated[Literal["csv", "foxglove"], typer.Option(help="For which tools.")],
+    to: Annotated[Literal["csv", "foxglove", "vda5050"], typer.Option(help="For which tools.")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="FILE.csv or FILE.mcap", callback=writable())
+        Path, typer.Option("-o", "--output", help="FILE.csv, FILE.mcap, DIR", callback=writable())
     ],
     step: Annotated[
         float, typer.Option(callback=within(1e-3, 1e3), help="Seconds a row or a frame.")
     ] = 0.05,
+    order_version: Annotated[Version, typer.Option(help="Said in VDA 5050 orders.")] = "2.1.0",
 ) -> None:
     """Write the robots' motions, by the plans in a plan file or a log, for other tools.
 
     csv: robot,t,x,y,heading,s,v.  foxglove: an MCAP for Foxglove and Lichtblick.
+    vda5050: an order per robot into DIR, of the newest plan.
 
     Example: splinefleet export runs/demo/run.mcap --to foxglove -o scene.mcap
     """
     from coordinator.export import csv_lines, read_story
     from coordinator.export_foxglove import write_scene
+    from coordinator.vda5050_commands import write_orders
 
     if source.exists() and output.exists() and source.samefile(output):
         raise InputError([f"--output: {output} is the source itself; name another file"])
+    if to == "vda5050":
+        write_orders(source, output, order_version)
+        return
     story = read_story(source)
     if not story.legs:
         raise PlanError(f"{source}: no robot was sent on its way, there is no motion to export")

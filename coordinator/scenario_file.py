@@ -90,6 +90,11 @@ def scenario_to_json(scenario: Scenario) -> bytes:
     return msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n"
 
 
+def default_name(file: str) -> str:
+    """Return the name of a scenario that says none, from that of its file."""
+    return re.sub(r"[^A-Za-z0-9_.-]", "-", PurePath(file).stem)[:32] or "scenario"
+
+
 def _load(text: bytes, name: str, file: str) -> object:
     """Return the document as plain objects; raises InputError with the line of a syntax error."""
     try:
@@ -143,9 +148,8 @@ def _scenario(document: object, name: str, problems: list[str]) -> Scenario:
     if len(robots) > MOST_ROBOTS:
         top.note("robots", f"{len(robots)} robots are more than {MOST_ROBOTS}")
         robots = []
-    stem = re.sub(r"[^A-Za-z0-9_.-]", "-", PurePath(name).stem)[:32]
     return Scenario(
-        name=top.name("name", stem or "scenario"),
+        name=top.name("name", default_name(name)),
         workspace=read_workspace(top.values["workspace"], Path(name).parent, problems)
         if "workspace" in top.values
         else Workspace(boundary=()),

@@ -23,6 +23,9 @@ from coordinator.nurbs import Array, Nurbs
 SAME: Final = 1e-10
 """Control points nearer than this [m] are the same, and weights that differ by this share."""
 
+_ROUNDING: Final = 1e-12
+"""Weights are as good as this."""
+
 _EVEN: Final = 100.0
 """Parts of a curve are driven at the same speed of the parameter up to this factor from 1 m/s."""
 
@@ -81,7 +84,7 @@ def spline(pieces: Sequence[Array], widths: Sequence[float]) -> Nurbs:
         # Two knots may seem needless each for itself, about a short piece, and not both be so.
         if (times[beside] == degree).all():
             return curve
-        times[beside] = degree
+        times[beside] = np.minimum(times[beside] + 1, degree)
 
 
 def _spline(pieces: Sequence[Array], borders: Array, times: Indices) -> Nurbs:
@@ -97,7 +100,8 @@ def _spline(pieces: Sequence[Array], borders: Array, times: Indices) -> Nurbs:
         at = knots[i + 1 : i + degree + 1].tolist()
         control.append(_blossom(pieces[k], (borders[k], borders[k + 1]), at))
     points = np.array(control)
-    return Nurbs(degree, knots, points[:, :2] / points[:, 2:], points[:, 2].copy())
+    weights = np.where(np.abs(points[:, 2] - 1.0) < _ROUNDING, 1.0, points[:, 2])
+    return Nurbs(degree, knots, points[:, :2] / points[:, 2:], weights)
 
 
 def _changed(curve: Nurbs, pieces: Sequence[Array], borders: Array, times: Indices) -> Indices:

@@ -7,8 +7,10 @@ know, so that nothing passes unseen.
 from __future__ import annotations
 
 import re
+from datetime import datetime
 
 _TELLING = {"title", "description", "$defs", "default", "contentEncoding", "$schema", "$comment"}
+_TELLING |= {"definitions", "examples", "subtopic", "unit"}
 _TYPES = {
     "object": dict,
     "array": (list, tuple),
@@ -28,6 +30,10 @@ def problems(schema, value, root=None, place="$"):
 
 
 def _type(wanted, value, *_):
+    if isinstance(wanted, list):
+        if all(list(_type(one, value)) for one in wanted):
+            yield True
+        return
     if wanted in ("number", "integer"):
         kinds = (int,) if wanted == "integer" else (int, float)
         fits = isinstance(value, kinds) and not isinstance(value, bool)
@@ -59,6 +65,17 @@ def _length(kinds, fits):
 
 def _pattern(wanted, value, *_):
     if isinstance(value, str) and not re.search(wanted, value):
+        yield True
+
+
+def _format(wanted, value, *_):
+    if wanted != "date-time":
+        raise KeyError(wanted)
+    try:
+        told = not isinstance(value, str) or datetime.fromisoformat(value).tzinfo is not None
+    except ValueError:
+        told = False
+    if not told:
         yield True
 
 
@@ -123,6 +140,7 @@ _RULES = {
     "minItems": _length((list, tuple), lambda size, least: size >= least),
     "maxItems": _length((list, tuple), lambda size, most: size <= most),
     "pattern": _pattern,
+    "format": _format,
     "$ref": _ref,
     "anyOf": _any_of,
     "oneOf": _one_of,

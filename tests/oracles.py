@@ -56,6 +56,13 @@ def basis_table(degree: int, knots: np.ndarray, u: np.ndarray) -> np.ndarray:
     return table
 
 
+def naive_points(degree: int, knots, points, weights, u) -> np.ndarray:
+    """C(u) (m, 2) for many u (m,), by the table of all basis functions."""
+    control, weighed = np.array(points, dtype=float), np.array(weights, dtype=float)
+    basis = basis_table(degree, np.array(knots, dtype=float), np.array(u, dtype=float)) * weighed
+    return basis @ control / basis.sum(axis=1)[:, None]
+
+
 class Track:
     """One robot of a plan document: where it is when, from the document's numbers."""
 

@@ -21,7 +21,7 @@ from coordinator.site import Site
 from coordinator.standing import Standing
 from coordinator.wire import drive
 from tests.coordinator.curves import full_circle
-from tests.oracles import complaints, naive_point
+from tests.oracles import complaints, naive_points
 from tests.scenarios import a_robot, a_scenario, box
 
 BEND = ((1.0, 1.0), (3.0, 1.2), (5.0, 1.0), (7.0, 1.5), (8.0, 3.0), (8.5, 5.0), (9.0, 7.0))
@@ -46,16 +46,14 @@ def uniform(degree, count):
 
 
 def points_on(degree, knots, points, weights, count=301):
-    u = np.linspace(knots[0], knots[-1], count)[:-1]
-    return np.array([naive_point(degree, knots, np.array(points), weights, x) for x in u])
+    return naive_points(degree, knots, points, weights, np.linspace(knots[0], knots[-1], count))
 
 
-def farthest(places, planned, count=20_001):
+def farthest(places, planned):
     """How far places are from a planned path, by its own naive evaluation."""
     line = points_on(
-        planned.degree, planned.knots, planned.control_points, planned.weights, count=count
+        planned.degree, planned.knots, planned.control_points, planned.weights, count=20_001
     )
-    line = np.vstack((line, planned.control_points[-1]))
     return shapely.distance(shapely.points(places), shapely.linestrings(line)).max()
 
 
@@ -274,7 +272,7 @@ def test_after_a_freeze_a_robot_drives_the_rest_of_its_given_path(frozen):
     assert rest.length == pytest.approx(before.length - 2.0, abs=1e-3)
     whole = points_on(before.path.degree, before.path.knots, before.path.control_points, (1.0,) * 7)
     (one,) = [d for d in drive(frozen[1][1]) if d.id == "R1"]
-    later = whole[one.curve.arc_at(np.linspace(0, before.path.knots[-1], 301)[:-1]) > 2.0]
+    later = whole[one.curve.arc_at(np.linspace(0, before.path.knots[-1], 301)) > 2.0]
     assert farthest(later, rest.path) < 2e-6
 
 

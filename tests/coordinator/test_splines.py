@@ -58,6 +58,17 @@ def test_a_smooth_path_cut_anywhere_gets_its_control_points_back():
     np.testing.assert_allclose(whole.knots / whole.knots[-1], path.knots / 7.0, atol=1e-12)
 
 
+def test_knots_a_hair_apart_stay_as_they_are():
+    knots = [0, 0, 0, 0, 1.2779185, 1.2779303, 1.2779421, 5.0, 7.0, 7.0, 7.0, 7.0]
+    points = [(0, 0), (1, 0.4), (2, 0.801), (3, 1.2), (4, 1.6), (5, 2.5), (6, 2.0), (7, 2.0)]
+    path = nurbs(3, knots, points)
+    for parts in ([path], [piece(path, 0.0, 3.0), piece(path, 3.0, 7.0)]):
+        whole = joined(parts)
+        assert len(whole.points) == len(points)
+        np.testing.assert_allclose(whole.points, points, atol=1e-9)
+        assert (whole.weights == 1.0).all()
+
+
 def test_pieces_of_unlike_degrees_make_one_curve():
     line = nurbs(1, [0, 0, 1, 1], [[1.0, -3.0], [1.0, 0.0]])
     arc = quarter_circle()

@@ -1,0 +1,101 @@
+"""VDA 5050 orders: the fields that this project writes, under their names in versions 2.1 and 3.0.
+
+Decides: which fields an order has; both versions' where they differ in name only.  Must not know:
+plans (vda5050_orders.py), or what orders of others look like (vda5050_reading.py).
+
+Source: https://github.com/VDA5050/VDA5050, json_schemas/order.schema
+"""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+import msgspec
+
+Version = Literal["2.1.0", "3.0.0"]
+VERSIONS: Final[tuple[Version, ...]] = ("2.1.0", "3.0.0")
+
+
+class ControlPoint(msgspec.Struct, frozen=True):
+    """A place x, y [m] and its weight, above 0."""
+
+    x: float
+    y: float
+    weight: float
+
+
+class Trajectory(msgspec.Struct, frozen=True, rename="camel"):
+    """A NURBS: clamped knots from 0 to 1, control points + degree + 1 of them."""
+
+    degree: int
+    knot_vector: list[float]
+    control_points: list[ControlPoint]
+
+
+class Parameter(msgspec.Struct, frozen=True):
+    """What an action is told."""
+
+    key: str
+    value: float | str
+
+
+class Action(msgspec.Struct, frozen=True, rename="camel"):
+    """What is done at a node."""
+
+    action_type: str
+    action_id: str
+    blocking_type: Literal["NONE", "SOFT", "HARD"]
+    action_parameters: list[Parameter] = []
+
+
+class NodePosition(msgspec.Struct, frozen=True, rename="camel"):
+    """A place [m] with a heading [rad] on a map."""
+
+    x: float
+    y: float
+    theta: float
+    map_id: str
+
+
+class Node(msgspec.Struct, frozen=True, rename="camel"):
+    """A place on the way; `released`: in the base, else in the horizon."""
+
+    node_id: str
+    sequence_id: int
+    released: bool
+    node_position: NodePosition
+    actions: list[Action]
+
+
+class Edge(msgspec.Struct, frozen=True, rename="camel"):
+    """The way between two nodes: `length` [m], speeds [m/s].
+
+    `max_speed` is version 2's name for `maximum_speed`; version 3 has no node ids here.
+    """
+
+    edge_id: str
+    sequence_id: int
+    released: bool
+    start_node_id: str
+    end_node_id: str
+    max_speed: float
+    maximum_speed: float
+    length: float
+    trajectory: Trajectory
+    actions: list[Action]
+    orientation: float = 0.0
+    orientation_type: Literal["GLOBAL", "TANGENTIAL"] = "TANGENTIAL"
+
+
+class Order(msgspec.Struct, frozen=True, rename="camel"):
+    """One robot's order."""
+
+    header_id: int
+    timestamp: str
+    version: str
+    manufacturer: str
+    serial_number: str
+    order_id: str
+    order_update_id: int
+    nodes: list[Node]
+    edges: list[Edge]
