@@ -48,6 +48,16 @@ def corners(curve: Nurbs) -> list[Corner]:
     ]
 
 
+def still(curve: Nurbs) -> list[tuple[float, float]]:
+    """Return where control points repeat so that a curve has no direction [m]: none is sent."""
+    return [
+        (float(end[0, 0]), float(end[0, 1]))
+        for piece in _pieces(curve)
+        for end in (piece, piece[::-1])
+        if math.dist(end[0], end[1]) <= _NO_LEG
+    ]
+
+
 def rounded(curve: Nurbs, cut: float) -> Nurbs:
     """Return the curve with corners between straight pieces cut by at most `cut` [m].
 

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from coordinator.bounds import flatten
-from coordinator.corners import corners, rounded
+from coordinator.corners import corners, rounded, still
 from coordinator.errors import PlanError
 from coordinator.floor import Floor
 from coordinator.knots import piece, refine
@@ -23,11 +23,12 @@ from coordinator.nurbs import Array, Nurbs, nurbs
 from coordinator.nurbs_kernels import parameters_at, series
 from coordinator.path_file import whole
 from coordinator.scenario import GivenPath, Robot, Scenario
+from coordinator.scenario_checks import LEAST_STEP
 from coordinator.splines import joined
 from coordinator.wire_kernels import robot_table
 
 _ODD_SCALE: Final = 1e3
-"""Knots stay as they are unless their unit is farther than this factor from a metre."""
+"""Knots stay as they are unless their unit is farther than this factor from a metre; so weights."""
 
 _FLAT: Final = 2e-4
 _SHORTFALL: Final = 1e-3
@@ -53,21 +54,26 @@ _TURN: Final = 1.02
 
 def curve_of(path: GivenPath) -> Nurbs:
     """Return a path as a curve in the numbers of the wire (float32), corners rounded as asked."""
-    full = whole(path)
-    curve = nurbs(full.degree, full.knots, full.control_points, full.weights)
-    if not np.ptp(curve.points, axis=0).max() > 0.0:
+    curve = exact(path)
+    if not np.ptp(curve.points, axis=0).max() > LEAST_STEP:
         raise PlanError("its path has no length")
     if path.rounding > 0.0:
         curve = rounded(curve, path.rounding)
-    return _single(_measurable(_even(curve)))
-
-
-def _single(curve: Nurbs) -> Nurbs:
-    """Return a curve in float32, its parameter in something like metres."""
-    scale = _polygon_length(curve) / curve.knots[-1]
-    knots = curve.knots if 1.0 / _ODD_SCALE <= scale <= _ODD_SCALE else curve.knots * scale
-    single = (array.astype(np.float32) for array in (knots, curve.points, curve.weights))
+    curve = _measurable(_even(curve))
+    single = (array.astype(np.float32) for array in (curve.knots, curve.points, curve.weights))
     return nurbs(curve.degree, *single)
+
+
+def exact(path: GivenPath) -> Nurbs:
+    """Return a path as it is given, but for odd units of knots and weights."""
+    full = whole(path)
+    curve = nurbs(full.degree, full.knots, full.control_points, full.weights)
+    knots, weights, length = curve.knots, curve.weights, max(_polygon_length(curve), LEAST_STEP)
+    if not length / _ODD_SCALE <= knots[-1] <= length * _ODD_SCALE:
+        knots = knots / knots[-1] * length
+    if not 1.0 / _ODD_SCALE <= weights.max() <= _ODD_SCALE:
+        weights = weights / weights.max()
+    return nurbs(curve.degree, knots, curve.points, weights)
 
 
 def _even(curve: Nurbs) -> Nurbs:
@@ -136,8 +142,12 @@ def path_problems(scenario: Scenario) -> list[str]:
 
 def complaints(curve: Nurbs, robot: Robot, margin: float, floor: Floor) -> Iterator[str]:
     """Yield what makes a curve impossible for a robot: turns and what is solid; margin [m]."""
+    turns: list[str] = []
     if math.isfinite(robot.max_lateral_accel) or robot.min_turn_radius > 0.0:
-        yield from _turns(curve, robot.min_turn_radius)
+        turns = list(_turns(curve, robot.min_turn_radius))
+    for x, y in [] if turns else still(curve)[:1]:
+        turns = [f"has no direction at ({x:.2f}, {y:.2f}), where control points stand twice"]
+    yield from turns
     chain = flatten(curve, _FLAT)
     clearance = floor.gap(chain.points) - chain.bound - robot.radius
     if clearance < margin - _SHORTFALL:

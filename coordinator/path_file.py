@@ -18,6 +18,9 @@ from coordinator.scenario_table import Table, read_place
 
 PATH_REQUIRED: Final = ("degree", "control_points")
 ROUNDING: Final = {"rounding": Quantity("m", from_least=True, most=1.0)}
+MOST_WEIGHT: Final = 100.0
+"""By so many times weights may differ: the wire's limit."""
+
 _ANY: Final = Quantity(least=-math.inf, most=math.inf)
 _NOWHERE: Final = (math.nan, math.nan)
 _NOTHING: Final = GivenPath(degree=1, control_points=())
@@ -59,7 +62,14 @@ def uniform_knots(degree: int, count: int) -> tuple[float, ...]:
 
 def given_faults(path: GivenPath, where: str, names: PathNames = PATH_NAMES) -> list[str]:
     """Return what is wrong with a path's parts, as `field: what` each."""
-    return list(path_faults(where, whole(path), names))
+    problems = list(path_faults(where, whole(path), names))
+    low, high = min(path.weights, default=1.0), max(path.weights, default=1.0)
+    if not problems and high > MOST_WEIGHT * low:
+        many = f"{high / low:g}" if high < 1e6 * low else "over a million"
+        problems.append(
+            f"{where}.{names.weights}: differ by {many} times, allowed is up to {MOST_WEIGHT:g}"
+        )
+    return problems
 
 
 def _path(value: object, where: str, problems: list[str]) -> GivenPath:

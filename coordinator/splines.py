@@ -26,6 +26,12 @@ SAME: Final = 1e-10
 _ROUNDING: Final = 1e-12
 """Weights are as good as this."""
 
+_NOWHERE: Final = 1e-7
+"""Pieces of less extent [m] are left out: float32 tells no such places apart."""
+
+_NARROW: Final = 1e-9
+"""No piece has less of the whole parameter, as a share."""
+
 _EVEN: Final = 100.0
 """Parts of a curve are driven at the same speed of the parameter up to this factor from 1 m/s."""
 
@@ -47,13 +53,27 @@ def joined(parts: Sequence[Nurbs]) -> Nurbs:
         widths += (scale * np.diff(np.unique(part.knots))).tolist()
         factor = weight / own[0][0, 2] if weight else 1.0
         pieces += [factor * one for one in own]
-        if len(pieces) > len(own):
-            pieces[-len(own)][0] = pieces[-len(own) - 1][-1]
         pace, weight = _pace(pieces[-1][::-1]) / widths[-1], pieces[-1][-1, 2]
-    whole = spline(pieces, widths)
+    whole = spline(*_worth_keeping(pieces, widths))
     legs = np.diff(whole.points, axis=0)
     scale = float(np.hypot(legs[:, 0], legs[:, 1]).sum() / whole.knots[-1])
     return Nurbs(degree, whole.knots * scale, whole.points, whole.weights)
+
+
+def _worth_keeping(
+    pieces: Sequence[Array], widths: Sequence[float]
+) -> tuple[list[Array], list[float]]:
+    """Leave out pieces that lead nowhere, and widen those that the parameter could not tell."""
+    least = _NARROW * sum(widths)
+    kept: list[Array] = []
+    wide: list[float] = []
+    for piece, width in zip(pieces, widths, strict=True):
+        if np.ptp(piece[:, :2] / piece[:, 2:], axis=0).max() > _NOWHERE:
+            kept.append(piece)
+            wide.append(max(width, least))
+    for before, after in pairwise(kept):
+        after[0] = before[-1] * (after[0, 2] / before[-1, 2])
+    return kept, wide
 
 
 def elevated(piece: Array, degree: int) -> Array:

@@ -41,13 +41,14 @@ def import_vda5050(
         typer.Option(help="Scenario with the floor, and robots of these names with their limits."),
     ] = None,
     radius: Annotated[
-        float, typer.Option(callback=within(1e-3, 1e3), help="Of robots not known otherwise [m].")
+        float,
+        typer.Option(callback=within(1e-3, 1e3), help="Metres, of robots not known otherwise."),
     ] = 0.3,
     max_speed: Annotated[
-        float, typer.Option(callback=within(1e-3, 999.0), help="Where orders say none [m/s].")
+        float, typer.Option(callback=within(1e-3, 999.0), help="In m/s, where orders say none.")
     ] = 0.5,
     rounding: Annotated[
-        float, typer.Option(callback=within(0.0, 1.0), help="Corners may be cut by so much [m].")
+        float, typer.Option(callback=within(0.0, 1.0), help="Metres that corners may be cut by.")
     ] = 0.02,
 ) -> None:
     """Read VDA 5050 orders as given paths of a scenario: schedule somebody else's paths.

@@ -16,15 +16,24 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from coordinator.corners import corners
-from coordinator.given_path import path_of
-from coordinator.nurbs import Nurbs, nurbs
-from coordinator.path_file import given_faults, whole
+from coordinator.given_path import exact, path_of
+from coordinator.nurbs import Nurbs
+from coordinator.path_file import given_faults
 from coordinator.plan_checks import PathNames
 from coordinator.scenario import GivenPath, Point, Robot, Scenario, Workspace
-from coordinator.scenario_checks import COORDINATE, ROBOT_QUANTITIES, Quantity, printable, show
+from coordinator.scenario_checks import (
+    COORDINATE,
+    LEAST_STEP,
+    ROBOT_QUANTITIES,
+    Quantity,
+    printable,
+    show,
+)
 from coordinator.splines import joined
 
-_NAMES: Final = PathNames(knots="knotVector", points="controlPoints")
+_NAMES: Final = PathNames(
+    knots="knotVector", points="controlPoints", weights="controlPoints.weight"
+)
 _WEIGHT: Final = Quantity()
 _KNOT: Final = Quantity(least=-math.inf, most=math.inf)
 _SPEEDS: Final = ("maximumSpeed", "maxSpeed")
@@ -168,14 +177,15 @@ def _robot_name(order: Mapping[str, Any], found: _Finder) -> str:
 
 def _parts(order: Mapping[str, Any], found: _Finder) -> tuple[list[Nurbs], float]:
     """Return the curves of an order's edges, in order, and the least speed permitted [m/s]."""
+    before = len(found.problems)
     edges = found.items(order, "edges", "edges")
-    if not edges and not found.problems:
+    if not edges and len(found.problems) == before:
         found.note("edges", "is empty, there is nothing to drive")
     named = [(f"edges[{i}]", edge) for i, edge in enumerate(edges)]
     for where, edge in named:
         if not isinstance(edge, dict):
             found.note(where, f"{show(edge)} is not an object")
-    if found.problems:
+    if len(found.problems) > before:
         return [], math.inf
     if all(type(edge.get("sequenceId")) is int for _, edge in named):
         named.sort(key=lambda one: int(one[1]["sequenceId"]))
@@ -218,9 +228,8 @@ def _trajectory(edge: Mapping[str, Any], where: str, found: _Finder) -> Nurbs | 
     found.problems.extend(f"{found.file}: {fault}" for fault in faults)
     if faults:
         return None
-    full = whole(path)
-    curve = nurbs(full.degree, full.knots, full.control_points, full.weights)
-    if not np.ptp(curve.points, axis=0).max() > 0.0:
+    curve = exact(path)
+    if not np.ptp(curve.points, axis=0).max() > LEAST_STEP:
         found.note(f"{where}.controlPoints", "are all in one place, there is nothing to drive")
         return None
     return curve

@@ -124,6 +124,10 @@ def test_a_straight_polyline_needs_no_rounding():
             "turns on the spot by 180 degrees at (9.00, 1.00)",
         ),
         (given("R1", ((1.0, 1.0), (1.0, 1.0)), 1), "has no length"),
+        (
+            given("R1", ((1.0, 1.0), (1.0, 1.0), (5.0, 1.5), (9.0, 2.0)), 3),
+            "has no direction at (1.00, 1.00), where control points stand twice",
+        ),
     ],
 )
 def test_a_path_that_cannot_be_driven_is_told_with_the_robot_and_where(robot, words):
@@ -181,6 +185,10 @@ HEAD = '[workspace]\nbounds = [0.0, 0.0, 10.0, 8.0]\n[[robots]]\nid = "R1"\nradi
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], knots = [0, 'a']}",
             "knots[1]: 'a' is not a number",
+        ),
+        (
+            "{degree = 1, control_points = [[1, 1], [2, 2]], weights = [1e-300, 1]}",
+            "weights: differ by over a million times, allowed is up to 100",
         ),
         ("{degree = 1, control_points = [[1, 1], [2, 2]], knot = []}", "knot: unknown key"),
         ("3", "path: 3 is not a table"),
@@ -282,6 +290,24 @@ def test_a_robot_pushed_off_its_given_path_finds_its_own_way_to_the_goal(frozen)
     assert robot.path is None
     assert robot.goal == BEND[-1]
     assert found.document.proof.holds
+
+
+def test_a_polyline_may_say_a_place_twice():
+    points = ((1.0, 1.0), (1.0, 1.0), (5.0, 1.0), (5.0, 1.0), (9.0, 1.0))
+    planned = plan_scenario(a_scenario([given("R1", points, 1)]), effort=0).robots[0]
+    assert planned.length == pytest.approx(8.0)
+
+
+def test_weights_of_any_scale_make_the_same_path():
+    lengths = [
+        plan_scenario(a_scenario([given("R1", BEND, weights=weights)]), effort=0).robots[0].length
+        for weights in (
+            WEIGHTS,
+            tuple(1e-200 * w for w in WEIGHTS),
+            tuple(1e200 * w for w in WEIGHTS),
+        )
+    ]
+    assert lengths[1:] == pytest.approx([lengths[0]] * 2)
 
 
 def test_knots_of_any_scale_make_the_same_curve():

@@ -302,6 +302,20 @@ def test_a_malformed_order_is_told_in_one_line(order, line):
     assert told.startswith(f"bad.json: {line}")
 
 
+def test_everything_that_is_wrong_with_one_order_is_told():
+    order = broken(controlPoints=points(-1.0), degree="3") | {"serialNumber": 7}
+    order["edges"].append({"sequenceId": 3, "maxSpeed": 0})
+    found, noted = read(order, "bad.json")
+    assert found is None
+    assert [line.split(": ")[1] for line in noted] == [
+        "serialNumber",
+        "edges[1].maxSpeed",
+        "edges[0].trajectory.degree",
+        "edges[0].trajectory.controlPoints[2].weight",
+        "edges[1].trajectory",
+    ]
+
+
 def test_what_is_no_json_is_told_in_one_line():
     noted = []
     assert read_order(b"\xff{", "bad.json", noted) is None
