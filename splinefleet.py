@@ -30,7 +30,6 @@ app = typer.Typer(
     name="splinefleet",
     help="Coordinates robots that never tell each other where they are.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 for package in (
