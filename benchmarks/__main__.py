@@ -25,6 +25,7 @@ from benchmarks.proof import proving, sharpness
 from benchmarks.quality import quality
 from benchmarks.recording import recording, writing
 from benchmarks.reliability import campaigns
+from benchmarks.replays import replays
 from benchmarks.safety import safety
 from benchmarks.swaps import swaps
 from benchmarks.table import ROOT, Row, show
@@ -46,6 +47,7 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "paper": {"against Algorithm 2 of the paper": against_paper},
     "safety": {"seeded scenarios, judged by a dense sampler": partial(safety, 200)},
     "reliability": {"seeded fleets with 1 to 4 faults": partial(campaigns, 500)},
+    "replays": {"logs of faulty runs, run again": replays},
     "agent": {"one tick of the robot's core": agent},
     "recording": {
         "recording what arrives over Zenoh": recording,

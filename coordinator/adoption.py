@@ -1,14 +1,23 @@
-"""What a log says when a fleet begins a new epoch, or gets new times: what was asked for.
+"""A new epoch as it is asked for and as a log says it: which one, and where its robots stood.
 
-Decides: the records' keys and bytes.  They are never sent; replay plans from them again.
+Decides: the record's key and bytes.  It is never sent; replay plans from it again.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import msgspec
 
-from coordinator.lateness import Lateness
-from coordinator.mission import Request
+from coordinator.standing import Standing
+
+
+@dataclass(frozen=True)
+class Request:
+    """A plan that is wanted: for which epoch, and where the robots stand."""
+
+    epoch: int
+    told: tuple[Standing, ...]
 
 
 def adoption_key(fleet: str) -> str:
@@ -16,22 +25,15 @@ def adoption_key(fleet: str) -> str:
     return f"coordinator/{fleet}/epoch"
 
 
-def retiming_key(fleet: str) -> str:
-    """Return the log's key for requests of new times; no message travels on it."""
-    return f"coordinator/{fleet}/late"
+def is_adoption_key(key: str) -> bool:
+    """Tell whether a fleet's new epochs are told on this key."""
+    first, _, rest = key.partition("/")
+    return first == "coordinator" and rest.endswith("/epoch")
 
 
-def record_of(request: Request | Lateness) -> bytes:
+def record_of(request: Request) -> bytes:
     """Return a request as JSON."""
     return msgspec.json.encode(request)
-
-
-def lateness_of(payload: bytes) -> Lateness | None:
-    """Read a request of new times; None when these bytes are none."""
-    try:
-        return msgspec.json.decode(payload, type=Lateness)
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-        return None
 
 
 def request_of(payload: bytes) -> Request | None:

@@ -27,6 +27,7 @@ from coordinator.fleet_phases import (
 from coordinator.fleet_state import FleetState
 from coordinator.greeting import Door
 from coordinator.lateness import Lateness
+from coordinator.link_news import LINK_GONE
 from coordinator.member import Member
 from protocol import keys
 from protocol.codec import decode, encode
@@ -65,8 +66,8 @@ class Fleet(FleetState):
             self.bad_messages += 1
             return []
         _, kind, robot = place
-        if kind == "alive":  # nothing on it says that the robot's link is gone
-            return [] if payload else self._hear_gone(robot, now_ns)
+        if kind == "alive":
+            return self._hear_gone(robot, now_ns) if payload == LINK_GONE else []
         message = decode(kind, payload)
         if isinstance(message, Hello):
             return self._hear_hello(robot, message, now_ns)

@@ -7,7 +7,7 @@ sim/blackbox.py.
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -27,23 +27,34 @@ def read_ghosts(folder: Path, robots: Sequence[Body]) -> list[Ghost]:
 
     Raises InputError naming a file that is no black box.
     """
-    ghosts = []
-    for place, robot in enumerate(robots):
+    texts = {}
+    for robot in robots:
         path = folder / f"{robot.id}.csv"
         if path.is_file():
-            rows = _read(path)
+            try:
+                texts[robot.id] = path.read_text()
+            except (OSError, UnicodeDecodeError) as error:
+                raise InputError([f"{path}: {error}"]) from None
+    return ghosts_of(texts, robots, f"{folder}/")
+
+
+def ghosts_of(texts: Mapping[str, str], robots: Sequence[Body], where: str) -> list[Ghost]:
+    """Return the ghosts of the robots whose black boxes' texts are given, by robot.
+
+    Raises InputError naming one that is none, behind `where`.
+    """
+    ghosts = []
+    for place, robot in enumerate(robots):
+        if robot.id in texts:
+            rows = _rows(texts[robot.id], f"{where}{robot.id}.csv")
             t, x, y = np.round(rows[_needed(rows)], 3).T.tolist()
             ghosts.append(Ghost(robot=place, t=t, x=x, y=y))
     return ghosts
 
 
-def _read(path: Path) -> Array:
+def _rows(text: str, path: str) -> Array:
     """Return the rows t, x, y (n, 3); a last line that was cut short is left out."""
-    try:
-        with path.open(newline="") as file:
-            rows = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError([f"{path}: {error}"]) from None
+    rows = list(csv.reader(text.splitlines()))
     if not rows or rows[0][:3] != ["t", "x", "y"]:
         raise InputError([f"{path}: line 1: the columns do not begin with t,x,y"])
     whole = [row[:3] for row in rows[1:] if len(row) == len(rows[0])]

@@ -17,6 +17,7 @@ import msgspec
 from coordinator.courses import Courses
 from coordinator.info_numbers import Numbers, broadcast, clock_lag, first_go
 from coordinator.info_plan import read_plans, take_message, take_plans
+from coordinator.link_news import LINK_GONE
 from coordinator.summary import (
     EpochSummary,
     FaultSummary,
@@ -145,7 +146,7 @@ class _Telling:
         if fleet != self.summary.fleet:
             return
         if kind == "alive":
-            self._tell_link(robot, bool(record.payload), record.log_ns)
+            self._tell_link(robot, record.payload != LINK_GONE, record.log_ns)
             return
         message = codec.decode(kind, record.payload)
         if message is None:

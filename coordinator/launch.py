@@ -7,10 +7,8 @@ from __future__ import annotations
 
 import asyncio
 import os
-import platform
 import time
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
@@ -18,23 +16,20 @@ from coordinator.console import answer_json, tell, write_file
 from coordinator.errors import InputError
 from coordinator.fleet import Fleet
 from coordinator.fleet_phases import GO_LEAD
-from coordinator.logbook import RESUMED, is_unfinished, read_log
+from coordinator.log_head import first_head, resumed
+from coordinator.logbook import is_unfinished, read_log
 from coordinator.member import STRIKES
 from coordinator.mission import Mission
 from coordinator.plan import PlanDocument, plan_name, to_json
 from coordinator.planning import plan_here
-from coordinator.recorder import Attachment, Recorder
+from coordinator.recorder import Recorder
 from coordinator.replay import go_on
 from coordinator.roll_call import RollCall
 from coordinator.scenario import Scenario
-from coordinator.scenario_file import scenario_to_json
 from coordinator.service import Service
 from coordinator.table import FleetTable
-from protocol.messages import PROTOCOL_VERSION
 from protocol.phases import PHASE_NAMES
 from protocol.zenoh_transport import ZenohTransport
-
-VERSIONED = ("splinefleet", "eclipse-zenoh", "mcap", "msgspec", "numpy", "scipy", "shapely")
 
 _WITHOUT: Final = {
     "lost": "it is lost, not heard any more",
@@ -138,23 +133,10 @@ class Coordinator:
     def _recorder(
         self, log: Path | None, document: PlanDocument, boot: int, resume: Path | None
     ) -> Recorder:
-        metadata = {
-            "fleet": document.scenario,
-            "policy": document.policy,
-            "boot": str(boot),
-            "effort": str(self.effort),
-            "speed": str(self.speed),
-            "protocol": str(PROTOCOL_VERSION),
-            "python": platform.python_version(),
-            **{name: version(name) for name in VERSIONED},
-        }
-        attachments = [
-            Attachment("scenario.json", "application/json", scenario_to_json(self.scenario)),
-            Attachment(plan_name(document.epoch), "application/json", to_json(document)),
-        ]
-        if resume is not None:
-            metadata["began_ns"] = str(self._began_ns)
-            attachments[1:] = [Attachment(RESUMED, "application/octet-stream", self._before)]
+        head = first_head(self.scenario, document, boot=boot, effort=self.effort, speed=self.speed)
+        metadata, attachments = (
+            head if resume is None else resumed(head, self._before, self._began_ns)
+        )
         path = log if log is not None else Path(os.devnull)
         offset = time.time_ns() - self.clock()
         return Recorder(path, metadata=metadata, wall_offset_ns=offset, attachments=attachments)

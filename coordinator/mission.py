@@ -6,9 +6,9 @@ Decides: when a fleet is planned anew and which plan it gets.  Must not know: cl
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
+from coordinator.adoption import Request
 from coordinator.fleet_news import Incident, Outgoing
 from coordinator.lateness import Lateness
 from coordinator.muster import muster, parts_of, times_of
@@ -17,19 +17,10 @@ from coordinator.recovery import Planner, Recovery, recover
 from coordinator.retiming import retime
 from coordinator.scenario import Scenario
 from coordinator.site import Site
-from coordinator.standing import Standing
 from protocol.timing import SECOND
 
 MOST_EPOCHS: Final = 200
 """A fleet that still does not arrive is given up."""
-
-
-@dataclass(frozen=True)
-class Request:
-    """A plan that is wanted: for which epoch, and where the robots stand."""
-
-    epoch: int
-    told: tuple[Standing, ...]
 
 
 class Mission:

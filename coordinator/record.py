@@ -17,6 +17,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
+from coordinator.link_news import link_news
 from coordinator.recorder import Recorder
 from protocol import keys
 from protocol.codec import decode
@@ -63,7 +64,7 @@ class Listener:
 
     def link_changed(self, key: str, alive: bool) -> None:
         """Record that a link is there or gone, as the coordinator's own log does."""
-        self._recorder.record(key, b"\x01" if alive else b"", self._clock())
+        self._recorder.record(key, link_news(alive), self._clock())
 
 
 class Recording:

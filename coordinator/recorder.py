@@ -5,8 +5,9 @@ mean.  The file is written by a thread of its own, so that no caller ever waits 
 flushed so often that a killed coordinator loses at most its last 100 ms.
 
 Layout: metadata record "splinefleet", attachments, then chunks (zstd, with CRCs) with one
-channel per key.  log_time is the coordinator's clock plus `wall_offset_ns`, publish_time the
-sender's time stamp where there is one.  The order of the records is the order of the calls.
+channel per key, and a plain one for bytes that are no message of it (log_channels.py).  log_time
+is the coordinator's clock plus `wall_offset_ns`, publish_time the sender's time stamp where there
+is one.  The order of the records is the order of the calls.
 """
 
 from __future__ import annotations
@@ -24,9 +25,7 @@ from mcap.writer import CompressionType, Writer
 from zstandard import ZstdError
 
 from coordinator.errors import InputError, LogError
-from protocol import keys
-from protocol.codec import KINDS
-from protocol.schema import json_schema, schema_name
+from coordinator.log_channels import PLAIN, Description, describe
 
 METADATA_NAME: Final = "splinefleet"
 WALL_OFFSET: Final = "wall_offset_ns"
@@ -80,8 +79,9 @@ class Recorder:
         self._waiting: deque[_Entry | Attachment | threading.Event] = deque()
         self._hurry = threading.Event()
         self._closing = threading.Event()
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {"": 0}
+        self._descriptions: dict[str, Description] = {}
+        self._channels: dict[tuple[str, bool], int] = {}
         self._sequences: dict[str, int] = {}
         try:
             self._open({**metadata, WALL_OFFSET: str(wall_offset_ns)}, attachments)
@@ -186,28 +186,28 @@ class Recorder:
         self._writer.add_attachment(0, 0, name, media_type, data)
 
     def _add_message(self, entry: _Entry) -> None:
-        channel = self._channels.get(entry.key)
+        described = self._descriptions.get(entry.key)
+        if described is None:
+            described = self._descriptions[entry.key] = describe(entry.key)
+        place = (entry.key, described.fits(entry.payload))
+        channel = self._channels.get(place)
         if channel is None:
-            channel = self._channels[entry.key] = self._register(entry.key)
+            channel = self._register(entry.key, described if place[1] else PLAIN)
+            self._channels[place] = channel
         sequence = self._sequences.get(entry.key, 0)
         self._sequences[entry.key] = (sequence + 1) % 2**32
         self._writer.add_message(
             channel, entry.log_time, entry.payload, entry.publish_time, sequence
         )
 
-    def _register(self, key: str) -> int:
-        """Register a channel: ours with the schema of its kind, any other as plain bytes."""
-        ours = keys.split(key)
-        if ours is None:
-            return self._writer.register_channel(key, "application/octet-stream", 0)
-        kind = ours[1]
-        if kind not in KINDS:
-            return self._writer.register_channel(key, "application/octet-stream", 0)
-        if kind not in self._schemas:
-            self._schemas[kind] = self._writer.register_schema(
-                schema_name(kind), "jsonschema", json_schema(kind)
+    def _register(self, key: str, described: Description) -> int:
+        """Register a channel, with the schema of what stands on it if there is one."""
+        if described.name not in self._schemas:
+            self._schemas[described.name] = self._writer.register_schema(
+                described.name, "jsonschema", described.schema
             )
-        return self._writer.register_channel(key, "msgpack", self._schemas[kind])
+        schema = self._schemas[described.name]
+        return self._writer.register_channel(key, described.encoding, schema)
 
 
 def begin_file(stream: IO[bytes]) -> Writer:

@@ -1,4 +1,4 @@
-"""A log made whole: what is sound of a cut or damaged one, in a file that any reader opens.
+"""A log written anew: what is sound of a cut or damaged one, or a whole one with further files.
 
 Decides: what is kept, and that a log which was made whole says so.  Must not know: files, or what
 the messages mean.
@@ -7,7 +7,7 @@ the messages mean.
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple
 
 from mcap import records as mcap_records
@@ -15,7 +15,7 @@ from mcap.writer import Writer
 
 from coordinator.log_bytes import Sound
 from coordinator.logbook import scan_log
-from coordinator.recorder import begin_file
+from coordinator.recorder import Attachment, begin_file
 
 RECOVERED: Final = "splinefleet.recovered"
 """The metadata record that says what a log was before it was made whole."""
@@ -61,6 +61,26 @@ def make_whole(data: bytes, path: str) -> Whole:
         complete=log.complete,
         damage=log.damage,
     )
+
+
+def with_files(data: bytes, path: str, files: Iterable[Attachment]) -> bytes | None:
+    """Return a log with further attachments at its end, and all else as it was.
+
+    None when the log was not closed or is damaged: it stays what it is.  Raises InputError when
+    this is no log of a fleet.
+    """
+    log = scan_log(data, path)
+    if log.damage or not log.complete:
+        return None
+    stream = io.BytesIO()
+    copy = _Copy(begin_file(stream), log.sound)
+    for _, record in log.sound:
+        copy.add(record)
+    copy.writer.flush()  # type: ignore[no-untyped-call]
+    for file in files:
+        copy.writer.add_attachment(0, 0, file.name, file.media_type, file.data)
+    copy.writer.finish()  # type: ignore[no-untyped-call]
+    return stream.getvalue()
 
 
 class _Copy:

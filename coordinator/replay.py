@@ -1,7 +1,8 @@
 """A log run again: the planner and the fleet core on the recorded inputs, byte for byte.
 
 Decides: whether a log is what this code would have done.  Every message to a robot in the log must
-be what the core sends at that moment; a Command that nothing else explains is a tick.
+be what the core sends at that moment; a Command that nothing else explains is a tick, and a tick
+that said nothing has a record of its own.
 """
 
 from __future__ import annotations
@@ -12,13 +13,15 @@ from typing import NamedTuple
 
 import msgspec
 
-from coordinator.adoption import adoption_key, lateness_of, request_of, retiming_key
+from coordinator.adoption import adoption_key, request_of
 from coordinator.errors import InputError, PlanError
 from coordinator.fleet_news import Outgoing
+from coordinator.lateness import lateness_key, lateness_of
 from coordinator.logbook import RESUMED, Log, Record, log_from_bytes
 from coordinator.mission import Mission
 from coordinator.plan import PlanDocument, plan_name
 from coordinator.planning import plan_here
+from coordinator.quiet_tick import quiet_key
 from coordinator.scenario_file import parse_scenario
 from protocol import keys
 from protocol.codec import decode
@@ -145,8 +148,11 @@ class _Rerun:
         """Feed one record to the core, or hold it against what the core sends."""
         if record.key == adoption_key(self._fleet.name):
             return self._adopt(record)
-        if record.key == retiming_key(self._fleet.name):
+        if record.key == lateness_key(self._fleet.name):
             return self._retime(record)
+        if record.key == quiet_key(self._fleet.name):
+            self._due.extend(self._fleet.tick(record.log_ns))
+            return f"the core sends on {self._due[0].key} here" if self._due else ""
         place = keys.split(record.key)
         kind = "" if place is None else place[1]
         if not _is_sent(kind, record.payload, self._fleet.boot) or (

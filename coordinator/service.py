@@ -11,12 +11,15 @@ import asyncio
 from collections.abc import Callable
 from typing import Final
 
-from coordinator.adoption import adoption_key, record_of, retiming_key
+from coordinator.adoption import Request, adoption_key, record_of
 from coordinator.fleet import Fleet
 from coordinator.fleet_news import Incident, Outgoing
-from coordinator.lateness import Lateness
-from coordinator.mission import Mission, Request
-from coordinator.plan import PlanDocument, plan_name, to_json
+from coordinator.lateness import Lateness, lateness_key, lateness_record
+from coordinator.link_news import link_news
+from coordinator.log_head import plan_file
+from coordinator.mission import Mission
+from coordinator.plan import PlanDocument
+from coordinator.quiet_tick import QUIET, quiet_key
 from coordinator.recorder import Recorder
 from coordinator.recovery import Recovery
 from coordinator.roll_call import missing_in_words
@@ -29,7 +32,7 @@ _WAITING: Final = 10_000
 """Messages that may wait for the core; what a flood adds beyond them is dropped and counted."""
 
 Arrival = tuple[str, bytes, int | None]
-"""Key, payload, sender's stamp; no payload of a key that is alive means that its link is gone."""
+"""Key, payload, sender's stamp; on a key that is alive the news of its link."""
 
 
 class Service:
@@ -75,7 +78,7 @@ class Service:
         while True:
             await self._take_until(due)
             now = self._clock()
-            self._send(self.fleet.tick(now), now)
+            self._tick(now)
             self._plan(now)
             self._retime(now)
             if self._watch is not None:
@@ -90,6 +93,12 @@ class Service:
                 text = f"gave up after {patience_s:g} s; {missing_in_words(self.fleet, now)}"
                 self.fleet.incidents.append(Incident(now, "timeout", "", text))
                 return False
+
+    def _tick(self, now: int) -> None:
+        messages = self.fleet.tick(now)
+        if not messages:
+            self._recorder.record(quiet_key(self.fleet.name), QUIET, now)
+        self._send(messages, now)
 
     def _plan(self, now: int) -> None:
         """Begin to plan when the fleet rests, and adopt the plan when it is there."""
@@ -124,7 +133,7 @@ class Service:
         messages = self.mission.take_times(asked, document, now)
         if messages is None:
             return
-        self._recorder.record(retiming_key(self.fleet.name), record_of(asked), now)
+        self._recorder.record(lateness_key(self.fleet.name), lateness_record(asked), now)
         if document is not None:
             self._keep_plan(document)
             self._recorder.sync()
@@ -132,8 +141,7 @@ class Service:
 
     def _keep_plan(self, document: PlanDocument) -> None:
         """Attach a plan to the log, and hand it on."""
-        name = plan_name(document.epoch, document.revision)
-        self._recorder.attach(name, "application/json", to_json(document))
+        self._recorder.attach(*plan_file(document))
         if self._keep is not None:
             self._keep(document)
 
@@ -149,7 +157,7 @@ class Service:
                 loop.call_soon_threadsafe(enqueue, key, payload, sent_ns)
 
         def link_changed(key: str, alive: bool) -> None:
-            from_any_thread(key, b"\x01" if alive else b"", None)
+            from_any_thread(key, link_news(alive), None)
 
         fleet = self.fleet.name
         for kind in (keys.hello, keys.report, keys.clock, keys.admit):

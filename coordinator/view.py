@@ -16,8 +16,9 @@ from typing import Final
 
 import msgspec
 
+from coordinator.blackbox_files import unpacked
 from coordinator.errors import InputError
-from coordinator.ghosts import read_ghosts
+from coordinator.ghosts import ghosts_of, read_ghosts
 from coordinator.logbook import RESUMED, Log, log_from_bytes, read_log
 from coordinator.plan import read
 from coordinator.scene import Scene
@@ -32,16 +33,20 @@ Events = Callable[[], Iterator[tuple[str, str]]]
 
 
 def read_scene(source: Path) -> Scene:
-    """Return the scene of a log, with its black boxes when they lie beside it, or of a plan.
+    """Return the scene of a log, with the black boxes in it or beside it, or of a plan.
 
     Raises InputError when the file is neither.
     """
     if source.suffix != ".mcap":
         return scene_of_plan(read(source))
-    scene = scene_of_logs(_with_those_before(str(source), read_log(source)))
-    return msgspec.structs.replace(
-        scene, ghosts=read_ghosts(source.parent / "blackbox", scene.robots)
-    )
+    log = read_log(source)
+    scene = scene_of_logs(_with_those_before(str(source), log))
+    boxes = unpacked(log.attachments)
+    if boxes:
+        ghosts = ghosts_of(boxes, scene.robots, f"{source}: ")
+    else:
+        ghosts = read_ghosts(source.parent / "blackbox", scene.robots)
+    return msgspec.structs.replace(scene, ghosts=ghosts)
 
 
 def _with_those_before(name: str, log: Log) -> list[tuple[str, Log]]:

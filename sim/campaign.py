@@ -8,24 +8,28 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
+from pathlib import Path
 from random import Random
+from tempfile import TemporaryDirectory
 from typing import Final
 
 import msgspec
 from msgspec.structs import replace
 
 from coordinator.plan import PlanDocument
-from coordinator.planner import plan_scenario
+from coordinator.planner import DEFAULT_EFFORT, plan_scenario
 from coordinator.scenario import Link, Scenario
 from protocol.phases import COMMAND_NAMES
 from protocol.timing import MILLISECOND, SECOND
-from sim.fault_script import KINDS, draw_faults, write_fault
+from sim.fault_script import USUAL, draw_faults, write_fault
 from sim.faults import Fault
 from sim.latencies import Latencies, latencies
 from sim.memory_transport import DROP_NOTICE_NS, MemoryNetwork
+from sim.run_logs import RunLogs
 from sim.truth import Touch, arrived, excused, touches
-from sim.world import USUAL_FLAWS, World
+from sim.world import EFFORT, USUAL_FLAWS, World
 
 LINKS: Final = (Link(delay=0.005), Link(delay=0.1, loss=0.1), Link(delay=0.3, loss=0.3))
 """Every seed gets one of these: a plan is made for each, not for each seed."""
@@ -42,7 +46,11 @@ _PLANNING: Final = (50 * MILLISECOND, 3 * SECOND)
 _PERIODS: Final = (10 * MILLISECOND, *3 * (20 * MILLISECOND,))
 """Between two ticks of a robot: mostly 50 Hz, as slow as a control loop should be."""
 
-_NEEDS: Final = {"corrupt": (), "coordinator-hang": ("coordinator",)}
+_NEEDS: Final = {
+    "corrupt": (),
+    "coordinator-hang": ("coordinator",),
+    "coordinator-restart": ("coordinator",),
+}
 """Which entries of proof.survives promise that nobody touches under a fault; others: stop."""
 
 
@@ -53,7 +61,7 @@ class Wish:
     `freezes` is for tests alone, see World.
     """
 
-    kinds: tuple[str, ...] = tuple(KINDS)
+    kinds: tuple[str, ...] = USUAL
     loss: float = LINKS[-1].loss
     delay: float = LINKS[-1].delay
     tau: float | None = None
@@ -84,9 +92,13 @@ class Outcome(msgspec.Struct, frozen=True):
 
 
 def run_seed(
-    scenario: Scenario, seed: int, wish: Wish = Wish(), faults: Sequence[Fault] | None = None
+    scenario: Scenario,
+    seed: int,
+    wish: Wish = Wish(),
+    faults: Sequence[Fault] | None = None,
+    folder: Path | None = None,
 ) -> Outcome:
-    """Draw what the seed says, faults too unless they are given, and run it.
+    """Draw what the seed says, faults too unless they are given, and run it; logs into `folder`.
 
     Raises PlanError when the scenario has no plan.
     """
@@ -97,7 +109,7 @@ def run_seed(
         names = [robot.id for robot in document.robots]
         finish = max(robot.finish_time for robot in document.robots)
         faults = draw_faults(Random(f"faults {seed}"), names, finish, wish.kinds)
-    return run_one(planned, document, seed, faults, freezes=wish.freezes)
+    return run_one(planned, document, seed, faults, freezes=wish.freezes, folder=folder)
 
 
 @functools.lru_cache(maxsize=16)
@@ -114,15 +126,18 @@ def run_one(
     faults: Sequence[Fault],
     *,
     freezes: bool = True,
+    folder: Path | None = None,
 ) -> Outcome:
-    """Run a planned fleet with these faults; link, clocks and bodies are drawn from the seed."""
-    world = make_world(scenario, document, seed, faults, freezes=freezes)
-    finish = max(robot.finish_time for robot in document.robots)
-    longest = _PATIENCE + 3.0 * finish * (1 + len(faults)) if freezes else 1.5 * finish
-    world.run(longest)
-    over = world.fleet.is_finished
-    over_ns = world.now_ns
-    world.go_on(_AFTERMATH)
+    """Run a planned fleet with these faults; link, clocks and bodies are drawn from the seed.
+
+    Its logs go into `folder`; a coordinator that is to be restarted needs one to go on from.
+    """
+    with ExitStack() as stack:
+        if folder is None and any(fault.kind == "coordinator-restart" for fault in faults):
+            folder = Path(stack.enter_context(TemporaryDirectory()))
+        logs = None if folder is None else stack.enter_context(closing(RunLogs(folder)))
+        world = make_world(scenario, document, seed, faults, freezes=freezes, logs=logs)
+        over, over_ns = run_world(world, document, freezes=freezes)
     boxes = world.blackboxes()
     found = touches(document, boxes, faults)
     excuses = excused(world, over_ns)
@@ -151,6 +166,16 @@ def run_one(
     )
 
 
+def run_world(world: World, document: PlanDocument, *, freezes: bool = True) -> tuple[bool, int]:
+    """Let a world run to its end; tells whether the fleet was over, and when [ns]."""
+    finish = max(robot.finish_time for robot in document.robots)
+    longest = _PATIENCE + 3.0 * finish * (1 + len(world.faults)) if freezes else 1.5 * finish
+    world.run(longest)
+    over, over_ns = world.fleet.is_finished, world.now_ns
+    world.go_on(_AFTERMATH)
+    return over, over_ns
+
+
 def make_world(
     scenario: Scenario,
     document: PlanDocument,
@@ -158,8 +183,12 @@ def make_world(
     faults: Sequence[Fault],
     *,
     freezes: bool = True,
+    logs: RunLogs | None = None,
 ) -> World:
-    """Return a world on the scenario's link, with clocks, bodies and planning times drawn."""
+    """Return a world on the scenario's link, with clocks, bodies and planning times drawn.
+
+    With logs it plans later epochs with as much effort as `plan_for` does, as `replay` will.
+    """
     dice = Random(f"world {seed}")
     link = scenario.link
     overtaking = _OVERTAKING if link.loss > 0.0 else 0.5 * _OVERTAKING
@@ -181,6 +210,8 @@ def make_world(
         planning_ns=dice.randint(*_PLANNING),
         period_ns=dice.choice(_PERIODS),
         freezes=freezes,
+        effort=EFFORT if logs is None else DEFAULT_EFFORT,
+        logs=logs,
     )
 
 

@@ -18,7 +18,7 @@ from coordinator.scenario import Link, Scenario
 from sim.campaign import LINKS, Outcome, Wish, plan_for
 from sim.campaign_answer import Answer, Violation, add_up
 from sim.campaign_pool import attempt, run_all
-from sim.fault_script import KINDS, read_faults, write_fault
+from sim.fault_script import USUAL, read_faults, write_fault
 from sim.faults import Fault
 from sim.shrink import shrink
 
@@ -90,7 +90,7 @@ class Campaign:
         ]
         if faults is None:
             faults = self.faults
-        if faults is None and self.wish.kinds != tuple(KINDS):
+        if faults is None and self.wish.kinds != USUAL:
             words += ["--faults", ",".join(self.wish.kinds)]
         if faults is not None:
             for text in [write_fault(fault) for fault in faults] or [NO_FAULT]:

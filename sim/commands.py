@@ -123,6 +123,7 @@ def run(
     from coordinator.logbook import read_log
     from coordinator.plan import read
     from coordinator.scenario_file import read_scenario
+    from sim.boxed_log import put_boxes
     from sim.faults import parse_faults
     from sim.judge import judge as judge_run
     from sim.local_fleet import LocalFleet
@@ -136,10 +137,11 @@ def run(
     outcome = fleet.run()
     if not outcome.started:
         raise typer.Exit(outcome.code or 1)
+    put_boxes(folder)
     for name in ("plan.svg", "plan.png"):
         draw_plan(read(folder / "plan.json"), folder / name)
     verdict = judge_run(folder)
-    log = read_log(sorted(folder.glob("run*.mcap"), key=_age)[-1])
+    log = read_log(newest_log(folder))
     summary = RunSummary(
         scenario=asked.name,
         succeeded=succeeded(outcome.code, verdict),
@@ -155,11 +157,6 @@ def run(
     if not summary.succeeded:
         tell(f"the run did not succeed; see {folder}", "red")
         raise typer.Exit(1)
-
-
-def _age(path: Path) -> tuple[int, str]:
-    """Return what sorts logs by age: run.mcap, run-2.mcap, ..., run-10.mcap."""
-    return len(path.name), path.name
 
 
 @commands.command()
@@ -220,9 +217,9 @@ def campaign(
     from sim.campaign import Wish
     from sim.campaign_answer import render, say
     from sim.campaign_shell import Campaign
-    from sim.fault_script import KINDS, known_kinds
+    from sim.fault_script import USUAL, known_kinds
 
-    kinds = known_kinds(faults) if faults else tuple(KINDS)
+    kinds = known_kinds(faults) if faults else USUAL
     wish = Wish(kinds, loss, delay_ms / 1000.0, tau)
     asked = Campaign.asked(read_scenario(scenario), scenario, wish, fault)
     answer = asked.run(range(from_seed, from_seed + seeds), jobs)

@@ -51,7 +51,11 @@ KINDS: Final = {
     "corrupt": VirtualKind("SECONDS", 3.0, drawn=(0.5, 5.0)),
     "driver-error": VirtualKind(),
     "coordinator-hang": VirtualKind("SECONDS", 5.0, drawn=(0.1, 6.0)),
+    "coordinator-restart": VirtualKind("SECONDS", 3.0, drawn=(0.5, 6.0)),
 }
+
+USUAL: Final = tuple(name for name in KINDS if name != "coordinator-restart")
+"""What is drawn unless other kinds are asked for: the rest needs a log to go on from."""
 
 
 def read_faults(texts: Sequence[str], robots: Sequence[str]) -> list[Fault]:

@@ -39,7 +39,8 @@ class Latencies(msgspec.Struct, frozen=True):
 def latencies(world: World, boxes: Mapping[str, BlackBox]) -> Latencies:
     """Measure every death of a robot that was under way while the fleet went."""
     names = {name: number for number, name in enumerate(COMMAND_NAMES)}
-    turns = [(one.now_ns, names[one.text]) for one in world.fleet.incidents if one.kind == "phase"]
+    told = [one for one in world.fleet.incidents if one.kind == "phase"]
+    turns = [(one.now_ns, names[one.text.split()[-1]]) for one in told]
     faulty = {one.fault.robot for one in world.struck}
     healthy = [box for name, box in boxes.items() if name not in faulty]
     freeze, rest, share = [], [], []

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from protocol.timing import SECOND
 from sim.agenda import Agenda
@@ -36,8 +36,16 @@ class Struck:
     epoch: int
 
 
+class CoordinatorStrikes(NamedTuple):
+    """What to call when the coordinator wakes from a hang, dies, and comes back."""
+
+    wake: Callable[[], None]
+    die: Callable[[], None]
+    come_back: Callable[[], None]
+
+
 class Strikes:
-    """Strikes the robots of a world; `coordinator_back` is called when the coordinator wakes."""
+    """Strikes the robots of a world and its coordinator."""
 
     def __init__(
         self,
@@ -45,25 +53,25 @@ class Strikes:
         network: MemoryNetwork,
         robots: Mapping[str, Inhabitant],
         fleet: str,
-        coordinator_back: Callable[[], None],
+        coordinator: CoordinatorStrikes,
     ) -> None:
         self._agenda = agenda
         self._network = network
         self._robots = robots
         self._fleet = fleet
-        self._coordinator_back = coordinator_back
+        self._coordinator = coordinator
         self._until: dict[tuple[str, str], float] = {}
         self._babblers = 0
 
     @property
     def coordinator_hangs(self) -> bool:
-        """Tell whether the coordinator does nothing now."""
-        return self._is_under("coordinator-hang", "")
+        """Tell whether the coordinator does nothing now: it hangs or is dead."""
+        return any(self._is_under(kind, "") for kind in ("coordinator-hang", "coordinator-restart"))
 
     def strike(self, fault: Fault) -> None:
         """Let a fault begin; the dead are left alone."""
         if not fault.robot:
-            self._last(fault, lambda: None, self._coordinator_back)
+            self._strike_coordinator(fault)
             return
         robot, network, name = self._robots[fault.robot], self._network, fault.robot
         if robot.dead:
@@ -89,6 +97,20 @@ class Strikes:
             self._babble(fault)
         else:
             raise ValueError(f"{fault.kind!r} is no kind of fault in virtual time")
+
+    def _strike_coordinator(self, fault: Fault) -> None:
+        """Let the coordinator hang, or die and come back; one that is dead does not hang."""
+        hang, restart = ("coordinator-hang", ""), ("coordinator-restart", "")
+        if fault.kind == "coordinator-restart":
+            self._until.pop(hang, None)
+            begin = (lambda: None) if self._is_under(*restart) else self._coordinator.die
+            self._last(fault, begin, self._coordinator.come_back)
+        elif not self._is_under(*restart):
+            self._last(fault, lambda: None, self._wake_coordinator)
+
+    def _wake_coordinator(self) -> None:
+        if not self.coordinator_hangs:
+            self._coordinator.wake()
 
     def _last(self, fault: Fault, begin: Callable[[], None], end: Callable[[], None]) -> None:
         """Let a fault last for its value [s]; of several of a kind the one that lasts ends it."""

@@ -14,19 +14,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-from msgspec.structs import replace
-
-from coordinator.fleet_news import Outgoing
-from coordinator.lateness import Lateness
-from coordinator.mission import Mission, Request
+from coordinator.fleet import Fleet
+from coordinator.log_head import first_head
+from coordinator.mission import Mission
 from coordinator.plan import PlanDocument, RobotPlan
 from coordinator.planner import plan_scenario
-from coordinator.recovery import Recovery
 from coordinator.scenario import Scenario
-from protocol import keys
-from protocol.codec import decode, encode
-from protocol.messages import Command
-from protocol.phases import FREEZE, GO
+from protocol.phases import GO
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 from robot_agent.loop import PERIOD_NS
 from robot_agent.service import Robot, RobotService
@@ -37,7 +31,9 @@ from sim.failing_body import FailingBody
 from sim.faults import Fault
 from sim.inhabitant import Inhabitant
 from sim.memory_transport import MemoryNetwork
-from sim.strikes import Strikes, Struck
+from sim.run_logs import RunLogs
+from sim.strikes import CoordinatorStrikes, Strikes, Struck
+from sim.virtual_service import VirtualService
 
 _STAGGER: Final = 3 * MILLISECOND
 _BOOT: Final = 7
@@ -46,10 +42,7 @@ _COORDINATOR: Final = "coordinator"
 PLANNING: Final = 300 * MILLISECOND
 """How long a plan takes to be found, in virtual time."""
 
-RETIMING: Final = 150 * MILLISECOND
-"""How long new times take to be found, in virtual time."""
-
-_EFFORT: Final = 5
+EFFORT: Final = 5
 
 
 @dataclass(frozen=True)
@@ -72,6 +65,7 @@ class World:
     """A proven plan, its robots, a link and what goes wrong, at times counted from the first GO.
 
     `freezes` is for tests alone: without it every FREEZE says GO instead, and nothing is planned.
+    `effort`: of later plans; with `logs`, which the caller closes, the first one's too.
     """
 
     def __init__(
@@ -86,36 +80,42 @@ class World:
         planning_ns: int = PLANNING,
         period_ns: int = PERIOD_NS,
         freezes: bool = True,
+        effort: int = EFFORT,
+        logs: RunLogs | None = None,
     ) -> None:
-        self.mission = Mission(scenario, document, _BOOT, _plan)
-        self.fleet = self.mission.fleet
+        mission = Mission(scenario, document, _BOOT, partial(_plan, effort))
         self.began_ns = 0
-        self.bytes_to_coordinator = 0
         self.struck: list[Struck] = []
         self._agenda = Agenda(SECOND)
-        self._planning: tuple[int, Request, Recovery] | None = None
-        self._retiming: tuple[int, Lateness, PlanDocument | None] | None = None
-        self._planning_ns = planning_ns
         self._period_ns = period_ns
-        self._freezes = freezes
         self._network = network
-        self._faults = tuple(faults)
-        self._arrivals: list[tuple[str, bytes]] = []
-        self._session = network.session(_COORDINATOR)
-        for kind in (keys.hello, keys.report, keys.clock):
-            self._session.subscribe(kind(self.fleet.name, "*"), self._enqueue)
-        self._session.watch_alive(keys.alive(self.fleet.name, "*"), self._link_changed)
+        self.faults = tuple(faults)
+        if logs is not None:
+            logs.begin(first_head(scenario, document, boot=_BOOT, effort=effort))
+        self.coordinator = VirtualService(
+            mission, network, lambda: self.now_ns, planning_ns, logs=logs, freezes=freezes
+        )
         chance = random.Random(seed)
         self.robots = {
             robot.id: self._inhabitant(robot, boot, flaws, chance)
             for boot, robot in enumerate(document.robots, start=1)
         }
         self._strikes = Strikes(
-            self._agenda, network, self.robots, self.fleet.name, self._coordinator_back
+            self._agenda, network, self.robots, self.fleet.name, self._coordinator_strikes()
         )
         self._agenda.at(self.now_ns + COMMAND_PERIOD, self._tick_fleet)
         for index, robot in enumerate(self.robots.values()):
             self._agenda.at(self.now_ns + index * _STAGGER % period_ns, self._ticker(robot))
+
+    @property
+    def mission(self) -> Mission:
+        """What the coordinator knows."""
+        return self.coordinator.mission
+
+    @property
+    def fleet(self) -> Fleet:
+        """The fleet core."""
+        return self.coordinator.fleet
 
     @property
     def now_ns(self) -> int:
@@ -141,8 +141,8 @@ class World:
             due_ns = arriving_ns
         self._agenda.now_ns = max(due_ns, self.now_ns)
         self._network.advance(self.now_ns)
-        if self._arrivals and not self._strikes.coordinator_hangs:
-            self._take_arrivals()
+        if not self._strikes.coordinator_hangs:
+            self.coordinator.take_arrivals()
         self._agenda.happen()
 
     def blackboxes(self) -> dict[str, BlackBox]:
@@ -189,37 +189,13 @@ class World:
         return self.now_ns + COMMAND_PERIOD
 
     def _look(self) -> None:
-        """Let the fleet core look at the time, and plan when it rests."""
-        self._send(self.fleet.tick(self.now_ns))
-        if self._freezes:
-            self._plan()
-            self._retime()
+        """Let the coordinator look at the time; from its first GO on faults strike."""
+        self.coordinator.look()
         if self.fleet.phase == GO and not self.began_ns:
             self.began_ns = self.fleet.times.start_ns
-            for fault in self._faults:
+            for fault in self.faults:
                 due_ns = self.began_ns + round(fault.time * SECOND)
                 self._agenda.once(due_ns, partial(self._strike, fault))
-
-    def _plan(self) -> None:
-        """Plan when the fleet rests; the plan is there some time later."""
-        request = self.mission.request(self.now_ns)
-        if request is not None:
-            due_ns = self.now_ns + self._planning_ns
-            self._planning = (due_ns, request, self.mission.solve(request))
-        if self._planning is not None and self.now_ns >= self._planning[0]:
-            _, asked, recovery = self._planning
-            self._planning = None
-            self._send(self.mission.adopt(asked, recovery, self.now_ns) or [])
-
-    def _retime(self) -> None:
-        """Look for new times when a robot is late; they are there some time later."""
-        late = self.mission.late()
-        if late is not None:
-            self._retiming = (self.now_ns + RETIMING, late, self.mission.retime(late))
-        if self._retiming is not None and self.now_ns >= self._retiming[0]:
-            _, asked, document = self._retiming
-            self._retiming = None
-            self._send(self.mission.take_times(asked, document, self.now_ns) or [])
 
     def _strike(self, fault: Fault) -> None:
         robot = self.robots.get(fault.robot)
@@ -230,36 +206,16 @@ class World:
         self.struck.append(Struck(fault, self.now_ns, fleet.phase, phase, fleet.epoch))
         self._strikes.strike(fault)
 
+    def _coordinator_strikes(self) -> CoordinatorStrikes:
+        return CoordinatorStrikes(
+            self._coordinator_back, self.coordinator.die, self.coordinator.come_back
+        )
+
     def _coordinator_back(self) -> None:
         """Look at the time first, then at what has arrived meanwhile, as the service does."""
         self._look()
-        self._take_arrivals()
-
-    def _take_arrivals(self) -> None:
-        for key, payload in self._arrivals:
-            self.bytes_to_coordinator += len(payload)
-            self._send(self.fleet.hear(key, payload, self.now_ns))
-        self._arrivals.clear()
-
-    def _link_changed(self, key: str, alive: bool) -> None:
-        self._arrivals.append((key, b"\x01" if alive else b""))
-
-    def _enqueue(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
-        self._arrivals.append((key, payload))
-
-    def _send(self, messages: list[Outgoing]) -> None:
-        for message in messages:
-            payload = message.payload if self._freezes else _heedless(message.payload)
-            self._session.put(message.key, payload)
+        self.coordinator.take_arrivals()
 
 
-def _heedless(payload: bytes) -> bytes:
-    """Return a message that says GO where it said FREEZE."""
-    command = decode("command", payload)
-    if isinstance(command, Command) and command.phase == FREEZE:
-        return encode(replace(command, phase=GO))
-    return payload
-
-
-def _plan(scenario: Scenario, epoch: int) -> PlanDocument:
-    return plan_scenario(scenario, effort=_EFFORT, epoch=epoch)
+def _plan(effort: int, scenario: Scenario, epoch: int) -> PlanDocument:
+    return plan_scenario(scenario, effort=effort, epoch=epoch)

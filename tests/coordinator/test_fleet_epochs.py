@@ -6,6 +6,7 @@ import pytest
 
 from coordinator.fleet_news import Part
 from coordinator.fleet_phases import ARM_PATIENCE, FREEZE_PATIENCE
+from coordinator.link_news import LINK_GONE, LINK_UP
 from coordinator.member import STRIKES
 from protocol import keys
 from protocol.codec import decode, encode
@@ -146,12 +147,12 @@ def test_a_lost_robot_that_speaks_again_is_asked_where_it_rests_and_told_of():
 def test_a_link_that_is_gone_freezes_a_moving_fleet_at_once_but_not_one_that_gathers():
     floor = Floor()
     floor.hello("R1")
-    assert floor.fleet.hear(keys.alive("hall", "R1"), b"", floor.now) == []
+    assert floor.fleet.hear(keys.alive("hall", "R1"), LINK_GONE, floor.now) == []
     floor = Floor().go()
-    (sent,) = floor.fleet.hear(keys.alive("hall", "R2"), b"", floor.now)
+    (sent,) = floor.fleet.hear(keys.alive("hall", "R2"), LINK_GONE, floor.now)
     assert decode("command", sent.payload).phase == FREEZE
     assert floor.fleet.members["R2"].lost
-    assert floor.fleet.hear(keys.alive("hall", "R3"), b"\x01", floor.now) == []
+    assert floor.fleet.hear(keys.alive("hall", "R3"), LINK_UP, floor.now) == []
 
 
 @pytest.mark.parametrize(

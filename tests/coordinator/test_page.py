@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from coordinator.blackbox_files import packed
 from coordinator.errors import InputError
 from coordinator.logbook import RESUMED
 from coordinator.page import page_of
@@ -183,3 +184,16 @@ def test_a_log_is_read_with_those_it_went_on_from_and_the_black_boxes_beside_it(
     assert found.end == 8.0
     assert [(ghost.robot, ghost.x, ghost.y) for ghost in found.ghosts] == [(3, [3.0], [4.0])]
     assert len(page_of(found)) < 1_000_000
+
+
+def test_black_boxes_in_the_log_are_shown_rather_than_those_beside_it(tmp_path):
+    (tmp_path / "blackbox").mkdir()
+    (tmp_path / "blackbox" / "R4.csv").write_text("t,x,y,heading,s,phase\n0.0,3,4,0,0,moving\n")
+    box = packed("R1", b"t,x,y,heading,s,phase\n0.0,1,2,0,0,moving\n")
+    files = {"plan-1.json": to_json(document()), box.name: box.data}
+    write_log(tmp_path / "run.mcap", 1, files, [(9.0, GO, 10.0), (13.0, GO, 10.0)])
+    found = read_scene(tmp_path / "run.mcap")
+    assert [(ghost.robot, ghost.x, ghost.y) for ghost in found.ghosts] == [(0, [1.0], [2.0])]
+    write_log(tmp_path / "bad.mcap", 1, files | {box.name: box.data[:-9]}, [(9.0, GO, 10.0)])
+    with pytest.raises(InputError, match=r"attachment blackbox/R1\.csv\.gz: cannot be unpacked"):
+        read_scene(tmp_path / "bad.mcap")

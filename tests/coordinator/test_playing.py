@@ -7,6 +7,7 @@ import pytest
 import typer
 import zenoh
 
+from coordinator.link_news import LINK_UP
 from coordinator.log_commands import commands
 from coordinator.logbook import Log, Record
 from coordinator.playing import Wish, cues, key_filter, play
@@ -26,7 +27,7 @@ def log_of(*messages):
 
 LOG = log_of(
     (0.0, keys.command("f"), b"0"),
-    (1.0, keys.alive("f", "R1"), b"\x01"),
+    (1.0, keys.alive("f", "R1"), LINK_UP),
     (1.5, keys.report("f", "R1"), b"1"),
     (2.0, "coordinator/f/epoch", b"{}"),
     (2.5, keys.report("f", "R2"), b"2"),

@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 from coordinator import record
 from coordinator.errors import InputError, LogError
 from coordinator.info import summarise
+from coordinator.link_news import LINK_GONE, LINK_UP
 from coordinator.log_commands import commands
 from coordinator.logbook import read_log
 from coordinator.record import Recording, first_fleet
@@ -70,7 +71,7 @@ def test_everything_below_the_fleets_name_is_recorded_with_its_stamp(tmp_path):
         *("alive/R1", "command", "report/R1", "pose/R1/x", "command", "command", "alive/R1"),
     ]
     assert log.records[1].publish_ns == 10**18
-    assert (log.records[0].payload, log.records[-1].payload) == (b"\x01", b"")
+    assert (log.records[0].payload, log.records[-1].payload) == (LINK_UP, LINK_GONE)
     assert (log.metadata["fleet"], log.metadata["passive"]) == ("f", "yes")
     told = summarise(log)
     assert (told["passive"], told["positions_on_wire"], told["bad_messages"]) == (True, 1, 1)

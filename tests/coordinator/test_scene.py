@@ -10,12 +10,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from coordinator.adoption import adoption_key, record_of
+from coordinator.adoption import Request, adoption_key, record_of
 from coordinator.errors import InputError
 from coordinator.ghosts import read_ghosts
 from coordinator.info import summarise
 from coordinator.logbook import Log, Record
-from coordinator.mission import Request
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
 from coordinator.scenario_file import read_scenario

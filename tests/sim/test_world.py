@@ -224,7 +224,7 @@ def test_the_robots_say_little_under_way(scenario, document):
     world = World(scenario, document, MemoryNetwork(0, delay_ns=(MILLISECOND, 2 * MILLISECOND)))
     world.run(120.0)
     seconds = max(robot.rows[-1][0] for robot in world.robots.values())
-    assert world.bytes_to_coordinator / len(world.robots) / seconds < 100
+    assert world.coordinator.bytes_heard / len(world.robots) / seconds < 100
 
 
 def test_a_robot_that_is_pushed_off_its_goal_says_so_and_drives_back(scenario, document):

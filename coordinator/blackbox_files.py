@@ -1,0 +1,39 @@
+"""Robots' black boxes as attachments of a log, where they were made beside it.
+
+Decides: their names and that they are packed, a tenth of their size.  Must not know: their columns.
+"""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Mapping
+from typing import Final
+
+from coordinator.errors import InputError
+from coordinator.recorder import Attachment
+
+_FOLDER: Final = "blackbox/"
+_ENDING: Final = ".csv.gz"
+
+
+def packed(robot: str, text: bytes) -> Attachment:
+    """Return a robot's black box, CSV, as an attachment."""
+    data = gzip.compress(text, mtime=0)
+    return Attachment(f"{_FOLDER}{robot}{_ENDING}", "application/gzip", data)
+
+
+def unpacked(attachments: Mapping[str, bytes]) -> dict[str, str]:
+    """Return the black boxes of a log's attachments by robot, as text.
+
+    Raises InputError naming an attachment that is none.
+    """
+    found = {}
+    for name, data in attachments.items():
+        if name.startswith(_FOLDER) and name.endswith(_ENDING):
+            robot = name.removeprefix(_FOLDER).removesuffix(_ENDING)
+            try:
+                found[robot] = gzip.decompress(data).decode("ascii")
+            except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+                raise InputError([f"attachment {name}: cannot be unpacked: {error}"]) from None
+    return found
