@@ -18,6 +18,7 @@ import coordinator.vda5050_commands
 import coordinator.view_commands
 import robot_agent.commands
 import sim.commands
+import sim.replay_commands
 from coordinator.console import tell
 from coordinator.errors import InputError, LogError, PlanError
 from coordinator.quick_options import read_quickly
@@ -41,6 +42,7 @@ for package in (
     coordinator.view_commands,
     robot_agent.commands,
     sim.commands,
+    sim.replay_commands,
 ):
     app.add_typer(package.commands)
 

@@ -1,13 +1,11 @@
-"""The commands about logs: record, replay, recover, export.
+"""The commands about logs: record, recover, export; replay is sim/replay_commands.py.
 
 Decides: options and exit codes.  Heavy modules are imported when a command needs them.
 """
 
 from __future__ import annotations
 
-import math
 import os
-import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -24,24 +22,6 @@ from protocol.keys import NAME
 commands = typer.Typer()
 
 Item = TypeVar("Item")
-
-
-def key_pattern(pattern: str) -> str:
-    """Check a key pattern before any work."""
-    from coordinator.playing import key_filter
-
-    try:
-        key_filter(pattern)
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from None
-    return pattern
-
-
-def key_prefix(prefix: str) -> str:
-    """Check what is to be put before keys."""
-    if prefix and not all(NAME.fullmatch(part) for part in prefix.split("/")):
-        raise typer.BadParameter(f"{prefix!r} is no prefix of keys; one looks like replay/one")
-    return prefix
 
 
 def fleet_name(name: str | None) -> str | None:
@@ -85,90 +65,11 @@ def record(
             tell(f"{output}: {count} messages")
 
 
-@commands.command()
-def replay(
-    log: LogFile,
-    check: Annotated[bool, typer.Option("--check", help="Run the log again, compare.")] = False,
-    speed: Speed = 1.0,
-    listen: Annotated[str, typer.Option(help="tcp/HOST:PORT")] = "tcp/127.0.0.1:7447",
-    since: Annotated[
-        float, typer.Option("--from", callback=within(0.0), help="Seconds into the log.")
-    ] = 0.0,
-    until: Annotated[
-        float | None, typer.Option("--to", min=0.0, help="Seconds into the log.")
-    ] = None,
-    keys: Annotated[
-        str, typer.Option(callback=key_pattern, help="Only these; * is a part, ** any number.")
-    ] = "**",
-    prefix: Annotated[
-        str, typer.Option(callback=key_prefix, help="Put before every key, with a slash.")
-    ] = "",
-    wait_listener: Annotated[
-        float, typer.Option(callback=within(0.0, 86_400.0), help="Seconds to wait for a listener.")
-    ] = 0.0,
-    as_json: Json = False,
-) -> None:
-    """Publish a log's traffic again in time, or check that it can be reproduced byte for byte.
-
-    Without a listener after --wait-listener seconds nothing is played, exit code 1.
-
-    Example: splinefleet replay runs/demo/run.mcap --from 5 --to 9 --keys "splinefleet/*/report/*"
-    """
-    if check:
-        _check(log, as_json)
-        return
-    from coordinator.logbook import read_log
-    from coordinator.playing import Wish, cues, play
-    from protocol.zenoh_transport import ZenohTransport
-
-    if until is not None and not since <= until:
-        raise typer.BadParameter(f"{until:g} s is before --from {since:g}", param_hint="--to")
-    recorded = read_log(log)
-    if recorded.damage:
-        tell(f"{log}: {recorded.damage}; what is whole is played")
-    found = cues(recorded, Wish(since, math.inf if until is None else until, keys, prefix))
-    transport = ZenohTransport.listen(listen)
-    with transport:
-        if wait_listener > 0.0:
-            tell(f"waiting for a listener on {listen}")
-            if not transport.wait_for_listener(f"{prefix}/**" if prefix else "**", wait_listener):
-                tell(f"nobody listens after {wait_listener:g} s; nothing was played", "red")
-                raise typer.Exit(1)
-        tell(f"playing {len(found)} messages on {listen}")
-        begin = time.monotonic()
-
-        def wait_until(seconds: float) -> None:
-            time.sleep(max(0.0, begin + seconds - time.monotonic()))
-
-        count = play(_shown(found, "playing"), transport.put, wait_until, speed)
-    if as_json:
-        answer_json({"messages": count})
-
-
-def _shown(items: Sequence[Item], what: str) -> Iterable[Item]:
+def shown(items: Sequence[Item], what: str) -> Iterable[Item]:
     """Yield the items with a progress bar for people on a terminal."""
     from rich.progress import track
 
     return track(items, what, console=errors, transient=True, disable=not errors.is_terminal)
-
-
-def _check(log: Path, as_json: bool) -> None:
-    from coordinator.logbook import check_bytes, read_log
-    from coordinator.replay import Check, check_log
-
-    damage, recorded = check_bytes(log), read_log(log)
-    if recorded.metadata.get("passive") == "yes":
-        damage = damage or "was recorded from beside; only the coordinator's own log can be checked"
-    result = Check(0, 0, damage) if damage else check_log(recorded)
-    if as_json:
-        answer_json(result._asdict())
-    elif not result.difference:
-        answers.print(f"{result.plans} plans and {result.commands} commands: every byte agrees")
-    if result.note:
-        tell(f"{log}: {result.note}")
-    if result.difference:
-        tell(f"{log}: {result.difference}")
-        raise typer.Exit(1)
 
 
 @commands.command()
@@ -260,5 +161,5 @@ def export(
     if to == "csv":
         write_file(output, ("\n".join(csv_lines(story, step)) + "\n").encode())
     else:
-        _write_at_once(output, write_scene(story, step, _shown))
+        _write_at_once(output, write_scene(story, step, shown))
     tell(f"wrote {output}")

@@ -22,6 +22,7 @@ from coordinator.mission import Mission
 from coordinator.plan import PlanDocument, plan_name
 from coordinator.planning import plan_here
 from coordinator.quiet_tick import quiet_key
+from coordinator.scenario import Scenario
 from coordinator.scenario_file import parse_scenario
 from protocol import keys
 from protocol.codec import decode
@@ -67,10 +68,15 @@ class _NotAgainError(Exception):
     """A log cannot be run again; the text says why."""
 
 
+def scenario_of(log: Log) -> Scenario:
+    """Return the scenario of a log; KeyError or InputError when it holds none."""
+    return parse_scenario(log.attachments["scenario.json"], "scenario.json")
+
+
 def _begin(log: Log) -> Mission:
     """Return the mission with which a log begins."""
     try:
-        scenario = parse_scenario(log.attachments["scenario.json"], "scenario.json")
+        scenario = scenario_of(log)
         effort, boot = int(log.metadata["effort"]), int(log.metadata["boot"])
     except (KeyError, ValueError, InputError) as error:
         reason = "; ".join(str(error).splitlines())

@@ -150,7 +150,7 @@ class RobotService:
         self.last_error = ""
         self.heard_ns = -(2**62)
         self._phase = HOLD
-        self._robot = robot
+        self.robot = robot
         self._transport = transport
         self._driver = driver
         self._fleet: str | None = None
@@ -179,7 +179,7 @@ class RobotService:
             return ""
         heard = now_ns - self.heard_ns < _SILENCE_NS
         pose = self._driver.pose()
-        return waits_for(self.agent, self._robot.id, self._fleet, self._phase, heard, pose)
+        return waits_for(self.agent, self.robot.id, self._fleet, self._phase, heard, pose)
 
     def rescue(self, error: Exception, now_ns: int) -> None:
         """Tell the agent and the coordinator that a tick has failed."""
@@ -190,8 +190,8 @@ class RobotService:
     def _join(self, fleet: str) -> None:
         self._fleet = fleet
         for kind in (keys.plan, keys.clock):
-            self._transport.subscribe(kind(fleet, self._robot.id), self._enqueue)
-        self._transport.declare_alive(keys.alive(fleet, self._robot.id))
+            self._transport.subscribe(kind(fleet, self.robot.id), self._enqueue)
+        self._transport.declare_alive(keys.alive(fleet, self.robot.id))
 
     def _enqueue(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
         self._arrivals.append((key, payload, self._clock() if self._clock else None))
@@ -205,7 +205,7 @@ class RobotService:
                 self.bad_messages += 1
             elif isinstance(message, Command) and self._fleet in (None, place[0]):
                 self._hear_command(place[0], message, now_ns)
-            elif isinstance(message, Plan) and message.robot == self._robot.id:
+            elif isinstance(message, Plan) and message.robot == self.robot.id:
                 self.agent.hear_plan(message.boot, message.epoch, *unpack_plan(message))
             elif isinstance(message, NewTimes):
                 self._hear_times(message, now_ns)
@@ -226,7 +226,7 @@ class RobotService:
             command.epoch,
             command.phase,
             command.start_ns,
-            self._robot.id in command.wanted,
+            self.robot.id in command.wanted,
             now_ns,
         )
 
@@ -271,7 +271,7 @@ class RobotService:
     def _speak(self, now_ns: int) -> None:
         if self._fleet is None:
             return
-        agent, fleet, robot = self.agent, self._fleet, self._robot
+        agent, fleet, robot = self.agent, self._fleet, self.robot
         if agent.hello_due(now_ns):
             accel = robot.max_accel if robot.max_accel < float("inf") else 0.0
             limits = (robot.radius, robot.max_speed, accel)

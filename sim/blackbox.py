@@ -44,10 +44,19 @@ def read_blackbox(path: Path) -> BlackBox:
     Raises InputError naming the file and the line.
     """
     try:
-        lines = path.read_text().splitlines()
+        text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError([f"{path}: {error}"]) from None
-    rows = list(csv.reader(lines))
+    table, phases = parse_blackbox(text, str(path))
+    return BlackBox(table[:, 0], table[:, 1:3], table[:, 4], phases)
+
+
+def parse_blackbox(text: str, path: str) -> tuple[Array, tuple[str, ...]]:
+    """Return the numbers of a black box's rows, (n, 5): t, x, y, heading, s, and their phases.
+
+    Raises InputError naming the line of `path`.
+    """
+    rows = list(csv.reader(text.splitlines()))
     if not rows or tuple(rows[0]) != COLUMNS:
         raise InputError([f"{path}: line 1: the columns are not {','.join(COLUMNS)}"])
     numbers, phases = [], []
@@ -67,4 +76,4 @@ def read_blackbox(path: Path) -> BlackBox:
     table = np.array(numbers).reshape(-1, 5)
     if np.any(np.diff(table[:, 0]) < 0.0):
         raise InputError([f"{path}: time runs backwards"])
-    return BlackBox(table[:, 0], table[:, 1:3], table[:, 4], tuple(phases))
+    return table, tuple(phases)

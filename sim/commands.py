@@ -116,18 +116,10 @@ def run(
 
     Example: splinefleet run examples/paper_five.toml --fault kill:R3@8
     """
-    import msgspec
-
-    from coordinator.figure import draw_plan
-    from coordinator.info import courses_of, summarise
-    from coordinator.logbook import read_log
-    from coordinator.plan import read
     from coordinator.scenario_file import read_scenario
-    from sim.boxed_log import put_boxes
+    from sim.conclusion import conclude
     from sim.faults import parse_faults
-    from sim.judge import judge as judge_run
     from sim.local_fleet import LocalFleet
-    from sim.summary import RunSummary, files_of, render, succeeded
 
     asked = read_scenario(scenario)
     faults = parse_faults(fault or [], [robot.id for robot in asked.robots])
@@ -137,26 +129,7 @@ def run(
     outcome = fleet.run()
     if not outcome.started:
         raise typer.Exit(outcome.code or 1)
-    put_boxes(folder)
-    for name in ("plan.svg", "plan.png"):
-        draw_plan(read(folder / "plan.json"), folder / name)
-    verdict = judge_run(folder)
-    log = read_log(newest_log(folder))
-    summary = RunSummary(
-        scenario=asked.name,
-        succeeded=succeeded(outcome.code, verdict),
-        judge=verdict,
-        info=summarise(log, courses_of(log, [folder / "blackbox"])),
-        files=files_of(folder),
-    )
-    write_file(folder / "summary.json", msgspec.json.format(msgspec.json.encode(summary), indent=1))
-    if as_json:
-        answer_json(summary)
-    else:
-        answers.print(render(summary))
-    if not summary.succeeded:
-        tell(f"the run did not succeed; see {folder}", "red")
-        raise typer.Exit(1)
+    conclude(folder, asked.name, outcome.code, as_json)
 
 
 @commands.command()

@@ -18,15 +18,15 @@ from robot_agent.service import RobotService
 from sim.blackbox import BlackBox
 from sim.failing_body import FailingBody
 
-Row = tuple[float, float, float, float, str]
+Row = tuple[float, float, float, float, float, str]
 
 
 @dataclass(eq=False)
 class Inhabitant:
     """A robot; `clock` is its own.
 
-    rows: t [s since the first GO], x, y [m], s [m], phase; of a robot that stands the first and
-    the last such row are kept, which loses nothing.
+    rows: t [s since the first GO], x, y [m], heading [rad], s [m], phase; of a robot that stands
+    the first and the last such row are kept, which loses nothing.
     """
 
     service: RobotService
@@ -54,7 +54,7 @@ class Inhabitant:
         if pose is None:
             return
         s = agent.ride.follower.s if agent.ride is not None else 0.0
-        row = (since_go_ns / SECOND, pose[0], pose[1], s, PHASE_NAMES[agent.phase])
+        row = (since_go_ns / SECOND, *pose, s, PHASE_NAMES[agent.phase])
         rows = self.rows
         if len(rows) > 1 and rows[-1][1:] == row[1:] == rows[-2][1:]:
             rows.pop()
@@ -62,6 +62,6 @@ class Inhabitant:
 
     def blackbox(self) -> BlackBox:
         """Return what the robot truly did."""
-        numbers = np.array([row[:4] for row in self.rows]).reshape(-1, 4)
-        phases = tuple(row[4] for row in self.rows)
-        return BlackBox(numbers[:, 0], numbers[:, 1:3], numbers[:, 3], phases)
+        numbers = np.array([row[:5] for row in self.rows]).reshape(-1, 5)
+        phases = tuple(row[5] for row in self.rows)
+        return BlackBox(numbers[:, 0], numbers[:, 1:3], numbers[:, 4], phases)

@@ -97,11 +97,8 @@ class LocalFleet:
         return Outcome(code, bool(self._robots), self._told)
 
     def _prepare_folder(self) -> None:
-        for name in ("blackbox", "faults"):
-            (self.folder / name).mkdir(parents=True, exist_ok=True)
-        for pattern in _OF_A_RUN:
-            for old in self.folder.glob(pattern):
-                old.unlink()
+        (self.folder / "faults").mkdir(parents=True, exist_ok=True)
+        clear_folder(self.folder)
         (self.folder / "scenario.json").write_bytes(scenario_to_json(self.scenario))
         for robot in self.scenario.robots:
             self._script(robot.id).unlink(missing_ok=True)
@@ -264,6 +261,14 @@ class LocalFleet:
             _wait(process, deadline)
             process.kill()
             process.wait()
+
+
+def clear_folder(folder: Path) -> None:
+    """Take away what an earlier run left in a run's folder, and make the one of black boxes."""
+    (folder / "blackbox").mkdir(parents=True, exist_ok=True)
+    for pattern in _OF_A_RUN:
+        for old in folder.glob(pattern):
+            old.unlink()
 
 
 def _name(fault: Fault) -> str:

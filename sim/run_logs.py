@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from coordinator.console import write_file
 from coordinator.log_head import Head, resumed
 from coordinator.recorder import Recorder
 
@@ -26,8 +27,7 @@ class RunLogs:
 
     def begin(self, head: Head) -> None:
         """Open the next log; InputError when it cannot be created."""
-        number = len(self.paths) + 1
-        path = self._folder / ("run.mcap" if number == 1 else f"run-{number}.mcap")
+        path = self._next_path()
         self._head = head
         metadata, files = head
         self._recorder = Recorder(
@@ -44,6 +44,12 @@ class RunLogs:
         """Add a file to the log."""
         self._recorder.attach(name, media_type, data)
 
+    def keep(self, log: bytes) -> None:
+        """Put down a log that was written before, as it is."""
+        path = self._next_path()
+        write_file(path, log)
+        self.paths.append(path)
+
     def cut(self) -> bytes:
         """End the log as a killed coordinator leaves it; returns its bytes."""
         path = self.paths[-1]
@@ -57,6 +63,10 @@ class RunLogs:
         """Open the log of a coordinator that goes on from the one before."""
         metadata, files = resumed(self._head, before, began_ns)
         self.begin(({**metadata, "boot": str(boot)}, files))
+
+    def _next_path(self) -> Path:
+        number = len(self.paths) + 1
+        return self._folder / ("run.mcap" if number == 1 else f"run-{number}.mcap")
 
     def close(self) -> None:
         """End the log; LogError when anything could not be written."""

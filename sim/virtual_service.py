@@ -28,7 +28,7 @@ from protocol.codec import decode, encode
 from protocol.messages import Command
 from protocol.phases import FREEZE, GO, OVER
 from protocol.timing import MILLISECOND
-from sim.memory_transport import MemoryNetwork
+from sim.memory_transport import MemoryNetwork, MemorySession
 from sim.run_logs import RunLogs
 
 RETIMING: Final = 150 * MILLISECOND
@@ -39,7 +39,7 @@ COORDINATOR: Final = "coordinator"
 
 
 class VirtualService:
-    """Runs a mission on a network in virtual time; `logs` are open, without them none is written.
+    """Runs a mission on a network in virtual time, from `begin` on; without `logs` none is written.
 
     `planning_ns`: how long a plan takes to be found.  `freezes` is for tests alone, see World.
     """
@@ -65,7 +65,14 @@ class VirtualService:
         self._retiming: tuple[int, Lateness, PlanDocument | None] | None = None
         self._arrivals: list[tuple[str, bytes, int | None]] = []
         self._before: bytes | None = None
-        self._listen()
+        self._session: MemorySession | None = None
+
+    def begin(self) -> None:
+        """Open the link: from now on the core hears, looks and speaks."""
+        self._session = self._network.session(COORDINATOR)
+        for kind in (keys.hello, keys.report, keys.clock):
+            self._session.subscribe(kind(self.fleet.name, "*"), self._enqueue)
+        self._session.watch_alive(keys.alive(self.fleet.name, "*"), self._link_changed)
 
     @property
     def fleet(self) -> Fleet:
@@ -74,6 +81,8 @@ class VirtualService:
 
     def look(self) -> None:
         """Let the fleet core look at the time, and plan when it rests."""
+        if self._session is None:
+            return
         now_ns = self._clock()
         messages = self.fleet.tick(now_ns)
         if not messages:
@@ -110,17 +119,11 @@ class VirtualService:
         """Go on from the log, with the next boot id."""
         if self._logs is None or self._before is None:
             return
-        boot, now_ns = self.fleet.boot + 1, self._clock()
+        boot, now_ns = (self.fleet.boot + 1) % 2**32, self._clock()
         self.mission = go_on(log_from_bytes(self._before, "the log before"), boot, now_ns)
         self._logs.go_on(self._before, boot, now_ns)
         self._before = None
-        self._listen()
-
-    def _listen(self) -> None:
-        self._session = self._network.session(COORDINATOR)
-        for kind in (keys.hello, keys.report, keys.clock):
-            self._session.subscribe(kind(self.fleet.name, "*"), self._enqueue)
-        self._session.watch_alive(keys.alive(self.fleet.name, "*"), self._link_changed)
+        self.begin()
 
     def _enqueue(self, key: str, payload: bytes, sent_ns: int | None) -> None:
         self._arrivals.append((key, payload, sent_ns))
@@ -168,7 +171,8 @@ class VirtualService:
             self._record(message.key, message.payload)
         for message in messages:
             payload = message.payload if self._freezes else _heedless(message.payload)
-            self._session.put(message.key, payload)
+            if self._session is not None:
+                self._session.put(message.key, payload)
 
     def _record(self, key: str, payload: bytes, sent_ns: int | None = None) -> None:
         if self._logs is not None:

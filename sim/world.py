@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import Final, NamedTuple
 
 from coordinator.fleet import Fleet
 from coordinator.log_head import first_head
@@ -22,6 +22,7 @@ from coordinator.planner import plan_scenario
 from coordinator.scenario import Scenario
 from protocol.phases import GO
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
+from robot_agent.driver import Pose
 from robot_agent.loop import PERIOD_NS
 from robot_agent.service import Robot, RobotService
 from robot_agent.skewed_clock import skewed_clock
@@ -61,11 +62,25 @@ NO_FLAWS: Final = Flaws()
 USUAL_FLAWS: Final = Flaws(drift_ppm=45, gain=0.01, noise=0.001)
 
 
+class Past(NamedTuple):
+    """Where a world goes on from: what its coordinator knows, and when virtual time begins [ns].
+
+    began_ns: the first GO; boots: of the robots, where they are known.
+    """
+
+    mission: Mission
+    begin_ns: int
+    began_ns: int
+    boots: Mapping[str, int]
+
+
 class World:
     """A proven plan, its robots, a link and what goes wrong, at times counted from the first GO.
 
     `freezes` is for tests alone: without it every FREEZE says GO instead, and nothing is planned.
     `effort`: of later plans; with `logs`, which the caller closes, the first one's too.
+    A world with a `past` has a coordinator that says nothing before `take_over`, and logs that are
+    open.
     """
 
     def __init__(
@@ -82,30 +97,35 @@ class World:
         freezes: bool = True,
         effort: int = EFFORT,
         logs: RunLogs | None = None,
+        past: Past | None = None,
     ) -> None:
-        mission = Mission(scenario, document, _BOOT, partial(_plan, effort))
-        self.began_ns = 0
+        if past is None:
+            mission = Mission(scenario, document, _BOOT, partial(_plan, effort))
+            past = Past(mission, SECOND, 0, {})
+            if logs is not None:
+                logs.begin(first_head(scenario, document, boot=_BOOT, effort=effort))
+        self.began_ns = past.began_ns
         self.struck: list[Struck] = []
-        self._agenda = Agenda(SECOND)
         self._period_ns = period_ns
-        self._network = network
         self.faults = tuple(faults)
-        if logs is not None:
-            logs.begin(first_head(scenario, document, boot=_BOOT, effort=effort))
+        self.agenda = Agenda(past.begin_ns)
+        self._network = network
         self.coordinator = VirtualService(
-            mission, network, lambda: self.now_ns, planning_ns, logs=logs, freezes=freezes
+            past.mission, network, lambda: self.now_ns, planning_ns, logs=logs, freezes=freezes
         )
+        if not past.began_ns:
+            self.coordinator.begin()
         chance = random.Random(seed)
         self.robots = {
-            robot.id: self._inhabitant(robot, boot, flaws, chance)
+            robot.id: self._inhabitant(robot, past.boots.get(robot.id, boot), flaws, chance)
             for boot, robot in enumerate(document.robots, start=1)
         }
         self._strikes = Strikes(
-            self._agenda, network, self.robots, self.fleet.name, self._coordinator_strikes()
+            self.agenda, network, self.robots, self.fleet.name, self._coordinator_strikes()
         )
-        self._agenda.at(self.now_ns + COMMAND_PERIOD, self._tick_fleet)
+        self.agenda.at(self.now_ns + COMMAND_PERIOD, self._tick_fleet)
         for index, robot in enumerate(self.robots.values()):
-            self._agenda.at(self.now_ns + index * _STAGGER % period_ns, self._ticker(robot))
+            self.agenda.at(self.now_ns + index * _STAGGER % period_ns, self._ticker(robot))
 
     @property
     def mission(self) -> Mission:
@@ -120,7 +140,7 @@ class World:
     @property
     def now_ns(self) -> int:
         """Virtual time, which is the coordinator's [ns]."""
-        return self._agenda.now_ns
+        return self.agenda.now_ns
 
     def run(self, seconds: float) -> None:
         """Let time pass until the fleet is finished, at most `seconds`."""
@@ -136,14 +156,37 @@ class World:
 
     def step(self) -> None:
         """Jump to the next event: a delivery, a tick, a fault or the end of one."""
-        due_ns, arriving_ns = self._agenda.next_ns(), self._network.next_due_ns()
+        due_ns, arriving_ns = self.agenda.next_ns(), self._network.next_due_ns()
         if arriving_ns is not None and arriving_ns < due_ns:
             due_ns = arriving_ns
-        self._agenda.now_ns = max(due_ns, self.now_ns)
+        self.agenda.now_ns = max(due_ns, self.now_ns)
         self._network.advance(self.now_ns)
         if not self._strikes.coordinator_hangs:
             self.coordinator.take_arrivals()
-        self._agenda.happen()
+        self.agenda.happen()
+
+    def strike(self, fault: Fault) -> None:
+        """Let a fault happen now."""
+        self._note_strike(fault)
+        self._strikes.strike(fault)
+
+    def take_over(self) -> None:
+        """Let the coordinator of a world with a past go on from now; faults strike in time."""
+        self.coordinator.begin()
+        self._expect_faults()
+
+    def renew(self, name: str, boot: int, place: Pose | None) -> None:
+        """Start a robot's program again; it believes to stand at `place`, where its body is put."""
+        robot = self.robots[name]
+        if not robot.dead:
+            self._network.drop(name)
+        robot.dead = robot.hung = False
+        robot.body.stop()
+        if place is not None:
+            robot.body.place(*place)
+        robot.service = self._service(
+            name, robot.service.robot.radius, robot.body, boot, robot.clock
+        )
 
     def blackboxes(self) -> dict[str, BlackBox]:
         """Return what every robot truly did."""
@@ -162,9 +205,15 @@ class World:
         )
         drift_ppm = chance.randint(-flaws.drift_ppm, flaws.drift_ppm)
         clock = skewed_clock(lambda: self.now_ns, ahead_ns, drift_ppm)
-        service = RobotService(
-            Robot(plan.id, plan.radius),
-            self._network.session(plan.id),
+        service = self._service(plan.id, plan.radius, body, boot, clock)
+        return Inhabitant(service, body, clock)
+
+    def _service(
+        self, name: str, radius: float, body: FailingBody, boot: int, clock: Callable[[], int]
+    ) -> RobotService:
+        return RobotService(
+            Robot(name, radius),
+            self._network.session(name),
             body,
             self.fleet.name,
             lambda: self.now_ns,
@@ -172,7 +221,6 @@ class World:
             clock=clock,
             period_ns=self._period_ns,
         )
-        return Inhabitant(service, body, clock)
 
     def _ticker(self, robot: Inhabitant) -> Action:
         def tick() -> int:
@@ -193,18 +241,20 @@ class World:
         self.coordinator.look()
         if self.fleet.phase == GO and not self.began_ns:
             self.began_ns = self.fleet.times.start_ns
-            for fault in self.faults:
-                due_ns = self.began_ns + round(fault.time * SECOND)
-                self._agenda.once(due_ns, partial(self._strike, fault))
+            self._expect_faults()
 
-    def _strike(self, fault: Fault) -> None:
+    def _expect_faults(self) -> None:
+        for fault in self.faults:
+            due_ns = self.began_ns + round(fault.time * SECOND)
+            self.agenda.once(due_ns, partial(self.strike, fault))
+
+    def _note_strike(self, fault: Fault) -> None:
         robot = self.robots.get(fault.robot)
         fleet = self.fleet
         works = robot is not None and not (robot.dead or robot.hung)
         has_part = works and fleet.members[fault.robot].planned
         phase = robot.service.agent.phase if robot is not None and has_part else -1
         self.struck.append(Struck(fault, self.now_ns, fleet.phase, phase, fleet.epoch))
-        self._strikes.strike(fault)
 
     def _coordinator_strikes(self) -> CoordinatorStrikes:
         return CoordinatorStrikes(

@@ -7,10 +7,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from coordinator.commands import commands as plan_commands
 from coordinator.errors import InputError
-from coordinator.info_commands import commands as info_commands
-from coordinator.log_commands import commands as log_commands
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
 from coordinator.recorder import Attachment, Recorder
@@ -19,11 +16,8 @@ from coordinator.scenario_toml import scenario_to_toml
 from protocol.codec import encode
 from protocol.messages import Report
 from protocol.phases import MOVING
+from splinefleet import app
 from tests.scenarios import a_robot, a_scenario
-
-commands = typer.Typer()
-for part in (plan_commands, info_commands, log_commands):
-    commands.add_typer(part)
 
 HALL = a_scenario([a_robot("R1", (1.0, 1.0), (9.0, 7.0))])
 
@@ -51,7 +45,7 @@ def folder(made, tmp_path, monkeypatch):
 def problem_of(command):
     """The one line that a command ends with, and no file that it has made."""
     with pytest.raises((InputError, typer.TyperException)) as caught:
-        commands(command.split(), standalone_mode=False)
+        app(command.split(), standalone_mode=False)
     error = caught.value
     (line,) = getattr(error, "problems", None) or error.format_message().splitlines()
     return line
@@ -126,7 +120,7 @@ def test_a_file_that_has_no_place_or_another_suffix_is_refused_before_any_work(
 
 
 def test_a_plan_is_written_where_it_may_be(folder):
-    result = CliRunner().invoke(commands, ["plan", "hall.toml", "-o", "A.JSON", "--effort", "0"])
+    result = CliRunner().invoke(app, ["plan", "hall.toml", "-o", "A.JSON", "--effort", "0"])
     assert result.exit_code == 0
     assert (folder / "A.JSON").exists()
 
@@ -136,7 +130,7 @@ def test_a_stray_file_beside_a_log_is_told_of_and_one_that_was_asked_for_is_an_e
     with Recorder(folder / "r.mcap", metadata={"fleet": "f"}, wall_offset_ns=0) as log:
         log.record(key, report, 0)
     (folder / "R1.csv").write_text("not a black box")
-    result = CliRunner().invoke(commands, ["info", "r.mcap", "--json"])
+    result = CliRunner().invoke(app, ["info", "r.mcap", "--json"])
     assert result.exit_code == 0
     assert json.loads(result.stdout)["messages"] == 1
     assert "R1.csv: line 1: the columns are not" in problem_of("info r.mcap --blackbox .")

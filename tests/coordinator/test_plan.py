@@ -11,7 +11,6 @@ from typer.testing import CliRunner
 
 from coordinator.commands import commands
 from coordinator.errors import InputError
-from coordinator.log_commands import commands as log_commands
 from coordinator.logbook import Log, Record
 from coordinator.plan import PlanDocument, Stop, from_json, to_json
 from coordinator.plan_table import render_proof
@@ -22,6 +21,7 @@ from coordinator.verify import prove_document
 from coordinator.wire import drive
 from protocol import keys
 from sim.commands import commands as sim_commands
+from splinefleet import app
 from tests.scenarios import a_robot, a_scenario, box
 
 
@@ -197,7 +197,7 @@ def test_the_proof_says_what_it_could_not_prove():
      ("coordinator", "--wait"), ("run", "--speed")],
 )  # fmt: skip
 def test_an_option_that_is_no_finite_number_is_refused_by_name(command, option, value):
-    groups = {"run": sim_commands, "replay": log_commands}
+    groups = {"run": sim_commands, "replay": app}
     group = groups.get(command, commands)
     result = CliRunner().invoke(group, [command, "absent.toml", f"{option}={value}"])
     assert result.exit_code == 2

@@ -8,11 +8,11 @@ import typer
 import zenoh
 
 from coordinator.link_news import LINK_UP
-from coordinator.log_commands import commands
 from coordinator.logbook import Log, Record
 from coordinator.playing import Wish, cues, key_filter, play
 from protocol import keys
 from protocol.zenoh_transport import ZenohTransport
+from splinefleet import app
 from tests.protocol.links import PATIENCE_S, free_endpoint
 
 SECOND = 1_000_000_000
@@ -116,7 +116,7 @@ def test_a_malformed_pattern_is_refused(pattern):
 )
 def test_a_wish_that_makes_no_sense_is_one_line(options, said):
     with pytest.raises(typer.TyperException) as caught:
-        commands(["replay", "absent.mcap", *options.split()], standalone_mode=False)
+        app(["replay", "absent.mcap", *options.split()], standalone_mode=False)
     assert said in caught.value.format_message()
 
 

@@ -9,7 +9,6 @@ from coordinator import record
 from coordinator.errors import InputError, LogError
 from coordinator.info import summarise
 from coordinator.link_news import LINK_GONE, LINK_UP
-from coordinator.log_commands import commands
 from coordinator.logbook import read_log
 from coordinator.record import Recording, first_fleet
 from protocol import keys
@@ -18,6 +17,7 @@ from protocol.messages import Clock, Command, Report
 from protocol.phases import GO, MOVING, OVER
 from protocol.transport import Transport
 from protocol.zenoh_transport import ZenohTransport
+from splinefleet import app
 from tests.protocol.links import PATIENCE_S, free_endpoint
 
 COMMAND, REPORT = keys.command("f"), keys.report("f", "R1")
@@ -102,7 +102,7 @@ def test_a_log_from_beside_cannot_be_checked_and_says_so(tmp_path):
     recording = Recording(tmp_path / "run.mcap")
     recording.begin(Silent(), "f")
     recording.close()
-    result = CliRunner().invoke(commands, ["replay", str(tmp_path / "run.mcap"), "--check"])
+    result = CliRunner().invoke(app, ["replay", str(tmp_path / "run.mcap"), "--check"])
     assert result.exit_code == 1
     assert "was recorded from beside" in result.output.replace("\n", " ")
 

@@ -1,0 +1,159 @@
+"""The command that lets a log happen again: in time, in the core, or from a moment on otherwise.
+
+Decides: options and exit codes.  It stands in sim/ because a log that goes on needs a world.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import typer
+
+from coordinator.commands import Json, LogFile, Speed, make_folder, within
+from coordinator.console import answer_json, answers, tell
+from coordinator.log_commands import shown
+from protocol.keys import NAME
+from sim.fault_script import fault_help
+
+commands = typer.Typer()
+
+
+def key_pattern(pattern: str) -> str:
+    """Check a key pattern before any work."""
+    from coordinator.playing import key_filter
+
+    try:
+        key_filter(pattern)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
+    return pattern
+
+
+def key_prefix(prefix: str) -> str:
+    """Check what is to be put before keys."""
+    if prefix and not all(NAME.fullmatch(part) for part in prefix.split("/")):
+        raise typer.BadParameter(f"{prefix!r} is no prefix of keys; one looks like replay/one")
+    return prefix
+
+
+@commands.command()
+def replay(
+    log: LogFile,
+    check: Annotated[bool, typer.Option("--check", help="Run the log again, compare.")] = False,
+    speed: Speed = 1.0,
+    listen: Annotated[str, typer.Option(help="tcp/HOST:PORT")] = "tcp/127.0.0.1:7447",
+    since: Annotated[
+        float, typer.Option("--from", callback=within(0.0), help="Seconds into the log.")
+    ] = 0.0,
+    to: Annotated[float | None, typer.Option(min=0.0, help="Seconds into the log.")] = None,
+    keys: Annotated[
+        str, typer.Option(callback=key_pattern, help="Only these; * is a part, ** any number.")
+    ] = "**",
+    prefix: Annotated[
+        str, typer.Option(callback=key_prefix, help="Put before every key, with a slash.")
+    ] = "",
+    wait_listener: Annotated[
+        float, typer.Option(callback=within(0.0, 86_400.0), help="Seconds to wait for a listener.")
+    ] = 0.0,
+    until: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="Go on in virtual time from so many seconds after GO."),
+    ] = None,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(metavar="SPEC", help=f"With --until, repeatable: {fault_help()}."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="With --until: folder of the new run.")] = None,
+    seed: Annotated[int, typer.Option(help="With --until: chances of link and clocks.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """Publish a log's traffic again in time; check that it comes out again; go on otherwise.
+
+    Without a listener after --wait-listener seconds nothing is played, exit code 1.
+
+    Example: splinefleet replay runs/demo/run.mcap --until 8 --fault kill:R3@9 --out runs/what-if
+    """
+    if check and until is not None:
+        raise typer.BadParameter("not together with --check", param_hint="--until")
+    if check:
+        _check(log, as_json)
+    elif until is not None:
+        _carry_on(log, until, fault or [], out, seed, as_json)
+    else:
+        _play(log, Playing(listen, speed, since, to, keys, prefix, wait_listener), as_json)
+
+
+class Playing(NamedTuple):
+    """What is played of a log, and to whom: the options of `replay`."""
+
+    listen: str
+    speed: float
+    since: float
+    to: float | None
+    keys: str
+    prefix: str
+    wait_listener: float
+
+
+def _play(log: Path, asked: Playing, as_json: bool) -> None:
+    from coordinator.logbook import read_log
+    from coordinator.playing import Wish, cues, play
+    from protocol.zenoh_transport import ZenohTransport
+
+    since, to, prefix, patience = asked.since, asked.to, asked.prefix, asked.wait_listener
+    if to is not None and not since <= to:
+        raise typer.BadParameter(f"{to:g} s is before --from {since:g}", param_hint="--to")
+    recorded = read_log(log)
+    if recorded.damage:
+        tell(f"{log}: {recorded.damage}; what is whole is played")
+    found = cues(recorded, Wish(since, math.inf if to is None else to, asked.keys, prefix))
+    transport = ZenohTransport.listen(asked.listen)
+    with transport:
+        if patience > 0.0:
+            tell(f"waiting for a listener on {asked.listen}")
+            if not transport.wait_for_listener(f"{prefix}/**" if prefix else "**", patience):
+                tell(f"nobody listens after {patience:g} s; nothing was played", "red")
+                raise typer.Exit(1)
+        tell(f"playing {len(found)} messages on {asked.listen}")
+        begin = time.monotonic()
+
+        def wait_until(seconds: float) -> None:
+            time.sleep(max(0.0, begin + seconds - time.monotonic()))
+
+        count = play(shown(found, "playing"), transport.put, wait_until, asked.speed)
+    if as_json:
+        answer_json({"messages": count})
+
+
+def _carry_on(
+    log: Path, until: float, faults: list[str], out: Path | None, seed: int, as_json: bool
+) -> None:
+    from sim.conclusion import conclude
+    from sim.what_if_shell import carry_on
+
+    folder = out or Path("runs") / f"what-if-{time.strftime('%Y%m%d-%H%M%S')}"
+    make_folder(folder / "blackbox")
+    name, arrived = carry_on(log, until, folder, faults, seed)
+    conclude(folder, name, 0 if arrived else 1, as_json)
+
+
+def _check(log: Path, as_json: bool) -> None:
+    from coordinator.logbook import check_bytes, read_log
+    from coordinator.replay import Check, check_log
+
+    damage, recorded = check_bytes(log), read_log(log)
+    if recorded.metadata.get("passive") == "yes":
+        damage = damage or "was recorded from beside; only the coordinator's own log can be checked"
+    result = Check(0, 0, damage) if damage else check_log(recorded)
+    if as_json:
+        answer_json(result._asdict())
+    elif not result.difference:
+        answers.print(f"{result.plans} plans and {result.commands} commands: every byte agrees")
+    if result.note:
+        tell(f"{log}: {result.note}")
+    if result.difference:
+        tell(f"{log}: {result.difference}")
+        raise typer.Exit(1)
