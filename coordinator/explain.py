@@ -24,11 +24,11 @@ _MOST_PLANNED: Final = 20_000
 
 
 def explain_waits(
-    junctions: Junctions, motions: Sequence[Motion], names: Sequence[str], most: int = _MOST
+    junctions: Junctions, motions: Sequence[Motion], names: Sequence[str], tries: bool = True
 ) -> list[Reason]:
     """Return why robots wait, in their order and along their paths.
 
-    What the other order would cost is tried for so many waits at most.
+    What the other order would cost is tried for the longest waits unless not `tries`.
     """
     waits = [
         (index, number, lasts)
@@ -36,7 +36,8 @@ def explain_waits(
         for number, lasts in enumerate(_lasting(motion))
         if motion.waits[number].owner >= 0
     ]
-    longest = sorted(waits, key=lambda wait: -wait[2])[: min(most, _MOST_PLANNED // len(names))]
+    most = min(_MOST, _MOST_PLANNED // len(names)) if tries else 0
+    longest = sorted(waits, key=lambda wait: -wait[2])[:most]
     table = Motions(junctions.lengths())
     for index, motion in enumerate(motions):
         table.put(index, motion)

@@ -102,7 +102,7 @@ class Fleet(FleetState):
         if self.phase == GO and self._absence.doubted:
             return []
         late = [self.members[name] for name in sorted(self._delay.missing)]
-        return [*(Outgoing(keys.plan(self.name, m.id), m.times) for m in late), self._command()]
+        return [self._command(), *(Outgoing(keys.plan(self.name, m.id), m.times) for m in late)]
 
     def adopt(
         self, epoch: int, parts: Mapping[str, Part], duration_ns: int, now_ns: int

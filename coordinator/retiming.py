@@ -131,7 +131,7 @@ class _Retiming:
         names = [robot.id for robot in self.robots]
         try:
             fresh = with_new_times(self.document, self.robots, self.paths, motions, changed)
-            waits = explain_waits(self.junctions, motions, names, most=0)
+            waits = explain_waits(self.junctions, motions, names, tries=False)
             fresh = replace(fresh, waits=waits, revision=self.document.revision + 1)
             proof = prove_document(fresh)
         except (InputError, PlanError):

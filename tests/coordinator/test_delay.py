@@ -7,6 +7,7 @@ import pytest
 from coordinator.delay import TELLING, THINKING, Delay
 from coordinator.epoch_times import EpochTimes
 from coordinator.fleet import Fleet
+from coordinator.link_news import LINK_GONE
 from protocol import keys
 from protocol.codec import decode, encode, seal
 from protocol.messages import NewTimes, Pace
@@ -152,7 +153,7 @@ def test_a_second_late_robot_meanwhile_freezes_the_fleet():
 def test_a_late_robot_whose_link_is_gone_is_lost_as_any_other():
     floor = LateFloor()
     floor.stand("R1")
-    floor.take(floor.fleet.hear(keys.alive("hall", "R1"), b"", floor.now))
+    floor.take(floor.fleet.hear(keys.alive("hall", "R1"), LINK_GONE, floor.now))
     assert floor.commands[-1].phase == FREEZE
     assert floor.fleet.members["R1"].lost
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from coordinator.link_news import LINK_GONE
 from coordinator.mission import Mission
 from coordinator.planner import plan_scenario
 from coordinator.scenario_file import parse_scenario
@@ -74,7 +75,7 @@ def test_a_plan_that_comes_while_a_lost_robot_speaks_again_is_asked_for_anew_whe
     assert mission.request(frozen.now) is None
     frozen.report("R2", BRAKING)
     assert mission.adopt(request, recovery, frozen.now) is None
-    frozen.fleet.hear(keys.alive("two", "R2"), b"", frozen.now)
+    frozen.fleet.hear(keys.alive("two", "R2"), LINK_GONE, frozen.now)
     frozen.report("R1", FROZEN)
     frozen.tick()
     again = mission.request(frozen.now)

@@ -143,6 +143,8 @@ def test_a_fleet_on_zenoh_is_recorded_whole_by_one_who_found_it_by_itself(tmp_pa
             for one, other in zip(command, report, strict=True):
                 coordinator.put(COMMAND, one)
                 robot.put(REPORT, other)
+                # A sender drops what a link does not take in half a millisecond.
+                recording.listener.over.wait(0.005)
             while not recording.listener.over.wait(0.02):
                 coordinator.put(COMMAND, encode(Command(9, 99, 1, OVER, 0)))
             recording.wait()

@@ -1,5 +1,6 @@
 """Whom a coordinator says that it waits for: after a second, why, and when that changes."""
 
+from coordinator.link_news import LINK_GONE
 from coordinator.member import Member
 from coordinator.roll_call import PATIENCE, RollCall, missing_in_words
 from protocol.phases import ARMED, BRAKING, CLOCK_UNSURE, FREEZE, FROZEN, HOLD, IDLE, OFF_PATH
@@ -56,7 +57,7 @@ def test_one_that_has_left_or_fallen_silent_is_told_so():
     floor = Floor()
     for robot in ("R1", "R2", "R3"):
         floor.hello(robot)
-    floor.fleet.hear("splinefleet/hall/alive/R1", b"", floor.now)
+    floor.fleet.hear("splinefleet/hall/alive/R1", LINK_GONE, floor.now)
     for _ in range(10):
         floor.tick()
         floor.report("R3", IDLE)
