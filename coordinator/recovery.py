@@ -48,7 +48,7 @@ def recover(
     """Plan a fleet anew from where its robots stand, `documents` being the plans by epoch so far.
 
     A robot that has no way, or that no order of robots lets through, stays where it is; the others
-    are planned around it.
+    are planned around it.  One on a given path looks for a way of its own before that.
     """
     site, said = passable(next_site(site, documents, told))
     while site.scenario.robots:
@@ -58,6 +58,10 @@ def recover(
         except PlanError as error:
             stay = _closed_in(turned(scenario)) or _blamed(scenario, str(error))
         for name, why in stay.items():
+            if site.on_given_path(name):
+                said.append(f"{name} leaves the path that it was given: {why}")
+                site = site.off_given_path(name)
+                continue
             said.append(f"{name} stays where it is: {why}")
             site = site.without(name)
         site, dropped = passable(site)

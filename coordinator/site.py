@@ -98,6 +98,15 @@ class Site:
         stays = Aside(one, "closed in", here, one.start)
         return Site(replace(self.scenario, robots=rest), (*self.aside, stays))
 
+    def on_given_path(self, robot: str) -> bool:
+        """Tell whether a robot that is planned for has a given path."""
+        return any(r.id == robot and r.path is not None for r in self.scenario.robots)
+
+    def off_given_path(self, robot: str) -> Site:
+        """Return the site with a robot that finds its own way to the end of its given path."""
+        robots = (replace(r, path=None) if r.id == robot else r for r in self.scenario.robots)
+        return Site(replace(self.scenario, robots=tuple(robots)), self.aside)
+
 
 def next_site(site: Site, documents: Mapping[int, PlanDocument], told: Sequence[Standing]) -> Site:
     """Return the site after the fleet has come to rest.

@@ -292,6 +292,20 @@ def test_a_robot_pushed_off_its_given_path_finds_its_own_way_to_the_goal(frozen)
     assert found.document.proof.holds
 
 
+def test_a_robot_whose_given_path_is_blocked_by_a_lost_one_goes_around_it(frozen):
+    site, documents = frozen
+    (other,) = [d for d in drive(documents[1]) if d.id == "R2"]
+    near = shapely.LineString(other.chain.points).project(shapely.Point(5.0, 1.15))
+    told = (
+        Standing(robot="R1", state="rests", epoch=1, s=0.5),
+        Standing(robot="R2", state="lost", epoch=1, s=near),
+    )
+    found = recover(site, documents, told, 2, plan)
+    assert found.said[0].startswith("R1 leaves the path that it was given: R1: its path ")
+    assert found.document.robot("R1").path.control_points[-1] == BEND[-1]
+    assert found.document.proof.holds
+
+
 def test_a_polyline_may_say_a_place_twice():
     points = ((1.0, 1.0), (1.0, 1.0), (5.0, 1.0), (5.0, 1.0), (9.0, 1.0))
     planned = plan_scenario(a_scenario([given("R1", points, 1)]), effort=0).robots[0]
