@@ -1,8 +1,8 @@
 """What a bystander knows of a running fleet: plans as sent, Commands, Reports, the fleet's time.
 
 Decides: how a plan reads that nobody has in a file, and when something new is known.  Must not
-know: links, threads, the page.  Why robots wait is not on the wire: with the plan file of the
-first epoch it is known for that one.
+know: links, threads, the page.  Why robots wait is not on the wire: it is found from the plans of
+an epoch that has begun (live_reasons.py), or known from the plan file.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Final
 
 import msgspec
 
+from coordinator.live_reasons import with_reasons
 from coordinator.plan import PlanDocument, RobotPlan, Stop
 from coordinator.scene import Scene
 from coordinator.scene_log import Course, scene_of_course
@@ -50,6 +51,7 @@ class LiveCourse:
         self._first: tuple[int, float] | None = None
         self._latest: tuple[int, float] = (0, 0.0)
         self._floor = document
+        self._explained: dict[int, int] = {}
         if document is not None:
             self._course.plans[document.epoch] = document
             self._radius = {robot.id: robot.radius for robot in document.robots}
@@ -69,7 +71,17 @@ class LiveCourse:
         """Return the scene of what is known; an empty one before the first plan."""
         if not self._course.plans:
             return _nothing(self.fleet or "")
+        self._explain()
         return msgspec.structs.replace(scene_of_course(self._course), name=self.fleet or "")
+
+    def _explain(self) -> None:
+        """Find out why robots wait in epochs that have begun, once for the plans heard so far."""
+        plans = self._course.plans
+        for epoch in set(self._course.starts) & set(plans):
+            count = len(plans[epoch].robots)
+            if plans[epoch] is not self._floor and self._explained.get(epoch) != count:
+                plans[epoch] = with_reasons(plans[epoch])
+                self._explained[epoch] = count
 
     def clock(self, now: float) -> FleetTime | None:
         """Return the fleet's time; None before its first GO or before its clock was heard."""

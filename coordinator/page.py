@@ -18,10 +18,12 @@ _PARTS: Final = Path(__file__).with_name("page")
 _SCRIPTS: Final = (
     "motion.js",
     "look.js",
+    "lens.js",
     "ground.js",
     "floor.js",
     "diagram.js",
     "lists.js",
+    "hand.js",
     "page.js",
 )
 _POLICY: Final = (

@@ -1,8 +1,8 @@
 // The floor at one moment: robots, what is left of their paths, lit zones, waits, ghosts.
 
 class FloorView extends Ground {
-  constructor(canvas, play, shown) {
-    super(canvas, play, shown);
+  constructor(canvas, play, shown, lens) {
+    super(canvas, play, shown, lens);
     this.background = null;
     this.key = "";
     this.spots = [];
@@ -11,10 +11,10 @@ class FloorView extends Ground {
   /** Draw the floor at a time; `found` are the robots' states, `focus` and `hover` robots or -1. */
   draw(t, found, focus, hover, look) {
     const epoch = this.play.epochAt(t);
-    const key = [epoch.epoch, focus, this.shown.paths, this.shown.zones, look.dark].join();
+    const key = [epoch.epoch, focus, this.shown.paths, this.shown.zones, look.dark, this.lens.key].join();
     if (this.sheet.resize() || key !== this.key) {
-      this.key = key;
       this.fit();
+      this.key = key;
       this.background = this.ground(epoch, focus, look);
     }
     const pen = this.sheet.begin(this.background.canvas);

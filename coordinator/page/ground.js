@@ -3,7 +3,8 @@
 const CROWD = 40;
 
 class Ground {
-  constructor(canvas, play, shown) {
+  constructor(canvas, play, shown, lens) {
+    this.lens = lens;
     this.sheet = new Sheet(canvas);
     this.play = play;
     this.shown = shown;
@@ -39,9 +40,16 @@ class Ground {
   fit() {
     const [x0, y0, x1, y1] = this.bounds, { width, height } = this.sheet, edge = 10;
     const fits = Math.min((width - 2 * edge) / (x1 - x0), (height - 2 * edge) / (y1 - y0));
-    this.zoom = Math.max(fits, 1e-6);
-    this.left = 0.5 * (width - this.zoom * (x1 - x0)) - this.zoom * x0;
-    this.base = 0.5 * (height + this.zoom * (y1 - y0)) + this.zoom * y0;
+    this.zoom = Math.max(fits, 1e-6) * this.lens.factor;
+    this.lens.hold(this.bounds, (0.5 * width - edge) / this.zoom, (0.5 * height - edge) / this.zoom);
+    this.left = 0.5 * width - this.zoom * this.lens.x;
+    this.base = 0.5 * height + this.zoom * this.lens.y;
+  }
+
+  /** The place on the floor at a spot on the canvas, its middle unless one is given. */
+  placeAt(spot) {
+    const { x, y } = spot || { x: 0.5 * this.sheet.width, y: 0.5 * this.sheet.height };
+    return { x: (x - this.left) / this.zoom, y: (this.base - y) / this.zoom };
   }
 
   X(x) { return this.left + this.zoom * x; }

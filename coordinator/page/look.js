@@ -22,22 +22,35 @@ class Look {
       this[name] = read(name);
     }
     this.onRobot = this.dark ? "#0d1117" : "#ffffff";
-    this.font = (size, weight = 400) => `${weight} ${size}px ${read("font")}`;
-    this.robot = (index) =>
-      shaded(HUES[theme][index % 8], SHADES[theme][Math.floor(index / 8) % 4]);
+    const colours = Array.from({ length: 32 }, (_, index) =>
+      shaded(HUES[theme][index % 8], SHADES[theme][Math.floor(index / 8)]));
+    const font = read("font");
+    this.font = (size, weight = 400) => `${weight} ${size}px ${font}`;
+    this.robot = (index) => colours[index % 32];
   }
 }
 
-/** A canvas that is as sharp as the screen; `resize` tells whether its size has changed. */
+/**
+ * A canvas that is as sharp as the screen; `resize` tells whether its size has changed.
+ *
+ * To ask for its size makes the browser lay out the page: that is done only when `Sheet.layouts`
+ * has been counted up since.
+ */
 class Sheet {
+  static layouts = 0;
+
   constructor(canvas) {
     this.canvas = canvas;
     this.pen = canvas.getContext("2d");
     this.width = this.height = this.scale = 0;
+    this.layout = -1;
   }
 
   resize() {
-    const box = this.canvas.getBoundingClientRect(), scale = window.devicePixelRatio || 1;
+    const scale = window.devicePixelRatio || 1;
+    if (this.layout === Sheet.layouts && scale === this.scale) return false;
+    this.layout = Sheet.layouts;
+    const box = this.canvas.getBoundingClientRect();
     const same = box.width === this.width && box.height === this.height && scale === this.scale;
     if (same) return false;
     [this.width, this.height, this.scale] = [box.width, box.height, scale];

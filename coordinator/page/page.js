@@ -6,7 +6,10 @@ const controls = {
   play: byId("play"), shape: byId("play-shape"), slider: byId("slider"), clock: byId("clock"),
   phase: byId("phase"), speed: byId("speed"), follow: byId("follow"),
 };
+const lens = new Lens();
 const tip = new Tip(byId("tip"));
+const ENLARGED = 1.5;
+const TIMELESS = new Set(["+", "=", "-", "0", ".", ">", ",", "<", "Escape"]);
 const PHASES = { hold: "ready", go: "go", freeze: "frozen" };
 
 let look = new Look();
@@ -18,7 +21,7 @@ let before = 0, listed = -Infinity, following = live, names = null;
 function load(scene) {
   const first = !play;
   play = new Play(scene);
-  floor = new FloorView(byId("floor"), play, shown);
+  floor = new FloorView(byId("floor"), play, shown, lens);
   diagram = new DiagramView(byId("diagram"), play);
   const found = scene.robots.map((robot) => robot.id).join();
   if (found !== names) robots = new RobotList(byId("robots"), play, chooseToggled, hoverOver);
@@ -130,9 +133,14 @@ const KEYS = {
   ArrowDown: () => jump(1),
   Home: () => seek(0),
   End: () => seek(play.scene.end),
-  "+": () => faster(1),
-  "=": () => faster(1),
-  "-": () => faster(-1),
+  ".": () => faster(1),
+  ">": () => faster(1),
+  ",": () => faster(-1),
+  "<": () => faster(-1),
+  "+": () => hand.enlarge(ENLARGED),
+  "=": () => hand.enlarge(ENLARGED),
+  "-": () => hand.enlarge(1 / ENLARGED),
+  0: () => seeAll(),
   Escape: () => { if (focus >= 0) chooseToggled(focus); },
 };
 
@@ -143,7 +151,7 @@ function pressed(event) {
   const own = target.closest("select") || clicks;
   if (own) return;
   event.preventDefault();
-  if (event.key !== "+" && event.key !== "-" && event.key !== "=") setFollowing(false);
+  if (!TIMELESS.has(event.key)) setFollowing(false);
   act(event);
 }
 
@@ -152,17 +160,27 @@ function at(event) {
   return { x: event.clientX - box.left, y: event.clientY - box.top };
 }
 
-function watchFloor(canvas) {
-  const point = (event) => {
-    pointer = at(event);
-    hoverOver(floor.pick(pointer.x, pointer.y));
-  };
-  canvas.addEventListener("pointermove", point);
-  canvas.addEventListener("pointerdown", (event) => {
-    point(event);
-    if (hover >= 0 || focus >= 0) chooseToggled(hover >= 0 ? hover : focus);
-  });
-  canvas.addEventListener("pointerleave", leave);
+const hand = new Hand(byId("floor"), lens, () => floor, {
+  changed: seenOtherwise,
+  leave,
+  point: (place) => {
+    pointer = place;
+    hoverOver(floor.pick(place.x, place.y));
+  },
+  press: () => { if (hover >= 0 || focus >= 0) chooseToggled(hover >= 0 ? hover : focus); },
+});
+
+/** Once a part is seen, a finger moves the floor and not the page. */
+function seenOtherwise() {
+  const part = lens.factor > 1;
+  byId("floor").classList.toggle("part", part);
+  byId("zoom-all").hidden = !part;
+  stale = true;
+}
+
+function seeAll() {
+  lens.all();
+  seenOtherwise();
 }
 
 function watchDiagram(canvas) {
@@ -212,7 +230,6 @@ function followLive() {
 }
 
 load(JSON.parse(byId("scene").textContent));
-watchFloor(byId("floor"));
 watchDiagram(byId("diagram"));
 document.addEventListener("keydown", pressed);
 controls.play.addEventListener("click", () => { setFollowing(false); setRunning(!running); });
@@ -227,7 +244,14 @@ for (const name of Object.keys(shown)) {
     stale = true;
   });
 }
-new ResizeObserver(() => { stale = true; }).observe(document.body);
+const watcher = new ResizeObserver(() => {
+  Sheet.layouts++;
+  stale = true;
+});
+for (const id of ["floor", "diagram"]) watcher.observe(byId(id));
+byId("zoom-in").addEventListener("click", () => hand.enlarge(ENLARGED));
+byId("zoom-out").addEventListener("click", () => hand.enlarge(1 / ENLARGED));
+byId("zoom-all").addEventListener("click", seeAll);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
 if (live) listen();
 requestAnimationFrame(frame);
@@ -237,6 +261,7 @@ window.splinefleet = {
   seek: (t) => { setFollowing(false); seek(t); },
   draw,
   choose: chooseToggled,
+  get seen() { return { factor: lens.factor, ...floor.placeAt() }; },
   get time() { return now; },
   get running() { return running; },
   get end() { return play.scene.end; },

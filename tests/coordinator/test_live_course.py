@@ -66,6 +66,21 @@ def test_the_motions_are_those_of_the_plan_file():
         ]
 
 
+def test_why_robots_wait_is_found_from_the_plans_once_the_epoch_has_begun():
+    course = LiveCourse(None, None)
+    tell_time(course, -2.0, -2.0)
+    tell_plans(course)
+    tell_command(course, -1.0, HOLD)
+    assert {wait.lets for ride in course.scene().epochs[0].rides for wait in ride.waits} <= {-1}
+    tell_command(course, -0.5, GO)
+    (epoch,), (wanted,) = course.scene().epochs, scene_of_plan(document()).epochs
+    told = [(ride.robot, wait.lets) for ride in epoch.rides for wait in ride.waits]
+    assert told == [(ride.robot, wait.lets) for ride in wanted.rides for wait in ride.waits]
+    assert any(lets >= 0 for _, lets in told)
+    forced = [(zone.a, zone.b) for zone in epoch.zones if zone.forces]
+    assert sorted(forced) == sorted((zone.a, zone.b) for zone in wanted.zones if zone.forces)
+
+
 def test_a_freeze_is_seen_and_where_a_robot_rests():
     course = LiveCourse(FLEET, document())
     tell_time(course, 0.0, 0.0)

@@ -126,6 +126,40 @@ class Tab:
         self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **button)
         self.settle()
 
+    def wheel(self, x, y, by):
+        """Turn the wheel there; `by` pixels down."""
+        self.call("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=by)
+        self.settle()
+
+    def drag(self, begin, end):
+        """Press at a place, move to another in steps, release."""
+        self.point(*begin, "mousePressed")
+        for part in (0.25, 0.5, 0.75, 1.0):
+            x, y = (a + part * (b - a) for a, b in zip(begin, end, strict=True))
+            held = {"button": "left", "buttons": 1}
+            self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y, **held)
+        self.point(*end, "mouseReleased")
+
+    def pinch(self, one, other, one_end, other_end):
+        """Put two fingers on the screen, move both, lift them."""
+        self.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+        for kind, part in (("touchStart", 0.0), *(("touchMove", i / 8) for i in range(1, 9))):
+            points = [
+                {"id": number, "x": a[0] + part * (b[0] - a[0]), "y": a[1] + part * (b[1] - a[1])}
+                for number, (a, b) in enumerate(((one, one_end), (other, other_end)))
+            ]
+            self.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+            self.settle()
+        self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+        self.call("Emulation.setTouchEmulationEnabled", enabled=False)
+        self.settle()
+
+    def layouts(self):
+        """Return how often the page has been laid out since it was loaded."""
+        self.call("Performance.enable")
+        found = self.call("Performance.getMetrics")["metrics"]
+        return next(one["value"] for one in found if one["name"] == "LayoutCount")
+
     def picture(self, path):
         """Write a picture of what is seen."""
         data = self.call("Page.captureScreenshot", format="png")["data"]

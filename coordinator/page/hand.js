@@ -1,0 +1,71 @@
+// Pointers on the floor: the wheel, a pinch and a drag move the lens, a press chooses a robot.
+
+const STILL = 5;
+
+class Hand {
+  /** `floor()` is the view; `told` has changed(), point(place), press(), leave(). */
+  constructor(canvas, lens, floor, told) {
+    Object.assign(this, { canvas, lens, floor, told });
+    this.fingers = new Map();
+    this.moved = 0;
+    const on = (name, act, options) => canvas.addEventListener(name, (event) => act(event), options);
+    on("pointerdown", (event) => this.down(event));
+    on("pointermove", (event) => this.move(event));
+    on("pointerup", (event) => this.up(event));
+    on("pointercancel", (event) => this.fingers.delete(event.pointerId));
+    on("pointerleave", () => told.leave());
+    on("wheel", (event) => this.wheel(event), { passive: false });
+  }
+
+  down(event) {
+    if (this.fingers.size === 0) this.moved = 0;
+    this.fingers.set(event.pointerId, at(event));
+    this.canvas.setPointerCapture(event.pointerId);
+    this.told.point(at(event));
+  }
+
+  move(event) {
+    const before = this.fingers.get(event.pointerId), now = at(event);
+    if (!before) return this.told.point(now);
+    this.moved += Math.hypot(now.x - before.x, now.y - before.y);
+    if (this.fingers.size === 2) this.pinch(event.pointerId, before, now);
+    else if (this.moved > STILL) this.drag(before, now);
+    this.fingers.set(event.pointerId, now);
+    return this.told.point(now);
+  }
+
+  up(event) {
+    this.fingers.delete(event.pointerId);
+    if (this.fingers.size === 0 && this.moved <= STILL) this.told.press();
+  }
+
+  drag(before, now) {
+    const { zoom } = this.floor();
+    this.lens.move((before.x - now.x) / zoom, (now.y - before.y) / zoom);
+    this.told.changed();
+  }
+
+  /** Two fingers: what is between them stays between them. */
+  pinch(moving, before, now) {
+    const [other] = [...this.fingers].find(([id]) => id !== moving).slice(1);
+    const apart = (one) => Math.max(Math.hypot(one.x - other.x, one.y - other.y), 1);
+    const middle = (one) => ({ x: 0.5 * (one.x + other.x), y: 0.5 * (one.y + other.y) });
+    this.enlarge(apart(now) / apart(before), middle(before));
+    this.drag(middle(before), middle(now));
+  }
+
+  /** A page that scrolls keeps the wheel, unless it is a pinch on a pad (which holds ctrl). */
+  wheel(event) {
+    const page = document.scrollingElement;
+    if (!event.ctrlKey && page.scrollHeight > page.clientHeight) return;
+    event.preventDefault();
+    const step = event.deltaY * (event.deltaMode ? 16 : 1) * (event.ctrlKey ? 0.01 : 0.0016);
+    this.enlarge(Math.exp(-step), at(event));
+  }
+
+  /** Enlarge about a place on the canvas, its middle unless one is given. */
+  enlarge(share, spot) {
+    this.lens.by(share, this.floor().placeAt(spot));
+    this.told.changed();
+  }
+}

@@ -1,0 +1,51 @@
+"""For whom robots wait, found from plans alone, beside what the planner says."""
+
+import pytest
+from msgspec.structs import replace
+
+from coordinator.live_reasons import with_reasons
+from coordinator.planner import plan_scenario
+from sim.generator import generate
+
+
+def bare(document):
+    """Return a plan as the wire tells it: nobody says for whom he waits."""
+    robots = [
+        replace(
+            robot, start_yields_to="", stops=[replace(stop, yields_to="") for stop in robot.stops]
+        )
+        for robot in document.robots
+    ]
+    return replace(document, robots=robots, waits=[])
+
+
+def owners(document):
+    return [
+        (robot.id, number, owner)
+        for robot in document.robots
+        for number, owner in enumerate(
+            [robot.start_yields_to] * (robot.start_time > 0.0)
+            + [stop.yields_to for stop in robot.stops]
+        )
+    ]
+
+
+@pytest.mark.parametrize(("kind", "robots", "seed"), [("circle", 8, 3), ("warehouse", 12, 5)])
+def test_the_planners_reasons_are_found_again(kind, robots, seed):
+    document = plan_scenario(generate(kind, robots, seed), effort=3)
+    found = with_reasons(bare(document))
+    assert owners(found) == owners(document)
+    assert len(owners(document)) > 3
+    known = {(one.robot, round(one.s, 3)): one for one in document.waits}
+    for one in found.waits:
+        true = known[one.robot, round(one.s, 3)]
+        assert one.wait == pytest.approx(true.wait, abs=1e-6)
+        for mine, theirs in ((one.zone, true.zone), (one.their_zone, true.their_zone)):
+            assert mine[0] < theirs[1]
+            assert theirs[0] < mine[1]
+
+
+def test_a_plan_without_waits_has_no_reasons():
+    document = plan_scenario(generate("open", 2, 1), effort=0)
+    alone = replace(document, robots=[replace(document.robots[0], stops=[], start_time=0.0)])
+    assert with_reasons(alone).waits == []
