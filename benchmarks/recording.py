@@ -11,8 +11,10 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -27,7 +29,7 @@ from protocol import keys
 from protocol.codec import encode
 from protocol.messages import Report
 from protocol.phases import MOVING
-from protocol.zenoh_transport import ZenohTransport
+from protocol.zenoh_transport import ZenohTransport, use_few_threads
 
 FLEET: Final = "benchmark"
 ROBOTS: Final = 100
@@ -45,10 +47,12 @@ _PATIENCE_S: Final = 30.0
 def recording(seconds: float = 10.0) -> list[Row]:
     """Record a flood, then as much as 100 robots say; CPU and memory are the recorder's process.
 
-    CPU is the share of one core over all its threads, Zenoh's included.  Memory grows from when a
-    quarter of the time has passed.
+    CPU is the share of one core over all its threads; "ours" is that of the threads of Python, the
+    rest is Zenoh's.  Memory grows from when a quarter of the time has passed.  The flood comes to
+    the recorder directly; what robots say goes through another process, as beside a coordinator.
     """
-    return [_recorded(rate, seconds) for rate in (FLOOD, TRAFFIC)]
+    use_few_threads()
+    return [_recorded(FLOOD, seconds), _recorded(TRAFFIC, seconds, beside=True)]
 
 
 def writing(seconds: float = 10.0) -> list[Row]:
@@ -70,13 +74,18 @@ def writing(seconds: float = 10.0) -> list[Row]:
     return [{"messages/s": round(done / passed), "CPU %": 100.0 * spent / passed}]
 
 
-def _recorded(rate: int, seconds: float) -> Row:
+def _recorded(rate: int, seconds: float, *, beside: bool = False) -> Row:
     """Return what became of so many messages a second."""
     endpoint, sent = f"tcp/127.0.0.1:{_free_port()}", round(rate * seconds)
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "run.mcap"
+    with ExitStack() as stack:
+        path = Path(stack.enter_context(TemporaryDirectory())) / "run.mcap"
         recording = Recording(path)
-        with ZenohTransport.listen(endpoint) as transport:
+        if beside:
+            stack.enter_context(_router(endpoint))
+        opened = (
+            ZenohTransport.connect(endpoint, 20.0) if beside else ZenohTransport.listen(endpoint)
+        )
+        with opened as transport:
             recording.begin(transport, FLEET)
             assert recording.listener is not None
             measured = _listen(recording.listener, endpoint, rate, sent)
@@ -88,6 +97,17 @@ def _recorded(rate: int, seconds: float) -> Row:
     return {**measured, "lost": sent - kept, "bytes a message": size / max(kept, 1)}
 
 
+@contextmanager
+def _router(endpoint: str) -> Iterator[None]:
+    """Let another process route, as a coordinator does."""
+    process = subprocess.Popen([sys.executable, "-m", "benchmarks.recording", endpoint], cwd=ROOT)
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
 def _listen(listener: Listener, endpoint: str, rate: int, sent: int) -> Row:
     """Let another process send; look at this one meanwhile."""
     sizes: list[float] = []
@@ -96,11 +116,12 @@ def _listen(listener: Listener, endpoint: str, rate: int, sent: int) -> Row:
     )
     try:
         _wait_for(lambda: listener.messages > 0)
-        began, spent = time.monotonic(), time.process_time()
+        began, spent, ours = time.monotonic(), time.process_time(), _python_s()
         while listener.messages < sent and publisher.poll() is None:
             sizes.append(_memory_mb())
             time.sleep(_LOOK_S)
         passed, spent = time.monotonic() - began, time.process_time() - spent
+        ours = _python_s() - ours
         publisher.wait(_PATIENCE_S)
         _wait_for(lambda: listener.messages >= sent, at_most=2.0)
     finally:
@@ -113,6 +134,7 @@ def _listen(listener: Listener, endpoint: str, rate: int, sent: int) -> Row:
         "sent": sent,
         "heard": listener.messages,
         "CPU %": 100.0 * spent / passed,
+        "ours %": 100.0 * ours / passed,
         "memory MB": settled[0],
         "growth MB": max(settled) - settled[0],
     }
@@ -151,6 +173,16 @@ def _wait_for(state: Callable[[], bool], at_most: float = _PATIENCE_S) -> None:
         time.sleep(0.01)
 
 
+def _python_s() -> float:
+    """Return the CPU time [s] of the threads of this process that run Python."""
+    ticks = 0
+    for task in Path("/proc/self/task").iterdir():
+        name, _, rest = (task / "stat").read_text().partition("(")[2].rpartition(")")
+        if name.startswith("python"):
+            ticks += sum(int(number) for number in rest.split()[11:13])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
 def _memory_mb() -> float:
     """Return the memory that this process holds."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
@@ -164,9 +196,12 @@ def _free_port() -> int:
 
 
 def main() -> None:
-    """Measure and print; with an endpoint, a rate and a count, be the process that sends."""
+    """Measure and print; with an endpoint route, with a rate and a count too be the sender."""
     if len(sys.argv) == 4:
         publish(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
+    elif sys.argv[1:] and sys.argv[1].startswith("tcp/"):
+        with ZenohTransport.listen(sys.argv[1]):
+            threading.Event().wait()
     else:
         seconds = [float(text) for text in sys.argv[1:]]
         show("recording what arrives over Zenoh", recording(*seconds))

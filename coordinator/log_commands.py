@@ -50,8 +50,9 @@ def record(
     Example: splinefleet record --connect tcp/127.0.0.1:7447 -o beside.mcap
     """
     from coordinator.record import Recording, first_fleet
-    from protocol.zenoh_transport import ZenohTransport
+    from protocol.zenoh_transport import ZenohTransport, use_few_threads
 
+    use_few_threads()
     recording = Recording(output, speed)
     try:
         with ZenohTransport.connect(connect, timeout_s=wait) as transport:

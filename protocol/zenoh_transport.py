@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import json
+import os
 import re
 import threading
 import time
@@ -188,6 +189,14 @@ class ZenohTransport(Transport):
         # Zenoh gives such a link up after 10 s with an error; the process can end all the same.
         with contextlib.suppress(self._error):
             self._session.close()  # type: ignore[no-untyped-call]
+
+
+def use_few_threads() -> None:
+    """Let what arrives wake one of Zenoh's threads less; to be called before the first session.
+
+    For a process that only listens: with a hundred robots it takes about a seventh less.
+    """
+    os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 1), acc: (worker_threads: 1))")
 
 
 def _open(settings: dict[str, Any]) -> zenoh.Session:

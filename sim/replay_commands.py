@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 import typer
 
@@ -19,6 +19,9 @@ from protocol.keys import NAME
 from sim.fault_script import fault_help
 
 commands = typer.Typer()
+
+_LINGER_S: Final = 0.2
+"""What was put last is still on its way; a session that closes may take it along."""
 
 
 def key_pattern(pattern: str) -> str:
@@ -124,6 +127,7 @@ def _play(log: Path, asked: Playing, as_json: bool) -> None:
             time.sleep(max(0.0, begin + seconds - time.monotonic()))
 
         count = play(shown(found, "playing"), transport.put, wait_until, asked.speed)
+        time.sleep(_LINGER_S)
     if as_json:
         answer_json({"messages": count})
 

@@ -4,11 +4,19 @@ class DiagramView {
   constructor(canvas, play) {
     this.sheet = new Sheet(canvas);
     this.play = play;
-    this.longest = Math.max(1, ...play.epochs.flatMap((epoch) =>
-      [...epoch.motions.values()].map((motion) => motion.length)));
+    this.longest = this.farthest();
     this.background = null;
     this.key = "";
     this.box = { left: 36, top: 18, right: 12, bottom: 26 };
+  }
+
+  /** How far any robot comes in an epoch; what a freeze left undriven needs no room. */
+  farthest() {
+    const { epochs } = this.play;
+    return Math.max(1, ...epochs.flatMap((epoch, number) => {
+      const next = epochs[number + 1], end = next ? epoch.planTime(next.begin) : Infinity;
+      return [...epoch.motions.values()].map((motion) => motion.progress(end)[0]);
+    }));
   }
 
   X(t) {

@@ -169,19 +169,19 @@ def tip_at(page, x, y):
 
 
 def test_the_keyboard_and_buttons_enlarge_the_floor(page):
-    assert seen(page) == [1, 5.0, 5.0]
+    assert seen(page) == pytest.approx([1, 5.0, 5.0])
     page.press("+", "+")
     page.press("=", "=")
-    assert seen(page) == [pytest.approx(2.25), 5.0, 5.0]
+    assert seen(page) == pytest.approx([2.25, 5.0, 5.0])
     page.press("-", "-")
     assert seen(page)[0] == pytest.approx(1.5)
     assert not page.run("document.getElementById('zoom-all').hidden")
     page.press("0", "0")
-    assert seen(page) == [1, 5.0, 5.0]
+    assert seen(page) == pytest.approx([1, 5.0, 5.0])
     page.run("document.getElementById('zoom-in').click()")
     assert seen(page)[0] == pytest.approx(1.5)
     page.run("document.getElementById('zoom-all').click()")
-    assert seen(page) == [1, 5.0, 5.0]
+    assert seen(page) == pytest.approx([1, 5.0, 5.0])
     page.press("-", "-")
     assert seen(page)[0] == 1
     assert page.run("splinefleet.time") == 0
