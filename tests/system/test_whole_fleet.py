@@ -111,7 +111,9 @@ def test_the_stock_reader_reads_the_log_with_its_checks_on(five):
     with (five[0] / "run.mcap").open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
         kinds = {schema.name for schema, _, _ in reader.iter_messages() if schema is not None}
-        assert {a.name for a in reader.iter_attachments()} == {"scenario.json", "plan-1.json"}
+        boxes = {f"blackbox/R{number}.csv.gz" for number in range(1, 6)}
+        attached = {a.name for a in reader.iter_attachments()}
+        assert attached == {"scenario.json", "plan-1.json", *boxes}
     assert kinds >= {f"splinefleet.{name}" for name in ("Hello", "Command", "Report", "Clock")}
 
 
