@@ -20,12 +20,12 @@ from coordinator.errors import PlanError
 from coordinator.floor import Floor
 from coordinator.knots import piece, refine
 from coordinator.nurbs import Array, Nurbs, nurbs
-from coordinator.nurbs_kernels import parameters_at, series
+from coordinator.nurbs_kernels import parameters_at
 from coordinator.path_file import whole
 from coordinator.scenario import GivenPath, Robot, Scenario
 from coordinator.scenario_checks import LEAST_STEP
 from coordinator.splines import joined
-from coordinator.wire_kernels import robot_table
+from coordinator.wire import measured
 
 _ODD_SCALE: Final = 1e3
 """Knots stay as they are unless their unit is farther than this factor from a metre; so weights."""
@@ -91,7 +91,7 @@ def _even(curve: Nurbs) -> Nurbs:
 def _measurable(curve: Nurbs) -> Nurbs:
     """Return the same curve with knots inserted until robots measure arc lengths along it well."""
     for _ in range(_HALVINGS):
-        u, s, slopes = robot_table(*series(*curve.lifted))
+        u, s, slopes = measured(curve)
         middles = 0.5 * (s[:-1] + s[1:])
         found = parameters_at(u, s, slopes, middles)
         rough = found[np.abs(curve.arc_at(found) - middles) > _ARC_ERROR]

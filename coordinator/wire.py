@@ -22,7 +22,7 @@ from coordinator.nurbs_kernels import parameters_at, series
 from coordinator.plan import Path, PlanDocument, RobotPlan
 from coordinator.wire_kernels import robot_table
 from protocol.codec import decode, encode, seal
-from protocol.curve import Curve
+from protocol.curve import Curve, cells_per_span
 from protocol.messages import NewTimes, Plan
 from protocol.packing import pack_floats, pack_points, pack_profile, pack_stops
 from protocol.plan_parts import unpack_plan
@@ -136,8 +136,14 @@ class _RobotCurve(Curve):
         super().__init__(curve.degree, curve.knots.tolist(), xs, ys, curve.weights.tolist())
 
     def _measure(self) -> None:
-        self.table = robot_table(*series(*self._same.lifted))
+        self.table = measured(self._same)
         self._cell_s = self.table[1].tolist()
+
+
+def measured(curve: Nurbs) -> tuple[Array, Array, Array]:
+    """Return the robot's table of arc lengths: borders u of cells, s [m] and du/ds there."""
+    borders, powers = series(*curve.lifted)
+    return robot_table(borders, powers, cells_per_span(len(powers)))
 
 
 def _arc_error(table: tuple[Array, Array, Array], curve: Nurbs, chain: Chain) -> float:

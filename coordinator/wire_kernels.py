@@ -5,39 +5,37 @@ Decides: nothing; a test holds the two together.  Must not know: messages.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from coordinator.compiled import compiled
 from coordinator.nurbs_kernels import Array, measure
 
-_CELLS: Final = 16
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 @compiled
-def robot_table(borders: Array, powers: Array) -> tuple[Array, Array, Array]:
-    """Return borders u of cells, 16 to a span, the arc lengths s there, and du/ds there.
+def robot_table(borders: Array, powers: Array, cells: int) -> tuple[Array, Array, Array]:
+    """Return borders u of cells, so many to a span, the arc lengths s there, and du/ds there,
+    which the robot keeps as float32.
 
     borders and powers are those of `series`.  Gauss quadrature with 5 nodes a cell; cells without
     length are left out.
     """
-    size = _CELLS * len(powers) + 1
+    size = cells * len(powers) + 1
     u, s, slope = np.zeros(size), np.zeros(size), np.empty(size)
     offsets, work = np.empty(len(_NODES) + 1), np.empty((6, len(_NODES) + 1))
     count, grown = 0, True
     for span in range(len(powers)):
-        step = (borders[span + 1] - borders[span]) / _CELLS
+        step = (borders[span + 1] - borders[span]) / cells
         middle = borders[span] + 0.5 * (borders[span + 1] - borders[span])
-        for cell in range(_CELLS):
+        for cell in range(cells):
             u0 = borders[span] + cell * step
-            u1 = borders[span + 1] if cell == _CELLS - 1 else u0 + step
+            u1 = borders[span + 1] if cell == cells - 1 else u0 + step
             offsets[:-1] = 0.5 * (u0 + u1) + 0.5 * (u1 - u0) * _NODES - middle
             offsets[-1] = u0 - middle
             measure(powers[span], offsets, work)
             if grown:
-                slope[count] = 1.0 / max(work[0, -1], 1e-9)
+                slope[count] = np.float32(1.0 / max(work[0, -1], 1e-9))
             length = 0.5 * (u1 - u0) * np.sum(_WEIGHTS * work[0, :-1])
             grown = length > 0.0
             if grown:
@@ -46,5 +44,5 @@ def robot_table(borders: Array, powers: Array) -> tuple[Array, Array, Array]:
     if grown:
         offsets[-1] = 0.5 * (borders[-1] - borders[-2])
         measure(powers[-1], offsets, work)
-        slope[count] = 1.0 / max(work[0, -1], 1e-9)
+        slope[count] = np.float32(1.0 / max(work[0, -1], 1e-9))
     return u[: count + 1], s[: count + 1], slope[: count + 1]

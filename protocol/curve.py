@@ -15,12 +15,19 @@ _GAUSS = (
     (0.5384693101056831, 0.4786286704993665),
     (0.9061798459386640, 0.2369268850561891),
 )
+_MOST_CELLS = 2048
 _CELLS_PER_SPAN = 16
+_LEAST_CELLS_PER_SPAN = 5
 
 
 def clamped_knots(degree: int, wire_knots: list[float]) -> list[float]:
     """Return the full clamped knot vector from the wire's inner knots and last knot."""
     return [0.0] * (degree + 1) + wire_knots[:-1] + [wire_knots[-1]] * (degree + 1)
+
+
+def cells_per_span(spans: int) -> int:
+    """Return into how many cells of the table of arc lengths a span is cut: fewer of many."""
+    return min(max(_MOST_CELLS // spans, _LEAST_CELLS_PER_SPAN), _CELLS_PER_SPAN)
 
 
 class Curve:
@@ -57,11 +64,11 @@ class Curve:
         if not min(weights) > 0.0:
             raise ValueError(f"weight {min(weights)} is not positive")
         self.degree = degree
-        self.knots = knots
+        self.knots = array("d", knots)
         self.x = self.y = self.dx = self.dy = 0.0
-        self._hx = [x * w for x, w in zip(xs, weights)]  # noqa: B905
-        self._hy = [y * w for y, w in zip(ys, weights)]  # noqa: B905
-        self._hw = list(weights)
+        self._hx = array("d", [x * w for x, w in zip(xs, weights)])  # noqa: B905
+        self._hy = array("d", [y * w for y, w in zip(ys, weights)])  # noqa: B905
+        self._hw = array("d", weights)
         self._span = degree
         self._bx = [0.0] * (degree + 1)
         self._by = [0.0] * (degree + 1)
@@ -69,7 +76,7 @@ class Curve:
         self._cell = 0
         self._cell_u = array("d", [0.0])
         self._cell_s = array("d", [0.0])
-        self._cell_slope = array("d", [])
+        self._cell_slope = array("f", [])
         self._measure()
         self.length = self._cell_s[-1]
         if not 0.0 < self.length < 1e6:
@@ -135,16 +142,17 @@ class Curve:
         return sqrt(self.dx * self.dx + self.dy * self.dy)
 
     def _measure(self) -> None:
-        """Fill the table of arc lengths: Gauss quadrature with 5 nodes over 16 cells per span."""
+        """Fill the table of arc lengths: Gauss quadrature with 5 nodes over the cells of a span."""
+        cells = cells_per_span(sum(a < b for a, b in zip(self.knots, self.knots[1:])))  # noqa: B905
         self._cell_slope.append(1.0 / max(self._speed(0.0), 1e-9))
         previous = 0.0
         for knot in self.knots:
-            step = (knot - previous) / _CELLS_PER_SPAN
+            step = (knot - previous) / cells
             if step <= 0.0:
                 continue
-            for cell in range(_CELLS_PER_SPAN):
+            for cell in range(cells):
                 u0 = previous + cell * step
-                u1 = knot if cell == _CELLS_PER_SPAN - 1 else u0 + step
+                u1 = knot if cell == cells - 1 else u0 + step
                 size = 0.0
                 for node, weight in _GAUSS:
                     size += weight * self._speed(0.5 * (u0 + u1) + 0.5 * (u1 - u0) * node)

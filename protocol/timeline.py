@@ -1,8 +1,11 @@
 """Where along its path a robot is at which plan time: speed knots and stops made into s(t).
 
-Decides: the meaning of `profile` and `stops` on the wire.  Firmware: no imports, no allocation
-after construction.  Used by the robot and by the proof, so that what is proven is what is driven.
+Decides: the meaning of `profile` and `stops` on the wire.  Firmware: imports `array` alone, no
+allocation after construction.  Used by the robot and by the proof, so that what is proven is what
+is driven.
 """
+
+from array import array
 
 
 class Timeline:
@@ -22,12 +25,12 @@ class Timeline:
         stop_depart: list[float],
     ) -> None:
         _check(profile_s, profile_v, stop_s, stop_depart)
-        self.t0: list[float] = []
-        self.t1: list[float] = []
-        self.s0: list[float] = []
-        self.s1: list[float] = []
-        self.v0: list[float] = []
-        self.v1: list[float] = []
+        self.t0 = array("d", [])
+        self.t1 = array("d", [])
+        self.s0 = array("d", [])
+        self.s1 = array("d", [])
+        self.v0 = array("d", [])
+        self.v1 = array("d", [])
         self.arrivals: list[float] = []
         self._leg = 0
         time, stop = 0.0, 0

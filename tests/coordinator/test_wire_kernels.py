@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from coordinator.nurbs import nurbs
-from coordinator.nurbs_kernels import series
-from coordinator.wire_kernels import robot_table
+from coordinator.wire import measured
 from protocol.curve import Curve
 from tests.coordinator.curves import random_curve
 
@@ -13,8 +12,9 @@ from tests.coordinator.curves import random_curve
 def check_table(curve):
     xs, ys = curve.points.T.tolist()
     robot = Curve(curve.degree, curve.knots.tolist(), xs, ys, curve.weights.tolist())
-    table = robot_table(*series(*curve.lifted))
-    for ours, theirs in zip(table, (robot._cell_u, robot._cell_s, robot._cell_slope), strict=True):
+    for ours, theirs in zip(
+        measured(curve), (robot._cell_u, robot._cell_s, robot._cell_slope), strict=True
+    ):
         np.testing.assert_allclose(ours, theirs, rtol=1e-10)
 
 

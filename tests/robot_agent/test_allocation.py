@@ -82,9 +82,13 @@ def test_ten_thousand_ticks_of_moving_braking_and_standing_leave_nothing_behind(
     assert sizes[3] - sizes[0] < 4 * KIB
 
 
-def test_an_agent_takes_up_less_than_64_kib_its_plan_included(traced):
-    path = winding_path("fffrffllffff" * 4)
-    motion = motion_along(Curve(*path).length, 0.475, 0.5, [(0.5 * i, 10.0 * i) for i in range(8)])
+@pytest.mark.parametrize("bends", [4, 16, 32])
+def test_an_agent_takes_up_less_than_64_kib_its_plan_included(traced, bends):
+    """The largest has as many control points and stops as fit into a Plan message."""
+    path = winding_path("fffrffllffff" * bends)
+    motion = motion_along(
+        Curve(*path).length, 0.475, 0.5, [(0.5 * i, 10.0 * i) for i in range(2 * bends)]
+    )
     traced()
     agent = Agent(0.5)
     agent.hear_plan(COORDINATOR, 1, RULES, path, motion)
