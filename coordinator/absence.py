@@ -28,12 +28,17 @@ class Absence:
         self._looked_ns = self._stale_until_ns = 0
 
     def look(self, now_ns: int, moving: Iterable[str]) -> bool:
-        """Look at the time; tell whether the coordinator was away while these robots moved."""
+        """Look at the time; tell whether the coordinator was away while these robots moved.
+
+        Whoever does not move is not doubted: nobody waits for a robot that the epoch goes without.
+        """
         was_away = now_ns - self._looked_ns > AWAY
         self._looked_ns = now_ns
         if was_away:
             self._stale_until_ns = now_ns + DRAIN
             self.doubted = set(moving)
+        else:
+            self.doubted.intersection_update(moving)
         return was_away
 
     def is_stale(self, now_ns: int) -> bool:

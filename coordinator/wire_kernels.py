@@ -15,11 +15,10 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 @compiled
 def robot_table(borders: Array, powers: Array, cells: int) -> tuple[Array, Array, Array]:
-    """Return borders u of cells, so many to a span, the arc lengths s there, and du/ds there,
-    which the robot keeps as float32.
+    """Return borders u of cells, so many to a span, the arc lengths s there, and du/ds there.
 
-    borders and powers are those of `series`.  Gauss quadrature with 5 nodes a cell; cells without
-    length are left out.
+    The robot keeps the latter as float32.  borders and powers are those of `series`.  Gauss
+    quadrature with 5 nodes a cell; cells without length are left out.
     """
     size = cells * len(powers) + 1
     u, s, slope = np.zeros(size), np.zeros(size), np.empty(size)

@@ -273,3 +273,20 @@ def test_a_coordinator_that_goes_on_takes_an_epoch_above_all_and_ends_where_one_
     assert not floor.fleet.superseded
     floor.hear(keys.report("hall", "R1"), Report(1, 999, 5, FROZEN, 0, Rest(1.0, 5)))
     assert floor.fleet.superseded
+
+
+def test_nobody_waits_in_a_later_epoch_for_a_robot_that_died_while_the_coordinator_was_away():
+    floor = Floor().go()
+    floor.now += REPORT_TIMEOUT + 4 * COMMAND_PERIOD
+    floor.tick(0)
+    while floor.fleet.phase == GO:
+        floor.tick()
+        floor.report("R1", MOVING)
+        floor.report("R3", MOVING)
+    for name in ("R1", "R3"):
+        floor.report(name, FROZEN, s_m=1.25)
+    adopt(floor, "R1", "R3")
+    for name in ("R1", "R3"):
+        floor.report(name, ARMED, epoch=2)
+    floor.tick()
+    assert (floor.fleet.phase, floor.commands[-1].phase) == (GO, GO)
