@@ -29,6 +29,7 @@ from benchmarks.replays import replays
 from benchmarks.safety import safety
 from benchmarks.swaps import swaps
 from benchmarks.table import ROOT, Row, show
+from benchmarks.whole_plan import whole_plan
 from benchmarks.zones import zones
 
 PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
@@ -41,7 +42,10 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "intersections": {"all intersections of two curves": intersections},
     "zones": {"conflict zones of a whole fleet": zones},
     "proof": {"the proof stage": proving, "damaged plans against the dense sampler": sharpness},
-    "planning": {"planning whole scenes": planning},
+    "planning": {
+        "planning whole scenes": planning,
+        "the whole command, its process included": whole_plan,
+    },
     "swaps": {"rings and circles, beside the peers": swaps},
     "quality": {"sums of delays against the optimum": quality},
     "paper": {"against Algorithm 2 of the paper": against_paper},
