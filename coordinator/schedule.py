@@ -127,6 +127,7 @@ class _Improvement:
         ranks = [priorities[index] for index in order]
         self.by_priority = ranks == sorted(ranks, reverse=True)
         self.delay = delays(junctions, motions.all())
+        self.failed: set[tuple[bytes, Order]] = set()
 
     def run(self, rounds: int) -> None:
         """Try so many rounds, or until nobody is late."""
@@ -199,16 +200,23 @@ class _Improvement:
         return [seed, *others[: self.rounds.randint(1, _LARGEST - 1)]]
 
     def _try(self, chosen: list[int]) -> None:
-        """Put robots back in another order; undo it if that is no better."""
+        """Put robots back in another order; undo it if that is no better.
+
+        What has failed with everybody's motions as they are now is not tried again.
+        """
         serials = self.motions.table.serial
         before = [(index, self.motions.found[index], int(serials[index])) for index in chosen]
         was = sum(self.delay[index] for index in chosen)
-        for index in chosen:
-            self.motions.put(index, None)
         if self.rounds.random() < 0.5:
             self.rounds.shuffle(chosen)
         if self.by_priority:
             chosen.sort(key=lambda index: -self.priorities[index])
+        trial = (serials.tobytes(), tuple(chosen))
+        if trial in self.failed:
+            return
+        self.failed.add(trial)
+        for index in chosen:
+            self.motions.put(index, None)
         now, fresh = 0.0, {}
         for index in chosen:
             alone = self.junctions.tracks[index].alone

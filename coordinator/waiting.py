@@ -63,6 +63,8 @@ def earliest_motion(
             other = _waits(junctions, motions, index, approach, modes, release, polite, leave_by)
             if other[0] < arrival - _EARLIER:
                 arrival, waits = other
+            if arrival < release + float(approach.rest[0]) + _EARLIER:
+                break  # whatever it may wait at, nothing is so much earlier
     return Motion(junctions.tracks[index].limits, waits) if arrival < latest else None
 
 
