@@ -194,7 +194,7 @@ class LocalFleet:
                 continue
             if event is not None:
                 self._told.append(event)
-                if event["event"] in ("fault", "refused"):
+                if event["event"] in ("fault", "late", "refused"):
                     tell(str(event["text"]))
             elif process is self._coordinator and not self._awaits_resumption():
                 break

@@ -16,6 +16,7 @@ import pytest
 
 from coordinator.info import summarise
 from coordinator.logbook import read_log
+from coordinator.replay import check_log
 from coordinator.scenario_file import read_scenario
 from protocol.codec import decode
 from protocol.messages import Command
@@ -106,6 +107,9 @@ HARMLESS = ("cut:R1@1.2:0.15", "slow:R1@1.2:0.98")
 COORDINATOR = ("coordinator-kill@1.2", "coordinator-hang@1.2")
 CLOCK_STEPS = ("clock-step:R1@1.2:3600", "clock-step:R2@1.5:-86400")
 TWO_DEATHS = ("kill:R1@1.2", "hang:R3@1.2")
+HELD_UP = ("stall:R1@1.2:1.5",)
+ROOMY_TAU = 4.0
+"""With so much [s] new times have all the time they need on a busy machine."""
 ALONE = (
     *LOST,
     *FOR_A_WHILE,
@@ -124,7 +128,8 @@ TOGETHER = 3
 def run_fleet(folder, texts):
     """Run the three robots with faults, to their end; nobody may have touched or be left over."""
     file = folder / "three.toml"
-    file.write_text(THREE_ROBOTS)
+    roomy = f"tau = {ROOMY_TAU}\n" if texts == HELD_UP else ""
+    file.write_text(roomy + THREE_ROBOTS)
     fleet = LocalFleet(
         read_scenario(file),
         folder / "out",
@@ -158,7 +163,7 @@ def runs(tmp_path_factory):
     with ThreadPoolExecutor(TOGETHER) as pool:
         yield {
             texts: pool.submit(run_fleet, tmp_path_factory.mktemp("fleet"), texts)
-            for texts in (*((text,) for text in ALONE), CLOCK_STEPS, TWO_DEATHS)
+            for texts in (*((text,) for text in ALONE), CLOCK_STEPS, TWO_DEATHS, HELD_UP)
         }
 
 
@@ -185,6 +190,18 @@ async def test_a_robot_that_fails_for_a_while_is_named_and_nobody_touches(run_wi
     assert run.named == {"R1"}
     assert run.arrived >= {"R2", "R3"}
     assert "R1" in run.arrived or fault.startswith(("slow", "skid"))
+
+
+async def test_a_robot_held_up_gets_new_times_and_nobody_freezes(run_with):
+    run = await run_with(*HELD_UP)
+    assert run.arrived == set(ROBOTS)
+    assert not run.froze
+    assert len(list((run.folder).glob("plan-1-*.json"))) == 1
+    late = [event["text"] for event in run.outcome.events if event["event"] == "late"]
+    assert late[0] == "R1 is late; the others go on"
+    assert late[-1] == "R1 goes on later, and all know"
+    assert check_log(read_log(run.folder / "run.mcap")).difference == ""
+    assert max(robot.tracking_error for robot in run.verdict.robots) < 0.01
 
 
 async def test_a_skidding_body_truly_slides(run_with):
