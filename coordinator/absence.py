@@ -45,6 +45,10 @@ class Absence:
         """Tell whether what is heard now may have waited."""
         return now_ns - self._looked_ns > AWAY or now_ns < self._stale_until_ns
 
+    def is_recent(self, timeout_ns: int, now_ns: int) -> bool:
+        """Tell whether the coordinator is back for less than the time of a silence."""
+        return now_ns < self._stale_until_ns + timeout_ns
+
     def spares(self, robot: str, timeout_ns: int, now_ns: int) -> bool:
         """Tell whether a robot has yet to be heard anew and still has time for it."""
-        return robot in self.doubted and now_ns < self._stale_until_ns + timeout_ns
+        return robot in self.doubted and self.is_recent(timeout_ns, now_ns)

@@ -41,6 +41,7 @@ class Delay:
         self._until_ns = 0
         self._asked: Lateness | None = None
         self._is_asked = False
+        self._helped: set[str] = set()
 
     @property
     def robot(self) -> str:
@@ -48,14 +49,18 @@ class Delay:
         return "" if self._member is None else self._member.id
 
     def begin(self, member: Member, times: EpochTimes, now_ns: int) -> bool:
-        """Tell whether the others may go on although this robot has stopped; once per delay."""
+        """Tell whether the others may go on although this robot has stopped; once per delay.
+
+        Who is late again in an epoch is not just held up: it needs another path.
+        """
         late = member.fault == LATE and member.strikes < STRIKES - 1
-        if self._member is not None or not late:
+        if self._member is not None or not late or member.id in self._helped:
             return False
         until_ns = member.kept_ns - times.behind_ns + self._tau_ns - times.settling_ns
         if until_ns <= now_ns:
             return False
         self._member, self._until_ns = member, until_ns
+        self._helped.add(member.id)
         return True
 
     def bears(self, member: Member, now_ns: int) -> bool:
@@ -115,3 +120,4 @@ class Delay:
         """Begin with times that nobody has changed."""
         self.drop()
         self.revision = 0
+        self._helped.clear()

@@ -256,7 +256,7 @@ class Fleet(FleetState):
         if not self.missing(now_ns):
             self._turn("all armed", now_ns)
         elif self.epoch != self.first_epoch and not was_away:
-            members = self.members.planned
+            members = [m for m in self.members.planned if not self._is_back(m, now_ns)]
             self._give_up(that_do_not_arm(members, self.epoch, self._changed_ns, now_ns), now_ns)
 
     def _watch(self, now_ns: int, was_away: bool) -> None:
@@ -282,5 +282,9 @@ class Fleet(FleetState):
         waited = now_ns - self._changed_ns > self.times.settling_ns + FREEZE_PATIENCE
         for member in self.members.values():
             member.admitted &= not waited
-            if member.planned and not member.finished:
+            if member.planned and not member.finished and not self._is_back(member, now_ns):
                 member.lost |= member.is_silent(now_ns) or (waited and not member.is_at_rest())
+
+    def _is_back(self, member: Member, now_ns: int) -> bool:
+        """Tell whether the coordinator is back for too short a time to call a robot silent."""
+        return self._absence.is_recent(member.timeout_ns, now_ns)

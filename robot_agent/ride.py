@@ -18,6 +18,11 @@ ARRIVAL_SLACK = 1e-3
 LATE_SHARE = 0.2
 """Share of the track tolerance that a robot may seem behind and be in time: measures have noise."""
 
+LATE_TIME = 0.05
+LATE_TIME_SHARE = 0.2
+"""A robot is late that has seemed so for this long [s], or this share of how late it may be: of
+hundreds of noisy measures at a stop one lies far off.  That is part of how late it may be."""
+
 HOLD_OUT = 0.05
 """For how long [s] an order to the driver lasts should the next tick not come."""
 
@@ -70,7 +75,8 @@ class Ride:
         self._brake_from = -inf
         self._rest_from = inf
         self._rest_x = self._rest_y = 0.0
-        self._stuck_from = inf
+        self._stuck_from = self._behind_from = inf
+        self._late_time = min(LATE_TIME, LATE_TIME_SHARE * self.late)
         self._stuck_s = -inf
 
     def take_times(
@@ -90,6 +96,7 @@ class Ride:
         if longer > ARRIVAL_SLACK or self.follower.s > timeline.s_at(time) + self._slack:
             return False
         self._timeline = timeline
+        self._behind_from = inf
         return True
 
     def planned_at(self, s: float) -> float:
@@ -104,7 +111,7 @@ class Ride:
         """Return the fault that ends the ride now, or NO_FAULT."""
         if not abs(self.follower.lateral) <= self.track:
             return OFF_PATH
-        return LATE if self.missed(time) else NO_FAULT
+        return LATE if self._is_late(time) else NO_FAULT
 
     def arrived(self, time: float) -> bool:
         """Tell whether the plan is over and the robot at its goal.
@@ -161,6 +168,14 @@ class Ride:
         """Order to hold, and find where on the path that is."""
         self.follower.find()
         self.speed = self.curvature = self.distance = 0.0
+
+    def _is_late(self, time: float) -> bool:
+        """Tell whether the plan is ahead for good; to be asked every tick while the robot moves."""
+        if not self.missed(time + self._late_time):
+            self._behind_from = inf
+            return False
+        self._behind_from = min(self._behind_from, time)
+        return time - self._behind_from >= self._late_time
 
     def _reach(self, distance: float) -> None:
         self.distance = max(distance, 0.0)

@@ -158,17 +158,17 @@ def test_a_late_robot_whose_link_is_gone_is_lost_as_any_other():
     assert floor.fleet.members["R1"].lost
 
 
-def test_one_that_is_late_again_and_again_freezes_the_fleet():
+def test_one_that_is_late_again_on_the_same_path_freezes_the_fleet_but_another_may_be_late():
     floor = LateFloor()
-    for revision in (1, 2):
-        floor.stand()
+    for revision, robot in enumerate(("R1", "R2"), start=1):
+        floor.stand(robot)
         late = floor.fleet.late()
-        floor.fleet.take_times(late, {"R1": new_times(revision)}, DURATION, floor.now)
-        floor.report("R1", MOVING, fault=NO_FAULT)
-        floor.pace("R1", revision)
+        floor.fleet.take_times(late, {robot: new_times(revision)}, DURATION, floor.now)
+        floor.report(robot, MOVING, fault=NO_FAULT)
+        floor.pace(robot, revision)
         floor.pass_time(3)
         assert floor.fleet.phase == GO
-    floor.stand()
+    floor.stand("R1")
     assert floor.commands[-1].phase == FREEZE
 
 

@@ -290,3 +290,21 @@ def test_nobody_waits_in_a_later_epoch_for_a_robot_that_died_while_the_coordinat
         floor.report(name, ARMED, epoch=2)
     floor.tick()
     assert (floor.fleet.phase, floor.commands[-1].phase) == (GO, GO)
+
+
+@pytest.mark.parametrize("phase", [FROZEN, ARMED])
+def test_nobody_is_called_lost_who_had_no_time_to_be_heard_since_the_coordinator_was_away(phase):
+    floor = frozen_but("R2")
+    if phase == ARMED:
+        adopt(floor, "R1", "R3")
+    floor.now += 5 * SECOND
+    floor.tick(0)
+    floor.tick()
+    assert not any(floor.fleet.members[robot].lost for robot in ("R1", "R3"))
+    for robot in ("R1", "R3"):
+        floor.report(robot, phase, epoch=1 if phase == FROZEN else 2)
+    floor.tick()
+    assert floor.commands[-1].phase == (FREEZE if phase == FROZEN else GO)
+    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
+        floor.tick()
+    assert floor.fleet.members["R1"].lost

@@ -59,6 +59,14 @@ def test_a_robot_with_a_noisy_pose_stays_within_the_track_tolerance():
     assert TREE.query(np.array(run.places))[0].max() < 0.005
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_robot_that_waits_long_with_a_noisy_pose_does_not_take_itself_for_late(seed):
+    motion = motion_along(LENGTH, SPEED, 0.5, [(1.0, 60.0)])
+    body = SimulatedBody(0.5, noise=0.001, seed=seed)
+    run = driven_run(PATH, motion, 59.0, seed=5, body=body)
+    assert (run.agent.phase, run.agent.fault) == (MOVING, NO_FAULT)
+
+
 def test_a_robot_that_finds_itself_beside_its_path_comes_back_to_it():
     run = armed_run(winding_path("f" * 8), motion_along(1.808, SPEED, math.inf))
     run.body.x -= 0.006 * math.sin(0.3)
