@@ -40,7 +40,7 @@ class Delay:
         self._member: Member | None = None
         self._until_ns = 0
         self._asked: Lateness | None = None
-        self._is_asked = False
+        self._is_asked = self._is_told = False
         self._helped: set[str] = set()
 
     @property
@@ -64,8 +64,13 @@ class Delay:
         return True
 
     def bears(self, member: Member, now_ns: int) -> bool:
-        """Tell whether this robot is known to stand, and that may go on."""
-        return self._member is member and now_ns <= self._until_ns
+        """Tell whether this robot is known to stand, and that may go on.
+
+        One that has its new times and stands again, or for another reason, is not borne.
+        """
+        told = self._is_told and member.id not in self.missing
+        known = self._member is member and member.fault == LATE and not told
+        return known and now_ns <= self._until_ns
 
     def is_over(self, now_ns: int) -> bool:
         """Tell whether it has lasted too long."""
@@ -73,7 +78,7 @@ class Delay:
 
     def hear(self, member: Member, pace: Pace, times: EpochTimes, now_ns: int) -> bool:
         """Take what a robot says of its times; tell whether now all have their new ones."""
-        if pace.revision != self.revision or pace.epoch != times.epoch:
+        if pace.revision != member.revision or pace.epoch != times.epoch:
             return False
         stood_ns = times.start_ns + 1000 * (pace.stood_us or 0)
         stands = pace.stood_us is not None and stood_ns <= now_ns
@@ -106,14 +111,14 @@ class Delay:
         """Have new times told to these robots; they have until a freeze before the switch."""
         assert self._asked is not None
         self.revision += 1
-        self.missing = set(robots)
+        self.missing, self._is_told = set(robots), True
         switch_ns = round(self._asked.switch * SECOND)
         self._until_ns = times.start_ns + switch_ns - times.settling_ns
 
     def drop(self) -> None:
         """Have no late robot."""
         self._member = self._asked = None
-        self._is_asked = False
+        self._is_asked = self._is_told = False
         self.missing = set()
 
     def begin_epoch(self) -> None:

@@ -138,7 +138,7 @@ class Fleet(FleetState):
         self.times.duration_ns = duration_ns
         self._delay.tell(times, self.times)
         for name, message in times.items():
-            self.members[name].times = message
+            self.members[name].times, self.members[name].revision = message, self.revision
         told = ", ".join(sorted(times))
         self._tell(now_ns, "late", late.robot, f"new times for {told}: {late.robot} is late")
         return [Outgoing(keys.plan(self.name, name), times[name]) for name in sorted(times)]

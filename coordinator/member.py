@@ -60,7 +60,8 @@ class Member:
     phase: int = IDLE
     fault: int = 0
     times: bytes = b""
-    """The newest NewTimes message."""
+    revision: int = 0
+    """The newest NewTimes message of this epoch, and its number."""
     plan_sent_ns: int | None = None
     done_ns: int | None = None
     lost: bool = False
@@ -101,7 +102,7 @@ class Member:
 
     def take_part(self, plan: bytes, speed: float) -> None:
         """Get a part in a new epoch."""
-        self.planned, self.plan, self.speed = True, plan, speed
+        self.planned, self.plan, self.speed, self.revision = True, plan, speed, 0
         self.plan_sent_ns = self.rest = None
 
     def plan_due(self, now_ns: int) -> bool:

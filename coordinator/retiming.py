@@ -41,6 +41,9 @@ _TAU_PAD: Final = 0.001
 _REPEATS: Final = 6
 """So often a robot is given new times at most; more is a ring of waits."""
 
+_NEARLY_THERE: Final = 0.01
+"""Who stands where its plan has it so shortly [s] before it arrives has nowhere to go on to."""
+
 _SAME_PLACE: Final = 1e-4
 """A robot that stands so near [m] to a rest of its plan stands there."""
 
@@ -50,8 +53,10 @@ def retime(scenario: Scenario, document: PlanDocument, late: Lateness) -> PlanDo
 
     `scenario` holds the robots of the document, `document` is the plan as it is being driven.
     """
-    robots = {robot.id: robot for robot in scenario.robots}
+    robots = {robot.id for robot in scenario.robots}
     if not all(one.id in robots for one in document.robots):
+        return None
+    if late.stood >= document.robot(late.robot).finish_time - _NEARLY_THERE:
         return None
     return _Retiming(scenario, document, late).find()
 

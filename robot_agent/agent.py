@@ -46,9 +46,6 @@ from robot_agent.leader import Leader
 from robot_agent.resting_place import RestingPlace
 from robot_agent.ride import Ride
 
-TURN_SHARE = 0.9
-"""A robot that would start farther off its path than this share of its tolerance turns first."""
-
 _NEVER = -(1 << 62)
 
 
@@ -146,7 +143,8 @@ class Agent:
         """Take new times for the plan being driven; those that do not fit change nothing."""
         if self.ride is None or boot != self._leader.boot or epoch != self.epoch:
             return
-        goes_on = revision > self.revision and (self.phase == MOVING or self.awaits_times())
+        goes_on = self.phase == MOVING or self.awaits_times()
+        goes_on = goes_on and revision > self.revision and not self._is_alone(now_ns)
         if goes_on and self.ride.take_times(motion, self._plan_time(now_ns)):
             self.revision = revision
             self._apply(transitions.NEW_TIMES, now_ns)
@@ -169,19 +167,20 @@ class Agent:
             return
         if self.phase == IDLE:
             self._try_to_arm(ride, now_ns, x, y, heading)
-        elif self.phase in (MOVING, BRAKING, DONE):
+        elif self.phase in (MOVING, BRAKING, DONE) or self.fault == LATE:
             ride.follower.locate(x, y, heading)
             time = self._plan_time(now_ns)
             if self.phase == MOVING:
                 self._keep_to_plan(ride, time, now_ns)
-            elif self.phase == DONE and ride.trouble(time) == OFF_PATH:
+            elif ride.is_off() and (self.phase == DONE or self.fault == LATE):
                 self._fail(OFF_PATH, now_ns)
+            elif self.fault == LATE and self._is_alone(now_ns):
+                self._fail(LEASE_OUT, now_ns)
             if self.phase == BRAKING:
                 ride.keep_braking(time)
                 if ride.rests(time, x, y):
-                    self._apply(
-                        transitions.ARRIVED if ride.at_goal() else transitions.AT_REST, now_ns
-                    )
+                    there = ride.at_goal()
+                    self._apply(transitions.ARRIVED if there else transitions.AT_REST, now_ns)
             self.drive_speed, self.drive_distance = ride.speed, ride.distance
             self.drive_curvature = ride.curvature
 
@@ -229,15 +228,12 @@ class Agent:
             self._apply(transitions.GO_IN_TIME, now_ns)
 
     def _try_to_arm(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> None:
-        if not ride.follower.misplacement(x, y, heading) <= TURN_SHARE * ride.track:
-            off, turn = ride.follower.turn_at_start(x, y, heading)
-            near = off <= TURN_SHARE * ride.track
-            self.fault = NO_FAULT if near else OFF_PATH
-            self.drive_turn = turn if near else 0.0
-        elif self.clock.error_ns(now_ns) > ride.clock_error_ns - CLOCK_RESERVE:
+        stands, self.fault, self.drive_turn = ride.stands_at_start(x, y, heading)
+        if not stands:
+            return
+        if self.clock.error_ns(now_ns) > ride.clock_error_ns - CLOCK_RESERVE:
             self.fault = CLOCK_UNSURE
         else:
-            self.fault = NO_FAULT
             self._apply(transitions.READY, now_ns)
 
     def _keep_to_plan(self, ride: Ride, time: float, now_ns: int) -> None:
@@ -255,8 +251,11 @@ class Agent:
             self._fail(fault, now_ns)
 
     def _fail(self, fault: int, now_ns: int) -> None:
-        """Remember the first fault and brake; at the goal only having left it is one."""
-        if self.fault == NO_FAULT and (self.phase != DONE or fault == OFF_PATH):
+        """Remember the first fault, or what is worse than being late, and brake.
+
+        At the goal only having left it is a fault.
+        """
+        if self.fault in (NO_FAULT, LATE) and (self.phase != DONE or fault == OFF_PATH):
             self.fault = fault
         left = fault == OFF_PATH
         self._apply(transitions.LEFT_PATH if left else transitions.TROUBLE, now_ns)

@@ -18,6 +18,9 @@ ARRIVAL_SLACK = 1e-3
 LATE_SHARE = 0.2
 """Share of the track tolerance that a robot may seem behind and be in time: measures have noise."""
 
+TURN_SHARE = 0.9
+"""A robot that would start farther off its path than this share of its tolerance turns first."""
+
 LATE_TIME = 0.05
 LATE_TIME_SHARE = 0.2
 """A robot is late that has seemed so for this long [s], or this share of how late it may be: of
@@ -107,9 +110,22 @@ class Ride:
         """Tell whether the plan is farther ahead than its share of tau allows."""
         return not self.follower.s >= self._timeline.s_at(time - self.late) - self._slack
 
+    def stands_at_start(self, x: float, y: float, heading: float) -> tuple[bool, int, float]:
+        """Tell whether the robot may start from a pose; else its fault, or what to turn [rad]."""
+        if self.follower.misplacement(x, y, heading) <= TURN_SHARE * self.track:
+            return True, NO_FAULT, 0.0
+        off, turn = self.follower.turn_at_start(x, y, heading)
+        if off <= TURN_SHARE * self.track:
+            return False, NO_FAULT, turn
+        return False, OFF_PATH, 0.0
+
+    def is_off(self) -> bool:
+        """Tell whether the robot is off its path."""
+        return not abs(self.follower.lateral) <= self.track
+
     def trouble(self, time: float) -> int:
         """Return the fault that ends the ride now, or NO_FAULT."""
-        if not abs(self.follower.lateral) <= self.track:
+        if self.is_off():
             return OFF_PATH
         return LATE if self._is_late(time) else NO_FAULT
 

@@ -11,7 +11,17 @@ from coordinator.link_news import LINK_GONE
 from protocol import keys
 from protocol.codec import decode, encode, seal
 from protocol.messages import NewTimes, Pace
-from protocol.phases import BRAKING, DRIVER_ERROR, FREEZE, FROZEN, GO, LATE, MOVING, NO_FAULT
+from protocol.phases import (
+    BRAKING,
+    DRIVER_ERROR,
+    FREEZE,
+    FROZEN,
+    GO,
+    LATE,
+    MOVING,
+    NO_FAULT,
+    OFF_PATH,
+)
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 from tests.coordinator.fleet_floor import DURATION, NAMES, Floor
 
@@ -45,7 +55,7 @@ class LateFloor(Floor):
         """Have a robot stand where its plan had it a while ago."""
         self.report(robot, FROZEN, fault=LATE)
         stood = (self.now - self.fleet.times.start_ns) // 1000 - round(1e6 * ago)
-        self.pace(robot, self.fleet.revision, stood)
+        self.pace(robot, self.fleet.members[robot].revision, stood)
         return stood
 
     def plan_messages(self, sent):
@@ -198,3 +208,33 @@ def test_a_late_robot_that_says_to_stand_where_its_plan_has_yet_to_come_is_not_b
     assert floor.fleet.late() is None
     floor.pass_time(10, moving=("R2", "R3"))
     assert floor.fleet.phase == FREEZE
+
+
+def test_another_fault_of_the_late_robot_is_not_borne():
+    floor = LateFloor()
+    floor.stand()
+    floor.report("R1", FROZEN, fault=OFF_PATH)
+    assert floor.commands[-1].phase == FREEZE
+
+
+def test_a_robot_that_has_its_new_times_and_stands_again_while_others_lack_theirs_is_not_borne():
+    floor = LateFloor()
+    floor.stand()
+    late = floor.fleet.late()
+    floor.fleet.take_times(late, {"R1": new_times(), "R2": new_times()}, DURATION, floor.now)
+    floor.report("R1", MOVING)
+    floor.pace("R1", 1)
+    floor.report("R1", FROZEN, fault=LATE)
+    assert floor.commands[-1].phase == FREEZE
+
+
+def test_a_robot_that_earlier_new_times_did_not_concern_may_be_late_too():
+    floor = LateFloor()
+    floor.stand("R1")
+    floor.fleet.take_times(floor.fleet.late(), {"R1": new_times()}, DURATION, floor.now)
+    floor.report("R1", MOVING)
+    floor.pace("R1", 1)
+    floor.pass_time(3)
+    floor.report("R3", FROZEN, fault=LATE)
+    floor.pace("R3", 0, (floor.now - floor.fleet.times.start_ns) // 1000 - 300_000)
+    assert floor.fleet.late().robot == "R3"

@@ -147,3 +147,11 @@ def test_a_robot_that_the_scenario_does_not_hold_gets_no_new_times():
     scenario, document = planned("open", 6, 1)
     fewer = replace(scenario, robots=scenario.robots[1:])
     assert retime(fewer, document, Lateness(scenario.robots[1].id, 1.0, 4.0)) is None
+
+
+@pytest.mark.parametrize("beyond", [-1e-4, 0.0, 1e-9, 0.005, 100.0])
+def test_a_robot_that_says_to_stand_at_its_goal_gets_no_new_times(beyond):
+    scenario, document = planned("open", 6, 1)
+    robot = document.robots[0]
+    late = Lateness(robot.id, robot.finish_time + beyond, robot.finish_time + 3.0)
+    assert retime(scenario, document, late) is None

@@ -5,7 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from protocol.phases import FREEZE, FROZEN, GO, LATE, MOVING, NO_FAULT
+from protocol.phases import (
+    DRIVER_ERROR,
+    FREEZE,
+    FROZEN,
+    GO,
+    LATE,
+    LEASE_OUT,
+    MOVING,
+    NO_FAULT,
+    OFF_PATH,
+)
 from protocol.timeline import Timeline
 from tests.robot_agent.phases import LENGTH, MOTION, run_in
 from tests.robot_agent.rides import COORDINATOR, MS, SECOND, motion_along
@@ -113,3 +123,56 @@ def test_a_moving_robot_with_an_additional_stop_ahead_goes_on_without_a_jerk():
     run.until(run.start_ns + 20 * SECOND)
     assert run.agent.ride.follower.s == pytest.approx(0.6 * LENGTH, abs=5e-3)
     assert (run.agent.phase, run.agent.revision) == (MOVING, 1)
+
+
+def test_a_robot_that_stands_late_and_hears_nothing_for_a_lease_goes_on_with_no_new_times():
+    run = held_up()
+    pose = run.body.pose()
+    run.now += 700 * MS
+    run.agent.tick(run.own(run.now), *pose)
+    assert (run.agent.phase, run.agent.fault) == (FROZEN, LEASE_OUT)
+    run.command(GO)
+    new_times(run, run.agent.ride.follower.s, seconds(run) + 1.0)
+    assert (run.agent.phase, run.agent.revision) == (FROZEN, 0)
+
+
+def test_new_times_that_come_before_a_robot_has_noticed_the_silence_change_nothing():
+    run = held_up()
+    run.now += 700 * MS
+    new_times(run, run.agent.ride.follower.s, seconds(run) + 1.0)
+    assert (run.agent.phase, run.agent.revision) == (FROZEN, 0)
+
+
+def test_a_robot_that_is_pushed_off_its_path_while_it_stands_late_says_so_and_where():
+    run = held_up()
+    x, y, heading = run.body.pose()
+    run.agent.tick(run.own(run.now), x, y + 0.3, heading)
+    assert (run.agent.phase, run.agent.fault, run.agent.awaits_times()) == (
+        FROZEN,
+        OFF_PATH,
+        False,
+    )
+    assert run.agent.report_due(run.own(run.now) + 200 * MS)
+    assert run.agent.report_s == run.agent.rest.s
+    assert abs(run.agent.rest.off) > 200
+
+
+def test_a_robot_that_leaves_its_path_while_it_brakes_for_being_late_does_not_ask_for_new_times():
+    run = run_in(MOVING)
+    x, y, heading = run.body.pose()
+    while run.agent.phase == MOVING:
+        run.now += 10 * MS
+        run.command(GO)
+        run.agent.tick(run.own(run.now), x, y, heading)
+    run.agent.tick(run.own(run.now), x, y + 0.3, heading)
+    assert run.agent.fault == OFF_PATH
+
+
+def test_a_driver_error_while_a_robot_stands_late_is_what_it_reports():
+    run = held_up()
+    run.agent.hear_driver_error(run.own(run.now))
+    assert (run.agent.phase, run.agent.fault, run.agent.awaits_times()) == (
+        FROZEN,
+        DRIVER_ERROR,
+        False,
+    )

@@ -133,6 +133,7 @@ ROWS = {
     (BRAKING, transitions.ARRIVED): DONE,
     (FROZEN, transitions.NEW_EPOCH): IDLE,
     (FROZEN, transitions.NEW_TIMES): MOVING,
+    (FROZEN, transitions.LEFT_PATH): FROZEN,
     (DONE, transitions.NEW_EPOCH): IDLE,
     (DONE, transitions.LEFT_PATH): FROZEN,
 }
