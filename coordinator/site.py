@@ -48,7 +48,8 @@ _TURNING: Final = 0.1
 """A via point needs so much room [m] beside it: paths turn there."""
 
 _THERE: Final = 1e-3
-"""A robot nearer to its goal than this [m] has arrived."""
+"""A robot nearer to its goal than this [m] is at it; one short of it by what it may start off its
+path counts as arrived, for the way that is left is too short to drive."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +179,7 @@ def _stands(
     if standing.state != "rests":
         why: Why = "lost" if standing.state == "lost" else "unfit"
         return Aside(robot, why, np.array([pose[:2]]), pose)
-    if ride.curve.length - s < _THERE and _is_on_path(standing, margin):
+    if _is_on_path(standing, margin, max(ride.curve.length - s - _THERE, 0.0)):
         return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
     path = None
     if robot.path is not None and _is_on_path(standing, margin):
@@ -206,9 +207,9 @@ def _pose(ride: Driven, s: float, standing: Standing, margin: float) -> tuple[fl
     return x, y, heading
 
 
-def _is_on_path(standing: Standing, margin: float) -> bool:
-    """Tell whether a robot may start as if it stood on its path."""
-    return abs(standing.off) + _PER_TURN * abs(standing.turn) <= _ON_PATH * margin
+def _is_on_path(standing: Standing, margin: float, short: float = 0.0) -> bool:
+    """Tell whether a robot may start as if it stood on its path; `short` [m] of a place on it."""
+    return short + abs(standing.off) + _PER_TURN * abs(standing.turn) <= _ON_PATH * margin
 
 
 def _ahead(ride: Driven, via: Sequence[Point], s: float) -> tuple[Point, ...]:

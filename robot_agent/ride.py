@@ -33,6 +33,9 @@ REST_TIME = 0.1
 REST_SLACK = 3e-3
 """A robot ordered to stand that has not moved by REST_SLACK [m] for REST_TIME [s] rests."""
 
+PACE_TIME = 0.1
+"""How fast a robot truly goes is measured over so long [s] or longer."""
+
 CATCH_UP_RATE = 10.0
 """Of what a robot lags behind, so much is made up per second: a body that is slow to change its
 speed, and a place with noise, must not make it swing about its plan."""
@@ -81,6 +84,8 @@ class Ride:
         self._stuck_from = self._behind_from = inf
         self._late_time = min(LATE_TIME, LATE_TIME_SHARE * self.late)
         self._stuck_s = -inf
+        self._pace = inf
+        self._pace_time, self._pace_s = -inf, 0.0
 
     def take_times(
         self,
@@ -155,14 +160,23 @@ class Ride:
         planned = timeline.s_at(time)
         if not abs(s - self._stuck_s) <= REST_SLACK:
             self._stuck_from, self._stuck_s = time, s
+        passed = time - self._pace_time
+        if passed >= PACE_TIME:
+            self._pace = (s - self._pace_s) / passed if passed < 1.0 else inf
+            self._pace_time, self._pace_s = time, s
         speed = (timeline.s_at(time + self._period) - planned) / self._period
         self.speed = min(max(speed + (planned - s) * CATCH_UP_RATE, 0.0), self._limit)
         self._reach(timeline.s_at(time + HOLD_OUT) - s)
 
     def begin_to_brake(self, time: float) -> None:
-        """Brake from the last order's speed on; one that has not moved is ordered to stand."""
+        """Brake from the last order's speed on, or from how fast the robot truly goes.
+
+        One that has not moved is ordered to stand.  The speed that was seen is old by as much as it
+        took to see it: meanwhile the robot may have sped up.
+        """
         stuck = time - self._stuck_from >= REST_TIME
-        self._brake_speed = 0.0 if stuck else self.speed
+        seen = max(self._pace, 0.0) + 2.0 * PACE_TIME * self._brake
+        self._brake_speed = 0.0 if stuck else min(self.speed, seen)
         self._brake_from = time
         self._rest_from = inf
 

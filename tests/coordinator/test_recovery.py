@@ -130,6 +130,17 @@ def test_a_robot_whose_goal_is_closed_off_stays_and_is_named_and_the_rest_go_on(
     assert [robot.id for robot in later.scenario.robots] == ["B"]
 
 
+@pytest.mark.parametrize(("short", "there"), [(0.002, True), (0.015, True), (0.03, False)])
+def test_a_robot_that_rests_millimetres_before_its_goal_is_not_sent_around_to_it(
+    scenario, documents, short, there
+):
+    length = driven(documents, "A").curve.length
+    found = recovered(
+        scenario, documents, rests("A", length - short), rests("B", 0.5), rests("C", 0.4)
+    )
+    assert ("A" not in {robot.id for robot in found.document.robots}) == there
+
+
 def test_nobody_left_to_drive_is_no_plan(scenario, documents):
     told = tuple(Standing(robot=r.id, state="arrived", epoch=1) for r in scenario.robots)
     assert recovered(scenario, documents, *told).document is None
@@ -159,7 +170,8 @@ def test_robots_that_rest_anywhere_in_a_plan_can_go_on(scenario, documents):
     for time in np.linspace(0.0, finish, 12):
         told = [rests(r.id, r.timeline.s_at(time)) for r in rides]
         found = recovered(scenario, documents, *told)
-        left = [r.id for r in rides if r.curve.length - r.timeline.s_at(time) > 1e-3]
+        near = 0.4 * scenario.margin + 1e-3
+        left = [r.id for r in rides if r.curve.length - r.timeline.s_at(time) > near]
         assert [r.id for r in found.document.robots] == left if left else not found.document
 
 

@@ -22,7 +22,7 @@ from protocol.phases import (
     OFF_PATH,
 )
 from sim.body import SimulatedBody
-from tests.robot_agent.phases import LENGTH, PATH, run_in
+from tests.robot_agent.phases import LENGTH, MOTION, PATH, run_in
 from tests.robot_agent.rides import MS, RULES, SECOND, armed_run, driven_run, motion_along
 
 
@@ -127,3 +127,19 @@ def test_a_robot_whose_clock_became_uncertain_brakes():
     run.agent.clock.reset(run.own(run.now))
     run.agent.tick(run.own(run.now), *run.body.pose())
     assert (run.agent.phase, run.agent.fault) == (BRAKING, CLOCK_UNSURE)
+
+
+def test_a_robot_that_is_slower_than_it_was_ordered_does_not_speed_up_to_brake():
+    run = driven_run(PATH, MOTION, 2.5, body=SimulatedBody(0.5))
+    run.body.speed = 0.0  # its wheels were blocked for a moment
+    for _ in range(12):
+        run.until(run.now + 11 * MS)
+        if run.agent.phase != MOVING:
+            break
+    assert run.body.speed < 0.1
+    run.command(FREEZE)
+    run.body._wanted = 0.0
+    fastest = run.body.speed
+    while run.agent.phase != FROZEN:
+        run.until(run.now + 11 * MS)
+        assert run.body.speed <= fastest + 0.11
