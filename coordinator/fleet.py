@@ -80,7 +80,7 @@ class Fleet(FleetState):
         if isinstance(message, Command):
             return self._hear_other(message, now_ns)
         if isinstance(message, Admit):
-            return self._hear_admit(robot, now_ns)
+            return self._hear_admit(robot, message, now_ns)
         self.bad_messages += 1
         return []
 
@@ -169,10 +169,11 @@ class Fleet(FleetState):
             return [answer] if answer else []
         return self._send_plan(answer, now_ns)
 
-    def _hear_admit(self, robot: str, now_ns: int) -> list[Outgoing]:
+    def _hear_admit(self, robot: str, admit: Admit, now_ns: int) -> list[Outgoing]:
         """Freeze the fleet to take a robot in that has come back."""
-        if not self._door.admit(robot, now_ns):
-            return []
+        answer = self._door.admit(robot, admit.boot, now_ns)
+        if not answer or isinstance(answer, Outgoing):
+            return [answer] if answer else []
         self._turn("admitted", now_ns)
         return [self._command()]
 

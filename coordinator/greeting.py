@@ -14,6 +14,7 @@ from coordinator.roster import Roster
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import PROTOCOL_VERSION, Hello, Refusal
+from protocol.phases import BRAKING, MOVING, PHASE_NAMES
 
 _REFUSALS_TOLD: Final = 100
 
@@ -26,6 +27,7 @@ class Door:
         self._members = members
         self._incidents = incidents
         self._refused: set[tuple[str, int]] = set()
+        self._not_admitted: dict[str, str] = {}
 
     def hear(self, robot: str, hello: Hello, begun: bool, now_ns: int) -> Member | Outgoing | None:
         """Return the member that is in, or the refusal to send.
@@ -44,18 +46,38 @@ class Door:
         member.accept(hello, now_ns)
         return member
 
-    def admit(self, robot: str, now_ns: int) -> bool:
-        """Let a robot in that has come back, as soon as it says where it stands."""
+    def admit(self, robot: str, boot: int, now_ns: int) -> Outgoing | bool:
+        """Let a robot in that has come back, as soon as it says where it stands.
+
+        Returns whether it is, or the refusal to send where asking again is of no use; `boot` is
+        what the operator said.
+        """
         member = self._members.get(robot)
-        if member is None or member.knocking is None or member.knocking.boot == member.boot:
-            self._tell(now_ns, "not admitted", robot, f"{robot} has not come back")
-            return False
+        if member is None:
+            return self._deny(robot, boot, self._unknown(robot), now_ns)
+        if member.knocking is None or member.knocking.boot == member.boot:
+            if member.boot is None or member.is_silent(now_ns):
+                self._tell_denied(robot, f"{robot} has not come back", now_ns)
+                return False
+            return self._deny(robot, boot, _why_in_already(member), now_ns)
         if member.planned and not member.finished:
-            self._tell(now_ns, "not admitted", robot, f"{robot} is not given up yet, ask again")
+            self._tell_denied(robot, f"{robot} is not given up yet, ask again", now_ns)
             return False
         member.admitted = True
+        self._not_admitted.pop(robot, None)
         self._tell(now_ns, "admitted", robot, f"{robot} is admitted")
         return True
+
+    def _deny(self, robot: str, boot: int, reason: str, now_ns: int) -> Outgoing:
+        self._tell_denied(robot, reason, now_ns)
+        return Outgoing(keys.plan(self._fleet, robot), encode(Refusal(boot, reason[:200])))
+
+    def _tell_denied(self, robot: str, reason: str, now_ns: int) -> None:
+        """Tell why a robot is not admitted, once until that changes: operators ask often."""
+        known = self._not_admitted.get(robot)
+        if known != reason and (known is not None or len(self._not_admitted) < _REFUSALS_TOLD):
+            self._not_admitted[robot] = reason
+            self._tell(now_ns, "not admitted", robot, reason)
 
     def _knock(self, member: Member, hello: Hello, now_ns: int) -> None:
         if member.knocking is None or member.knocking.boot != hello.boot:
@@ -74,8 +96,7 @@ class Door:
         """Return why a robot cannot join, or nothing."""
         member = self._members.get(robot)
         if member is None:
-            known = ", ".join(list(self._members)[:10])
-            return f"{robot} is not in fleet {self._fleet}, which has {known}"
+            return self._unknown(robot)
         if hello.version != PROTOCOL_VERSION:
             return (
                 f"{robot} speaks protocol version {hello.version}, "
@@ -89,5 +110,18 @@ class Door:
             return f"another {robot} is already in fleet {self._fleet}"
         return ""
 
+    def _unknown(self, robot: str) -> str:
+        known = ", ".join(list(self._members)[:10])
+        return f"{robot} is not in fleet {self._fleet}, which has {known}"
+
     def _tell(self, now_ns: int, kind: str, robot: str, text: str) -> None:
         self._incidents.append(Incident(now_ns, kind, robot, text))
+
+
+def _why_in_already(member: Member) -> str:
+    """Say why a robot that is heard has not to be admitted."""
+    if member.phase in (MOVING, BRAKING):
+        return f"{member.id} is driving already"
+    if member.finished:
+        return f"{member.id} has arrived already"
+    return f"{member.id} is in the fleet already, {PHASE_NAMES[member.phase]}"

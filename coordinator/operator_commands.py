@@ -5,6 +5,7 @@ Decides: options and exit codes.
 
 from __future__ import annotations
 
+import os
 import queue
 import time
 from typing import Annotated, Final
@@ -14,7 +15,7 @@ import typer
 from coordinator.console import tell
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import Admit, Command
+from protocol.messages import Admit, Command, Refusal
 from protocol.phases import COMMAND_NAMES, FREEZE
 
 commands = typer.Typer()
@@ -33,23 +34,26 @@ def admit(
 ) -> None:
     """Let a restarted robot take part again: the fleet freezes and is planned anew with it.
 
-    Exit code 1 when the fleet does not begin a new epoch in time.
+    Exit code 1 when it cannot be taken in, or the fleet does not begin a new epoch in time.
 
     Example: splinefleet admit R3 --connect tcp/127.0.0.1:7447
     """
     from protocol.zenoh_transport import ZenohTransport
 
-    heard: queue.SimpleQueue[tuple[str, Command]] = queue.SimpleQueue()
+    heard: queue.SimpleQueue[tuple[str, Command | Refusal]] = queue.SimpleQueue()
+    boot = int.from_bytes(os.urandom(4))
 
     def hear(key: str, payload: bytes, _sent_ns: int | None) -> None:
-        place, message = keys.split(key), decode("command", payload)
-        if place is not None and isinstance(message, Command):
+        place = keys.split(key)
+        message = decode(place[1], payload) if place is not None else None
+        if place is not None and isinstance(message, Command | Refusal):
             heard.put((place[0], message))
 
     if not keys.NAME.fullmatch(robot):
         raise typer.BadParameter(f"{robot[:60]!r} is no robot's name", param_hint="ROBOT")
     with ZenohTransport.connect(connect, timeout_s=wait) as transport:
         transport.subscribe(keys.command(fleet or "*"), hear)
+        transport.subscribe(keys.plan(fleet or "*", robot), hear)
         deadline = time.monotonic() + wait
         frozen, said = False, 0.0
         while (now := time.monotonic()) < deadline:
@@ -57,8 +61,13 @@ def admit(
                 name, command = heard.get(timeout=_PERIOD_S)
             except queue.Empty:
                 continue
+            if isinstance(command, Refusal):
+                if command.boot != boot:
+                    continue  # to a robot of this name
+                tell(command.reason, "red")
+                raise typer.Exit(1)
             if not frozen and now - said > _PERIOD_S:
-                transport.put(keys.admit(name, robot), encode(Admit(1)))
+                transport.put(keys.admit(name, robot), encode(Admit(boot)))
                 said = now
             frozen |= said > 0.0 and command.phase == FREEZE
             if frozen and command.phase != FREEZE:

@@ -96,7 +96,10 @@ class Admit(msgspec.Struct, frozen=True, array_like=True, tag=7):
 
 
 class Refusal(msgspec.Struct, frozen=True, array_like=True, tag=6):
-    """Sent in place of a Plan to a robot that cannot join; `boot` is that robot's."""
+    """Sent in place of a Plan to a robot that cannot join; `boot` is that robot's.
+
+    And to an operator who asks in vain for a robot to be admitted; `boot` is the Admit's.
+    """
 
     boot: Counter
     reason: Annotated[str, msgspec.Meta(max_length=200)]

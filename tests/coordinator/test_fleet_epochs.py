@@ -10,7 +10,7 @@ from coordinator.link_news import LINK_GONE, LINK_UP
 from coordinator.member import STRIKES
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import Admit, Command, Plan, Report, Rest
+from protocol.messages import Admit, Command, Plan, Refusal, Report, Rest
 from protocol.phases import (
     ARMED,
     BRAKING,
@@ -217,6 +217,31 @@ def test_a_robot_that_came_back_is_taken_in_at_the_place_it_says_when_it_is_admi
     floor.fleet.adopt(3, PARTS, DURATION, floor.now)
     (sent,) = floor.report("R2", IDLE, boot=9, epoch=0)
     assert sent.payload == PARTS["R2"].plan
+
+
+@pytest.mark.parametrize(
+    ("robot", "said"),
+    [("R1", "R1 is driving already"), ("RX", "RX is not in fleet hall, which has R1, R2, R3")],
+)
+def test_an_operator_who_asks_in_vain_is_told_why_and_everybody_else_once(robot, said):
+    floor = Floor().go()
+    floor.report("R1", MOVING)
+    before = len(floor.fleet.incidents)
+    for _ in range(5):
+        (sent,) = floor.fleet.hear(keys.admit("hall", robot), encode(Admit(7)), floor.now)
+        assert (sent.key, decode("plan", sent.payload)) == (
+            keys.plan("hall", robot),
+            Refusal(7, said),
+        )
+    assert [incident.text for incident in floor.fleet.incidents[before:]] == [said]
+
+
+def test_that_a_robot_has_not_come_back_is_told_again_when_that_has_changed_only():
+    floor = frozen_but("R2")
+    before = len(floor.fleet.incidents)
+    for _ in range(5):
+        assert floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(7)), floor.now) == []
+    assert [i.text for i in floor.fleet.incidents[before:]] == ["R2 has not come back"]
 
 
 def test_an_admitted_robot_that_never_says_where_it_stands_is_not_waited_for_for_ever():
