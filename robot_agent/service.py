@@ -27,7 +27,7 @@ from protocol.messages import (
     Report,
     Rest,
 )
-from protocol.phases import FREEZE, GO, HOLD, IDLE, PHASE_NAMES
+from protocol.phases import DONE, FREEZE, GO, HOLD, IDLE, PHASE_NAMES
 from protocol.plan_parts import unpack_motion, unpack_plan
 from protocol.timing import COMMAND_PERIOD
 from protocol.transport import Transport
@@ -149,7 +149,7 @@ class RobotService:
         self.bad_messages = 0
         self.last_error = ""
         self.heard_ns = -(2**62)
-        self._phase = HOLD
+        self._phase, self._arrived = HOLD, False
         self.robot = robot
         self._transport = transport
         self._driver = driver
@@ -176,10 +176,12 @@ class RobotService:
     def waits_for(self, now_ns: int) -> str:
         """Return in words what keeps the robot from being armed; empty when nothing does."""
         if self.agent.phase != IDLE:
+            self._arrived = self.agent.phase == DONE
             return ""
         heard = now_ns - self.heard_ns < _SILENCE_NS
         pose = self._driver.pose()
-        return waits_for(self.agent, self.robot.id, self._fleet, self._phase, heard, pose)
+        name, arrived = self.robot.id, self._arrived
+        return waits_for(self.agent, name, self._fleet, self._phase, heard, pose, arrived)
 
     def rescue(self, error: Exception, now_ns: int) -> None:
         """Tell the agent and the coordinator that a tick has failed."""

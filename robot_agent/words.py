@@ -55,12 +55,18 @@ def phase_in_words(agent: Agent, error: str) -> str:
 
 
 def waits_for(
-    agent: Agent, robot: str, fleet: str | None, phase: int, heard: bool, pose: Pose | None
+    agent: Agent,
+    robot: str,
+    fleet: str | None,
+    phase: int,
+    heard: bool,
+    pose: Pose | None,
+    arrived: bool = False,
 ) -> str:
     """Say what keeps an idle robot from being armed; empty when nothing does.
 
     `phase` is the fleet's, `heard` tells whether its coordinator is; `pose`: where the robot
-    believes to be.
+    believes to be; `arrived`: whether it was at its goal when the fleet's last epoch ended.
     """
     if fleet is None:
         return "hears no coordinator"
@@ -73,6 +79,10 @@ def waits_for(
         return f"does not arm, {fault_name(agent.fault)}"
     if agent.ride is not None:
         return ""
+    if arrived:
+        return f"has arrived, fleet {fleet} goes on without it"
+    if agent.has_driven() and phase != HOLD:
+        return f"has no part in this epoch of fleet {fleet}, stays where it stands"
     if phase == HOLD:
         return f"has said hello to fleet {fleet}, which has sent no plan yet"
     way_in = f"`splinefleet admit {robot} --connect ...` lets it in"

@@ -2,11 +2,14 @@
 
 import pytest
 
-from protocol.phases import ARMED, BAD_PLAN, CLOCK_UNSURE, DRIVER_ERROR, FROZEN, GO, HOLD
+from protocol import keys
+from protocol.codec import encode
+from protocol.messages import Command
+from protocol.phases import ARMED, BAD_PLAN, CLOCK_UNSURE, DONE, DRIVER_ERROR, FROZEN, GO, HOLD
 from robot_agent.agent import Agent
 from robot_agent.words import PATIENCE_NS, Lasting, phase_in_words, waits_for
-from tests.robot_agent.rides import MS
-from tests.robot_agent.test_service import Hall, raise_interrupt
+from tests.robot_agent.rides import COORDINATOR, ME, MS
+from tests.robot_agent.test_service import FLEET, Hall, raise_interrupt
 
 HERE = (1.0, 2.0, 0.0)
 
@@ -40,6 +43,32 @@ def test_what_keeps_a_robot_from_being_armed_is_said_in_words(
     fleet, phase, heard, pose, fault, said
 ):
     assert waits_for(idle(fault), "R3", fleet, phase, heard, pose) == said
+
+
+@pytest.mark.parametrize("phase", [HOLD, GO])
+def test_a_robot_that_has_arrived_does_not_ask_to_be_let_in(phase):
+    said = waits_for(idle(), "R3", "hall", phase, True, HERE, arrived=True)
+    assert said == "has arrived, fleet hall goes on without it"
+
+
+def test_a_robot_that_drove_before_is_left_where_it_stands():
+    agent = idle()
+    agent._spent_epoch = 2
+    said = waits_for(agent, "R3", "hall", GO, True, HERE)
+    assert said == "has no part in this epoch of fleet hall, stays where it stands"
+
+
+def test_a_robot_at_its_goal_when_a_new_epoch_begins_says_that_it_has_arrived():
+    hall = Hall()
+
+    def go_on():
+        hall.phase, hall.plans, hall.sequence = HOLD, [], hall.sequence + 10
+        command = Command(COORDINATOR, hall.sequence, 2, HOLD, 0)
+        hall.command = lambda: hall.link.put(keys.command(FLEET), encode(command))
+
+    hall.reactions[DONE] = go_on
+    told = told_until(hall, 60.0)
+    assert told[-1] == f"{ME}: has arrived, fleet {FLEET} goes on without it"
 
 
 def test_a_reason_is_told_once_it_has_lasted_and_once():
