@@ -65,7 +65,8 @@ def main() -> None:
     except typer.Abort:
         code = 130
     except typer.TyperException as error:
-        tell(usage_line(error), "red")
+        if line := usage_line(error):
+            tell(line, "red")
         code = 2
     except KeyboardInterrupt:
         code = 130

@@ -8,13 +8,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
 import typer
 
 from coordinator.console import answer_json, answers, tell, write_file
 from coordinator.errors import InputError
+
+if TYPE_CHECKING:
+    from coordinator.plan import PlanDocument
 
 commands = typer.Typer()
 
@@ -60,6 +63,23 @@ def make_folder(folder: Path) -> None:
         raise InputError([f"{folder}: {error.strerror}, a folder is needed here"]) from None
 
 
+def newest_plan(source: Path, what_for: str) -> PlanDocument:
+    """Read a plan file, or the plan of a log's last epoch; of several epochs that is told."""
+    from coordinator.export import documents_of
+    from coordinator.logbook import read_log
+    from coordinator.plan import read
+
+    if source.suffix != ".mcap":
+        return read(source)
+    documents = documents_of(read_log(source))
+    if not documents:
+        raise InputError([f"{source}: holds no plan, there is nothing {what_for}"])
+    last = max(documents)
+    if len(documents) > 1:
+        tell(f"{source}: the plan of epoch {last}, the last of {len(documents)}")
+    return documents[last]
+
+
 Speed = Annotated[
     float, typer.Option(callback=within(0.01, 1000.0), help="Times real time, 0.01 to 1000.")
 ]
@@ -74,7 +94,8 @@ def plan(
         typer.Option("-o", "--output", help="FILE.json", callback=writable(".json")),
     ] = None,
     csv: Annotated[
-        Path | None, typer.Option(help="The motions as rows over time.", callback=writable())
+        Path | None,
+        typer.Option(help="The motions as rows over time, FILE.csv.", callback=writable(".csv")),
     ] = None,
     step: Annotated[
         float, typer.Option(callback=within(1e-4, 1e3), help="Seconds a CSV row.")
@@ -108,6 +129,9 @@ def plan(
         answer_json(document)
     else:
         answers.print(render(document))
+        for written in (output, csv):
+            if written is not None:
+                tell(f"wrote {written}")
     if document.proof is None or not document.proof.holds:
         tell("the proof does not hold; this plan is for study and is never sent to robots")
         raise typer.Exit(1)
@@ -185,7 +209,7 @@ def plot(
     """Draw the floor with paths, crossings and stops, and the distance-time diagram.
 
     Around the obstacles stand their outlines grown by radius + margin: no centre goes inside.
-    An .html file is the page of `splinefleet view`: it plays the plan or the log.
+    Of a log it is the last epoch's plan.  An .html file is the page of `splinefleet view`: it plays the plan or the log.
 
     Example: splinefleet plot plan.json -o plan.svg --robots R1,R3
     """
@@ -198,16 +222,8 @@ def plot(
         return
     from coordinator.figure import draw_plan
     from coordinator.figure_view import View
-    from coordinator.logbook import read_log
-    from coordinator.plan import from_json, read
 
-    if source.suffix == ".mcap":
-        attachments = read_log(source).attachments
-        if "plan-1.json" not in attachments:
-            raise InputError([f"{source}: holds no plan"])
-        document = from_json(attachments["plan-1.json"], f"{source}: plan-1.json")
-    else:
-        document = read(source)
+    document = newest_plan(source, "to draw")
     chosen = tuple(name.strip() for name in robots.split(",") if name.strip())
     draw_plan(document, output, View(chosen, detail))
     tell(f"wrote {output}")

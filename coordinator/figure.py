@@ -58,7 +58,9 @@ def draw_plan(document: PlanDocument, out: Path, view: View | None = None) -> No
     """
     suffix = out.suffix.lower()
     if suffix not in _METADATA:
-        raise InputError([f"{out}: a picture ends in .svg or .png, not in {suffix!r}"])
+        raise InputError(
+            [f"{out}: a picture ends in .svg or .png, not in {suffix!r}; the page in .html"]
+        )
     if not document.robots:
         raise InputError([f"plan: {document.scenario!r} has no robots to draw"])
     import matplotlib
@@ -121,6 +123,8 @@ def _compose(document: PlanDocument, view: View | None) -> Figure:
 def _headline(figure: Figure, document: PlanDocument, height: float) -> None:
     """Write the scenario's name, the terms of the plan, and whether it is proven."""
     name = "".join(mark if mark.isprintable() else " " for mark in document.scenario)[:80]
+    if document.epoch > 1:
+        name += f", epoch {document.epoch}"
     terms = f"policy {document.policy}  ·  tau {document.tau:g} s  ·  margin {document.margin:g} m"
     verdict, rest, colour = _proven(document.proof)
     left, top = _LEFT / _WIDTH, 1.0 - 0.32 / height

@@ -6,6 +6,7 @@ Decides: what a person sees first.  Must not know: logs or messages, only the su
 from __future__ import annotations
 
 from collections.abc import Iterator
+from textwrap import fill
 
 import msgspec
 from rich.console import Group, RenderableType
@@ -209,7 +210,7 @@ def _broadcast(told: Broadcast) -> Text:
         f"{told.robots} robots broadcasting positions at {told.rate:g} Hz for "
         f"{told.seconds:.1f} s: {told.messages:,} messages, {told.bytes:,} bytes"
     )
-    return Text(f"{ours}; {theirs}")
+    return Text(f"{ours};\n{fill(theirs, 80)}")
 
 
 def _number(value: float | None) -> str:

@@ -70,11 +70,13 @@ class Coordinator:
         if self.scenario.policy != "safe":
             name, policy = self.scenario.name, self.scenario.policy
             raise InputError([f"{name}: policy: {policy!r} is for study, only 'safe' is driven"])
+        if log is not None and resume is not None and log.resolve() == resume.resolve():
+            raise InputError([f"--log: {log} is the log to go on from; name another file"])
         if log is not None and is_unfinished(log):
             problem = f"--log: {log} holds a run that was not ended; --resume goes on from it"
             raise InputError([problem])
         boot = int.from_bytes(os.urandom(4), "little")
-        mission = self._begin(boot, plan_file) if resume is None else self._go_on(boot, resume, log)
+        mission = self._begin(boot, plan_file) if resume is None else self._go_on(boot, resume)
         fleet, document = mission.fleet, mission.document
         with ZenohTransport.listen(endpoint) as transport:
             recorder = self._recorder(log, document, boot, resume)
@@ -103,10 +105,8 @@ class Coordinator:
             write_file(plan_file, to_json(document))
         return Mission(self.scenario, document, boot, self._plan_again)
 
-    def _go_on(self, boot: int, resume: Path, log: Path | None) -> Mission:
+    def _go_on(self, boot: int, resume: Path) -> Mission:
         """Return the mission of the log of a coordinator that has died."""
-        if log is not None and log.resolve() == resume.resolve():
-            raise InputError([f"--log: {log} is the log to go on from; name another"])
         self._before, self._began_ns = resume.read_bytes(), self.clock()
         mission = go_on(read_log(resume), boot, self._began_ns)
         if mission.fleet.name != self.scenario.name:

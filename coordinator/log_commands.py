@@ -153,6 +153,9 @@ def export(
 
     if source.exists() and output.exists() and source.samefile(output):
         raise InputError([f"--output: {output} is the source itself; name another file"])
+    wanted = {"csv": ".csv", "foxglove": ".mcap"}.get(to, "")
+    if wanted and output.suffix.lower() != wanted:
+        raise InputError([f"--output: {output} does not end in {wanted}"])
     if to == "vda5050":
         write_orders(source, output, order_version)
         return

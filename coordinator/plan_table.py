@@ -5,6 +5,7 @@ Decides: what is shown on the terminal after planning.
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import Final
 
 from rich.console import Group, RenderableType
@@ -83,7 +84,7 @@ def render_proof(proof: Proof) -> RenderableType:
         lines.append(Text(f"  {proof.pairs} {'pair' if proof.pairs == 1 else 'pairs'}, {least}"))
     if proof.tightest:
         slack = "" if proof.least_slack is None else _slack(proof.least_slack)
-        lines.append(Text(f"  tightest pair{slack}: {proof.tightest}"))
+        lines.append(Text(_folded(f"tightest pair{slack}: {proof.tightest}")))
     if proof.least_clearance is not None:
         lines.append(Text(f"  least clearance {proof.least_clearance:.4f} m"))
     faults = {"late": "a late robot", "stop": "a dead robot", "coordinator": "a lost coordinator"}
@@ -92,6 +93,11 @@ def render_proof(proof: Proof) -> RenderableType:
     if proof.unproven:
         lines.append(Text(f"  not proven: {', '.join(proof.unproven)}", "yellow"))
     return Group(*lines)
+
+
+def _folded(text: str) -> str:
+    """Break a line that is too wide for a terminal of 80 columns."""
+    return fill(text, 80, initial_indent="  ", subsequent_indent="    ", break_on_hyphens=False)
 
 
 def _slack(least: float) -> str:

@@ -23,13 +23,14 @@ _LIMITS: Final = {
 
 
 def usage_line(error: typer.TyperException) -> str:
-    """Return one line for a command line that cannot be run."""
+    """Return one line for a command line that cannot be run; "" after the help, which says all."""
     if isinstance(error, typer.BadParameter):
         name = _name(error)
         if type(error).__name__ == "MissingParameter":
             return f"{name} is missing{_usage(error)}"
         return f"{name}: {_problem(error)}" if name else _problem(error)
-    return _plain(error.format_message()) + _usage(error)
+    told = _plain(error.format_message())
+    return told + _usage(error) if told else ""
 
 
 def _usage(error: typer.TyperException) -> str:

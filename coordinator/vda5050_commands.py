@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
-from coordinator.commands import make_folder, within, writable
+from coordinator.commands import make_folder, newest_plan, within, writable
 from coordinator.console import tell, write_file
-from coordinator.errors import InputError, PlanError
+from coordinator.errors import InputError
 from coordinator.vda5050 import Version
 
 if TYPE_CHECKING:
-    from coordinator.plan import PlanDocument
     from coordinator.vda5050_reading import Ordered
 
 commands = typer.Typer()
@@ -110,22 +109,9 @@ def write_orders(source: Path, folder: Path, version: Version) -> None:
     from coordinator.vda5050_orders import orders_of
 
     now = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-    orders = orders_of(_newest_plan(source), now, version)
+    orders = orders_of(newest_plan(source, "to order"), now, version)
     make_folder(folder)
     for robot, order in orders.items():
         text = msgspec.json.format(msgspec.json.encode(order), indent=1)
         write_file(folder / f"{robot}.json", text + b"\n")
     tell(f"wrote {len(orders)} orders into {folder}")
-
-
-def _newest_plan(source: Path) -> PlanDocument:
-    from coordinator.export import documents_of
-    from coordinator.logbook import read_log
-    from coordinator.plan import read
-
-    if source.suffix == ".json":
-        return read(source)
-    documents = documents_of(read_log(source))
-    if not documents:
-        raise PlanError(f"{source}: holds no plan, there is nothing to order")
-    return documents[max(documents)]

@@ -81,6 +81,10 @@ def replay(
     """
     if check and until is not None:
         raise typer.BadParameter("not together with --check", param_hint="--until")
+    if until is None:
+        for option, given in (("--fault", fault), ("--out", out)):
+            if given:
+                raise typer.BadParameter("needs --until", param_hint=option)
     if check:
         _check(log, as_json)
     elif until is not None:

@@ -5,6 +5,7 @@ import shutil
 
 import pytest
 import typer
+from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from coordinator.errors import InputError
@@ -99,6 +100,7 @@ def test_a_file_of_no_kind_is_still_told_with_its_fault():
     [
         ("plan hall.toml -o plan.toml", "'--output': plan.toml does not end in .json"),
         ("plan hall.toml -o plan", "'--output': plan does not end in .json"),
+        ("plan hall.toml --csv a.txt", "'--csv': a.txt does not end in .csv"),
         ("plan hall.toml -o new/a.json", "'--output': new/a.json: there is no folder new"),
         ("plan hall.toml --csv new/a.csv", "'--csv': new/a.csv: there is no folder new"),
         ("plan hall.toml -o plan.json/a.json", "there is no folder plan.json"),
@@ -106,7 +108,17 @@ def test_a_file_of_no_kind_is_still_told_with_its_fault():
         ("recover run.mcap -o new/a.mcap", "'--output': new/a.mcap: there is no folder new"),
         ("recover run.mcap -o whole.json", "'--output': whole.json does not end in .mcap"),
         ("export plan.json --to csv -o new/a.csv", "'--output': new/a.csv: there is no folder new"),
+        ("export plan.json --to csv -o -", "--output: - does not end in .csv"),
+        ("export plan.json --to foxglove -o a.csv", "--output: a.csv does not end in .mcap"),
         ("export run.mcap --to foxglove -o run.mcap", "run.mcap is the source itself"),
+        ("plot plan.json -o a.pdf", "ends in .svg or .png, not in '.pdf'; the page in .html"),
+        ("plot run.mcap -o a.svg", "run.mcap: holds no plan, there is nothing to draw"),
+        ("replay run.mcap --fault kill:R1@3", "needs --until"),
+        ("replay run.mcap --out what-if", "needs --until"),
+        (
+            "coordinator hall.toml --resume run.mcap --log run.mcap",
+            "--log: run.mcap is the log to go on from; name another file",
+        ),
         ("coordinator hall.toml --log new/run.mcap", "'--log': new/run.mcap: there is no folder"),
         ("coordinator hall.toml --plan-out p.txt", "'--plan-out': p.txt does not end in .json"),
     ],
@@ -123,6 +135,22 @@ def test_a_plan_is_written_where_it_may_be(folder):
     result = CliRunner().invoke(app, ["plan", "hall.toml", "-o", "A.JSON", "--effort", "0"])
     assert result.exit_code == 0
     assert (folder / "A.JSON").exists()
+    assert "wrote A.JSON" in result.stderr
+
+
+@pytest.mark.parametrize("command", ["plot run.mcap -o a.svg", "export run.mcap --to vda5050 -o o"])
+def test_of_a_log_with_several_epochs_the_last_ones_plan_is_taken_and_that_is_said(folder, command):
+    plan = plan_scenario(HALL, effort=0)
+    plans = [
+        Attachment(f"plan-{n}.json", "application/json", to_json(replace(plan, epoch=n)))
+        for n in (1, 2, 10)
+    ]
+    Recorder(folder / "run.mcap", metadata={}, wall_offset_ns=0, attachments=plans).close()
+    result = CliRunner().invoke(app, command.split())
+    assert result.exit_code == 0
+    assert "run.mcap: the plan of epoch 10, the last of 3" in result.stderr
+    if command.startswith("plot"):
+        assert f"{HALL.name}, epoch 10" in (folder / "a.svg").read_text()
 
 
 def test_a_stray_file_beside_a_log_is_told_of_and_one_that_was_asked_for_is_an_error(folder):

@@ -55,6 +55,15 @@ def test_what_is_wrong_with_a_command_line_is_told_in_one_line(line, told):
     assert usage_line(caught.value) == told
 
 
+def test_after_the_help_nothing_is_left_to_tell():
+    imports = typer.Typer(no_args_is_help=True)
+    imports.command()(fly)
+    imports.command()(land)
+    with pytest.raises(typer.TyperException) as caught:
+        imports([], standalone_mode=False, prog_name="splinefleet")
+    assert usage_line(caught.value) == ""
+
+
 def test_a_check_inside_a_command_names_its_option_too():
     error = typer.BadParameter("R% is no name", param_hint="ROBOT")
     assert usage_line(error) == "ROBOT: R% is no name"
