@@ -209,7 +209,8 @@ def plot(
     """Draw the floor with paths, crossings and stops, and the distance-time diagram.
 
     Around the obstacles stand their outlines grown by radius + margin: no centre goes inside.
-    Of a log it is the last epoch's plan.  An .html file is the page of `splinefleet view`: it plays the plan or the log.
+    Of a log it is the last epoch's plan.
+    An .html file is the page of `splinefleet view`: it plays the plan or the log.
 
     Example: splinefleet plot plan.json -o plan.svg --robots R1,R3
     """

@@ -21,6 +21,7 @@ from coordinator.link_news import LINK_GONE
 from coordinator.summary import (
     EpochSummary,
     FaultSummary,
+    NewTimesSummary,
     PhaseChange,
     RobotSummary,
     Summary,
@@ -28,7 +29,7 @@ from coordinator.summary import (
 )
 from coordinator.true_course import TrueCourse, courses_in
 from protocol import codec, keys, phases
-from protocol.messages import Clock, Command, Hello, Message, Plan, Refusal, Report
+from protocol.messages import Clock, Command, Hello, Message, NewTimes, Pace, Plan, Refusal, Report
 from protocol.timing import REPORT_TIMEOUT
 
 if TYPE_CHECKING:
@@ -69,6 +70,7 @@ class _Telling:
         self._heard: dict[str, tuple[int, int]] = {}
         self._sent: list[tuple[str, int, int]] = []
         self._last_arrival_ns: int | None = None
+        self._late: str | None = None
         self._ours: dict[str, tuple[int, int]] = {}
         self._lag_ns = clock_lag(log)
         go_ns = first_go(log, self._lag_ns)
@@ -154,7 +156,7 @@ class _Telling:
             return
         count, total = self._ours.get(kind, (0, 0))
         self._ours[kind] = (count + 1, total + size)
-        if isinstance(message, Hello | Report) or _is_question(message):
+        if isinstance(message, Hello | Report | Pace) or _is_question(message):
             self._robot(robot).bytes_sent += size
             self._sent.append((robot, record.log_ns, size))
         else:
@@ -182,6 +184,10 @@ class _Telling:
             told.control_points = len(message.points) // _POINT_BYTES
             self._messages.append((robot, message))
             self.summary.largest_plan_bytes = max(self.summary.largest_plan_bytes, size)
+        elif isinstance(message, NewTimes):
+            self._tell_new_times(message, robot, record.log_ns)
+        elif isinstance(message, Pace) and message.stood_us is not None:
+            self._late = robot
         elif isinstance(message, Refusal):
             self._tell_fault(record.log_ns, robot, message.reason, "refusal")
 
@@ -199,6 +205,14 @@ class _Telling:
         if command.phase == phases.FREEZE and not self._numbers.stopped_nobody:
             self._tell_silence(log_ns)
             self._tell_fault(log_ns, "", "the fleet was told to freeze", "freeze")
+
+    def _tell_new_times(self, message: NewTimes, robot: str, log_ns: int) -> None:
+        """Tell of new times once for all robots that get them, however often they are sent."""
+        told = self._epochs.setdefault(message.epoch, EpochSummary(message.epoch)).new_times
+        if not told or told[-1].revision < message.revision:
+            told.append(NewTimesSummary(self._seconds(log_ns), message.revision, self._late))
+        if told[-1].revision == message.revision and robot not in told[-1].robots:
+            told[-1].robots.append(robot)
 
     def _ending(self, epoch: EpochSummary, phase: int) -> str:
         """Return how an epoch ends in a phase."""

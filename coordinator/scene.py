@@ -90,7 +90,7 @@ class Epoch(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Mark(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that happened; kind: "go", "freeze", "over" or "fault"."""
+    """Something that happened; kind: "go", "freeze", "over", "fault" or "late"."""
 
     t: float
     kind: str

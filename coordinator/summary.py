@@ -27,6 +27,18 @@ class PhaseChange(msgspec.Struct):
     phase: str
 
 
+class NewTimesSummary(msgspec.Struct):
+    """New times within an epoch, first sent at `t` [s]: who was late, and whose times changed.
+
+    `late`: null where the log does not tell.
+    """
+
+    t: float
+    revision: int
+    late: str | None
+    robots: list[str] = []
+
+
 class EpochSummary(msgspec.Struct):
     """One epoch: its plan's time zero `start` [s], null if it never got a GO; arrivals [s].
 
@@ -38,6 +50,7 @@ class EpochSummary(msgspec.Struct):
     start: float | None = None
     phases: list[PhaseChange] = []
     arrivals: dict[str, float] = {}
+    new_times: list[NewTimesSummary] = []
     ended: str = "running"
 
 

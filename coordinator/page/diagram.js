@@ -192,5 +192,5 @@ class DiagramView {
 }
 
 function markColour(mark, look) {
-  return { fault: look.red, freeze: look.amber }[mark.kind] || look.muted;
+  return { fault: look.red, freeze: look.amber, late: look.amber }[mark.kind] || look.muted;
 }

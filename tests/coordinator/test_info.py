@@ -15,7 +15,7 @@ from coordinator.info_table import render
 from coordinator.logbook import Log, read_log
 from coordinator.recorder import Attachment, Recorder
 from protocol import codec, keys, packing, phases
-from protocol.messages import Clock, Command, Hello, Plan, Refusal, Report, Rest
+from protocol.messages import Clock, Command, Hello, NewTimes, Pace, Plan, Refusal, Report, Rest
 
 SECOND = 1_000_000_000
 BEGIN = 40 * SECOND
@@ -118,6 +118,7 @@ def test_a_good_run_is_told_from_hold_to_over(tmp_path):
                 {"t": 8.5, "phase": "OVER"},
             ],
             "arrivals": {"R2": 7.0, "R1": 8.0},
+            "new_times": [],
             "ended": "over",
         }
     ]
@@ -132,6 +133,24 @@ def test_a_good_run_is_told_from_hold_to_over(tmp_path):
     assert (told["positions_on_wire"], told["bad_messages"], told["faults"]) == (0, 0, [])
     assert (told["fleet"], told["policy"], told["tau"]) == ("f", "safe", 0.5)
     assert (told["duration"], told["complete"], told["damage"]) == (10.5, True, "")
+
+
+def late_run():
+    """R2 stands late; it and R1 get new times, R2 twice since one message was lost."""
+    times = codec.seal(NewTimes(1, 9, 1, 500, b"", b"", b"", 0))
+    pace = (4.0, keys.report("f", "R2"), Pace(9, 1, 0, 1_500_000))
+    told = [
+        (t, keys.plan("f", robot), times) for t, robot in ((4.1, "R1"), (4.1, "R2"), (4.2, "R2"))
+    ]
+    return sorted([*good_run(), pace, *told], key=lambda said: said[0])
+
+
+def test_new_times_are_told_once_with_who_is_late_and_whose_they_are(tmp_path):
+    told = summarise(log_of(tmp_path, late_run()))
+    (changed,) = told["epochs"][0]["new_times"]
+    at = pytest.approx(2.1)
+    assert changed == {"t": at, "revision": 1, "late": "R2", "robots": ["R1", "R2"]}
+    assert "epoch 1: at 2.10 s R2 is late, new times for R1, R2" in shown(told)
 
 
 def test_a_robot_is_told_with_its_plan_its_stops_and_what_it_sent(tmp_path):

@@ -23,8 +23,8 @@ from coordinator.scene_plan import scene_of_plan
 from coordinator.standing import Standing
 from coordinator.wire import drive
 from protocol import keys
-from protocol.codec import encode
-from protocol.messages import Command, Report, Rest
+from protocol.codec import encode, seal
+from protocol.messages import Command, NewTimes, Pace, Report, Rest
 from protocol.phases import DONE, FREEZE, FROZEN, GO, HOLD, MOVING, OVER
 from protocol.timing import SECOND
 
@@ -187,6 +187,17 @@ def test_a_robot_that_stopped_by_itself_stands_from_when_the_plan_had_it_there()
     assert (t0, t1) == (pytest.approx(2.0, abs=0.01),) * 2
     assert (s0, s1) == (pytest.approx(rest, abs=1e-3),) * 2
     assert [mark.text for mark in scene.marks if mark.kind == "fault"] == ["R2 off its path"]
+
+
+def test_new_times_are_a_mark_at_their_moment():
+    told = Telling(planned("paper_five"))
+    told.command(0.0, 1, GO)
+    told.say(5.0, keys.report(told.fleet, "R3"), encode(Pace(1, 1, 0, 4_500_000)))
+    for t in (5.2, 5.3):
+        said = encode(seal(NewTimes(1, 1, 1, 500, b"", b"", b"", 0)))
+        told.say(t, keys.plan(told.fleet, "R3"), said)
+    late = [(mark.t, mark.text) for mark in told.scene().marks if mark.kind == "late"]
+    assert late == [(5.2, "R3 is late, new times")]
 
 
 def test_the_marks_are_the_faults_that_info_tells():
