@@ -153,6 +153,17 @@ def zone_rows(
 
 
 @compiled
+def _place(begin: float, end: float, y: float) -> float:
+    """Return the arc length y [m] after a chord's begin, where beyond an end just that end.
+
+    A robot stays at its goal for ever, and a rounding before it only for a moment.
+    """
+    if y <= 0.0:
+        return begin
+    return min(begin + y, end) if y < end - begin else end
+
+
+@compiled
 def _add_rows(
     s: Array, p: Array, i: int, t: Array, q: Array, j: int, reach: float, cell: float, rows: Array
 ) -> None:
@@ -161,8 +172,7 @@ def _add_rows(
     ax, ay = p[i, 0] - q[j, 0], p[i, 1] - q[j, 1]
     dx, dy = direction(s, p, i)
     ex, ey = direction(t, q, j)
-    ee, size = ex * ex + ey * ey, t[j + 1] - t[j]
-    base = rows[0, 0]
+    ee, base = ex * ex + ey * ey, rows[0, 0]
     first, last = int(math.floor(begin / cell) - base), int(math.floor(end / cell) - base)
     if ee == 0.0:
         for row in range(first, last + 1):
@@ -181,8 +191,8 @@ def _add_rows(
         half = math.sqrt(max(square - far * far, 0.0))
         least, greatest = min(low, middle - half), max(high, middle + half)
         low, high = middle - half, middle + half
-        rows[row, 1] = min(rows[row, 1], t[j] + min(max(least, 0.0), size))
-        rows[row, 2] = max(rows[row, 2], t[j] + max(min(greatest, size), 0.0))
+        rows[row, 1] = min(rows[row, 1], _place(t[j], t[j + 1], least))
+        rows[row, 2] = max(rows[row, 2], _place(t[j], t[j + 1], greatest))
     dd = dx * dx + dy * dy
     if turn == 0.0 or dd == 0.0:
         return
@@ -192,5 +202,5 @@ def _add_rows(
         y = centre + sign * wide
         x = s[i] - ((ax - y * ex) * dx + (ay - y * ey) * dy) / dd
         if begin <= x <= end:
-            row, y = int(math.floor(x / cell) - base), t[j] + min(max(y, 0.0), size)
+            row, y = int(math.floor(x / cell) - base), _place(t[j], t[j + 1], y)
             rows[row, 1], rows[row, 2] = min(rows[row, 1], y), max(rows[row, 2], y)

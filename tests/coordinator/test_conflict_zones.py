@@ -251,6 +251,19 @@ def test_parallel_lines_just_apart_by_the_need_have_a_zone_and_farther_ones_none
     assert len(extents(a, line((0, 0.5001), (5, 0.5001)))) == 0
 
 
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("seed", range(40))
+def test_rows_of_a_goal_on_anothers_path_reach_the_goal_to_the_last_bit(seed, side):
+    random = np.random.default_rng(seed)
+    bend, goal = random.uniform(0.5, 2.0), random.uniform(4.0, 9.0)
+    comes = line((0.0, -bend), (0.0, 0.0), (goal, random.uniform(-0.3, 0.3)))
+    passes = line((goal + 0.1, -3.0), (goal + 0.1, 3.0))
+    chords = [chords_of(curve) for curve in ((passes, comes) if side == 0 else (comes, passes))]
+    zones = find_zones(chords, (0.25, 0.25), 0.0)
+    rows = rows_of(zones, 0, chords, (0.25, 0.25), 0.0, side)
+    assert rows[:, 2].max() == zones.extent[0, 3 - 2 * side] == comes.length
+
+
 def test_a_robot_that_stays_where_it_is_blocks_the_others_like_a_disc():
     still = line((2.0, 0.3), (2.0, 0.3))
     found = extents(line((0, 0), (5, 0)), still)
