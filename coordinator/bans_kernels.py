@@ -37,7 +37,8 @@ class Timetable(NamedTuple):
 class Rows(NamedTuple):
     """One robot's zones as rows: while it is in cell[r], `other` conflicts from low[r] to high[r].
 
-    Rows first[z] to first[z + 1] belong to its zone z, which it has with robot other[z].
+    Rows first[z] to first[z + 1] belong to its zone z, which it has with robot other[z] and enters
+    at enters[z] [m], somewhere in the first cell.
     """
 
     first: Indices
@@ -45,6 +46,7 @@ class Rows(NamedTuple):
     low: Array
     high: Array
     other: Indices
+    enters: Array
 
 
 class Known(NamedTuple):
@@ -135,16 +137,18 @@ def clash(
     """
     if _comes_after(one, z, a, table, cell, tau) or _comes_after(two, y, b, table, cell, tau):
         return math.inf
-    entered = reached(table, a, one.cell[one.first[z]] * cell)
-    return max(entered, reached(table, b, two.cell[two.first[y]] * cell), -1.0)
+    return max(reached(table, a, one.enters[z]), reached(table, b, two.enters[y]), -1.0)
 
 
 @compiled
 def _comes_after(rows: Rows, z: int, mine: int, table: Timetable, cell: float, tau: float) -> bool:
-    """Tell whether robot `mine` comes after the other one at each row of its zone z."""
+    """Tell whether robot `mine` comes after the other one at each row of its zone z.
+
+    A robot whose start lies in the zone's first cell, but not in the zone, may come after.
+    """
     other, length = rows.other[z], table.length[mine]
     for r in range(rows.first[z], rows.first[z + 1]):
-        arrives = reached(table, mine, min(rows.cell[r] * cell, length))
+        arrives = reached(table, mine, min(max(rows.cell[r] * cell, rows.enters[z]), length))
         if arrives < left(table, other, rows.high[r]) + tau - 1e-9:
             return False
     return True

@@ -180,8 +180,8 @@ class Junctions:
         others = zones.a[mine] + zones.b[mine] - index
         reach = self.radii[index] + self.radii[others] + self.margin
         reach += self._errors[index] + self._errors[others]
-        span = self.span(index, mine) / track.cell
-        room = int((span[:, 1] - span[:, 0]).sum()) + 4 * len(mine)
+        span = self.span(index, mine)
+        room = int((span[:, 1] - span[:, 0]).sum() / track.cell) + 4 * len(mine)
         first, rows = robot_rows(
             index, mine, others, zones.first, zones.pairs, *self._chords, reach, track.cell, room
         )
@@ -189,7 +189,8 @@ class Junctions:
         begin, end = np.empty((2, len(cell)))
         entered, passed = np.empty((2, len(mine)))
         known = Known(begin, end, entered, passed, np.zeros(len(mine), np.int64))
-        return Rows(first, cell, rows[:, 1].copy(), rows[:, 2].copy(), others), known
+        low, high = rows[:, 1].copy(), rows[:, 2].copy()
+        return Rows(first, cell, low, high, others, span[:, 0].copy()), known
 
     def _find(self, executor: Executor | None, among: Sequence[int] | None = None) -> Zones:
         chords = [track.chords for track in self.tracks]

@@ -32,7 +32,7 @@ from coordinator.plan import Limits, PlanDocument, Reason
 from coordinator.plan_checks import LONGEST_PLAN, LONGEST_TAU
 from coordinator.precedence import ring_of, stuck_pairs
 from coordinator.scenario import Scenario
-from coordinator.schedule import Deadlock, find_schedule, place_in_order
+from coordinator.schedule import Deadlock, find_schedule
 from coordinator.track import Track
 from coordinator.verify import prove_document
 
@@ -256,8 +256,7 @@ class _Stages:
 
     def _pass_each_other(self, mover: int, other: int, path: Nurbs) -> bool:
         pair = self._meet([self._track(mover, path), self.tracks[other]], (mover, other))
-        orders = ((0, 1), (1, 0))
-        return any(not isinstance(place_in_order(pair, order), Deadlock) for order in orders)
+        return not isinstance(find_schedule(pair, (0, 0), effort=0), Deadlock)
 
     def _take(self, index: int, path: Nurbs) -> None:
         self.paths[index], self.tracks[index] = path, self._track(index, path)

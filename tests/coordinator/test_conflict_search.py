@@ -10,10 +10,12 @@ import pytest
 from coordinator.bans_kernels import AFTER, FREE, clash
 from coordinator.conflict_search import ConflictSearch
 from coordinator.motion import Motion, Wait
+from coordinator.timetable import Motions
 from coordinator.waiting import earliest_motion
 from tests.coordinator.fleets import line
 from tests.coordinator.fleets_on_lines import (
     MARGIN,
+    NEED,
     RADIUS,
     alone,
     fleet_on,
@@ -247,3 +249,16 @@ def test_a_rest_in_a_zone_is_a_clash_until_it_is_left(depart, clashes):
     table = placed(fleet, [resting, alone(tracks[1], 10.0)])
     when = clash(*rows, 0, 0, 0, 1, table.table, tracks[0].cell, 0.5)
     assert (when < math.inf) == clashes
+
+
+def test_a_robot_that_starts_just_before_a_zone_comes_after_the_one_that_has_left_it():
+    fleet = fleet_on([line((0, 0), (6, 0)), line((-NEED - 0.002, 0), (3, 0), (3, -3))])
+    tracks = fleet.junctions.tracks
+    rows = [fleet.junctions.rows_of(k)[0] for k in (0, 1)]
+    assert 0.0 < rows[1].enters[0] < tracks[1].cell
+    for depart, clashes in ((1.5, False), (0.2, True)):
+        table = placed(fleet, [alone(tracks[0], 0.0), alone(tracks[1], depart)])
+        when = clash(*rows, 0, 0, 0, 1, table.table, tracks[0].cell, 0.5)
+        assert (when < math.inf) == clashes
+    table = Motions(fleet.junctions.lengths())
+    assert ConflictSearch(fleet.junctions, table, [0, 1]).run(math.inf, 3)

@@ -79,6 +79,51 @@ def test_a_row_of_robots_that_touch_leaves_one_by_one():
     assert closest(tracks(to_json(plan)), plan.tau, plan.margin).slack > -4.5e-5
 
 
+def a_chain(seed, count):
+    """Robots side by side as near as they may, or nearly, at their starts and at their goals."""
+    dice = random.Random(seed)
+    places = np.array([[dice.uniform(3.5, 8.5) for _ in range(2)] for _ in range(2)])
+    turns = np.array([dice.uniform(-math.pi, math.pi) for _ in range(2)])
+    ways = np.column_stack((np.cos(turns), np.sin(turns)))
+    margin, robots = dice.choice((0.0, 0.02, 0.05)), []
+    for k in range(count):
+        radius = dice.choice((0.1, 0.15, 0.2))
+        if robots:
+            apart = radius + robots[-1].radius + margin
+            places = places + np.array([[apart + dice.choice(BEYOND)] for _ in range(2)]) * ways
+        accel = dice.choice((0.3, 1.0, math.inf))
+        ends = [(float(x), float(y)) for x, y in places]
+        robots.append(a_robot(f"R{k}", *ends, radius=radius, max_accel=accel))
+    return a_scenario(robots, size=(12, 12), margin=margin, tau=dice.choice((0.0, 0.5)))
+
+
+@pytest.mark.parametrize(("count", "least"), [(2, 14), (3, 9)])
+def test_robots_near_at_both_ends_are_planned_or_refused_and_never_fail_their_proof(count, least):
+    slacks, refusals = [], []
+    for seed in range(16):
+        scenario = a_chain(seed, count)
+        try:
+            plan = plan_scenario(scenario, effort=1)
+        except PlanError as error:
+            refusals.append(str(error))
+        else:
+            slacks.append(closest(tracks(to_json(plan)), plan.tau, plan.margin).slack)
+    assert all("block each other" in refusal for refusal in refusals)
+    assert len(slacks) >= least
+    assert min(slacks) > -4.5e-5
+
+
+@pytest.mark.parametrize("tau", [0.0, 0.1, 0.5])
+def test_one_that_steps_aside_to_end_as_near_as_it_may_is_not_driven_through(tau):
+    robots = [
+        a_robot("A", (9.91545, 7.256026), (2.414348, 7.171088), max_accel=0.3),
+        a_robot("B", (10.111832, 7.545741), (2.067175, 7.215484), radius=0.1, max_accel=0.3),
+    ]
+    scenario = a_scenario(robots, size=(12, 12), margin=0.05, tau=tau)
+    plan = plan_scenario(scenario, effort=1)
+    assert closest(tracks(to_json(plan)), plan.tau, plan.margin).slack > -4.5e-5
+
+
 def test_zones_ask_as_much_as_ever_of_robots_that_stand_apart():
     scenario = a_scenario([a_robot("A", (2, 2), (8, 2)), a_robot("B", (2.452, 2), (8, 6))])
     near = near_places(scenario, PAD)
