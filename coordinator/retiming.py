@@ -169,14 +169,13 @@ class _Retiming:
 
     def _order(self, index: int) -> Indices:
         """Return for each zone of a robot whether it passes first or after the other one."""
-        rows, cell = self.junctions.rows_of(index)[0], self.tracks[index].cell
-        modes = []
+        rows, table, modes = self.junctions.rows_of(index)[0], self.motions.table, []
         for k, zone in enumerate(self.junctions.zones_of(index).tolist()):
             other = int(rows.other[k])
             theirs = self.junctions.rows_of(other)[0]
             at = self.junctions.zones_of(other).tolist().index(zone)
-            mine = reached(self.motions.table, index, rows.cell[rows.first[k]] * cell)
-            its = reached(self.motions.table, other, theirs.cell[theirs.first[at]] * cell)
+            mine = reached(table, index, rows.enters[k])
+            its = reached(table, other, theirs.enters[at])
             modes.append(FIRST if (mine, index) < (its, other) else AFTER)
         return np.array(modes, dtype=np.int64)
 
