@@ -87,7 +87,8 @@ class _Retiming:
 
     def find(self) -> PlanDocument | None:
         """Return the document with new times, proven; None when there are none."""
-        for changed in (self._in_order(), self._alone()):
+        for look in (self._in_order, self._alone):
+            changed = look()
             document = None if changed is None else self._document(changed)
             if document is not None:
                 return document

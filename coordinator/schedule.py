@@ -200,10 +200,7 @@ class _Improvement:
         return [seed, *others[: self.rounds.randint(1, _LARGEST - 1)]]
 
     def _try(self, chosen: list[int]) -> None:
-        """Put robots back in another order; undo it if that is no better.
-
-        What has failed with everybody's motions as they are now is not tried again.
-        """
+        """Put robots back in another order, each once a state; undo it if that is no better."""
         serials = self.motions.table.serial
         before = [(index, self.motions.found[index], int(serials[index])) for index in chosen]
         was = sum(self.delay[index] for index in chosen)
