@@ -126,7 +126,11 @@ def test_a_robot_that_stands_in_the_way_of_another_that_cannot_stop_in_time_gets
 
 def test_new_times_keep_the_order_even_where_the_late_robot_alone_could_go_later(monkeypatch):
     scenario, document = planned("polygons", 9, 1)
-    monkeypatch.setattr("coordinator.retiming._Retiming._alone", lambda _self: None)
+
+    def nobody_alone(found):
+        found.motions = found._as_driven()
+
+    monkeypatch.setattr("coordinator.retiming._Retiming._alone", nobody_alone)
     chance, found = random.Random(5), 0
     for _ in range(12):
         robot = chance.choice(document.robots)
