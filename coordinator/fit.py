@@ -45,8 +45,10 @@ def fit(vertices: Array, exact: Flags, widths: Array) -> Fit:
     """Return the curve along a polygon (n, 2) [m] by arc length; widths (n,) [m]."""
     bent, at = vertices, lengths_along(vertices)
     for _ in range(_ROUNDS if exact[1:-1].any() else 0):
-        bent = bent_out(vertices, bent, exact, at, widths)
-        at = lengths_along(bent)
+        further = bent_out(vertices, bent, exact, at, widths)
+        if np.array_equal(further, bent):
+            break
+        bent, at = further, lengths_along(further)
     return fit_at(vertices, bent, exact, at, widths)
 
 

@@ -100,11 +100,13 @@ class Junctions:
         fresh._fine, fresh._approaches = True, {}
         return fresh
 
-    def near(self, index: int) -> list[int]:
-        """Return the robots that a robot has zones with."""
-        zones = self.zones_of(index)
-        others = self.zones.a[zones] + self.zones.b[zones] - index
-        return [int(other) for other in np.unique(others)]
+    def near(self, index: int) -> tuple[int, ...]:
+        """Return the robots that a robot has zones with, in order."""
+        if index not in self._near:
+            zones = self.zones_of(index)
+            others = self.zones.a[zones] + self.zones.b[zones] - index
+            self._near[index] = tuple(np.unique(others).tolist())
+        return self._near[index]
 
     def zones_of(self, index: int) -> Indices:
         """Return the numbers of a robot's zones."""
@@ -198,6 +200,7 @@ class Junctions:
 
     def _sort(self) -> None:
         """Sort the zones by robots, and lay the chords of all robots one after another."""
+        self._near: dict[int, tuple[int, ...]] = {}
         chords = [track.chords for track in self.tracks]
         self._errors = np.array([path.error for path in chords])
         self._chords = (

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from coordinator.bans_kernels import Known, Rows, Timetable, forbid
 from coordinator.compiled import compiled
 from coordinator.nurbs import Array
 from coordinator.nurbs_kernels import Indices
@@ -59,6 +60,29 @@ class _Closed(NamedTuple):
     ends: Array
     owners: Indices
     order: Indices
+
+
+@compiled
+def search_among(
+    rows: Rows,
+    known: Known,
+    span: Array,
+    ride: Ride,
+    rest: Array,
+    modes: Indices,
+    table: Timetable,
+    tau: float,
+    release: float,
+    polite: bool,
+    leave_by: float,
+) -> tuple[Array, float]:
+    """Search among motions that are known, with what zones ask: `forbid`, then `search`.
+
+    One call in place of two: passing arrays to compiled code takes as long as small searches do.
+    """
+    low, high = forbid(rows, modes, table, ride.elapsed, tau, known)
+    bans = Bans(rows.first, rows.cell, known.begin, known.end, low, high, span)
+    return search(ride, bans, rest, release, polite, leave_by)
 
 
 @compiled

@@ -15,7 +15,7 @@ from coordinator.bans_kernels import BOTH, FIRST, forbid
 from coordinator.conflict_zones import Indices
 from coordinator.junctions import FEW, Approach, Junctions
 from coordinator.motion import Motion, Wait
-from coordinator.rest_kernels import search
+from coordinator.rest_kernels import search, search_among
 from coordinator.timetable import Motions
 from coordinator.waiting_kernels import PLACE, Bans
 
@@ -79,13 +79,22 @@ def _waits(
     leave_by: float,
 ) -> tuple[float, list[Wait]]:
     """Return when the robot arrives [s], infinite if never, and its waits."""
-    track, rows = junctions.tracks[index], approach.rows
+    rows = approach.rows
     if modes is None:
         modes = np.where(motions.placed[rows.other], BOTH, FIRST)
-    known = approach.known
-    low, high = forbid(rows, modes, motions.table, track.elapsed, junctions.tau, known)
-    bans = Bans(rows.first, rows.cell, known.begin, known.end, low, high, approach.span)
-    rests, arrival = search(approach.ride, bans, approach.rest, release, polite, leave_by)
+    rests, arrival = search_among(
+        rows,
+        approach.known,
+        approach.span,
+        approach.ride,
+        approach.rest,
+        modes,
+        motions.table,
+        junctions.tau,
+        release,
+        polite,
+        leave_by,
+    )
     return float(arrival), _as_waits(junctions, index, approach, rests)
 
 
