@@ -1,8 +1,9 @@
 """For whom robots wait, found from plans alone: the wire does not say it.
 
-Decides: that a robot waits for the one which it follows with least time to spare.  Must not know:
-how the plan was made; schedules wait no longer than they have to, so one robot always forces a
-wait.  What is found is for people to look at; nothing is decided by it.
+Decides: that a robot waits for the first one ahead which it would have met had it waited half as
+long, as the planner tells it (wait_owners.py), else for the one which it follows most closely.
+Must not know: how the plan was made; schedules wait no longer than they have to, so one robot
+always forces a wait.  What is found is for people to look at; nothing is decided by it.
 """
 
 from __future__ import annotations
@@ -27,7 +28,10 @@ _MOST: Final = 400
 """At most so many places of a path are looked at."""
 
 _FORCED: Final = 1.0
-"""A robot with more time to spare [s] than this is not what forces a wait."""
+"""A robot with more time to spare [s] than this is not what forces a short wait."""
+
+_MOST_OF_IT: Final = 0.5
+"""A robot that forces this share of a wait explains it."""
 
 
 class _Track(NamedTuple):
@@ -70,7 +74,7 @@ def _explained(
     ends = [s for s, _ in [*rests[1:], (math.inf, 0.0)]][: len(rests)]
     owners, reasons = [], []
     for (s, lasts), end in zip(rests, ends, strict=True):
-        owner, found = _forces(document, tracks, index, (s, end))
+        owner, found = _forces(document, tracks, index, (s, end), lasts)
         owners.append(owner)
         if found is not None:
             reasons.append(
@@ -91,26 +95,35 @@ def _explained(
 
 
 def _forces(
-    document: PlanDocument, tracks: Sequence[_Track], index: int, within: tuple[float, float]
+    document: PlanDocument,
+    tracks: Sequence[_Track],
+    index: int,
+    within: tuple[float, float],
+    lasts: float,
 ) -> tuple[str, _Follows | None]:
-    """Return the robot that is followed most closely from one rest to the next."""
+    """Return the robot that forces a wait [s] of what is followed from one rest to the next."""
     mine, radius = tracks[index], document.robots[index].radius
     ahead = (mine.s > within[0]) & (mine.s <= within[1])
     part = _only(mine, ahead)
-    best, owner = None, ""
+    followed: list[tuple[_Follows, str]] = []
     for other, robot in enumerate(document.robots):
         if other == index or not len(part.s):
             continue
         need = radius + robot.radius + document.margin
-        found = _follows(part, tracks[other], need, document.tau)
-        if found is not None and (best is None or found.spare < best.spare):
-            best, owner = found, robot.id
-    return (owner, best) if best is not None and best.spare < _FORCED else ("", None)
+        found = _follows(part, tracks[other], need, document.tau, max(_FORCED, _MOST_OF_IT * lasts))
+        if found is not None and found.spare < max(_FORCED, _MOST_OF_IT * lasts):
+            followed.append((found, robot.id))
+    if not followed:
+        return "", None
+    forcing = [pair for pair in followed if pair[0].spare <= _MOST_OF_IT * lasts]
+    first = min(forcing, key=lambda pair: pair[0].zone[0], default=None)
+    best, owner = first or min(followed, key=lambda pair: pair[0].spare)
+    return owner, best
 
 
-def _follows(mine: _Track, theirs: _Track, need: float, tau: float) -> _Follows | None:
-    """Return how closely a robot follows another one; None when they never come near."""
-    soon = (theirs.left > mine.reached[0] - tau - _FORCED) & (theirs.reached < mine.reached[-1])
+def _follows(mine: _Track, theirs: _Track, need: float, tau: float, most: float) -> _Follows | None:
+    """Return how closely a robot follows another one, by `most` [s]; None when they never meet."""
+    soon = (theirs.left > mine.reached[0] - tau - most) & (theirs.reached < mine.reached[-1])
     mine, theirs = _beside(mine, _only(theirs, soon), need)
     theirs, mine = _beside(theirs, mine, need)
     if not len(mine.s) or not len(theirs.s):

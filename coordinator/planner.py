@@ -35,6 +35,7 @@ from coordinator.scenario import Scenario
 from coordinator.schedule import Deadlock, find_schedule
 from coordinator.track import Track
 from coordinator.verify import prove_document
+from coordinator.wait_owners import with_owners
 
 DEFAULT_EFFORT = 20
 
@@ -158,7 +159,8 @@ class _Stages:
             if not pairs:
                 result = find_schedule(self.junctions, priorities, effort)
                 if not isinstance(result, Deadlock):
-                    return self._improved(result, priorities, effort)
+                    improved = self._improved(result, priorities, effort)
+                    return with_owners(self.junctions, improved)
                 pairs = blocking_pairs(self.junctions, result)
             solved = [self._reroute(pair, rerouted) for pair in pairs]
             if not any(solved):
