@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import _thread
 import gc
 import signal
 import sys
+import threading
 from types import FrameType
 from typing import Final
 
@@ -26,6 +28,8 @@ from coordinator.usage import usage_line
 from protocol.transport import TransportError
 
 _ENDING: Final = (signal.SIGINT, signal.SIGTERM)
+
+_SOON_S: Final = 0.02
 
 app = typer.Typer(
     name="splinefleet",
@@ -52,8 +56,8 @@ def main() -> None:
     # What plans are made of has no cycles: this saves seconds at 1,000 robots.
     gc.set_threshold(100_000, 50, 100)
     read_quickly()
-    for number in _ENDING:
-        signal.signal(number, _interrupt)
+    _listen()
+    sys.unraisablehook = _missed
     try:
         code = app(standalone_mode=False, prog_name="splinefleet")
     except (InputError, TransportError) as error:
@@ -73,6 +77,21 @@ def main() -> None:
     # What is left ends with the process: this saves a search through all of it for cycles.
     gc.freeze()
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _listen() -> None:
+    """From now on a request to end interrupts the program."""
+    for number in _ENDING:
+        signal.signal(number, _interrupt)
+
+
+def _missed(missed: sys.UnraisableHookArgs) -> None:
+    """Interrupt again when the first interrupt fell where Python swallows it, as in an import."""
+    if missed.exc_type is not KeyboardInterrupt:
+        sys.__unraisablehook__(missed)
+        return
+    _listen()
+    threading.Timer(_SOON_S, _thread.interrupt_main).start()
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:

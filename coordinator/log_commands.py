@@ -49,15 +49,14 @@ def record(
 
     Example: splinefleet record --connect tcp/127.0.0.1:7447 -o beside.mcap
     """
-    from coordinator.record import Recording, first_fleet
+    from coordinator.record import Recording
     from protocol.zenoh_transport import ZenohTransport, use_few_threads
 
     use_few_threads()
     recording = Recording(output, speed)
     try:
         with ZenohTransport.connect(connect, timeout_s=wait) as transport:
-            name = fleet or first_fleet(transport)
-            recording.begin(transport, name)
+            name = recording.begin(transport, fleet)
             tell(f"{name}: recording into {output}, Ctrl-C ends it")
             recording.wait()
     finally:

@@ -12,10 +12,11 @@ from __future__ import annotations
 import platform
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from coordinator.link_news import link_news
 from coordinator.recorder import Recorder
@@ -29,7 +30,17 @@ LINGER_S: Final = 1.0
 """What robots say after the fleet is over still goes into the log, for so long."""
 
 _LOOK_S: Final = 0.2
+_MOST_KEPT: Final = 100_000
+"""So many messages at most are kept before a fleet is known."""
+
 _VERSIONED: Final = ("splinefleet", "eclipse-zenoh", "mcap", "msgspec")
+
+
+class _Heard(NamedTuple):
+    key: str
+    payload: bytes
+    sent_ns: int | None
+    now_ns: int
 
 
 class Listener:
@@ -51,11 +62,19 @@ class Listener:
         `**` is Zenoh's word for any number of parts.
         """
         transport.subscribe(f"{keys.ROOT}/{fleet}/**", self.hear)
+        self.watch(transport, fleet)
+
+    def watch(self, transport: Transport, fleet: str) -> None:
+        """Subscribe to who is alive."""
         transport.watch_alive(keys.alive(fleet, "*"), self.link_changed)
 
     def hear(self, key: str, payload: bytes, sent_ns: int | None) -> None:
         """Record a message; the transport calls this one at a time."""
-        self._recorder.record(key, payload, self._clock(), sent_ns)
+        self.take(key, payload, sent_ns, self._clock())
+
+    def take(self, key: str, payload: bytes, sent_ns: int | None, now_ns: int) -> None:
+        """Record a message that arrived at `now_ns`."""
+        self._recorder.record(key, payload, now_ns, sent_ns)
         self.messages += 1
         if key == self._command:
             command = decode("command", payload)
@@ -76,8 +95,15 @@ class Recording:
         self._speed = speed
         self._recorder: Recorder | None = None
 
-    def begin(self, transport: Transport, fleet: str) -> None:
-        """Create the file and listen; InputError when the file cannot be created."""
+    def begin(self, transport: Transport, fleet: str | None = None) -> str:
+        """Create the file and listen; return the fleet's name, which may be the first one heard.
+
+        Raises InputError when the file cannot be created.
+        """
+        first = None if fleet is not None else FirstFleet(self._clock)
+        if first is not None:
+            fleet = first.wait(transport)
+        assert fleet is not None
         metadata = {
             "fleet": fleet,
             "passive": "yes",
@@ -89,7 +115,12 @@ class Recording:
         offset_ns = time.time_ns() - self._clock()
         self._recorder = Recorder(self.path, metadata=metadata, wall_offset_ns=offset_ns)
         self.listener = Listener(fleet, self._recorder, self._clock)
-        self.listener.listen(transport, fleet)
+        if first is None:
+            self.listener.listen(transport, fleet)
+        else:
+            first.hand_over(self.listener)
+            self.listener.watch(transport, fleet)
+        return fleet
 
     def wait(self) -> None:
         """Wait until the fleet is over, or nothing more can be written."""
@@ -113,18 +144,44 @@ class Recording:
         return int(time.monotonic_ns() * self._speed)
 
 
-def first_fleet(transport: Transport) -> str:
-    """Wait for any fleet's Command and return the fleet's name."""
-    found: list[str] = []
-    heard = threading.Event()
+class FirstFleet:
+    """What is said before it is known which fleet there is: the first one heard is recorded."""
 
-    def hear(key: str, _payload: bytes, _sent_ns: int | None) -> None:
-        place = keys.split(key)
-        if place is not None and not found:
-            found.append(place[0])
-            heard.set()
+    def __init__(self, clock: Callable[[], int]) -> None:
+        self._clock = clock
+        self._kept: deque[_Heard] = deque(maxlen=_MOST_KEPT)
+        self._listener: Listener | None = None
+        self._found = threading.Event()
+        self._fleet = ""
+        self._gate = threading.Lock()
 
-    transport.subscribe(keys.command("*"), hear)
-    while not heard.wait(_LOOK_S):
-        pass
-    return found[0]
+    def wait(self, transport: Transport) -> str:
+        """Listen to all fleets until one says a Command; return its name."""
+        transport.subscribe(f"{keys.ROOT}/**", self._hear)
+        while not self._found.wait(_LOOK_S):
+            pass
+        return self._fleet
+
+    def hand_over(self, listener: Listener) -> None:
+        """Give a listener all that the fleet has said, and what it will say."""
+        with self._gate:
+            for heard in self._kept:
+                self._pass_on(listener, heard)
+            self._kept.clear()
+            self._listener = listener
+
+    def _hear(self, key: str, payload: bytes, sent_ns: int | None) -> None:
+        heard = _Heard(key, payload, sent_ns, self._clock())
+        with self._gate:
+            if self._listener is not None:
+                self._pass_on(self._listener, heard)
+                return
+            self._kept.append(heard)
+            place = keys.split(key)
+            if place is not None and place[1] == "command" and not self._fleet:
+                self._fleet = place[0]
+                self._found.set()
+
+    def _pass_on(self, listener: Listener, heard: _Heard) -> None:
+        if heard.key.startswith(f"{keys.ROOT}/{self._fleet}/"):
+            listener.take(*heard)

@@ -10,7 +10,7 @@ from coordinator.errors import InputError, LogError
 from coordinator.info import summarise
 from coordinator.link_news import LINK_GONE, LINK_UP
 from coordinator.logbook import read_log
-from coordinator.record import Recording, first_fleet
+from coordinator.record import Recording
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import Clock, Command, Report
@@ -77,6 +77,31 @@ def test_everything_below_the_fleets_name_is_recorded_with_its_stamp(tmp_path):
     assert (told["passive"], told["positions_on_wire"], told["bad_messages"]) == (True, 1, 1)
 
 
+def test_what_a_fleet_says_before_its_first_command_is_recorded_with_its_time(tmp_path):
+    link, path, names = Silent(), tmp_path / "run.mcap", []
+    recording = Recording(path)
+    thread = threading.Thread(target=lambda: names.append(recording.begin(link)))
+    thread.start()
+    while "splinefleet/**" not in link.handlers:
+        thread.join(0.001)
+    hear = link.handlers["splinefleet/**"]
+    hear(keys.plan("f", "R1"), b"a plan", None)
+    hear(keys.hello("g", "R1"), b"of another fleet", None)
+    hear(REPORT, encode(Report(1, 1, 1, MOVING)), None)
+    before = recording._clock()
+    hear(COMMAND, encode(Command(9, 1, 1, GO, 5)), None)
+    thread.join()
+    hear(keys.report("g", "R1"), b"of another fleet", None)
+    hear(COMMAND, encode(Command(9, 2, 1, OVER, 0)), None)
+    recording.wait()
+    assert (names, recording.close()) == (["f"], 4)
+    log = read_log(path)
+    assert [record.key for record in log.records] == [
+        keys.plan("f", "R1"), REPORT, COMMAND, COMMAND
+    ]  # fmt: skip
+    assert log.records[1].log_ns <= before <= log.records[2].log_ns
+
+
 def test_another_hosts_clock_is_told_by_the_answers_about_the_time(tmp_path, monkeypatch):
     link, path = Silent(), tmp_path / "run.mcap"
     now = [1_000_000_000_000]
@@ -132,12 +157,11 @@ def test_a_fleet_on_zenoh_is_recorded_whole_by_one_who_found_it_by_itself(tmp_pa
     with ZenohTransport.listen(endpoint) as coordinator, ZenohTransport.connect(endpoint) as robot:
         robot.declare_alive(keys.alive("f", "R1"))
         with ZenohTransport.connect(endpoint) as listener:
-            thread = threading.Thread(target=lambda: names.append(first_fleet(listener)))
+            thread = threading.Thread(target=lambda: names.append(recording.begin(listener)))
             thread.start()
             while thread.is_alive():
                 coordinator.put(COMMAND, command[0])
                 thread.join(0.02)
-            recording.begin(listener, names[0])
             assert coordinator.wait_for_listener("splinefleet/f/report/*", PATIENCE_S)
             assert robot.wait_for_listener("splinefleet/f/report/*", PATIENCE_S)
             for one, other in zip(command, report, strict=True):
