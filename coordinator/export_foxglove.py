@@ -1,8 +1,10 @@
-"""A story as an MCAP file that Foxglove and Lichtblick open directly.
+"""A story as an MCAP file that Foxglove, Lichtblick and Rerun open directly.
 
-Decides: topics, and when what appears.  Must not know: shapes (export_scene.py).
+Decides: topics, and when what appears.  Must not know: shapes (export_scene.py, export_points.py).
 
-Topics: /tf (FrameTransforms), /floor, /robots, /paths, /zones (SceneUpdate), /log (Log).
+Topics: /tf (FrameTransforms), /floor, /robots, /paths, /zones (SceneUpdate), /log (Log); for Rerun
+/points/floor, /points/paths and /points/robots/NAME (PointCloud).  All are Protobuf, by
+foxglove-sdk; the file is written as our logs are, with every checksum.
 """
 
 from __future__ import annotations
@@ -13,13 +15,28 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Final, NamedTuple
 
-import msgspec
 import numpy as np
+from foxglove import Schema
+from foxglove.messages import (
+    FrameTransform,
+    FrameTransforms,
+    Log,
+    LogLevel,
+    PointCloud,
+    Quaternion,
+    SceneEntityDeletion,
+    SceneEntityDeletionType,
+    SceneUpdate,
+    Timestamp,
+    Vector3,
+)
 from mcap.writer import Writer
 
 from coordinator.export import Leg, Story
+from coordinator.export_points import floor_cloud, paths_cloud, robot_cloud
 from coordinator.export_scene import (
     FRAME,
+    Colour,
     colour_of,
     floor_entities,
     frame_of,
@@ -27,31 +44,17 @@ from coordinator.export_scene import (
     robot_entity,
     zone_entity,
 )
-from coordinator.export_schema import (
-    ERROR,
-    INFO,
-    MATCHING_ID,
-    WARNING,
-    Color,
-    FrameTransform,
-    FrameTransforms,
-    Log,
-    Quaternion,
-    SceneEntityDeletion,
-    SceneUpdate,
-    Time,
-    Vector3,
-    WellKnown,
-    json_schema,
-    schema_name,
-)
 from coordinator.nurbs import Array
 from coordinator.plan import PlanDocument, Reason
 from coordinator.recorder import begin_file
 
 _SECOND: Final = 1_000_000_000
-_LEVELS: Final = {"freeze": WARNING, "refusal": WARNING}
+_LAST_NS: Final = 2**32 * _SECOND - 1
+"""The last time that a Timestamp holds, in 2106."""
 
+_LEVELS: Final = {"freeze": LogLevel.Warning, "refusal": LogLevel.Warning}
+
+Message = SceneUpdate | PointCloud | FrameTransforms | Log
 Progress = Callable[[Sequence[float], str], Iterable[float]]
 
 
@@ -60,11 +63,11 @@ class Told(NamedTuple):
 
     t: float
     topic: str
-    message: WellKnown
+    message: Message
 
 
 def write_scene(story: Story, step: float, progress: Progress = lambda times, _: times) -> bytes:
-    """Return the file's bytes; robots are placed every `step` seconds.
+    """Return the file's bytes, the same for the same story; robots are placed every `step` seconds.
 
     `progress` is given the times of all frames and yields them.
     """
@@ -86,22 +89,25 @@ class _File:
 
     def add(self, told: Told) -> None:
         if told.topic not in self._channels:
-            self._channels[told.topic] = self._register(told.topic, type(told.message))
+            self._channels[told.topic] = self._register(told.topic, told.message.get_schema())
         at = _time_ns(self._zero_ns, told.t)
-        data = msgspec.json.encode(told.message)
-        self._writer.add_message(self._channels[told.topic], at, data, at)
+        self._writer.add_message(self._channels[told.topic], at, told.message.encode(), at)
 
-    def _register(self, topic: str, kind: type[WellKnown]) -> int:
-        name = schema_name(kind)
-        if name not in self._schemas:
-            self._schemas[name] = self._writer.register_schema(
-                name, "jsonschema", json_schema(kind)
+    def _register(self, topic: str, schema: Schema) -> int:
+        if schema.name not in self._schemas:
+            self._schemas[schema.name] = self._writer.register_schema(
+                schema.name, schema.encoding, schema.data
             )
-        return self._writer.register_channel(topic, "json", self._schemas[name])
+        return self._writer.register_channel(topic, "protobuf", self._schemas[schema.name])
 
 
 def _time_ns(zero_ns: int, t: float) -> int:
-    return max(zero_ns + round(t * _SECOND), 0)
+    return min(max(zero_ns + round(t * _SECOND), 0), _LAST_NS)
+
+
+def _stamp(story: Story, t: float) -> Timestamp:
+    """Return a time of the story as one since 1970: the log time of the message that has it."""
+    return Timestamp(*divmod(_time_ns(story.zero_ns, t), _SECOND))
 
 
 def _scenes(story: Story) -> list[Told]:
@@ -111,17 +117,21 @@ def _scenes(story: Story) -> list[Told]:
     return sorted(told, key=lambda one: one.t)
 
 
-def _static(story: Story, colours: dict[str, Color]) -> Iterator[Told]:
-    now = Time.of(_time_ns(story.zero_ns, story.first))
+def _static(story: Story, colours: dict[str, Colour]) -> Iterator[Told]:
+    t, now = story.first, _stamp(story, story.first)
     document = next(iter(story.documents.values()), None)
     if document is not None and document.workspace is not None:
-        entities = floor_entities(document.workspace, now)
-        yield Told(story.first, "/floor", SceneUpdate(entities=entities))
-    robots = [robot_entity(legs[0], colours[name], now) for name, legs in story.of_robots().items()]
-    yield Told(story.first, "/robots", SceneUpdate(entities=robots))
+        floor = document.workspace
+        yield Told(t, "/floor", SceneUpdate(entities=floor_entities(floor, now)))
+        yield Told(t, "/points/floor", floor_cloud(floor, now))
+    firsts = {name: legs[0] for name, legs in story.of_robots().items()}
+    robots = [robot_entity(leg, colours[name], now) for name, leg in firsts.items()]
+    yield Told(t, "/robots", SceneUpdate(entities=robots))
+    for name, leg in firsts.items():
+        yield Told(t, f"/points/robots/{name}", robot_cloud(leg, colours[name], now))
 
 
-def _paths(story: Story, colours: dict[str, Color]) -> Iterator[Told]:
+def _paths(story: Story, colours: dict[str, Colour]) -> Iterator[Told]:
     """Yield every epoch's paths when it begins, the first one's at once; older ones go."""
     shown: set[str] = set()
     epochs: dict[int, list[Leg]] = {}
@@ -129,12 +139,18 @@ def _paths(story: Story, colours: dict[str, Color]) -> Iterator[Told]:
         epochs.setdefault(leg.epoch, []).append(leg)
     for number, legs in enumerate(epochs.values()):
         t = legs[0].start if number else story.first
-        now = Time.of(_time_ns(story.zero_ns, t))
+        now = _stamp(story, t)
         names = {f"path/{leg.driven.id}" for leg in legs}
-        gone = [SceneEntityDeletion(now, MATCHING_ID, name) for name in sorted(shown - names)]
-        entities = [path_entity(leg, colours[leg.driven.id], now) for leg in legs]
+        gone = [_deletion(name, now) for name in sorted(shown - names)]
+        inks = [colours[leg.driven.id] for leg in legs]
+        entities = [path_entity(leg, ink, now) for leg, ink in zip(legs, inks, strict=True)]
         yield Told(t, "/paths", SceneUpdate(deletions=gone, entities=entities))
+        yield Told(t, "/points/paths", paths_cloud(legs, inks, now))
         shown = names
+
+
+def _deletion(name: str, now: Timestamp) -> SceneEntityDeletion:
+    return SceneEntityDeletion(timestamp=now, type=SceneEntityDeletionType.MatchingId, id=name)
 
 
 def _zones(story: Story) -> Iterator[Told]:
@@ -149,7 +165,7 @@ def _zones(story: Story) -> Iterator[Told]:
             end = min(depart, mine.end)
             for t, lit in ((mine.start, False), (depart - reason.wait, True), (end, False)):
                 if t <= end:
-                    now = Time.of(_time_ns(story.zero_ns, t))
+                    now = _stamp(story, t)
                     name = f"zone/{epoch}/{number}"
                     entity = zone_entity(name, reason, mine, theirs, lit, now)
                     yield Told(t, "/zones", SceneUpdate(entities=[entity]))
@@ -169,18 +185,20 @@ def _lines(story: Story) -> Iterator[Told]:
     begin = story.first + (story.summary.zero or 0.0)
     for epoch in story.summary.epochs:
         for change in epoch.phases:
-            yield _line(story, begin + change.t, INFO, f"epoch {epoch.epoch}: {change.phase}", "")
+            text = f"epoch {epoch.epoch}: {change.phase}"
+            yield _line(story, begin + change.t, LogLevel.Info, text, "")
         for robot, t in epoch.arrivals.items():
-            yield _line(story, begin + t, INFO, f"{robot} has arrived", robot)
+            yield _line(story, begin + t, LogLevel.Info, f"{robot} has arrived", robot)
     for fault in story.summary.faults:
-        yield _line(
-            story, begin + fault.t, _LEVELS.get(fault.kind, ERROR), fault.fault, fault.robot
-        )
+        level = _LEVELS.get(fault.kind, LogLevel.Error)
+        text = f"{fault.robot}: {fault.fault}" if fault.robot else fault.fault
+        yield _line(story, begin + fault.t, level, text, fault.robot)
 
 
-def _line(story: Story, t: float, level: int, text: str, robot: str) -> Told:
-    now = Time.of(_time_ns(story.zero_ns, t))
-    return Told(t, "/log", Log(now, level, text, robot or "coordinator"))
+def _line(story: Story, t: float, level: LogLevel, text: str, robot: str) -> Told:
+    now = _stamp(story, t)
+    line = Log(timestamp=now, level=level, message=text, name=robot or "coordinator")
+    return Told(t, "/log", line)
 
 
 def _frames(story: Story, step: float, progress: Progress) -> Iterator[Told]:
@@ -189,9 +207,9 @@ def _frames(story: Story, step: float, progress: Progress) -> Iterator[Told]:
     times = np.append(story.first + step * np.arange(count), story.last)
     poses = {name: _poses(legs, times) for name, legs in story.of_robots().items()}
     for number, t in enumerate(progress(times.tolist(), "placing robots")):
-        now = Time.of(_time_ns(story.zero_ns, t))
+        now = _stamp(story, t)
         transforms = [_transform(now, name, pose[number]) for name, pose in poses.items()]
-        yield Told(t, "/tf", FrameTransforms(transforms))
+        yield Told(t, "/tf", FrameTransforms(transforms=transforms))
 
 
 def _poses(legs: Sequence[Leg], times: Array) -> Array:
@@ -205,7 +223,12 @@ def _poses(legs: Sequence[Leg], times: Array) -> Array:
     return poses
 
 
-def _transform(now: Time, name: str, pose: Array) -> FrameTransform:
+def _transform(now: Timestamp, name: str, pose: Array) -> FrameTransform:
     x, y, heading = pose.tolist()
-    turned = Quaternion(z=math.sin(0.5 * heading), w=math.cos(0.5 * heading))
-    return FrameTransform(now, FRAME, frame_of(name), Vector3(x, y), turned)
+    return FrameTransform(
+        timestamp=now,
+        parent_frame_id=FRAME,
+        child_frame_id=frame_of(name),
+        translation=Vector3(x=x, y=y, z=0.0),
+        rotation=Quaternion(x=0.0, y=0.0, z=math.sin(0.5 * heading), w=math.cos(0.5 * heading)),
+    )

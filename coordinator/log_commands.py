@@ -141,13 +141,12 @@ def export(
 ) -> None:
     """Write the robots' motions, by the plans in a plan file or a log, for other tools.
 
-    csv: robot,t,x,y,heading,s,v.  foxglove: an MCAP for Foxglove and Lichtblick.
+    csv: robot,t,x,y,heading,s,v.  foxglove: an MCAP for Foxglove, Lichtblick and Rerun.
     vda5050: an order per robot into DIR, of the newest plan.
 
     Example: splinefleet export runs/demo/run.mcap --to foxglove -o scene.mcap
     """
     from coordinator.export import csv_lines, read_story
-    from coordinator.export_foxglove import write_scene
     from coordinator.vda5050_commands import write_orders
 
     if source.exists() and output.exists() and source.samefile(output):
@@ -164,5 +163,7 @@ def export(
     if to == "csv":
         write_file(output, ("\n".join(csv_lines(story, step)) + "\n").encode())
     else:
+        from coordinator.export_foxglove import write_scene
+
         _write_at_once(output, write_scene(story, step, shown))
     tell(f"wrote {output}")
