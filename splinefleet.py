@@ -25,7 +25,7 @@ from coordinator.console import tell
 from coordinator.errors import InputError, LogError, PlanError
 from coordinator.quick_options import read_quickly
 from coordinator.usage import usage_line
-from protocol.transport import TransportError
+from protocol.transport import NoAnswerError, TransportError
 
 _ENDING: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -60,12 +60,12 @@ def main() -> None:
     sys.unraisablehook = _missed
     try:
         code = app(standalone_mode=False, prog_name="splinefleet")
+    except (PlanError, LogError, NoAnswerError) as error:
+        tell(str(error), "red")
+        code = 1
     except (InputError, TransportError) as error:
         tell(str(error), "red")
         code = 2
-    except (PlanError, LogError) as error:
-        tell(str(error), "red")
-        code = 1
     except typer.Abort:
         code = 130
     except typer.TyperException as error:

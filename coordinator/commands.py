@@ -164,7 +164,12 @@ def verify(
 @commands.command()
 def coordinator(
     scenario: ScenarioFile,
-    listen: Annotated[str, typer.Option(help="tcp/HOST:PORT")] = "tcp/127.0.0.1:7447",
+    listen: Annotated[
+        str | None, typer.Option(help="tcp/HOST:PORT; by default tcp/127.0.0.1:7447.")
+    ] = None,
+    connect: Annotated[
+        str | None, typer.Option(help="tcp/HOST:PORT of a router, in place of --listen.")
+    ] = None,
     log: Annotated[
         Path | None, typer.Option(help="Record everything into this file.", callback=writable())
     ] = None,
@@ -179,16 +184,18 @@ def coordinator(
     ] = 60.0,
     as_json: Annotated[bool, typer.Option("--json", help="Events as JSON lines.")] = False,
 ) -> None:
-    """Run the coordinator alone; robots connect to it.
+    """Run the coordinator alone; robots connect to it, or all of them to a router.
 
     Example: splinefleet coordinator site.toml --listen tcp/127.0.0.1:7447 --log run.mcap
     """
     from coordinator.launch import Coordinator
+    from coordinator.meeting_place import meeting_place
     from coordinator.scenario_file import read_scenario
 
+    place = meeting_place(listen, connect)
     asked = read_scenario(scenario)
     runner = Coordinator(asked, effort=effort, speed=speed, events=as_json)
-    raise typer.Exit(runner.run(listen, log, plan_out, wait, resume))
+    raise typer.Exit(runner.run(place, log, plan_out, wait, resume))
 
 
 @commands.command()

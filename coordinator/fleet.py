@@ -27,8 +27,9 @@ from coordinator.fleet_phases import (
 from coordinator.fleet_state import FleetState
 from coordinator.greeting import Door
 from coordinator.lateness import Lateness
-from coordinator.link_news import LINK_GONE
+from coordinator.link_news import LINK_GONE, LINK_UP, router_key
 from coordinator.member import Member
+from coordinator.router_link import RouterLink
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Admit, Clock, Command, Hello, Pace, Report
@@ -56,11 +57,13 @@ class Fleet(FleetState):
         super().__init__(name, boot, members, times, delay or Delay())
         self.bad_messages = 0
         self.superseded = False
-        self._patient_until_ns = 0
         self._door = Door(name, self.members, self.incidents)
 
     def hear(self, key: str, payload: bytes, now_ns: int) -> list[Outgoing]:
         """Take in what arrived on a key and return what to send; bad bytes are counted."""
+        if key == router_key(self.name):
+            self._hear_router(payload == LINK_UP, now_ns)
+            return []
         place = keys.split(key)
         if place is None or place[0] != self.name or place[1] == "plan":
             self.bad_messages += 1
@@ -68,6 +71,7 @@ class Fleet(FleetState):
         _, kind, robot = place
         if kind == "alive":
             return self._hear_gone(robot, now_ns) if payload == LINK_GONE else []
+        self._router.note(now_ns)
         message = decode(kind, payload)
         if isinstance(message, Hello):
             return self._hear_hello(robot, message, now_ns)
@@ -150,7 +154,7 @@ class Fleet(FleetState):
         robots are given time to speak.
         """
         self.boot, self._sequence, self.epoch = boot, 0, self.next_epoch + 1
-        self.superseded = False
+        self.superseded, self._router = False, RouterLink()
         if not self.times.has_gone:
             self.first_epoch = self.epoch
         for member in self.members.values():
@@ -184,7 +188,7 @@ class Fleet(FleetState):
         if report.rest is not None and not 1 <= report.rest.epoch <= self.times.epoch:
             return self._hear_stranger(member, report.rest.epoch, now_ns)
         was = (member.phase, member.fault)
-        stale = self._absence.is_stale(now_ns)
+        stale = self._absence.is_stale(now_ns) or self._router.is_stale(now_ns)
         if not member.hear(report, now_ns, stale):
             return []
         if not stale:

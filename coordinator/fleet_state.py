@@ -1,7 +1,7 @@
 """What a fleet core knows: phase, epoch, members, times; how they turn, and what says so.
 
-Decides: how a phase changes and what a Command holds.  Must not know: what is heard, when to look
-(fleet.py).
+Decides: how a phase changes, what the router's link means for it, and what a Command holds.  Must
+not know: what is heard, when to look (fleet.py).
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ from coordinator.delay import Delay
 from coordinator.epoch_times import EpochTimes
 from coordinator.failing import Failing
 from coordinator.fleet_news import Incident, Outgoing
-from coordinator.fleet_phases import FAREWELLS, TRANSITIONS, Event
+from coordinator.fleet_phases import FAREWELLS, RESUME_PATIENCE, TRANSITIONS, Event
 from coordinator.member import Member
 from coordinator.roster import Roster
+from coordinator.router_link import RouterLink
 from coordinator.standing import Standing
 from protocol import keys
 from protocol.codec import encode
@@ -39,6 +40,8 @@ class FleetState:
         self._changed_ns = 0
         self._delay = delay
         self._absence = Absence()
+        self._router = RouterLink()
+        self._patient_until_ns = 0
         self._farewells = 0
 
     @property
@@ -55,6 +58,9 @@ class FleetState:
         """Tell whether a frozen fleet rests: all have told where, or are lost."""
         if self.phase != FREEZE or now_ns < self._changed_ns + COMMAND_PERIOD:
             return False
+        waits = self._router.may_be_silent(self._changed_ns, now_ns) and self.members.is_unheard()
+        if waits or self._router.is_down:
+            return False
         return self.members.has_told(self.times.has_gone)
 
     def standings(self) -> list[Standing]:
@@ -70,6 +76,18 @@ class FleetState:
     def missing(self, now_ns: int) -> list[str]:
         """Name the robots that are not armed yet."""
         return self.members.unarmed(self.epoch, now_ns)
+
+    def _hear_router(self, up: bool, now_ns: int) -> None:
+        """Freeze when the router is gone; when it is back, wait for the robots to be heard."""
+        if not self._router.take(up):
+            return
+        self._tell(now_ns, "router", "", f"the router is {'back' if up else 'gone'}")
+        if up:
+            self._patient_until_ns = now_ns + RESUME_PATIENCE
+            for member in self.members.planned:
+                member.lost = member.gone = False
+        elif self.phase == GO or self.epoch != self.first_epoch:
+            self._turn("robot failed", now_ns)
 
     def _send_plan(self, member: Member, now_ns: int) -> list[Outgoing]:
         """Send a plan, unless it has just been sent or the robot has no part."""

@@ -18,6 +18,7 @@ from coordinator.fleet import Fleet
 from coordinator.fleet_phases import GO_LEAD
 from coordinator.log_head import first_head, resumed
 from coordinator.logbook import is_unfinished, read_log
+from coordinator.meeting_place import MeetingPlace
 from coordinator.member import STRIKES
 from coordinator.mission import Mission
 from coordinator.plan import PlanDocument, plan_name, to_json
@@ -29,7 +30,6 @@ from coordinator.scenario import Scenario
 from coordinator.service import Service
 from coordinator.table import FleetTable
 from protocol.phases import PHASE_NAMES
-from protocol.zenoh_transport import ZenohTransport
 
 _WITHOUT: Final = {
     "lost": "it is lost, not heard any more",
@@ -57,7 +57,7 @@ class Coordinator:
 
     def run(
         self,
-        endpoint: str,
+        place: MeetingPlace,
         log: Path | None,
         plan_file: Path | None,
         patience: float,
@@ -78,10 +78,10 @@ class Coordinator:
         boot = int.from_bytes(os.urandom(4), "little")
         mission = self._begin(boot, plan_file) if resume is None else self._go_on(boot, resume)
         fleet, document = mission.fleet, mission.document
-        with ZenohTransport.listen(endpoint) as transport:
+        with place.open() as transport:
             recorder = self._recorder(log, document, boot, resume)
             try:
-                self._say("listening", endpoint=endpoint)
+                self._say("listening", endpoint=place.endpoint, text=str(place))
                 with FleetTable(document) as table:
                     service = Service(
                         mission,
@@ -91,6 +91,7 @@ class Coordinator:
                         self.speed,
                         self._watcher(mission, table),
                         lambda document: self._keep(document, plan_file),
+                        transport.has_router if place.routed else None,
                     )
                     arrived = asyncio.run(service.run(patience))
             finally:
@@ -177,7 +178,7 @@ class Coordinator:
         if self._events:
             answer_json({"event": event, **facts})
         elif event == "listening":
-            tell(f"{self.scenario.name}: listening on {facts['endpoint']}")
+            tell(f"{self.scenario.name}: {facts['text']}")
         elif event != "report":
             tell(str(facts["text"]))
 

@@ -15,7 +15,7 @@ import msgspec
 
 from coordinator.adoption import Request, is_adoption_key, request_of
 from coordinator.lateness import Lateness, is_lateness_key, lateness_of
-from coordinator.link_news import LINK_GONE, LINK_UP
+from coordinator.link_news import LINK_GONE, LINK_UP, is_router_key
 from coordinator.quiet_tick import QUIET, is_quiet_key
 from protocol import keys
 from protocol.codec import KINDS, decode
@@ -59,6 +59,8 @@ def describe(key: str) -> Description:
         return Description("json", _is_lateness, "splinefleet.Lateness", schema)
     if is_quiet_key(key):
         return _QUIET
+    if is_router_key(key):
+        return _LINK
     ours = keys.split(key)
     kind = "" if ours is None else ours[1]
     if kind == "alive":

@@ -33,7 +33,7 @@ def fleet_name(name: str | None) -> str | None:
 
 @commands.command()
 def record(
-    connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator.")],
+    connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
     output: Annotated[
         Path, typer.Option("-o", "--output", help="FILE.mcap", callback=writable(".mcap"))
     ] = Path("run.mcap"),

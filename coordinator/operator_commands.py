@@ -26,7 +26,7 @@ _PERIOD_S: Final = 0.2
 @commands.command()
 def admit(
     robot: Annotated[str, typer.Argument(help="The robot that has come back.")],
-    connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator.")],
+    connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
     fleet: Annotated[str | None, typer.Option(help="Fleet; without it the first heard.")] = None,
     wait: Annotated[
         float, typer.Option(min=0.5, max=600.0, help="Seconds to wait for the fleet to take it in.")
@@ -61,6 +61,9 @@ def admit(
                 name, command = heard.get(timeout=_PERIOD_S)
             except queue.Empty:
                 continue
+            fleet = fleet or name
+            if name != fleet:
+                continue  # another fleet on the same router
             if isinstance(command, Refusal):
                 if command.boot != boot:
                     continue  # to a robot of this name

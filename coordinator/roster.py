@@ -29,6 +29,11 @@ class Roster(dict[str, Member]):
         """Tell whether every robot has been at its goal."""
         return all(member.finished for member in self.values())
 
+    def is_unheard(self) -> bool:
+        """Tell whether all that are under way have fallen silent, though no link is known gone."""
+        under_way = [member for member in self.planned if not member.finished]
+        return bool(under_way) and all(one.lost and not one.gone for one in under_way)
+
     def has_told(self, has_gone: bool) -> bool:
         """Tell whether of all that have a part it is known where they rest, or they are lost.
 

@@ -15,7 +15,7 @@ from coordinator.adoption import Request, adoption_key, record_of
 from coordinator.fleet import Fleet
 from coordinator.fleet_news import Incident, Outgoing
 from coordinator.lateness import Lateness, lateness_key, lateness_record
-from coordinator.link_news import link_news
+from coordinator.link_news import link_news, router_key
 from coordinator.log_head import plan_file
 from coordinator.mission import Mission
 from coordinator.plan import PlanDocument
@@ -40,6 +40,7 @@ class Service:
 
     `clock` gives the coordinator's time in ns, `speed` how many of its seconds pass in one real
     second; `watch` is called after every tick, `keep` with every plan of a later epoch.
+    `has_router` tells whether the router is reached that everybody meets at, if one is.
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class Service:
         speed: float = 1.0,
         watch: Callable[[Fleet, int], None] | None = None,
         keep: Callable[[PlanDocument], None] | None = None,
+        has_router: Callable[[], bool] | None = None,
     ) -> None:
         self.mission = mission
         self.fleet = mission.fleet
@@ -61,6 +63,8 @@ class Service:
         self._speed = speed
         self._watch = watch
         self._keep = keep
+        self._has_router = has_router
+        self._router_up: bool | None = None
         self._arrivals: asyncio.Queue[Arrival] = asyncio.Queue(_WAITING)
         self._phase = (0, -1)
         self._planning: tuple[Request, asyncio.Future[Recovery]] | None = None
@@ -78,6 +82,7 @@ class Service:
         while True:
             await self._take_until(due)
             now = self._clock()
+            self._look_at_router(now)
             self._tick(now)
             self._plan(now)
             self._retime(now)
@@ -93,6 +98,15 @@ class Service:
                 text = f"gave up after {patience_s:g} s; {missing_in_words(self.fleet, now)}"
                 self.fleet.incidents.append(Incident(now, "timeout", "", text))
                 return False
+
+    def _look_at_router(self, now: int) -> None:
+        """Tell the core, and the log, when the router is reached and when it is not."""
+        up = None if self._has_router is None else self._has_router()
+        if up is not None and up != self._router_up:
+            self._router_up = up
+            key, news = router_key(self.fleet.name), link_news(up)
+            self._recorder.record(key, news, now)
+            self._send(self.fleet.hear(key, news, now), now)
 
     def _tick(self, now: int) -> None:
         messages = self.fleet.tick(now)

@@ -28,7 +28,8 @@ def view(
         bool, typer.Option("--open/--no-open", help="Open the page in a browser.")
     ] = True,
     connect: Annotated[
-        str | None, typer.Option(help="Follow a running fleet: tcp/HOST:PORT of the coordinator.")
+        str | None,
+        typer.Option(help="Follow a running fleet: tcp/HOST:PORT of the coordinator or router."),
     ] = None,
     fleet: Annotated[str | None, typer.Option(help="Fleet; without it the first heard.")] = None,
 ) -> None:

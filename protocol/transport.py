@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from typing import Self
 
 Handler = Callable[[str, bytes, int | None], None]
 """Called as handler(key, payload, sent_ns); sent_ns is the sender's time stamp or None.
@@ -25,6 +26,10 @@ The same rules as for Handler.
 
 class TransportError(Exception):
     """The link cannot be opened; the text is one sentence for the person who started it."""
+
+
+class NoAnswerError(TransportError):
+    """Nobody answers at an endpoint that may be good: trying again later may help."""
 
 
 class Transport(ABC):
@@ -66,7 +71,7 @@ class Transport(ABC):
     def close(self) -> None:
         """End the session."""
 
-    def __enter__(self) -> Transport:
+    def __enter__(self) -> Self:
         """Return the transport itself."""
         return self
 

@@ -1,5 +1,7 @@
 """The transport over Zenoh: the coordinator's session routes, the robots are its clients.
 
+Or a router is there already, and all are its clients, the coordinator too.
+
 Decides: Zenoh's settings, and which sentence a person reads when the link cannot be opened.
 Must not know: what the bytes mean.  Zenoh is imported when a link is opened, not before.
 
@@ -18,7 +20,13 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any, Final
 
-from protocol.transport import AliveHandler, Handler, Transport, TransportError
+from protocol.transport import (
+    AliveHandler,
+    Handler,
+    NoAnswerError,
+    Transport,
+    TransportError,
+)
 
 if TYPE_CHECKING:
     import zenoh
@@ -57,10 +65,10 @@ _CLIENT: Final[dict[str, Any]] = {
 
 
 class ZenohTransport(Transport):
-    """One Zenoh session; made by `listen` (the coordinator) or `connect` (a robot).
+    """One Zenoh session; made by `listen` (it routes) or `connect` (a client).
 
-    `sent_ns` is in nanoseconds since 1970, on the clock of the coordinator's host: its session
-    stamps what passes through it, so that a robot's wrong clock harms nobody.
+    `sent_ns` is in nanoseconds since 1970, on the clock of the host that routes: it stamps what
+    passes through, so that a robot's wrong clock harms nobody.
     """
 
     def __init__(self, session: zenoh.Session) -> None:
@@ -90,11 +98,14 @@ class ZenohTransport(Transport):
             raise TransportError(f"{endpoint}: {_why_not_listening(str(error))}") from None
 
     @classmethod
-    def connect(cls, endpoint: str, timeout_s: float = 5.0) -> ZenohTransport:
-        """Open a robot's session; the coordinator may begin to listen up to timeout_s later.
+    def connect(
+        cls, endpoint: str, timeout_s: float = 5.0, whom: str = "coordinator or router"
+    ) -> ZenohTransport:
+        """Open a client's session; `whom` it looks for may begin to listen up to timeout_s later.
 
         Once open, a session whose link breaks connects again by itself, however long that takes.
-        Raises TransportError when the endpoint is malformed or nobody answers within timeout_s.
+        Raises TransportError when the endpoint is malformed, NoAnswerError when nobody answers
+        within timeout_s.
         """
         import zenoh
 
@@ -108,8 +119,12 @@ class ZenohTransport(Transport):
                 return cls(_open(settings))
             except zenoh.ZError:
                 if time.monotonic() >= deadline:
-                    sentence = f"{endpoint}: nobody answers; is the coordinator running?"
-                    raise TransportError(sentence) from None
+                    sentence = f"{endpoint}: nobody answers; is the {whom} running?"
+                    raise NoAnswerError(sentence) from None
+
+    def has_router(self) -> bool:
+        """Tell whether a client is linked to whoever routes for it; takes a microsecond."""
+        return bool(list(self._session.info.routers_zid()))
 
     def put(self, key: str, payload: bytes) -> None:
         """Send bytes; dropped when the link is congested, broken or closed.

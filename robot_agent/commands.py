@@ -26,7 +26,7 @@ commands = typer.Typer()
 @commands.command()
 def agent(
     robot: Annotated[str, typer.Argument(help="The robot's name in the scenario.")],
-    connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator.")],
+    connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
     fleet: Annotated[str | None, typer.Option(help="Fleet; without it the first heard.")] = None,
     driver: Annotated[str, typer.Option(help="MODULE:CLASS of the driver.")] = (
         "sim.body:SimulatedBody"

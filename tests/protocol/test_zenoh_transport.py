@@ -36,7 +36,7 @@ def test_a_robot_that_finds_nobody_is_told_so_in_time(capfd):
     with pytest.raises(TransportError) as caught:
         ZenohTransport.connect(endpoint, timeout_s=0.2)
     assert time.monotonic() - began < 2.0
-    assert str(caught.value) == f"{endpoint}: nobody answers; is the coordinator running?"
+    assert str(caught.value) == f"{endpoint}: nobody answers; is the coordinator or router running?"
     assert capfd.readouterr() == ("", "")
 
 

@@ -45,11 +45,16 @@ def splinefleet(*arguments, timeout=60.0):
     )
 
 
-@contextlib.contextmanager
 def started(*arguments):
+    """Start a command of splinefleet as `running` does."""
+    return running(*COMMAND, *map(str, arguments))
+
+
+@contextlib.contextmanager
+def running(*command):
     """Start a command in a process group of its own; whatever of it is left is killed."""
     process = subprocess.Popen(
-        [*COMMAND, *map(str, arguments)],
+        command,
         cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -69,7 +69,7 @@ def test_a_robot_of_another_protocol_version_is_told_so(coordinator):
 
 def test_a_robot_without_a_coordinator_is_told_so():
     done = splinefleet("agent", "R1", "--connect", free_endpoint(), "--wait", 1)
-    assert "nobody answers" in only_line(done)
+    assert "nobody answers" in only_line(done, code=1)
 
 
 @pytest.mark.parametrize(
