@@ -1,9 +1,9 @@
-# make demo | test | setup | bench | lock.  Everything is installed from the lock into .venv.
+# make demo | test | setup | bench | docs | lock.  Everything is installed from the lock into .venv.
 PYTHON ?= python3
 BIN := .venv/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: demo test setup check bench lock clean
+.PHONY: demo test setup check bench docs lock clean
 
 demo: setup
 	$(BIN)/splinefleet run examples/paper_five.toml
@@ -21,6 +21,10 @@ check: .venv/dev.stamp
 
 bench: .venv/dev.stamp .venv-peers/peers.stamp
 	$(BIN)/python -m benchmarks
+
+docs: export NO_MKDOCS_2_WARNING := 1
+docs: .venv/dev.stamp
+	$(BIN)/python -m mkdocs build --strict --quiet --config-file docs/site/mkdocs.yml
 
 .venv/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "splinefleet needs Python 3.11 or newer")'
