@@ -91,7 +91,7 @@ class ZenohTransport(Transport):
         """
         import zenoh
 
-        _check_endpoint(endpoint)
+        address_of(endpoint)
         try:
             return cls(_open({**_COMMON, **_ROUTER, "listen/endpoints": [endpoint]}))
         except zenoh.ZError as error:
@@ -109,7 +109,7 @@ class ZenohTransport(Transport):
         """
         import zenoh
 
-        _check_endpoint(endpoint)
+        address_of(endpoint)
         settings = {**_COMMON, **_CLIENT, "connect/endpoints": [endpoint]}
         deadline = time.monotonic() + timeout_s
         while True:
@@ -223,13 +223,17 @@ def _open(settings: dict[str, Any]) -> zenoh.Session:
     return zenoh.open(config)
 
 
-def _check_endpoint(endpoint: str) -> None:
-    """Refuse what Zenoh would refuse late (a client tries a malformed one until its time-out)."""
+def address_of(endpoint: str) -> tuple[str, int]:
+    """Return an endpoint's host and port; TransportError when it is malformed.
+
+    Zenoh would refuse it late: a client tries a malformed one until its time-out.
+    """
     parts = _ENDPOINT.fullmatch(endpoint)
     if parts is None or not 0 < int(parts[2]) < 65_536:
         raise TransportError(
             f"{endpoint!r} is no endpoint; one looks like tcp/HOST:PORT, as in tcp/127.0.0.1:7447"
         )
+    return parts[1].strip("[]"), int(parts[2])
 
 
 def _why_not_listening(reason: str) -> str:

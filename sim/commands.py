@@ -110,6 +110,9 @@ def run(
         typer.Option(metavar="SPEC", help=f"At SECONDS after GO, repeatable: {fault_help()}."),
     ] = None,
     effort: Annotated[int, typer.Option(min=0, max=100_000, help="Improvement rounds.")] = 20,
+    connect: Annotated[
+        str | None, typer.Option(help="tcp/HOST:PORT of a router at which all meet.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Run a fleet: one coordinator and one process per robot, on this machine.
@@ -124,8 +127,8 @@ def run(
     asked = read_scenario(scenario)
     faults = parse_faults(fault or [], [robot.id for robot in asked.robots])
     folder = out or Path("runs") / f"{asked.name}-{time.strftime('%Y%m%d-%H%M%S')}"
+    fleet = LocalFleet(asked, folder, speed=speed, effort=effort, faults=faults, router=connect)
     make_folder(folder / "blackbox")
-    fleet = LocalFleet(asked, folder, speed=speed, effort=effort, faults=faults)
     outcome = fleet.run()
     if not outcome.started:
         raise typer.Exit(outcome.code or 1)

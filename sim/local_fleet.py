@@ -24,6 +24,7 @@ import msgspec
 from coordinator.console import tell
 from coordinator.scenario import Robot, Scenario
 from coordinator.scenario_file import scenario_to_json
+from protocol.zenoh_transport import address_of
 from sim.babble import Babbler
 from sim.faults import Fault, Strike, strikes_of
 from sim.faulty_body import SCRIPT
@@ -54,19 +55,28 @@ class LocalFleet:
 
     A robot whose body is to fail drives a FaultyBody, whose script is `faults/<robot>.txt`; one
     whose network is to be cut speaks through a relay.  A coordinator that is started again resumes
-    from the log before, the first being run.mcap, and writes run-2.mcap, and so on.
+    from the log before, the first being run.mcap, and writes run-2.mcap, and so on.  With the
+    endpoint of a router all meet there; else the coordinator listens on a port that is free.
     """
 
     def __init__(
-        self, scenario: Scenario, folder: Path, *, speed: float, effort: int, faults: list[Fault]
+        self,
+        scenario: Scenario,
+        folder: Path,
+        *,
+        speed: float,
+        effort: int,
+        faults: list[Fault],
+        router: str | None = None,
     ) -> None:
         self.scenario = scenario
         self.folder = folder
         self.speed = speed
         self.effort = effort
         self.faults = list(faults)
-        self._port = _free_port()
-        self.endpoint = f"tcp/127.0.0.1:{self._port}"
+        self.endpoint = router or f"tcp/127.0.0.1:{_free_port()}"
+        self._meet = f"--{'connect' if router else 'listen'}={self.endpoint}"
+        self._host, self._port = address_of(self.endpoint)
         self._strikes = strikes_of(faults)
         self._logs = [folder / "run.mcap"]
         self._robots: dict[str, Process] = {}
@@ -83,7 +93,7 @@ class LocalFleet:
         self._prepare_folder()
         with ExitStack() as stack:
             for robot in {fault.robot for fault in self.faults if fault.act == "cut"}:
-                self._relays[robot] = Relay(self._port)
+                self._relays[robot] = Relay(self._port, self._host)
                 stack.callback(self._relays[robot].close)
             stack.callback(self._end_processes)
             stack.callback(self._end_babblers)
@@ -112,7 +122,7 @@ class LocalFleet:
                 *_COMMAND,
                 "coordinator",
                 str(self.folder / "scenario.json"),
-                f"--listen={self.endpoint}",
+                self._meet,
                 *options,
                 f"--speed={self.speed}",
                 f"--effort={self.effort}",

@@ -1,4 +1,4 @@
-"""A TCP relay before the coordinator: one robot's network, which can be cut and healed.
+"""A TCP relay before the coordinator (or its router): one robot's network, to be cut and healed.
 
 Decides: when bytes pass.  Must not know: what they mean, who is a robot.
 
@@ -24,8 +24,8 @@ class Relay:
     Runs in a thread of its own; its methods may be called from any thread.
     """
 
-    def __init__(self, port: int) -> None:
-        self._target = port
+    def __init__(self, port: int, host: str = "127.0.0.1") -> None:
+        self._target = (host, port)
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port: int = self._listener.getsockname()[1]
         self.endpoint = f"tcp/127.0.0.1:{self.port}"
@@ -74,7 +74,7 @@ class Relay:
         with suppress(OSError):
             try:
                 await self._whole.wait()
-                there = await asyncio.open_connection("127.0.0.1", self._target)
+                there = await asyncio.open_connection(*self._target)
                 try:
                     await asyncio.gather(self._pump(reader, there[1]), self._pump(there[0], writer))
                 finally:

@@ -10,7 +10,7 @@ import pytest
 from coordinator.logbook import read_log
 from coordinator.scenario_file import read_scenario
 from protocol import keys
-from protocol.codec import decode
+from protocol.codec import decode, encode
 from protocol.messages import Command
 from protocol.phases import FREEZE
 from protocol.zenoh_transport import ZenohTransport
@@ -210,6 +210,16 @@ def test_a_coordinator_that_dies_behind_the_router_is_gone_on_for_from_its_log(t
     log_agrees(hall.folder / "run-2.mcap")
 
 
+def test_a_run_at_a_router_bears_a_cut_network_and_a_restarted_coordinator(hall):
+    scenario = hall.scenario("three", THREE_ROBOTS)
+    faults = ("--fault=cut:R3@1:3", "--fault=coordinator-restart@6")
+    out = hall.folder / "run"
+    done = splinefleet("run", scenario, f"--connect={hall.endpoint}", f"--out={out}", *faults)
+    assert done.returncode == 0, done.stderr
+    assert judge(out).collisions == 0
+    log_agrees(sorted(out.glob("run*.mcap"))[0])
+
+
 def test_an_operator_and_a_page_reach_the_fleet_through_the_router(hall):
     scenario = hall.scenario("two", TWO_ROBOTS)
     hall.coordinator(scenario, hall.folder / "run.mcap")
@@ -219,10 +229,30 @@ def test_an_operator_and_a_page_reach_the_fleet_through_the_router(hall):
         assert "http://127.0.0.1" in line_with(page, "http")
 
 
-def test_a_router_that_does_not_answer_is_told_in_one_line_in_time(tmp_path):
+def test_an_operator_who_names_no_fleet_speaks_to_one_alone(hall):
+    heard = []
+    hold = encode(Command(boot=1, sequence=1, epoch=1, phase=0, start_ns=0))
+    with ZenohTransport.connect(hall.endpoint) as fleets:
+        fleets.subscribe(keys.admit("*", "*"), lambda key, _p, _t: heard.append(key))
+        with started("admit", "R1", f"--connect={hall.endpoint}", "--wait=3") as operator:
+
+            def ended():
+                for name in ("east", "west"):
+                    fleets.put(keys.command(name), hold)
+                return operator.poll() is not None
+
+            wait_for(ended)
+            assert operator.wait() == 1
+    assert len(heard) > 1
+    assert len(set(heard)) == 1
+
+
+@pytest.mark.parametrize("command", ["coordinator", "run"])
+def test_a_router_that_does_not_answer_is_told_in_one_line_in_time(tmp_path, command):
     scenario, nobody = tmp_path / "two.toml", free_endpoint()
     scenario.write_text(TWO_ROBOTS)
-    done = splinefleet("coordinator", scenario, f"--connect={nobody}", timeout=60.0)
+    out = [f"--out={tmp_path}"] if command == "run" else []
+    done = splinefleet(command, scenario, f"--connect={nobody}", *out, timeout=60.0)
     assert only_line(done, code=1) == f"{nobody}: nobody answers; is the router running?"
 
 
