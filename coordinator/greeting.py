@@ -32,8 +32,12 @@ class Door:
     def hear(self, robot: str, hello: Hello, begun: bool, now_ns: int) -> Member | Outgoing | None:
         """Return the member that is in, or the refusal to send.
 
-        None for a robot that has come back into a fleet that has begun to move: it has to wait.
+        None for a robot that has come back into a fleet that has begun to move: it has to wait;
+        and for a Hello that is not new.
         """
+        known = self._members.get(robot)
+        if known is not None and known.has_heard(hello):
+            return None
         reason = self._objection(robot, hello, now_ns)
         if reason:
             return self._refuse(robot, hello.boot, reason, now_ns)

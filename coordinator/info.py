@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 
 from coordinator.courses import Courses
+from coordinator.drops import drops_of, is_drops_key
 from coordinator.info_numbers import Numbers, broadcast, clock_lag, first_go
 from coordinator.info_plan import read_plans, take_message, take_plans
 from coordinator.link_news import LINK_GONE
@@ -139,6 +140,8 @@ class _Telling:
         traffic = self.summary.keys.setdefault(record.key, Traffic())
         traffic.messages += 1
         traffic.bytes += size
+        if is_drops_key(record.key):
+            self.summary.dropped |= drops_of(record.payload) or {}
         address = keys.split(record.key)
         if address is None:
             self._count_stranger(record.key)

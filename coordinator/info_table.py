@@ -75,6 +75,7 @@ def _headline(told: Summary) -> Table:
         ("log", f"{told.duration:.2f} s, {state}"),
         ("times", _zero(told.zero)),
         ("messages", f"{told.messages}, of them {told.bad_messages} bad"),
+        ("dropped", _dropped(told.dropped)),
         ("lost on the way", f"{told.lost_messages}, by gaps in their numbers"),
         ("positions on the wire", str(told.positions_on_wire)),
         ("largest plan", f"{told.largest_plan_bytes} bytes"),
@@ -84,6 +85,12 @@ def _headline(told: Summary) -> Table:
     if told.damage:
         table.add_row("damage", Text(told.damage, style="bold red"))
     return table
+
+
+def _dropped(dropped: dict[str, int]) -> str:
+    """Say how many messages are not in the log, and why."""
+    causes = "; ".join(f"{count} {cause}" for cause, count in sorted(dropped.items()))
+    return f"{sum(dropped.values())}: {causes}" if dropped else "none"
 
 
 def _zero(zero: float | None) -> str:

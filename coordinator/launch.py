@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -97,7 +97,7 @@ class Coordinator:
             finally:
                 recorder.close()
         self._tell_incidents(fleet)
-        self._summarise(fleet, arrived)
+        self._summarise(fleet, arrived, service.intake.dropped)
         return 0 if arrived else 1
 
     def _begin(self, boot: int, plan_file: Path | None) -> Mission:
@@ -182,7 +182,7 @@ class Coordinator:
         elif event != "report":
             tell(str(facts["text"]))
 
-    def _summarise(self, fleet: Fleet, arrived: bool) -> None:
+    def _summarise(self, fleet: Fleet, arrived: bool, dropped: Mapping[str, int]) -> None:
         """Tell how every robot ended; times count from the first GO, as everywhere."""
         gone = (one for one in fleet.incidents if (one.kind, one.text) == ("phase", "GO"))
         zero_ns = next((one.now_ns + GO_LEAD for one in gone), 0)
@@ -198,10 +198,8 @@ class Coordinator:
             for member in fleet.members.values()
         ]
         if self._events:
-            bad = fleet.bad_messages
-            answer_json(
-                {"event": "summary", "arrived": arrived, "robots": robots, "bad_messages": bad}
-            )
+            counts = {"bad_messages": fleet.bad_messages, "dropped": dropped}
+            answer_json({"event": "summary", "arrived": arrived, "robots": robots, **counts})
             return
         for robot in robots:
             when = robot["arrived"]
@@ -211,3 +209,5 @@ class Coordinator:
                 else f"ended {robot['phase']}"
             )
             tell(f"{robot['id']}: {text}")
+        if dropped:
+            tell("dropped: " + ", ".join(f"{count} {cause}" for cause, count in dropped.items()))

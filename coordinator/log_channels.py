@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 import msgspec
 
 from coordinator.adoption import Request, is_adoption_key, request_of
+from coordinator.drops import drops_of, is_drops_key
 from coordinator.lateness import Lateness, is_lateness_key, lateness_of
 from coordinator.link_news import LINK_GONE, LINK_UP, is_router_key
 from coordinator.quiet_tick import QUIET, is_quiet_key
@@ -61,6 +62,9 @@ def describe(key: str) -> Description:
         return _QUIET
     if is_router_key(key):
         return _LINK
+    if is_drops_key(key):
+        schema = msgspec.json.encode(msgspec.json.schema(dict[str, int]))
+        return Description("json", _is_drops, "splinefleet.Dropped", schema)
     ours = keys.split(key)
     kind = "" if ours is None else ours[1]
     if kind == "alive":
@@ -80,3 +84,7 @@ def _is_lateness(payload: bytes) -> bool:
 
 def _is_request(payload: bytes) -> bool:
     return request_of(payload) is not None
+
+
+def _is_drops(payload: bytes) -> bool:
+    return drops_of(payload) is not None

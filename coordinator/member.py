@@ -5,7 +5,7 @@ Decides: when a robot counts as armed, lost, fit or at rest.  Must not know: the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import msgspec
@@ -30,6 +30,9 @@ PLAN_PERIOD: Final = COMMAND_PERIOD
 
 STRIKES: Final = 3
 """So many epochs may a robot end by a fault of its own; then it is left where it stands."""
+
+BOOTS: Final = 64
+"""Of so many processes under one name it is remembered what they said."""
 
 
 @dataclass
@@ -72,11 +75,21 @@ class Member:
     knocking: Hello | None = None
     knocked_ns: int = 0
     admitted: bool = False
+    hellos: dict[int, int] = field(default_factory=dict)
+    """The newest Hello's number of each process that has said one, the last ones last."""
 
     @property
     def rest_s(self) -> float | None:
         """Where on its path the robot rests [m], if it has said so."""
         return None if self.rest is None else self.rest.s
+
+    def has_heard(self, hello: Hello) -> bool:
+        """Take note of a Hello; tell whether it, or a later one of its process, came before."""
+        newest = self.hellos.pop(hello.boot, 0)
+        self.hellos[hello.boot] = max(newest, hello.sequence)
+        if len(self.hellos) > BOOTS:
+            del self.hellos[next(iter(self.hellos))]
+        return 0 < hello.sequence <= newest
 
     def knock(self, hello: Hello, now_ns: int) -> None:
         """Take note that a robot of this name has come back; an operator may admit it."""

@@ -8,12 +8,15 @@ recorder with the very `now_ns` that the core saw, so a log can be run again.
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import Callable
 from typing import Final
 
 from coordinator.adoption import Request, adoption_key, record_of
+from coordinator.drops import drops_key, drops_record
 from coordinator.fleet import Fleet
 from coordinator.fleet_news import Incident, Outgoing
+from coordinator.intake import Arrival, Intake
 from coordinator.lateness import Lateness, lateness_key, lateness_record
 from coordinator.link_news import link_news, router_key
 from coordinator.log_head import plan_file
@@ -28,11 +31,8 @@ from protocol.phases import HOLD
 from protocol.timing import COMMAND_PERIOD, SECOND
 from protocol.transport import Transport
 
-_WAITING: Final = 10_000
-"""Messages that may wait for the core; what a flood adds beyond them is dropped and counted."""
-
-Arrival = tuple[str, bytes, int | None]
-"""Key, payload, sender's stamp; on a key that is alive the news of its link."""
+_TELL_DROPS: Final = SECOND
+"""The log tells so often how many messages were dropped, while it becomes more."""
 
 
 class Service:
@@ -56,7 +56,7 @@ class Service:
     ) -> None:
         self.mission = mission
         self.fleet = mission.fleet
-        self.dropped = 0
+        self.intake = Intake(self.fleet.name, self.fleet.members)
         self._transport = transport
         self._recorder = recorder
         self._clock = clock
@@ -65,7 +65,11 @@ class Service:
         self._keep = keep
         self._has_router = has_router
         self._router_up: bool | None = None
-        self._arrivals: asyncio.Queue[Arrival] = asyncio.Queue(_WAITING)
+        self._door = threading.Lock()
+        self._arrived = asyncio.Event()
+        self._is_waking = False
+        self._drops: dict[str, int] = {}
+        self._drops_told_ns = 0
         self._phase = (0, -1)
         self._planning: tuple[Request, asyncio.Future[Recovery]] | None = None
         self._retiming: tuple[Lateness, asyncio.Future[PlanDocument | None]] | None = None
@@ -84,6 +88,7 @@ class Service:
             now = self._clock()
             self._look_at_router(now)
             self._tick(now)
+            self._tell_drops(now)
             self._plan(now)
             self._retime(now)
             if self._watch is not None:
@@ -92,6 +97,7 @@ class Service:
             if due <= now:
                 due = now + COMMAND_PERIOD
             if self.fleet.is_finished or self.fleet.superseded:
+                self._tell_drops(now + _TELL_DROPS)
                 return self.fleet.members.has_arrived
             first = self.fleet.epoch == self.fleet.first_epoch
             if first and self.fleet.phase == HOLD and now - began > patience_s * SECOND:
@@ -160,15 +166,16 @@ class Service:
             self._keep(document)
 
     def _listen(self, loop: asyncio.AbstractEventLoop) -> None:
-        def enqueue(key: str, payload: bytes, sent_ns: int | None) -> None:
-            try:
-                self._arrivals.put_nowait((key, payload, sent_ns))
-            except asyncio.QueueFull:
-                self.dropped += 1
+        def wake() -> None:
+            self._is_waking = False
+            self._arrived.set()
 
         def from_any_thread(key: str, payload: bytes, sent_ns: int | None) -> None:
-            if not loop.is_closed():
-                loop.call_soon_threadsafe(enqueue, key, payload, sent_ns)
+            with self._door:
+                has_more = self.intake.put(Arrival(key, payload, sent_ns))
+            if has_more and not self._is_waking and not loop.is_closed():
+                self._is_waking = True
+                loop.call_soon_threadsafe(wake)
 
         def link_changed(key: str, alive: bool) -> None:
             from_any_thread(key, link_news(alive), None)
@@ -181,15 +188,30 @@ class Service:
 
     async def _take_until(self, due: int) -> None:
         """Feed the core with what arrives until the clock shows `due`."""
-        while (left := due - self._clock()) > 0:
+        await asyncio.sleep(0)  # However much waits, plans that are found must be noticed.
+        while (left := due - (now := self._clock())) > 0:
+            self._arrived.clear()
+            with self._door:
+                arrival = self.intake.take(now)
+            if arrival is not None:
+                self._recorder.record(arrival.key, arrival.payload, now, arrival.sent_ns)
+                self._send(self.fleet.hear(arrival.key, arrival.payload, now), now)
+                continue
             try:
                 async with asyncio.timeout(left / SECOND / self._speed):
-                    key, payload, sent_ns = await self._arrivals.get()
+                    await self._arrived.wait()
             except TimeoutError:
                 return
-            now = self._clock()
-            self._recorder.record(key, payload, now, sent_ns)
-            self._send(self.fleet.hear(key, payload, now), now)
+
+    def _tell_drops(self, now: int) -> None:
+        """Let the log tell how many messages were dropped, now and then."""
+        if now - self._drops_told_ns < _TELL_DROPS:
+            return
+        with self._door:
+            dropped = dict(self.intake.dropped)
+        if dropped != self._drops:
+            self._drops, self._drops_told_ns = dropped, now
+            self._recorder.record(drops_key(self.fleet.name), drops_record(dropped), now)
 
     def _send(self, messages: list[Outgoing], now_ns: int) -> None:
         """Record and send; a new phase is in the log before a robot hears of it."""

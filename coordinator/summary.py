@@ -162,12 +162,13 @@ class Summary(msgspec.Struct):
     (before it, in the log of a resumed coordinator); null without a GO: from the first message.
     `source`: "log" or "plan"; of a plan nothing but its own fields is known.  `waits`: of every
     epoch's plan, `proof`: of the last one.
-    `bad_messages`: payloads on the fleet's keys that no receiver accepts.  `damage`: where the
-    file is not as it was written.  `passive`: recorded by one who only listened.  `latencies`:
-    command_age and report_age, from the stamp of the coordinator's session to the recording;
-    command_gap, from one Command to the next; the freezes' parts.  `lost_messages`: gaps in the
-    sequence numbers of Reports and Commands.  `robot_payload_bytes_per_second`: of the busiest
-    robot, from the first GO to the last arrival, null when there was none.
+    `bad_messages`: payloads on the fleet's keys that no receiver accepts.  `dropped`: messages that
+    are not in the log, by cause.  `damage`: where the file is not as it was written.  `passive`:
+    recorded by one who only listened.  `latencies`: command_age and report_age, from the stamp of
+    the coordinator's session to the recording; command_gap, from one Command to the next; the
+    freezes' parts.  `lost_messages`: gaps in the sequence numbers of Reports and Commands.
+    `robot_payload_bytes_per_second`: of the busiest robot, from the first GO to the last arrival,
+    null when there was none.
     """
 
     fleet: str
@@ -181,6 +182,7 @@ class Summary(msgspec.Struct):
     source: str = "log"
     passive: bool = False
     bad_messages: int = 0
+    dropped: dict[str, int] = {}
     lost_messages: int = 0
     positions_on_wire: int = 0
     largest_plan_bytes: int = 0

@@ -30,7 +30,8 @@ class Hello(msgspec.Struct, frozen=True, array_like=True, tag=1):
 
     A limit of 0 means "not stated": the robot can do what the scenario asks.  `place` is where a
     robot believes to stand that has come back into a fleet under way: x, y [mm] and heading [mrad];
-    it is said only while the fleet rests.
+    it is said only while the fleet rests.  `sequence` counts a robot's Hellos from 1, so that an
+    old one put on the wire again is not believed; 0: not stated.
     """
 
     version: Annotated[int, msgspec.Meta(ge=0, le=255)]
@@ -39,6 +40,7 @@ class Hello(msgspec.Struct, frozen=True, array_like=True, tag=1):
     max_speed_mps: float = 0.0
     max_accel_mps2: float = 0.0
     place: tuple[Place, Place, Place] | None = None
+    sequence: Counter = 0
 
 
 class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):

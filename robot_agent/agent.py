@@ -86,11 +86,11 @@ class Agent:
         start_ns: int,
         wanted: bool,
         now_ns: int,
-    ) -> None:
-        """Take a Command; `wanted` tells whether it asks for this robot's arc length."""
+    ) -> bool:
+        """Take a Command, `wanted` if it asks where this robot rests; tell whether it counts."""
         leader, before_motion = self._leader, self.phase in (IDLE, ARMED)
-        if not leader.counts(boot, sequence, epoch, before_motion):
-            return
+        if not leader.counts(boot, sequence, epoch, before_motion, now_ns):
+            return False
         if epoch != leader.epoch and self.ride is None:
             self.fault = NO_FAULT
         if leader.hear(boot, sequence, epoch, phase, now_ns) and before_motion:
@@ -105,6 +105,7 @@ class Agent:
             self._hear_go(start_ns, now_ns)
         if wanted:
             self.rest.ask()
+        return True
 
     def hear_plan(
         self,

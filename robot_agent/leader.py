@@ -4,10 +4,13 @@ Decides: which Command counts, and when the coordinator is silent.  Must not kno
 makes the robot do.  Firmware: imports nothing but the shared numbers.
 
 A Command older than the last one heard changes nothing.  Another coordinator (boot) is believed
-before motion, or when its epoch is higher.
+when its epoch is higher; before motion also when its boot id is, at the same epoch (of two
+coordinators the lower one gives way), or when nothing is heard of the robot's own any more.  So
+what a former coordinator said, put on the wire once more, is not believed while there is another.
 """
 
 from protocol.phases import HOLD
+from protocol.timing import LEASE
 
 _NEVER = -(1 << 62)
 
@@ -25,11 +28,16 @@ class Leader:
         self.has_other_clock = False
         self._heard_ns = _NEVER
 
-    def counts(self, boot: int, sequence: int, epoch: int, before_motion: bool) -> bool:
+    def counts(
+        self, boot: int, sequence: int, epoch: int, before_motion: bool, now_ns: int
+    ) -> bool:
         """Tell whether a Command counts; one that moves the robot keeps its coordinator."""
         if boot == self.boot:
             return sequence > self.sequence
-        return before_motion or epoch > self.epoch
+        if epoch > self.epoch:
+            return True
+        higher = epoch == self.epoch and boot > self.boot
+        return before_motion and (higher or self.is_silent(LEASE, now_ns))
 
     def hear(self, boot: int, sequence: int, epoch: int, phase: int, now_ns: int) -> bool:
         """Take a Command that counts; tell whether another coordinator leads from now on."""

@@ -8,13 +8,12 @@ has its own shell around the same core.
 from __future__ import annotations
 
 import os
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from protocol import keys
-from protocol.codec import decode, encode
+from protocol.codec import encode
 from protocol.messages import (
     PROTOCOL_VERSION,
     Clock,
@@ -34,11 +33,9 @@ from protocol.transport import Transport
 from robot_agent.agent import Agent
 from robot_agent.blackbox import BlackBox
 from robot_agent.driver import Driver
+from robot_agent.inbox import Inbox
 from robot_agent.loop import PERIOD_NS, FixedRateLoop
 from robot_agent.words import Lasting, phase_in_words, waits_for
-
-_WAITING = 256
-"""Messages that may wait for a tick; a flood pushes the oldest out."""
 
 _SILENCE_NS = 5 * COMMAND_PERIOD
 """A coordinator that has said nothing for so long is not heard."""
@@ -125,7 +122,7 @@ def run_robot(
 
 
 class RobotService:
-    """What happens in one tick; `bad_messages` counts what could not be understood.
+    """What happens in one tick; `inbox` counts what could not be understood, and what was dropped.
 
     `clock` is the robot's own and stamps what arrives between ticks; without one it counts as
     arrived at the next, which makes the robot less certain of the coordinator's time.
@@ -146,9 +143,10 @@ class RobotService:
         self.agent = Agent(robot.max_speed, period_ns)
         self.boot = int.from_bytes(os.urandom(4)) if boot is None else boot
         self.refusal: str | None = None
-        self.bad_messages = 0
+        self.inbox = Inbox(robot.id)
         self.last_error = ""
         self.heard_ns = -(2**62)
+        self._hellos = 0
         self._phase, self._arrived = HOLD, False
         self.robot = robot
         self._transport = transport
@@ -157,7 +155,6 @@ class RobotService:
         self._clock = clock
         self._truth_clock = truth_clock
         self._blackbox = blackbox
-        self._arrivals: deque[tuple[str, bytes, int | None]] = deque(maxlen=_WAITING)
         if fleet is not None:
             self._join(fleet)
         transport.subscribe(keys.command(fleet or "*"), self._enqueue)
@@ -196,18 +193,14 @@ class RobotService:
         self._transport.declare_alive(keys.alive(fleet, self.robot.id))
 
     def _enqueue(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
-        self._arrivals.append((key, payload, self._clock() if self._clock else None))
+        self.inbox.put(key, payload, self._clock() if self._clock else None)
 
     def _hear(self, now_ns: int) -> None:
-        while self._arrivals:
-            key, payload, heard_ns = self._arrivals.popleft()
-            place = keys.split(key)
-            message = decode(place[1], payload) if place is not None else None
-            if place is None or message is None:
-                self.bad_messages += 1
-            elif isinstance(message, Command) and self._fleet in (None, place[0]):
-                self._hear_command(place[0], message, now_ns)
-            elif isinstance(message, Plan) and message.robot == self.robot.id:
+        while (heard := self.inbox.take()) is not None:
+            fleet, message, heard_ns = heard
+            if isinstance(message, Command) and self._fleet in (None, fleet):
+                self._hear_command(fleet, message, now_ns)
+            elif isinstance(message, Plan):
                 self.agent.hear_plan(message.boot, message.epoch, *unpack_plan(message))
             elif isinstance(message, NewTimes):
                 self._hear_times(message, now_ns)
@@ -217,12 +210,9 @@ class RobotService:
                 self._hear_clock(message, now_ns if heard_ns is None else heard_ns)
 
     def _hear_command(self, fleet: str, command: Command, now_ns: int) -> None:
-        self.heard_ns, self._phase = now_ns, command.phase
         if self._fleet is None:
             self._join(fleet)
-        if self._blackbox is not None and command.phase == GO and self._blackbox.start_ns is None:
-            self._blackbox.start_ns = command.start_ns
-        self.agent.hear_command(
+        counts = self.agent.hear_command(
             command.boot,
             command.sequence,
             command.epoch,
@@ -231,6 +221,11 @@ class RobotService:
             self.robot.id in command.wanted,
             now_ns,
         )
+        if not counts:
+            return
+        self.heard_ns, self._phase = now_ns, command.phase
+        if self._blackbox is not None and command.phase == GO and self._blackbox.start_ns is None:
+            self._blackbox.start_ns = command.start_ns
 
     def _hear_times(self, times: NewTimes, now_ns: int) -> None:
         motion = unpack_motion(times)
@@ -277,7 +272,9 @@ class RobotService:
         if agent.hello_due(now_ns):
             accel = robot.max_accel if robot.max_accel < float("inf") else 0.0
             limits = (robot.radius, robot.max_speed, accel)
-            hello = Hello(PROTOCOL_VERSION, self.boot, *limits, self._place())
+            self._hellos += 1
+            place = self._place()
+            hello = Hello(PROTOCOL_VERSION, self.boot, *limits, place, self._hellos)
             self._transport.put(keys.hello(fleet, robot.id), encode(hello))
         if agent.clock_due(now_ns):
             asked_ns = self._clock() if self._clock else now_ns

@@ -53,5 +53,5 @@ def test_arrivals_count_from_the_first_go_whatever_epoch_they_were_in(told):
     ]
     fleet.start_ns = 11 * SECOND + GO_LEAD
     fleet.members["R1"].done_ns = 20 * SECOND + GO_LEAD
-    coordinator._summarise(fleet, False)
+    coordinator._summarise(fleet, False, {})
     assert told == ["R1: arrived 14.0 s after the first GO", "R2: ended idle"]

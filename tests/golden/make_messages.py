@@ -36,9 +36,12 @@ WEIGHTS = struct.pack("<4f", 1.0, 0.75, 0.75, 1.0)
 LEASES = [600, 10]
 
 MESSAGES: dict[str, tuple[str, list]] = {
-    "hello": ("hello", [1, 1, 4_294_967_295, 0.15, 0.5, 0.5, None]),
-    "hello_that_states_no_limits": ("hello", [1, 1, 7, 0.0, 0.0, 0.0, None]),
-    "hello_of_a_robot_that_came_back": ("hello", [1, 1, 7, 0.0, 0.0, 0.0, [1_500, -20, 1_571]]),
+    "hello": ("hello", [1, 1, 4_294_967_295, 0.15, 0.5, 0.5, None, 1]),
+    "hello_that_states_no_limits": ("hello", [1, 1, 7, 0.0, 0.0, 0.0, None, 0]),
+    "hello_of_a_robot_that_came_back": (
+        "hello",
+        [1, 1, 7, 0.0, 0.0, 0.0, [1_500, -20, 1_571], 70_000],
+    ),
     "admit": ("admit", [7, 12]),
     "plan": (
         "plan",

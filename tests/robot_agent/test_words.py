@@ -62,9 +62,13 @@ def test_a_robot_at_its_goal_when_a_new_epoch_begins_says_that_it_has_arrived():
     hall = Hall()
 
     def go_on():
-        hall.phase, hall.plans, hall.sequence = HOLD, [], hall.sequence + 10
+        hall.phase, hall.plans = HOLD, []
+        hall.command = hold
+
+    def hold():
+        hall.sequence += 10
         command = Command(COORDINATOR, hall.sequence, 2, HOLD, 0)
-        hall.command = lambda: hall.link.put(keys.command(FLEET), encode(command))
+        hall.link.put(keys.command(FLEET), encode(command))
 
     hall.reactions[DONE] = go_on
     told = told_until(hall, 60.0)

@@ -1,0 +1,78 @@
+"""What has arrived for a robot and waits for its next tick.
+
+Decides: what is worth hearing: a message of the right kind for its key, for this robot, and no
+Command that is older than one that came before.  Each type of message has room of its
+own, so that nothing pushes Commands out but newer Commands.  Must not know: links, clocks, what a
+message makes the robot do.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final, NamedTuple
+
+from protocol import keys
+from protocol.codec import decode
+from protocol.messages import Clock, Command, Message, NewTimes, Plan, Refusal
+
+_DEPTHS: Final[dict[type[Message], int]] = {
+    Command: 32, Clock: 32, Plan: 4, NewTimes: 4, Refusal: 4,
+}  # fmt: skip
+"""So many of a type may wait, and be heard in one tick: of each the newest says what the others
+said, and several times what a coordinator sends while a robot hangs for a second is room enough."""
+
+
+class Heard(NamedTuple):
+    """A message, the fleet on whose key it came, and when [ns], if that is known."""
+
+    fleet: str
+    message: Message
+    heard_ns: int | None
+
+
+class Inbox:
+    """What waits for one robot.
+
+    `bad`: how many messages could not be understood or were for others, `dropped`: how many had to
+    give way to newer ones.
+    """
+
+    def __init__(self, robot: str) -> None:
+        self.bad = self.dropped = 0
+        self._robot = robot
+        self._lanes: dict[type[Message], deque[tuple[int, Heard]]] = {
+            kind: deque(maxlen=depth) for kind, depth in _DEPTHS.items()
+        }
+        self._count = 0
+        self._newest = (-1, -1)
+
+    def put(self, key: str, payload: bytes, heard_ns: int | None) -> None:
+        """Let a message wait."""
+        place = keys.split(key)
+        message = decode(place[1], payload) if place is not None else None
+        if place is None or message is None or not self._is_mine(place[2], message):
+            self.bad += 1
+            return
+        if isinstance(message, Command):
+            boot, sequence = self._newest
+            if boot == message.boot and message.sequence <= sequence:
+                return
+            self._newest = message.boot, message.sequence
+        lane = self._lanes[type(message)]
+        self.dropped += len(lane) == lane.maxlen
+        self._count += 1
+        lane.append((self._count, Heard(place[0], message, heard_ns)))
+
+    def take(self) -> Heard | None:
+        """Return what arrived first of what waits; None when there is nothing.
+
+        Another thread may `put` meanwhile.
+        """
+        waiting = [lane for lane in self._lanes.values() if lane]
+        return min(waiting, key=lambda lane: lane[0][0]).popleft()[1] if waiting else None
+
+    def _is_mine(self, robot: str, message: Message) -> bool:
+        """Tell whether a message is for a robot, for this one or for all."""
+        if type(message) not in _DEPTHS or (isinstance(message, Plan) and message.robot != robot):
+            return False
+        return robot == self._robot or isinstance(message, Command)
