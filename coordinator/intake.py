@@ -1,8 +1,9 @@
 """The door of a coordinator: which of the messages that arrive the fleet core hears, and when.
 
 A message that is too long, on no key of this fleet's or not for a coordinator is dropped before
-anybody looks into it.  What is left waits in lanes: one for each robot of the fleet and kind of
-key, one for what a robot's keys hold that cannot be read, and one a kind for all strangers.
+anybody looks into it.  What is left waits in lanes: for each robot of the fleet and kind of key
+one for its process that has been accepted and one for any other that speaks in its name; one for
+what a robot's keys hold that cannot be read; and one a kind for all strangers.
 
 Decides: what is dropped, and counts it by cause.  Must not know: threads, links, clocks, what a
 message means.
@@ -10,7 +11,7 @@ message means.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from coordinator.lanes import Lanes, Rate
@@ -45,15 +46,16 @@ class Arrival(NamedTuple):
 
 
 class Intake:
-    """What waits for the fleet core of one fleet, whose robots have these names.
+    """What waits for the fleet core of one fleet.
 
-    `dropped`: how many messages were, by cause.
+    `boot_of` gives the boot id of a robot's accepted process, None when none was; KeyError for a
+    stranger.  `dropped`: how many messages were, by cause.
     """
 
-    def __init__(self, fleet: str, robots: Iterable[str]) -> None:
+    def __init__(self, fleet: str, boot_of: Callable[[str], int | None]) -> None:
         self.dropped: dict[str, int] = {}
         self._fleet = fleet
-        self._robots = frozenset(robots)
+        self._boot_of = boot_of
         self._lanes: Lanes[Arrival] = Lanes()
 
     def put(self, arrival: Arrival) -> bool:
@@ -65,13 +67,20 @@ class Intake:
         if place is None or place[0] != self._fleet or place[1] == "plan":
             return self._drop(NOT_OURS)
         _, kind, robot = place
-        kind = "report" if kind == "alive" else kind
-        whose = robot if robot in self._robots else ""
-        readable = place[1] == "alive" or decode(kind, payload) is not None
-        if readable:
-            return self._lanes.put((whose, kind), RATES[kind], arrival) or self._drop(TOO_MANY)
-        room = self._lanes.put((whose, ""), UNREADABLE_RATE, arrival)
-        return room or self._drop(UNREADABLE)
+        try:
+            boot = self._boot_of(robot)
+        except KeyError:
+            robot, boot = "", None
+        if kind == "alive":
+            kind, accepted = "report", True
+        else:
+            message = decode(kind, payload)
+            if message is None:
+                room = self._lanes.put((robot,), UNREADABLE_RATE, arrival)
+                return room or self._drop(UNREADABLE)
+            accepted = message.boot == boot
+        room = self._lanes.put((robot, kind, accepted), RATES[kind], arrival)
+        return room or self._drop(TOO_MANY)
 
     def take(self, now_ns: int) -> Arrival | None:
         """Return the next message to hear; None when there is none for now."""

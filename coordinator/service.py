@@ -56,7 +56,8 @@ class Service:
     ) -> None:
         self.mission = mission
         self.fleet = mission.fleet
-        self.intake = Intake(self.fleet.name, self.fleet.members)
+        members = self.fleet.members
+        self.intake = Intake(self.fleet.name, lambda robot: members[robot].boot)
         self._transport = transport
         self._recorder = recorder
         self._clock = clock

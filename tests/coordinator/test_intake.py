@@ -25,14 +25,15 @@ from protocol.phases import MOVING
 from protocol.timing import CLOCK_PERIOD_FAST, MILLISECOND, REPORT_PERIOD, SECOND
 
 ROBOTS = ("R1", "R2")
+BOOT = 5
 
 
 def an_intake():
-    return Intake("hall", ROBOTS)
+    return Intake("hall", dict.fromkeys(ROBOTS, BOOT).__getitem__)
 
 
-def report(robot="R1", sequence=1):
-    payload = encode(Report(5, sequence, 1, MOVING))
+def report(robot="R1", sequence=1, boot=BOOT):
+    payload = encode(Report(boot, sequence, 1, MOVING))
     return Arrival(keys.report("hall", robot), payload, None)
 
 
@@ -85,6 +86,16 @@ def test_garbage_on_a_robots_keys_pushes_none_of_its_messages_out():
     assert [one for one in found if one.payload != b"junk"] == [report("R1", 1), report("R1", 2)]
     assert len(found) == 2 + UNREADABLE_RATE.at_once
     assert intake.dropped[UNREADABLE] == 20_000 - DEPTH
+
+
+def test_who_speaks_in_a_robots_name_pushes_nothing_out_that_its_own_process_says():
+    intake = an_intake()
+    intake.put(report(sequence=1))
+    for number in range(20_000):
+        intake.put(report(sequence=number, boot=number + 10))
+    intake.put(report(sequence=2))
+    own = [one for one in heard(intake) if one in (report(sequence=1), report(sequence=2))]
+    assert own == [report(sequence=1), report(sequence=2)]
 
 
 def test_strangers_share_one_lane_a_kind_however_many_names_they_invent():
