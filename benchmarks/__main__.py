@@ -18,6 +18,9 @@ from typing import Final
 from benchmarks.against_paper import against_paper
 from benchmarks.agent import agent
 from benchmarks.curves import curves
+from benchmarks.flood import flood
+from benchmarks.fuzz.running import fuzz_all
+from benchmarks.fuzz.table import MODULES
 from benchmarks.intersections import intersections
 from benchmarks.paths import against_peers, fleets, for_robots
 from benchmarks.planning import planning
@@ -53,6 +56,8 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "reliability": {"seeded fleets with 1 to 4 faults": partial(campaigns, 500)},
     "replays": {"logs of faulty runs, run again": replays},
     "agent": {"one tick of the robot's core": agent},
+    "flood": {"a fleet beside a flood": flood},
+    "fuzz": {"bad input, 30 s a target": partial(fuzz_all, list(MODULES))},
     "recording": {
         "recording what arrives over Zenoh": recording,
         "the recorder alone, what 100 robots say": writing,

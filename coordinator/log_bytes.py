@@ -11,13 +11,14 @@ import zlib
 from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
+from lz4.frame import get_frame_info
 from mcap import records as mcap_records
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import MCAP0_MAGIC
-from zstandard import ZstdError
+from zstandard import ZstdError, frame_content_size
 
 _PREFIX: Final = struct.Struct("<BQ")
 _FOOTER_CHECKED: Final = struct.calcsize("<BQQQ")
@@ -29,7 +30,18 @@ _CHUNK_SIGN: Final = b"\x04\x00\x00\x00zstd"
 _BEFORE_SIGN: Final = _PREFIX.size + struct.calcsize("<QQQI")
 """So many bytes of a chunk's record come before that."""
 
-_UNREADABLE: Final = (McapError, ValueError, OverflowError, MemoryError, struct.error, ZstdError)
+_UNREADABLE: Final = (
+    McapError, ValueError, OverflowError, MemoryError, RuntimeError, struct.error, ZstdError,
+)  # fmt: skip
+
+_MOST_UNPACKED: Final = 2 * 2**20
+_MOST_IN_ALL: Final = 64 * 2**20
+_MOST_RATIO: Final = 200
+"""A chunk, and a file, may unpack to so many bytes, and to so many times its length beyond; what
+fleets say shrinks to a tenth."""
+
+_UNSTATED: Final = -1
+"""What zstd says of a frame whose size is not known: it is unpacked as far as its chunk says."""
 
 _PARSERS: Final[dict[int, Callable[[ReadDataStream], mcap_records.McapRecord]]] = {
     Opcode.HEADER: mcap_records.Header.read,
@@ -148,10 +160,14 @@ def scan(data: bytes) -> tuple[list[Sound], str]:
     if not data.startswith(MCAP0_MAGIC):
         damages.append("damaged at byte 0: the file does not begin as an MCAP file does")
     end, opcode, data_end, summary = len(MCAP0_MAGIC), 0, 0, 0
+    room = _MOST_IN_ALL + _MOST_RATIO * len(data)
     for frame in _frames(data):
         end, opcode, fault = frame.end, frame.opcode, frame.fault
         first = frame.records[0] if frame.records else None
-        if isinstance(first, mcap_records.DataEnd):
+        if isinstance(first, mcap_records.Chunk):
+            room -= first.uncompressed_size
+            fault = fault if room >= 0 else "the file would unpack to more than a log holds"
+        elif isinstance(first, mcap_records.DataEnd):
             data_end, summary = end, len(sound)
             fault = _data_fault(data, frame, first)
         elif isinstance(first, mcap_records.Footer):
@@ -188,8 +204,21 @@ def _parse(opcode: int, content: bytes) -> list[mcap_records.McapRecord]:
         if zlib.crc32(content[:-4]) != checksum:
             raise _DamageError("its checksum is wrong")
     if isinstance(record, mcap_records.Chunk):
+        _check_size(record)
         return [record, *breakup_chunk(record, validate_crc=True)]
     return [record]
+
+
+def _check_size(chunk: mcap_records.Chunk) -> None:
+    """Raise _DamageError for a chunk that would take too much memory, before it is unpacked."""
+    size, data = chunk.uncompressed_size, chunk.data
+    stated = size
+    if chunk.compression == "zstd":
+        stated = frame_content_size(data)
+    elif chunk.compression == "lz4":
+        stated = get_frame_info(data)["content_size"]
+    if size > _MOST_UNPACKED + _MOST_RATIO * len(data) or stated not in (size, _UNSTATED):
+        raise _DamageError("it would unpack to more than a chunk holds")
 
 
 def _data_fault(data: bytes, frame: _Frame, record: mcap_records.DataEnd) -> str:

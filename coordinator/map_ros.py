@@ -19,6 +19,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 from PIL import Image
+from yaml.composer import ComposerError
 
 from coordinator.floor_map import FloorMap, MapOptions, describe, fail, read_bytes
 from coordinator.map_cells import MOST_CELLS, Cells, Grid, TooManyCornersError
@@ -63,6 +64,16 @@ class _Settings(NamedTuple):
     occupied_thresh: float
     free_thresh: float
     mode: str
+
+
+class _PlainLoader(yaml.SafeLoader):
+    """Reads YAML without aliases: a few of them, merged, make a document without end."""
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            raise ComposerError(None, None, "an alias, which is not read here", mark)
+        return super().compose_node(parent, index)
 
 
 def read_ros_map(path: Path, options: MapOptions) -> FloorMap:
@@ -116,7 +127,7 @@ def _load(path: Path) -> object:
     """Return the YAML document; a fault is told with its line."""
     text = read_bytes(path, MOST_YAML_BYTES)
     try:
-        document: object = yaml.safe_load(text)
+        document: object = yaml.load(text, _PlainLoader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = "" if mark is None else f"line {mark.line + 1}: "

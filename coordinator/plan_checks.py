@@ -97,9 +97,24 @@ def find_problems(document: PlanDocument) -> list[str]:
             problems.append(f"{where}.id: {robot.id!r} stands twice, allowed is every id once")
         seen.add(robot.id)
         problems += _robot_faults(where, robot)
+    if not problems:
+        problems += _pair_faults(document, seen)
     if document.workspace is not None:
         problems += _floor_faults(document.workspace)
     return problems
+
+
+def _pair_faults(document: PlanDocument, robots: set[str]) -> Iterator[str]:
+    """Yield what is wrong with crossings and waits: they name robots of the plan."""
+    named = [
+        *((f"crossings[{i}]", ("a", "b"), one) for i, one in enumerate(document.crossings)),
+        *((f"waits[{i}]", ("robot", "yields_to"), one) for i, one in enumerate(document.waits)),
+    ]
+    for where, keys, one in named:
+        for key in keys:
+            name = getattr(one, key)
+            if name not in robots:
+                yield f"{where}.{key}: {name[:40]!r} is no robot of the plan"
 
 
 def _robot_faults(where: str, robot: RobotPlan) -> Iterator[str]:

@@ -93,6 +93,8 @@ two corners | workspace.boundary = [[0, 0], [9, 9]] | workspace.boundary | has 2
 a bow tie | workspace.boundary = [[0,0],[9,9],[9,0],[0,9]] | workspace.boundary | cross or touch
 one corner | workspace.obstacles.0 = [[1, 1]] | workspace.obstacles[0] | has 1 corners, allowed
 a far corner | workspace.boundary.0.1 = 1e300 | workspace.boundary[0][1] | allowed is from -100000
+a wait for a stranger | waits.0.yields_to = "R0" | waits[0].yields_to | 'R0' is no robot of the plan
+a stranger's crossing | crossings.0.a = "" | crossings[0].a | '' is no robot of the plan
 a line | workspace.obstacles.0 = [[1,1],[2,2],[3,3]] | workspace.obstacles[0] | allowed is an outl
 """
 STOP = '{"s": 3, "arrive": 5, "depart": 6}'

@@ -1,0 +1,82 @@
+"""Fuzz targets run as processes, with limits, and what came of it.
+
+Decides: the limits of time and memory.  Must not know: the targets.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Final
+
+from benchmarks.table import ROOT, Row
+
+SECONDS: Final = 30
+HANG_S: Final = 10
+MEMORY_MB: Final = 1_500
+_NICE: Final = 10
+_GRACE_S: Final = 120.0
+"""For imports, seeds, and the end of the last input."""
+
+_FOLDER: Final = ROOT / "benchmarks" / "results" / "fuzz"
+_OUTCOMES: Final = {0: "no crash", 70: "hangs", 71: "takes too much memory", 77: "crashes"}
+
+
+def fuzz(name: str, seconds: int = SECONDS) -> Row:
+    """Run one target and tell how it went."""
+    folder = _FOLDER / name
+    (folder / "corpus").mkdir(parents=True, exist_ok=True)
+    command = [
+        *(sys.executable, "-m", "benchmarks.fuzz.worker", name, str(folder / "corpus")),
+        *(f"-max_total_time={seconds}", f"-timeout={HANG_S}", f"-rss_limit_mb={MEMORY_MB}"),
+        *(f"-artifact_prefix={folder}/", "-print_final_stats=1"),
+    ]
+    with (folder / "said.txt").open("wb") as said:
+        process = subprocess.Popen(
+            ["nice", "-n", str(_NICE), *command],
+            cwd=ROOT,
+            stdin=subprocess.DEVNULL,
+            stdout=said,
+            stderr=subprocess.STDOUT,
+        )
+        try:
+            code = process.wait(seconds + _GRACE_S)
+        except subprocess.TimeoutExpired:
+            code = 70
+        finally:
+            process.kill()
+            process.wait()
+    text = (folder / "said.txt").read_text(errors="replace")
+    return {
+        "target": name,
+        "seconds": seconds,
+        "inputs": int(_said(r"executed_units: (\d+)", text) or 0),
+        "inputs/s": int(_said(r"exec_per_sec: +(\d+)", text) or 0),
+        "corpus": int(_said(r".*corp: (\d+)/", text) or 0),
+        "branches": int(_said(r".*cov: (\d+) ", text) or 0),
+        "memory MB": int(_said(r"peak_rss_mb: +(\d+)", text) or 0),
+        "outcome": _OUTCOMES.get(code, f"ended with code {code}"),
+        "what": _said(r"\n=+ Uncaught Python exception: =+\n(.{1,80})", text),
+    }
+
+
+def fuzz_all(names: list[str], seconds: int = SECONDS, jobs: int = 1) -> list[Row]:
+    """Run targets, several side by side."""
+    with ThreadPoolExecutor(jobs) as pool:
+        return list(pool.map(lambda name: fuzz(name, seconds), names))
+
+
+def leftovers() -> Iterator[Path]:
+    """Yield the inputs that made a target crash, of this run and of earlier ones."""
+    for kind in ("crash", "timeout", "oom"):
+        yield from sorted(_FOLDER.glob(f"*/{kind}-*"))
+
+
+def _said(pattern: str, text: str) -> str:
+    """Return what the last match says; empty without one."""
+    found = re.findall(pattern, text, re.DOTALL if pattern.startswith(".*") else 0)
+    return found[-1] if found else ""
