@@ -15,6 +15,11 @@ from coordinator.recorder import Attachment
 
 _FOLDER: Final = "blackbox/"
 _ENDING: Final = ".csv.gz"
+_GZIP: Final = 16 + zlib.MAX_WBITS
+
+_MOST: Final = 16 * 2**20
+_MOST_RATIO: Final = 50
+"""A black box may unpack to so many bytes, and to so many times its length beyond."""
 
 
 def packed(robot: str, text: bytes) -> Attachment:
@@ -33,7 +38,19 @@ def unpacked(attachments: Mapping[str, bytes]) -> dict[str, str]:
         if name.startswith(_FOLDER) and name.endswith(_ENDING):
             robot = name.removeprefix(_FOLDER).removesuffix(_ENDING)
             try:
-                found[robot] = gzip.decompress(data).decode("ascii")
-            except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+                found[robot] = _unpacked(data).decode("ascii")
+            except (ValueError, zlib.error) as error:
                 raise InputError([f"attachment {name}: cannot be unpacked: {error}"]) from None
     return found
+
+
+def _unpacked(data: bytes) -> bytes:
+    """Unpack a file; ValueError when it is cut short, or would be longer than a black box is."""
+    most = _MOST + _MOST_RATIO * len(data)
+    unpacker = zlib.decompressobj(_GZIP)
+    text = unpacker.decompress(data, most + 1)
+    if len(text) > most:
+        raise ValueError(f"it is longer than {most} bytes")
+    if not unpacker.eof:
+        raise ValueError("it ends early")
+    return text

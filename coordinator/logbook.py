@@ -27,6 +27,10 @@ from coordinator.recorder import METADATA_NAME, WALL_OFFSET
 RESUMED: Final = "resumed.mcap"
 """The attachment with the log that a log goes on from."""
 
+MOST_RESUMED: Final = 100
+_MOST_NAMED: Final = 2 * MOST_RESUMED
+"""Every attachment is named where it stands and in the summary."""
+
 
 class Record(msgspec.Struct, frozen=True):
     """A message as it went by.
@@ -94,6 +98,8 @@ def scan_log(data: bytes, path: str) -> LogScan:
     """Return what is sound of a log; InputError when this is no log of a fleet."""
     if not data.startswith(MCAP0_MAGIC) and not is_closed(data):
         raise _no_log(path, data)
+    if data.count(RESUMED.encode()) > _MOST_NAMED:
+        raise InputError([f"{path}: goes on from more than {MOST_RESUMED} logs, one in the other"])
     sound, damage = scan(data)
     metadata: dict[str, str] = {}
     for _, record in sound:

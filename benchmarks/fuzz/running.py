@@ -5,12 +5,14 @@ Decides: the limits of time and memory.  Must not know: the targets.
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 from benchmarks.table import ROOT, Row
@@ -35,10 +37,15 @@ def fuzz(name: str, seconds: int = SECONDS) -> Row:
         *(f"-max_total_time={seconds}", f"-timeout={HANG_S}", f"-rss_limit_mb={MEMORY_MB}"),
         *(f"-artifact_prefix={folder}/", "-print_final_stats=1"),
     ]
-    with (folder / "said.txt").open("wb") as said:
+    memory = Path("/dev/shm")
+    with (
+        (folder / "said.txt").open("wb") as said,
+        TemporaryDirectory(dir=memory if memory.is_dir() else None) as room,
+    ):
         process = subprocess.Popen(
             ["nice", "-n", str(_NICE), *command],
             cwd=ROOT,
+            env={**os.environ, "TMPDIR": room},
             stdin=subprocess.DEVNULL,
             stdout=said,
             stderr=subprocess.STDOUT,
@@ -50,6 +57,8 @@ def fuzz(name: str, seconds: int = SECONDS) -> Row:
         finally:
             process.kill()
             process.wait()
+    for old in [] if code else list(leftovers(name)):
+        old.unlink()
     text = (folder / "said.txt").read_text(errors="replace")
     return {
         "target": name,
@@ -70,10 +79,10 @@ def fuzz_all(names: list[str], seconds: int = SECONDS, jobs: int = 1) -> list[Ro
         return list(pool.map(lambda name: fuzz(name, seconds), names))
 
 
-def leftovers() -> Iterator[Path]:
-    """Yield the inputs that made a target crash, of this run and of earlier ones."""
+def leftovers(name: str = "*") -> Iterator[Path]:
+    """Yield the inputs that made a target crash and have not passed since."""
     for kind in ("crash", "timeout", "oom"):
-        yield from sorted(_FOLDER.glob(f"*/{kind}-*"))
+        yield from sorted(_FOLDER.glob(f"{name}/{kind}-*"))
 
 
 def _said(pattern: str, text: str) -> str:

@@ -45,8 +45,7 @@ def answered(read: Callable[[bytes], None]) -> Callable[[bytes], None]:
 
 
 def workshop() -> Path:
-    """Return a new folder for files that readers want to open, in memory where there is some."""
-    memory = Path("/dev/shm")
-    folder = mkdtemp(prefix="splinefleet-fuzz-", dir=memory if memory.is_dir() else None)
+    """Return a new folder for files that readers want to open."""
+    folder = mkdtemp(prefix="splinefleet-fuzz-")
     atexit.register(rmtree, folder, ignore_errors=True)
     return Path(folder)

@@ -31,13 +31,14 @@ def main() -> None:
     warnings.simplefilter("ignore")
     name, corpus, *options = sys.argv[1:]
     with atheris.instrument_imports(include=_WATCHED, exclude=_compiled()):
-        module = importlib.import_module(f"benchmarks.fuzz.{MODULES[name]}")
-    target = module.TARGETS[name]
-    folder = Path(corpus)
-    folder.mkdir(parents=True, exist_ok=True)
-    for number, seed in enumerate(target.seeds()):
-        (folder / f"seed-{number}").write_bytes(seed)
-        target.attempt(seed)
+        target = importlib.import_module(f"benchmarks.fuzz.{MODULES[name]}").TARGETS[name]
+        folder = Path(corpus)
+        folder.mkdir(parents=True, exist_ok=True)
+        for number, seed in enumerate(target.seeds()):
+            (folder / f"seed-{number}").write_bytes(seed)
+            target.attempt(seed)  # within, so that what is imported late is watched as well
+    for crash in sorted(folder.parent.glob("crash-*")):
+        target.attempt(crash.read_bytes())
     arguments = [sys.argv[0], str(folder), f"-max_len={target.longest}", *options]
 
     def mutate(data: bytes, most: int, seed: int) -> bytes:

@@ -9,7 +9,9 @@ import zstandard
 from mcap.opcode import Opcode
 from mcap.writer import Writer
 
-from coordinator.logbook import log_from_bytes
+from coordinator.blackbox_files import packed, unpacked
+from coordinator.errors import InputError
+from coordinator.logbook import MOST_RESUMED, RESUMED, log_from_bytes
 from coordinator.recorder import METADATA_NAME, WALL_OFFSET
 from coordinator.recover import make_whole
 
@@ -77,3 +79,35 @@ def test_many_chunks_of_which_each_is_small_enough_are_not_all_unpacked():
 
 def test_a_chunk_that_is_no_lz4_is_damage():
     assert "cannot be read" in log_from_bytes(a_log(a_chunk(9, b"junk", b"lz4")), "x").damage
+
+
+def inside(data):
+    """A log that goes on from another."""
+    stream = io.BytesIO()
+    writer = Writer(stream, enable_data_crcs=True)
+    writer.start(profile="", library="")
+    writer.add_metadata(METADATA_NAME, {WALL_OFFSET: "0"})
+    writer.add_attachment(0, 0, RESUMED, "application/octet-stream", data)
+    writer.finish()
+    return stream.getvalue()
+
+
+def test_logs_one_in_the_other_are_read_as_often_as_a_coordinator_is_started_again():
+    data = a_log()
+    for _ in range(MOST_RESUMED):
+        data = inside(data)
+    assert log_from_bytes(data, "run.mcap").damage == ""
+    with pytest.raises(InputError, match="goes on from more than 100 logs"):
+        log_from_bytes(inside(data), "run.mcap")
+
+
+def test_a_black_box_that_unpacks_to_no_end_or_ends_early_is_told_in_a_line():
+    text = b"t,x,y,heading,s,phase\n" * 1000
+    name, _, data = packed("R1", text)
+    assert unpacked({name: data}) == {"R1": text.decode()}
+    with pytest.raises(InputError, match=r"R1.csv.gz: cannot be unpacked: it ends early"):
+        unpacked({name: data[:-9]})
+    with pytest.raises(InputError, match="it is longer than"):
+        unpacked({name: packed("R1", bytes(64 * MEGABYTE)).data})
+    with pytest.raises(InputError, match="cannot be unpacked"):
+        unpacked({name: b"junk"})
