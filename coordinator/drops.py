@@ -10,6 +10,9 @@ from typing import Final
 
 import msgspec
 
+NOT_RECORDED: Final = "not recorded"
+"""What was heard or sent but is not in the log: too much waited for the disk, or on too many keys."""
+
 _counts: Final = msgspec.json.Decoder(dict[str, int])
 
 

@@ -36,6 +36,9 @@ RATES: Final = {
 UNREADABLE_RATE: Final = Rate(50, 64)
 """So much of what cannot be read is heard, which means counted and kept in the log."""
 
+MOST_STRANGERS: Final = 1_000
+"""So many names that are not in the fleet are answered and kept in the log, and no more."""
+
 
 class Arrival(NamedTuple):
     """What arrived, and the sender's stamp; on a key that is alive the news of its link."""
@@ -56,6 +59,7 @@ class Intake:
         self.dropped: dict[str, int] = {}
         self._fleet = fleet
         self._boot_of = boot_of
+        self._strangers: set[str] = set()
         self._lanes: Lanes[Arrival] = Lanes()
 
     def put(self, arrival: Arrival) -> bool:
@@ -70,6 +74,9 @@ class Intake:
         try:
             boot = self._boot_of(robot)
         except KeyError:
+            if robot not in self._strangers and len(self._strangers) >= MOST_STRANGERS:
+                return self._drop(TOO_MANY)
+            self._strangers.add(robot)
             robot, boot = "", None
         if kind == "alive":
             kind, accepted = "report", True

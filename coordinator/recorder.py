@@ -34,6 +34,15 @@ WALL_OFFSET: Final = "wall_offset_ns"
 FLUSH_PERIOD_S: Final = 0.08
 """100 ms is what may be lost; the rest is left for the write itself."""
 
+MOST_WAITING: Final = 32 * 2**20
+"""So many bytes may wait for the disk; what is beyond them is dropped, counted, told at the end."""
+
+MOST_CHANNELS: Final = 60_000
+"""A log tells so many keys apart, as many as the largest fleet has; the format has room for 65,535.
+What is on more of them, which somebody invents, is dropped and counted as well."""
+
+_ENTRY_BYTES: Final = 300
+
 CHUNK_BYTES: Final = 128 * 1024
 """A larger chunk would hold the interpreter for too long when it is compressed."""
 
@@ -55,6 +64,11 @@ class _Entry(NamedTuple):
     log_time: int
     publish_time: int
 
+    @property
+    def size(self) -> int:
+        """Bytes of memory, about."""
+        return len(self.payload) + _ENTRY_BYTES
+
 
 class Recorder:
     """An open log.  Every method may be called from any thread; only `sync` and `close` wait.
@@ -75,7 +89,11 @@ class Recorder:
         self.path = path
         self.error: str | None = None
         """What went wrong while writing; from then on nothing more is recorded."""
+        self.dropped = 0
+        """How many messages were not recorded: too many waited for the disk, or keys were."""
         self._wall_offset_ns = wall_offset_ns
+        self._gate = threading.Lock()
+        self._held = 0
         self._waiting: deque[_Entry | Attachment | threading.Event] = deque()
         self._hurry = threading.Event()
         self._closing = threading.Event()
@@ -98,7 +116,13 @@ class Recorder:
         if self.error is None and not self._closing.is_set():
             log_time = _stamp(now_ns + self._wall_offset_ns)
             publish_time = log_time if sent_ns is None else _stamp(sent_ns)
-            self._waiting.append(_Entry(key, payload, log_time, publish_time))
+            entry = _Entry(key, payload, log_time, publish_time)
+            with self._gate:
+                if self._held + entry.size > MOST_WAITING:
+                    self.dropped += 1
+                    return
+                self._held += entry.size
+                self._waiting.append(entry)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Add a file to the log; it is on its way within the flush period."""
@@ -119,7 +143,7 @@ class Recorder:
     def close(self) -> None:
         """Write what is left and end the file; further calls do nothing.
 
-        Raises LogError, once, when anything since the opening could not be written.
+        Raises LogError, once, when anything since the opening could not be written, or was dropped.
         """
         first = not self._closing.is_set()
         self._closing.set()
@@ -127,6 +151,9 @@ class Recorder:
         self._thread.join()
         if first and self.error is not None:
             raise LogError(self.error)
+        if first and self.dropped:
+            what = "too many at once, or on too many keys"
+            raise LogError(f"{self.path}: {self.dropped} messages are not in it: {what}")
 
     def __enter__(self) -> Recorder:
         """Return the recorder itself."""
@@ -177,6 +204,8 @@ class Recorder:
                 written.append(item)
             else:
                 self._add_message(item)
+                with self._gate:
+                    self._held -= item.size
         self._writer.flush()  # type: ignore[no-untyped-call]
         for event in written:
             event.set()
@@ -186,11 +215,14 @@ class Recorder:
         self._writer.add_attachment(0, 0, name, media_type, data)
 
     def _add_message(self, entry: _Entry) -> None:
-        described = self._descriptions.get(entry.key)
-        if described is None:
-            described = self._descriptions[entry.key] = describe(entry.key)
+        described = self._descriptions.get(entry.key) or describe(entry.key)
+        if len(self._descriptions) < MOST_CHANNELS:
+            self._descriptions[entry.key] = described
         place = (entry.key, described.fits(entry.payload))
         channel = self._channels.get(place)
+        if channel is None and len(self._channels) >= MOST_CHANNELS:
+            self.dropped += 1
+            return
         if channel is None:
             channel = self._register(entry.key, described if place[1] else PLAIN)
             self._channels[place] = channel

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Final
 
 from coordinator.adoption import Request, adoption_key, record_of
-from coordinator.drops import drops_key, drops_record
+from coordinator.drops import NOT_RECORDED, drops_key, drops_record
 from coordinator.fleet import Fleet
 from coordinator.fleet_news import Incident, Outgoing
 from coordinator.intake import Arrival, Intake
@@ -210,6 +210,8 @@ class Service:
             return
         with self._door:
             dropped = dict(self.intake.dropped)
+        if self._recorder.dropped:
+            dropped[NOT_RECORDED] = self._recorder.dropped
         if dropped != self._drops:
             self._drops, self._drops_told_ns = dropped, now
             self._recorder.record(drops_key(self.fleet.name), drops_record(dropped), now)

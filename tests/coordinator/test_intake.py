@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coordinator.intake import (
+    MOST_STRANGERS,
     NOT_OURS,
     RATES,
     TOO_LONG,
@@ -102,7 +103,9 @@ def test_strangers_share_one_lane_a_kind_however_many_names_they_invent():
     intake = an_intake()
     for number in range(5_000):
         intake.put(Arrival(keys.hello("hall", f"X{number}"), encode(Hello(1, number)), None))
-    assert len(heard(intake)) == RATES["hello"].at_once
+    found = heard(intake)
+    assert len(found) == RATES["hello"].at_once
+    assert found[-1].key == keys.hello("hall", f"X{MOST_STRANGERS - 1}")
 
 
 def test_news_of_a_link_stay_in_order_with_the_reports():

@@ -191,3 +191,40 @@ def test_a_schema_names_every_field_of_its_message():
         "admit": "splinefleet.Admit",
     }
     assert set(json.loads(schema.json_schema("plan"))["$defs"]) == {"Plan", "Refusal", "NewTimes"}
+
+
+def test_what_waits_for_a_disk_that_hangs_is_bounded_and_what_is_missing_is_told(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(recorder_module, "MOST_WAITING", 20_000)
+    goes_on = threading.Event()
+    write = Recorder._write_waiting
+
+    def hang(self):
+        goes_on.wait(20.0)
+        write(self)
+
+    monkeypatch.setattr(Recorder, "_write_waiting", hang)
+    path = tmp_path / "run.mcap"
+    log = open_log(path)
+    for number in range(1_000):
+        log.record(keys.report("f", "R1"), bytes(100), number)
+    assert log.dropped == 950
+    goes_on.set()
+    with pytest.raises(LogError, match="950 messages are not in it"):
+        log.close()
+    with path.open("rb") as stream:
+        assert make_reader(stream).get_summary().statistics.message_count == 50
+
+
+def test_keys_that_somebody_invents_do_not_end_the_log(tmp_path, monkeypatch):
+    monkeypatch.setattr(recorder_module, "MOST_CHANNELS", 100)
+    path = tmp_path / "run.mcap"
+    log = open_log(path)
+    for number in range(1_000):
+        log.record(f"splinefleet/f/invented/{number}", b"", number)
+        log.record(keys.command("f") if number == 0 else "splinefleet/f/invented/1", b"", number)
+    with pytest.raises(LogError, match="messages are not in it: too many"):
+        log.close()
+    with path.open("rb") as stream:
+        assert make_reader(stream).get_summary().statistics.channel_count == 100
