@@ -11,7 +11,7 @@ from typing import Final
 import msgspec
 
 NOT_RECORDED: Final = "not recorded"
-"""What was heard or sent but is not in the log: too much waited for the disk, or on too many keys."""
+"""What was heard or sent but is not in the log, which had no room for it."""
 
 _counts: Final = msgspec.json.Decoder(dict[str, int])
 
