@@ -24,6 +24,8 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from msgspec import convert
+
 from benchmarks.campaign import record
 from benchmarks.table import ROOT, Row
 from coordinator.info import summarise
@@ -102,6 +104,7 @@ def run_beside(rate: int, seconds: float) -> Row:
         "most ms": _share(ages, 1.0),
         "memory MB": memory[0],
         "growth MB": max(memory) - memory[0],
+        "freezes": len(convert(log["freezes"], list[object])),
         "arrived": f"{sum(ended_well)} of {ROBOTS}",
     }
 
