@@ -14,6 +14,7 @@ import typer
 
 import coordinator.commands
 import coordinator.info_commands
+import coordinator.keys_commands
 import coordinator.log_commands
 import coordinator.operator_commands
 import coordinator.vda5050_commands
@@ -40,6 +41,7 @@ app = typer.Typer(
 for package in (
     coordinator.commands,
     coordinator.info_commands,
+    coordinator.keys_commands,
     coordinator.log_commands,
     coordinator.operator_commands,
     coordinator.vda5050_commands,

@@ -1,0 +1,147 @@
+"""A fleet's certificate authority: its own certificate and those it signs.
+
+Decides: what stands in a certificate.  Must not know: files, who may do what.
+
+Keys are on the curve P-256, which microcontrollers know too.  Only the coordinator's certificate
+may serve a link, so that no robot can pose as the coordinator; none but the authority's may sign.
+"""
+
+from __future__ import annotations
+
+import datetime
+import ipaddress
+from collections.abc import Iterable
+from typing import Final, NamedTuple
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from protocol.badge import Badge
+
+THIS_MACHINE: Final = ("localhost", "127.0.0.1", "::1")
+"""Where a coordinator can always be reached, besides the hosts that are named."""
+
+AUTHORITY_DAYS: Final = 3_650
+
+_EARLIER: Final = datetime.timedelta(hours=1)
+"""A certificate is valid from before it was made: a robot's clock may be behind."""
+
+
+class Pair(NamedTuple):
+    """A certificate and its private key, both PEM."""
+
+    certificate: bytes
+    private: bytes
+
+    @property
+    def expires(self) -> datetime.datetime:
+        """Return until when the certificate is valid (UTC)."""
+        return x509.load_pem_x509_certificate(self.certificate).not_valid_after_utc
+
+    @property
+    def serial(self) -> str:
+        """Return the certificate's serial number, in hexadecimal digits."""
+        return f"{x509.load_pem_x509_certificate(self.certificate).serial_number:x}"
+
+
+def new_authority(now: datetime.datetime, days: int = AUTHORITY_DAYS) -> Pair:
+    """Return a new authority, valid for so many days from `now` (UTC)."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = _name(f"splinefleet authority {x509.random_serial_number():x}"[:64])
+    usage = _usage(signs=True)
+    made = (
+        _begin(name, name, key, key, now, now + datetime.timedelta(days=days))
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(usage, critical=True)
+        .sign(key, hashes.SHA256())
+    )
+    return _pair(made, key)
+
+
+def new_certificate(
+    authority: Pair, badge: Badge, now: datetime.datetime, days: int, hosts: Iterable[str] = ()
+) -> Pair:
+    """Return a certificate of the authority, valid for so many days but not beyond its own.
+
+    `hosts` are the names and addresses under which a coordinator is reached.
+    """
+    issuer = x509.load_pem_x509_certificate(authority.certificate)
+    signer = serialization.load_pem_private_key(authority.private, password=None)
+    if not isinstance(signer, ec.EllipticCurvePrivateKey):
+        raise ValueError("the authority's private key is not on an elliptic curve")
+    key = ec.generate_private_key(ec.SECP256R1())
+    end = min(now + datetime.timedelta(days=days), issuer.not_valid_after_utc)
+    serves = badge.role == "coordinator"
+    purposes = [ExtendedKeyUsageOID.CLIENT_AUTH]
+    purposes += [ExtendedKeyUsageOID.SERVER_AUTH] if serves else []
+    builder = (
+        _begin(issuer.subject, _name(badge.common_name), signer, key, now, end)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(_usage(signs=False), critical=True)
+        .add_extension(x509.ExtendedKeyUsage(purposes), critical=False)
+    )
+    if serves:
+        known = dict.fromkeys((*THIS_MACHINE, *hosts))
+        names = x509.SubjectAlternativeName([_host(host) for host in known])
+        builder = builder.add_extension(names, critical=False)
+    return _pair(builder.sign(signer, hashes.SHA256()), key)
+
+
+def _begin(
+    issuer: x509.Name,
+    subject: x509.Name,
+    signer: ec.EllipticCurvePrivateKey,
+    key: ec.EllipticCurvePrivateKey,
+    begin: datetime.datetime,
+    end: datetime.datetime,
+) -> x509.CertificateBuilder:
+    """Return what every certificate holds; both keys are named, as strict checks want it."""
+    own = x509.SubjectKeyIdentifier.from_public_key(key.public_key())
+    whose = x509.AuthorityKeyIdentifier.from_issuer_public_key(signer.public_key())
+    return (
+        x509.CertificateBuilder()
+        .issuer_name(issuer)
+        .subject_name(subject)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(min(begin, end) - _EARLIER)
+        .not_valid_after(end)
+        .add_extension(own, critical=False)
+        .add_extension(whose, critical=False)
+    )
+
+
+def _usage(*, signs: bool) -> x509.KeyUsage:
+    """Return what a key is for: signing certificates, or agreeing on a link."""
+    return x509.KeyUsage(
+        digital_signature=not signs,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        key_cert_sign=signs,
+        crl_sign=False,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _name(common_name: str) -> x509.Name:
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
+
+
+def _host(host: str) -> x509.GeneralName:
+    try:
+        return x509.IPAddress(ipaddress.ip_address(host))
+    except ValueError:
+        return x509.DNSName(host)
+
+
+def _pair(certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> Pair:
+    encoding = serialization.Encoding.PEM
+    private = key.private_bytes(
+        encoding, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    )
+    return Pair(certificate.public_bytes(encoding), private)

@@ -1,0 +1,140 @@
+"""A fleet's folder of keys: the authority, the register, and the files of every party.
+
+Decides: where they lie and with which modes: folders 0700, private keys 0600, never wider even for
+a moment.  The coordinator needs all of it but `authority/`, a robot only its own folder.
+"""
+
+from __future__ import annotations
+
+import datetime
+import fcntl
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from coordinator.authority import Pair, new_authority, new_certificate
+from coordinator.errors import InputError
+from coordinator.register import Issued, Register, register_of, register_to_json
+from protocol.badge import Badge, Role
+from protocol.key_files import AUTHORITY, CERTIFICATE, PRIVATE, own_place
+
+REGISTER: Final = "register.json"
+_AUTHORITY_PLACE: Final = "authority"
+
+
+class KeyStore:
+    """The folder that `keys init` makes; every method raises InputError in one line."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def begin(self, now: datetime.datetime) -> None:
+        """Make the folder with a new authority and an empty register."""
+        if (self.folder / REGISTER).exists() or (self.folder / _AUTHORITY_PLACE).exists():
+            raise InputError([f"{self.folder} holds an authority already; name another folder"])
+        with _told():
+            _make_folder(self.folder)
+            self._write_pair(Path(_AUTHORITY_PLACE), new_authority(now))
+            self._write_register(Register())
+
+    def register(self) -> Register:
+        """Return the register as it is now."""
+        place = self.folder / REGISTER
+        if not place.exists():
+            text = (
+                f"{self.folder}: has no {REGISTER}; splinefleet keys init {self.folder} makes one"
+            )
+            raise InputError([text])
+        with _told():
+            return register_of(place.read_bytes(), str(place))
+
+    def issue(
+        self,
+        role: Role,
+        names: Iterable[str],
+        now: datetime.datetime,
+        days: int,
+        hosts: Iterable[str] = (),
+    ) -> list[Issued]:
+        """Make the next certificate of each name, into its folder; returns what was made."""
+        made = []
+        with self._alone():
+            authority = self._authority()
+            for name in names:
+                register = self.register()
+                badge = Badge(role, name, register.next_generation(role, name))
+                pair = new_certificate(authority, badge, now, days, hosts)
+                one = Issued(*badge, serial=pair.serial, expires=pair.expires)
+                self._write_register(register.added(one))
+                self._write_pair(own_place(role, name), pair)
+                _write(self.folder / own_place(role, name) / AUTHORITY, authority.certificate)
+                made.append(one)
+        return made
+
+    def revoke(
+        self, role: Role, name: str, now: datetime.datetime, generation: int | None = None
+    ) -> list[Issued]:
+        """Revoke the certificates of a name, or one; returns those that counted until now."""
+        with self._alone():
+            register, hit = self.register().revoked(role, name, now, generation)
+            if hit:
+                self._write_register(register)
+        return hit
+
+    def _authority(self) -> Pair:
+        place = self.folder / _AUTHORITY_PLACE
+        if not (place / PRIVATE).exists():
+            raise InputError(
+                [f"{place / PRIVATE}: is not here; only its holder makes certificates"]
+            )
+        return Pair((place / CERTIFICATE).read_bytes(), (place / PRIVATE).read_bytes())
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Let no other command change the register meanwhile."""
+        self.register()
+        with _told():
+            handle = os.open(self.folder, os.O_RDONLY)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX)
+                yield
+            finally:
+                os.close(handle)
+
+    def _write_pair(self, place: Path, pair: Pair) -> None:
+        folder = self.folder
+        for part in place.parts:
+            folder = folder / part
+            _make_folder(folder)
+        _write(folder / PRIVATE, pair.private)
+        _write(folder / CERTIFICATE, pair.certificate)
+
+    def _write_register(self, register: Register) -> None:
+        _write(self.folder / REGISTER, register_to_json(register))
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """Tell in one line what the system refuses."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError([f"{error.filename}: {error.strerror}"]) from None
+    except ValueError as error:
+        raise InputError([f"the authority's files are damaged: {error}"]) from None
+
+
+def _make_folder(folder: Path) -> None:
+    folder.mkdir(mode=0o700, exist_ok=True)
+    folder.chmod(0o700)
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file for its owner alone, so that there is all of it or what was there before."""
+    part = path.with_name(f".{path.name}.{os.getpid()}")
+    handle = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(handle, "wb") as stream:
+        stream.write(content)
+    part.replace(path)

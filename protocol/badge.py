@@ -1,0 +1,45 @@
+"""Who a certificate speaks for: its common name, which binds a role, a name and a generation.
+
+Decides: what common names look like.  Must not know: certificates, links, what a role may do.
+
+A name that was revoked and gets a new certificate gets the next generation, so that the old
+certificate stays refused.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final, Literal, NamedTuple, cast, get_args
+
+from protocol.keys import NAME
+
+Role = Literal["coordinator", "robot", "observer", "operator"]
+ROLES: Final[tuple[Role, ...]] = get_args(Role)
+
+_COMMON_NAME: Final = re.compile(rf"({'|'.join(ROLES)})/({NAME.pattern})/([1-9][0-9]{{0,8}})")
+
+
+class Badge(NamedTuple):
+    """A role, a name and the number of the certificate among those of this role and name."""
+
+    role: Role
+    name: str
+    generation: int
+
+    @property
+    def common_name(self) -> str:
+        """Return the common name, as in robot/R1/2; at most 52 of the 64 characters allowed."""
+        return f"{self.role}/{self.name}/{self.generation}"
+
+    @property
+    def who(self) -> str:
+        """Return the badge in words, as in `robot R1, key 2`."""
+        return f"{self.role} {self.name}, key {self.generation}"
+
+
+def badge_of(common_name: str) -> Badge | None:
+    """Return what a common name says, None when it is none of ours."""
+    parts = _COMMON_NAME.fullmatch(common_name)
+    if parts is None:
+        return None
+    return Badge(cast(Role, parts[1]), parts[2], int(parts[3]))

@@ -1,0 +1,121 @@
+"""The files that one party of a fleet is given: authority.pem, certificate.pem, private.pem.
+
+Decides: where they lie, and whether they are fit for use.  Must not know: how they were made; the
+authority's own private key is never among them.
+"""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from protocol.badge import Badge, Role, badge_of
+from protocol.transport import TransportError
+
+if TYPE_CHECKING:
+    from cryptography.x509 import Certificate
+
+AUTHORITY: Final = "authority.pem"
+CERTIFICATE: Final = "certificate.pem"
+PRIVATE: Final = "private.pem"
+
+WARNING: Final = datetime.timedelta(days=30)
+"""So long before its end a certificate's user is warned."""
+
+_OTHERS: Final = 0o077
+
+
+class KeyFiles(NamedTuple):
+    """Three files, whom they speak for, and until when (UTC)."""
+
+    authority: Path
+    certificate: Path
+    private: Path
+    badge: Badge
+    expires: datetime.datetime
+
+    def warning(self, now: datetime.datetime | None = None) -> str:
+        """Return what is to be told when they expire soon after `now`, else nothing."""
+        now = now or datetime.datetime.now(datetime.UTC)
+        if self.expires - now > WARNING:
+            return ""
+        days = max(0, (self.expires - now).days)
+        return (
+            f"{self.certificate} expires in {days} days, on {self.expires:%Y-%m-%d}; "
+            f"splinefleet keys {self.badge.role} makes the next one"
+        )
+
+
+def own_place(role: Role, name: str) -> Path:
+    """Return where a fleet's folder keeps the files of a party."""
+    return Path(role) if role == "coordinator" else Path(role) / name
+
+
+def read_key_files(
+    folder: Path, role: Role, name: str = "", now: datetime.datetime | None = None
+) -> KeyFiles:
+    """Find the files of a party in its own folder or in the fleet's, and check them.
+
+    Without a name any will do in a party's own folder, in the fleet's the one named as its role.
+    Raises TransportError in one sentence when they are missing, open to others, damaged, another
+    party's, not of one authority, or not valid at `now` (by default this moment).
+    """
+    if not folder.is_dir():
+        raise TransportError(f"--keys: there is no folder {folder}")
+    own = folder if (folder / CERTIFICATE).exists() else folder / own_place(role, name or role)
+    places = [own / AUTHORITY, own / CERTIFICATE, own / PRIVATE]
+    authority, certificate, private = (_content(place) for place in places)
+    if places[2].stat().st_mode & _OTHERS:
+        raise TransportError(f"{places[2]}: others may read it; chmod 600 {places[2]}")
+    found = _parsed(places, authority, certificate, private)
+    badge = _badge(found)
+    if badge is None or badge.role != role or name not in ("", badge.name):
+        whose = "nobody's here" if badge is None else f"that of {badge.role} {badge.name}"
+        raise TransportError(f"{places[1]} is {whose}, not that of {role} {name}".rstrip())
+    begin, end = found.not_valid_before_utc, found.not_valid_after_utc
+    now = now or datetime.datetime.now(datetime.UTC)
+    if not begin <= now <= end:
+        word = f"expired on {end:%Y-%m-%d}" if now > end else f"is not valid before {begin:%c}"
+        raise TransportError(f"{places[1]} {word}; splinefleet keys {role} makes the next one")
+    return KeyFiles(places[0], places[1], places[2], badge, end)
+
+
+def _content(place: Path) -> bytes:
+    try:
+        return place.read_bytes()
+    except OSError as error:
+        raise TransportError(f"{place}: {error.strerror}") from None
+
+
+def _parsed(
+    places: list[Path], authority: bytes, certificate: bytes, private: bytes
+) -> Certificate:
+    """Return the certificate, which the authority has signed for this private key."""
+    from cryptography import x509
+    from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
+    place = places[0]
+    try:
+        issuer = x509.load_pem_x509_certificate(authority)
+        place = places[1]
+        found = x509.load_pem_x509_certificate(certificate)
+        place = places[2]
+        secret = load_pem_private_key(private, password=None)
+    except (ValueError, TypeError, UnsupportedAlgorithm):
+        raise TransportError(f"{place} cannot be read; it is no PEM file of its kind") from None
+    if secret.public_key() != found.public_key():
+        raise TransportError(f"{places[2]} does not belong to {places[1]}")
+    try:
+        found.verify_directly_issued_by(issuer)
+    except (ValueError, TypeError, InvalidSignature):
+        raise TransportError(f"{places[1]} was not signed by {places[0]}") from None
+    return found
+
+
+def _badge(certificate: Certificate) -> Badge | None:
+    from cryptography.x509.oid import NameOID
+
+    names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    return badge_of(str(names[0].value)) if len(names) == 1 else None
