@@ -22,6 +22,7 @@ from benchmarks.flood import flood
 from benchmarks.fuzz.running import fuzz_all
 from benchmarks.fuzz.table import MODULES
 from benchmarks.intersections import intersections
+from benchmarks.locks import arming
 from benchmarks.paths import against_peers, fleets, for_robots
 from benchmarks.planning import planning
 from benchmarks.proof import proving, sharpness
@@ -58,6 +59,7 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "agent": {"one tick of the robot's core": agent},
     "flood": {"a fleet beside a flood": flood},
     "fuzz": {"bad input, 30 s a target": partial(fuzz_all, list(MODULES))},
+    "locks": {"arming a fleet without and with keys": arming},
     "recording": {
         "recording what arrives over Zenoh": recording,
         "the recorder alone, what 100 robots say": writing,

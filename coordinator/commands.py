@@ -15,6 +15,7 @@ import typer
 
 from coordinator.console import answer_json, answers, tell, write_file
 from coordinator.errors import InputError
+from coordinator.key_option import Insecure, Keys
 
 if TYPE_CHECKING:
     from coordinator.plan import PlanDocument
@@ -170,6 +171,8 @@ def coordinator(
     connect: Annotated[
         str | None, typer.Option(help="tcp/HOST:PORT of a router, in place of --listen.")
     ] = None,
+    keys: Keys = None,
+    insecure: Insecure = False,
     log: Annotated[
         Path | None, typer.Option(help="Record everything into this file.", callback=writable())
     ] = None,
@@ -192,10 +195,10 @@ def coordinator(
     from coordinator.meeting_place import meeting_place
     from coordinator.scenario_file import read_scenario
 
-    place = meeting_place(listen, connect)
+    place = meeting_place(listen, connect, keys, insecure)
     asked = read_scenario(scenario)
     runner = Coordinator(asked, effort=effort, speed=speed, events=as_json)
-    raise typer.Exit(runner.run(place, log, plan_out, wait, resume))
+    raise typer.Exit(runner.run(place, log, plan_out, wait, resume, keys))
 
 
 @commands.command()

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 
 from coordinator.courses import Courses
+from coordinator.denials import denial_of, is_denial_key
 from coordinator.drops import drops_of, is_drops_key
 from coordinator.info_numbers import Numbers, broadcast, clock_lag, first_go
 from coordinator.info_plan import read_plans, take_message, take_plans
@@ -144,7 +145,7 @@ class _Telling:
             self.summary.dropped |= drops_of(record.payload) or {}
         address = keys.split(record.key)
         if address is None:
-            self._count_stranger(record.key)
+            self._count_stranger(record)
             return
         fleet, kind, robot = address
         self.summary.fleet = self.summary.fleet or fleet
@@ -170,9 +171,12 @@ class _Telling:
         self._courses.hear(message, robot, record)
         self._tell(message, robot, record)
 
-    def _count_stranger(self, key: str) -> None:
-        """Count what is on the fleet's keys without being a message: nobody knows what it says."""
-        if self.summary.fleet and key.startswith(f"{keys.ROOT}/{self.summary.fleet}/"):
+    def _count_stranger(self, record: Record) -> None:
+        """Tell of a refused link; count what is on the fleet's keys without being a message."""
+        denial = denial_of(record.payload) if is_denial_key(record.key) else None
+        if denial is not None:
+            self._tell_fault(record.log_ns, "", denial.text, "denied")
+        if self.summary.fleet and record.key.startswith(f"{keys.ROOT}/{self.summary.fleet}/"):
             self.summary.positions_on_wire += 1
 
     def _tell(self, message: Message, robot: str, record: Record) -> None:

@@ -9,13 +9,16 @@ import asyncio
 import os
 import time
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
 
 from coordinator.console import answer_json, tell, write_file
+from coordinator.denials import denial_key, denial_record
 from coordinator.errors import InputError
 from coordinator.fleet import Fleet
 from coordinator.fleet_phases import GO_LEAD
+from coordinator.gate import Gate
 from coordinator.log_head import first_head, resumed
 from coordinator.logbook import is_unfinished, read_log
 from coordinator.meeting_place import MeetingPlace
@@ -50,6 +53,7 @@ class Coordinator:
         self._roll_call = RollCall()
         self._aside: dict[str, str] = {}
         self._before, self._began_ns = b"", 0
+        self._gate: Gate | None = None
 
     def clock(self) -> int:
         """Return the coordinator's time [ns]: the host's monotonic clock, times `speed`."""
@@ -62,8 +66,11 @@ class Coordinator:
         plan_file: Path | None,
         patience: float,
         resume: Path | None = None,
+        keys: Path | None = None,
     ) -> int:
         """Run to the end and return the exit code; `resume` is the log to go on from.
+
+        With `keys`, a fleet's folder of them, only their holders are let in.
 
         Raises InputError, PlanError and TransportError before anything moves.
         """
@@ -75,10 +82,18 @@ class Coordinator:
         if log is not None and is_unfinished(log):
             problem = f"--log: {log} holds a run that was not ended; --resume goes on from it"
             raise InputError([problem])
+        if keys is not None:
+            robots = [robot.id for robot in self.scenario.robots]
+            self._gate = Gate(keys, self.scenario.name, robots)
+            for warning in self._gate.warnings:
+                self._say("warning", text=warning)
         boot = int.from_bytes(os.urandom(4), "little")
         mission = self._begin(boot, plan_file) if resume is None else self._go_on(boot, resume)
         fleet, document = mission.fleet, mission.document
-        with place.open() as transport:
+        with ExitStack() as stack:
+            if self._gate is not None:
+                stack.callback(self._gate.close)
+            transport = stack.enter_context(place.open(self._gate))
             recorder = self._recorder(log, document, boot, resume)
             try:
                 self._say("listening", endpoint=place.endpoint, text=str(place))
@@ -89,7 +104,7 @@ class Coordinator:
                         recorder,
                         self.clock,
                         self.speed,
-                        self._watcher(mission, table),
+                        self._watcher(mission, table, recorder),
                         lambda document: self._keep(document, plan_file),
                         transport.has_router if place.routed else None,
                     )
@@ -142,8 +157,11 @@ class Coordinator:
         offset = time.time_ns() - self.clock()
         return Recorder(path, metadata=metadata, wall_offset_ns=offset, attachments=attachments)
 
-    def _watcher(self, mission: Mission, table: FleetTable) -> Callable[[Fleet, int], None]:
+    def _watcher(
+        self, mission: Mission, table: FleetTable, recorder: Recorder
+    ) -> Callable[[Fleet, int], None]:
         def watch(fleet: Fleet, now_ns: int) -> None:
+            self._tell_denials(recorder, now_ns)
             self._tell_incidents(fleet)
             self._tell_aside(mission)
             waiting = self._roll_call.news(fleet, now_ns)
@@ -164,6 +182,12 @@ class Coordinator:
                 start_ns=fleet.times.start_ns,
             )
         self._told = len(fleet.incidents)
+
+    def _tell_denials(self, recorder: Recorder, now_ns: int) -> None:
+        """Tell whom the gate has refused, and write it into the log."""
+        for denial in [] if self._gate is None else self._gate.news():
+            recorder.record(denial_key(self.scenario.name), denial_record(denial), now_ns)
+            self._say("denied", who=denial.who, cause=denial.cause, text=denial.text)
 
     def _tell_aside(self, mission: Mission) -> None:
         """Tell of robots that a new epoch goes on without, unless it was said why they stay."""

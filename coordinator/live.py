@@ -20,6 +20,7 @@ from coordinator.page import scene_json
 from coordinator.plan import read
 from coordinator.scene import Scene
 from protocol import keys
+from protocol.key_files import KeyFiles
 from protocol.transport import Transport
 from protocol.zenoh_transport import ZenohTransport
 
@@ -72,13 +73,15 @@ class Feed:
 
 
 @contextmanager
-def followed(endpoint: str, fleet: str | None, plan: Path | None) -> Iterator[Feed]:
-    """Follow the fleet at an endpoint; `plan` tells the floor and the first epoch.
+def followed(
+    endpoint: str, fleet: str | None, plan: Path | None, own: KeyFiles | None = None
+) -> Iterator[Feed]:
+    """Follow the fleet at an endpoint; `plan` tells the floor and the first epoch, `own` the keys.
 
     Raises TransportError when nobody is there, InputError for a bad plan file.
     """
     document = None if plan is None else read(plan)
     feed = Feed(LiveCourse(fleet or (document.scenario if document else None), document))
-    with ZenohTransport.connect(endpoint) as transport:
+    with ZenohTransport.connect(endpoint, keys=own) as transport:
         feed.listen(transport, fleet)
         yield feed

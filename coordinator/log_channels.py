@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 import msgspec
 
 from coordinator.adoption import Request, is_adoption_key, request_of
+from coordinator.denials import Denial, denial_of, is_denial_key
 from coordinator.drops import drops_of, is_drops_key
 from coordinator.lateness import Lateness, is_lateness_key, lateness_of
 from coordinator.link_news import LINK_GONE, LINK_UP, is_router_key
@@ -58,6 +59,9 @@ def describe(key: str) -> Description:
     if is_lateness_key(key):
         schema = msgspec.json.encode(msgspec.json.schema(Lateness))
         return Description("json", _is_lateness, "splinefleet.Lateness", schema)
+    if is_denial_key(key):
+        schema = msgspec.json.encode(msgspec.json.schema(Denial))
+        return Description("json", _is_denial, "splinefleet.Denial", schema)
     if is_quiet_key(key):
         return _QUIET
     if is_router_key(key):
@@ -80,6 +84,10 @@ def _is_message(kind: str, payload: bytes) -> bool:
 
 def _is_lateness(payload: bytes) -> bool:
     return lateness_of(payload) is not None
+
+
+def _is_denial(payload: bytes) -> bool:
+    return denial_of(payload) is not None
 
 
 def _is_request(payload: bytes) -> bool:

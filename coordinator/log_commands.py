@@ -16,6 +16,7 @@ import typer
 from coordinator.commands import Json, LogFile, Source, Speed, within, writable
 from coordinator.console import answer_json, answers, errors, tell, write_file
 from coordinator.errors import InputError, PlanError
+from coordinator.key_option import Keys, given_keys
 from coordinator.vda5050 import Version
 from protocol.keys import NAME
 
@@ -44,6 +45,7 @@ def record(
         float, typer.Option(callback=within(0.1, 86_400.0), help="Seconds to wait for a link.")
     ] = 10.0,
     speed: Speed = 1.0,
+    keys: Keys = None,
 ) -> None:
     """Record all of a fleet's traffic, listening only, until it is over or Ctrl-C.
 
@@ -52,10 +54,11 @@ def record(
     from coordinator.record import Recording
     from protocol.zenoh_transport import ZenohTransport, use_few_threads
 
+    files = given_keys(keys, "observer")
     use_few_threads()
     recording = Recording(output, speed)
     try:
-        with ZenohTransport.connect(connect, timeout_s=wait) as transport:
+        with ZenohTransport.connect(connect, timeout_s=wait, keys=files) as transport:
             name = recording.begin(transport, fleet)
             tell(f"{name}: recording into {output}, Ctrl-C ends it")
             recording.wait()

@@ -13,7 +13,8 @@ from typing import Annotated, Final
 import typer
 
 from coordinator.console import tell
-from protocol import keys
+from coordinator.key_option import Keys, given_keys
+from protocol import keys as places
 from protocol.codec import decode, encode
 from protocol.messages import Admit, Command, Refusal
 from protocol.phases import COMMAND_NAMES, FREEZE
@@ -31,6 +32,7 @@ def admit(
     wait: Annotated[
         float, typer.Option(min=0.5, max=600.0, help="Seconds to wait for the fleet to take it in.")
     ] = 20.0,
+    keys: Keys = None,
 ) -> None:
     """Let a restarted robot take part again: the fleet freezes and is planned anew with it.
 
@@ -44,16 +46,17 @@ def admit(
     boot = int.from_bytes(os.urandom(4))
 
     def hear(key: str, payload: bytes, _sent_ns: int | None) -> None:
-        place = keys.split(key)
+        place = places.split(key)
         message = decode(place[1], payload) if place is not None else None
         if place is not None and isinstance(message, Command | Refusal):
             heard.put((place[0], message))
 
-    if not keys.NAME.fullmatch(robot):
+    if not places.NAME.fullmatch(robot):
         raise typer.BadParameter(f"{robot[:60]!r} is no robot's name", param_hint="ROBOT")
-    with ZenohTransport.connect(connect, timeout_s=wait) as transport:
-        transport.subscribe(keys.command(fleet or "*"), hear)
-        transport.subscribe(keys.plan(fleet or "*", robot), hear)
+    files = given_keys(keys, "operator")
+    with ZenohTransport.connect(connect, timeout_s=wait, keys=files) as transport:
+        transport.subscribe(places.command(fleet or "*"), hear)
+        transport.subscribe(places.plan(fleet or "*", robot), hear)
         deadline = time.monotonic() + wait
         frozen, said = False, 0.0
         while (now := time.monotonic()) < deadline:
@@ -70,7 +73,7 @@ def admit(
                 tell(command.reason, "red")
                 raise typer.Exit(1)
             if not frozen and now - said > _PERIOD_S:
-                transport.put(keys.admit(name, robot), encode(Admit(boot)))
+                transport.put(places.admit(name, robot), encode(Admit(boot)))
                 said = now
             frozen |= said > 0.0 and command.phase == FREEZE
             if frozen and command.phase != FREEZE:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import msgspec
 
 from coordinator.adoption import adoption_key, request_of
+from coordinator.denials import denial_key
 from coordinator.drops import drops_key
 from coordinator.errors import InputError, PlanError
 from coordinator.fleet_news import Outgoing
@@ -160,7 +161,7 @@ class _Rerun:
         if record.key == quiet_key(self._fleet.name):
             self._due.extend(self._fleet.tick(record.log_ns))
             return f"the core sends on {self._due[0].key} here" if self._due else ""
-        if record.key == drops_key(self._fleet.name):
+        if record.key in (drops_key(self._fleet.name), denial_key(self._fleet.name)):
             return ""
         place = keys.split(record.key)
         kind = "" if place is None else place[1]

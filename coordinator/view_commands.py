@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from coordinator.console import answers, tell
+from coordinator.key_option import Keys, given_keys
 
 commands = typer.Typer()
 
@@ -32,6 +33,7 @@ def view(
         typer.Option(help="Follow a running fleet: tcp/HOST:PORT of the coordinator or router."),
     ] = None,
     fleet: Annotated[str | None, typer.Option(help="Fleet; without it the first heard.")] = None,
+    keys: Keys = None,
 ) -> None:
     """Look at a plan, a log or a running fleet on a page of this machine; Ctrl-C ends.
 
@@ -49,7 +51,9 @@ def view(
         else:
             from coordinator.live import followed
 
-            feed = stack.enter_context(followed(connect or "", fleet, source))
+            feed = stack.enter_context(
+                followed(connect or "", fleet, source, given_keys(keys, "observer"))
+            )
             address = stack.enter_context(
                 served(lambda: page_of(feed.scene(), live=True), port, feed.events)
             )

@@ -15,11 +15,12 @@ import contextlib
 import errno
 import json
 import os
-import re
 import threading
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
+from protocol.endpoint import endpoint_of
 from protocol.transport import (
     AliveHandler,
     Handler,
@@ -31,7 +32,10 @@ from protocol.transport import (
 if TYPE_CHECKING:
     import zenoh
 
-_ENDPOINT: Final = re.compile(r"tcp/(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9_.-]+):(\d{1,5})")
+    from protocol.key_files import KeyFiles
+
+LinkHandler = Callable[[str, str, str, bool], None]
+"""Called as handler(session, common name or nothing, address, is up) when a link changes."""
 
 _ATTEMPT_MS: Final = 2_000
 """The longest single attempt to connect: Zenoh ignores Ctrl-C while it tries."""
@@ -84,33 +88,51 @@ class ZenohTransport(Transport):
         self._tokens: list[zenoh.LivelinessToken] = []  # Zenoh undeclares one that nobody holds
 
     @classmethod
-    def listen(cls, endpoint: str) -> ZenohTransport:
+    def listen(
+        cls, endpoint: str, keys: KeyFiles | None = None, access: dict[str, Any] | None = None
+    ) -> ZenohTransport:
         """Open the coordinator's session, which routes between all that connect.
 
+        With `keys` nobody gets in without a certificate of the same authority, and `access`
+        (access.py) says what each may do; without it nobody may do anything.
         Raises TransportError when the endpoint is malformed, in use or not this machine's.
         """
         import zenoh
 
-        address_of(endpoint)
+        from protocol.access import access_control
+
+        endpoint_of(endpoint, locked=keys is not None)
+        settings = {**_COMMON, **_ROUTER, "listen/endpoints": [endpoint]}
+        if keys is not None:
+            settings["transport/link/tls"] = _locked(keys, "listen")
+            settings["access_control"] = access_control(()) if access is None else access
         try:
-            return cls(_open({**_COMMON, **_ROUTER, "listen/endpoints": [endpoint]}))
+            return cls(_open(settings))
         except zenoh.ZError as error:
             raise TransportError(f"{endpoint}: {_why_not_listening(str(error))}") from None
 
     @classmethod
     def connect(
-        cls, endpoint: str, timeout_s: float = 5.0, whom: str = "coordinator or router"
+        cls,
+        endpoint: str,
+        timeout_s: float = 5.0,
+        whom: str = "coordinator or router",
+        keys: KeyFiles | None = None,
     ) -> ZenohTransport:
         """Open a client's session; `whom` it looks for may begin to listen up to timeout_s later.
 
         Once open, a session whose link breaks connects again by itself, however long that takes.
-        Raises TransportError when the endpoint is malformed, NoAnswerError when nobody answers
-        within timeout_s.
+        Raises TransportError when the endpoint is malformed, or whoever answers is not of the same
+        authority or refuses these keys; NoAnswerError when nobody answers within timeout_s.
         """
         import zenoh
 
-        address_of(endpoint)
+        from protocol.tls_probe import why_no_link
+
+        place = endpoint_of(endpoint, locked=keys is not None)
         settings = {**_COMMON, **_CLIENT, "connect/endpoints": [endpoint]}
+        if keys is not None:
+            settings["transport/link/tls"] = _locked(keys, "connect")
         deadline = time.monotonic() + timeout_s
         while True:
             left_ms = max(1, round((deadline - time.monotonic()) * 1_000))
@@ -119,6 +141,9 @@ class ZenohTransport(Transport):
                 return cls(_open(settings))
             except zenoh.ZError:
                 if time.monotonic() >= deadline:
+                    why = "" if keys is None else why_no_link(place, keys)
+                    if why:
+                        raise TransportError(f"{endpoint}: {why}") from None
                     sentence = f"{endpoint}: nobody answers; is the {whom} running?"
                     raise NoAnswerError(sentence) from None
 
@@ -194,6 +219,18 @@ class ZenohTransport(Transport):
 
         self._session.liveliness().declare_subscriber(key_expression, deliver, history=True)
 
+    def watch_links(self, handler: LinkHandler) -> None:
+        """Call the handler, on one of Zenoh's threads, when somebody's link is made or gone."""
+
+        def deliver(event: zenoh.LinkEvent) -> None:
+            link = event.link
+            name, address = link.auth_identifier or "", link.dst.partition("/")[2]
+            with self._gate:
+                if not self._closed:
+                    handler(str(link.zid), name, address, event.kind == self._appears)
+
+        self._links = self._session.info.declare_link_events_listener(deliver, history=True)
+
     def close(self) -> None:
         """End the session; when this returns, no handler runs or will run.
 
@@ -223,17 +260,16 @@ def _open(settings: dict[str, Any]) -> zenoh.Session:
     return zenoh.open(config)
 
 
-def address_of(endpoint: str) -> tuple[str, int]:
-    """Return an endpoint's host and port; TransportError when it is malformed.
-
-    Zenoh would refuse it late: a client tries a malformed one until its time-out.
-    """
-    parts = _ENDPOINT.fullmatch(endpoint)
-    if parts is None or not 0 < int(parts[2]) < 65_536:
-        raise TransportError(
-            f"{endpoint!r} is no endpoint; one looks like tcp/HOST:PORT, as in tcp/127.0.0.1:7447"
-        )
-    return parts[1].strip("[]"), int(parts[2])
+def _locked(keys: KeyFiles, side: str) -> dict[str, Any]:
+    """Return the settings of mutual TLS, `side` being listen or connect."""
+    return {
+        "enable_mtls": True,
+        "root_ca_certificate": str(keys.authority.absolute()),
+        f"{side}_certificate": str(keys.certificate.absolute()),
+        f"{side}_private_key": str(keys.private.absolute()),
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": True,
+    }
 
 
 def _why_not_listening(reason: str) -> str:

@@ -50,12 +50,17 @@ def agent(
         tuple[float, float, float] | None,
         typer.Option(metavar="X Y HEADING", help="Where it stands, metres and radians."),
     ] = None,
+    keys: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of its keys; the link is tls/HOST:PORT then."),
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Tell nothing but why it ends.")] = False,
 ) -> None:
     """Run one robot; its body is simulated unless another driver is named.
 
     Example: splinefleet agent R1 --connect tcp/127.0.0.1:7447
     """
+    from protocol.key_files import read_key_files
     from protocol.zenoh_transport import ZenohTransport
     from robot_agent.service import RefusedError, Robot, run_robot
 
@@ -68,6 +73,9 @@ def agent(
     body = _driver(driver, max_accel)
     if at is not None:
         body.place(*at)
+    files = None if keys is None else read_key_files(keys, "robot", robot)
+    if files is not None and (warning := files.warning()):
+        typer.echo(warning, err=True)
     me = Robot(robot, radius, max_speed, max_accel)
 
     def clock() -> int:
@@ -77,7 +85,7 @@ def agent(
         time.sleep(left_ns / 1e9 / speed)
 
     try:
-        transport = ZenohTransport.connect(connect, timeout_s=wait)
+        transport = ZenohTransport.connect(connect, timeout_s=wait, keys=files)
         code = run_robot(
             me,
             transport,

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from protocol import keys
+from protocol.key_files import KeyFiles
 from protocol.transport import TransportError
 from protocol.zenoh_transport import ZenohTransport
 
@@ -38,8 +39,16 @@ class Babbler:
     Without a coordinator it gives up by itself.
     """
 
-    def __init__(self, endpoint: str, fleet: str, robot: str, seconds: float) -> None:
+    def __init__(
+        self,
+        endpoint: str,
+        fleet: str,
+        robot: str,
+        seconds: float,
+        keys: KeyFiles | None = None,
+    ) -> None:
         self._endpoint = endpoint
+        self._keys = keys
         self._messages = itertools.islice(noise(fleet, robot), round(seconds * RATE))
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"babble {robot}")
@@ -52,7 +61,9 @@ class Babbler:
 
     def _run(self) -> None:
         try:
-            transport = ZenohTransport.connect(self._endpoint, timeout_s=_PATIENCE_S)
+            transport = ZenohTransport.connect(
+                self._endpoint, timeout_s=_PATIENCE_S, keys=self._keys
+            )
         except TransportError:
             return
         with transport:

@@ -15,6 +15,7 @@ import typer
 
 from coordinator.commands import make_folder, within, writable
 from coordinator.console import answer_json, answers, tell, write_file
+from coordinator.key_option import Keys
 from sim.fault_script import fault_help as script_help
 from sim.faults import fault_help
 from sim.layout import Kind, Size
@@ -113,6 +114,7 @@ def run(
     connect: Annotated[
         str | None, typer.Option(help="tcp/HOST:PORT of a router at which all meet.")
     ] = None,
+    keys: Keys = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Run a fleet: one coordinator and one process per robot, on this machine.
@@ -127,8 +129,10 @@ def run(
     asked = read_scenario(scenario)
     faults = parse_faults(fault or [], [robot.id for robot in asked.robots])
     folder = out or Path("runs") / f"{asked.name}-{time.strftime('%Y%m%d-%H%M%S')}"
-    fleet = LocalFleet(asked, folder, speed=speed, effort=effort, faults=faults, router=connect)
     make_folder(folder / "blackbox")
+    fleet = LocalFleet(
+        asked, folder, speed=speed, effort=effort, faults=faults, router=connect, keys=keys
+    )
     outcome = fleet.run()
     if not outcome.started:
         raise typer.Exit(outcome.code or 1)

@@ -12,7 +12,6 @@ import queue
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 from contextlib import ExitStack, suppress
@@ -24,10 +23,11 @@ import msgspec
 from coordinator.console import tell
 from coordinator.scenario import Robot, Scenario
 from coordinator.scenario_file import scenario_to_json
-from protocol.zenoh_transport import address_of
+from protocol.endpoint import endpoint_of
 from sim.babble import Babbler
 from sim.faults import Fault, Strike, strikes_of
 from sim.faulty_body import SCRIPT
+from sim.programs import Programs
 from sim.relay import Relay
 
 Process = subprocess.Popen[str]
@@ -37,9 +37,6 @@ _OF_A_RUN: Final = ("run*.mcap", "plan*.*", "summary.json", "blackbox/*.csv")
 """What an earlier run may have left in the folder; two runs must not mix."""
 
 _GOODBYE_S: Final = 5.0
-_GIVE_UP_S: Final = 30.0
-"""A robot whose fleet has vanished, this program included, ends after so long [s]."""
-_COMMAND: Final = (sys.executable, "-m", "splinefleet")
 
 
 class Outcome(msgspec.Struct):
@@ -68,15 +65,17 @@ class LocalFleet:
         effort: int,
         faults: list[Fault],
         router: str | None = None,
+        keys: Path | None = None,
     ) -> None:
         self.scenario = scenario
         self.folder = folder
         self.speed = speed
-        self.effort = effort
         self.faults = list(faults)
-        self.endpoint = router or f"tcp/127.0.0.1:{_free_port()}"
+        self._programs = Programs(folder, scenario.name, speed, effort, keys)
+        self.endpoint = router or self._programs.endpoint(_free_port())
         self._meet = f"--{'connect' if router else 'listen'}={self.endpoint}"
-        self._host, self._port = address_of(self.endpoint)
+        place = endpoint_of(self.endpoint, locked=keys is not None)
+        self._host, self._port = place.host, place.port
         self._strikes = strikes_of(faults)
         self._logs = [folder / "run.mcap"]
         self._robots: dict[str, Process] = {}
@@ -89,7 +88,12 @@ class LocalFleet:
         self._start_ns = 0
 
     def run(self) -> Outcome:
-        """Run until the last coordinator has ended or was killed; then end every process."""
+        """Run until the last coordinator has ended or was killed; then end every process.
+
+        Raises TransportError when a robot has no fit keys.
+        """
+        for one in self.scenario.robots:
+            self._programs.keys_of(one.id)
         self._prepare_folder()
         with ExitStack() as stack:
             for robot in {fault.robot for fault in self.faults if fault.act == "cut"}:
@@ -118,16 +122,7 @@ class LocalFleet:
 
     def _start_coordinator(self, *options: str) -> Process:
         process = subprocess.Popen(
-            [
-                *_COMMAND,
-                "coordinator",
-                str(self.folder / "scenario.json"),
-                self._meet,
-                *options,
-                f"--speed={self.speed}",
-                f"--effort={self.effort}",
-                "--json",
-            ],
+            self._programs.coordinator(self._meet, *options),
             stdout=subprocess.PIPE,
             stdin=subprocess.DEVNULL,
             text=True,
@@ -145,22 +140,9 @@ class LocalFleet:
     def _start_robot(self, robot: Robot) -> Process:
         relay = self._relays.get(robot.id)
         faulty = any(fault.robot == robot.id and fault.act == "body" for fault in self.faults)
+        endpoint = self._programs.endpoint(relay.port) if relay else self.endpoint
         process = subprocess.Popen(
-            [
-                *_COMMAND,
-                "agent",
-                robot.id,
-                f"--connect={relay.endpoint if relay else self.endpoint}",
-                f"--fleet={self.scenario.name}",
-                f"--radius={robot.radius}",
-                f"--max-speed={robot.max_speed}",
-                f"--max-accel={robot.max_accel}",
-                f"--blackbox={self.folder / 'blackbox' / f'{robot.id}.csv'}",
-                f"--speed={self.speed}",
-                f"--give-up={_GIVE_UP_S}",
-                *(["--driver=sim.faulty_body:FaultyBody"] if faulty else []),
-                "--quiet",
-            ],
+            self._programs.agent(robot, endpoint, faulty),
             stdout=subprocess.DEVNULL,
             stdin=subprocess.DEVNULL,
             text=True,
@@ -243,7 +225,8 @@ class LocalFleet:
             case "babble":
                 seconds = fault.value / self.speed
                 name = self.scenario.name
-                self._babblers.append(Babbler(self.endpoint, name, fault.robot, seconds))
+                own = self._programs.keys_of(fault.robot)
+                self._babblers.append(Babbler(self.endpoint, name, fault.robot, seconds, own))
             case "resume":
                 self._resume_coordinator()
         text = f"{_name(fault)} at {strike.time:g} s" + ("" if strike.first else f": {strike.act}")

@@ -28,7 +28,6 @@ class Relay:
         self._target = (host, port)
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port: int = self._listener.getsockname()[1]
-        self.endpoint = f"tcp/127.0.0.1:{self.port}"
         self._loop = asyncio.new_event_loop()
         self._whole = asyncio.Event()
         self._over = asyncio.Event()

@@ -14,6 +14,7 @@ import typer
 
 from coordinator.commands import Json, LogFile, Speed, make_folder, within
 from coordinator.console import answer_json, answers, tell
+from coordinator.key_option import Insecure, given_keys, where_to_listen
 from coordinator.log_commands import shown
 from protocol.keys import NAME
 from sim.fault_script import fault_help
@@ -47,7 +48,9 @@ def replay(
     log: LogFile,
     check: Annotated[bool, typer.Option("--check", help="Run the log again, compare.")] = False,
     speed: Speed = 1.0,
-    listen: Annotated[str, typer.Option(help="tcp/HOST:PORT")] = "tcp/127.0.0.1:7447",
+    listen: Annotated[
+        str | None, typer.Option(help="tcp/HOST:PORT, by default tcp/127.0.0.1:7447.")
+    ] = None,
     since: Annotated[
         float, typer.Option("--from", callback=within(0.0), help="Seconds into the log.")
     ] = 0.0,
@@ -71,6 +74,11 @@ def replay(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="With --until: folder of the new run.")] = None,
     seed: Annotated[int, typer.Option(help="With --until: chances of link and clocks.")] = 0,
+    key_folder: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="The fleet's keys: only observers may listen, over TLS."),
+    ] = None,
+    insecure: Insecure = False,
     as_json: Json = False,
 ) -> None:
     """Publish a log's traffic again in time; check that it comes out again; go on otherwise.
@@ -90,7 +98,9 @@ def replay(
     elif until is not None:
         _carry_on(log, until, fault or [], out, seed, as_json)
     else:
-        _play(log, Playing(listen, speed, since, to, keys, prefix, wait_listener), as_json)
+        endpoint = where_to_listen(listen, key_folder, insecure)
+        asked = Playing(endpoint, speed, since, to, keys, prefix, wait_listener, key_folder)
+        _play(log, asked, as_json)
 
 
 class Playing(NamedTuple):
@@ -103,9 +113,11 @@ class Playing(NamedTuple):
     keys: str
     prefix: str
     wait_listener: float
+    key_folder: Path | None
 
 
 def _play(log: Path, asked: Playing, as_json: bool) -> None:
+    from coordinator.gate import player_access
     from coordinator.logbook import read_log
     from coordinator.playing import Wish, cues, play
     from protocol.zenoh_transport import ZenohTransport
@@ -117,8 +129,9 @@ def _play(log: Path, asked: Playing, as_json: bool) -> None:
     if recorded.damage:
         tell(f"{log}: {recorded.damage}; what is whole is played")
     found = cues(recorded, Wish(since, math.inf if to is None else to, asked.keys, prefix))
-    transport = ZenohTransport.listen(asked.listen)
-    with transport:
+    own = given_keys(asked.key_folder, "coordinator")
+    access = None if asked.key_folder is None else player_access(asked.key_folder)
+    with ZenohTransport.listen(asked.listen, own, access) as transport:
         if patience > 0.0:
             tell(f"waiting for a listener on {asked.listen}")
             if not transport.wait_for_listener(f"{prefix}/**" if prefix else "**", patience):

@@ -1,0 +1,198 @@
+"""Who was refused, and why: read from Zenoh's own log, told once and then counted.
+
+Decides: which lines of that log are refusals, in which words people and the fleet's log hear of
+them.  Must not know: where the lines come from, links.
+
+Zenoh 1.10 says why a TLS link was refused, and whom its access control has refused what, nowhere
+else.  It does not say from where a refused link came.  What the access control finds out in
+advance, for its cache, looks like its refusals and has to be told apart: a line that announces it
+stands before, from the same thread.
+"""
+
+from __future__ import annotations
+
+import datetime
+import re
+from collections.abc import Callable, Iterable
+from typing import Final
+
+import msgspec
+
+from protocol.badge import badge_of
+
+LOG_FILTER: Final = (
+    "error,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=trace"
+)
+"""What Zenoh is asked to write; the access control tells what it allows too, there is no less."""
+
+DULL: Final = b" is authorized to "
+
+AGAIN_S: Final = 10.0
+"""What goes on being refused is told anew so often, with how many times it was."""
+
+MOST: Final = 500
+"""Different refusals that are told apart; what a flood of more invents is only counted."""
+
+_COLOURS: Final = re.compile(r"\x1b\[[0-9;]*m")
+_TLS: Final = re.compile(r"zenoh_link_tls::unicast: (.*?)(?: Hint: .*)?$")
+_THREAD: Final = re.compile(r"(ThreadId\(\d+\))")
+_AHEAD: Final = re.compile(r"access_control: ACL \((\w+)\): caching permissions for `(.*)`")
+_DENIED: Final = re.compile(
+    r"access_control: (Using cached result: )?([0-9a-f]+)(?: on .*?CertCommonName\((.*?)\).*)?"
+    r" is unauthorized to (.*) \((ingress|egress)\) on (.*)$"
+)
+
+_END: Final = re.compile(r"not valid after (\d+)")
+
+_CAUSES: Final = (
+    ("certificate expired", "its key has expired"),
+    ("not valid yet", "its key is not valid yet"),
+    ("UnknownIssuer", "its key is of another authority"),
+    ("BadSignature", "its key is of another authority"),
+    ("sent no certificates", "it has no key"),
+    ("InvalidContentType", "it speaks plain TCP, not TLS"),
+    ("InvalidPurpose", "its key is not for this purpose"),
+)
+
+_DEEDS: Final = (
+    ("Put", "say anything on"),
+    ("Delete", "delete"),
+    ("Subscriber", "listen to"),
+    ("Queryable", "answer on"),
+    ("Query", "ask on"),
+    ("Token", "be alive as"),
+)
+
+_SOMEBODY: Final = "somebody"
+
+
+class Denial(msgspec.Struct, frozen=True):
+    """Somebody was refused something, for the `count`-th time; `who` as far as it is known."""
+
+    who: str
+    cause: str
+    count: int = 1
+
+    @property
+    def text(self) -> str:
+        """Return the sentence that people read."""
+        again = f" ({self.count} times)" if self.count > 1 else ""
+        return f"refused {self.who}: {self.cause}{again}"
+
+
+class _Ahead:
+    """What the access control finds out in advance for one session: each deed on a key, once."""
+
+    def __init__(self, way: str, key: str) -> None:
+        self._about = (way, key)
+        self._session = ""
+        self._deeds: set[str] = set()
+
+    def holds(self, session: str, deed: str, way: str, key: str) -> bool:
+        """Tell whether a line belongs to it; a deed that comes again does not."""
+        self._session = self._session or session
+        if (way, key) != self._about or session != self._session or deed in self._deeds:
+            return False
+        self._deeds.add(deed)
+        return True
+
+
+class Denials:
+    """What was refused until now.
+
+    `named` gives the common name of a session, `ended` who had a certificate that ended then.
+    """
+
+    def __init__(
+        self,
+        named: Callable[[str], str],
+        ended: Callable[[datetime.datetime], str],
+    ) -> None:
+        self._named = named
+        self._ended = ended
+        self._ahead: dict[str, _Ahead] = {}
+        self._counts: dict[tuple[str, str], int] = {}
+        self._told_s: dict[tuple[str, str], float] = {}
+
+    def read(self, lines: Iterable[str], now_s: float) -> list[Denial]:
+        """Read what Zenoh has written; returns what is to be told now."""
+        found = [pair for line in lines if (pair := self._denial(_COLOURS.sub("", line)))]
+        return self.note(found, now_s)
+
+    def note(self, found: Iterable[tuple[str, str]], now_s: float) -> list[Denial]:
+        """Count refusals, each who and cause; returns those to be told now."""
+        for pair in found:
+            if pair not in self._counts and len(self._counts) >= MOST:
+                pair = (_SOMEBODY, "many different things")
+            self._counts[pair] = self._counts.get(pair, 0) + 1
+        due = []
+        for pair, count in list(self._counts.items()):
+            told = self._told_s.get(pair)
+            if told is not None and now_s - told < AGAIN_S:
+                continue
+            if count:
+                due.append(Denial(*pair, count=count))
+                self._told_s[pair] = now_s
+                self._counts[pair] = 0
+            else:
+                del self._counts[pair], self._told_s[pair]
+        return due
+
+    def _denial(self, line: str) -> tuple[str, str] | None:
+        if (tls := _TLS.search(line)) is not None:
+            return self._of_link(tls[1])
+        thread = _THREAD.search(line)
+        if thread is None:
+            return None
+        if (ahead := _AHEAD.search(line)) is not None:
+            self._ahead[thread[1]] = _Ahead(ahead[1], ahead[2])
+            return None
+        denied = _DENIED.search(line)
+        if denied is None:
+            return None
+        cached, session, name, deed, way, key = denied.groups()
+        known = self._ahead.get(thread[1])
+        if not cached and known is not None and known.holds(session, deed, way, key):
+            return None
+        if way == "egress":
+            return None
+        words = next((text for part, text in _DEEDS if part in deed), f"do ({deed})")
+        return in_words(name or self._named(session)), f"it may not {words} {key}"
+
+    def _of_link(self, reason: str) -> tuple[str, str]:
+        cause = next((text for part, text in _CAUSES if part in reason), f"no TLS link: {reason}")
+        end = _END.search(reason)
+        who = ""
+        if end is not None:
+            who = self._ended(datetime.datetime.fromtimestamp(int(end[1]), datetime.UTC))
+        return who or _SOMEBODY, cause
+
+
+def in_words(common_name: str) -> str:
+    """Return whom a common name stands for."""
+    badge = badge_of(common_name)
+    return badge.who if badge is not None else repr(common_name) if common_name else _SOMEBODY
+
+
+def denial_key(fleet: str) -> str:
+    """Return the log's key for these records; no message travels on it."""
+    return f"coordinator/{fleet}/denied"
+
+
+def is_denial_key(key: str) -> bool:
+    """Tell whether a fleet's refusals are told on this key."""
+    first, _, rest = key.partition("/")
+    return first == "coordinator" and rest.endswith("/denied")
+
+
+def denial_record(refusal: Denial) -> bytes:
+    """Return what a log says, as JSON."""
+    return msgspec.json.encode(refusal)
+
+
+def denial_of(payload: bytes) -> Denial | None:
+    """Read a record; None when these bytes are none."""
+    try:
+        return msgspec.json.decode(payload, type=Denial)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return None

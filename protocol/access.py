@@ -1,0 +1,119 @@
+"""Who may say and hear what: the table of roles, and Zenoh's access control made from it.
+
+Decides: the keys of each role; whatever is not in the table is refused.  Must not know: files,
+certificates, links.
+
+Zenoh compares common names as they are: no pattern matches them.  A list of common names that is
+empty would stand for everybody, so a role that nobody has gets no policy at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Final, NamedTuple
+
+from protocol import keys
+from protocol.badge import Badge
+
+_EVERY_FLEET: Final = "*"
+
+
+class Rights(NamedTuple):
+    """Key expressions of one role: what it may put, be alive as, subscribe to, and be given.
+
+    `watches` are the keys whose liveliness it may follow.
+    """
+
+    puts: tuple[str, ...] = ()
+    alive: tuple[str, ...] = ()
+    subscribes: tuple[str, ...] = ()
+    hears: tuple[str, ...] = ()
+    watches: tuple[str, ...] = ()
+
+
+def robot_rights(fleet: str, robot: str) -> Rights:
+    """Return what one robot may do: speak as itself; hear its plan, its clock, the command.
+
+    It may ask for any fleet's command, to learn its fleet's name, but is given this one's.
+    """
+    own = (keys.plan(fleet, robot), keys.clock(fleet, robot), keys.command(fleet))
+    return Rights(
+        puts=tuple(kind(fleet, robot) for kind in (keys.hello, keys.report, keys.clock)),
+        alive=(keys.alive(fleet, robot),),
+        subscribes=(*own, keys.command(_EVERY_FLEET)),
+        hears=own,
+    )
+
+
+def observer_rights(fleet: str) -> Rights:
+    """Return what one who only listens may do: hear all of the fleet."""
+    everything = f"{keys.ROOT}/{fleet}/**"
+    return Rights(subscribes=(f"{keys.ROOT}/**",), hears=(everything,), watches=(everything,))
+
+
+def operator_rights(fleet: str) -> Rights:
+    """Return what an operator may do: let robots in again, and hear what becomes of it."""
+    hears = (keys.command(fleet), keys.plan(fleet, "*"))
+    return Rights(
+        puts=(keys.admit(fleet, "*"),),
+        subscribes=(*hears, keys.command(_EVERY_FLEET), keys.plan(_EVERY_FLEET, "*")),
+        hears=hears,
+    )
+
+
+def rights_of(fleet: str, robots: Iterable[str], badge: Badge) -> Rights | None:
+    """Return what a badge may do in a fleet of these robots; None for nothing at all."""
+    if badge.role == "robot" and badge.name in set(robots):
+        return robot_rights(fleet, badge.name)
+    if badge.role == "observer":
+        return observer_rights(fleet)
+    return operator_rights(fleet) if badge.role == "operator" else None
+
+
+def player_rights(badge: Badge) -> Rights | None:
+    """Return what a badge may do where a log is played: observers hear all of it, no one else."""
+    return Rights(subscribes=("**",), hears=("**",)) if badge.role == "observer" else None
+
+
+def access_control(rights: Iterable[tuple[Badge, Rights]]) -> dict[str, Any]:
+    """Return Zenoh's `access_control`: these badges have these rights, nobody else has any."""
+    rules: list[dict[str, Any]] = []
+    subjects: list[dict[str, Any]] = []
+    policies: list[dict[str, Any]] = []
+    for badge, right in rights:
+        who = badge.common_name
+        own = _rules(who, right)
+        rules += own
+        subjects.append({"id": who, "cert_common_names": [who], "link_protocols": ["tls"]})
+        names = [rule["id"] for rule in own]
+        policies.append({"id": who, "rules": names, "subjects": [who]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def _rules(who: str, rights: Rights) -> list[dict[str, Any]]:
+    """Return the rules of one badge; `ingress` is what it sends, `egress` what it is given."""
+    wanted = (
+        ("puts", "ingress", ["put"], rights.puts),
+        ("alive", "ingress", ["liveliness_token"], rights.alive),
+        ("subscribes", "ingress", ["declare_subscriber"], rights.subscribes),
+        ("hears", "egress", ["put"], rights.hears),
+        ("asks", "ingress", ["declare_liveliness_subscriber", "liveliness_query"], rights.watches),
+        ("sees", "egress", ["liveliness_token"], rights.watches),
+    )
+    return [
+        {
+            "id": f"{who} {name}",
+            "permission": "allow",
+            "flows": [flow],
+            "messages": messages,
+            "key_exprs": list(expressions),
+        }
+        for name, flow, messages, expressions in wanted
+        if expressions
+    ]

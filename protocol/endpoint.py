@@ -1,0 +1,62 @@
+"""Where a link begins: tcp/HOST:PORT, or tls/HOST:PORT with keys.
+
+Decides: what an endpoint looks like and whether it is this machine's alone.  Zenoh would refuse a
+malformed one late: a client tries it until its time-out.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from typing import Final, NamedTuple
+
+from protocol.transport import TransportError
+
+_ENDPOINT: Final = re.compile(r"(tcp|tls)/(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9_.-]+):(\d{1,5})")
+
+
+class Endpoint(NamedTuple):
+    """A protocol, a host (an IPv6 address without brackets) and a port."""
+
+    protocol: str
+    host: str
+    port: int
+
+    @property
+    def is_loopback(self) -> bool:
+        """Tell whether only this machine can reach it."""
+        if self.host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+
+def endpoint_of(text: str, locked: bool = False) -> Endpoint:
+    """Read an endpoint; `locked` is with keys.  Raises TransportError in one sentence."""
+    parts = _ENDPOINT.fullmatch(text)
+    wanted = "tls" if locked else "tcp"
+    if parts is None or not 0 < int(parts[3]) < 65_536:
+        raise TransportError(
+            f"{text!r} is no endpoint; one looks like {wanted}/HOST:PORT, "
+            f"as in {wanted}/127.0.0.1:7447"
+        )
+    if parts[1] != wanted:
+        why = "with --keys it is tls/HOST:PORT" if locked else "tls needs --keys DIR"
+        raise TransportError(f"{text}: {why}")
+    return Endpoint(parts[1], parts[2].strip("[]"), int(parts[3]))
+
+
+def usual_endpoint(locked: bool) -> str:
+    """Return where a coordinator listens when it is not told."""
+    return f"{'tls' if locked else 'tcp'}/127.0.0.1:7447"
+
+
+def check_reach(endpoint: Endpoint, locked: bool, insecure: bool) -> None:
+    """Refuse to listen to the whole network without keys; TransportError in one sentence."""
+    if not (locked or insecure or endpoint.is_loopback):
+        raise TransportError(
+            f"{endpoint.host}: without keys only this machine is listened to; "
+            "give --keys DIR, or --insecure on a network you trust"
+        )

@@ -1,0 +1,161 @@
+"""The folder of keys on a disk: what lies where, who may read it, what is told of bad ones."""
+
+import datetime
+import os
+import shutil
+import stat
+
+import pytest
+
+from coordinator.errors import InputError
+from coordinator.gate import Gate, player_access
+from coordinator.key_store import KeyStore
+from protocol.badge import Badge
+from protocol.key_files import read_key_files
+from protocol.transport import TransportError
+
+NOW = datetime.datetime.now(datetime.UTC)
+DAY = datetime.timedelta(days=1)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    store = KeyStore(tmp_path_factory.mktemp("keys") / "keys")
+    before = os.umask(0)
+    try:
+        store.begin(NOW - 5 * DAY)
+        store.issue("coordinator", ["coordinator"], NOW, 365, ["hall.local"])
+        store.issue("robot", ["R1", "R2"], NOW, 365)
+        store.issue("observer", ["observer", "office"], NOW, 365)
+    finally:
+        os.umask(before)
+    return store
+
+
+@pytest.fixture
+def store(made, tmp_path):
+    shutil.copytree(made.folder, tmp_path / "keys")
+    return KeyStore(tmp_path / "keys")
+
+
+def test_folders_and_files_are_their_owners_alone_whatever_the_umask(made):
+    for place in [made.folder, *made.folder.rglob("*")]:
+        mode = stat.S_IMODE(place.stat().st_mode)
+        assert mode == (0o700 if place.is_dir() else 0o600), place
+    assert not list(made.folder.rglob(".*"))
+
+
+def test_a_robot_needs_its_own_folder_and_nothing_else(store, tmp_path):
+    alone = tmp_path / "alone"
+    shutil.copytree(store.folder / "robot/R1", alone)
+    shutil.rmtree(store.folder)
+    assert sorted(os.listdir(alone)) == ["authority.pem", "certificate.pem", "private.pem"]
+    files = read_key_files(alone, "robot", "R1")
+    assert files.badge == Badge("robot", "R1", 1)
+    assert files.warning(NOW) == ""
+    assert b"PRIVATE" not in files.authority.read_bytes()
+
+
+def test_a_name_that_gets_another_key_has_its_files_replaced(store):
+    before = read_key_files(store.folder, "robot", "R1").private.read_bytes()
+    (one,) = store.issue("robot", ["R1"], NOW, 365)
+    files = read_key_files(store.folder, "robot", "R1")
+    assert files.badge == one.badge == Badge("robot", "R1", 2)
+    assert files.private.read_bytes() != before
+
+
+def test_who_expires_soon_is_warned_and_who_has_expired_is_refused(store):
+    files = read_key_files(store.folder, "robot", "R1")
+    assert "expires in 9 days" in files.warning(files.expires - 9.5 * DAY)
+    with pytest.raises(TransportError, match="expired on"):
+        read_key_files(store.folder, "robot", "R1", files.expires + DAY)
+    with pytest.raises(TransportError, match="not valid before"):
+        read_key_files(store.folder, "robot", "R1", NOW - 2 * DAY)
+
+
+def test_any_name_will_do_in_ones_own_folder_when_none_is_asked_for(store):
+    assert read_key_files(store.folder, "observer").badge.name == "observer"
+    assert read_key_files(store.folder / "observer/office", "observer").badge.name == "office"
+    with pytest.raises(TransportError, match="that of robot R1, not that of observer"):
+        read_key_files(store.folder / "robot/R1", "observer")
+
+
+def spoil_mode(own):
+    (own / "private.pem").chmod(0o640)
+
+
+def spoil_key(own):
+    shutil.copy(own.parent / "R2/private.pem", own / "private.pem")
+
+
+def spoil_name(own):
+    for name in ("private.pem", "certificate.pem"):
+        shutil.copy(own.parent / "R2" / name, own / name)
+
+
+def spoil_authority(own):
+    KeyStore(own / "other").begin(NOW)
+    shutil.copy(own / "other/authority/certificate.pem", own / "authority.pem")
+
+
+def spoil_bytes(own):
+    (own / "certificate.pem").write_bytes(b"-----BEGIN CERTIFICATE-----\n\xff")
+
+
+def spoil_swap(own):
+    shutil.copy(own / "certificate.pem", own / "private.pem")
+
+
+def spoil_gone(own):
+    (own / "certificate.pem").unlink()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (spoil_mode, "others may read it"),
+        (spoil_key, "does not belong to"),
+        (spoil_name, "that of robot R2, not that of robot R1"),
+        (spoil_authority, "was not signed by"),
+        (spoil_bytes, "cannot be read"),
+        (spoil_swap, "cannot be read"),
+        (spoil_gone, "No such file"),
+        (shutil.rmtree, "No such file"),
+    ],
+)
+def test_files_that_are_not_fit_are_told_in_one_line(store, spoil, said):
+    spoil(store.folder / "robot/R1")
+    with pytest.raises(TransportError, match=said) as caught:
+        read_key_files(store.folder, "robot", "R1")
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_without_the_authority_nothing_can_be_made_but_all_can_be_revoked(store):
+    (store.folder / "authority/private.pem").unlink()
+    with pytest.raises(InputError, match="only its holder"):
+        store.issue("robot", ["R3"], NOW, 365)
+    assert [one.name for one in store.revoke("robot", "R1", NOW)] == ["R1"]
+
+
+def test_an_authority_is_never_replaced_by_another(store):
+    before = (store.folder / "authority/private.pem").read_bytes()
+    with pytest.raises(InputError, match="already"):
+        store.begin(NOW)
+    assert (store.folder / "authority/private.pem").read_bytes() == before
+
+
+def test_damaged_authority_is_told_in_one_line(store):
+    (store.folder / "authority/private.pem").write_bytes(b"nothing")
+    with pytest.raises(InputError, match="damaged") as caught:
+        store.issue("robot", ["R3"], NOW, 365)
+    assert len(caught.value.problems) == 1
+
+
+def test_the_gate_lets_in_whose_key_counts_and_warns_of_robots_without(store):
+    store.revoke("robot", "R1", NOW)
+    gate = Gate(store.folder, "hall", ["R1", "R2", "R3"])
+    subjects = {subject["id"] for subject in gate._access["subjects"]}
+    assert subjects == {"robot/R2/1", "observer/observer/1", "observer/office/1"}
+    assert [warning.split(":")[0] for warning in gate.warnings] == ["R1", "R3"]
+    subjects = {subject["id"] for subject in player_access(store.folder)["subjects"]}
+    assert subjects == {"observer/observer/1", "observer/office/1"}

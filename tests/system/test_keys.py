@@ -1,0 +1,391 @@
+"""A fleet behind locks, on real Zenoh: who gets in, who may say what, and what is told of it."""
+
+import contextlib
+import json
+import os
+import signal
+import time
+
+import pytest
+import zenoh
+
+from coordinator.denials import denial_of, is_denial_key
+from coordinator.logbook import read_log
+from protocol import keys
+from protocol.codec import decode, encode
+from protocol.messages import PROTOCOL_VERSION, Admit, Command, Hello, Plan, Report
+from protocol.phases import GO, IDLE
+from protocol.timing import SECOND
+from protocol.transport import TransportError
+from protocol.zenoh_transport import ZenohTransport
+from tests.protocol.links import Inbox
+from tests.system.fleet_tools import splinefleet, started, wait_for
+from tests.system.locked_fleet import (
+    Events,
+    Keys,
+    locked_endpoint,
+    scenario_in,
+    session_without_key,
+)
+
+FLEET = "two"
+HELLO = encode(Hello(version=PROTOCOL_VERSION, boot=4))
+
+
+class Gate:
+    """A running coordinator with keys: where it is, what it says, what it writes."""
+
+    def __init__(self, endpoint, keys, events, log):
+        self.endpoint, self.keys, self.events, self.log = endpoint, keys, events, log
+
+    def connect(self, role, name=""):
+        return self.connect_with(self.keys.of(role, name))
+
+    def connect_with(self, files, timeout_s=5.0):
+        return ZenohTransport.connect(self.endpoint, timeout_s=timeout_s, keys=files)
+
+
+@contextlib.contextmanager
+def coordinator(folder):
+    """Start a coordinator with keys that waits for its two robots."""
+    made, endpoint = Keys(folder), locked_endpoint()
+    log = folder / "run.mcap"
+    arguments = ["coordinator", scenario_in(folder), "--keys", made.folder, "--listen", endpoint]
+    with started(*arguments, "--json", "--wait", 600, "--log", log) as process:
+        events = Events(process)
+        events.wait(lambda event: event["event"] == "listening")
+        yield Gate(endpoint, made, events, log)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20.0) == 130
+
+
+@pytest.fixture(scope="module")
+def gate(tmp_path_factory):
+    with coordinator(tmp_path_factory.mktemp("locked")) as running:
+        yield running
+
+
+def is_refused_within_a_second(gate, attempt, *words):
+    began = time.monotonic()
+    attempt()
+    event, came = gate.events.denial(*words, since=began)
+    assert came - began < 1.0
+    return event
+
+
+def no_link(gate, files, said):
+    with pytest.raises(TransportError, match=said):
+        gate.connect_with(files, timeout_s=0.2)
+
+
+def test_a_key_of_another_authority_is_refused_and_both_sides_are_told_why(gate):
+    def attempt():
+        no_link(gate, gate.keys.strange, "another authority")
+
+    is_refused_within_a_second(gate, attempt, "somebody", "of another authority")
+
+
+def test_an_expired_key_is_refused_and_told_whose_it_is(gate):
+    def attempt():
+        no_link(gate, gate.keys.expired, "expired")
+
+    is_refused_within_a_second(gate, attempt, "robot R1, key 1", "has expired")
+
+
+def test_who_has_no_key_is_refused(gate):
+    def attempt():
+        with pytest.raises(zenoh.ZError):
+            session_without_key(gate.endpoint, gate.keys.revoked.authority)
+
+    is_refused_within_a_second(gate, attempt, "somebody", "it has no key")
+
+
+def test_plain_tcp_is_refused(gate):
+    def attempt():
+        with pytest.raises(TransportError, match="nobody answers"):
+            ZenohTransport.connect(gate.endpoint.replace("tls", "tcp"), timeout_s=0.2)
+
+    is_refused_within_a_second(gate, attempt, "somebody", "plain TCP")
+
+
+def test_a_revoked_key_is_given_nothing_and_heard_by_nobody_while_the_next_one_is(gate):
+    began = time.monotonic()
+    with (
+        gate.connect_with(gate.keys.revoked) as thief,
+        gate.connect("robot", "R1") as robot,
+        gate.connect("observer") as observer,
+    ):
+        event, came = gate.events.denial("robot R1, key 2", "127.0.0.1", "revoked", since=began)
+        assert came - began < 1.0
+        assert event["who"].startswith("robot R1, key 2")
+        stolen, given, heard, alive = Inbox(), Inbox(), Inbox(), []
+        for expression in (keys.command("*"), keys.plan(FLEET, "R1"), f"{keys.ROOT}/**"):
+            thief.subscribe(expression, stolen)
+        robot.subscribe(keys.plan(FLEET, "R1"), given)
+        robot.subscribe(keys.command(FLEET), given)
+        observer.subscribe(keys.report(FLEET, "*"), heard)
+        observer.watch_alive(keys.alive(FLEET, "*"), lambda *news: alive.append(news))
+        thief.declare_alive(keys.alive(FLEET, "R1"))
+        for number in range(50):
+            thief.put(keys.report(FLEET, "R1"), encode(Report(666, number, 1, IDLE)))
+
+        def is_served():
+            robot.put(keys.hello(FLEET, "R1"), HELLO)
+            robot.put(keys.report(FLEET, "R1"), encode(Report(4, 1, 1, IDLE)))
+            kinds = {type(decode(keys.split(key)[1], bytes_)) for key, bytes_, _ in given.heard}
+            return kinds >= {Plan, Command} and heard.heard
+
+        wait_for(is_served)
+        assert stolen.heard == []
+        assert {decode("report", payload).boot for payload in heard.payloads()} == {4}
+        assert alive == []
+
+
+def test_a_robot_can_neither_speak_as_another_nor_as_the_coordinator_nor_hear_their_plans(gate):
+    with (
+        gate.connect("robot", "R1") as thief,
+        gate.connect("robot", "R2") as victim,
+        gate.connect("observer") as observer,
+    ):
+        heard, stolen, own, alive = Inbox(), Inbox(), Inbox(), []
+        observer.subscribe(f"{keys.ROOT}/**", heard)
+        observer.watch_alive(keys.alive(FLEET, "*"), lambda key, _: alive.append(key))
+        for expression in (f"{keys.ROOT}/**", keys.plan(FLEET, "*"), keys.plan(FLEET, "R2")):
+            thief.subscribe(expression, stolen)
+        thief.subscribe(keys.clock(FLEET, "R2"), stolen)
+        victim.subscribe(keys.plan(FLEET, "R2"), own)
+        forbidden = {
+            keys.hello(FLEET, "R2"): HELLO,
+            keys.report(FLEET, "R2"): encode(Report(666, 1, 1, IDLE)),
+            keys.clock(FLEET, "R2"): b"\x90",
+            keys.command(FLEET): encode(Command(666, 1, 1, GO, 0)),
+            keys.plan(FLEET, "R2"): b"\x90",
+            keys.plan(FLEET, "R1"): b"\x90",
+            keys.admit(FLEET, "R2"): encode(Admit(666)),
+            "splinefleet/other/report/R1": b"\x90",
+            "another/key": b"\x90",
+        }
+        began = time.monotonic()
+        for key, payload in forbidden.items():
+            thief.put(key, payload)
+        thief._session.delete(keys.plan(FLEET, "R2"))
+        thief.declare_alive(keys.alive(FLEET, "R2"))
+        thief.declare_alive(keys.alive(FLEET, "R1"))
+        for key in forbidden:
+            _, came = gate.events.denial("robot R1, key 3", f"say anything on {key}", since=began)
+            assert came - began < 1.0
+        gate.events.denial("robot R1, key 3", f"be alive as {keys.alive(FLEET, 'R2')}")
+        gate.events.denial("robot R1, key 3", f"listen to {keys.plan(FLEET, 'R2')}")
+        gate.events.denial("robot R1, key 3", f"listen to {keys.ROOT}/**")
+        gate.events.denial("robot R1, key 3", f"delete {keys.plan(FLEET, 'R2')}")
+
+        def is_served():
+            victim.put(keys.hello(FLEET, "R2"), HELLO)
+            thief.put(keys.report(FLEET, "R1"), encode(Report(7, 1, 1, IDLE)))
+            return own.heard and keys.report(FLEET, "R1") in {key for key, _, _ in heard.heard}
+
+        wait_for(is_served)
+        of_thief = [
+            (key, payload) for key, payload, _ in heard.heard if payload in forbidden.values()
+        ]
+        assert [pair for pair in of_thief if pair[0] != keys.hello(FLEET, "R2")] == []
+        assert {key for key, _, _ in stolen.heard} <= {keys.command(FLEET)}
+        wait_for(lambda: keys.alive(FLEET, "R1") in alive)
+        assert keys.alive(FLEET, "R2") not in alive
+
+
+def test_an_observer_hears_all_of_the_fleet_and_can_say_nothing(gate):
+    with (
+        gate.connect("observer", "other") as curious,
+        gate.connect("observer") as observer,
+        gate.connect("robot", "R1") as robot,
+    ):
+        heard, own, seen = Inbox(), Inbox(), Inbox()
+        observer.subscribe(f"{keys.ROOT}/**", heard)
+        curious.subscribe(keys.hello("*", "*"), seen)
+        robot.subscribe(keys.plan(FLEET, "R1"), own)
+        for number, kind in enumerate((keys.hello, keys.plan, keys.report, keys.clock, keys.admit)):
+            curious.put(kind(FLEET, "R1"), b"forged %d" % number)
+            gate.events.denial("observer other, key 1", f"say anything on {kind(FLEET, 'R1')}")
+        curious.put(keys.command(FLEET), b"forged")
+        curious.declare_alive(keys.alive(FLEET, "R1"))
+        gate.events.denial("observer other, key 1", f"say anything on {keys.command(FLEET)}")
+        gate.events.denial("observer other, key 1", f"be alive as {keys.alive(FLEET, 'R1')}")
+
+        def is_served():
+            robot.put(keys.hello(FLEET, "R1"), HELLO)
+            return (
+                own.heard
+                and seen.heard
+                and keys.plan(FLEET, "R1") in [k for k, _, _ in heard.heard]
+            )
+
+        wait_for(is_served)
+        assert not any(payload.startswith(b"forged") for payload in heard.payloads())
+        assert not any(payload.startswith(b"forged") for payload in own.payloads())
+
+
+def test_an_operator_can_admit_and_nothing_else(gate):
+    with gate.connect("operator") as operator, gate.connect("observer") as observer:
+        heard, answers = Inbox(), Inbox()
+        observer.subscribe(f"{keys.ROOT}/**", heard)
+        operator.subscribe(keys.plan("*", "R1"), answers)
+        operator.put(keys.report(FLEET, "R1"), b"forged")
+        operator.put(keys.command(FLEET), b"forged")
+        gate.events.denial("operator operator, key 1", keys.report(FLEET, "R1"))
+        gate.events.denial("operator operator, key 1", keys.command(FLEET))
+
+        def is_answered():
+            operator.put(keys.admit(FLEET, "R1"), encode(Admit(17)))
+            return answers.heard
+
+        wait_for(is_answered)
+        assert b"forged" not in heard.payloads()
+
+
+def test_a_robot_of_no_scenario_is_told_that_it_has_no_part(gate):
+    began = time.monotonic()
+    with gate.connect("robot", "R9"):
+        gate.events.denial("robot R9, key 1", "no part in this fleet", since=began)
+
+
+def test_no_pattern_in_a_common_name_stands_for_anybody_else(gate):
+    with gate.connect("observer") as observer:
+        heard = Inbox()
+        observer.subscribe(keys.report(FLEET, "*"), heard)
+        for files in gate.keys.patterns:
+            began = time.monotonic()
+            with gate.connect_with(files) as trickster, gate.connect("robot", "R1") as robot:
+                stolen, given = Inbox(), Inbox()
+                trickster.subscribe(keys.command(FLEET), stolen)
+                robot.subscribe(keys.command(FLEET), given)
+                gate.events.denial("not in the register", since=began)
+                trickster.put(keys.report(FLEET, "R1"), b"forged")
+                trickster.put(keys.report(FLEET, "R1"), b"forged")
+                wait_for(lambda given=given: len(given.heard) > 1)
+                assert stolen.heard == []
+        assert b"forged" not in heard.payloads()
+
+
+def test_a_robot_does_not_take_another_robot_for_its_coordinator(gate):
+    endpoint = locked_endpoint()
+    with (
+        ZenohTransport.listen(endpoint, gate.keys.of("robot", "R1")),
+        pytest.raises(TransportError, match="not trusted"),
+    ):
+        ZenohTransport.connect(endpoint, timeout_s=0.3, keys=gate.keys.of("robot", "R2"))
+
+
+def test_a_robot_without_keys_and_one_with_keys_are_told_that_the_other_side_has_others(gate):
+    done = splinefleet("agent", "R1", "--connect", gate.endpoint)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert "needs --keys" in done.stderr
+    endpoint = locked_endpoint()
+    with ZenohTransport.listen(endpoint.replace("tls", "tcp")):
+        options = ["--connect", endpoint, "--wait", 0.5, "--keys", gate.keys.folder]
+        done = splinefleet("agent", "R1", *options)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert "does not speak TLS" in done.stderr
+
+
+def test_every_refusal_is_in_the_log_of_the_coordinator(tmp_path):
+    with coordinator(tmp_path) as gate:
+        with gate.connect_with(gate.keys.revoked):
+            gate.events.denial("revoked")
+        no_link(gate, gate.keys.expired, "expired")
+        gate.events.denial("expired")
+        told = gate.events.denials()
+    log = read_log(gate.log)
+    assert log.complete
+    written = [denial_of(record.payload) for record in log.records if is_denial_key(record.key)]
+    assert [denial.text for denial in written[: len(told)]] == told
+    info = splinefleet("info", gate.log, "--json")
+    faults = json.loads(info.stdout)["faults"]
+    assert {fault["kind"] for fault in faults} == {"denied"}
+    assert "revoked" in faults[0]["fault"]
+
+
+def test_a_robot_with_keys_is_heard_again_after_its_network_was_cut_and_nobody_is_refused(tmp_path):
+    made, folder = Keys(tmp_path), tmp_path / "out"
+    options = ["--out", folder, "--keys", made.folder, "--fault", "cut:R2@1.5:0.3", "--json"]
+    done = splinefleet("run", scenario_in(tmp_path), *options, timeout=120.0)
+    assert json.loads(done.stdout)["judge"]["collisions"] == 0, done.stderr
+    assert "heal" in done.stderr
+    records = read_log(folder / "run.mcap").records
+    assert not [record for record in records if is_denial_key(record.key)]
+    gone = [one for one in records if one.key == keys.command(FLEET)]
+    start_ns = next(m.start_ns for one in gone if (m := decode("command", one.payload)).phase == GO)
+    last_ns = max(one.log_ns for one in records if one.key == keys.report(FLEET, "R2"))
+    assert last_ns - start_ns > 2 * SECOND
+    assert splinefleet("replay", folder / "run.mcap", "--check").returncode == 0
+
+
+def test_robots_with_their_own_folders_a_recorder_and_no_authority_make_a_fleet(tmp_path):
+    made, endpoint, log = Keys(tmp_path), locked_endpoint(), tmp_path / "beside.mcap"
+    (made.folder / "authority/private.pem").unlink()
+    arguments = ["coordinator", scenario_in(tmp_path), "--keys", made.folder, "--listen", endpoint]
+    with contextlib.ExitStack() as stack:
+        run = stack.enter_context(started(*arguments, "--json"))
+        Events(run).wait(lambda event: event["event"] == "listening")
+        options = ["--connect", endpoint, "--keys", made.folder / "observer/other", "-o", log]
+        recorder = stack.enter_context(started("record", *options))
+        wait_for(lambda: "recording" in recorder.stderr.readline())
+        robots = [
+            stack.enter_context(
+                started(
+                    "agent", name, "--connect", endpoint, "--keys", made.folder / "robot" / name
+                )
+            )
+            for name in ("R1", "R2")
+        ]
+        assert run.wait(60.0) == 0
+        assert [robot.wait(20.0) for robot in robots] == [0, 0]
+        assert recorder.wait(20.0) == 0
+    kinds = {keys.split(record.key)[1] for record in read_log(log).records}
+    assert kinds == {"hello", "plan", "report", "clock", "command", "alive"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--listen", "tcp/0.0.0.0:7447"], "--insecure"),
+        (["--listen", "tcp/hall.local:7447"], "--insecure"),
+        (["--listen", "tls/127.0.0.1:7447"], "needs --keys"),
+        (["--keys", "nowhere"], "nowhere"),
+        (["--keys", "{keys}", "--listen", "tcp/127.0.0.1:7447"], "tls/HOST:PORT"),
+        (["--keys", "{keys}/robot/R1"], "register.json"),
+    ],
+)
+def test_a_coordinator_that_may_not_listen_says_so_in_one_line(gate, tmp_path, arguments, said):
+    given = [argument.format(keys=gate.keys.folder) for argument in arguments]
+    done = splinefleet("coordinator", scenario_in(tmp_path), *given)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert said in done.stderr
+
+
+def test_a_coordinator_listens_to_the_network_without_keys_when_it_is_told_to(tmp_path):
+    endpoint = locked_endpoint().replace("tls/127.0.0.1", "tcp/0.0.0.0")
+    arguments = ["coordinator", scenario_in(tmp_path), "--listen", endpoint, "--insecure", "--json"]
+    with started(*arguments) as process:
+        Events(process).wait(lambda event: event["event"] == "listening")
+
+
+def test_a_player_with_keys_is_heard_by_observers_alone(gate, tmp_path):
+    endpoint, log = locked_endpoint(), tmp_path / "run.mcap"
+    with coordinator(tmp_path) as other, other.connect("observer") as observer:
+        heard = Inbox()
+        observer.subscribe(keys.command(FLEET), heard)
+        wait_for(lambda: len(heard.heard) > 2)
+    os.replace(other.log, log.with_name("played.mcap"))
+    options = ["--listen", endpoint, "--key-folder", gate.keys.folder, "--wait-listener", 20]
+    with started("replay", log.with_name("played.mcap"), *options) as player:
+        wait_for(lambda: "waiting" in player.stderr.readline())
+        robot_files, observer_files = gate.keys.of("robot", "R1"), gate.keys.of("observer", "")
+        with ZenohTransport.connect(endpoint, keys=robot_files) as robot:
+            given, heard = Inbox(), Inbox()
+            robot.subscribe(keys.command(FLEET), given)
+            with ZenohTransport.connect(endpoint, keys=observer_files) as observer:
+                observer.subscribe("**", heard)
+                wait_for(lambda: heard.heard)
+                assert player.wait(20.0) == 0
+            assert given.heard == []
