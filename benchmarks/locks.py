@@ -38,11 +38,11 @@ class _Arming(NamedTuple):
     cpu: float
 
 
-def arming(times: int = 9) -> list[Row]:
+def arming(times: int = 7) -> list[Row]:
     """Arm two fleets several times without and with keys; returns medians and their ratios."""
     fleets = [
         (read_scenario(ROOT / "examples" / "paper_five.toml"), times),
-        (replace(generate("warehouse", 17, 1), name="locks"), max(1, times // 2)),
+        (replace(generate("warehouse", 17, 1), name="locks"), max(1, times // 3)),
     ]
     rows: list[Row] = []
     for scenario, rounds in fleets:

@@ -12,13 +12,15 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from coordinator.authority import Pair, new_authority, new_certificate
 from coordinator.errors import InputError
 from coordinator.register import Issued, Register, register_of, register_to_json
 from protocol.badge import Badge, Role
 from protocol.key_files import AUTHORITY, CERTIFICATE, PRIVATE, own_place
+
+if TYPE_CHECKING:
+    from coordinator.authority import Pair
 
 REGISTER: Final = "register.json"
 _AUTHORITY_PLACE: Final = "authority"
@@ -32,6 +34,8 @@ class KeyStore:
 
     def begin(self, now: datetime.datetime) -> None:
         """Make the folder with a new authority and an empty register."""
+        from coordinator.authority import new_authority
+
         if (self.folder / REGISTER).exists() or (self.folder / _AUTHORITY_PLACE).exists():
             raise InputError([f"{self.folder} holds an authority already; name another folder"])
         with _told():
@@ -59,6 +63,8 @@ class KeyStore:
         hosts: Iterable[str] = (),
     ) -> list[Issued]:
         """Make the next certificate of each name, into its folder; returns what was made."""
+        from coordinator.authority import new_certificate
+
         made = []
         with self._alone():
             authority = self._authority()
@@ -89,6 +95,8 @@ class KeyStore:
             raise InputError(
                 [f"{place / PRIVATE}: is not here; only its holder makes certificates"]
             )
+        from coordinator.authority import Pair
+
         return Pair((place / CERTIFICATE).read_bytes(), (place / PRIVATE).read_bytes())
 
     @contextmanager

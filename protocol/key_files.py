@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from protocol.badge import Badge, Role, badge_of
+from protocol.certificate import Certificate, read_certificate
 from protocol.transport import TransportError
-
-if TYPE_CHECKING:
-    from cryptography.x509 import Certificate
 
 AUTHORITY: Final = "authority.pem"
 CERTIFICATE: Final = "certificate.pem"
@@ -59,7 +57,8 @@ def read_key_files(
 
     Without a name any will do in a party's own folder, in the fleet's the one named as its role.
     Raises TransportError in one sentence when they are missing, open to others, damaged, another
-    party's, not of one authority, or not valid at `now` (by default this moment).
+    party's, not of one authority, or not valid at `now` (by default this moment).  Whether they are
+    genuine is for TLS to find out.
     """
     if not folder.is_dir():
         raise TransportError(f"--keys: there is no folder {folder}")
@@ -69,11 +68,11 @@ def read_key_files(
     if places[2].stat().st_mode & _OTHERS:
         raise TransportError(f"{places[2]}: others may read it; chmod 600 {places[2]}")
     found = _parsed(places, authority, certificate, private)
-    badge = _badge(found)
+    badge = badge_of(found.common_name)
     if badge is None or badge.role != role or name not in ("", badge.name):
         whose = "nobody's here" if badge is None else f"that of {badge.role} {badge.name}"
         raise TransportError(f"{places[1]} is {whose}, not that of {role} {name}".rstrip())
-    begin, end = found.not_valid_before_utc, found.not_valid_after_utc
+    begin, end = found.begins, found.ends
     now = now or datetime.datetime.now(datetime.UTC)
     if not begin <= now <= end:
         word = f"expired on {end:%Y-%m-%d}" if now > end else f"is not valid before {begin:%c}"
@@ -91,31 +90,16 @@ def _content(place: Path) -> bytes:
 def _parsed(
     places: list[Path], authority: bytes, certificate: bytes, private: bytes
 ) -> Certificate:
-    """Return the certificate, which the authority has signed for this private key."""
-    from cryptography import x509
-    from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
-    from cryptography.hazmat.primitives.serialization import load_pem_private_key
-
+    """Return the certificate, which names this authority and was made for this private key."""
     place = places[0]
     try:
-        issuer = x509.load_pem_x509_certificate(authority)
+        issuer = read_certificate(authority)
         place = places[1]
-        found = x509.load_pem_x509_certificate(certificate)
-        place = places[2]
-        secret = load_pem_private_key(private, password=None)
-    except (ValueError, TypeError, UnsupportedAlgorithm):
-        raise TransportError(f"{place} cannot be read; it is no PEM file of its kind") from None
-    if secret.public_key() != found.public_key():
+        found = read_certificate(certificate)
+    except ValueError:
+        raise TransportError(f"{place} cannot be read; it is no certificate in PEM") from None
+    if not found.belongs_to(private):
         raise TransportError(f"{places[2]} does not belong to {places[1]}")
-    try:
-        found.verify_directly_issued_by(issuer)
-    except (ValueError, TypeError, InvalidSignature):
-        raise TransportError(f"{places[1]} was not signed by {places[0]}") from None
+    if found.issuer != issuer.subject:
+        raise TransportError(f"{places[1]} was not signed by {places[0]}")
     return found
-
-
-def _badge(certificate: Certificate) -> Badge | None:
-    from cryptography.x509.oid import NameOID
-
-    names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
-    return badge_of(str(names[0].value)) if len(names) == 1 else None

@@ -118,7 +118,7 @@ def spoil_gone(own):
         (spoil_name, "that of robot R2, not that of robot R1"),
         (spoil_authority, "was not signed by"),
         (spoil_bytes, "cannot be read"),
-        (spoil_swap, "cannot be read"),
+        (spoil_swap, "does not belong to"),
         (spoil_gone, "No such file"),
         (shutil.rmtree, "No such file"),
     ],

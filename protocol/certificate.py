@@ -1,0 +1,106 @@
+"""What a certificate of a fleet says, read from its bytes (RFC 5280, DER in PEM).
+
+Decides: how names and times are found in it.  Must not know: files, whether it is to be trusted;
+TLS decides that.  The cryptography package would tell the same, and takes longer to load than all
+else that a robot needs for its link.
+"""
+
+from __future__ import annotations
+
+import binascii
+import datetime
+import re
+from typing import Final, NamedTuple
+
+_PEM: Final = re.compile(rb"-----BEGIN ([A-Z ]+)-----\s+([A-Za-z0-9+/=\s]+)-----END \1-----")
+_COMMON_NAME: Final = bytes((0x55, 0x04, 0x03))
+_VERSION, _SHORT_TIME, _LONG_TIME = 0xA0, 0x17, 0x18
+_POINT: Final = 65
+"""Bytes of a public point of the curve P-256, with which a private key of ours ends."""
+
+
+class Certificate(NamedTuple):
+    """Whose it is and by whom (names as DER), the common name, and when it is valid (UTC)."""
+
+    issuer: bytes
+    subject: bytes
+    common_name: str
+    begins: datetime.datetime
+    ends: datetime.datetime
+    der: bytes
+
+    def belongs_to(self, private: bytes) -> bool:
+        """Tell whether it was made for a private key, as `splinefleet keys` writes one (PEM)."""
+        try:
+            point = _der(private, b"PRIVATE KEY")[-_POINT:]
+        except ValueError:
+            return False
+        return len(point) == _POINT and point in self.der
+
+
+class _Element(NamedTuple):
+    tag: int
+    whole: bytes
+    content: bytes
+
+
+def read_certificate(pem: bytes) -> Certificate:
+    """Read a certificate; ValueError when the bytes are none, or name not just one party."""
+    der = _der(pem, b"CERTIFICATE")
+    try:
+        ((_, _, outer),) = _elements(der)
+        fields = _elements(_elements(outer)[0].content)
+        if fields[0].tag == _VERSION:
+            del fields[0]
+        _, _, issuer, validity, subject = fields[:5]
+        begins, ends = (_time(one) for one in _elements(validity.content))
+        (name,) = _common_names(subject)
+    except IndexError:
+        raise ValueError("a certificate ends too soon") from None
+    return Certificate(issuer.whole, subject.whole, name, begins, ends, der)
+
+
+def _der(pem: bytes, kind: bytes) -> bytes:
+    found = _PEM.search(pem)
+    if found is None or found[1] != kind:
+        raise ValueError(f"no PEM of a {kind.decode().lower()}")
+    return binascii.a2b_base64(found[2])
+
+
+def _elements(content: bytes) -> list[_Element]:
+    """Return the elements that stand one after the other."""
+    found, at = [], 0
+    while at < len(content):
+        begin, length = at + 2, content[at + 1]
+        if length >= 0x80:
+            begin += length - 0x80
+            length = int.from_bytes(content[at + 2 : begin])
+        end = begin + length
+        if end > len(content):
+            raise ValueError("an element is longer than what holds it")
+        found.append(_Element(content[at], content[at:end], content[begin:end]))
+        at = end
+    return found
+
+
+def _common_names(name: _Element) -> list[str]:
+    pairs = [
+        _elements(pair.content)
+        for part in _elements(name.content)
+        for pair in _elements(part.content)
+    ]
+    return [value.content.decode() for kind, value in pairs if kind.content == _COMMON_NAME]
+
+
+def _time(element: _Element) -> datetime.datetime:
+    text = element.content.decode("ascii")
+    if element.tag == _SHORT_TIME:
+        text = ("19" if text[:2] >= "50" else "20") + text
+    elif element.tag != _LONG_TIME:
+        raise ValueError("a time of another kind")
+    if re.fullmatch(r"\d{14}Z", text) is None:
+        raise ValueError(f"{text!r} is no time")
+    parts = [text[:4], *(text[at : at + 2] for at in range(4, 14, 2))]
+    year, *others = map(int, parts)
+    month, day, hour, minute, second = others
+    return datetime.datetime(year, month, day, hour, minute, second, tzinfo=datetime.UTC)
