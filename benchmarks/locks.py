@@ -39,7 +39,7 @@ class _Arming(NamedTuple):
 
 
 def arming(times: int = 7) -> list[Row]:
-    """Arm two fleets `times` times (the larger one a third) without and with keys: medians, ratios."""
+    """Arm two fleets several times, the larger one less often; returns medians and ratios."""
     fleets = [
         (read_scenario(ROOT / "examples" / "paper_five.toml"), times),
         (replace(generate("warehouse", 17, 1), name="locks"), max(1, times // 3)),

@@ -1,11 +1,14 @@
 """A coordinator with keys, and strangers before its gate."""
 
+import contextlib
 import datetime
 import json
 import shutil
+import signal
 import threading
 import time
 
+import pytest
 import zenoh
 
 from coordinator.authority import new_authority, new_certificate
@@ -13,9 +16,12 @@ from coordinator.key_store import KeyStore
 from protocol import zenoh_transport
 from protocol.badge import Badge
 from protocol.key_files import AUTHORITY, CERTIFICATE, PRIVATE, KeyFiles, read_key_files
+from protocol.transport import TransportError
+from protocol.zenoh_transport import ZenohTransport
 from tests.protocol.links import free_endpoint
-from tests.system.fleet_tools import TWO_ROBOTS
+from tests.system.fleet_tools import TWO_ROBOTS, started
 
+FLEET = "two"
 NOW = datetime.datetime.now(datetime.UTC)
 LONG_AGO = NOW - datetime.timedelta(days=400)
 
@@ -128,3 +134,35 @@ def session_without_key(endpoint, authority):
     for name, value in settings.items():
         config.insert_json5(name, json.dumps(value))
     zenoh.open(config).close()
+
+
+class Gate:
+    """A running coordinator with keys: where it is, what it says, what it writes."""
+
+    def __init__(self, endpoint, keys, events, log):
+        self.endpoint, self.keys, self.events, self.log = endpoint, keys, events, log
+
+    def connect(self, role, name=""):
+        return self.connect_with(self.keys.of(role, name))
+
+    def connect_with(self, files, timeout_s=5.0):
+        return ZenohTransport.connect(self.endpoint, timeout_s=timeout_s, keys=files)
+
+
+@contextlib.contextmanager
+def coordinator(folder):
+    """Start a coordinator with keys that waits for its two robots."""
+    made, endpoint = Keys(folder), locked_endpoint()
+    log = folder / "run.mcap"
+    arguments = ["coordinator", scenario_in(folder), "--keys", made.folder, "--listen", endpoint]
+    with started(*arguments, "--json", "--wait", 600, "--log", log) as process:
+        events = Events(process)
+        events.wait(lambda event: event["event"] == "listening")
+        yield Gate(endpoint, made, events, log)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20.0) == 130
+
+
+def no_link(gate, files, said):
+    with pytest.raises(TransportError, match=said):
+        gate.connect_with(files, timeout_s=0.2)
