@@ -50,6 +50,13 @@ class Chain:
         return np.concatenate((self.corners[:, 0], self.corners[-1:, -1]))
 
     @property
+    def lengths(self) -> tuple[float, float]:
+        """Least and greatest length [m] that the curve can have: its chords', its polygons'."""
+        chords = np.hypot(*np.diff(self.points, axis=0).T)
+        polygons = np.hypot(*np.diff(self.corners, axis=1).T)
+        return float(chords.sum()), float(polygons.sum())
+
+    @property
     def bound(self) -> float:
         """The greatest distance [m] between the curve and the polyline through `points`."""
         return float(self.deviation.max())

@@ -1,12 +1,16 @@
 """Documents to bytes and back: the robot reads what the document says, to the bit."""
 
+import math
 import random
+import re
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from coordinator import wire
 from coordinator.errors import InputError
+from coordinator.nurbs import nurbs
 from coordinator.plan import Path, from_json, to_json
 from coordinator.planner import plan_scenario
 from coordinator.wire import drive, float32, float32_below, pack, unpack
@@ -124,3 +128,39 @@ def test_float32_below_is_below():
         low = float32_below(value)
         assert low <= value < np.nextafter(np.float32(low), np.float32(9.0)).item()
         assert float32([low]) == [low]
+
+
+def laps(radius, quarters):
+    """A circle driven so many quarters of a turn, to the bit of the wire."""
+    angles = np.arange(2 * quarters + 1) * math.pi / 4
+    far = np.where(np.arange(len(angles)) % 2, math.sqrt(2.0), 1.0) * radius
+    points = np.column_stack((far * np.cos(angles), far * np.sin(angles)))
+    knots = np.repeat(np.arange(quarters + 1.0), 2)
+    weights = np.where(np.arange(len(angles)) % 2, math.sqrt(0.5), 1.0)
+    return nurbs(2, [0.0, *knots, quarters], points.astype(np.float32), weights.astype(np.float32))
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.05, 0.3, 2.0])
+@pytest.mark.parametrize("quarters", [3, 11, 31])
+def test_tight_bends_leave_no_doubt_of_the_arc_length(radius, quarters):
+    curve = laps(radius, quarters)
+    assert curve.length == pytest.approx(0.5 * math.pi * radius * quarters, rel=1e-5)
+    chain = wire.flatten(curve, wire.FLAT)
+    assert wire._arc_error(wire.measured(curve), curve, chain) < 1e-5
+
+
+def test_a_length_that_is_out_is_told_with_its_size_and_place():
+    curve = laps(0.3, 11)
+    chain, length = wire.flatten(curve, wire.FLAT), curve.length
+    allowed = 2.5e-4 + 1e-4 * length
+    for share in (-1.3, 1.3):
+        u, s, slope = curve._table
+        vars(curve)["_table"] = u, s + (s > 2.0) * share * allowed, slope
+        vars(curve)["length"] = length + share * allowed
+        with pytest.raises(ValueError, match="uncertain by") as refusal:
+            wire._check_length(curve, chain)
+        size, x, y = map(float, re.findall(r"-?\d+(?:\.\d+)?", str(refusal.value)))
+        assert size == pytest.approx(1.3e3 * allowed, rel=0.15)
+        assert math.hypot(x, y) == pytest.approx(0.3, abs=0.01)
+        assert abs(math.atan2(y, x) - (2.0 / 0.3 - 2.0 * math.pi)) < 0.2
+        del vars(curve)["_table"], vars(curve)["length"]
