@@ -25,5 +25,9 @@ class TurnError(PlanError):
         self.radius = radius
 
 
+class CoarseError(PlanError):
+    """Float32 numbers are too coarse at that distance from the origin."""
+
+
 class LogError(Exception):
     """The log could not be written to its end; the text is one sentence.  Exit code 1."""

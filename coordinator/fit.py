@@ -22,6 +22,14 @@ from coordinator.nurbs import Array, Nurbs, nurbs
 Flags = npt.NDArray[np.bool_]
 
 _APART: Final = 1e-5
+"""Knots are farther apart than this, and than so many steps of the float32 control points: nearer
+ones would fall together, and the curve would stand still in its parameter."""
+_STEPS_APART: Final = 4.0
+
+_OFF: Final = 0.004
+"""Float32 may turn the direction at an end by so much [rad]; else the control point next to the
+end is moved along its leg, by so many steps at most."""
+_MOST_STEPS: Final = 400
 _ROUNDS: Final = 40
 
 
@@ -58,14 +66,46 @@ def fit_at(vertices: Array, bent: Array, exact: Flags, at: Array, widths: Array)
     turns = np.flatnonzero(np.hypot(*_jumps(bent, at).T) > STRAIGHT)
     center, width = at[turns], widths[turns]
     inner = np.sort(np.concatenate((center - width, center, center + width)))
-    inner = inner[(inner > at[0] + _APART) & (inner < at[-1] - _APART)]
-    inner = inner[np.append(True, np.diff(inner) > _APART)] if len(inner) else inner
+    step = float(np.spacing(np.float32(np.abs(bent).max())))
+    inner = _spread(inner, at, max(_APART, _STEPS_APART * step))
     knots = np.concatenate((np.full(4, at[0]), inner, np.full(4, at[-1])))
     greville = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3.0
     points = np.column_stack([np.interp(greville, at, bent[:, axis]) for axis in (0, 1)])
     points[0], points[-1] = vertices[0], vertices[-1]
+    points[1] = _aimed(points[:3], bent[1] - bent[0], step)
+    points[-2] = _aimed(points[:-4:-1], bent[-2] - bent[-1], step)
     curve = nurbs(3, knots.astype(np.float32), points.astype(np.float32))
     return Fit(vertices, bent, exact, at, widths, curve)
+
+
+def _spread(inner: Array, at: Array, apart: float) -> Array:
+    """Return inner knots without those nearer than `apart` to one before, or thrice to an end."""
+    inside = (inner > at[0] + 3.0 * apart) & (inner < at[-1] - 3.0 * apart)
+    inner = inner[inside]
+    if np.all(np.diff(inner) > apart):
+        return inner
+    kept: list[float] = []
+    for knot in inner.tolist():
+        if not kept or knot > kept[-1] + apart:
+            kept.append(knot)
+    return np.array(kept)
+
+
+def _aimed(points: Array, leg: Array, step: float) -> Array:
+    """Return the second of the control points (3, 2) at an end, along its leg in float32 too.
+
+    `step` [m]: how far float32 numbers are apart there.
+    """
+    along = leg / max(float(np.hypot(*leg)), 1e-12)
+    near, far = ((points[1:] - points[0]) @ along).tolist()
+    if near * _OFF > 1.5 * step:
+        return np.asarray(points[1])
+    sizes = np.append(near, np.arange(near, min(far, near + _MOST_STEPS * step), step))
+    tried = points[0] + sizes[:, None] * along
+    ways = tried.astype(np.float32).astype(np.float64) - points[0].astype(np.float32)
+    turned = np.abs(np.arctan2(along[0] * ways[:, 1] - along[1] * ways[:, 0], ways @ along))
+    good = turned <= _OFF
+    return np.asarray(tried[int(good.argmax() if good.any() else turned.argmin())])
 
 
 def lengths_along(vertices: Array) -> Array:

@@ -16,8 +16,8 @@ from typing import Final
 
 import numpy as np
 
-from coordinator.errors import PlanError
-from coordinator.nurbs import Array
+from coordinator.errors import CoarseError, PlanError
+from coordinator.nurbs import Array, Nurbs
 from coordinator.scenario import Robot
 from coordinator.space import Space
 
@@ -43,6 +43,9 @@ _EASY: Final = 0.6
 _END_SHARE: Final = 0.9
 """Share of the first leg that its corner may take (polygon_kernels.py)."""
 
+_OFF: Final = 8e-3
+"""How far [rad] a curve may be off a heading; the proof accepts a little more."""
+
 Leads = tuple[list[Array], list[Array]]
 
 
@@ -56,6 +59,18 @@ def leads(robot: Robot, space: Space) -> Iterator[Leads]:
         yield from _dubins(robot, space)
     for share in _SHARES if headed and robot.min_turn_radius > 0.0 else (1.0,):
         yield _straight(robot, space, share)
+
+
+def check_headings(robot: Robot, curve: Nurbs) -> None:
+    """Raise CoarseError where a curve's numbers are too coarse for a heading that is asked for."""
+    along = np.diff(curve.points[[0, 1, -2, -1]], axis=0)[::2]
+    for pose, (x, y) in zip((robot.start, robot.goal), along.tolist(), strict=True):
+        if len(pose) == 3 and abs(math.remainder(math.atan2(y, x) - pose[2], math.tau)) > _OFF:
+            raise CoarseError(
+                f"heading {pose[2]:.2f} rad at ({pose[0]:.2f}, {pose[1]:.2f}) needs a longer "
+                "straight way so far from the origin, where float32 numbers are coarse; more room "
+                "or an origin nearer to the site would help"
+            )
 
 
 def _dubins(robot: Robot, space: Space) -> list[Leads]:

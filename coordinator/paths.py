@@ -16,13 +16,13 @@ from msgspec.structs import replace
 
 from coordinator.bounds import flatten
 from coordinator.closure import NoWayError, explain
-from coordinator.errors import PlanError, TurnError
+from coordinator.errors import CoarseError, PlanError, TurnError
 from coordinator.fit import Fit, Flags
 from coordinator.floor import Floor
 from coordinator.gap_kernels import entered, nearest_of
 from coordinator.given_path import given_curve
 from coordinator.handling import Handling
-from coordinator.leads import Leads, leads
+from coordinator.leads import Leads, check_headings, leads
 from coordinator.nurbs import Array, Nurbs
 from coordinator.refit import with_goal, with_via
 from coordinator.scenario import Point, Robot, Scenario
@@ -115,7 +115,7 @@ class Pathfinder:
                     if not isinstance(worst, TurnError) or error.radius > worst.radius:
                         worst = error
                 except PlanError as error:
-                    worst = worst if isinstance(worst, TurnError) else error
+                    worst = worst if isinstance(worst, (TurnError, CoarseError)) else error
         if isinstance(worst, NoWayError):
             part = self.scenario.workspace.from_map
             worst = explain(worst, self.floor, robot, self.scenario.margin, part)
@@ -180,6 +180,7 @@ class Pathfinder:
             try:
                 polygon, exact = self._polygon(robot, space, ends)
                 found = smooth(polygon, exact, space, self.handling(robot), _headed(robot))
+                check_headings(robot, found.curve)
             except TurnError as error:
                 if not isinstance(worst, TurnError) or error.radius > worst.radius:
                     worst = error

@@ -136,3 +136,17 @@ def test_a_vertex_moved_at_the_same_parameters_changes_the_curve_nearby_only():
 def test_lengths_along_are_those_of_the_legs():
     found = lengths_along(np.array([(0, 0), (3, 4), (3, 5)], float))
     np.testing.assert_allclose(found, [0, 5, 6], rtol=1e-15)
+
+
+@pytest.mark.parametrize("far", [100.0, 1000.0, 2000.0, 4000.0, 7900.0])
+def test_float32_keeps_the_direction_at_both_ends_however_far_from_the_origin(far):
+    dice = np.random.default_rng(1)
+    for heading in dice.uniform(-math.pi, math.pi, 50):
+        along = np.array([math.cos(heading), math.sin(heading)])
+        across = np.array([-along[1], along[0]])
+        start = dice.uniform(far, far + 10.0, 2)
+        polygon = [start, start + 0.129 * along, start + 0.129 * along + 2.0 * across]
+        polygon.append(polygon[-1] + 0.129 * along)
+        found = fitted(polygon, [0.0, 0.116, 0.116, 0.0])
+        for way in np.diff(found.curve.points[[0, 1, -2, -1]], axis=0)[::2]:
+            assert math.acos(min(way @ along / np.hypot(*way), 1.0)) < 0.008

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
+from coordinator.chords import chords_of
 from coordinator.errors import PlanError
 from coordinator.nurbs import Nurbs
 from coordinator.paths import Pathfinder, find_paths
@@ -222,3 +223,14 @@ def test_a_robot_with_no_room_for_its_heading_is_told_so():
     facing_a_wall = a_robot("A", (1.0, 4.0, math.pi), (9.0, 4.0))
     with pytest.raises(PlanError, match=r"^A: no room to move along heading 3\.14 rad"):
         path_of([facing_a_wall], [box(0, 3, 0.75, 5)])
+
+
+def test_paths_of_small_robots_far_from_the_origin_have_sharp_chords():
+    workspace = Workspace(boundary=tuple(box(7000, -7000, 7001.2, -6999.84)), obstacles=())
+    robots = (
+        a_robot("A", (7000.13617, -6999.87305), (7000.07861, -6999.8464), radius=0.0044),
+        a_robot("B", (7000.12338, -6999.88515), (7000.13617, -6999.87305, 2.956), radius=0.0053),
+    )
+    finder = Pathfinder(Scenario(name="t", workspace=workspace, robots=robots, margin=1e-5))
+    for path in find_paths(finder):
+        assert chords_of(path, 5e-4).error <= 5e-4
