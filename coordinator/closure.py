@@ -54,7 +54,7 @@ def explain(
         by = "it does not fit between what stands there"
     return PlanError(
         f"no way from ({start[0]:.2f}, {start[1]:.2f}) to ({goal[0]:.2f}, {goal[1]:.2f}) for "
-        f"radius {robot.radius} m + margin {margin} m: {by}"
+        f"radius {robot.radius:.6g} m + margin {margin:.6g} m: {by}"
         f"{_what_helps(error, floor, robot.radius, margin)}"
     )
 

@@ -17,7 +17,7 @@ from coordinator.errors import PlanError
 from coordinator.floor import Floor
 from coordinator.junctions import Junctions
 from coordinator.nurbs import Array, Nurbs
-from coordinator.scenario import Point, Robot, Scenario
+from coordinator.scenario import Point, Scenario
 from coordinator.schedule import Deadlock
 
 _LANE_ROOM = 0.01
@@ -85,46 +85,49 @@ def refuges(
             return
 
 
-def say_stuck(scenario: Scenario, paths: Sequence[Nurbs], pair: tuple[int, int]) -> PlanError:
+def say_stuck(scenario: Scenario, junctions: Junctions, pair: tuple[int, int]) -> PlanError:
     """Return the error that says who blocks whom, where, and what would help."""
-    a, b = scenario.robots[pair[0]], scenario.robots[pair[1]]
-    need = scenario.need(a, b)
-    facts = [*_facts(a, b, paths[pair[1]], need), *_facts(b, a, paths[pair[0]], need)]
-    because = ", ".join(facts) or "each is in the other's way"
+    (a, b), (one, two) = pair, (scenario.robots[index] for index in pair)
+    first = _places_on(scenario, junctions, a, b, "start")
+    first += _places_on(scenario, junctions, b, a, "goal")
+    last = _places_on(scenario, junctions, b, a, "start")
+    last += _places_on(scenario, junctions, a, b, "goal")
+    facts = ", ".join([*first, *last])
+    if first and last:
+        said = f"{one.id} and {two.id} block each other whoever goes first: {facts}"
+    else:
+        near = f"{one.id} and {two.id} come near each other on their ways"
+        said = f"no order was found in which {one.id} and {two.id} both arrive: {facts or near}"
     return PlanError(
-        f"{a.id} and {b.id} block each other whoever goes first: {because}; no way around was "
-        "found. A wider passage, a via point or another goal would help"
+        f"{said}; no way around was found. A wider passage, a via point or another goal would help"
     )
 
 
-def say_ring(scenario: Scenario, paths: Sequence[Nurbs], ring: Sequence[int]) -> PlanError:
+def say_ring(scenario: Scenario, junctions: Junctions, ring: Sequence[int]) -> PlanError:
     """Return the error for robots of which each has to go before the next, in a ring."""
-    robots = [scenario.robots[index] for index in ring]
     facts = []
-    for k, me in enumerate(robots):
-        other, way = robots[(k + 1) % len(ring)], paths[ring[(k + 1) % len(ring)]]
-        need = scenario.need(me, other)
-        starts = [fact for fact in _facts(me, other, way, need) if "start" in fact]
-        goals = [fact for fact in _facts(other, me, paths[ring[k]], need) if "goal" in fact]
+    for me, other in zip(ring, [*ring[1:], ring[0]], strict=True):
+        starts = _places_on(scenario, junctions, me, other, "start")
+        goals = _places_on(scenario, junctions, other, me, "goal")
         facts += (starts or goals)[:1]
-    names = ", ".join(robot.id for robot in robots)
+    names = ", ".join(scenario.robots[index].id for index in ring)
     return PlanError(
         f"{names} block each other in a ring: {', '.join(facts)}; no way around was found. "
         "A wider passage, a via point or another goal would help"
     )
 
 
-def _facts(me: Robot, other: Robot, way: Nurbs, need: float) -> list[str]:
-    """Say which of my places lie on another robot's way."""
-    points = way.at_arc(np.linspace(0.0, way.length, 2 + int(way.length / 0.05)))
-    facts = []
-    for name, place in (("start", me.start), ("goal", me.goal)):
-        if _nearest(points, np.array(place[:2])) < need:
-            facts.append(
-                f"{me.id}'s {name} ({place[0]:.2f}, {place[1]:.2f}) lies on {other.id}'s way"
-            )
-    return facts
-
-
-def _nearest(points: Array, place: Array) -> float:
-    return float(np.hypot(*(points - place).T).min())
+def _places_on(
+    scenario: Scenario, junctions: Junctions, me: int, other: int, name: str
+) -> list[str]:
+    """Say whether my start (or my goal) lies on another robot's way, as their zones have it."""
+    zones = junctions.zones
+    low = np.where(zones.a == me, zones.extent[:, 0], zones.extent[:, 2])
+    high = np.where(zones.a == me, zones.extent[:, 1], zones.extent[:, 3])
+    both = ((zones.a == me) & (zones.b == other)) | ((zones.a == other) & (zones.b == me))
+    holds = low <= 0.0 if name == "start" else high >= junctions.lengths()[me]
+    if not (both & holds).any():
+        return []
+    robot = scenario.robots[me]
+    x, y = (robot.start if name == "start" else robot.goal)[:2]
+    return [f"{robot.id}'s {name} ({x:.2f}, {y:.2f}) lies on {scenario.robots[other].id}'s way"]

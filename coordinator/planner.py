@@ -166,8 +166,8 @@ class _Stages:
             if not any(solved):
                 ring = ring_of(self.junctions)
                 if len(ring) > 2:
-                    raise say_ring(scenario, self.paths, ring)
-                raise say_stuck(scenario, self.paths, pairs[0])
+                    raise say_ring(scenario, self.junctions, ring)
+                raise say_stuck(scenario, self.junctions, pairs[0])
 
     def _improved(self, motions: list[Motion], priorities: list[int], effort: int) -> list[Motion]:
         """Let robots go around where that is quicker; few are then ordered once more."""
