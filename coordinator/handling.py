@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coordinator.nurbs import Array
+from coordinator.motion import least_time
+from coordinator.nurbs import Array, Nurbs
 
 _EASY_RADIUS = 0.1
 """Robots without a limit on lateral acceleration get corners of this radius [m] where they fit."""
@@ -42,6 +43,10 @@ class Handling:
         """Radius [m] at which a corner costs no speed; wider ones are of no use."""
         free = self.speed**2 / self.lateral
         return max(min(max(free, _EASY_RADIUS), _WIDEST_RADIUS), self.tightest)
+
+    def least_time(self, curve: Nurbs) -> float:
+        """Return the least time [s] that a curve takes, from rest to rest."""
+        return least_time(curve, self.speed, self.accel, self.lateral)
 
     def numbers(self) -> Array:
         """Return the six numbers that corner_kernels.py works with."""

@@ -1,64 +1,76 @@
-"""How a path leaves its start and reaches its goal when they have headings.
+"""How a path may leave its start or reach its goal when it has a heading there.
 
-First come the turns of a Dubins path: vertices around a circle to the left or right until the way
-onwards lies ahead, so that rounding them keeps a radius.  Where these find no room a straight lead
-is tried.
+A lead is the few vertices next to that end: straight ahead for a while, or around a circle to the
+left or right as on a Dubins path.  From its last vertex the way goes on freely.
 
-Decides: the vertices next to start and goal.  Must not know: what lies between, and curves.
+Decides: which leads there are at one end, and which of them are clear.  Must not know: which is
+best (lead_choice.py), what lies between the ends, and curves.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import product
-from typing import Final
+from itertools import pairwise
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from coordinator.errors import CoarseError, PlanError
+from coordinator.errors import CoarseError
 from coordinator.nurbs import Array, Nurbs
 from coordinator.scenario import Robot
 from coordinator.space import Space
 
-_STRAIGHT: Final = (0.6, 0.3, 0.15, 0.08)
-"""Straight leads [m], tried in turn."""
+STEP: Final = math.pi / 4
+"""Turn [rad] at each vertex of a circle."""
 
-_TINY: Final = (0.8, 0.4)
-"""The same for robots of a few centimetres, as shares of their radius."""
+END_SHARE: Final = 0.9
+"""Share of the first leg that its corner may take (polygon_kernels.py)."""
+
+_STRAIGHT: Final = (0.08, 0.15, 0.3, 0.6)
+"""Straight leads [m]; others reach where the heading crosses the legs of the way."""
+
+_TINY: Final = (0.4, 0.8)
+"""The same for robots of a few centimetres, as shares of their radius.
+
+No lead is shorter than the shortest of these: float32 would turn it."""
 
 _PER_RADIUS: Final = 6.0
 """Straight lead of robots that turn wide, per metre of min_turn_radius."""
 
 _SHARES: Final = (1.0, 0.5, 0.25)
-_STEP: Final = math.pi / 4
+"""Shares of it, or of the longest of the others, that are tried."""
+
+_LONGEST: Final = 0.45
+"""Share of the distance to what comes next that these may take."""
+
 _MOST_STEPS: Final = 8
-_CIRCLE: Final = 2.0 * 1.08 / math.cos(0.5 * _STEP)
-"""Radius of the circle that vertices go around, per metre of min_turn_radius: a corner that takes
-half of each leg has the radius circle / 2 * cos(step / 2); 8 % in reserve."""
+_CIRCLE: Final = 1.08 / math.cos(0.5 * STEP)
+"""Half of the radius of the circle that vertices go around, per metre of the radius of turns: a
+corner that takes half of each leg has the radius circle / 2 * cos(step / 2); 8 % in reserve."""
 
-_EASY: Final = 0.6
-"""Robots that turn on the spot take turns of this radius too, as a share of their own."""
-
-_END_SHARE: Final = 0.9
-"""Share of the first leg that its corner may take (polygon_kernels.py)."""
+_EASY: Final = (0.6, 0.3)
+"""Robots that turn on the spot take turns of these radii, as shares of their own."""
 
 _OFF: Final = 8e-3
 """How far [rad] a curve may be off a heading; the proof accepts a little more."""
 
-Leads = tuple[list[Array], list[Array]]
 
+class Lead(NamedTuple):
+    """Vertices [m] in the order of driving away from an end, whose place is left out.
 
-def leads(robot: Robot, space: Space) -> Iterator[Leads]:
-    """Yield vertices after the start and before the goal, each in the order of driving.
-
-    Raises PlanError when there is no room to move along a heading.
+    heading [rad] and length [m] are those at the last vertex, whose corner may take `width` [m] of
+    the leg there; side is 1 where it turned left to there, -1 right, 0 not at all; radius [m] that
+    of these turns.
     """
-    headed = len(robot.start) == 3 or len(robot.goal) == 3
-    if headed:
-        yield from _dubins(robot, space)
-    for share in _SHARES if headed and robot.min_turn_radius > 0.0 else (1.0,):
-        yield _straight(robot, space, share)
+
+    vertices: list[Array]
+    last: tuple[float, float]
+    heading: float
+    length: float
+    width: float
+    side: int = 0
+    radius: float = math.inf
 
 
 def check_headings(robot: Robot, curve: Nurbs) -> None:
@@ -73,84 +85,70 @@ def check_headings(robot: Robot, curve: Nurbs) -> None:
             )
 
 
-def _dubins(robot: Robot, space: Space) -> list[Leads]:
-    """Return the leads that turn left or right at either end, those of the shortest way first."""
-    circle = _CIRCLE * max(robot.min_turn_radius, _EASY * robot.radius)
-    begin, end = np.array(robot.start[:2]), np.array(robot.goal[:2])
-    inner = [np.array(place) for place in robot.via]
-    found: list[tuple[float, Leads]] = []
-    for sides in product((1.0, -1.0), repeat=2):
-        there, back = inner[0] if inner else end, inner[-1] if inner else begin
-        first: list[Array] | None = []
-        last: list[Array] | None = []
-        for _ in range(3):
-            first = _around(robot.start, circle, sides[0], there)
-            if not inner and first:
-                back = first[-1]
-            last = _around(_reversed(robot.goal), circle, sides[1], back)
-            if not inner and last:
-                there = last[-1]
-        if first is None or last is None:
-            continue
-        way = np.array([begin, *first, *inner, *last[::-1], end])
-        ends = [np.array([begin, *first]), np.array([*last[::-1], end])]
-        if all(space.keeping(part[:-1], part[1:]).all() for part in ends):
-            found.append((float(np.hypot(*np.diff(way, axis=0).T).sum()), (first, last[::-1])))
-    return [pair for _, pair in sorted(found, key=lambda one: one[0])]
+def leads(robot: Robot, pose: Sequence[float], ahead: Array, space: Space) -> list[Lead]:
+    """Return the clear leads away from a pose with a heading.
 
-
-def _around(
-    pose: Sequence[float], circle: float, side: float, towards: Array
-) -> list[Array] | None:
-    """Return vertices from a pose around a circle [m] until a place lies ahead; None if never.
-
-    side: 1 turns left, -1 right.
+    ahead (k, 2) [m]: the places that the way would pass if there were no heading, in order.
     """
-    if len(pose) < 3:
-        return []
-    leg = 2.0 * circle * math.tan(0.5 * _STEP)
-    heading = pose[2]
-    along = np.array([math.cos(heading), math.sin(heading)])
-    vertices = [np.array(pose[:2]) + 0.5 * leg / _END_SHARE * along]
-    for _ in range(_MOST_STEPS):
-        onward = towards - vertices[-1]
-        turn = side * math.atan2(along[0] * onward[1] - along[1] * onward[0], float(along @ onward))
-        if -0.1 <= turn <= _STEP + 0.02:
-            return vertices
-        heading += side * _STEP
-        along = np.array([math.cos(heading), math.sin(heading)])
-        vertices.append(vertices[-1] + leg * along)
-    return None
+    found = [_straight(pose, size) for size in _sizes(robot, pose, ahead)]
+    for radius in _radii(robot):
+        for side in (1, -1):
+            found += _around(pose, radius, side)
+    place = np.array(pose[:2])
+    ends = np.array([lead.last for lead in found])
+    begins = np.array([lead.vertices[-2] if len(lead.vertices) > 1 else place for lead in found])
+    clear = space.keeping(begins, ends).tolist()
+    kept, blocked = [], None
+    for lead, free in zip(found, clear, strict=True):
+        # Turns of one circle follow each other: behind one that is not clear none is.
+        circle = (lead.side, lead.radius)
+        if not free:
+            blocked = circle
+        if free and (lead.side == 0 or circle != blocked):
+            kept.append(lead)
+    return kept
 
 
-def _reversed(pose: Sequence[float]) -> Sequence[float]:
-    """Return a pose as seen by somebody who drives the path from its end."""
-    return pose if len(pose) < 3 else (pose[0], pose[1], pose[2] + math.pi)
+def _sizes(robot: Robot, pose: Sequence[float], ahead: Array) -> list[float]:
+    """Return the lengths [m] of straight leads worth a trial."""
+    longest = _LONGEST * math.dist(ahead[-1], pose[:2])
+    most = min(max(_PER_RADIUS * robot.min_turn_radius, _STRAIGHT[-1]), longest)
+    sizes = [*_STRAIGHT, *(share * robot.radius for share in _TINY)]
+    shortest = min(sizes)
+    sizes = [size for size in sizes if size <= longest]
+    sizes += [share * most for share in _SHARES]
+    dx, dy = math.cos(pose[2]), math.sin(pose[2])
+    way = [(x - pose[0], y - pose[1]) for x, y in ahead.tolist()]
+    for (ax, ay), (bx, by) in pairwise(way):
+        across = dx * (by - ay) - dy * (bx - ax)
+        if abs(across) > 1e-9:
+            sizes.append((ax * (by - ay) - ay * (bx - ax)) / across)
+    sizes += [dx * x + dy * y for x, y in way]
+    return [size for size in dict.fromkeys(sizes) if size >= shortest]
 
 
-def _straight(robot: Robot, space: Space, share: float) -> Leads:
-    """Return straight leads, a share of the longest that is of use."""
-    wide = max(_PER_RADIUS * robot.min_turn_radius, _STRAIGHT[0])
-    first = robot.via[0] if robot.via else robot.goal[:2]
-    last = robot.via[-1] if robot.via else robot.start[:2]
-    found = []
-    for pose, sign, towards in ((robot.start, 1.0, first), (robot.goal, -1.0, last)):
-        longest = share * min(wide, 0.45 * math.dist(towards, pose[:2]))
-        sizes = (longest, *_STRAIGHT, *(share * robot.radius for share in _TINY))
-        found.append(_ahead(pose, sign, space, [size for size in sizes if size <= longest]))
-    return found[0], found[1]
+def _straight(pose: Sequence[float], size: float) -> Lead:
+    last = pose[0] + size * math.cos(pose[2]), pose[1] + size * math.sin(pose[2])
+    return Lead([np.array(last)], last, pose[2], size, END_SHARE * size)
 
 
-def _ahead(pose: Sequence[float], sign: float, space: Space, sizes: Sequence[float]) -> list[Array]:
-    """Return the point that makes a path leave (or reach, sign -1) a place with its heading."""
-    if len(pose) < 3:
-        return []
-    place = np.array(pose[:2], dtype=np.float64)
-    along = sign * np.array([math.cos(pose[2]), math.sin(pose[2])])
-    for size in sizes:
-        point = place + size * along
-        if space.ground.clear(place, point) and space.keeping(place[None], point[None]).all():
-            return [point]
-    raise PlanError(
-        f"no room to move along heading {pose[2]:.2f} rad at ({pose[0]:.2f}, {pose[1]:.2f})"
+def _radii(robot: Robot) -> list[float]:
+    """Return the radii [m] of turns worth a trial."""
+    easy = [share * robot.radius for share in _EASY]
+    return [size for size in easy if size > robot.min_turn_radius] + (
+        [robot.min_turn_radius] if robot.min_turn_radius > 0.0 else []
     )
+
+
+def _around(pose: Sequence[float], radius: float, side: int) -> Iterator[Lead]:
+    """Yield leads with more and more vertices around a circle; side: 1 turns left, -1 right."""
+    leg = 4.0 * _CIRCLE * radius * math.tan(0.5 * STEP)
+    heading, length = pose[2], 0.5 * leg / END_SHARE
+    x, y = pose[0] + length * math.cos(heading), pose[1] + length * math.sin(heading)
+    vertices = [np.array((x, y))]
+    yield Lead(vertices, (x, y), heading, length, 0.5 * leg, side, radius)
+    for _ in range(_MOST_STEPS):
+        heading += side * STEP
+        x, y, length = x + leg * math.cos(heading), y + leg * math.sin(heading), length + leg
+        vertices = [*vertices, np.array((x, y))]
+        yield Lead(vertices, (x, y), heading, length, 0.5 * leg, side, radius)

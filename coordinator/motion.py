@@ -101,6 +101,17 @@ def limits_on(curve: Nurbs, speed: float, accel: float, lateral: float) -> Speed
     return replace(free, bends=tuple(zip(s.tolist(), w.tolist(), strict=True)))
 
 
+def least_time(curve: Nurbs, speed: float, accel: float, lateral: float) -> float:
+    """Return the time [s] of the fastest motion along a whole curve, from rest to rest."""
+    free = SpeedLimits(curve.length, speed * speed, accel, ())
+    cap = np.array((0.0, curve.length)), np.array((free.top, free.top))
+    if math.isfinite(lateral):
+        cap = cap_on(curve, lateral, free.top)
+    s, w = reachable(*cap, 2.0 * free.ramp, math.isfinite(accel))
+    both = np.sqrt(w[:-1]) + np.sqrt(w[1:])
+    return float((2.0 * np.diff(s) / np.where(both > 0.0, both, 1.0)).sum())
+
+
 def speed_knots(limits: SpeedLimits, begin: float, end: float) -> tuple[Array, Array]:
     """Return the fastest motion from rest at `begin` to rest at `end`: s [m] and v^2 there.
 

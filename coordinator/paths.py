@@ -22,7 +22,8 @@ from coordinator.floor import Floor
 from coordinator.gap_kernels import entered, nearest_of
 from coordinator.given_path import given_curve
 from coordinator.handling import Handling
-from coordinator.leads import Leads, check_headings, leads
+from coordinator.lead_choice import COMFORTABLE, Leads, choices
+from coordinator.leads import check_headings
 from coordinator.nurbs import Array, Nurbs
 from coordinator.refit import with_goal, with_via
 from coordinator.scenario import Point, Robot, Scenario
@@ -38,8 +39,11 @@ _FLUSH: Final = 2e-6
 _ROOM_PER_RADIUS: Final = 2.2
 """Reach around corners that robots turn at, per metre of min_turn_radius."""
 
-_SHARP: Final = 0.25
-"""Share of its own radius below which a robot with a heading looks for another way to turn."""
+_ENOUGH: Final = 2
+"""Paths from which the quickest is taken, once one of them has turns that are wide enough."""
+
+_MOST_TIGHT: Final = 8
+"""Paths from which the widest is taken, if none has."""
 
 _PLACE_ROOM: Final = 0.015
 """Other robots' places are passed this much farther off [m] than needed: a conflict zone may be a
@@ -170,16 +174,17 @@ class Pathfinder:
         )
 
     def _fit_among(self, robot: Robot, space: Space) -> Fit:
-        """Return the path with the first leads that turn widely enough, else the widest found.
+        """Return the quickest of the first paths with turns that are wide enough, else the widest.
 
         Raises the error that got farthest when there is none.
         """
+        handling, headed = self.handling(robot), _headed(robot)
         worst: PlanError | None = None
-        widest: tuple[float, Fit] | None = None
-        for ends in leads(robot, space):
+        made: list[tuple[float, float, Fit]] = []
+        for ends in choices(robot, space, handling):
             try:
                 polygon, exact = self._polygon(robot, space, ends)
-                found = smooth(polygon, exact, space, self.handling(robot), _headed(robot))
+                found = smooth(polygon, exact, space, handling, headed)
                 check_headings(robot, found.curve)
             except TurnError as error:
                 if not isinstance(worst, TurnError) or error.radius > worst.radius:
@@ -188,13 +193,14 @@ class Pathfinder:
             except PlanError as error:
                 worst = worst or error
                 continue
-            radius = least_radius(found)
-            if not any(_headed(robot)) or radius >= _SHARP * robot.radius:
+            if not any(headed):
                 return found
-            if widest is None or radius > widest[0]:
-                widest = radius, found
-        if widest is not None:
-            return widest[1]
+            tight = max(COMFORTABLE * robot.radius - least_radius(found), 0.0)
+            made.append((tight, handling.least_time(found.curve), found))
+            if len(made) >= (_ENOUGH if any(one[0] == 0.0 for one in made) else _MOST_TIGHT):
+                break
+        if made:
+            return min(made, key=lambda one: one[:2])[2]
         raise worst or PlanError("there is no room to turn")
 
     def _space(self, robot: Robot, discs: Array, room: float = 0.0, most: float = _TOUCH) -> Space:

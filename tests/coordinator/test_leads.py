@@ -58,3 +58,27 @@ def test_via_points_are_passed_between_turns():
     assert_turns_and_headings(curve, start, goal, 0.3)
     points = curve.evaluate(np.linspace(0.0, curve.knots[-1], 100_001))
     assert np.hypot(*(points - via).T).min() < 1e-3
+
+
+def beside_a_box(start, goal=(9.0, 4.4)):
+    """The way of a robot that starts below a box, and its length."""
+    robot = a_robot("A", start, goal, max_speed=0.6)
+    return Pathfinder(a_scenario([robot], obstacles=[box(3, 1.5, 7, 6.5)], margin=0.04)).path(0)
+
+
+@pytest.mark.parametrize("x", [3.5, 5.0, 6.0, 6.45, 6.8])
+@pytest.mark.parametrize("heading", [0.0, -0.1, -0.15, -0.2, -0.25, -0.3])
+def test_a_robot_beside_a_wall_goes_on_to_the_corner_without_a_loop(x, heading):
+    free = beside_a_box((x, 1.18))
+    assert beside_a_box((x, 1.18, heading)).length < free.length + 0.05
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_heading_that_leads_along_the_way_costs_next_to_nothing(seed):
+    dice = random.Random(seed)
+    x, y = dice.uniform(3.5, 6.5), 1.26 - dice.uniform(0.005, 0.2)
+    goal = (dice.uniform(7.5, 9.5), dice.uniform(2.0, 7.5))
+    free = beside_a_box((x, y), goal)
+    along = free.derivatives([0.0], 1)[1][0]
+    heading = math.atan2(along[1], along[0]) - dice.uniform(0.0, 0.4)
+    assert beside_a_box((x, y, heading), goal).length < free.length + 0.1
