@@ -6,6 +6,7 @@ Decides: what a document is proven against.  The proof itself is proof.py.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -27,6 +28,19 @@ _HEADING: Final = 1e-2
 _TIME_TOLERANCE: Final = 1e-2
 """How far [s] a time in the file may be from that of the wire bytes."""
 
+_SAME: Final = 1e-9
+"""Terms [s], [m] that differ by less are the same."""
+
+_RESERVED: Final = 1.0001
+"""By this factor a planned speed may be above what the reserve leaves."""
+
+_LIMITS: Final = (
+    ("max_speed", "m/s"),
+    ("max_accel", "m/s^2"),
+    ("max_lateral_accel", "m/s^2"),
+    ("min_turn_radius", "m"),
+)
+
 _PLAN_ROUNDING: Final = 1.0
 """A plan may last this much [s] longer on the wire than it was planned for."""
 
@@ -34,8 +48,8 @@ _PLAN_ROUNDING: Final = 1.0
 def prove_document(document: PlanDocument, scenario: Scenario | None = None) -> Proof:
     """Prove a document from its wire bytes.
 
-    With a scenario its floor, limits, radii, tau and margin count, not what the document says of
-    them.  Raises InputError when a robot would not accept its message, or would drive too long.
+    With a scenario its floor, limits, radii, tau, margin and link count, and the document has to say
+    the same of them: what robots are told comes from there.  Raises InputError when a robot would not accept its message, or would drive too long.
     """
     driven = drive(document)
     _check_durations(driven)
@@ -116,20 +130,74 @@ def _prove_against(document: PlanDocument, driven: list[Driven], scenario: Scena
         if one.radius < robot.radius:
             failures.append(f"{one.id} is planned with radius {one.radius} m, has {robot.radius} m")
         failures += _misses(one, robot)
+        failures += _hurries(one, scenario.planned_speed(robot))
     planned = {one.id for one in driven}
     failures += [f"{name} has no plan" for name in robots if name not in planned]
     limits = [Limits.of(robot) for robot in scenario.robots]
     budget = budget_for(limits, scenario.link)
     tau, margin = resolve_tau(scenario.tau, budget), scenario.margin
-    if document.tau < tau - 1e-9 or document.margin < margin - 1e-9:
-        failures.append(
-            f"planned for tau {document.tau} s and margin {document.margin} m, "
-            f"the scenario asks for {tau} s and {margin} m"
-        )
+    failures += _other_terms(document, scenario, tau)
     floor = Floor(scenario.workspace.boundary, scenario.workspace.obstacles)
     known = [Limits.of(robots[d.id]) if d.id in robots else None for d in driven]
     proof = prove(driven, tau, margin, floor.gap, known, budget)
     return _with_failures(proof, failures)
+
+
+def _other_terms(document: PlanDocument, scenario: Scenario, tau: float) -> list[str]:
+    """Return which terms of a plan are not the scenario's; tau [s] is what the scenario asks for.
+
+    Robots go by these: tau is how late they may be, the margin how far off their paths, the link
+    how long they bear silence, max_accel how they brake.  Those that turn wider than they have to
+    keep what is asked.
+    """
+    asked = [
+        (name, getattr(document, name), value, unit)
+        for name, value, unit in (("tau", tau, " s"), ("margin", scenario.margin, " m"))
+    ]
+    failures = [
+        f"the plan's {name} is {said:.9g}{unit}, the scenario asks for {value:.9g}{unit}"
+        for name, said, value, unit in asked
+        if abs(said - value) > _SAME
+    ]
+    failures += [
+        f"the plan's link.{name} is {said:g}{unit}, the scenario's is {value:g}{unit}"
+        for name, unit in (("delay", " s"), ("loss", ""))
+        if (said := getattr(document.link, name)) != (value := getattr(scenario.link, name))
+    ]
+    known = {robot.id: Limits.of(robot) for robot in scenario.robots}
+    for robot in document.robots:
+        if robot.id in known:
+            failures += _other_limits(robot, known[robot.id])
+    return failures
+
+
+def _other_limits(robot: RobotPlan, limits: Limits) -> Iterator[str]:
+    """Yield which limits of a robot's plan are not its own."""
+    if robot.limits is None:
+        if limits.max_accel is not None:
+            yield _other_limit(robot, "max_accel", None, limits.max_accel, "m/s^2")
+        return
+    for name, unit in _LIMITS:
+        said, value = getattr(robot.limits, name), getattr(limits, name)
+        if said != value and not (name == "min_turn_radius" and said > value):
+            yield _other_limit(robot, name, said, value, unit)
+
+
+def _other_limit(
+    robot: RobotPlan, name: str, said: float | None, value: float | None, unit: str
+) -> str:
+    told, asked = ("none" if one is None else f"{one:g} {unit}" for one in (said, value))
+    return f"{robot.id}'s limits.{name} is {told}, the scenario's is {asked}"
+
+
+def _hurries(driven: Driven, fastest: float) -> Iterator[str]:
+    """Yield that a robot has less speed [m/s] in reserve than the scenario keeps back."""
+    most = max(driven.timeline.v0 + driven.timeline.v1)
+    if most > fastest * _RESERVED:
+        yield (
+            f"{driven.id} is planned at up to {most:.6g} m/s, {fastest:.6g} m/s are left by "
+            "speed_reserve"
+        )
 
 
 def _misses(driven: Driven, robot: Robot) -> list[str]:

@@ -8,6 +8,7 @@ from msgspec.structs import replace
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
 from coordinator.proof import TOLERANCE
+from coordinator.scenario import Link
 from coordinator.separation import RESOLUTION
 from coordinator.verify import prove_document
 from coordinator.wire import drive
@@ -182,3 +183,67 @@ def test_moving_the_whole_fleet_changes_nothing(planned):
     assert proof.holds
     assert proof.least_clearance is None
     assert proof.least_separation == pytest.approx(document.proof.least_separation, abs=2e-3)
+
+
+@pytest.fixture(scope="module")
+def real():
+    scenario = crossing()
+    return scenario, plan_scenario(scenario)
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"margin": 1.0}, "margin is 1 m, the scenario asks for 0.05 m"),
+        ({"margin": 0.04}, "margin is 0.04 m"),
+        ({"tau": 3.0}, "tau is 3 s, the scenario asks for"),
+        ({"link": Link(delay=5.0)}, "link.delay is 5 s, the scenario's is 0 s"),
+        ({"link": Link(loss=0.5)}, "link.loss is 0.5, the scenario's is 0"),
+    ],
+)
+def test_terms_on_the_wire_that_the_scenario_does_not_ask_for_are_failures(real, fields, words):
+    scenario, document = real
+    proof = prove_document(replace(document, **fields), scenario)
+    assert not proof.holds
+    assert proof.survives == []
+    assert any(words in failure for failure in proof.failures)
+
+
+@pytest.mark.parametrize("accel", [0.05, 1e9, None])
+def test_brakes_that_are_not_the_robots_are_a_failure(real, accel):
+    scenario, document = real
+    limits = replace(document.robots[0].limits, max_accel=accel)
+    proof = prove_document(changed(document, 0, limits=limits), scenario)
+    told = "none" if accel is None else f"{accel:g} m/s^2"
+    assert proof.failures[0] == (
+        f"{document.robots[0].id}'s limits.max_accel is {told}, the scenario's is "
+        f"{scenario.robots[0].max_accel:g} m/s^2"
+    )
+
+
+def test_all_terms_that_are_not_the_scenarios_are_told(real):
+    scenario, document = real
+    other = replace(document, margin=0.5, tau=9.0, link=Link(delay=1.0, loss=0.1))
+    other = changed(other, 0, limits=replace(other.robots[0].limits, max_accel=None, max_speed=9.0))
+    assert len(prove_document(other, scenario).failures) >= 6
+
+
+def test_limits_that_the_file_does_not_tell_leave_a_robot_without_a_brake(real):
+    scenario, document = real
+    (failure,) = prove_document(changed(document, 0, limits=None), scenario).failures
+    assert "limits.max_accel is none" in failure
+
+
+def test_wider_turns_than_the_scenario_asks_for_are_no_failure(real):
+    scenario, document = real
+    wide = replace(document.robots[0].limits, min_turn_radius=0.05)
+    assert prove_document(changed(document, 0, limits=wide), scenario).holds
+
+
+def test_speeds_that_leave_no_reserve_for_catching_up_are_a_failure(real):
+    scenario, document = real
+    asked = replace(scenario, speed_reserve=0.2)
+    failures = prove_document(document, asked).failures
+    assert len(failures) == 3
+    assert failures[0].startswith("A is planned at up to 0.")
+    assert failures[0].endswith("m/s are left by speed_reserve")
