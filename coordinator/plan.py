@@ -16,6 +16,7 @@ import msgspec
 from coordinator.errors import InputError
 from coordinator.file_kinds import kind_of, wrong_kind
 from coordinator.plan_checks import find_problems
+from coordinator.plan_names import find_wrong_names
 from coordinator.scenario import Link, Point, Policy, Robot
 
 FORMAT: Final = "splinefleet.plan/1"
@@ -189,7 +190,7 @@ def from_json(text: bytes, name: str = "plan") -> PlanDocument:
         raise InputError([f"{name}: {error}"]) from None
     if document.format != FORMAT:
         raise InputError([f"{name}: format is {document.format!r}, this reads {FORMAT!r}"])
-    problems = find_problems(document)
+    problems = find_problems(document) + find_wrong_names(document)
     if problems:
         raise InputError([f"{name}: {problem}" for problem in problems])
     return document

@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from protocol.keys import NAME
+from protocol.messages import MAX_MESSAGE_BYTES
 
 if TYPE_CHECKING:
     from coordinator.plan import Floor, Limits, Path, PlanDocument, RobotPlan, Stop
@@ -28,7 +29,7 @@ _LARGEST: Final = 1e5
 _DEGREES: Final = range(1, 8)
 
 
-class _Range(NamedTuple):
+class Range(NamedTuple):
     """What one number may be: from `least` (or only above it) to `most`."""
 
     unit: str
@@ -37,11 +38,12 @@ class _Range(NamedTuple):
     above: bool = False
 
     def faults(self, field: str, value: float) -> Iterator[str]:
+        """Yield a line when a field's value is out of range."""
         over = value > self.least if self.above else value >= self.least
         if math.isfinite(value) and over and value <= self.most:
             return
         low = f"{'above' if self.above else 'from'} {self.least:g}"
-        high = f" to {self.most:g}" if self.most < math.inf else ""
+        high = f" to {self.most:.10g}" if self.most < math.inf else ""
         unit = f" {self.unit}" if self.unit else ""
         yield f"{field}: is {value:g}{unit}, allowed is {low}{high}{unit}"
 
@@ -55,27 +57,35 @@ class PathNames(NamedTuple):
 
 
 PATH_NAMES: Final = PathNames()
-_COORDINATE: Final = _Range("m", -_LARGEST, _LARGEST)
-_POINT: Final = _Range("m", -math.inf)
-_WEIGHT: Final = _Range("", 0.0, above=True)
-_TIME: Final = _Range("s", 0.0)
-_LENGTH: Final = _Range("m", 0.0, above=True)
-_SPEED: Final = _Range("m/s", 0.0)
+_COORDINATE: Final = Range("m", -_LARGEST, _LARGEST)
+_POINT: Final = Range("m", -math.inf)
+_WEIGHT: Final = Range("", 0.0, above=True)
+_TIME: Final = Range("s", 0.0)
+_LENGTH: Final = Range("m", 0.0, above=True)
+_SPEED: Final = Range("m/s", 0.0, 999.0)
+_COUNTER: Final = 2**32 - 1
 _DOCUMENT: Final = {
-    "tau": _Range("s", 0.0, LONGEST_TAU),
-    "margin": _Range("m", 0.0, _LARGEST),
+    "tau": Range("s", 0.0, LONGEST_TAU),
+    "margin": Range("m", 0.0, _LARGEST),
+    "epoch": Range("", 1, _COUNTER),
+    "revision": Range("", 0, _COUNTER),
+}
+_LINK: Final = {
+    "delay": Range("s", 0.0, 5.0),
+    "loss": Range("", 0.0, 0.5),
 }
 _ROBOT: Final = {
-    "radius": _Range("m", 0.0, _LARGEST, above=True),
-    "start_time": _Range("s", 0.0, LONGEST_PLAN),
+    "radius": Range("m", 0.0, _LARGEST, above=True),
+    "start_time": Range("s", 0.0, LONGEST_PLAN),
     "finish_time": _TIME,
     "length": _LENGTH,
+    "wire_bytes": Range("", 0, MAX_MESSAGE_BYTES),
 }
 _LIMITS: Final = {
-    "max_speed": _Range("m/s", 0.0, above=True),
-    "max_accel": _Range("m/s^2", 0.0, above=True),
-    "max_lateral_accel": _Range("m/s^2", 0.0, above=True),
-    "min_turn_radius": _Range("m", 0.0),
+    "max_speed": Range("m/s", 0.0, above=True),
+    "max_accel": Range("m/s^2", 1e-3),
+    "max_lateral_accel": Range("m/s^2", 0.0, above=True),
+    "min_turn_radius": Range("m", 0.0),
 }
 
 
@@ -84,6 +94,8 @@ def find_problems(document: PlanDocument) -> list[str]:
     problems: list[str] = []
     for key, allowed in _DOCUMENT.items():
         problems += allowed.faults(key, getattr(document, key))
+    for key, allowed in _LINK.items():
+        problems += allowed.faults(f"link.{key}", getattr(document.link, key))
     if not document.robots:
         problems.append("robots: is empty, allowed is at least one robot")
     seen: set[str] = set()
@@ -97,24 +109,9 @@ def find_problems(document: PlanDocument) -> list[str]:
             problems.append(f"{where}.id: {robot.id!r} stands twice, allowed is every id once")
         seen.add(robot.id)
         problems += _robot_faults(where, robot)
-    if not problems:
-        problems += _pair_faults(document, seen)
     if document.workspace is not None:
         problems += _floor_faults(document.workspace)
     return problems
-
-
-def _pair_faults(document: PlanDocument, robots: set[str]) -> Iterator[str]:
-    """Yield what is wrong with crossings and waits: they name robots of the plan."""
-    named = [
-        *((f"crossings[{i}]", ("a", "b"), one) for i, one in enumerate(document.crossings)),
-        *((f"waits[{i}]", ("robot", "yields_to"), one) for i, one in enumerate(document.waits)),
-    ]
-    for where, keys, one in named:
-        for key in keys:
-            name = getattr(one, key)
-            if name not in robots:
-                yield f"{where}.{key}: {name[:40]!r} is no robot of the plan"
 
 
 def _robot_faults(where: str, robot: RobotPlan) -> Iterator[str]:
@@ -213,7 +210,8 @@ def _stop_faults(where: str, stops: Sequence[Stop], length: float) -> Iterator[s
             )
         before = stop.s
         yield from _TIME.faults(f"{where}[{i}].arrive", stop.arrive)
-        yield from _Range("s", max(stop.arrive, 0.0)).faults(f"{where}[{i}].depart", stop.depart)
+        latest = Range("s", max(stop.arrive, 0.0), LONGEST_PLAN)
+        yield from latest.faults(f"{where}[{i}].depart", stop.depart)
 
 
 def _floor_faults(floor: Floor) -> Iterator[str]:

@@ -48,8 +48,9 @@ _PLAN_ROUNDING: Final = 1.0
 def prove_document(document: PlanDocument, scenario: Scenario | None = None) -> Proof:
     """Prove a document from its wire bytes.
 
-    With a scenario its floor, limits, radii, tau, margin and link count, and the document has to say
-    the same of them: what robots are told comes from there.  Raises InputError when a robot would not accept its message, or would drive too long.
+    With a scenario its floor, limits, radii, tau, margin and link count, and the document has to
+    say the same of them: what robots are told comes from there.  Raises InputError when a robot
+    would not accept its message, or would drive too long.
     """
     driven = drive(document)
     _check_durations(driven)

@@ -88,20 +88,38 @@ late profile | robots.0.profile.0.0 = 1e-6 | robots[R1].profile[0][0] | allowed 
 a short profile | robots.0.profile.-1.0 = 7.99 | robots[R1].profile | ends at 7.99 m, allowed is
 a negative speed | robots.0.profile.1.1 = -1 | robots[R1].profile[1][1] | is -1 m/s, allowed is
 no profile | robots.0.profile = [] | robots[R1].profile | has 0 speed knots, allowed are 2 or more
-a limit of zero | robots.0.limits.max_accel = 0 | robots[R1].limits.max_accel | allowed is above 0
+a limit of zero | robots.0.limits.max_accel = 0 | robots[R1].limits.max_accel | allowed is from 0.00
 two corners | workspace.boundary = [[0, 0], [9, 9]] | workspace.boundary | has 2 corners, allowed
 a bow tie | workspace.boundary = [[0,0],[9,9],[9,0],[0,9]] | workspace.boundary | cross or touch
 one corner | workspace.obstacles.0 = [[1, 1]] | workspace.obstacles[0] | has 1 corners, allowed
 a far corner | workspace.boundary.0.1 = 1e300 | workspace.boundary[0][1] | allowed is from -100000
-a wait for a stranger | waits.0.yields_to = "R0" | waits[0].yields_to | 'R0' is no robot of the plan
-a stranger's crossing | crossings.0.a = "" | crossings[0].a | '' is no robot of the plan
+all lost | link.loss = 1.0 | link.loss | is 1, allowed is from 0 to 0.5
+less than none lost | link.loss = -0.1 | link.loss | is -0.1, allowed is from 0 to 0.5
+a delay of an hour | link.delay = 3600 | link.delay | is 3600 s, allowed is from 0 to 5 s
+a message from later | link.delay = -1 | link.delay | is -1 s, allowed is from 0 to 5 s
+an epoch of zero | epoch = 0 | epoch | is 0, allowed is from 1 to 4294967295
+a revision before | revision = -1 | revision | is -1, allowed is from 0 to 4294967295
+a long message | robots.0.wire_bytes = 9000 | robots[R1].wire_bytes | is 9000, allowed is from 0 to
+a weak brake | robots.0.limits.max_accel = 1e-9 | robots[R1].limits.max_accel | allowed is from 0.00
+a racing robot | robots.0.profile.1.1 = 5e3 | robots[R1].profile[1][1] | allowed is from 0 to 999 m/
+waits for nobody | robots.0.start_yields_to = "R9" | robots[R1].start_yields_to | is 'R9', allowed i
+waits for itself | robots.0.start_yields_to = "R1" | robots[R1].start_yields_to | is 'R1', allowed i
+a stranger's wait | waits.0.robot = "R9" | waits[0].robot | is 'R9', allowed is a robot of the plan
+a wait for itself | waits.0.yields_to = "R1" | waits[0].yields_to | is 'R1', allowed is another robo
+a wait off the path | waits.0.s = 99 | waits[0].s | is 99 m, allowed is from 0 to 8.001 m
+less than no wait | waits.0.wait = -1 | waits[0].wait | is -1 s, allowed is from 0 s
+a stranger's crossing | crossings.0.a = "R9" | crossings[0].a | is 'R9', allowed is a robot of the p
+a crossing off the path | crossings.0.s_b = -4 | crossings[0].s_b | is -4 m, allowed is from 0 to 6.
 a line | workspace.obstacles.0 = [[1,1],[2,2],[3,3]] | workspace.obstacles[0] | allowed is an outl
 """
+WAITS_FOR_IT = '{"s": 3, "arrive": 5, "depart": 6, "yields_to": "R1"}'
 STOP = '{"s": 3, "arrive": 5, "depart": 6}'
 STOPS = {
     "off the path": (STOP.replace("3", "30"), "robots[R1].stops[0].s: is 30 m"),
     "that twice is one": (f"{STOP}, {STOP}", "robots[R1].stops[1].s: is 3 m, allowed is above 3"),
     "left before it is reached": (STOP.replace("6", "4"), "stops[0].depart: is 4 s"),
+    "that lasts for ages": (STOP.replace("6", "1e18"), "stops[0].depart: is 1e+18 s"),
+    "for itself": (WAITS_FOR_IT, "robots[R1].stops[0].yields_to: is 'R1', allowed is another"),
     "before time begins": (STOP.replace("5", "-5"), "stops[0].arrive: is -5 s"),
 }
 
@@ -129,7 +147,8 @@ def test_a_curve_that_falls_apart_at_a_knot_is_refused():
 
 
 def test_all_faults_are_told_at_once():
-    assert len(problems_of(changed("tau = 900; margin = -1; robots.0.radius = 0"))) == 3
+    faults = 'tau = 900; margin = -1; robots.0.radius = 0; link.loss = 1; waits.0.robot = "R9"'
+    assert len(problems_of(changed(faults))) == 5
 
 
 def test_a_number_that_is_not_finite_is_no_plan():
