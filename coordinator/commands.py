@@ -69,15 +69,22 @@ def newest_plan(source: Path, what_for: str) -> PlanDocument:
     from coordinator.export import documents_of
     from coordinator.logbook import read_log
     from coordinator.plan import read
+    from coordinator.said_plans import plans_said
 
     if source.suffix != ".mcap":
         return read(source)
-    documents = documents_of(read_log(source))
+    log = read_log(source)
+    documents = documents_of(log)
+    said = plans_said(log, documents)
+    documents |= said
     if not documents:
         raise InputError([f"{source}: holds no plan, there is nothing {what_for}"])
     last = max(documents)
     if len(documents) > 1:
         tell(f"{source}: the plan of epoch {last}, the last of {len(documents)}")
+    if last in said:
+        for note in said[last].notes:
+            tell(f"{source}: {note}")
     return documents[last]
 
 
@@ -228,7 +235,10 @@ def plot(
         from coordinator.page import page_of
         from coordinator.view import read_scene
 
-        write_file(output, page_of(read_scene(source)).encode())
+        scene = read_scene(source)
+        for note in scene.notes:
+            tell(f"{source}: {note}")
+        write_file(output, page_of(scene).encode())
         tell(f"wrote {output}")
         return
     from coordinator.figure import draw_plan

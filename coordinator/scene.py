@@ -107,7 +107,7 @@ class Ghost(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Scene(msgspec.Struct, frozen=True, kw_only=True):
-    """Everything on the page."""
+    """Everything on the page; `notes`: what could not be known of a log."""
 
     name: str
     policy: str
@@ -122,3 +122,4 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     epochs: list[Epoch]
     marks: list[Mark] = []
     ghosts: list[Ghost] = []
+    notes: list[str] = []

@@ -15,7 +15,9 @@ import msgspec
 from coordinator.adoption import adoption_key, request_of
 from coordinator.errors import InputError
 from coordinator.info import summarise
+from coordinator.info_numbers import clock_lag
 from coordinator.plan import PlanDocument, from_json, is_plan_name
+from coordinator.said_plans import plans_said
 from coordinator.scene import Aside, Epoch, Halt, Mark, Scene
 from coordinator.scene_plan import index_of, rides_of, rounded_points, scene_from, zones_of
 from coordinator.standing import Standing
@@ -49,6 +51,7 @@ class Course:
         self.told: dict[int, tuple[Standing, ...]] = {}
         self.faults: list[tuple[int, FaultSummary]] = []
         self.late: list[tuple[int, str]] = []
+        self.notes: list[str] = []
 
     def take(self, log: Log, name: str) -> None:
         """Take in a log; InputError when a plan in it cannot be read."""
@@ -56,12 +59,16 @@ class Course:
             if is_plan_name(file):
                 document = from_json(content, f"{name}: {file}")
                 self.plans[document.epoch] = document
+        said = plans_said(log, self.plans, self.plans[min(self.plans)] if self.plans else None)
+        self.plans |= said
+        self.notes += [note for document in said.values() for note in document.notes]
+        lag_ns = clock_lag(log)
         fleet = log.metadata.get("fleet", "")
         for record in log.records:
-            self._take(record, fleet)
+            self._take(record, fleet, lag_ns)
         if log.records:
             told = msgspec.convert(summarise(log), Summary)
-            zero = log.records[0].log_ns + round((told.zero or 0.0) * SECOND)
+            zero = log.records[0].log_ns - lag_ns + round((told.zero or 0.0) * SECOND)
             self.faults += [(zero + round(fault.t * SECOND), fault) for fault in told.faults]
             self.late += [
                 (zero + round(changed.t * SECOND), changed.late or "a robot")
@@ -84,7 +91,8 @@ class Course:
         elif command.phase == OVER and self.over is None:
             self.over = now_ns
 
-    def _take(self, record: Record, fleet: str) -> None:
+    def _take(self, record: Record, fleet: str, lag_ns: int) -> None:
+        now_ns = record.log_ns - lag_ns
         if record.key == adoption_key(fleet):
             request = request_of(record.payload)
             if request is not None:
@@ -93,12 +101,12 @@ class Course:
         place = keys.split(record.key)
         if place is None or place[0] != fleet:
             return
-        self.last = max(self.last, record.log_ns)
+        self.last = max(self.last, now_ns)
         message = decode(place[1], record.payload) if place[1] in ("command", "report") else None
         if isinstance(message, Command):
-            self.take_command(message, record.log_ns)
+            self.take_command(message, now_ns)
         elif isinstance(message, Report):
-            self.take_report(message, place[2], record.log_ns)
+            self.take_report(message, place[2], now_ns)
 
     def take_report(self, report: Report, robot: str, now_ns: int) -> None:
         """Take in what a robot said at a time; the first word about where it rests counts."""
@@ -117,8 +125,8 @@ def scene_of_logs(logs: Sequence[tuple[str, Log]]) -> Scene:
     for name, log in logs:
         course.take(log, name)
     if not course.plans:
-        raise InputError([f"{logs[-1][0]}: holds no plan"])
-    return scene_of_course(course)
+        raise InputError([f"{logs[-1][0]}: holds no plan, there is nothing to draw"])
+    return msgspec.structs.replace(scene_of_course(course), notes=course.notes)
 
 
 def scene_of_course(course: Course) -> Scene:

@@ -46,7 +46,10 @@ def view(
         raise typer.BadParameter("give a log or plan file, or --connect", param_hint="SOURCE")
     with ExitStack() as stack:
         if connect is None and source is not None:
-            page = page_of(read_scene(source))
+            scene = read_scene(source)
+            for note in scene.notes:
+                tell(f"{source}: {note}")
+            page = page_of(scene)
             address = stack.enter_context(served(lambda: page, port))
         else:
             from coordinator.live import followed

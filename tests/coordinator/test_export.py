@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from coordinator import trajectory
+from coordinator.commands import newest_plan
 from coordinator.errors import PlanError
 from coordinator.export import csv_lines, story_of_log, story_of_plan
 from coordinator.log_commands import commands
@@ -134,6 +135,14 @@ def test_only_what_is_for_viewers_loads_their_kit(tmp_path, document, monkeypatc
         words = ["export", str(tmp_path / "plan.json"), "--to", kind, "-o", str(tmp_path / name)]
         done = CliRunner().invoke(commands, words)
         assert (done.exit_code == 0) == (kind != "foxglove"), done.output
+
+
+def test_a_log_from_beside_is_plotted_as_its_messages_have_it(tmp_path, document, second, capsys):
+    path = log_of(tmp_path / "beside.mcap", document, second, attached=False)
+    plan = newest_plan(path, "to draw")
+    assert [robot.id for robot in plan.robots] == [robot.id for robot in second.robots]
+    assert "epoch 2: the plan as the messages have it" in capsys.readouterr().err
+    assert newest_plan(log_of(tmp_path / "run.mcap", document, second), "to draw") == second
 
 
 def test_a_log_in_which_nobody_was_sent_off_has_nothing_to_export(tmp_path):

@@ -15,16 +15,16 @@ from coordinator.errors import InputError
 from coordinator.ghosts import read_ghosts
 from coordinator.info import summarise
 from coordinator.logbook import Log, Record
-from coordinator.plan import to_json
+from coordinator.plan import from_json, to_json
 from coordinator.planner import plan_scenario
 from coordinator.scenario_file import read_scenario
 from coordinator.scene_log import scene_of_logs
 from coordinator.scene_plan import scene_of_plan
 from coordinator.standing import Standing
-from coordinator.wire import drive
+from coordinator.wire import drive, pack
 from protocol import keys
 from protocol.codec import encode, seal
-from protocol.messages import Command, NewTimes, Pace, Report, Rest
+from protocol.messages import Clock, Command, Hello, NewTimes, Pace, Report, Rest
 from protocol.phases import DONE, FREEZE, FROZEN, GO, HOLD, MOVING, OVER
 from protocol.timing import SECOND
 
@@ -241,6 +241,38 @@ def test_logs_that_went_on_from_each_other_make_one_scene():
         for name, records in names.items()
     ]
     assert scene_of_logs(logs) == told.scene()
+
+
+def test_a_log_from_beside_is_drawn_from_its_messages():
+    told, _ = two_epochs()
+    ahead = 1000 * SECOND
+    heard = list(told.records)
+    for number in (1, 2):
+        document = from_json(told.attachments[f"plan-{number}.json"])
+        for robot in document.robots:
+            key = keys.hello(told.fleet, robot.id)
+            hello = encode(Hello(version=1, boot=1, radius_m=robot.radius))
+            said = pack(document, robot)
+            for k, payload in ((key, hello), (keys.plan(told.fleet, robot.id), said)):
+                heard.insert(0, Record(k, payload, told.zero - SECOND, 0, 0))
+    clock = encode(Clock(1, 1, told.zero - SECOND, told.zero - SECOND))
+    heard.insert(0, Record(keys.clock(told.fleet, "R1"), clock, told.zero - SECOND, 0, 0))
+    heard = [Record(r.key, r.payload, r.log_ns + ahead, 0, 0) for r in heard]
+    metadata = {"fleet": told.fleet, "passive": "yes"}
+    found = scene_of_logs([("beside.mcap", Log(metadata, {}, heard, True, ""))])
+    wanted = told.scene()
+    assert found.marks == wanted.marks
+    assert found.robots == wanted.robots
+    assert found.end == wanted.end
+    for mine, theirs in zip(found.epochs, wanted.epochs, strict=True):
+        assert [ride.path for ride in mine.rides] == [ride.path for ride in theirs.rides]
+        assert [ride.legs for ride in mine.rides] == [ride.legs for ride in theirs.rides]
+        assert (mine.begin, mine.start, mine.frozen) == (theirs.begin, theirs.start, theirs.frozen)
+    assert (found.boundary, found.proven) == ([], None)
+    assert len(found.notes) == 2
+    late = [record for record in heard if record.key != keys.plan(told.fleet, "R2")]
+    scene = scene_of_logs([("beside.mcap", Log(metadata, {}, late, True, ""))])
+    assert "epoch 1: R2 cannot be drawn, the plan was sent before the log began" in scene.notes
 
 
 def test_ghosts_are_thinned_to_two_millimetres(tmp_path):
