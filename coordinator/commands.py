@@ -231,9 +231,10 @@ def plot(
 
     Example: splinefleet plot plan.json -o plan.svg --robots R1,R3
     """
+    from coordinator.view import read_scene
+
     if output.suffix.lower() == ".html":
         from coordinator.page import page_of
-        from coordinator.view import read_scene
 
         scene = read_scene(source)
         for note in scene.notes:
@@ -242,9 +243,15 @@ def plot(
         tell(f"wrote {output}")
         return
     from coordinator.figure import draw_plan
+    from coordinator.figure_left import left_behind
     from coordinator.figure_view import View
 
     document = newest_plan(source, "to draw")
     chosen = tuple(name.strip() for name in robots.split(",") if name.strip())
-    draw_plan(document, output, View(chosen, detail))
+    view = View(chosen, detail)
+    if source.suffix == ".mcap":
+        scene = read_scene(source)
+        fleet = tuple(robot.id for robot in scene.robots)
+        view = View(chosen, detail, fleet, left_behind(scene))
+    draw_plan(document, output, view)
     tell(f"wrote {output}")

@@ -83,8 +83,9 @@ def _compose(document: PlanDocument, view: View | None) -> Figure:
     from coordinator.figure_times import draw_times
     from coordinator.figure_waits import EXPLANATION, draw_wait, longest_waits
 
+    view = view or View()
     robots = picture_robots(document, view)
-    x0, y0, x1, y1 = floor_bounds(document, robots)
+    x0, y0, x1, y1 = floor_bounds(document, robots, view)
     tall = min(max(8.4 * (y1 - y0) / (x1 - x0), 4.6), 7.4)
     tall = max(tall, 0.085 * len(robots))
     wide = min(max(tall * (x1 - x0) / (y1 - y0), 4.0), 8.4)
@@ -101,7 +102,7 @@ def _compose(document: PlanDocument, view: View | None) -> Figure:
         return figure.add_axes(box)
 
     _headline(figure, document, height)
-    keys = draw_floor(axes(_LEFT, _HEAD, wide, tall), document, robots)
+    keys = draw_floor(axes(_LEFT, _HEAD, wide, tall), document, robots, view)
     place = (_LEFT / _WIDTH, 1.0 - _KEYS / height)
     figure.legend(loc="center left", bbox_to_anchor=place, **legend_style(keys))
     left = _LEFT + wide + _GAP

@@ -17,7 +17,8 @@ from coordinator.figure_comb import draw_comb, sharpest_bend
 from coordinator.figure_ground import draw_ground, edge_points, reaches
 from coordinator.figure_labels import Labels
 from coordinator.figure_legend import Keys, legend_keys
-from coordinator.figure_robots import Pictured, font_size
+from coordinator.figure_robots import Pictured, font_size, style_of
+from coordinator.figure_view import View
 from coordinator.nurbs import Array
 from coordinator.plan import Crossing, PlanDocument
 
@@ -32,7 +33,7 @@ _CROWD: Final = 24
 
 
 def floor_bounds(
-    document: PlanDocument, robots: dict[str, Pictured]
+    document: PlanDocument, robots: dict[str, Pictured], view: View
 ) -> tuple[float, float, float, float]:
     """Return (x0, y0, x1, y1) [m] around the floor, all paths and all discs."""
     floor = document.workspace
@@ -40,15 +41,19 @@ def floor_bounds(
     for robot in robots.values():
         path = _path(robot)
         corners += [path - robot.plan.radius, path + robot.plan.radius]
+    corners += [np.add(left.place, ((left.radius,), (-left.radius,))) for left in view.left]
     every = np.vstack(corners)
     (x0, y0), (x1, y1) = every.min(axis=0).tolist(), every.max(axis=0).tolist()
     pad = 0.02 * max(x1 - x0, y1 - y0)
     return x0 - pad, y0 - pad, x1 + pad, y1 + pad
 
 
-def draw_floor(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) -> Keys:
+def draw_floor(
+    axes: Axes, document: PlanDocument, robots: dict[str, Pictured], view: View | None = None
+) -> Keys:
     """Draw the floor with every robot's way over it; return the keys of its legend."""
-    x0, y0, x1, y1 = floor_bounds(document, robots)
+    view = view or View()
+    x0, y0, x1, y1 = floor_bounds(document, robots, view)
     axes.set(xlim=(x0, x1), ylim=(y0, y1), xlabel="x [m]", ylabel="y [m]")
     axes.set_aspect("equal", anchor="NW")
     axes.set_axisbelow(True)
@@ -70,6 +75,7 @@ def draw_floor(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) 
     _draw_crossings(axes, met, size)
     labels = Labels(axes, _busy(document, shown, side), _marks(met, shown))
     size = max(size, _SMALLEST)
+    _draw_left(axes, labels, view, list(robots), size)
     _label_ends(labels, shown, size)
     if len(shown) <= _CROWD:
         _label_stops(labels, shown, size)
@@ -184,6 +190,24 @@ def _draw_stops(axes: Axes, robot: Pictured, size: float) -> None:
             spot = robot.driven.curve.at_arc(s)[0]
             edge, wide = 0.08 * size, 0.8 * size
             axes.plot(*spot, "s", mfc=robot.colour, mec="white", mew=edge, ms=wide, zorder=8)
+
+
+def _draw_left(axes: Axes, labels: Labels, view: View, ids: list[str], size: float) -> None:
+    """Draw who has stayed behind as hollow discs in their colours, and name them."""
+    places = view.places(ids)
+    for left in view.left:
+        style = style_of(places[left.id])
+        ring = {"fill": False, "ec": style.colour, "lw": 1.4, "zorder": 6, "gid": "left"}
+        axes.add_patch(Circle(left.place, left.radius, **ring))
+        labels.keep_free(left.place, left.radius)
+        labels.place(
+            f"{left.id}, {left.why}",
+            left.place,
+            size=size,
+            colour=style.ink,
+            away=left.radius,
+            weight="bold",
+        )
 
 
 def _label_ends(labels: Labels, robots: list[Pictured], size: float) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -90,20 +90,28 @@ def picture_robots(document: PlanDocument, view: View | None = None) -> dict[str
 
     Raises InputError when the view names another robot, or when a robot's bytes are refused.
     """
-    manners = (view or View()).manners([plan.id for plan in document.robots])
-    robots = {}
-    for index, (plan, driven) in enumerate(zip(document.robots, drive(document), strict=True)):
-        turn, which = divmod(index, len(_COLOURS))
-        shade = _SHADES[turn % len(_SHADES)]
-        robots[plan.id] = Pictured(
-            plan,
-            driven,
-            colour=_darkened(_COLOURS[which], shade),
-            ink=_darkened(_COLOURS[which], 0.7 * shade),
-            dash=_DASHES[turn % len(_DASHES)],
-            manner=manners[plan.id],
-        )
-    return robots
+    view, ids = view or View(), [plan.id for plan in document.robots]
+    manners, places = view.manners(ids), view.places(ids)
+    return {
+        plan.id: Pictured(plan, driven, *style_of(places[plan.id]), manners[plan.id])
+        for plan, driven in zip(document.robots, drive(document), strict=True)
+    }
+
+
+class Style(NamedTuple):
+    """How one robot is told from the others; `ink` is a darker shade for text."""
+
+    colour: str
+    ink: str
+    dash: Dash
+
+
+def style_of(place: int) -> Style:
+    """Return the style of a robot by its place in the fleet."""
+    turn, which = divmod(place, len(_COLOURS))
+    shade, colour = _SHADES[turn % len(_SHADES)], _COLOURS[which]
+    dash = _DASHES[turn % len(_DASHES)]
+    return Style(_darkened(colour, shade), _darkened(colour, 0.7 * shade), dash)
 
 
 def font_size(count: int) -> float:

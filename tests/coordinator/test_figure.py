@@ -14,7 +14,8 @@ from coordinator.errors import InputError
 from coordinator.figure import draw_plan
 from coordinator.figure_floor import draw_floor
 from coordinator.figure_labels import Labels
-from coordinator.figure_robots import picture_robots
+from coordinator.figure_robots import picture_robots, style_of
+from coordinator.figure_view import Left, View
 from coordinator.figure_waits import draw_wait, longest_waits, nearest_within
 from coordinator.plan import Crossing, Floor, PlanDocument, Proof, Reason, RobotPlan, Stop
 from coordinator.plan import Path as PlanPath
@@ -290,3 +291,18 @@ def test_names_of_robots_in_the_way_do_not_cover_each_other_and_who_is_waited_fo
     boxes = [text.get_window_extent() for text in names]
     for index, box in enumerate(boxes):
         assert not any(box.overlaps(other) for other in boxes[index + 1 :])
+
+
+def test_a_robot_keeps_its_colour_when_another_one_has_no_part_any_more(tmp_path):
+    document = replace(robots=[EAST, LATE], crossings=[])
+    left = Left("North_2", "lost", (5.0, 3.0), 0.2)
+    view = View(fleet=("East-1", "North_2", "Late.3"), left=(left,))
+    before, after = picture_robots(DOCUMENT), picture_robots(document, view)
+    assert {name: robot.colour for name, robot in after.items()} == {
+        name: before[name].colour for name in ("East-1", "Late.3")
+    }
+    draw_plan(document, tmp_path / "k.svg", view)
+    svg = (tmp_path / "k.svg").read_text()
+    assert "North_2, lost" in svg
+    ring = svg[svg.index('id="left"') :]
+    assert f"stroke: {style_of(1).colour}" in ring[: ring.index("</g>")]

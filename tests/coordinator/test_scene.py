@@ -12,6 +12,7 @@ import pytest
 
 from coordinator.adoption import Request, adoption_key, record_of
 from coordinator.errors import InputError
+from coordinator.figure_left import left_behind
 from coordinator.ghosts import read_ghosts
 from coordinator.info import summarise
 from coordinator.logbook import Log, Record
@@ -172,6 +173,15 @@ def test_a_log_tells_its_epochs_its_faults_and_who_stays_behind():
     kinds = [(mark.t, mark.kind) for mark in scene.marks]
     assert kinds == [(0.0, "go"), (4.0, "freeze"), (5.4, "go"), (31.0, "over")]
     assert scene.end == pytest.approx(31.0)
+
+
+def test_a_picture_names_who_stayed_behind_where_its_plan_had_it_last():
+    told, _ = two_epochs()
+    (left,) = left_behind(told.scene())
+    driven = next(one for one in drive(told.document) if one.id == "R3")
+    place = driven.curve.at_arc([driven.timeline.s_at(3.8)])[0]
+    assert (left.id, left.why, left.radius) == ("R3", "lost", driven.radius)
+    assert math.dist(left.place, place) < NEAR
 
 
 def test_a_robot_that_stopped_by_itself_stands_from_when_the_plan_had_it_there():
