@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from coordinator.errors import InputError
 from coordinator.figure_view import View
 from coordinator.plan import PlanDocument, Proof
+from coordinator.proof_words import slack_of, survived
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,7 +82,7 @@ def _compose(document: PlanDocument, view: View | None) -> Figure:
     from coordinator.figure_legend import legend_style
     from coordinator.figure_robots import picture_robots
     from coordinator.figure_times import draw_times
-    from coordinator.figure_waits import EXPLANATION, draw_wait, longest_waits
+    from coordinator.figure_waits import draw_wait, explanation, longest_waits
 
     view = view or View()
     robots = picture_robots(document, view)
@@ -110,7 +111,7 @@ def _compose(document: PlanDocument, view: View | None) -> Figure:
     if waiting:
         line = 1.0 - (_HEAD + tall + _FOOT) / height
         style: dict[str, Any] = {"size": 9, "color": "#444444", "va": "top", "linespacing": 1.5}
-        figure.text(_LEFT / _WIDTH, line, EXPLANATION, **style)
+        figure.text(_LEFT / _WIDTH, line, explanation(waiting, document), **style)
     room = _WIDTH - 2.0 * _LEFT
     for index, robot in enumerate(waiting):
         row, column = divmod(index, columns)
@@ -133,7 +134,7 @@ def _headline(figure: Figure, document: PlanDocument, height: float) -> None:
     line = 1.0 - 0.64 / height
     figure.text(left, line, f"{verdict}{rest}", size=10.5, color=colour, va="center")
     right = 1.0 - _LEFT / _WIDTH
-    figure.text(right, line, terms, size=10.5, color="#444444", va="center", ha="right")
+    figure.text(right, top, terms, size=10.5, color="#444444", va="center", ha="right")
 
 
 def _proven(proof: Proof | None) -> tuple[str, str, str]:
@@ -144,11 +145,10 @@ def _proven(proof: Proof | None) -> tuple[str, str, str]:
     if proof.least_separation is not None:
         found.append(f"least separation {proof.least_separation:.3f} m")
     if proof.least_slack is not None:
-        side = "above" if proof.least_slack >= 0.0 else "below"
-        found.append(f"tightest pair {1000.0 * abs(proof.least_slack):.1f} mm {side} its need")
+        found.append(f"tightest pair {slack_of(proof.least_slack)}")
     if proof.least_clearance is not None:
         found.append(f"least clearance {proof.least_clearance:.3f} m")
     if proof.survives:
-        found.append("survives " + ", ".join(proof.survives))
+        found.append(survived(proof.survives))
     verdict = "proof holds" if proof.holds else "PROOF FAILS: do not drive this plan"
     return verdict, "  ·  ".join(found), "#00664a" if proof.holds else "#a33a00"

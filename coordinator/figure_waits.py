@@ -8,6 +8,7 @@ proof is proof.py.  Decides: the regions and how they look.  Must not know: the 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -23,13 +24,6 @@ from coordinator.plan import PlanDocument
 from coordinator.wait_summary import longest, waits_of
 from protocol.timeline import Timeline
 
-EXPLANATION: Final = (
-    "Shaded: where and when the waiting robot would come nearer than radii + margin to another "
-    "one that is up to tau early or late; strongly: to the one it waits for.\n"
-    "Dotted: its way without the waits.  Other way round: how much later the two would arrive in "
-    "all if they changed places."
-)
-
 _PANELS: Final = 6
 _ROWS: Final = 220
 _COLUMNS: Final = 480
@@ -41,6 +35,22 @@ _LABELLED: Final = 0.004
 """A region is named when it takes this share of the panel, or when the robot waits for it."""
 
 Mask = npt.NDArray[np.bool_]
+
+
+def explanation(waiting: Sequence[Pictured], document: PlanDocument) -> str:
+    """Return what the panels of waiting robots show, and nothing that they do not."""
+    names = {robot.id for robot in waiting}
+    forced = any(reason.robot in names for reason in document.waits)
+    strongly = "; strongly: to the one it waits for" if forced else ""
+    said = (
+        "Shaded: where and when the waiting robot would come nearer than radii + margin to another "
+        f"one that is up to tau early or late{strongly}.\nDotted: its way without the waits."
+    )
+    if forced:
+        said += (
+            "  Other way round: how much later the two would arrive in all if they changed places."
+        )
+    return said
 
 
 def longest_waits(robots: dict[str, Pictured]) -> list[Pictured]:

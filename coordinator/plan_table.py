@@ -13,6 +13,7 @@ from rich.text import Text
 
 from coordinator.plain_table import plain_table
 from coordinator.plan import PlanDocument, Proof, RobotPlan
+from coordinator.proof_words import slack_of, survived
 from coordinator.wait_summary import waits_of
 from coordinator.wait_table import waits_table
 
@@ -83,13 +84,11 @@ def render_proof(proof: Proof) -> RenderableType:
         least = f"least separation {proof.least_separation:.4f} m between two centres"
         lines.append(Text(f"  {proof.pairs} {'pair' if proof.pairs == 1 else 'pairs'}, {least}"))
     if proof.tightest:
-        slack = "" if proof.least_slack is None else _slack(proof.least_slack)
+        slack = "" if proof.least_slack is None else f" {slack_of(proof.least_slack)}"
         lines.append(Text(_folded(f"tightest pair{slack}: {proof.tightest}")))
     if proof.least_clearance is not None:
         lines.append(Text(f"  least clearance {proof.least_clearance:.4f} m"))
-    faults = {"late": "a late robot", "stop": "a dead robot", "coordinator": "a lost coordinator"}
-    named = ", ".join(faults[name] for name in proof.survives) or "no fault"
-    lines.append(Text(f"  survives {named}"))
+    lines.append(Text(f"  {survived(proof.survives)}"))
     if proof.unproven:
         lines.append(Text(f"  not proven: {', '.join(proof.unproven)}", "yellow"))
     return Group(*lines)
@@ -98,10 +97,3 @@ def render_proof(proof: Proof) -> RenderableType:
 def _folded(text: str) -> str:
     """Break a line that is too wide for a terminal of 80 columns."""
     return fill(text, 80, initial_indent="  ", subsequent_indent="    ", break_on_hyphens=False)
-
-
-def _slack(least: float) -> str:
-    """Say how much the tightest pair has beyond its need [m]."""
-    if least < 0.0:
-        return f", {-least:.4f} m less than radii + margin"
-    return f", {least:.4f} m more than radii + margin"

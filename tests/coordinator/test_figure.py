@@ -78,6 +78,17 @@ DOCUMENT = PlanDocument(
 )
 
 
+REASON = Reason(
+    robot="North_2",
+    s=2.5,
+    wait=4.5,
+    yields_to="East-1",
+    zone=(3.4, 4.6),
+    their_zone=(3.4, 4.6),
+    otherwise=1.04,
+)
+
+
 def replace(**changes):
     return msgspec.structs.replace(DOCUMENT, **changes)
 
@@ -113,9 +124,13 @@ def test_the_headline_says_the_terms_and_the_proof(svg):
     assert "least separation 0.500 m" in proven
     assert "least clearance 0.600 m" in proven
     assert "tightest pair" not in proven
+    assert proven.endswith("survives a late robot")
 
 
-@pytest.mark.parametrize(("slack", "side"), [(0.0046, "4.6 mm above"), (-0.012, "12.0 mm below")])
+@pytest.mark.parametrize(
+    ("slack", "side"),
+    [(0.0046, "4.6 mm above"), (-0.012, "12.0 mm below"), (2.3205, "2.32 m above")],
+)
 def test_the_headline_tells_the_tightest_pair_from_the_least_separation(tmp_path, slack, side):
     proof = msgspec.structs.replace(DOCUMENT.proof, least_slack=slack)
     draw_plan(replace(proof=proof, robots=[EAST], crossings=[]), tmp_path / "plan.svg")
@@ -267,9 +282,7 @@ def test_no_label_on_a_crowded_floor_covers_another_or_a_crossing(count):
 
 
 def test_a_panel_says_what_the_other_way_round_would_cost_and_shades_what_forces_the_wait():
-    wait = {"robot": "North_2", "s": 2.5, "wait": 4.5, "yields_to": "East-1"}
-    reason = Reason(**wait, zone=(3.4, 4.6), their_zone=(3.4, 4.6), otherwise=1.04)
-    document = replace(waits=[reason])
+    document = replace(waits=[REASON])
     robots = picture_robots(document)
     axes = Figure(figsize=(4.5, 2.7)).add_axes((0.0, 0.0, 1.0, 1.0))
     draw_wait(axes, robots["North_2"], robots, document)
@@ -306,3 +319,12 @@ def test_a_robot_keeps_its_colour_when_another_one_has_no_part_any_more(tmp_path
     assert "North_2, lost" in svg
     ring = svg[svg.index('id="left"') :]
     assert f"stroke: {style_of(1).colour}" in ring[: ring.index("</g>")]
+
+
+def test_the_caption_explains_only_what_is_drawn(tmp_path):
+    for waits, explained in (([], False), ([REASON], True)):
+        draw_plan(replace(waits=waits), tmp_path / "waits.svg")
+        svg = (tmp_path / "waits.svg").read_text()
+        assert "Shaded: where and when the waiting robot" in svg
+        assert ("strongly" in svg) == explained
+        assert ("Other way round" in svg) == explained

@@ -68,8 +68,8 @@ def test_a_name_that_would_steer_the_terminal_is_quoted():
 @pytest.mark.parametrize(
     ("slack", "said"),
     [
-        (0.0046, "tightest pair, 0.0046 m more than radii + margin: R1 and R2"),
-        (-0.012, "tightest pair, 0.0120 m less than radii + margin: R1 and R2"),
+        (0.0046, "tightest pair 4.6 mm above its need: R1 and R2"),
+        (-0.012, "tightest pair 12.0 mm below its need: R1 and R2"),
         (None, "tightest pair: R1 and R2"),
     ],
 )
