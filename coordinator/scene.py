@@ -75,6 +75,7 @@ class Epoch(msgspec.Struct, frozen=True, kw_only=True):
     """A plan: shown from `begin` on, its time zero is `start`, `frozen` when all were told to stop.
 
     started: whether there was a GO; without one nobody moves.
+    arrived: whether all its robots had arrived when they were told to stop.
     keep_out: the polygons around robots that stand aside.
     """
 
@@ -83,6 +84,7 @@ class Epoch(msgspec.Struct, frozen=True, kw_only=True):
     start: float
     started: bool = True
     frozen: float | None = None
+    arrived: bool = False
     rides: list[Ride]
     aside: list[Aside] = []
     keep_out: list[list[Point]] = []

@@ -91,6 +91,10 @@ class Course:
         elif command.phase == OVER and self.over is None:
             self.over = now_ns
 
+    def is_done(self, epoch: int, robot: str) -> bool:
+        """Tell whether a robot has said that it arrived in an epoch."""
+        return self.heard.get((epoch, robot), (0, MOVING))[1] == DONE
+
     def _take(self, record: Record, fleet: str, lag_ns: int) -> None:
         now_ns = record.log_ns - lag_ns
         if record.key == adoption_key(fleet):
@@ -141,7 +145,7 @@ def scene_of_course(course: Course) -> Scene:
     ]
     end = (course.last - zero) * _NS
     scene = scene_from(documents, epochs, "log", max(end, 1.0))
-    return msgspec.structs.replace(scene, marks=list(_marks(course, epochs, zero)))
+    return msgspec.structs.replace(scene, marks=list(_marks(course, epochs, zero, list(index))))
 
 
 def _epoch(
@@ -169,6 +173,7 @@ def _epoch(
         start=round(start, 4),
         started=number in course.starts,
         frozen=None if frozen is None else round(frozen, 4),
+        arrived=all(course.is_done(number, robot.id) for robot in document.robots),
         rides=rides_of(document, index, halts, driven),
         aside=_aside(course, document, index),
         keep_out=[]
@@ -223,17 +228,24 @@ def _time_at(one: Driven, s: float, latest: float) -> float:
     return high
 
 
-def _marks(course: Course, epochs: Sequence[Epoch], zero: int) -> Iterator[Mark]:
+def _marks(
+    course: Course, epochs: Sequence[Epoch], zero: int, names: Sequence[str]
+) -> Iterator[Mark]:
     """Yield what happened, in order of time; a fault stands before the freeze that it led to."""
     marks = [
         Mark(t=epoch.start, kind="go", text=f"epoch {epoch.epoch}: {len(epoch.rides)} robots go")
         for epoch in epochs
         if epoch.epoch in course.starts
     ]
-    marks += [
-        Mark(t=round((at - zero) * _NS, 3), kind="freeze", text="all are told to freeze")
-        for at in course.frozen.values()
-    ]
+    arrived = {epoch.epoch for epoch in epochs if epoch.arrived}
+    done = {robot for (epoch, robot) in course.heard if course.is_done(epoch, robot)}
+    left = ", ".join(name for name in names if name not in done)
+    for number, at in course.frozen.items():
+        kind, text = "freeze", "all are told to freeze"
+        if number in arrived:
+            without = f", without {left}" if left else ""
+            kind, text = "over", f"all on their way have arrived{without}"
+        marks.append(Mark(t=round((at - zero) * _NS, 3), kind=kind, text=text))
     marks += [
         Mark(t=round((at - zero) * _NS, 3), kind="fault", text=f"{fault.robot} {fault.fault}")
         for at, fault in course.faults

@@ -108,10 +108,10 @@ class Play {
     return this.epochs[lastUpTo(this.begins, t)];
   }
 
-  /** What the coordinator states at a time: "hold", "go" or "freeze". */
+  /** What the coordinator states at a time: "hold", "go", "freeze", or "arrived" for all at rest. */
   phaseAt(t) {
     const epoch = this.epochAt(t);
-    if (epoch.frozen !== null && t >= epoch.frozen) return "freeze";
+    if (epoch.frozen !== null && t >= epoch.frozen) return epoch.arrived ? "arrived" : "freeze";
     return epoch.planTime(t) < 0 ? "hold" : "go";
   }
 

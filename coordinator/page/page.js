@@ -10,7 +10,7 @@ const lens = new Lens();
 const tip = new Tip(byId("tip"));
 const ENLARGED = 1.5;
 const TIMELESS = new Set(["+", "=", "-", "0", ".", ">", ",", "<", "Escape"]);
-const PHASES = { hold: "ready", go: "go", freeze: "frozen" };
+const PHASES = { hold: "ready", go: "go", freeze: "frozen", arrived: "arrived" };
 
 let look = new Look();
 let play, floor, diagram, robots;

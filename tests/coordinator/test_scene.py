@@ -184,6 +184,21 @@ def test_a_picture_names_who_stayed_behind_where_its_plan_had_it_last():
     assert math.dist(left.place, place) < NEAR
 
 
+def test_the_freeze_after_the_last_arrival_is_told_as_the_end_without_the_lost():
+    told, _ = two_epochs()
+    told.records.pop()
+    for robot in ("R2", "R4", "R5"):
+        told.report(30.1, robot, 2, DONE)
+    told.command(31.0, 2, FREEZE)
+    told.command(31.3, 3, OVER)
+    scene = told.scene()
+    assert [epoch.arrived for epoch in scene.epochs] == [False, True]
+    ends = [(mark.t, mark.kind, mark.text) for mark in scene.marks[-2:]]
+    text = "all on their way have arrived, without R3"
+    assert ends == [(31.0, "over", text), (31.3, "over", "over")]
+    assert [mark.kind for mark in scene.marks].count("freeze") == 1
+
+
 def test_a_robot_that_stopped_by_itself_stands_from_when_the_plan_had_it_there():
     document = planned("paper_five")
     told = Telling(document)
