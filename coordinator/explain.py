@@ -13,6 +13,7 @@ from coordinator.conflict_search import ConflictSearch
 from coordinator.junctions import Junctions
 from coordinator.motion import Motion
 from coordinator.plan import Reason
+from coordinator.scenario import Robot
 from coordinator.timetable import Motions
 
 _NODES: Final = 4
@@ -77,3 +78,17 @@ def _otherwise(junctions: Junctions, motions: Motions, index: int, number: int) 
     search = ConflictSearch(junctions, motions, (index, wait.owner))
     cost = search.cost_if(wait.zone, wait.owner, _NODES)
     return None if math.isinf(cost) else cost
+
+
+def unkept_priorities(robots: Sequence[Robot], waits: Sequence[Reason]) -> list[str]:
+    """Return a sentence when robots wait for others of lower priority, and who for whom."""
+    priority = {robot.id: robot.priority for robot in robots}
+    pairs = dict.fromkeys(
+        f"{wait.robot} ({priority[wait.robot]}) waits for {wait.yields_to} "
+        f"({priority[wait.yields_to]})"
+        for wait in waits
+        if priority[wait.robot] > priority.get(wait.yields_to, priority[wait.robot])
+    )
+    if not pairs:
+        return []
+    return [f"priorities are not kept, no order was found that keeps them: {', '.join(pairs)}"]

@@ -22,7 +22,7 @@ from coordinator.crossings import CrossingSearch
 from coordinator.detours import blocking_pairs, lanes, refuges, say_ring, say_stuck
 from coordinator.document import make_document
 from coordinator.errors import InputError, PlanError
-from coordinator.explain import explain_waits
+from coordinator.explain import explain_waits, unkept_priorities
 from coordinator.junctions import FEW, Junctions
 from coordinator.motion import Motion, limits_on
 from coordinator.near_places import near_places
@@ -84,7 +84,8 @@ def plan_scenario(
     )
     waits = [] if scenario.policy == "paper" else stages.explain(motions)
     marks.append(timer())
-    document = replace(document, waits=waits)
+    notes = [*unkept_priorities(scenario.robots, waits), *document.notes]
+    document = replace(document, waits=waits, notes=notes)
     try:
         proof = prove_document(document, scenario)
     except InputError as error:

@@ -163,3 +163,17 @@ def test_a_turning_radius_is_kept_at_via_points_too():
 def test_effort_changes_times_but_never_safety(effort):
     scenario = random_scenario(17)
     assert complaints(to_json(plan_scenario(scenario, effort=effort)), scenario) == []
+
+
+def test_priorities_that_no_order_keeps_are_told_in_the_notes():
+    def notes(first, second):
+        robots = [
+            a_robot("A", (1, 0.45), (7, 0.45), max_speed=0.8, priority=first),
+            a_robot("B", (3, 0.45), (11, 0.45), max_speed=0.2, priority=second),
+        ]
+        return plan_scenario(a_scenario(robots, size=(12.0, 0.9)), effort=3).notes
+
+    told = [note for note in notes(5, 2) if "priorities" in note]
+    sentence = "priorities are not kept, no order was found that keeps them: A (5) waits for B (2)"
+    assert told == [sentence]
+    assert not any("priorities" in note for note in (*notes(0, 0), *notes(2, 5)))
