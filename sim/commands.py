@@ -13,7 +13,7 @@ from typing import Annotated, cast, get_args
 
 import typer
 
-from coordinator.commands import make_folder, within, writable
+from coordinator.commands import within, writable
 from coordinator.console import answer_json, answers, tell, write_file
 from coordinator.key_option import Keys
 from sim.fault_script import fault_help as script_help
@@ -100,7 +100,7 @@ def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder of the run; replaces what an earlier run left there."),
+        typer.Option(help="Folder of the run; replaces an earlier run of the same fleet."),
     ] = None,
     speed: Annotated[
         float,
@@ -115,6 +115,9 @@ def run(
         str | None, typer.Option(help="tcp/HOST:PORT of a router at which all meet.")
     ] = None,
     keys: Keys = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace the run of another fleet too.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Run a fleet: one coordinator and one process per robot, on this machine.
@@ -125,15 +128,20 @@ def run(
     from sim.conclusion import conclude
     from sim.faults import parse_faults
     from sim.local_fleet import LocalFleet
+    from sim.run_folder import RunFolder
 
     asked = read_scenario(scenario)
     faults = parse_faults(fault or [], [robot.id for robot in asked.robots])
     folder = out or Path("runs") / f"{asked.name}-{time.strftime('%Y%m%d-%H%M%S')}"
-    make_folder(folder / "blackbox")
+    place = RunFolder(folder, asked.name, force=force)
     fleet = LocalFleet(
         asked, folder, speed=speed, effort=effort, faults=faults, router=connect, keys=keys
     )
-    outcome = fleet.run()
+    try:
+        outcome = fleet.run()
+    finally:
+        if not fleet.has_started:
+            place.leave_nothing()
     if not outcome.started:
         raise typer.Exit(outcome.code or 1)
     conclude(folder, asked.name, outcome.code, as_json)

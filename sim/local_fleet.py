@@ -29,12 +29,10 @@ from sim.faults import Fault, Strike, strikes_of
 from sim.faulty_body import SCRIPT
 from sim.programs import Programs
 from sim.relay import Relay
+from sim.run_folder import clear_folder
 
 Process = subprocess.Popen[str]
 Event = dict[str, Any]
-
-_OF_A_RUN: Final = ("run*.mcap", "plan*.*", "summary.json", "blackbox/*.csv")
-"""What an earlier run may have left in the folder; two runs must not mix."""
 
 _GOODBYE_S: Final = 5.0
 
@@ -108,14 +106,18 @@ class LocalFleet:
                 self._drive_on()
             code = self._coordinator.wait()
             self._say_goodbye()
-        return Outcome(code, bool(self._robots), self._told)
+        return Outcome(code, self.has_started, self._told)
+
+    @property
+    def has_started(self) -> bool:
+        """Tell whether any robot was started."""
+        return bool(self._robots)
 
     def _prepare_folder(self) -> None:
-        (self.folder / "faults").mkdir(parents=True, exist_ok=True)
         clear_folder(self.folder)
         (self.folder / "scenario.json").write_bytes(scenario_to_json(self.scenario))
-        for robot in self.scenario.robots:
-            self._script(robot.id).unlink(missing_ok=True)
+        if any(fault.act == "body" for fault in self.faults):
+            (self.folder / "faults").mkdir(exist_ok=True)
 
     def _script(self, robot: str) -> Path:
         return self.folder / "faults" / f"{robot}.txt"
@@ -254,14 +256,6 @@ class LocalFleet:
             _wait(process, deadline)
             process.kill()
             process.wait()
-
-
-def clear_folder(folder: Path) -> None:
-    """Take away what an earlier run left in a run's folder, and make the one of black boxes."""
-    (folder / "blackbox").mkdir(parents=True, exist_ok=True)
-    for pattern in _OF_A_RUN:
-        for old in folder.glob(pattern):
-            old.unlink()
 
 
 def _name(fault: Fault) -> str:

@@ -20,7 +20,7 @@ from sim.fault_script import read_faults
 from sim.faults import Fault
 from sim.history import History, read_history
 from sim.inhabitant import Inhabitant, Row
-from sim.local_fleet import clear_folder
+from sim.run_folder import clear_folder
 from sim.what_if import logs_for, world_of
 
 

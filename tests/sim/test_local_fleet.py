@@ -1,16 +1,52 @@
 """The folder of a local fleet, before anything is started."""
 
+import pytest
+from typer.testing import CliRunner
+
+from coordinator.errors import InputError
 from coordinator.scenario_file import read_scenario
+from sim.commands import commands
 from sim.local_fleet import LocalFleet
+from sim.run_folder import RunFolder
 from tests.sim.test_campaign import PAPER
 
 
 def test_what_an_earlier_run_left_in_the_folder_does_not_mix_with_a_new_one(tmp_path):
     fleet = LocalFleet(read_scenario(PAPER), tmp_path, speed=1.0, effort=0, faults=[])
     (tmp_path / "blackbox").mkdir()
+    (tmp_path / "faults").mkdir()
     stale = ("run.mcap", "run-2.mcap", "plan.json", "plan-3.json", "plan.svg", "summary.json")
-    for name in (*stale, "blackbox/R9.csv", "notes.txt"):
+    for name in (*stale, "blackbox/R9.csv", "faults/R1.txt", "notes.txt"):
         (tmp_path / name).write_text("old")
     fleet._prepare_folder()
     left = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
     assert left == {"notes.txt", "scenario.json"}
+    assert not (tmp_path / "faults").exists()
+
+
+def test_the_run_of_another_fleet_is_replaced_by_force_only(tmp_path):
+    RunFolder(tmp_path, "ours", force=False)
+    (tmp_path / "plan.json").write_text('{"scenario": "theirs"}')
+    with pytest.raises(InputError, match="holds a run of fleet 'theirs'; --force replaces it"):
+        RunFolder(tmp_path, "ours", force=False)
+    RunFolder(tmp_path, "ours", force=True)
+    RunFolder(tmp_path, "theirs", force=False)
+
+
+def test_a_refused_run_leaves_nothing_behind(tmp_path):
+    blocked = tmp_path / "blocked.toml"
+    text = (
+        '[workspace]\nbounds = [0, 0, 9, 9]\n[[robots]]\nid = "A"\nradius = 0.2\nmax_speed = 1.0\n'
+    )
+    blocked.write_text(f'policy = "paper"\n{text}start = [1, 1]\ngoal = [8, 8]\n')
+    out = tmp_path / "runs" / "one"
+    done = CliRunner().invoke(commands, ["run", str(blocked), "--out", str(out)])
+    assert done.exit_code == 2
+    assert not (tmp_path / "runs").exists()
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept" / "scenario.json").write_bytes(blocked.read_bytes())
+    place = RunFolder(tmp_path / "kept", "blocked", force=False)
+    (tmp_path / "kept" / "scenario.json").write_text("new")
+    place.leave_nothing()
+    assert [path.name for path in (tmp_path / "kept").iterdir()] == ["scenario.json"]
+    assert (tmp_path / "kept" / "scenario.json").read_bytes() == blocked.read_bytes()
