@@ -57,10 +57,19 @@ def basis_table(degree: int, knots: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def naive_points(degree: int, knots, points, weights, u) -> np.ndarray:
-    """C(u) (m, 2) for many u (m,), by the table of all basis functions."""
+    """C(u) (m, 2) for many u (m,), span by span by the table of the functions that are not zero."""
     control, weighed = np.array(points, dtype=float), np.array(weights, dtype=float)
-    basis = basis_table(degree, np.array(knots, dtype=float), np.array(u, dtype=float)) * weighed
-    return basis @ control / basis.sum(axis=1)[:, None]
+    knots, u = np.array(knots, dtype=float), np.array(u, dtype=float)
+    spans = np.flatnonzero(np.diff(knots) > 0.0)
+    inside = np.searchsorted(knots[spans], u, side="right") - 1
+    found = np.empty((len(u), 2))
+    order = np.argsort(inside, kind="stable")
+    for at, span in zip(np.split(order, np.cumsum(np.bincount(inside))[:-1]), spans, strict=False):
+        first = span - degree
+        mine = slice(first, span + 1)
+        basis = basis_table(degree, knots[first : span + degree + 2], u[at]) * weighed[mine]
+        found[at] = basis @ control[mine] / basis.sum(axis=1)[:, None]
+    return found
 
 
 class Track:
@@ -83,8 +92,7 @@ class Track:
 
     def place_at_parameter(self, u) -> np.ndarray:
         """C(u), (m, 2)."""
-        basis = basis_table(self.degree, self.knots, np.asarray(u, dtype=float)) * self.weights
-        return basis @ self.points / basis.sum(axis=1)[:, None]
+        return naive_points(self.degree, self.knots, self.points, self.weights, u)
 
     def _schedule(self, robot: dict[str, Any]) -> None:
         """List the legs (t0, t1, s0, v0, acceleration): rests end as the document says."""

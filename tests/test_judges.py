@@ -3,13 +3,14 @@
 import itertools
 import random
 
+import numpy as np
 import pytest
 
 from tests.optimum import least_delay
 from tests.oracle_dense import closest
 from tests.oracle_exhaustive import earliest_times, find_times
 from tests.oracle_zones import Course, find_zones
-from tests.oracles import Track, least_slack
+from tests.oracles import Track, least_slack, naive_point, naive_points
 
 HORIZON = 1000.0
 
@@ -21,6 +22,19 @@ def straight(name, start, goal, leaves=0.0, speed=1.0, radius=0.2):
     profile = [[0.0, speed], [length, speed]]
     about = {"id": name, "radius": radius, "start_time": leaves, "stops": []}
     return Track({**about, "path": path, "profile": profile})
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 5])
+def test_points_span_by_span_are_those_of_all_basis_functions(degree):
+    dice = np.random.default_rng(degree)
+    inner = np.sort(dice.random(6)).round(1) if degree > 1 else np.linspace(0.1, 0.9, 6)
+    knots = [*[0.0] * (degree + 1), *inner.tolist(), *[1.0] * (degree + 1)]
+    points, weights = dice.random((degree + 7, 2)), dice.random(degree + 7) + 0.2
+    u = np.unique([*knots, *dice.random(40).tolist()])
+    found = naive_points(degree, knots, points, weights, u)
+    for at, place in zip(u[:-1].tolist(), found, strict=False):
+        assert place == pytest.approx(naive_point(degree, knots, points, weights, at), abs=1e-12)
+    assert found[-1] == pytest.approx(points[-1])
 
 
 def test_the_dense_sampler_finds_the_moment_of_a_crossing():
