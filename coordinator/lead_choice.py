@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from coordinator.corner_kernels import radius_of, turn_between, width_for
+from coordinator.corner_kernels import STRAIGHT, radius_of, turn_between, width_for
 from coordinator.errors import PlanError
 from coordinator.handling import Handling
 from coordinator.leads import STEP, Lead, leads
@@ -145,10 +145,10 @@ def _judged(
     length, radius = lead.length, lead.radius
     ahead_of_it = lead.side == 0 or _BEHIND <= lead.side * turn <= STEP + 0.02
     doubt = 0 if seen and ahead_of_it else 1 if ahead_of_it else 2
-    if abs(turn) < _SHARPEST:
+    if STRAIGHT < abs(turn) < _SHARPEST:
         wide = min(lead.width, 0.5 * math.hypot(x, y), width_for(handling.easy, turn))
         radius = min(radius, radius_of(wide, turn))
-    else:
+    elif abs(turn) >= _SHARPEST:
         doubt = max(doubt, 1)
         radius = min(radius, handling.easy, radius_of(lead.width, 0.5 * math.pi))
         left += _BLUNTED * radius

@@ -92,14 +92,14 @@ def test_junctions_with_another_track_forget_what_was_known_of_the_old_one():
 def test_robots_are_near_whose_paths_come_too_near(seed):
     fleet = winding_fleet(seed, 4) if seed % 2 else random_fleet(seed, 6)
     for index in range(len(fleet.curves)):
-        assert fleet.junctions.near(index) == near(fleet, index)
+        assert list(fleet.junctions.near(index)) == near(fleet, index)
 
 
 def test_robots_that_never_meet_have_no_zones_and_wait_nowhere():
     junctions = fleet_on([line((0, y), (5, y)) for y in range(4)]).junctions
     assert len(junctions.zones.a) == 0
     for index in range(4):
-        assert junctions.near(index) == []
+        assert junctions.near(index) == ()
         assert junctions.approach(index).ride.stations[:, PLACE].tolist() == [0.0, 5.0]
 
 
