@@ -1,16 +1,111 @@
-"""When a robot began to brake, told from where it came to rest.
+"""Where a robot left its plan for good, told from its reports: one account for page, export, info.
 
-Decides: that it braked evenly, with the rate of its plan.  Must not know: logs.
+Decides: that it braked evenly, with the rate of its plan, to where it said that it rests; that one
+which rested sooner after its first word of braking than braking takes was stopped where its plan
+had it there; that one which was not heard of again stands from when it was last heard.  Must not
+know: logs, pictures.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
+from protocol.messages import Report
+from protocol.phases import BRAKING, DONE, FROZEN, IDLE, MOVING
 from protocol.timeline import Timeline
+from protocol.timing import SECOND
 
 _HALVINGS: Final = 60
+
+_SUDDEN: Final = 0.5
+"""A robot that rests within this share of the time that braking takes was stopped at once."""
+
+
+class Broken(NamedTuple):
+    """A plan is left at plan time `brake` [s] and braked at `rate` [m/s^2]; 0: it stood at once."""
+
+    brake: float
+    rate: float
+
+
+class Words:
+    """What one robot said in one epoch; times [ns] are of whatever clock heard it.
+
+    `phase`: the last one.  `rest` [m]: the first word about where it rests.  `stopping_ns`,
+    `stopped_ns`: since when it has said that it brakes or rests, and that it rests.
+    """
+
+    def __init__(self) -> None:
+        self.phase = IDLE
+        self.rest: float | None = None
+        self.last_ns: int | None = None
+        self.stopping_ns: int | None = None
+        self.stopped_ns: int | None = None
+
+    def take_phase(self, phase: int, now_ns: int) -> bool:
+        """Take in a phase; tell whether the robot has begun to stop."""
+        fresh = self.stopping_ns is None and phase in (BRAKING, FROZEN)
+        self.phase, self.last_ns = phase, now_ns
+        if phase == MOVING:  # on its way again, by new times
+            self.stopping_ns = self.stopped_ns = None
+        if fresh:
+            self.stopping_ns = now_ns
+        if phase == FROZEN and self.stopped_ns is None:
+            self.stopped_ns = now_ns
+        return fresh
+
+    def broken(
+        self, line: Timeline, rate: float, start_ns: int, frozen_ns: int | None
+    ) -> Broken | None:
+        """Return where the robot left its plan; None when it did not.
+
+        rate: how it brakes [m/s^2]; start_ns: the plan's time zero; frozen_ns: when all were told
+        to stop, None when they were not.
+        """
+        if self.rest is not None:
+            brake = brakes_at(line, self.rest, rate)
+            if brake < math.inf and self._was_stopped(line.v_at(brake), rate):
+                return Broken(brakes_at(line, self.rest, 0.0), 0.0)
+            return Broken(brake, rate) if brake < math.inf else None
+        if frozen_ns is None or self.phase == DONE:
+            return None
+        if self.stopping_ns is not None:
+            return Broken(max((self.stopping_ns - start_ns) / SECOND, 0.0), rate)
+        last_ns = frozen_ns if self.last_ns is None else min(self.last_ns, frozen_ns)
+        return Broken(max((last_ns - start_ns) / SECOND, 0.0), 0.0)
+
+    def _was_stopped(self, speed: float, rate: float) -> bool:
+        if self.stopping_ns is None or self.stopped_ns is None:
+            return False
+        return self.stopped_ns > self.stopping_ns and (
+            (self.stopped_ns - self.stopping_ns) / SECOND * rate < _SUDDEN * speed
+        )
+
+
+class Said:
+    """What all robots said, by epoch and robot."""
+
+    def __init__(self) -> None:
+        self._words: dict[tuple[int, str], Words] = {}
+
+    def take(self, report: Report, robot: str, now_ns: int) -> bool:
+        """Take in a report; tell whether it says that, or where, the robot has left its plan."""
+        fresh = self.of(report.epoch, robot).take_phase(report.phase, now_ns)
+        if report.rest is None:
+            return fresh
+        words = self.of(report.rest.epoch, robot)
+        fresh = fresh or words.rest is None
+        words.rest = report.rest.s_m if words.rest is None else words.rest
+        return fresh
+
+    def of(self, epoch: int, robot: str) -> Words:
+        """Return what a robot said in an epoch."""
+        return self._words.setdefault((epoch, robot), Words())
+
+    def done(self) -> set[str]:
+        """Return the robots that have arrived in some epoch."""
+        return {robot for (_, robot), words in self._words.items() if words.phase == DONE}
 
 
 def brakes_at(line: Timeline, s: float, rate: float) -> float:

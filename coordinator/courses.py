@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from msgspec.structs import replace
 
-from coordinator.braking import brakes_at
+from coordinator.braking import Said
 from coordinator.nearness import nearest_of_all
 from coordinator.ride_samples import Array, RideSamples, ride_of_message, times_between
 from coordinator.summary import NearestSummary, RobotSummary
 from coordinator.true_course import TrueCourse
 from protocol import phases
 from protocol.messages import Command, Message, NewTimes, Plan, Report
+from protocol.timing import SECOND
 
 if TYPE_CHECKING:
     from coordinator.logbook import Record
@@ -43,9 +44,8 @@ class Courses:
         self._plans: dict[tuple[Turn, str], Plan] = {}
         self._begins: dict[Turn, float] = {}
         self._starts: dict[int, float] = {}
-        self._frozen: dict[int, float] = {}
-        self._rests: dict[tuple[int, str], float] = {}
-        self._last: dict[tuple[int, str], float] = {}
+        self._frozen: dict[int, int] = {}
+        self._said = Said()
         self._end = 0.0
 
     def hear(self, message: Message, robot: str, record: Record) -> None:
@@ -58,15 +58,13 @@ class Courses:
                 start_ns = message.start_ns + self._lag_ns
                 self._starts.setdefault(message.epoch, (start_ns - self._zero_ns) / 1e9)
             elif message.phase == phases.FREEZE and self._starts:
-                self._frozen.setdefault(max(self._starts), now)
+                self._frozen.setdefault(max(self._starts), record.log_ns)
         elif isinstance(message, Plan):
             self._plans.setdefault(((message.epoch, 0), robot), message)
         elif isinstance(message, NewTimes):
             self._take_times(message, robot, now)
         elif isinstance(message, Report):
-            self._last[message.epoch, robot] = now
-            if message.rest is not None:
-                self._rests[message.rest.epoch, robot] = message.rest.s_m
+            self._said.take(message, robot, record.log_ns)
 
     def _take_times(self, times: NewTimes, robot: str, now: float) -> None:
         plan = self._plans.get(((times.epoch, 0), robot))
@@ -125,15 +123,10 @@ class Courses:
 
     def _halted(self, epoch: int, robot: str, ride: RideSamples) -> RideSamples:
         """Return the ride with where it ended, if that was before its plan did."""
-        frozen, start = self._frozen.get(epoch), self._starts[epoch]
-        if frozen is None:
-            return ride
-        if (epoch, robot) in self._rests:
-            return ride.halted(
-                brakes_at(ride.line, self._rests[epoch, robot], ride.rate), ride.rate
-            )
-        last = min(self._last.get((epoch, robot), frozen), frozen)
-        return ride.halted(max(last - start, 0.0), 0.0)
+        start_ns = self._zero_ns + round(self._starts[epoch] * SECOND)
+        words = self._said.of(epoch, robot)
+        broken = words.broken(ride.line, ride.rate, start_ns, self._frozen.get(epoch))
+        return ride if broken is None else ride.halted(*broken)
 
     def _by_plan(self, rides: list[tuple[Turn, RideSamples]], times: Array) -> Array:
         """Return where the plans had a robot, (n, 2): at rest before, between and after them."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from coordinator import plan as plan_file
 from coordinator import trajectory
-from coordinator.braking import brakes_at
+from coordinator.braking import Said
 from coordinator.errors import InputError
 from coordinator.info import summarise
 from coordinator.info_numbers import clock_lag
@@ -174,8 +174,7 @@ class _Heard:
     turns: dict[int, _Turn] = field(default_factory=dict)
     radii: dict[str, float] = field(default_factory=dict)
     plans: dict[tuple[int, str], bytes] = field(default_factory=dict)
-    rests: dict[tuple[int, str], float] = field(default_factory=dict)
-    last: dict[tuple[int, str], int] = field(default_factory=dict)
+    said: Said = field(default_factory=Said)
 
     def __post_init__(self) -> None:
         for record in self.log.records:
@@ -190,9 +189,7 @@ class _Heard:
             elif isinstance(message, Plan):
                 self.plans[message.epoch, place[2]] = record.payload
             elif isinstance(message, Report):
-                self.last[message.epoch, place[2]] = record.log_ns
-                if message.rest is not None:
-                    self.rests[message.rest.epoch, place[2]] = message.rest.s_m
+                self.said.take(message, place[2], record.log_ns)
 
     def _hear_command(self, command: Command, log_ns: int) -> None:
         if self.log.metadata.get("boot", str(command.boot)) != str(command.boot):
@@ -229,11 +226,8 @@ def _legs(
     for epoch, turn in sorted(heard.turns.items()):
         start_ns = turn.start_ns + lag_ns
         for robot, one in driven.get(epoch, {}).items():
-            brake, rate = math.inf, one.plan.brake_mmps2 / 1000.0
-            if turn.frozen_ns is not None and (epoch, robot) in heard.rests:
-                brake = brakes_at(one.timeline, heard.rests[epoch, robot], rate)
-            elif turn.frozen_ns is not None:
-                last_ns = min(heard.last.get((epoch, robot), turn.frozen_ns), turn.frozen_ns)
-                brake, rate = max(last_ns - start_ns, 0) / 1e9, 0.0
+            words, rate = heard.said.of(epoch, robot), one.plan.brake_mmps2 / 1000.0
+            broken = words.broken(one.timeline, rate, start_ns, turn.frozen_ns)
+            brake, rate = (math.inf, 0.0) if broken is None else broken
             legs.append(Leg(epoch, one, (start_ns - zero_ns) / 1e9, brake, rate))
     return legs

@@ -100,14 +100,13 @@ class LiveCourse:
 
     def _take_report(self, report: Report, robot: str, now: float) -> bool:
         course, now_ns = self._course, self._now_ns(now)
-        known = len(course.rests)
-        course.take_report(report, robot, now_ns)
+        stops = course.said.take(report, robot, now_ns)
         changed = report.fault != self._faults.get(robot, NO_FAULT)
         self._faults[robot] = report.fault
         if changed and report.fault != NO_FAULT:
             name = FAULT_NAMES[report.fault] if report.fault < len(FAULT_NAMES) else "a fault"
             course.faults.append((now_ns, FaultSummary(0.0, robot, name, "report")))
-        return changed or len(course.rests) > known
+        return changed or stops
 
     def _set_clock(self, answered_ns: int, now: float) -> None:
         self._first = self._first or (answered_ns, now)

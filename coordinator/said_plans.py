@@ -7,6 +7,7 @@ found from the plans (live_reasons.py).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from typing import Final
 
@@ -14,7 +15,7 @@ import msgspec
 
 from coordinator.live_reasons import with_reasons
 from coordinator.logbook import Log
-from coordinator.plan import PlanDocument, RobotPlan, Stop
+from coordinator.plan import Limits, PlanDocument, RobotPlan, Stop
 from coordinator.wire import path_of, unpack
 from protocol import keys
 from protocol.codec import decode, encode, seal
@@ -144,4 +145,13 @@ def _robot_plan(plan: Plan, radius: float) -> RobotPlan:
             if s > 0.0
         ],
         wire_bytes=0,
+        limits=_limits(plan, max(profile_v)),
     )
+
+
+def _limits(plan: Plan, speed: float) -> Limits | None:
+    """Return what a plan's message says that a robot can do: how it brakes, if not at once."""
+    if not plan.brake_mmps2:
+        return None
+    accel = math.nextafter(plan.brake_mmps2 / 1000.0, math.inf)  # so that it packs to the same
+    return Limits(max_speed=speed, max_accel=accel)

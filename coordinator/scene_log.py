@@ -1,8 +1,7 @@
 """The scene of a log: its epochs one after another, what went wrong, and who stayed behind.
 
-Decides: when an epoch is shown, and where a robot is that has left its plan: it brakes evenly from
-the moment when the fleet was told to freeze to where it said that it rests; one that was not heard
-of again stays where the plan had it when it was last heard.  Must not know: files, black boxes.
+Decides: when an epoch is shown, and who stayed behind.  Where a robot is that has left its plan is
+told by braking.py.  Must not know: files, black boxes.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 
 from coordinator.adoption import adoption_key, request_of
+from coordinator.braking import Said
 from coordinator.errors import InputError
 from coordinator.info import summarise
 from coordinator.info_numbers import clock_lag
@@ -26,7 +26,7 @@ from coordinator.wire import Driven, drive
 from protocol import keys
 from protocol.codec import decode
 from protocol.messages import Command, Report
-from protocol.phases import BRAKING, DONE, FREEZE, FROZEN, GO, MOVING, OVER
+from protocol.phases import DONE, FREEZE, GO, OVER
 from protocol.timing import SECOND
 
 if TYPE_CHECKING:
@@ -46,8 +46,7 @@ class Course:
         self.frozen: dict[int, int] = {}
         self.over: int | None = None
         self.last = 0
-        self.rests: dict[tuple[int, str], float] = {}
-        self.heard: dict[tuple[int, str], tuple[int, int]] = {}
+        self.said = Said()
         self.told: dict[int, tuple[Standing, ...]] = {}
         self.faults: list[tuple[int, FaultSummary]] = []
         self.late: list[tuple[int, str]] = []
@@ -93,7 +92,7 @@ class Course:
 
     def is_done(self, epoch: int, robot: str) -> bool:
         """Tell whether a robot has said that it arrived in an epoch."""
-        return self.heard.get((epoch, robot), (0, MOVING))[1] == DONE
+        return self.said.of(epoch, robot).phase == DONE
 
     def _take(self, record: Record, fleet: str, lag_ns: int) -> None:
         now_ns = record.log_ns - lag_ns
@@ -110,14 +109,7 @@ class Course:
         if isinstance(message, Command):
             self.take_command(message, now_ns)
         elif isinstance(message, Report):
-            self.take_report(message, place[2], now_ns)
-
-    def take_report(self, report: Report, robot: str, now_ns: int) -> None:
-        """Take in what a robot said at a time; the first word about where it rests counts."""
-        if report.phase in (MOVING, BRAKING, FROZEN, DONE):
-            self.heard[report.epoch, robot] = (now_ns, report.phase)
-        if report.rest is not None:
-            self.rests.setdefault((report.rest.epoch, robot), report.rest.s_m)
+            self.said.take(message, place[2], now_ns)
 
 
 def scene_of_logs(logs: Sequence[tuple[str, Log]]) -> Scene:
@@ -162,7 +154,7 @@ def _epoch(
     driven = drive(document)
     halts = {}
     for one in driven:
-        halt = _halt(course, number, one, start, frozen, zero)
+        halt = _halt(course, number, one)
         if halt is not None:
             halts[one.id] = halt
     known = 0 if first.workspace is None else len(first.workspace.obstacles)
@@ -197,35 +189,19 @@ def _aside(course: Course, document: PlanDocument, index: Mapping[str, int]) -> 
     ]
 
 
-def _halt(
-    course: Course, epoch: int, one: Driven, start: float, frozen: float | None, zero: int
-) -> Halt | None:
+def _halt(course: Course, epoch: int, one: Driven) -> Halt | None:
     """Return where a robot left its plan for good; plan times [s], arc lengths [m]."""
-    if epoch not in course.starts or frozen is None:
+    if epoch not in course.starts:
         return None
-    now = frozen - start
-    place = one.timeline.s_at(now)
-    rest = course.rests.get((epoch, one.id))
-    if rest is None:
-        heard, phase = course.heard.get((epoch, one.id), (None, DONE))
-        if heard is None or phase == DONE:
-            return None
-        now = min(now, (heard - zero) * _NS - start)
-        place = rest = one.timeline.s_at(now)
-    elif rest < place:
-        now, place = _time_at(one, rest, now), rest
-    speed = one.timeline.v_at(now)
-    braking = 2.0 * (rest - place) / speed if speed > 0.0 else 0.0
-    return (round(now, 4), round(now + braking, 4), round(place, 4), round(rest, 4))
-
-
-def _time_at(one: Driven, s: float, latest: float) -> float:
-    """Return the first plan time [s] at which a robot is due at arc length s, by halving."""
-    low, high = 0.0, latest
-    while high - low > 1e-4:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if one.timeline.s_at(middle) < s else (low, middle)
-    return high
+    line, rate = one.timeline, one.plan.brake_mmps2 / 1000.0
+    words = course.said.of(epoch, one.id)
+    broken = words.broken(line, rate, course.starts[epoch], course.frozen.get(epoch))
+    if broken is None:
+        return None
+    now, place = broken.brake, line.s_at(broken.brake)
+    slowing = line.v_at(now) / broken.rate if broken.rate > 0.0 else 0.0
+    rest = place + 0.5 * slowing * line.v_at(now)
+    return (round(now, 5), round(now + slowing, 5), round(place, 5), round(rest, 5))
 
 
 def _marks(
@@ -238,7 +214,7 @@ def _marks(
         if epoch.epoch in course.starts
     ]
     arrived = {epoch.epoch for epoch in epochs if epoch.arrived}
-    done = {robot for (epoch, robot) in course.heard if course.is_done(epoch, robot)}
+    done = course.said.done()
     left = ", ".join(name for name in names if name not in done)
     for number, at in course.frozen.items():
         kind, text = "freeze", "all are told to freeze"
