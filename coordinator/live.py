@@ -24,8 +24,8 @@ from protocol.key_files import KeyFiles
 from protocol.transport import Transport
 from protocol.zenoh_transport import ZenohTransport
 
-_PERIOD_S: Final = 0.5
-"""The page is told the fleet's time this often, and of news at most twice as often."""
+_PERIOD_S: Final = 0.25
+"""The page is told the fleet's time and how old its last word is this often."""
 
 
 class Feed:
@@ -35,6 +35,7 @@ class Feed:
         self._course = course
         self._news = threading.Condition()
         self._version = 0
+        self._made = 0.0
 
     def listen(self, transport: Transport, fleet: str | None) -> None:
         """Subscribe to all that the fleet says."""
@@ -49,21 +50,32 @@ class Feed:
             return self._course.scene()
 
     def events(self) -> Iterator[tuple[str, str]]:
-        """Yield a scene whenever something new is known, and the fleet's time."""
+        """Yield a scene whenever something new is known, the fleet's time and its last word's age.
+
+        A page that hears nothing for some of these periods knows that nobody tells it any more.
+        """
         seen = -1
         while True:
             with self._news:
                 fresh = self._version != seen or self._news.wait(_PERIOD_S)
                 scene = self._course.scene() if fresh else None
-                clock, seen = self._course.clock(time.monotonic()), self._version
+                seen = self._version
+                self._made = time.monotonic() if fresh else self._made
             if scene is not None:
                 yield "scene", scene_json(scene)
-            if clock is not None:
-                yield "clock", msgspec.json.encode(clock).decode()
-            else:
-                yield "", ""
+            yield from self._times()
             if scene is not None:
-                time.sleep(0.5 * _PERIOD_S)
+                time.sleep(_PERIOD_S)
+
+    def _times(self) -> Iterator[tuple[str, str]]:
+        with self._news:
+            now = time.monotonic()
+            clock, word = self._course.clock(now), self._course.word(now)
+        if clock is not None:
+            yield "clock", msgspec.json.encode(clock).decode()
+        if now - self._made < _PERIOD_S:
+            word = None  # what was said while a scene was made has not been taken in yet
+        yield "word", msgspec.json.encode(word).decode()
 
     def _hear(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
         with self._news:

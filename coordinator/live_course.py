@@ -11,6 +11,7 @@ from typing import Final
 
 import msgspec
 
+from coordinator.link_times import link_times
 from coordinator.live_reasons import with_reasons
 from coordinator.plan import PlanDocument
 from coordinator.said_plans import SaidPlans
@@ -19,9 +20,9 @@ from coordinator.scene_log import Course, scene_of_course
 from coordinator.summary import FaultSummary
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Clock, Command, Message, Report
-from protocol.phases import FAULT_NAMES, NO_FAULT
-from protocol.timing import SECOND
+from protocol.messages import Clock, Command, Message, Plan, Report
+from protocol.phases import FAULT_NAMES, NO_FAULT, OVER
+from protocol.timing import LEASE, SECOND
 
 _SURE: Final = 2.0
 """The fleet's clock is compared with ours over this many seconds before its speed is told."""
@@ -34,6 +35,17 @@ class FleetTime(msgspec.Struct, frozen=True):
     speed: float
 
 
+class LastWord(msgspec.Struct, frozen=True):
+    """How long ago [s] the last Command was heard, and how long robots bear silence.
+
+    over: whether it said that all is over.
+    """
+
+    age: float
+    lease: float
+    over: bool
+
+
 class LiveCourse:
     """The course of a fleet, heard message by message; `now` is our clock in seconds."""
 
@@ -44,11 +56,14 @@ class LiveCourse:
         self._faults: dict[str, int] = {}
         self._first: tuple[int, float] | None = None
         self._latest: tuple[int, float] = (0, 0.0)
+        self._word: tuple[float, int] | None = None
+        self._lease = LEASE / SECOND
         self._floor = document
         self._said = SaidPlans(self._course.plans, document)
         self._explained: dict[int, int] = {}
         if document is not None:
             self._course.plans[document.epoch] = document
+            self._lease = link_times(document.link).lease_ns / SECOND
 
     def hear(self, key: str, payload: bytes, now: float) -> bool:
         """Take in what was said on a key; tell whether a page would look different."""
@@ -86,16 +101,26 @@ class LiveCourse:
         passed = (self._latest[0] - zero) / SECOND + speed * (now - self._latest[1])
         return FleetTime(round(passed, 3), round(speed, 3))
 
+    def word(self, now: float) -> LastWord | None:
+        """Return how old the coordinator's last word is; None before its first."""
+        if self._word is None:
+            return None
+        at, phase = self._word
+        return LastWord(round(max(now - at, 0.0), 3), self._lease, phase == OVER)
+
     def _take(self, message: Message, robot: str, now: float) -> bool:
         """Take in a message of the fleet."""
         course = self._course
         if isinstance(message, Command):
+            self._word = (now, message.phase)
             course.take_command(message, self._now_ns(now))
             changed = self._phase != (message.epoch, message.phase)
             self._phase = (message.epoch, message.phase)
             return changed
         if isinstance(message, Report):
             return self._take_report(message, robot, now)
+        if isinstance(message, Plan):
+            self._lease = message.lease_ms / 1000.0
         return self._said.take(message, robot, self.fleet or "")
 
     def _take_report(self, report: Report, robot: str, now: float) -> bool:

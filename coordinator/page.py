@@ -24,6 +24,7 @@ _SCRIPTS: Final = (
     "diagram.js",
     "lists.js",
     "hand.js",
+    "word.js",
     "page.js",
 )
 _POLICY: Final = (

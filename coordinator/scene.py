@@ -41,7 +41,7 @@ class Ride(msgspec.Struct, frozen=True, kw_only=True):
 
     path: arc lengths, x and y of a polyline.  legs: the motion; between two of them and
     outside of them the robot rests.  halt: where it left its plan, braking evenly; null if it
-    never did.
+    never did.  brake [m/s^2]: how it brakes; 0: at once.
     """
 
     robot: int
@@ -49,6 +49,7 @@ class Ride(msgspec.Struct, frozen=True, kw_only=True):
     legs: list[Leg]
     waits: list[Wait] = []
     halt: Halt | None = None
+    brake: float = 0.0
 
 
 class Zone(msgspec.Struct, frozen=True, kw_only=True):

@@ -91,6 +91,7 @@ def rides_of(
             legs=_legs(one.timeline),
             waits=_waits(robot, index),
             halt=left.get(robot.id),
+            brake=one.plan.brake_mmps2 / 1000.0,
         )
         for robot, one in zip(document.robots, driven or drive(document), strict=True)
     ]

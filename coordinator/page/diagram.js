@@ -37,7 +37,7 @@ class DiagramView {
   }
 
   draw(t, found, focus, hover, look) {
-    const key = [focus, look.dark, this.play.scene.end].join();
+    const key = [focus, look.dark, this.play.scene.end, this.play.scene.marks.length].join();
     if (this.sheet.resize() || key !== this.key) {
       this.key = key;
       this.background = this.lines(focus, look);
@@ -105,7 +105,7 @@ class DiagramView {
       const parts = Math.abs(v1 - v0) > 1e-9 ? 6 : 1;
       for (let i = 0; i <= parts; i++) times.push(epoch.start + t0 + (t1 - t0) * i / parts);
     }
-    if (motion.ride.halt) times.push(epoch.start + motion.ride.halt[0], epoch.start + motion.ride.halt[1]);
+    if (motion.halt) times.push(epoch.start + motion.halt[0], epoch.start + motion.halt[1]);
     times.push(end);
     times.sort((a, b) => a - b);
     pen.beginPath();
@@ -192,5 +192,5 @@ class DiagramView {
 }
 
 function markColour(mark, look) {
-  return { fault: look.red, freeze: look.amber, late: look.amber }[mark.kind] || look.muted;
+  return { fault: look.red, silent: look.red, freeze: look.amber, late: look.amber }[mark.kind] || look.muted;
 }

@@ -1,5 +1,8 @@
 // The floor at one moment: robots, what is left of their paths, lit zones, waits, ghosts.
 
+/** What robots do that have left their plan for good. */
+const RESTS = new Set(["stopped", "unheard"]);
+
 class FloorView extends Ground {
   constructor(canvas, play, shown, lens) {
     super(canvas, play, shown, lens);
@@ -38,7 +41,7 @@ class FloorView extends Ground {
     pen.lineJoin = pen.lineCap = "round";
     found.forEach((robot, index) => {
       const wanted = focus < 0 ? !this.crowd : focus === index;
-      if (!wanted || !robot || !robot.motion || robot.s >= robot.length || robot.state === "stopped") return;
+      if (!wanted || !robot || !robot.motion || robot.s >= robot.length || RESTS.has(robot.state)) return;
       pen.strokeStyle = look.robot(index);
       pen.lineWidth = 2;
       this.trace(pen, robot.motion.stretch(robot.s, robot.length));
@@ -66,7 +69,7 @@ class FloorView extends Ground {
   drawRobot(pen, robot, index, focus, look) {
     const body = this.play.scene.robots[index], radius = Math.max(this.zoom * body.radius, 3.5);
     const x = this.X(robot.x), y = this.Y(robot.y), colour = look.robot(index);
-    const gone = !robot.motion && robot.state !== "arrived" || robot.state === "stopped";
+    const gone = !robot.motion && robot.state !== "arrived" || RESTS.has(robot.state);
     this.spots.push({ index, x, y, radius });
     pen.globalAlpha = focus >= 0 && focus !== index ? 0.35 : 1;
     pen.beginPath();

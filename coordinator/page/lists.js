@@ -14,7 +14,7 @@ function said(robot, bodies) {
     const left = `${(robot.wait.until - robot.plan).toFixed(1)} s`;
     return robot.lets >= 0 ? `waits for ${bodies[robot.lets].id}, ${left}` : `waits ${left}`;
   }
-  return robot.state;
+  return robot.state === "unheard" ? "no word, drawn at rest" : robot.state;
 }
 
 function describe(scene) {
@@ -74,7 +74,7 @@ class RobotList {
 /** The marks: ticks on the slider, and a list to jump from. */
 class EventList {
   constructor(list, ticks, play, seek) {
-    const marks = play.scene.marks, end = play.scene.end;
+    const { marks } = play.scene;
     byId("events-title").parentElement.hidden = marks.length === 0;
     list.replaceChildren(...marks.map((mark) => {
       const button = element("button", { type: "button" },
@@ -86,7 +86,7 @@ class EventList {
     }));
     ticks.replaceChildren(...marks.map((mark) => {
       const tick = element("span", { className: `mark ${mark.kind}` });
-      tick.style.setProperty("--at", Math.min(Math.max(mark.t / end, 0), 1));
+      tick.style.setProperty("--t", Math.max(mark.t, 0));
       return tick;
     }));
   }

@@ -19,6 +19,20 @@ class Motion {
     this.length = this.arcs[this.arcs.length - 1];
     this.finish = ride.legs[ride.legs.length - 1][1];
     this.headings = this.turned();
+    this.presumed = null;
+  }
+
+  /** Where it left its plan: as it said itself, else as is presumed. */
+  get halt() {
+    return this.ride.halt || this.presumed;
+  }
+
+  /** Presume that the robot brakes from a plan time on, as one does whose lease has run out. */
+  presume(t) {
+    this.presumed = null;
+    if (t === null || this.ride.halt || t >= this.finish) return;
+    const { brake } = this.ride, [s, v] = this.planned(t), slowing = brake > 0 ? v / brake : 0;
+    this.presumed = [t, t + slowing, s, s + 0.5 * v * slowing];
   }
 
   /** Headings at the polyline's points, without jumps: the mean of the pieces beside them. */
@@ -48,7 +62,7 @@ class Motion {
 
   /** [arc length, speed] at a plan time; after a halt the robot brakes and rests. */
   progress(t) {
-    const halt = this.ride.halt;
+    const { halt } = this;
     if (!halt || t < halt[0]) return this.planned(t);
     const [t0, t1, s0, s1] = halt;
     if (t >= t1) return [s1, 0];
@@ -77,7 +91,7 @@ class Motion {
 
   /** The wait that a robot is in at a plan time, or undefined. */
   wait(t) {
-    const halt = this.ride.halt;
+    const { halt } = this;
     if (halt && t >= halt[0]) return undefined;
     return this.ride.waits.find((wait) => t >= wait.since && t < wait.until);
   }
@@ -101,11 +115,34 @@ class Play {
     }));
     for (const epoch of this.epochs) epoch.planTime = (t) => (epoch.started ? t - epoch.start : -1);
     this.begins = this.epochs.map((epoch) => epoch.begin);
+    this.silentFrom = Infinity;
     this.ghosts = new Map(scene.ghosts.map((ghost) => [ghost.robot, ghost]));
+  }
+
+  /**
+   * Presume that nobody has heard a Command since a time: once the lease [s] is out all brake.
+   *
+   * null: Commands are heard.  Returns when all rest.
+   */
+  presume(since, lease) {
+    const epoch = this.epochs[this.epochs.length - 1], goes = epoch.started && epoch.frozen === null;
+    const from = since === null || !goes ? null : Math.max(since + lease - epoch.start, 0);
+    this.silentFrom = from === null ? Infinity : since + lease;
+    let rest = since === null ? Infinity : since + lease;
+    for (const motion of epoch.motions.values()) {
+      motion.presume(from);
+      if (motion.presumed) rest = Math.max(rest, epoch.start + motion.presumed[1]);
+    }
+    return rest;
   }
 
   epochAt(t) {
     return this.epochs[lastUpTo(this.begins, t)];
+  }
+
+  /** Whether robots are presumed at a time to have heard nothing for too long. */
+  unheardAt(t) {
+    return t >= this.silentFrom;
   }
 
   /** What the coordinator states at a time: "hold", "go", "freeze", or "arrived" for all at rest. */
@@ -121,9 +158,10 @@ class Play {
     const motion = this.epochs[now].motions.get(index);
     if (!motion) return this.left(index, now);
     const plan = this.epochs[now].planTime(t);
-    const [s, v] = motion.progress(plan), wait = motion.wait(plan), halt = motion.ride.halt;
+    const [s, v] = motion.progress(plan), wait = motion.wait(plan), { halt } = motion;
     let state = "drives", lets = -1;
-    if (halt && plan >= halt[0]) state = plan < halt[1] ? "brakes" : "stopped";
+    if (motion.presumed && plan >= halt[0]) state = "unheard";
+    else if (halt && plan >= halt[0]) state = plan < halt[1] ? "brakes" : "stopped";
     else if (plan >= motion.finish) state = "arrived";
     else if (plan < 0) state = "ready";
     else if (wait) [state, lets] = ["waits", wait.lets];

@@ -26,16 +26,20 @@ function load(scene) {
   const found = scene.robots.map((robot) => robot.id).join();
   if (found !== names) robots = new RobotList(byId("robots"), play, chooseToggled, hoverOver);
   names = found;
-  new EventList(byId("events"), byId("ticks"), play, seek);
   describe(scene);
   robots.paint(look);
   robots.choose(focus);
   byId("ghosts-label").hidden = scene.ghosts.length === 0;
   byId("floor").parentElement.style.setProperty("--aspect", Math.min(Math.max(floor.aspect, 0.6), 2.4));
   setEnd(scene.end);
+  presume();
   if (first) now = 0;
   listed = -Infinity;
   stale = true;
+}
+
+function list() {
+  new EventList(byId("events"), byId("ticks"), play, seek);
 }
 
 function hoverOver(index) {
@@ -46,6 +50,7 @@ function hoverOver(index) {
 function setEnd(end) {
   play.scene.end = end;
   controls.slider.max = end;
+  byId("ticks").style.setProperty("--end", end);
   byId("end").textContent = `of ${end.toFixed(1)} s`;
 }
 
@@ -63,7 +68,7 @@ function setRunning(on) {
 
 function setFollowing(on) {
   following = live && on;
-  controls.follow.setAttribute("aria-pressed", String(following));
+  controls.follow.setAttribute("aria-pressed", String(following && !word.silence));
 }
 
 function chooseToggled(index) {
@@ -92,7 +97,7 @@ function tell(found) {
   controls.clock.textContent = `${now.toFixed(1)} s`;
   if (running && time - listed < 100) return;
   listed = time;
-  const epoch = play.epochAt(now), phase = PHASES[play.phaseAt(now)];
+  const epoch = play.epochAt(now), phase = play.unheardAt(now) ? "no word" : PHASES[play.phaseAt(now)];
   const text = play.epochs.length > 1 || play.scene.source === "log" ? `epoch ${epoch.epoch}, ${phase}` : "";
   if (controls.phase.textContent !== text) controls.phase.textContent = text;
   controls.slider.setAttribute("aria-valuetext", `${now.toFixed(1)} seconds${text ? `, ${text}` : ""}`);
@@ -102,6 +107,7 @@ function tell(found) {
 function frame(time) {
   const passed = Math.min((time - before) / 1000, 0.25);
   before = time;
+  if (live) word.look();
   if (following) followLive();
   else if (running) {
     seek(now + passed * Number(controls.speed.value));
@@ -210,21 +216,37 @@ function repaint() {
   stale = true;
 }
 
-/** A running fleet: a new scene at every epoch, and its clock twice a second. */
-let fleetClock = null;
-function listen() {
-  const source = new EventSource("events");
-  controls.follow.hidden = false;
-  source.addEventListener("scene", (event) => load(JSON.parse(event.data)));
-  source.addEventListener("clock", (event) => {
-    const { now: seconds, speed } = JSON.parse(event.data);
-    fleetClock = { seconds, speed, heard: performance.now() };
-  });
+/** A running fleet is followed by its clock, as far as is known of it. */
+const word = new Word({
+  scene: load,
+  changed: () => {
+    presume();
+    tellWord();
+  },
+});
+
+/** Draw robots where their leases have stopped them, if there is no word; list since when. */
+function presume() {
+  const { silence } = word, heard = play.heardMarks || play.scene.marks;
+  play.heardMarks = heard;
+  play.scene.marks = [...heard, ...word.marks()].sort((a, b) => a.t - b.t);
+  const since = silence && silence.kind !== "over" ? silence.since : null;
+  play.known = play.presume(since, since === null ? 0 : silence.lease);
+  list();
+  stale = true;
+}
+
+function tellWord() {
+  const { silence } = word;
+  const since = silence && silence.since !== null ? ` since ${silence.since.toFixed(1)} s` : "";
+  byId("word").textContent = silence && silence.why ? silence.why + since : "";
+  controls.follow.textContent = silence ? silence.lamp : "live";
+  setFollowing(following);
 }
 
 function followLive() {
-  if (!fleetClock) return;
-  const t = fleetClock.seconds + fleetClock.speed * (performance.now() - fleetClock.heard) / 1000;
+  const t = word.time(play.known);
+  if (t === null) return;
   if (t > play.scene.end) setEnd(Math.ceil(t / 10) * 10);
   seek(t);
 }
@@ -253,7 +275,8 @@ byId("zoom-in").addEventListener("click", () => hand.enlarge(ENLARGED));
 byId("zoom-out").addEventListener("click", () => hand.enlarge(1 / ENLARGED));
 byId("zoom-all").addEventListener("click", seeAll);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
-if (live) listen();
+controls.follow.hidden = !live;
+if (live) word.listen();
 requestAnimationFrame(frame);
 
 window.splinefleet = {

@@ -14,7 +14,7 @@ from coordinator.wire import pack, pack_times
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import Clock, Command, Hello, Report, Rest
-from protocol.phases import FREEZE, FROZEN, GO, HOLD
+from protocol.phases import BRAKING, FREEZE, FROZEN, GO, HOLD, OVER
 from protocol.timing import SECOND
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -110,6 +110,31 @@ def test_the_fleets_time_is_told_even_when_it_runs_faster():
     tell_time(course, 40.0, 10.0)
     told = course.clock(OURS + 12.0)
     assert (told.now, told.speed) == (48.0, 4.0)
+
+
+def test_how_old_the_last_word_is_is_told_with_how_long_robots_bear_silence():
+    course = LiveCourse(FLEET, document())
+    assert course.word(OURS) is None
+    tell_command(course, 0.0, GO)
+    tell_command(course, 4.0, GO)
+    told = course.word(OURS + 4.7)
+    assert (told.age, told.lease, told.over) == (pytest.approx(0.7), 0.6, False)
+    assert course.hear(keys.report(FLEET, "R1"), encode(Report(1, 1, 1, BRAKING, 1)), OURS + 5.0)
+    assert course.word(OURS + 5.0).age == pytest.approx(1.0)
+    tell_command(course, 6.0, OVER)
+    assert course.word(OURS + 9.0).over
+
+
+def test_a_robot_that_rests_without_a_freeze_is_shown_where_it_said():
+    course = LiveCourse(FLEET, document())
+    tell_time(course, 0.0, 0.0)
+    tell_command(course, 0.0, GO)
+    rest = encode(Report(1, 1, 1, FROZEN, 1, Rest(0.75, 1)))
+    assert course.hear(keys.report(FLEET, "R1"), rest, OURS + 4.5)
+    (epoch,) = course.scene().epochs
+    assert epoch.frozen is None
+    assert [ride.halt is not None for ride in epoch.rides] == [True, False, False, False, False]
+    assert epoch.rides[0].halt[3] == pytest.approx(0.75, abs=1e-3)
 
 
 def test_strangers_and_bad_bytes_change_nothing():

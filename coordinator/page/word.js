@@ -1,0 +1,88 @@
+// What is heard of a running fleet, and how old its last word is: beyond the lease all have stopped.
+
+/** A coordinator is silent that was not heard for so long [s] beyond the lease. */
+const RESERVE = 0.4;
+/** After the coordinator said that all is over the page goes on for so long [s]. */
+const AFTERWARDS = 1;
+/** Nobody tells the page any more when it has heard nothing for so long [s]. */
+const PATIENCE = 2;
+
+class Word {
+  /** `scene` gets every new scene, `changed` is called when word ceases or comes again. */
+  constructor({ scene, changed }) {
+    this.told = { scene, changed };
+    this.open = true;
+    this.begin();
+  }
+
+  /** Nothing is known: another view may count another time. */
+  begin() {
+    this.clock = this.last = this.silence = null;
+    this.past = [];
+    this.alive = performance.now();
+  }
+
+  listen() {
+    const source = new EventSource("events");
+    const hear = (name, take) => source.addEventListener(name, (event) => {
+      this.alive = performance.now();
+      take(JSON.parse(event.data));
+    });
+    hear("scene", this.told.scene);
+    hear("clock", ({ now, speed }) => { this.clock = { now, speed, heard: this.alive }; });
+    hear("word", (found) => {
+      if (found) this.last = { ...found, heard: this.alive };
+    });
+    source.addEventListener("open", () => {
+      if (!this.open) this.begin();
+      this.open = true;
+    });
+    source.addEventListener("error", () => { this.open = false; });
+  }
+
+  /** Find out whether there is word; to be asked every frame. */
+  look() {
+    const gone = !this.open || performance.now() - this.alive > 1000 * PATIENCE;
+    const { last, silence } = this, over = last !== null && last.over;
+    const silent = !gone && last !== null && (over || last.age > last.lease + RESERVE);
+    const kind = gone ? (over ? "over" : "gone") : silent ? (over ? "over" : "silent") : "";
+    if (kind === (silence ? silence.kind : "")) return;
+    if (silence && silence.kind !== "over" && !kind) this.past.push({ ...silence, until: this.time() });
+    this.silence = kind ? this.silenced(kind, silence) : null;
+    this.told.changed();
+  }
+
+  silenced(kind, before) {
+    const { last } = this, known = this.clock !== null && last !== null;
+    const since = before && before.kind !== "over" && before.since !== null ? before.since :
+      known ? this.timeAt(last.heard - 1000 * last.age) : null;
+    const [lamp, why] = {
+      over: ["over", ""],
+      gone: ["no word", "the program view has ended, no word"],
+      silent: ["no word", "no word from the coordinator"],
+    }[kind];
+    const ended = known ? this.time() : null;
+    return { kind, since, ended, lease: last ? last.lease : 0, lamp, why };
+  }
+
+  /** Since when there was no word, and when it came again. */
+  marks() {
+    const all = this.silence ? [...this.past, this.silence] : this.past;
+    return all.filter((one) => one.kind !== "over" && one.since !== null).flatMap(({ since, until, why }) => [
+      { t: since, kind: "silent", text: why },
+      ...until === undefined ? [] : [{ t: until, kind: "go", text: "there is word again" }],
+    ]);
+  }
+
+  /** The fleet's time now, null before it is known; when nobody tells it, not beyond `known`. */
+  time(known = Infinity) {
+    if (this.clock === null) return null;
+    const t = this.timeAt(performance.now()), { kind, since, ended } = this.silence || {};
+    const last = { over: since + AFTERWARDS, gone: Math.max(known, ended) }[kind] ?? Infinity;
+    return Math.min(t, last);
+  }
+
+  timeAt(at) {
+    return this.clock.now + this.clock.speed * (at - this.clock.heard) / 1000;
+  }
+}

@@ -1,0 +1,72 @@
+"""The page of a running fleet when nobody speaks any more: robots are not shown to drive."""
+
+import re
+import signal
+from contextlib import ExitStack
+
+import pytest
+
+from coordinator.planner import plan_scenario
+from coordinator.scenario_file import read_scenario
+from coordinator.wire import drive
+from tests.system.browser import browser, find_browser
+from tests.system.fleet_tools import TWO_ROBOTS, free_endpoint, line_with, started
+
+pytestmark = pytest.mark.skipif(
+    find_browser() is None, reason="no Chromium is installed (BROWSER names one)"
+)
+
+WORD = "document.getElementById('word').textContent"
+EVENTS = "document.getElementById('events').innerText"
+LAMP = "document.getElementById('follow').getAttribute('aria-pressed')"
+STATES = "Object.values(splinefleet.at(splinefleet.time)).map(robot => robot.state)"
+AT_REST = "Object.values(splinefleet.at(splinefleet.time)).every(robot => robot.v === 0)"
+
+
+@pytest.fixture
+def tab(tmp_path):
+    with browser(tmp_path / "profile") as tab:
+        yield tab
+
+
+def rest_when_silent(driven, since):
+    """Where a robot rests whose lease of 0.6 s began at a plan time [s]."""
+    rate, t = driven.plan.brake_mmps2 / 1000.0, since + 0.6
+    return driven.timeline.s_at(t) + driven.timeline.v_at(t) ** 2 / (2.0 * rate)
+
+
+def test_robots_are_shown_at_rest_when_the_coordinator_or_the_view_is_silent(tab, tmp_path):
+    (tmp_path / "two.toml").write_text(TWO_ROBOTS)
+    endpoint = free_endpoint()
+    with ExitStack() as stack:
+        coordinator = stack.enter_context(
+            started("coordinator", tmp_path / "two.toml", "--listen", endpoint, "--effort", "0")
+        )
+        view = stack.enter_context(started("view", "--connect", endpoint, "--no-open"))
+        address = line_with(view, "http://").strip()
+        tab.open(address)
+        for robot in ("R1", "R2"):
+            stack.enter_context(started("agent", robot, "--connect", endpoint))
+        tab.wait("splinefleet.time > 1.2")
+        assert (tab.run(WORD), tab.run(LAMP)) == ("", "true")
+
+        coordinator.send_signal(signal.SIGSTOP)
+        tab.wait(f"{WORD}.startsWith('no word from the coordinator since') && {AT_REST}")
+        assert (tab.run(LAMP), tab.run(STATES)) == ("false", ["unheard", "unheard"])
+        assert "no word from the coordinator" in tab.run(EVENTS)
+        since = float(re.search(r"since ([\d.]+) s", tab.run(WORD))[1])
+        shown = tab.run("splinefleet.at(splinefleet.time)")
+        for one in drive(plan_scenario(read_scenario(tmp_path / "two.toml"), effort=0)):
+            assert shown[one.id]["s"] == pytest.approx(rest_when_silent(one, since), abs=0.05)
+
+        coordinator.send_signal(signal.SIGCONT)
+        tab.wait(f"{WORD} === '' && {LAMP} === 'true'")
+        assert "there is word again" in tab.run(EVENTS)
+
+        coordinator.kill()
+        tab.wait(f"{WORD}.startsWith('no word from the coordinator since') && {AT_REST}")
+        assert tab.errors == []
+        view.send_signal(signal.SIGINT)
+        tab.wait(f"{WORD}.startsWith('the program view has ended, no word since')")
+        assert "the program view has ended, no word" in tab.run(EVENTS)
+        assert (tab.run(LAMP), tab.run(AT_REST)) == ("false", True)
