@@ -3,6 +3,9 @@
 /** What robots do that have left their plan for good. */
 const RESTS = new Set(["stopped", "unheard"]);
 
+/** A robot of this radius [px] holds its name. */
+const NAMED = 8.5;
+
 class FloorView extends Ground {
   constructor(canvas, play, shown, lens) {
     super(canvas, play, shown, lens);
@@ -33,6 +36,8 @@ class FloorView extends Ground {
     }
     if (found[hover]) this.ring(pen, found[hover], hover, look.ink);
     if (this.shown.ghosts) this.drawGhosts(pen, t, found, focus, look);
+    this.taken = [];
+    this.sayNames(pen, focus, look);
     if (this.shown.waits) this.sayWaits(pen, found, focus, look);
   }
 
@@ -80,21 +85,35 @@ class FloorView extends Ground {
     pen.strokeStyle = gone ? colour : look.panel;
     pen.stroke();
     this.drawHeading(pen, x, y, radius, robot.heading, colour);
-    const inside = radius >= 8.5;
-    if (inside || !this.crowd || focus === index) {
+    if (radius >= NAMED) {
       pen.textAlign = "center";
       pen.textBaseline = "middle";
       const size = Math.min(radius * 0.95, 13) * Math.min(1, 2.6 / body.id.length);
-      pen.font = look.font(inside ? size : 11, 600);
-      pen.fillStyle = inside && !gone ? look.onRobot : look.ink;
-      if (inside) {
-        pen.fillText(body.id, x, y + 0.5);
-      } else {
-        pen.lineWidth = 3;
-        pen.strokeStyle = look.ground;
-        pen.strokeText(body.id, x, y - radius - 8);
-        pen.fillText(body.id, x, y - radius - 8);
-      }
+      pen.font = look.font(size, 600);
+      pen.fillStyle = gone ? look.ink : look.onRobot;
+      pen.fillText(body.id, x, y + 0.5);
+    }
+    pen.globalAlpha = 1;
+  }
+
+  /** Names of robots that are too small to hold them, clear of robots and of each other. */
+  sayNames(pen, focus, look) {
+    pen.font = look.font(11, 600);
+    pen.textAlign = "center";
+    pen.textBaseline = "middle";
+    pen.lineWidth = 3;
+    pen.strokeStyle = look.ground;
+    pen.fillStyle = look.ink;
+    for (const { index, x, y, radius } of this.spots) {
+      if (radius >= NAMED || this.crowd && focus !== index) continue;
+      const name = this.play.scene.robots[index].id, wide = pen.measureText(name).width + 2, tall = 14;
+      const spot = this.room(wide, tall, [
+        [x - wide / 2, y - radius - 15], [x - wide / 2, y + radius + 2],
+        [x + radius + 4, y - 7], [x - radius - 4 - wide, y - 7],
+      ]);
+      pen.globalAlpha = focus >= 0 && focus !== index ? 0.35 : 1;
+      pen.strokeText(name, spot.x + wide / 2, spot.y + 7);
+      pen.fillText(name, spot.x + wide / 2, spot.y + 7);
     }
     pen.globalAlpha = 1;
   }
@@ -180,11 +199,16 @@ class FloorView extends Ground {
     pen.font = look.font(12, 500);
     pen.textAlign = "left";
     pen.textBaseline = "middle";
-    const taken = [];
     for (const { robot, index } of this.waiting(found, focus)) {
       const bodies = this.play.scene.robots, text = `waits for ${bodies[robot.lets].id}`;
-      const spot = this.room(robot, bodies[index], pen.measureText(text).width + 14, taken);
-      taken.push(spot);
+      const wide = pen.measureText(text).width + 14, tall = 22;
+      const x = this.X(robot.x), y = this.Y(robot.y);
+      const away = Math.max(this.zoom * bodies[index].radius, 4) + 8;
+      const middle = Math.max(Math.min(x - wide / 2, this.sheet.width - wide - 2), 2);
+      const spot = this.room(wide, tall, [
+        [x + away, y - 11], [x - away - wide, y - 11], [middle, y + away], [middle, y - away - 34],
+        [middle, y + away + 16], [middle, y - away - 50],
+      ]);
       pen.fillStyle = look.ink;
       pen.beginPath();
       pen.roundRect(spot.x, spot.y, spot.wide, spot.tall, 11);
@@ -194,20 +218,19 @@ class FloorView extends Ground {
     }
   }
 
-  /** A place beside a robot for words, that hides no other robot if there is one. */
-  room(robot, body, wide, taken) {
-    const x = this.X(robot.x), y = this.Y(robot.y), tall = 22;
-    const away = Math.max(this.zoom * body.radius, 4) + 8;
-    const middle = Math.max(Math.min(x - wide / 2, this.sheet.width - wide - 2), 2);
-    const tries = [[x + away, y - 11], [x - away - wide, y - 11], [middle, y + away], [middle, y - away - 34]]
-      .map(([left, top]) => ({ x: left, y: top, wide, tall }));
-    const inside = ({ x: left, y: top }) =>
-      left > 0 && top > 0 && left + wide < this.sheet.width && top + tall < this.sheet.height;
-    const hides = (one) => taken.some((other) =>
-      Math.abs(one.x - other.x) < 0.5 * (wide + other.wide) && Math.abs(one.y - other.y) < tall) ||
+  /** The first of some corners at which words hide no robot and no other words, if there is one. */
+  room(wide, tall, corners) {
+    const tries = corners.map(([x, y]) => ({ x, y, wide, tall }));
+    const inside = ({ x, y }) =>
+      x > 0 && y > 0 && x + wide < this.sheet.width && y + tall < this.sheet.height;
+    const hides = (one) => this.taken.some((other) =>
+      one.x < other.x + other.wide && other.x < one.x + wide &&
+      one.y < other.y + other.tall && other.y < one.y + tall) ||
       this.spots.some((spot) => spot.x + spot.radius > one.x && spot.x - spot.radius < one.x + wide &&
         spot.y + spot.radius > one.y && spot.y - spot.radius < one.y + tall);
-    return tries.find((one) => inside(one) && !hides(one)) || tries.find(inside) || tries[0];
+    const found = tries.find((one) => inside(one) && !hides(one)) || tries.find(inside) || tries[0];
+    this.taken.push(found);
+    return found;
   }
 
   /** The robot at a place on the canvas, or -1. */

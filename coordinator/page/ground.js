@@ -72,11 +72,7 @@ class Ground {
       pen.fillStyle = look.ground;
       pen.fill();
     }
-    for (const corners of obstacles) {
-      this.trace(pen, corners, true);
-      pen.fillStyle = look.solid;
-      pen.fill();
-    }
+    this.fillObstacles(pen, obstacles, look);
     if (boundary.length) {
       this.trace(pen, boundary, true);
       pen.strokeStyle = look.muted;
@@ -97,6 +93,22 @@ class Ground {
     if (this.shown.paths) this.drawPaths(pen, epoch, focus, look);
     if (this.shown.zones) this.drawZones(pen, epoch, focus, look);
     return sheet;
+  }
+
+  /** All at once, and turned the same way: no seams between those that adjoin, no holes. */
+  fillObstacles(pen, obstacles, look) {
+    pen.beginPath();
+    for (const corners of obstacles) {
+      const area = corners.reduce((sum, [x, y], i) => {
+        const [u, v] = corners[(i + 1) % corners.length];
+        return sum + x * v - u * y;
+      }, 0);
+      const turned = area < 0 ? [...corners].reverse() : corners;
+      turned.forEach(([x, y], i) => (i ? pen.lineTo(this.X(x), this.Y(y)) : pen.moveTo(this.X(x), this.Y(y))));
+      pen.closePath();
+    }
+    pen.fillStyle = look.solid;
+    pen.fill();
   }
 
   drawPaths(pen, epoch, focus, look) {
