@@ -21,7 +21,7 @@ from coordinator.summary import FaultSummary
 from protocol import keys
 from protocol.codec import decode
 from protocol.messages import Clock, Command, Message, Plan, Report
-from protocol.phases import FAULT_NAMES, NO_FAULT, OVER
+from protocol.phases import CLOCK_UNSURE, FAULT_NAMES, IDLE, NO_FAULT, OVER
 from protocol.timing import LEASE, SECOND
 
 _SURE: Final = 2.0
@@ -126,10 +126,12 @@ class LiveCourse:
     def _take_report(self, report: Report, robot: str, now: float) -> bool:
         course, now_ns = self._course, self._now_ns(now)
         stops = course.said.take(report, robot, now_ns)
-        changed = report.fault != self._faults.get(robot, NO_FAULT)
-        self._faults[robot] = report.fault
-        if changed and report.fault != NO_FAULT:
-            name = FAULT_NAMES[report.fault] if report.fault < len(FAULT_NAMES) else "a fault"
+        learning = report.phase == IDLE and report.fault == CLOCK_UNSURE  # as each does at first
+        fault = NO_FAULT if learning else report.fault
+        changed = fault != self._faults.get(robot, NO_FAULT)
+        self._faults[robot] = fault
+        if changed and fault != NO_FAULT:
+            name = FAULT_NAMES[fault] if fault < len(FAULT_NAMES) else "a fault"
             course.faults.append((now_ns, FaultSummary(0.0, robot, name, "report")))
         return changed or stops
 

@@ -14,7 +14,7 @@ from coordinator.wire import pack, pack_times
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import Clock, Command, Hello, Report, Rest
-from protocol.phases import BRAKING, FREEZE, FROZEN, GO, HOLD, OVER
+from protocol.phases import BRAKING, CLOCK_UNSURE, FREEZE, FROZEN, GO, HOLD, IDLE, OVER
 from protocol.timing import SECOND
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -135,6 +135,19 @@ def test_a_robot_that_rests_without_a_freeze_is_shown_where_it_said():
     assert epoch.frozen is None
     assert [ride.halt is not None for ride in epoch.rides] == [True, False, False, False, False]
     assert epoch.rides[0].halt[3] == pytest.approx(0.75, abs=1e-3)
+
+
+def test_a_robot_that_learns_the_time_before_the_start_has_no_fault():
+    course = LiveCourse(FLEET, document())
+    tell_time(course, -2.0, -2.0)
+    tell_command(course, -1.0, HOLD)
+    learning = encode(Report(1, 1, 1, IDLE, CLOCK_UNSURE))
+    assert not course.hear(keys.report(FLEET, "R1"), learning, OURS - 0.9)
+    tell_command(course, 0.0, GO)
+    unsure = encode(Report(1, 2, 1, BRAKING, CLOCK_UNSURE))
+    assert course.hear(keys.report(FLEET, "R1"), unsure, OURS + 3.0)
+    faults = [mark.text for mark in course.scene().marks if mark.kind == "fault"]
+    assert faults == ["R1 clock not certain"]
 
 
 def test_strangers_and_bad_bytes_change_nothing():
