@@ -2,8 +2,9 @@
 
 Decides: what stands in a certificate.  Must not know: files, who may do what.
 
-Keys are on the curve P-256, which microcontrollers know too.  Only the coordinator's certificate
-may serve a link, so that no robot can pose as the coordinator; none but the authority's may sign.
+Keys are on the curve P-256, which microcontrollers know too.  Only a coordinator's and a router's
+certificate may serve a link, so that no robot can pose as either; a router's can do nothing else.
+None but the authority's may sign.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from protocol.badge import Badge
 
 THIS_MACHINE: Final = ("localhost", "127.0.0.1", "::1")
-"""Where a coordinator can always be reached, besides the hosts that are named."""
+"""Where these can always be reached, besides the hosts that are named."""
 
 AUTHORITY_DAYS: Final = 3_650
 
@@ -65,7 +66,7 @@ def new_certificate(
 ) -> Pair:
     """Return a certificate of the authority, valid for so many days but not beyond its own.
 
-    `hosts` are the names and addresses under which a coordinator is reached.
+    `hosts` are the names and addresses under which a coordinator or a router is reached.
     """
     issuer = x509.load_pem_x509_certificate(authority.certificate)
     signer = serialization.load_pem_private_key(authority.private, password=None)
@@ -73,8 +74,8 @@ def new_certificate(
         raise ValueError("the authority's private key is not on an elliptic curve")
     key = ec.generate_private_key(ec.SECP256R1())
     end = min(now + datetime.timedelta(days=days), issuer.not_valid_after_utc)
-    serves = badge.role == "coordinator"
-    purposes = [ExtendedKeyUsageOID.CLIENT_AUTH]
+    serves = badge.role in ("coordinator", "router")
+    purposes = [] if badge.role == "router" else [ExtendedKeyUsageOID.CLIENT_AUTH]
     purposes += [ExtendedKeyUsageOID.SERVER_AUTH] if serves else []
     builder = (
         _begin(issuer.subject, _name(badge.common_name), signer, key, now, end)

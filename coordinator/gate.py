@@ -56,13 +56,8 @@ class Gate:
         self._links: SimpleQueue[tuple[str, str, str, bool]] = SimpleQueue()
         self._denials = Denials(self._name_of, self._ended)
         self._log: ZenohLog | None = None
-        known = {badge.name for badge in badges if badge.role == "robot"}
         self.warnings = [warning] if (warning := self.files.warning()) else []
-        self.warnings += [
-            f"{robot}: has no key that counts and is not heard; splinefleet keys robot {robot}"
-            for robot in self._robots
-            if robot not in known
-        ]
+        self.warnings += self._register.keyless(self._robots, now)
 
     def listen(self, endpoint: str) -> ZenohTransport:
         """Open the coordinator's session; who may do what stays as it is now while it is open."""

@@ -1,4 +1,4 @@
-"""The commands about keys: keys init, robot, observer, operator, coordinator, revoke, show.
+"""The commands about keys: keys init, robot, observer, operator, coordinator, router, revoke, show.
 
 Decides: options and exit codes.
 """
@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from coordinator.commands import Json
-from coordinator.console import answer_json, answers, tell
+from coordinator.commands import Json, writable
+from coordinator.console import answer_json, answers, tell, write_file
 from coordinator.errors import InputError
 from protocol.badge import ROLES, Role
-from protocol.key_files import WARNING, own_place
+from protocol.endpoint import endpoint_of
+from protocol.key_files import WARNING, own_place, read_key_files
 from protocol.keys import NAME
 
 if TYPE_CHECKING:
@@ -103,6 +104,54 @@ def coordinator(keys: Keys = _USUAL, host: Hosts = None, days: Days = 365) -> No
 
 
 @keys_commands.command()
+def router(
+    scenarios: Annotated[
+        list[Path],
+        typer.Argument(metavar="SCENARIO...", help="Of all fleets that meet at the router."),
+    ],
+    keys: Keys = _USUAL,
+    host: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Name or address where the router is reached: makes its next key; repeatable."
+        ),
+    ] = None,
+    days: Days = 365,
+    listen: Annotated[str, typer.Option(help="Where it listens.")] = "tls/0.0.0.0:7447",
+    files: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Its folder on its host; by default where it is here."),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="FILE.json5", callback=writable(".json5"))
+    ] = Path("router.json5"),
+) -> None:
+    """Write zenohd's configuration, anew after each key made or revoked and each new robot.
+
+    Example: splinefleet keys router hall.toml yard.toml --host router.local
+    """
+    from coordinator.key_store import KeyStore
+    from coordinator.router_file import meeting_fleets, router_file
+    from coordinator.scenario_file import read_scenario
+
+    endpoint_of(listen, locked=True)
+    fleets = meeting_fleets([read_scenario(scenario) for scenario in scenarios])
+    register = KeyStore(keys).register()
+    if host:
+        _issue("router", ["router"], keys, days, _hosts(host))
+    elif "router" not in register.names("router"):
+        raise InputError([f"{keys}: holds no router's key; --host NAME, where it is reached"])
+    own = read_key_files(keys, "router")
+    now = _now()
+    warnings = [own.warning(now)]
+    warnings += register.keyless((name for robots in fleets.values() for name in robots), now)
+    for warning in filter(None, warnings):
+        tell(warning)
+    write_file(output, router_file(listen, own.moved_to(files), fleets, register.valid(now)))
+    tell(f"wrote {output}; it counts when the router starts with it")
+
+
+@keys_commands.command()
 def revoke(
     who: Annotated[str, typer.Argument(metavar="WHO", help="A robot, or observer/NAME and so on.")],
     keys: Keys = _USUAL,
@@ -124,6 +173,8 @@ def revoke(
         raise InputError([f"{who}: has no key{which} that counts; splinefleet keys show tells all"])
     for one in hit:
         tell(f"{one.badge.who}: revoked; a coordinator that runs refuses it from its next start on")
+    if hit:
+        tell("a router refuses it when it starts with what splinefleet keys router writes then")
 
 
 @keys_commands.command()
@@ -190,9 +241,9 @@ def _who(text: str) -> tuple[Role, str]:
     role = next((role for role in ROLES if role == (head or "robot")), None)
     if role is None or not _fits(rest):
         raise InputError([f"{text[:60]!r} is nobody; it is ROBOT, observer/NAME or operator/NAME"])
-    if role == "coordinator":
+    if role in ("coordinator", "router"):
         text = "robots do not learn of it; make a new authority with splinefleet keys init"
-        raise InputError([f"the coordinator's key cannot be revoked: {text}"])
+        raise InputError([f"the {role}'s key cannot be revoked: {text}"])
     return role, rest
 
 

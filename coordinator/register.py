@@ -9,6 +9,7 @@ gets another.
 from __future__ import annotations
 
 import datetime
+from collections.abc import Iterable
 from typing import Final
 
 import msgspec
@@ -77,6 +78,15 @@ class Register(msgspec.Struct, frozen=True):
     def valid(self, now: datetime.datetime) -> list[Badge]:
         """Return whom the certificates speak for that count now."""
         return [one.badge for one in self.issued if one.state(now) == "valid"]
+
+    def keyless(self, robots: Iterable[str], now: datetime.datetime) -> list[str]:
+        """Return what is to be told of robots without a certificate that counts now."""
+        known = {badge.name for badge in self.valid(now) if badge.role == "robot"}
+        return [
+            f"{robot}: has no key that counts and is not heard; splinefleet keys robot {robot}"
+            for robot in robots
+            if robot not in known
+        ]
 
     def names(self, role: Role) -> set[str]:
         """Return all names of a role that ever had a certificate."""

@@ -9,7 +9,8 @@ empty would stand for everybody, so a role that nobody has gets no policy at all
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
+from itertools import chain
 from typing import Any, Final, NamedTuple
 
 from protocol import keys
@@ -68,6 +69,36 @@ def rights_of(fleet: str, robots: Iterable[str], badge: Badge) -> Rights | None:
     if badge.role == "observer":
         return observer_rights(fleet)
     return operator_rights(fleet) if badge.role == "operator" else None
+
+
+def coordinator_rights(fleet: str) -> Rights:
+    """Return what a coordinator may do at a router: command, answer, hear its robots and operators.
+
+    It hears the command too: of two coordinators of one fleet one gives way.
+    """
+    hears = [kind(fleet, "*") for kind in (keys.hello, keys.report, keys.clock, keys.admit)]
+    hears.append(keys.command(fleet))
+    return Rights(
+        puts=(keys.command(fleet), keys.plan(fleet, "*"), keys.clock(fleet, "*")),
+        subscribes=tuple(hears),
+        hears=tuple(hears),
+        watches=(keys.alive(fleet, "*"),),
+    )
+
+
+def router_rights(fleets: Mapping[str, Collection[str]], badge: Badge) -> Rights | None:
+    """Return what a badge may do at a router where these fleets' robots meet their coordinators.
+
+    None for nothing at all.  A robot's name must be in one fleet only: a badge tells no fleet.
+    """
+    if badge.role == "coordinator":
+        found = [coordinator_rights(fleet) for fleet in fleets]
+    else:
+        rights = (rights_of(fleet, robots, badge) for fleet, robots in fleets.items())
+        found = [right for right in rights if right is not None]
+    if not found:
+        return None
+    return Rights(*(tuple(dict.fromkeys(chain(*parts))) for parts in zip(*found, strict=True)))
 
 
 def player_rights(badge: Badge) -> Rights | None:

@@ -13,7 +13,7 @@ from typing import Final, Literal, NamedTuple, cast, get_args
 
 from protocol.keys import NAME
 
-Role = Literal["coordinator", "robot", "observer", "operator"]
+Role = Literal["coordinator", "router", "robot", "observer", "operator"]
 ROLES: Final[tuple[Role, ...]] = get_args(Role)
 
 _COMMON_NAME: Final = re.compile(rf"({'|'.join(ROLES)})/({NAME.pattern})/([1-9][0-9]{{0,8}})")

@@ -33,6 +33,16 @@ class KeyFiles(NamedTuple):
     badge: Badge
     expires: datetime.datetime
 
+    def moved_to(self, folder: Path | None) -> KeyFiles:
+        """Return the same files as they lie in another folder; None for where they are."""
+        if folder is None:
+            return self
+        return self._replace(
+            authority=folder / AUTHORITY,
+            certificate=folder / CERTIFICATE,
+            private=folder / PRIVATE,
+        )
+
     def warning(self, now: datetime.datetime | None = None) -> str:
         """Return what is to be told when they expire soon after `now`, else nothing."""
         now = now or datetime.datetime.now(datetime.UTC)
@@ -47,7 +57,7 @@ class KeyFiles(NamedTuple):
 
 def own_place(role: Role, name: str) -> Path:
     """Return where a fleet's folder keeps the files of a party."""
-    return Path(role) if role == "coordinator" else Path(role) / name
+    return Path(role) if role in ("coordinator", "router") else Path(role) / name
 
 
 def read_key_files(

@@ -99,15 +99,9 @@ class ZenohTransport(Transport):
         """
         import zenoh
 
-        from protocol.access import access_control
-
         endpoint_of(endpoint, locked=keys is not None)
-        settings = {**_COMMON, **_ROUTER, "listen/endpoints": [endpoint]}
-        if keys is not None:
-            settings["transport/link/tls"] = _locked(keys, "listen")
-            settings["access_control"] = access_control(()) if access is None else access
         try:
-            return cls(_open(settings))
+            return cls(_open(router_settings(endpoint, keys, access)))
         except zenoh.ZError as error:
             raise TransportError(f"{endpoint}: {_why_not_listening(str(error))}") from None
 
@@ -241,6 +235,19 @@ class ZenohTransport(Transport):
         # Zenoh gives such a link up after 10 s with an error; the process can end all the same.
         with contextlib.suppress(self._error):
             self._session.close()  # type: ignore[no-untyped-call]
+
+
+def router_settings(
+    endpoint: str, keys: KeyFiles | None = None, access: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return the settings of a session that routes, by their paths; zenohd takes the same."""
+    from protocol.access import access_control
+
+    settings = {**_COMMON, **_ROUTER, "listen/endpoints": [endpoint]}
+    if keys is not None:
+        settings["transport/link/tls"] = _locked(keys, "listen")
+        settings["access_control"] = access_control(()) if access is None else access
+    return settings
 
 
 def use_few_threads() -> None:

@@ -65,6 +65,16 @@ def test_a_robot_can_serve_no_link_and_sign_no_certificate():
         loaded(forged).verify_directly_issued_by(loaded(AUTHORITY))
 
 
+def test_a_routers_key_serves_a_link_under_its_names_and_opens_none():
+    pair = new_certificate(AUTHORITY, Badge("router", "router", 1), NOW, 365, ["router.local"])
+    usage = loaded(pair).extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
+    assert list(usage) == [ExtendedKeyUsageOID.SERVER_AUTH]
+    server = trusting(AUTHORITY).build_server_verifier(x509.DNSName("router.local"))
+    server.verify(loaded(pair), [])
+    with pytest.raises(VerificationError):
+        trusting(AUTHORITY).build_client_verifier().verify(loaded(pair), [])
+
+
 def test_a_robot_of_another_authority_is_not_of_this_one():
     other = new_certificate(new_authority(NOW), Badge("robot", "R1", 3), NOW, 365)
     with pytest.raises(ValueError, match="does not match"):

@@ -76,6 +76,7 @@ def test_the_table_for_people_names_everybody(folder):
         (["robot", "*"], "no name"),
         (["revoke", "R9"], "no key that counts"),
         (["revoke", "coordinator/coordinator"], "new authority"),
+        (["revoke", "router/router"], "new authority"),
         (["revoke", "king/R1"], "is nobody"),
         (["revoke", "../R1"], "is nobody"),
         (["coordinator", "--host", "a b"], "no name or address"),

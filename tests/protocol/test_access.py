@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from protocol import keys
-from protocol.access import access_control, player_rights, rights_of
-from protocol.badge import Badge, badge_of
+from protocol.access import access_control, player_rights, rights_of, router_rights
+from protocol.badge import ROLES, Badge, badge_of
 
 QUICK = settings(derandomize=True, max_examples=100, database=None)
 NAMES = st.from_regex(keys.NAME, fullmatch=True)
@@ -101,6 +101,69 @@ def test_a_robot_that_is_not_in_the_scenario_and_a_coordinator_have_no_rights():
     assert rights_of(FLEET, ROBOTS, Badge("coordinator", "R1", 1)) is None
 
 
+COORDINATOR = Badge("coordinator", "coordinator", 1)
+FAR = Badge("robot", "R3", 1)
+
+
+@pytest.fixture(scope="module")
+def at_router():
+    fleets = {FLEET: ROBOTS, "other": ("R3",)}
+    badges = [COORDINATOR, ROBOT, Badge("robot", "R2", 1), FAR, OBSERVER, OPERATOR]
+    return access_control((badge, router_rights(fleets, badge)) for badge in badges)
+
+
+def of_both(*kinds):
+    return {
+        kind(fleet, robot)
+        for kind, fleet, robot in itertools.product(kinds, (FLEET, "other"), ("R1", "R2", "R3"))
+    }
+
+
+def test_at_a_router_a_coordinator_commands_plans_and_answers_and_poses_as_no_robot(at_router):
+    commands = {keys.command(FLEET), keys.command("other")}
+    said = of_both(keys.plan, keys.clock) | commands
+    given = of_both(keys.hello, keys.report, keys.clock, keys.admit) | commands
+    assert allowed(at_router, COORDINATOR, "ingress", "put") == said
+    assert allowed(at_router, COORDINATOR, "egress", "put") == given
+    assert allowed(at_router, COORDINATOR, "ingress", "declare_subscriber") == given
+    assert allowed(at_router, COORDINATOR, "egress", "liveliness_token") == of_both(keys.alive)
+    assert allowed(at_router, COORDINATOR, "ingress", "liveliness_token") == set()
+
+
+def test_at_a_router_a_robot_may_what_it_may_at_a_coordinator_of_its_own_and_no_more(
+    at_router, config
+):
+    flows = itertools.product(
+        ("ingress", "egress"),
+        ("put", "delete", "declare_subscriber", "liveliness_token", "query", "reply"),
+    )
+    for flow, message in flows:
+        there = allowed(at_router, ROBOT, flow, message)
+        assert there == allowed(config, ROBOT, flow, message)
+        if flow == "egress" or message != "declare_subscriber":
+            assert not any(key.startswith("splinefleet/other/") for key in there)
+    assert allowed(at_router, FAR, "ingress", "put") == {
+        kind("other", "R3") for kind in (keys.hello, keys.report, keys.clock)
+    }
+    assert allowed(at_router, FAR, "egress", "put") == {
+        keys.plan("other", "R3"),
+        keys.clock("other", "R3"),
+        keys.command("other"),
+    }
+
+
+def test_at_a_router_observers_and_operators_are_those_of_all_its_fleets(at_router):
+    assert allowed(at_router, OBSERVER, "ingress", "put") == set()
+    assert of_both(*KINDS) <= allowed(at_router, OBSERVER, "egress", "put")
+    assert allowed(at_router, OPERATOR, "ingress", "put") == of_both(keys.admit)
+
+
+def test_at_a_router_a_robot_of_none_of_its_fleets_and_another_router_have_no_rights():
+    assert router_rights({FLEET: ROBOTS}, FAR) is None
+    assert router_rights({FLEET: ROBOTS}, Badge("router", "router", 1)) is None
+    assert router_rights({}, COORDINATOR) is None
+
+
 def test_where_a_log_is_played_only_observers_hear():
     assert player_rights(ROBOT) is None
     assert player_rights(OPERATOR) is None
@@ -117,7 +180,7 @@ def test_nobody_gets_no_policy_since_an_empty_list_of_names_would_be_everybody()
 @QUICK
 @given(NAMES, NAMES, st.integers(1, 999_999_999))
 def test_a_common_name_tells_role_name_and_generation_and_no_pattern(fleet, name, generation):
-    for role in ("coordinator", "robot", "observer", "operator"):
+    for role in ROLES:
         badge = Badge(role, name, generation)
         assert badge_of(badge.common_name) == badge
         assert len(badge.common_name) <= 64

@@ -1,6 +1,7 @@
-"""A router as a process of its own, as zenohd is: `python -m tests.system.router ENDPOINT`.
+"""A router as a process of its own, as zenohd is: `python -m tests.system.router ENDPOINT CONFIG`.
 
-It has the settings that docs/deploy/router.json5 gives to zenohd, but for where it listens.
+It has the settings of a file for zenohd, by default docs/deploy/router.json5, but for where it
+listens.  What it refuses it writes to stderr, when RUST_LOG asks for it.
 """
 
 import contextlib
@@ -17,19 +18,21 @@ CONFIG = ROOT / "docs" / "deploy" / "router.json5"
 
 
 @contextlib.contextmanager
-def router(endpoint):
+def router(endpoint, config=CONFIG):
     """Start a router and wait until it listens; whatever is left of it is killed."""
-    with running(sys.executable, "-m", "tests.system.router", endpoint) as process:
+    command = (sys.executable, "-m", "tests.system.router", endpoint, str(config))
+    with running(*command) as process:
         line_with(process, "listening")
         yield process
 
 
-def main(endpoint):
+def main(endpoint, file):
     """Route until told to end."""
     over = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: over.set())
-    config = zenoh.Config.from_file(str(CONFIG))
+    zenoh.init_log_from_env_or("error")
+    config = zenoh.Config.from_file(file)
     config.insert_json5("listen/endpoints", json.dumps([endpoint]))
     with zenoh.open(config):
         sys.stdout.write("listening\n")
@@ -38,4 +41,4 @@ def main(endpoint):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(*sys.argv[1:])
