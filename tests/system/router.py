@@ -1,7 +1,7 @@
 """A router as a process of its own, as zenohd is: `python -m tests.system.router ENDPOINT CONFIG`.
 
 It has the settings of a file for zenohd, by default docs/deploy/router.json5, but for where it
-listens.  What it refuses it writes to stderr, when RUST_LOG asks for it.
+listens.  What it refuses it writes to stdout, when RUST_LOG asks for it.
 """
 
 import contextlib
