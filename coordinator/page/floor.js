@@ -98,6 +98,7 @@ class FloorView extends Ground {
 
   /** Names of robots that are too small to hold them, clear of robots and of each other. */
   sayNames(pen, focus, look) {
+    if (this.crowd && focus < 0) return;
     pen.font = look.font(11, 600);
     pen.textAlign = "center";
     pen.textBaseline = "middle";
