@@ -23,6 +23,7 @@ from protocol.keys import NAME
 commands = typer.Typer()
 
 Item = TypeVar("Item")
+Force = Annotated[bool, typer.Option("--force", help="Replace a file that is there.")]
 
 
 def fleet_name(name: str | None) -> str | None:
@@ -37,7 +38,7 @@ def record(
     connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
     output: Annotated[
         Path, typer.Option("-o", "--output", help="FILE.mcap", callback=writable(".mcap"))
-    ] = Path("run.mcap"),
+    ] = Path("beside.mcap"),
     fleet: Annotated[
         str | None, typer.Option(help="Fleet; without it the first heard.", callback=fleet_name)
     ] = None,
@@ -46,6 +47,7 @@ def record(
     ] = 10.0,
     speed: Speed = 1.0,
     keys: Keys = None,
+    force: Force = False,
 ) -> None:
     """Record all of a fleet's traffic, listening only, until it is over or Ctrl-C.
 
@@ -54,9 +56,10 @@ def record(
     from coordinator.record import Recording
     from protocol.zenoh_transport import ZenohTransport, use_few_threads
 
+    _refuse_existing(output, force)
     files = given_keys(keys, "observer")
     use_few_threads()
-    recording = Recording(output, speed)
+    recording = Recording(output, speed, replace=force)
     try:
         with ZenohTransport.connect(connect, timeout_s=wait, keys=files) as transport:
             name = recording.begin(transport, fleet)
@@ -66,6 +69,11 @@ def record(
         count = recording.close()
         if recording.listener is not None:
             tell(f"{output}: {count} messages")
+
+
+def _refuse_existing(output: Path, force: bool) -> None:
+    if output.exists() and not force:
+        raise InputError([f"--output: {output} is there already; --force replaces it"])
 
 
 def shown(items: Sequence[Item], what: str) -> Iterable[Item]:
@@ -87,7 +95,7 @@ def recover(
             callback=writable(".mcap"),
         ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Make a cut or damaged log whole: every complete chunk, attachments, a proper end.
@@ -100,8 +108,7 @@ def recover(
     place = output or log.with_name(f"{log.stem}-whole.mcap")
     if place.resolve() == log.resolve():
         raise InputError([f"--output: {place} is the log itself; name another file"])
-    if place.exists() and not force:
-        raise InputError([f"--output: {place} is there already; --force replaces it"])
+    _refuse_existing(place, force)
     whole = make_whole(load(log), str(log))
     _write_at_once(place, whole.data)
     if as_json:

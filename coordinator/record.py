@@ -87,10 +87,14 @@ class Listener:
 
 
 class Recording:
-    """A recording into `path`, from `begin` to `close`; `speed` is the fleet's."""
+    """A recording into `path`, from `begin` to `close`; `speed` is the fleet's.
 
-    def __init__(self, path: Path, speed: float = 1.0) -> None:
+    A file that is there is replaced only with `replace`.
+    """
+
+    def __init__(self, path: Path, speed: float = 1.0, *, replace: bool = False) -> None:
         self.path = path
+        self._replace = replace
         self.listener: Listener | None = None
         self._speed = speed
         self._recorder: Recorder | None = None
@@ -113,7 +117,9 @@ class Recording:
             **{name: version(name) for name in _VERSIONED},
         }
         offset_ns = time.time_ns() - self._clock()
-        self._recorder = Recorder(self.path, metadata=metadata, wall_offset_ns=offset_ns)
+        self._recorder = Recorder(
+            self.path, metadata=metadata, wall_offset_ns=offset_ns, replace=self._replace
+        )
         self.listener = Listener(fleet, self._recorder, self._clock)
         if first is None:
             self.listener.listen(transport, fleet)

@@ -26,6 +26,7 @@ from zstandard import ZstdError
 
 from coordinator.errors import InputError, LogError
 from coordinator.log_channels import PLAIN, Description, describe
+from coordinator.own_file import open_own
 
 METADATA_NAME: Final = "splinefleet"
 WALL_OFFSET: Final = "wall_offset_ns"
@@ -75,7 +76,8 @@ class Recorder:
 
     `metadata` is written as it is, with `wall_offset_ns` [ns, wall clock less the coordinator's
     clock] added.  Metadata and attachments are in the file when the constructor returns.  Raises
-    InputError when the file cannot be created or written.
+    InputError when the file cannot be created or written, when another recorder is writing it,
+    and, without `replace`, when it is there already.
     """
 
     def __init__(
@@ -85,6 +87,7 @@ class Recorder:
         metadata: Mapping[str, str],
         wall_offset_ns: int,
         attachments: Iterable[Attachment] = (),
+        replace: bool = True,
     ) -> None:
         self.path = path
         self.error: str | None = None
@@ -102,7 +105,8 @@ class Recorder:
         self._channels: dict[tuple[str, bool], int] = {}
         self._sequences: dict[str, int] = {}
         try:
-            self._open({**metadata, WALL_OFFSET: str(wall_offset_ns)}, attachments)
+            self._stream = open_own(path, replace=replace)
+            self._begin({**metadata, WALL_OFFSET: str(wall_offset_ns)}, attachments)
         except OSError as error:
             raise InputError([_sentence(path, error)]) from None
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
@@ -163,8 +167,7 @@ class Recorder:
         """Close the recorder."""
         self.close()
 
-    def _open(self, metadata: dict[str, str], attachments: Iterable[Attachment]) -> None:
-        self._stream = self.path.open("wb")
+    def _begin(self, metadata: dict[str, str], attachments: Iterable[Attachment]) -> None:
         try:
             self._writer = begin_file(self._stream)
             self._writer.add_metadata(METADATA_NAME, metadata)

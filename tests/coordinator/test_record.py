@@ -182,3 +182,18 @@ def test_a_fleet_on_zenoh_is_recorded_whole_by_one_who_found_it_by_itself(tmp_pa
     late = [r.log_ns + int(log.metadata["wall_offset_ns"]) - r.publish_ns for r in found]
     assert all(0 <= age < 5_000_000_000 for age in late)
     assert summarise(log)["latencies"]["command_age"]["count"] == len(found)
+
+
+def test_a_file_that_is_there_is_recorded_over_on_wish_only(tmp_path):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(b"dear")
+    asked = ["record", "--connect", free_endpoint(), "--wait", "0.1", "-o", str(path)]
+    with pytest.raises(InputError, match=r"--output: .* is there already; --force replaces it"):
+        CliRunner().invoke(app, asked, catch_exceptions=False)
+    with pytest.raises(InputError, match="File exists"):
+        Recording(path).begin(Silent(), "f")
+    assert path.read_bytes() == b"dear"
+    recording = Recording(path, replace=True)
+    recording.begin(Silent(), "f")
+    recording.close()
+    assert read_log(path).complete

@@ -228,3 +228,32 @@ def test_keys_that_somebody_invents_do_not_end_the_log(tmp_path, monkeypatch):
         log.close()
     with path.open("rb") as stream:
         assert make_reader(stream).get_summary().statistics.channel_count == 100
+
+
+def test_a_log_that_is_being_written_is_never_emptied_by_another_recorder(tmp_path):
+    path = tmp_path / "run.mcap"
+    with open_log(path) as log:
+        log.record(keys.command("f"), b"x", 1)
+        log.sync()
+        before = path.read_bytes()
+        with pytest.raises(InputError, match="cannot be written: another program is writing it"):
+            open_log(path)
+        assert path.read_bytes() == before
+    with path.open("rb") as stream:
+        assert len(list(make_reader(stream, validate_crcs=True).iter_messages())) == 1
+    open_log(path).close()
+    with path.open("rb") as stream:
+        assert list(make_reader(stream, validate_crcs=True).iter_messages()) == []
+
+
+def test_a_log_that_is_there_stays_unless_it_may_be_replaced(tmp_path):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(b"dear")
+    with pytest.raises(InputError, match="cannot be written: File exists"):
+        open_log(path, replace=False)
+    assert path.read_bytes() == b"dear"
+
+
+def test_many_recorders_may_write_to_nowhere():
+    with open_log(Path("/dev/null")), open_log(Path("/dev/null")):
+        pass
