@@ -1,6 +1,5 @@
 """Logs made whole: cut anywhere, damaged anywhere; judged by the stock mcap reader."""
 
-import asyncio
 import io
 import random
 
@@ -9,48 +8,19 @@ import pytest
 from mcap.reader import NonSeekingReader, make_reader
 from typer.testing import CliRunner
 
-from coordinator import recorder as recorder_module
 from coordinator import replay
 from coordinator.errors import InputError
 from coordinator.info import summarise
 from coordinator.log_commands import commands
 from coordinator.logbook import log_from_bytes, read_log
-from coordinator.mission import Mission
-from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
 from coordinator.recorder import Attachment, Recorder
 from coordinator.recover import RECOVERED, make_whole
 from coordinator.replay import check_log
-from coordinator.scenario_file import parse_scenario, scenario_to_json
-from coordinator.service import Service
-from tests.coordinator.test_service import SCENARIO, Clock, Hand
+from coordinator.scenario_file import scenario_to_json
 from tests.json_schema import problems
 
 CUTS = 1_000
-
-
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    """The bytes of a fleet's log in many small chunks, from its first Command to OVER."""
-    patch = pytest.MonkeyPatch()
-    patch.setattr(recorder_module, "CHUNK_BYTES", 90)
-    patch.setattr(recorder_module, "FLUSH_PERIOD_S", 60.0)
-    scenario = parse_scenario(SCENARIO, "one.toml")
-    document = plan_scenario(scenario, effort=3)
-    path = tmp_path_factory.mktemp("recover") / "run.mcap"
-    recorder = Recorder(
-        path,
-        metadata={"fleet": "one", "policy": "safe", "boot": "9", "effort": "3"},
-        wall_offset_ns=10**18,
-        attachments=[Attachment("scenario.json", "application/json", scenario_to_json(scenario))],
-    )
-    mission = Mission(scenario, document, 9, lambda s, epoch: plan_scenario(s, 3, epoch))
-    recorder.attach("plan-1.json", "application/json", to_json(document))
-    service = Service(mission, Hand(), recorder, Clock(), speed=1000.0)
-    with recorder:
-        assert asyncio.run(service.run(patience_s=60.0))
-    patch.undo()
-    return path.read_bytes()
 
 
 @pytest.fixture
@@ -151,11 +121,23 @@ def test_a_damaged_chunk_costs_only_itself(recorded):
 
 
 @pytest.mark.parametrize("place", [1, 3, 7])
-def test_a_record_whose_length_is_damaged_hides_no_chunk_behind_it(recorded, place):
+def test_a_record_whose_length_is_damaged_hides_nothing(recorded, place):
     chunks = chunks_of(recorded)
-    for start, _, gone in chunks[:-1]:
+    for start, *_ in chunks[:-1]:
         data = bytearray(recorded)
         data[start + place] = 0xEE
+        whole = make_whole(bytes(data), "damaged")
+        assert read(whole.data)[1:] == read(recorded)[1:], start
+        assert whole.damage.startswith(f"damaged at byte {start} (chunk)")
+
+
+@pytest.mark.parametrize("place", [1, 3, 7])
+def test_a_chunk_whose_length_and_contents_are_damaged_costs_only_itself(recorded, place):
+    chunks = chunks_of(recorded)
+    for start, end, gone in chunks[:-1]:
+        data = bytearray(recorded)
+        data[start + place] = 0xEE
+        data[end - 10] ^= 0xFF
         whole = make_whole(bytes(data), "damaged")
         expected = [m for chunk in chunks if chunk[2] is not gone for m in chunk[2]]
         assert read(whole.data)[1] == expected, start

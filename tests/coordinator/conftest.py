@@ -1,0 +1,38 @@
+"""A fleet's log that several tests take apart."""
+
+import asyncio
+
+import pytest
+
+from coordinator import recorder as recorder_module
+from coordinator.mission import Mission
+from coordinator.plan import to_json
+from coordinator.planner import plan_scenario
+from coordinator.recorder import Attachment, Recorder
+from coordinator.scenario_file import parse_scenario, scenario_to_json
+from coordinator.service import Service
+from tests.coordinator.test_service import SCENARIO, Clock, Hand
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory):
+    """The bytes of a fleet's log in many small chunks, from its first Command to OVER."""
+    patch = pytest.MonkeyPatch()
+    patch.setattr(recorder_module, "CHUNK_BYTES", 90)
+    patch.setattr(recorder_module, "FLUSH_PERIOD_S", 60.0)
+    scenario = parse_scenario(SCENARIO, "one.toml")
+    document = plan_scenario(scenario, effort=3)
+    path = tmp_path_factory.mktemp("recover") / "run.mcap"
+    recorder = Recorder(
+        path,
+        metadata={"fleet": "one", "policy": "safe", "boot": "9", "effort": "3"},
+        wall_offset_ns=10**18,
+        attachments=[Attachment("scenario.json", "application/json", scenario_to_json(scenario))],
+    )
+    mission = Mission(scenario, document, 9, lambda s, epoch: plan_scenario(s, 3, epoch))
+    recorder.attach("plan-1.json", "application/json", to_json(document))
+    service = Service(mission, Hand(), recorder, Clock(), speed=1000.0)
+    with recorder:
+        assert asyncio.run(service.run(patience_s=60.0))
+    patch.undo()
+    return path.read_bytes()
