@@ -85,7 +85,7 @@ def read_history(path: Path, until: float) -> History:
         logs.pop()
         before.pop()
     kept = [record for record in logs[-1].records if record.log_ns <= until_ns]
-    logs[-1] = replace(logs[-1], records=kept)
+    logs[-1] = replace(logs[-1], records=kept, complete=False)
     mission, check = run_again(logs[-1])
     if mission is None or check.difference:
         raise InputError([f"{path}: cannot be gone on from: {check.difference}"])

@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from coordinator import recorder as recorder_module
+from coordinator import replay
 from coordinator.mission import Mission
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
@@ -36,3 +37,17 @@ def recorded(tmp_path_factory):
         assert asyncio.run(service.run(patience_s=60.0))
     patch.undo()
     return path.read_bytes()
+
+
+@pytest.fixture
+def planned_once(monkeypatch):
+    """Let a thousand checks of the same log plan its scenario once."""
+    known = {}
+
+    def plan_here(scenario, effort, epoch=1):
+        key = (scenario_to_json(scenario), effort, epoch)
+        if key not in known:
+            known[key] = plan_scenario(scenario, effort=effort, epoch=epoch)
+        return known[key]
+
+    monkeypatch.setattr(replay, "plan_here", plan_here)

@@ -8,33 +8,16 @@ import pytest
 from mcap.reader import NonSeekingReader, make_reader
 from typer.testing import CliRunner
 
-from coordinator import replay
 from coordinator.errors import InputError
 from coordinator.info import summarise
 from coordinator.log_commands import commands
 from coordinator.logbook import log_from_bytes, read_log
-from coordinator.planner import plan_scenario
 from coordinator.recorder import Attachment, Recorder
 from coordinator.recover import RECOVERED, make_whole
 from coordinator.replay import check_log
-from coordinator.scenario_file import scenario_to_json
 from tests.json_schema import problems
 
 CUTS = 1_000
-
-
-@pytest.fixture
-def planned_once(monkeypatch):
-    """Let a thousand checks of the same log plan its scenario once."""
-    known = {}
-
-    def plan_here(scenario, effort, epoch=1):
-        key = (scenario_to_json(scenario), effort, epoch)
-        if key not in known:
-            known[key] = plan_scenario(scenario, effort=effort, epoch=epoch)
-        return known[key]
-
-    monkeypatch.setattr(replay, "plan_here", plan_here)
 
 
 def read(data):
