@@ -109,10 +109,10 @@ class Coordinator:
                         transport.has_router if place.routed else None,
                     )
                     arrived = asyncio.run(service.run(patience))
+                self._tell_incidents(fleet)
+                self._summarise(fleet, arrived, service.intake.dropped)
             finally:
                 recorder.close()
-        self._tell_incidents(fleet)
-        self._summarise(fleet, arrived, service.intake.dropped)
         return 0 if arrived else 1
 
     def _begin(self, boot: int, plan_file: Path | None) -> Mission:

@@ -98,6 +98,7 @@ class Recorder:
         self._gate = threading.Lock()
         self._held = 0
         self._waiting: deque[_Entry | Attachment | threading.Event] = deque()
+        self._unwritten: list[threading.Event] = []
         self._hurry = threading.Event()
         self._closing = threading.Event()
         self._schemas: dict[str, int] = {"": 0}
@@ -133,16 +134,19 @@ class Recorder:
         if self.error is None and not self._closing.is_set():
             self._waiting.append(Attachment(name, media_type, data))
 
-    def sync(self) -> None:
+    def sync(self) -> bool:
         """Wait until everything recorded so far has reached the system, at most a second.
 
-        What a robot may act on for long is to be in the log before the robot hears of it.
+        What a robot may act on for long is to be in the log before the robot hears of it.  False
+        when the log cannot be written any more.
         """
         if self.error is None and not self._closing.is_set():
             written = threading.Event()
             self._waiting.append(written)
             self._hurry.set()
-            written.wait(1.0)
+            if self.error is None:  # else nobody may be left who would set it
+                written.wait(1.0)
+        return self.error is None
 
     def close(self) -> None:
         """Write what is left and end the file; further calls do nothing.
@@ -191,27 +195,36 @@ class Recorder:
             self._stream.close()
         except _WRITE_ERRORS as error:
             self.error = _sentence(self.path, error)
-            self._waiting.clear()
+            self._give_up_waiting()
             with suppress(OSError):
                 self._stream.close()
+
+    def _give_up_waiting(self) -> None:
+        """Drop what is waiting; who waits for it goes on at once."""
+        for event in self._unwritten:
+            event.set()
+        while self._waiting:
+            item = self._waiting.popleft()
+            if isinstance(item, threading.Event):
+                item.set()
 
     def _write_waiting(self) -> None:
         if not self._waiting:
             return
-        written: list[threading.Event] = []
         while self._waiting:
             item = self._waiting.popleft()
             if isinstance(item, Attachment):
                 self._add_attachment(item)
             elif isinstance(item, threading.Event):
-                written.append(item)
+                self._unwritten.append(item)
             else:
                 self._add_message(item)
                 with self._gate:
                     self._held -= item.size
         self._writer.flush()  # type: ignore[no-untyped-call]
-        for event in written:
+        for event in self._unwritten:
             event.set()
+        self._unwritten.clear()
 
     def _add_attachment(self, attachment: Attachment) -> None:
         name, media_type, data = attachment

@@ -30,7 +30,7 @@ from coordinator.scenario_file import parse_scenario
 from protocol import keys
 from protocol.codec import decode
 from protocol.messages import Clock, Command
-from protocol.phases import OVER, PHASE_NAMES
+from protocol.phases import COMMAND_NAMES, OVER
 
 _FEW: Final = 2
 
@@ -58,7 +58,7 @@ def check_log(log: Log) -> Check:
     if not log.complete:
         return check._replace(note="the log was not closed; what is there agrees")
     if mission is not None and not (mission.fleet.is_finished or mission.fleet.superseded):
-        phase = PHASE_NAMES[mission.fleet.phase]
+        phase = COMMAND_NAMES[mission.fleet.phase]
         note = f"the log ends at {phase}, before the fleet was over; what is there agrees"
         return check._replace(note=note)
     return check

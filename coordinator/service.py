@@ -27,7 +27,7 @@ from coordinator.recorder import Recorder
 from coordinator.recovery import Recovery
 from coordinator.roll_call import missing_in_words
 from protocol import keys
-from protocol.phases import HOLD
+from protocol.phases import FREEZE, GO, HOLD
 from protocol.timing import COMMAND_PERIOD, SECOND
 from protocol.transport import Transport
 
@@ -72,6 +72,8 @@ class Service:
         self._drops: dict[str, int] = {}
         self._drops_told_ns = 0
         self._phase = (0, -1)
+        self._log_told = False
+        self._withheld = False
         self._planning: tuple[Request, asyncio.Future[Recovery]] | None = None
         self._retiming: tuple[Lateness, asyncio.Future[PlanDocument | None]] | None = None
 
@@ -79,7 +81,8 @@ class Service:
         """Run until nothing is left to do; tell whether every robot has arrived.
 
         Also ends with False when not all robots are armed for the first time after `patience_s`
-        seconds, or another coordinator has taken over.
+        seconds, or another coordinator has taken over; and when the log cannot be written any
+        more, as soon as nobody is on its way.
         """
         self._listen(asyncio.get_running_loop())
         began = self._clock()
@@ -92,6 +95,7 @@ class Service:
             self._tell_drops(now)
             self._plan(now)
             self._retime(now)
+            self._look_at_log(now)
             if self._watch is not None:
                 self._watch(self.fleet, now)
             due += COMMAND_PERIOD
@@ -100,6 +104,8 @@ class Service:
             if self.fleet.is_finished or self.fleet.superseded:
                 self._tell_drops(now + _TELL_DROPS)
                 return self.fleet.members.has_arrived
+            if self._recorder.error is not None and self._nobody_goes(now):
+                return False
             first = self.fleet.epoch == self.fleet.first_epoch
             if first and self.fleet.phase == HOLD and now - began > patience_s * SECOND:
                 text = f"gave up after {patience_s:g} s; {missing_in_words(self.fleet, now)}"
@@ -115,6 +121,18 @@ class Service:
             self._recorder.record(key, news, now)
             self._send(self.fleet.hear(key, news, now), now)
 
+    def _look_at_log(self, now: int) -> None:
+        """Tell at once, and once, that the log cannot be written any more."""
+        if self._recorder.error is not None and not self._log_told:
+            self._log_told = True
+            text = f"{self._recorder.error}; nobody is sent on its way any more"
+            self.fleet.incidents.append(Incident(now, "log", "", text))
+
+    def _nobody_goes(self, now: int) -> bool:
+        """Tell whether no robot is on its way, or none has heard that it might go."""
+        phase = self.fleet.phase
+        return self._withheld or phase == HOLD or (phase == FREEZE and self.fleet.is_settled(now))
+
     def _tick(self, now: int) -> None:
         messages = self.fleet.tick(now)
         if not messages:
@@ -127,7 +145,11 @@ class Service:
         if request is not None:
             loop = asyncio.get_running_loop()
             self._planning = (request, loop.run_in_executor(None, self.mission.solve, request))
-        if self._planning is None or not self._planning[1].done():
+        if (
+            self._recorder.error is not None
+            or self._planning is None
+            or not self._planning[1].done()
+        ):
             return
         asked, future = self._planning
         self._planning = None
@@ -150,14 +172,16 @@ class Service:
             return
         asked, future = self._retiming
         self._retiming = None
-        document = future.result()
+        found = future.result()
+        document = found if self._recorder.sync() else None
         messages = self.mission.take_times(asked, document, now)
         if messages is None:
             return
         self._recorder.record(lateness_key(self.fleet.name), lateness_record(asked), now)
         if document is not None:
             self._keep_plan(document)
-            self._recorder.sync()
+            if not self._recorder.sync():
+                return
         self._send(messages, now)
 
     def _keep_plan(self, document: PlanDocument) -> None:
@@ -217,11 +241,17 @@ class Service:
             self._recorder.record(drops_key(self.fleet.name), drops_record(dropped), now)
 
     def _send(self, messages: list[Outgoing], now_ns: int) -> None:
-        """Record and send; a new phase is in the log before a robot hears of it."""
+        """Record and send; a new phase is in the log before a robot hears of it.
+
+        Plans and a GO that no log holds are not sent: who goes on from it would not know of them.
+        """
         for message in messages:
             self._recorder.record(message.key, message.payload, now_ns)
         if messages and self._phase != (self.fleet.epoch, self.fleet.phase):
             self._phase = (self.fleet.epoch, self.fleet.phase)
-            self._recorder.sync()
+            is_logged = self._recorder.sync()
+            self._withheld |= self.fleet.phase in (HOLD, GO) and not is_logged
+        if self._withheld:
+            return
         for message in messages:
             self._transport.put(message.key, message.payload)

@@ -6,6 +6,7 @@ import itertools
 import msgspec
 import pytest
 
+from coordinator.errors import LogError
 from coordinator.logbook import read_log
 from coordinator.mission import Mission
 from coordinator.plan import to_json
@@ -16,8 +17,8 @@ from coordinator.scenario_file import parse_scenario, scenario_to_json
 from coordinator.service import Service
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import Command, Hello, Report
-from protocol.phases import ARMED, DONE, FREEZE, GO, HOLD, MOVING, OVER
+from protocol.messages import Command, Hello, Report, Rest
+from protocol.phases import ARMED, DONE, FREEZE, FROZEN, GO, HOLD, MOVING, OFF_PATH, OVER
 from protocol.timing import MILLISECOND
 from protocol.transport import Transport
 
@@ -148,6 +149,55 @@ async def test_a_fleet_whose_robots_never_come_is_given_up(recorded):
     hand.answer = lambda _command: None
     assert not await service.run(patience_s=3.0)
     assert "R1" in service.fleet.incidents[-1].text
+
+
+@pytest.mark.parametrize("phase", [HOLD, GO])
+async def test_a_log_that_cannot_be_written_is_told_at_once_and_no_go_is_sent_without_it(
+    recorded, phase
+):
+    service, hand, recorder = recorded
+    answer, told = hand.answer, []
+
+    def fill_the_disk(command):
+        if command.phase == phase:
+            recorder._stream.close()
+            recorder.record("any", b"", 1)
+            recorder.sync()
+        answer(command)
+
+    def watch(fleet, _now):
+        if recorder.error is not None and fleet.phase != OVER:
+            told.append([one.text for one in fleet.incidents if one.kind == "log"])
+
+    hand.answer, service._watch = fill_the_disk, watch
+    assert await service.run(patience_s=60.0) == (phase == GO)
+    assert not recorder.sync()
+    assert told
+    assert all(len(texts) == 1 and "the log cannot be written" in texts[0] for texts in told)
+    assert {one.phase for one in hand.commands} == ({HOLD} if phase == HOLD else {HOLD, GO, OVER})
+    with pytest.raises(LogError):
+        recorder.close()
+
+
+async def test_a_fleet_that_rests_is_not_planned_anew_without_a_log(recorded):
+    service, hand, recorder = recorded
+    answer = hand.answer
+
+    def fail_on_the_way(command):
+        if command.phase == GO:
+            recorder._stream.close()
+            stopped = Report(5, next(hand.sequence), 1, FROZEN, OFF_PATH, Rest(0.1, 1))
+            hand.say(keys.report("one", "R1"), stopped)
+            return
+        if command.phase != FREEZE:
+            answer(command)
+
+    hand.answer = fail_on_the_way
+    assert not await service.run(patience_s=60.0)
+    assert hand.commands[-1].phase == FREEZE
+    assert {one.epoch for one in hand.commands} == {1}
+    with pytest.raises(LogError):
+        recorder.close()
 
 
 async def test_a_flood_is_dropped_and_counted_beyond_its_bound_and_ends_nothing(recorded):
