@@ -23,11 +23,16 @@ from coordinator.errors import InputError
 from coordinator.file_kinds import kind_of, wrong_kind
 from coordinator.log_bytes import Sound, is_closed, scan
 from coordinator.recorder import METADATA_NAME, WALL_OFFSET
+from protocol import keys
 
 RESUMED: Final = "resumed.mcap"
 """The attachment with the log that a log goes on from."""
 
 MOST_RESUMED: Final = 100
+_MOST_OFFSET: Final = 2**63 - 1
+_NO_METADATA: Final = (
+    "its metadata are not sound: the fleet is named by its keys, times are the log's"
+)
 _MOST_NAMED: Final = 2 * MOST_RESUMED
 """Every attachment is named where it stands and in the summary."""
 
@@ -105,12 +110,31 @@ def scan_log(data: bytes, path: str) -> LogScan:
     for _, record in sound:
         if isinstance(record, mcap_records.Metadata) and record.name == METADATA_NAME:
             metadata = record.metadata
-    try:
-        int(metadata[WALL_OFFSET])
-    except (KeyError, ValueError):
-        reason = f": {damage}" if damage else ""
-        raise InputError([f"{path}: is not the log of a fleet{reason}"]) from None
+    if not _has_offset(metadata):
+        fleet = metadata.get("fleet") or _fleet_by_keys(sound)
+        if not fleet:
+            reason = f": {damage}" if damage else ""
+            raise InputError([f"{path}: is not the log of a fleet{reason}"])
+        metadata = {**metadata, "fleet": fleet, WALL_OFFSET: "0"}
+        damage = f"{damage}; {_NO_METADATA}" if damage else _NO_METADATA
     return LogScan(sound, metadata, is_closed(data), damage)
+
+
+def _has_offset(metadata: dict[str, str]) -> bool:
+    """Tell whether metadata say how log times become the coordinator's clock."""
+    try:
+        return abs(int(metadata[WALL_OFFSET])) <= _MOST_OFFSET
+    except (KeyError, ValueError):
+        return False
+
+
+def _fleet_by_keys(sound: list[Sound]) -> str:
+    """Return the fleet of the first channel that is one's; empty when there is none."""
+    for _, record in sound:
+        place = keys.split(record.topic) if isinstance(record, mcap_records.Channel) else None
+        if place is not None:
+            return place[0]
+    return ""
 
 
 def check_bytes(path: Path) -> str | None:

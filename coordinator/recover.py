@@ -15,7 +15,7 @@ from mcap.writer import Writer
 
 from coordinator.log_bytes import Sound
 from coordinator.logbook import scan_log
-from coordinator.recorder import Attachment, begin_file
+from coordinator.recorder import METADATA_NAME, Attachment, begin_file
 
 RECOVERED: Final = "splinefleet.recovered"
 """The metadata record that says what a log was before it was made whole."""
@@ -48,6 +48,7 @@ def make_whole(data: bytes, path: str) -> Whole:
     for _, record in log.sound:
         copy.add(record)
     if log.damage or not log.complete:
+        copy.add_metadata(log.metadata)
         before = {"closed": "yes" if log.complete else "no", "damage": log.damage}
         copy.writer.flush()  # type: ignore[no-untyped-call]
         copy.writer.add_metadata(RECOVERED, before)
@@ -95,6 +96,7 @@ class _Copy:
         self._channels: Mapping[int, mcap_records.Channel] = {
             record.id: record for _, record in sound if isinstance(record, mcap_records.Channel)
         }
+        self._metadata: dict[str, str] = {}
         self._new_schemas: dict[int, int] = {0: 0}
         self._new_channels: dict[int, int] = {}
 
@@ -108,12 +110,20 @@ class _Copy:
         elif isinstance(record, mcap_records.Metadata):
             self.writer.flush()  # type: ignore[no-untyped-call]
             self.writer.add_metadata(record.name, record.metadata)
+            if record.name == METADATA_NAME:
+                self._metadata = record.metadata
         elif isinstance(record, mcap_records.Attachment):
             self.writer.flush()  # type: ignore[no-untyped-call]
             self.writer.add_attachment(
                 record.create_time, record.log_time, record.name, record.media_type, record.data
             )
             self.attachments += 1
+
+    def add_metadata(self, metadata: dict[str, str]) -> None:
+        """Write what is taken for the log's metadata, unless that is there."""
+        if metadata != self._metadata:
+            self.writer.flush()  # type: ignore[no-untyped-call]
+            self.writer.add_metadata(METADATA_NAME, metadata)
 
     def _add_message(self, message: mcap_records.Message) -> None:
         channel = self._channels.get(message.channel_id)

@@ -1,5 +1,6 @@
 """Damaged lengths and kinds of records, and what is behind them."""
 
+import io
 import struct
 import time
 
@@ -9,7 +10,8 @@ from mcap.records import Attachment as InnerFile
 from mcap.records import Chunk
 
 from coordinator.logbook import log_from_bytes, scan_log
-from coordinator.recorder import Attachment, Recorder
+from coordinator.recorder import Attachment, Recorder, begin_file
+from coordinator.recover import make_whole
 
 
 def records_of(data):
@@ -66,3 +68,38 @@ def test_a_tail_that_is_no_log_takes_time_that_grows_with_its_length(recorded, f
     log = log_from_bytes(recorded[: 9 * len(recorded) // 10] + tail, "tail")
     assert time.process_time() - began < 20.0
     assert log.records
+
+
+@pytest.mark.parametrize("ending", ["closed", "cut"])
+def test_no_bit_of_header_or_metadata_makes_a_log_unusable(recorded, ending):
+    whole = log_from_bytes(recorded, "run.mcap")
+    first = next(begin for kind, begin, _ in records_of(recorded) if kind == Opcode.ATTACHMENT)
+    log = recorded if ending == "closed" else recorded[: -len(recorded) // 10]
+    messages = len(log_from_bytes(log, "run.mcap").records)
+    for bit in range(8 * 8, 8 * first, 3):
+        data = bytearray(log)
+        data[bit // 8] ^= 1 << bit % 8
+        found = log_from_bytes(bytes(data), "damaged")
+        assert len(found.records) == messages, bit
+        assert found.attachments == whole.attachments, bit
+        if found.metadata["wall_offset_ns"] == "0":
+            assert found.metadata["fleet"] in found.records[0].key
+            assert "its metadata are not sound: the fleet is named by its keys" in found.damage
+
+
+@pytest.mark.parametrize("offset", [None, "x", str(10**30), str(-(10**30))])
+def test_a_log_without_a_usable_clock_is_read_and_recovered_with_a_note(offset):
+    stream = io.BytesIO()
+    writer = begin_file(stream)
+    if offset is not None:
+        writer.add_metadata("splinefleet", {"wall_offset_ns": offset})
+    schema = writer.register_schema("any", "jsonschema", b"{}")
+    channel = writer.register_channel("splinefleet/one/command", "msgpack", schema)
+    writer.add_message(channel, 17, b"x", 18)
+    writer.finish()
+    log = log_from_bytes(stream.getvalue(), "run.mcap")
+    assert "its metadata are not sound" in log.damage
+    assert (log.metadata["fleet"], log.records[0].log_ns) == ("one", 17)
+    again = log_from_bytes(make_whole(stream.getvalue(), "run.mcap").data, "whole.mcap")
+    assert (again.records[0].payload, again.damage) == (b"x", "")
+    assert (again.metadata["fleet"], again.records[0].log_ns) == ("one", 17)
