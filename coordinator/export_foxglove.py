@@ -32,6 +32,7 @@ from foxglove.messages import (
 )
 from mcap.writer import Writer
 
+from coordinator.errors import InputError
 from coordinator.export import Leg, Story
 from coordinator.export_points import floor_cloud, paths_cloud, robot_cloud
 from coordinator.export_scene import (
@@ -51,6 +52,8 @@ from coordinator.recorder import begin_file
 _SECOND: Final = 1_000_000_000
 _LAST_NS: Final = 2**32 * _SECOND - 1
 """The last time that a Timestamp holds, in 2106."""
+
+_MOST_FRAMES: Final = 1_000_000
 
 _LEVELS: Final = {"freeze": LogLevel.Warning, "refusal": LogLevel.Warning}
 
@@ -204,6 +207,8 @@ def _line(story: Story, t: float, level: LogLevel, text: str, robot: str) -> Tol
 def _frames(story: Story, step: float, progress: Progress) -> Iterator[Told]:
     """Yield where every robot is, every `step` seconds."""
     count = max(math.ceil((story.last - story.first) / step), 0)
+    if count > _MOST_FRAMES:
+        raise InputError([f"--step: {step:g} s makes {count:,} frames; at most {_MOST_FRAMES:,}"])
     times = np.append(story.first + step * np.arange(count), story.last)
     poses = {name: _poses(legs, times) for name, legs in story.of_robots().items()}
     for number, t in enumerate(progress(times.tolist(), "placing robots")):

@@ -24,11 +24,17 @@ from coordinator.file_kinds import kind_of, wrong_kind
 from coordinator.log_bytes import Sound, is_closed, scan
 from coordinator.recorder import METADATA_NAME, WALL_OFFSET
 from protocol import keys
+from protocol.timing import SECOND
 
 RESUMED: Final = "resumed.mcap"
 """The attachment with the log that a log goes on from."""
 
 MOST_RESUMED: Final = 100
+_DAY: Final = 24 * 3600 * SECOND
+_LONGEST: Final = 31 * _DAY
+"""A log is no longer than this [ns]."""
+
+_LAST_TIME: Final = 2**62
 _MOST_OFFSET: Final = 2**63 - 1
 _NO_METADATA: Final = (
     "its metadata are not sound: the fleet is named by its keys, times are the log's"
@@ -90,13 +96,24 @@ def log_from_bytes(data: bytes, path: str) -> Log:
         for _, record in found.sound
         if isinstance(record, mcap_records.Attachment)
     }
+    records = list(_messages(found.sound, int(found.metadata[WALL_OFFSET])))
+    _check_times(records, path)
     return Log(
         metadata=found.metadata,
         attachments=attachments,
-        records=list(_messages(found.sound, int(found.metadata[WALL_OFFSET]))),
+        records=records,
         complete=found.complete,
         damage=found.damage,
     )
+
+
+def _check_times(records: list[Record], path: str) -> None:
+    """Raise InputError for times that no fleet has."""
+    for number, record in enumerate(records):
+        if abs(record.log_ns) > _LAST_TIME or abs(record.log_ns - records[0].log_ns) > _LONGEST:
+            days = _LONGEST // _DAY
+            problem = f"message {number} on {record.key}: its time is not within {days} days"
+            raise InputError([f"{path}: {problem} of the log's first, or no time at all"])
 
 
 def scan_log(data: bytes, path: str) -> LogScan:

@@ -78,13 +78,16 @@ def read_history(path: Path, until: float) -> History:
     if began_ns is None:
         raise InputError([f"{path}: --until: no robot was ever sent on its way"])
     until_ns = began_ns + round(until * SECOND)
-    end = (logs[-1].records[-1].log_ns - began_ns) / SECOND
+    last_ns = [log.records[-1].log_ns for log in logs if log.records][-1]
+    end = (last_ns - began_ns) / SECOND
     if until > end:
         raise InputError([f"{path}: --until: {until:g} s is after the end of the log, {end:.3f} s"])
-    while logs[-1].records[0].log_ns > until_ns:
+    while len(logs) > 1 and (not logs[-1].records or logs[-1].records[0].log_ns > until_ns):
         logs.pop()
         before.pop()
     kept = [record for record in logs[-1].records if record.log_ns <= until_ns]
+    if not kept:
+        raise InputError([f"{path}: --until: {until:g} s is before the log's first message"])
     logs[-1] = replace(logs[-1], records=kept, complete=False)
     mission, check = run_again(logs[-1])
     if mission is None or check.difference:

@@ -15,6 +15,7 @@ from msgspec.structs import replace
 from zstandard import ZstdError
 
 from coordinator import trajectory
+from coordinator.errors import InputError
 from coordinator.export import csv_lines, story_of_log, story_of_plan
 from coordinator.export_foxglove import write_scene
 from coordinator.export_scene import floor_entities
@@ -283,3 +284,8 @@ def test_obstacles_of_any_shape_are_filled_exactly():
         whole = shapely.union_all(parts)
         assert whole.symmetric_difference(shapely.Polygon(corners)).area < 1e-9
         assert sum(part.area for part in parts) == pytest.approx(whole.area)
+
+
+def test_more_frames_than_anybody_looks_at_are_refused(story):
+    with pytest.raises(InputError, match=r"--step: 0.001 s makes .* frames; at most 1,000,000"):
+        write_scene(dataclasses.replace(story, last=story.first + 86_400.0), 0.001)

@@ -9,6 +9,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment as InnerFile
 from mcap.records import Chunk
 
+from coordinator.errors import InputError
 from coordinator.logbook import log_from_bytes, scan_log
 from coordinator.recorder import Attachment, Recorder, begin_file
 from coordinator.recover import make_whole
@@ -103,3 +104,19 @@ def test_a_log_without_a_usable_clock_is_read_and_recovered_with_a_note(offset):
     again = log_from_bytes(make_whole(stream.getvalue(), "run.mcap").data, "whole.mcap")
     assert (again.records[0].payload, again.damage) == (b"x", "")
     assert (again.metadata["fleet"], again.records[0].log_ns) == ("one", 17)
+
+
+@pytest.mark.parametrize(
+    "times", [(2**64 - 1,), (5, 10**18), (10**18, 5), (5, 32 * 86_400 * 10**9)]
+)
+def test_times_that_no_fleet_has_are_told_in_a_line(times):
+    stream = io.BytesIO()
+    writer = begin_file(stream)
+    writer.add_metadata("splinefleet", {"wall_offset_ns": "0"})
+    channel = writer.register_channel("splinefleet/one/command", "msgpack", 0)
+    for time_ns in times:
+        writer.add_message(channel, time_ns, b"x", 0)
+    writer.finish()
+    number = len(times) - 1
+    with pytest.raises(InputError, match=f"message {number} on .*/command: its time is not"):
+        log_from_bytes(stream.getvalue(), "run.mcap")

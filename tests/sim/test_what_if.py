@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from coordinator.blackbox_files import packed
@@ -215,6 +216,15 @@ def test_a_log_that_is_over_foreign_or_in_its_own_folder_is_refused(quiet, tmp_p
         recorder.record("x", b"", 1)
     with pytest.raises(InputError, match="no robot was ever sent"):
         read_history(early, 1.0)
+
+
+def test_a_moment_before_everything_in_a_log_is_told_in_a_line(quiet, monkeypatch):
+    log = read_log(quiet)
+    late = [replace(record, log_ns=record.log_ns + 20 * SECOND) for record in log.records]
+    changed = replace(log, records=late)
+    monkeypatch.setattr("sim.history.read_log", lambda _path: changed)
+    with pytest.raises(InputError, match="--until: 5 s is before the log's first message"):
+        read_history(quiet, 5.0)
 
 
 def test_the_command_leaves_a_run_and_tells_of_it(quiet, tmp_path):
