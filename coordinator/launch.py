@@ -124,7 +124,10 @@ class Coordinator:
     def _go_on(self, boot: int, resume: Path) -> Mission:
         """Return the mission of the log of a coordinator that has died."""
         self._before, self._began_ns = resume.read_bytes(), self.clock()
-        mission = go_on(read_log(resume), boot, self._began_ns)
+        try:
+            mission = go_on(read_log(resume), boot, self._began_ns)
+        except InputError as error:
+            raise InputError([f"--resume: {problem}" for problem in error.problems]) from None
         if mission.fleet.name != self.scenario.name:
             raise InputError([f"--resume: {resume} is the log of fleet {mission.fleet.name}"])
         if not self._events:

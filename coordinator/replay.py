@@ -110,7 +110,10 @@ def _resumed(log: Log, boot: int) -> Mission:
         before = log_from_bytes(log.attachments[RESUMED], RESUMED)
     except (KeyError, ValueError, InputError) as error:
         raise _NotAgainError(f"the log does not tell what it goes on from: {error}") from None
-    return go_on(before, boot, began_ns)
+    try:
+        return go_on(before, boot, began_ns)
+    except InputError as error:
+        raise _NotAgainError(f"{RESUMED}, which it goes on from: {error}") from None
 
 
 def go_on(before: Log, boot: int, now_ns: int) -> Mission:
@@ -120,9 +123,9 @@ def go_on(before: Log, boot: int, now_ns: int) -> Mission:
     """
     mission, check = run_again(before)
     if mission is None or check.difference or not before.records:
-        raise InputError([f"--resume: the log cannot be gone on from: {check.difference}"])
+        raise InputError([f"the log cannot be gone on from: {check.difference}"])
     if mission.fleet.phase == OVER:
-        raise InputError(["--resume: the fleet in this log has ended; nothing is left to do"])
+        raise InputError(["the fleet in this log has ended; nothing is left to do"])
     mission.take_over(boot, before.records[-1].log_ns, now_ns)
     return mission
 

@@ -41,11 +41,15 @@ def read_scene(source: Path) -> Scene:
         return scene_of_plan(read(source))
     log = read_log(source)
     scene = scene_of_logs(_with_those_before(str(source), log))
-    boxes = unpacked(log.attachments)
-    if boxes:
-        ghosts = ghosts_of(boxes, scene.robots, f"{source}: ")
-    else:
-        ghosts = read_ghosts(source.parent / "blackbox", scene.robots)
+    try:
+        boxes = unpacked(log.attachments)
+        if boxes:
+            ghosts = ghosts_of(boxes, scene.robots, f"{source}: ")
+        else:
+            ghosts = read_ghosts(source.parent / "blackbox", scene.robots)
+    except InputError as error:
+        left_out = [f"without black boxes: {problem}" for problem in error.problems]
+        return msgspec.structs.replace(scene, notes=[*scene.notes, *left_out])
     return msgspec.structs.replace(scene, ghosts=ghosts)
 
 

@@ -6,7 +6,10 @@ import pytest
 from msgspec.structs import replace
 
 from coordinator.logbook import log_from_bytes
+from coordinator.recorder import Attachment
+from coordinator.recover import with_files
 from coordinator.replay import check_log
+from coordinator.view import read_scene
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Command
@@ -69,3 +72,20 @@ def test_a_log_without_its_last_messages_is_noted(log):
         check = check_log(with_records(log, log.records[:-missing]))
         assert check.difference or "before the fleet was over" in check.note, missing
     assert "ends at OVER, before" in check_log(with_records(log, log.records[:-1])).note
+
+
+def test_a_log_that_goes_on_from_one_that_is_over_differs_and_names_no_option(log, recorded):
+    inside = {**log.attachments, "resumed.mcap": recorded}
+    again = replace(log, attachments=inside, metadata={**log.metadata, "began_ns": "5"})
+    difference = check_log(again).difference
+    assert difference.startswith("resumed.mcap, which it goes on from: the fleet in this log")
+    assert "--resume" not in difference
+
+
+def test_a_broken_black_box_is_left_out_of_the_picture_with_a_note(tmp_path, recorded):
+    path = tmp_path / "run.mcap"
+    broken = Attachment("blackbox/R1.csv.gz", "application/gzip", b"no gzip")
+    path.write_bytes(with_files(recorded, "run.mcap", [broken]))
+    scene = read_scene(path)
+    assert scene.robots
+    assert any("without black boxes: attachment blackbox/R1" in note for note in scene.notes)
