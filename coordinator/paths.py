@@ -45,6 +45,9 @@ _ENOUGH: Final = 2
 _MOST_TIGHT: Final = 8
 """Paths from which the widest is taken, if none has."""
 
+_MOST_TRIED: Final = 12
+"""Pairs of leads that are tried: where these do not fit it is the room that is missing."""
+
 _PLACE_ROOM: Final = 0.015
 """Other robots' places are passed this much farther off [m] than needed: a conflict zone may be a
 little larger than the conflict, and must not reach from a place to a path that keeps off it."""
@@ -181,7 +184,7 @@ class Pathfinder:
         handling, headed = self.handling(robot), _headed(robot)
         worst: PlanError | None = None
         made: list[tuple[float, float, Fit]] = []
-        for ends in choices(robot, space, handling):
+        for ends in choices(robot, space, handling)[:_MOST_TRIED]:
             try:
                 polygon, exact = self._polygon(robot, space, ends)
                 found = smooth(polygon, exact, space, handling, headed)

@@ -47,13 +47,21 @@ class Space:
     need: float
     spare: float = 0.0
     discs: Array = field(default_factory=lambda: NO_DISCS)
+    _ways: dict[bytes, Array | None] = field(default_factory=dict)
 
     def shortest_way(self, start: Array, goal: Array) -> Array | None:
         """Return the shortest way (n, 2) [m] from start to goal (2,); None when there is none.
 
         Where it crosses discs it is led around them locally, which may miss the shortest by a
-        little; discs that leave no room for that take part in the next search.
+        little; discs that leave no room for that take part in the next search.  Ways are found
+        once: those of a robot with headings differ at their ends alone.
         """
+        ends = np.concatenate((start, goal)).tobytes()
+        if ends not in self._ways:
+            self._ways[ends] = self._find_way(start, goal)
+        return self._ways[ends]
+
+    def _find_way(self, start: Array, goal: Array) -> Array | None:
         blocking = np.zeros(len(self.discs), dtype=np.bool_)
         while True:
             way = self.ground.shortest_way(start, goal, self.discs[blocking])
