@@ -45,7 +45,7 @@ _ENOUGH: Final = 2
 _MOST_TIGHT: Final = 8
 """Paths from which the widest is taken, if none has."""
 
-_MOST_TRIED: Final = 12
+_MOST_TRIED: Final = 24
 """Pairs of leads that are tried: where these do not fit it is the room that is missing."""
 
 _PLACE_ROOM: Final = 0.015
