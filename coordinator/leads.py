@@ -41,6 +41,9 @@ _PER_RADIUS: Final = 6.0
 _SHARES: Final = (1.0, 0.5, 0.25)
 """Shares of it, or of the longest of the others, that are tried."""
 
+_OFF_END: Final = 1e-3
+"""Leads end no nearer [m] to what they lead to."""
+
 _LONGEST: Final = 0.45
 """Share of the distance to what comes next that these may take."""
 
@@ -124,7 +127,9 @@ def _sizes(robot: Robot, pose: Sequence[float], ahead: Array) -> list[float]:
         if abs(across) > 1e-9:
             sizes.append((ax * (by - ay) - ay * (bx - ax)) / across)
     sizes += [dx * x + dy * y for x, y in way]
-    return [size for size in dict.fromkeys(sizes) if size >= shortest]
+    sizes = [size for size in dict.fromkeys(sizes) if size >= shortest]
+    # What the way ends at may be a via point, which is moved out: a lead to there would turn.
+    return [size for size in sizes if math.dist((size * dx, size * dy), way[-1]) > _OFF_END]
 
 
 def _straight(pose: Sequence[float], size: float) -> Lead:

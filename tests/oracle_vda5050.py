@@ -55,6 +55,7 @@ def _of_edge(edge, begin, end):
         yield f"{edge['edgeId']}: knots decrease"
     if knots[: degree + 1] != [0.0] * (degree + 1) or knots[-degree - 1 :] != [1.0] * (degree + 1):
         yield f"{edge['edgeId']}: knots are not clamped from 0 to 1"
+        return
     inner = knots[degree + 1 : -degree - 1]
     if any(not 0.0 < knot < 1.0 or inner.count(knot) > degree for knot in inner):
         yield f"{edge['edgeId']}: an inner knot stands too often"
