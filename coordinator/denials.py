@@ -31,7 +31,12 @@ AGAIN_S: Final = 10.0
 """What goes on being refused is told anew so often, with how many times it was."""
 
 MOST: Final = 500
-"""Different refusals that are told apart; what a flood of more invents is only counted."""
+MOST_EACH: Final = 20
+"""Different refusals that are told apart, of all and of one; what a flood of more invents is only
+counted."""
+
+_LONGEST: Final = 120
+"""Characters of a refused key that are told."""
 
 _COLOURS: Final = re.compile(r"\x1b\[[0-9;]*m")
 _TLS: Final = re.compile(r"zenoh_link_tls::unicast: (.*?)(?: Hint: .*)?$")
@@ -39,7 +44,7 @@ _THREAD: Final = re.compile(r"(ThreadId\(\d+\))")
 _AHEAD: Final = re.compile(r"access_control: ACL \((\w+)\): caching permissions for `(.*)`")
 _DENIED: Final = re.compile(
     r"access_control: (Using cached result: )?([0-9a-f]+)(?: on .*?CertCommonName\((.*?)\).*)?"
-    r" is unauthorized to (.*) \((ingress|egress)\) on (.*)$"
+    r" is unauthorized to (.*?) \((ingress|egress)\) on (.*)$"
 )
 
 _END: Final = re.compile(r"not valid after (\d+)")
@@ -64,6 +69,7 @@ _DEEDS: Final = (
 )
 
 _SOMEBODY: Final = "somebody"
+_MANY: Final = "many different things"
 
 
 class Denial(msgspec.Struct, frozen=True):
@@ -122,8 +128,8 @@ class Denials:
     def note(self, found: Iterable[tuple[str, str]], now_s: float) -> list[Denial]:
         """Count refusals, each who and cause; returns those to be told now."""
         for pair in found:
-            if pair not in self._counts and len(self._counts) >= MOST:
-                pair = (_SOMEBODY, "many different things")
+            if pair not in self._counts:
+                pair = self._told_apart(*pair)
             self._counts[pair] = self._counts.get(pair, 0) + 1
         due = []
         for pair, count in list(self._counts.items()):
@@ -137,6 +143,12 @@ class Denials:
             else:
                 del self._counts[pair], self._told_s[pair]
         return due
+
+    def _told_apart(self, who: str, cause: str) -> tuple[str, str]:
+        """Return a new refusal, or what it counts as where there are too many."""
+        if sum(one == who for one, _ in self._counts) >= MOST_EACH:
+            return who, _MANY
+        return (_SOMEBODY, _MANY) if len(self._counts) >= MOST else (who, cause)
 
     def _denial(self, line: str) -> tuple[str, str] | None:
         if (tls := _TLS.search(line)) is not None:
@@ -157,7 +169,7 @@ class Denials:
         if way == "egress":
             return None
         words = next((text for part, text in _DEEDS if part in deed), f"do ({deed})")
-        return in_words(name or self._named(session)), f"it may not {words} {key}"
+        return in_words(name or self._named(session)), f"it may not {words} {_shortened(key)}"
 
     def _of_link(self, reason: str) -> tuple[str, str]:
         cause = next((text for part, text in _CAUSES if part in reason), f"no TLS link: {reason}")
@@ -166,6 +178,10 @@ class Denials:
         if end is not None:
             who = self._ended(datetime.datetime.fromtimestamp(int(end[1]), datetime.UTC))
         return who or _SOMEBODY, cause
+
+
+def _shortened(key: str) -> str:
+    return key if len(key) <= _LONGEST else f"{key[:_LONGEST]}... ({len(key)} characters)"
 
 
 def in_words(common_name: str) -> str:

@@ -12,7 +12,7 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, get_args
 
 from coordinator.errors import InputError
 from coordinator.register import Issued, Register, register_of, register_to_json
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 REGISTER: Final = "register.json"
 _AUTHORITY_PLACE: Final = "authority"
+_OF_A_FLEET: Final = (REGISTER, _AUTHORITY_PLACE, *get_args(Role))
+"""Where one of these is there are keys that a new authority would make useless."""
 
 
 class KeyStore:
@@ -36,7 +38,7 @@ class KeyStore:
         """Make the folder with a new authority and an empty register."""
         from coordinator.authority import new_authority
 
-        if (self.folder / REGISTER).exists() or (self.folder / _AUTHORITY_PLACE).exists():
+        if any((self.folder / place).exists() for place in _OF_A_FLEET):
             raise InputError([f"{self.folder} holds an authority already; name another folder"])
         with _told():
             _make_folder(self.folder)
@@ -47,10 +49,11 @@ class KeyStore:
         """Return the register as it is now."""
         place = self.folder / REGISTER
         if not place.exists():
-            text = (
-                f"{self.folder}: has no {REGISTER}; splinefleet keys init {self.folder} makes one"
-            )
-            raise InputError([text])
+            lost = any((self.folder / part).exists() for part in _OF_A_FLEET)
+            words = "bring it back from a copy"
+            if not lost:
+                words = f"splinefleet keys init {self.folder} makes one"
+            raise InputError([f"{self.folder}: has no {REGISTER}; {words}"])
         with _told():
             return register_of(place.read_bytes(), str(place))
 

@@ -52,11 +52,14 @@ def observer_rights(fleet: str) -> Rights:
     return Rights(subscribes=(f"{keys.ROOT}/**",), hears=(everything,), watches=(everything,))
 
 
-def operator_rights(fleet: str) -> Rights:
-    """Return what an operator may do: let robots in again, and hear what becomes of it."""
+def operator_rights(fleet: str, robots: Iterable[str]) -> Rights:
+    """Return what an operator may do: let robots in again, and hear what becomes of it.
+
+    Its keys are whole names: Zenoh 1.10 dies of forwarding a key longer than 65,535 bytes.
+    """
     hears = (keys.command(fleet), keys.plan(fleet, "*"))
     return Rights(
-        puts=(keys.admit(fleet, "*"),),
+        puts=tuple(keys.admit(fleet, robot) for robot in robots),
         subscribes=(*hears, keys.command(_EVERY_FLEET), keys.plan(_EVERY_FLEET, "*")),
         hears=hears,
     )
@@ -64,11 +67,12 @@ def operator_rights(fleet: str) -> Rights:
 
 def rights_of(fleet: str, robots: Iterable[str], badge: Badge) -> Rights | None:
     """Return what a badge may do in a fleet of these robots; None for nothing at all."""
-    if badge.role == "robot" and badge.name in set(robots):
+    robots = tuple(robots)
+    if badge.role == "robot" and badge.name in robots:
         return robot_rights(fleet, badge.name)
     if badge.role == "observer":
         return observer_rights(fleet)
-    return operator_rights(fleet) if badge.role == "operator" else None
+    return operator_rights(fleet, robots) if badge.role == "operator" else None
 
 
 def coordinator_rights(fleet: str) -> Rights:

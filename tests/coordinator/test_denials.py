@@ -8,6 +8,7 @@ from coordinator.denials import (
     AGAIN_S,
     DULL,
     MOST,
+    MOST_EACH,
     Denial,
     Denials,
     denial_key,
@@ -146,6 +147,14 @@ def test_a_flood_of_different_refusals_is_told_in_few_words_and_forgotten():
     assert told[-1].count == 9 * MOST
     reader.note([], AGAIN_S)
     assert len(reader.note([("somebody else", "no")], AGAIN_S)) == 1
+
+
+def test_a_flood_of_one_keeps_its_name_and_hides_nobody_else():
+    reader = denials()
+    flood = [("robot R1, key 1", f"it may not say anything on {k}") for k in range(10 * MOST)]
+    told = reader.note([*flood, ("robot R2, key 1", "its key was revoked")], 0.0)
+    assert len(told) == MOST_EACH + 2
+    assert {one.who for one in told} == {"robot R1, key 1", "robot R2, key 1"}
 
 
 def test_a_refusal_is_read_from_a_log_as_it_was_written():

@@ -144,6 +144,15 @@ def test_an_authority_is_never_replaced_by_another(store):
     assert (store.folder / "authority/private.pem").read_bytes() == before
 
 
+def test_keys_of_a_coordinator_that_has_lost_its_register_are_not_made_useless(store):
+    shutil.rmtree(store.folder / "authority")
+    (store.folder / "register.json").unlink()
+    with pytest.raises(InputError, match="bring it back from a copy"):
+        store.register()
+    with pytest.raises(InputError, match="already"):
+        store.begin(NOW)
+
+
 def test_damaged_authority_is_told_in_one_line(store):
     (store.folder / "authority/private.pem").write_bytes(b"nothing")
     with pytest.raises(InputError, match="damaged") as caught:
