@@ -80,11 +80,12 @@ def test_a_run_through_a_locked_router_bears_a_cut_network(hall):
     assert json.loads(done.stdout)["judge"]["collisions"] == 0
 
 
-def test_an_operator_is_answered_through_a_locked_router(both):
+def test_an_operator_may_name_robots_of_the_fleet_alone(both):
     own = both.keys.folder / "operator/operator"
-    options = ["--connect", both.endpoint, "--keys", own, "--fleet", YARD]
-    done = splinefleet("admit", "RX", *options)
-    assert "RX is not in fleet yard" in only_line(done, code=1)
+    options = ["--connect", both.endpoint, "--keys", own, "--fleet", YARD, "--wait", "1.5"]
+    for robot in ("RX", "Y1"):
+        done = splinefleet("admit", robot, *options)
+        assert f"no new epoch with {robot} within 1.5 s" in only_line(done, code=1)
 
 
 def test_a_robot_can_not_pose_as_another_or_the_coordinator_and_reads_no_plan_but_its_own(both):
