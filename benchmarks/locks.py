@@ -85,7 +85,7 @@ def _arm(scenario: Scenario, folder: Path, keys: Path | None) -> _Arming:
     programs = Programs(folder, scenario.name, 1.0, 20, keys)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+        meet = programs.endpoint(probe.getsockname()[1])
     before = _cpu_s()
     began = listened = time.monotonic()
     gone = 0.0
@@ -99,14 +99,14 @@ def _arm(scenario: Scenario, folder: Path, keys: Path | None) -> _Arming:
             processes.append(stack.enter_context(process))
             return process
 
-        coordinator = start(programs.coordinator(port), subprocess.PIPE)
+        coordinator = start(programs.coordinator(f"--listen={meet}"), subprocess.PIPE)
         assert coordinator.stdout is not None
         for line in coordinator.stdout:
             event = json.loads(line)
             if event["event"] == "listening":
                 listened = time.monotonic()
                 for robot in scenario.robots:
-                    start(programs.agent(robot, port, faulty=False), subprocess.DEVNULL)
+                    start(programs.agent(robot, meet, faulty=False), subprocess.DEVNULL)
             elif (event["event"], event.get("text")) == ("phase", "GO"):
                 gone = time.monotonic()
                 break
