@@ -88,6 +88,11 @@ class ConflictSearch:
             self.motions.put(index, motion)
         return bool(self.found)
 
+    @property
+    def complete(self) -> bool:
+        """Tell whether the last run came to its end before its nodes did: every order was tried."""
+        return self.nodes > 0
+
     def cost_if(self, zone: int, second: int, nodes: int) -> float:
         """Return what it adds to the delays [s] if a robot passes a zone second; infinite if never.
 

@@ -21,7 +21,7 @@ from coordinator.row_kernels import robot_rows
 from coordinator.track import CELL, Track
 from coordinator.waiting_kernels import Ride
 
-_MOST_ROWS: Final = 12_000_000
+_MOST_ROWS: Final = 20_000_000
 """So many rows, 40 bytes each, are kept; beyond that they are found again when asked for."""
 
 _FEW_ROWS: Final = 20_000

@@ -97,6 +97,15 @@ def searched(fleet, nodes=MANY):
     return table, found
 
 
+def test_a_search_tells_whether_it_came_to_its_end():
+    fleet = tangled(next(iter(SEEDS)), 3)
+    for nodes, complete in ((1, False), (MANY, True)):
+        table = placed(fleet, [None] * len(fleet.curves))
+        search = ConflictSearch(fleet.junctions, table, range(len(fleet.curves)))
+        search.run(math.inf, nodes)
+        assert search.complete is complete
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("make", [random_fleet, tangled])
 def test_three_robots_get_the_best_of_all_ways_to_decide_their_zones(seed, make):

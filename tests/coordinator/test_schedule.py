@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from coordinator.detours import blocking_pairs
+from coordinator.improvement import delays
 from coordinator.precedence import first_order, stuck_pairs
-from coordinator.schedule import Deadlock, delays, find_schedule, place_in_order
+from coordinator.schedule import Deadlock, find_schedule, place_in_order
 from coordinator.waiting import earliest_motion
 from tests.coordinator.fleets import line
 from tests.coordinator.fleets_on_lines import (
