@@ -14,13 +14,14 @@ from coordinator.console import tell
 from coordinator.plan import PlanDocument
 from coordinator.planner import DEFAULT_EFFORT, plan_scenario
 from coordinator.scenario import Scenario
-from coordinator.warm import load_kernels
+from coordinator.warm import compile_rest, load_kernels
 
 
 def plan_here(scenario: Scenario, effort: int = DEFAULT_EFFORT, epoch: int = 1) -> PlanDocument:
     """Return the plan of a scenario; raises PlanError as planner.plan_scenario does."""
     if not is_compiled():
         tell("compiling the planner's kernels, once; this takes a minute or two")
+        compile_rest()
     load_kernels()
     with ThreadPoolExecutor(os.cpu_count()) as executor:
         return plan_scenario(

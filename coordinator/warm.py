@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 
 from coordinator.planner import plan_scenario
-from coordinator.scenario import Robot, Scenario, Workspace
+from coordinator.scenario import Point, Pose, Robot, Scenario, Workspace
 
 
 @functools.cache
@@ -20,26 +20,36 @@ def load_kernels() -> None:
     robots = (
         _robot("A", (1.0, 1.0), (9.0, 1.0)),
         _robot("B", (2.5, 6.8), (5.0, 6.8)),
-        _robot("C", (1.0, 3.0), (9.0, 3.0)),
+        _robot("C", (6.0, 3.0), (9.0, 3.0)),
+        _robot("D", (7.5, 1.5), (7.5, 4.5)),
     )
     walls = (((3.0, 0.0), (4.0, 0.0), (4.0, 6.0), (3.0, 6.0)),)
-    floor = Workspace(boundary=((0.0, 0.0), (10.0, 0.0), (10.0, 8.0), (0.0, 8.0)), obstacles=walls)
-    plan_scenario(Scenario(name="warm", workspace=floor, robots=robots, tau=0.5))
+    plan_scenario(_scenario(robots, walls))
 
 
 def compile_rest() -> None:
-    """Compile the kernels that only maps and few others need."""
+    """Compile the kernels that few plans need: headings, new times, maps."""
     import numpy as np
 
     from coordinator.knots import insert_knot
+    from coordinator.lateness import Lateness
     from coordinator.map_cells import outline_cells
     from coordinator.nurbs import nurbs
+    from coordinator.retiming import retime
 
+    turning = _robot("E", (2.0, 3.0, 2.0), (8.0, 3.0, 2.0))
+    crossing = _scenario((turning, _robot("F", (5.0, 1.0), (5.0, 5.0))), ())
+    retime(crossing, plan_scenario(crossing), Lateness("F", 0.5, 1.0))
     insert_knot(nurbs(1, [0.0, 0.0, 1.0, 1.0], [[0.0, 0.0], [1.0, 0.0]]), 0.5)
     outline_cells(np.ones((2, 2), dtype=np.bool_), 1.0)
 
 
-def _robot(name: str, start: tuple[float, float], goal: tuple[float, float]) -> Robot:
+def _scenario(robots: tuple[Robot, ...], walls: tuple[tuple[Point, ...], ...]) -> Scenario:
+    floor = Workspace(boundary=((0.0, 0.0), (10.0, 0.0), (10.0, 8.0), (0.0, 8.0)), obstacles=walls)
+    return Scenario(name="warm", workspace=floor, robots=robots, tau=0.5)
+
+
+def _robot(name: str, start: Pose, goal: Pose) -> Robot:
     return Robot(
         id=name,
         start=start,
