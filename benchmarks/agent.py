@@ -10,7 +10,6 @@ import contextlib
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -23,13 +22,14 @@ from typing import Final
 import numpy as np
 
 from benchmarks.campaign import record
+from benchmarks.lanes import lanes
 from benchmarks.table import ROOT, Row
 from coordinator.planner import plan_scenario
-from coordinator.scenario import Robot, Scenario, Workspace
 from coordinator.scenario_file import read_scenario, scenario_to_json
 from coordinator.wire import Driven, drive
 from protocol.plan_parts import unpack_plan
 from robot_agent.agent import Agent
+from sim.local_fleet import free_port
 
 RATE: Final = 50
 """Ticks a second of every robot of a fleet."""
@@ -124,31 +124,11 @@ def fleet_of_agents(count: int = 100, seconds: float = 20.0) -> list[Row]:
     ]
 
 
-def _lanes(count: int, seconds: float) -> Scenario:
-    """Return robots on lanes a metre apart that nothing crosses."""
-    far = 1.0 + 0.95 * _SPEED * seconds
-    robots = tuple(
-        Robot(
-            id=f"R{i + 1}",
-            start=(1.0, 1.0 + i),
-            goal=(far, 1.0 + i),
-            radius=0.2,
-            max_speed=_SPEED,
-            max_accel=_SPEED,
-            max_lateral_accel=_SPEED,
-        )
-        for i in range(count)
-    )
-    wide, high = far + 1.0, count + 1.0
-    floor = Workspace(boundary=((0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high)))
-    return Scenario(name="lanes", workspace=floor, robots=robots)
-
-
 def _start_fleet(folder: Path, count: int, seconds: float, processes: list[Process]) -> Process:
     """Start a coordinator and its robots; return the coordinator when it has said GO."""
     scenario = folder / "lanes.json"
-    scenario.write_bytes(scenario_to_json(_lanes(count, seconds)))
-    endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    scenario.write_bytes(scenario_to_json(lanes(count, seconds)))
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
     coordinator = subprocess.Popen(
         [
             *(*_COMMAND, "coordinator", str(scenario), f"--listen={endpoint}", "--json"),
@@ -225,12 +205,6 @@ def _ended() -> Iterator[list[Process]]:
             process.wait()
             if process.stdout is not None:
                 process.stdout.close()
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def main() -> None:

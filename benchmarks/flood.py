@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import socket
 import subprocess
 import sys
 import threading
@@ -27,10 +25,11 @@ from typing import Any, Final
 from msgspec import convert
 
 from benchmarks.campaign import record
+from benchmarks.lanes import lanes
+from benchmarks.machine import memory_mb
 from benchmarks.table import ROOT, Row
 from coordinator.info import summarise
 from coordinator.logbook import read_log
-from coordinator.scenario import Robot, Scenario, Workspace
 from coordinator.scenario_file import scenario_to_json
 from protocol import keys
 from protocol.codec import encode
@@ -38,6 +37,7 @@ from protocol.messages import Clock, Hello, Pace, Report
 from protocol.phases import MOVING
 from protocol.transport import Handler
 from protocol.zenoh_transport import ZenohTransport
+from sim.local_fleet import free_port
 
 FLEET: Final = "flooded"
 RATE: Final = 20_000
@@ -65,8 +65,8 @@ def flood(rate: int = RATE, seconds: float = _SECONDS) -> list[Row]:
 def run_beside(rate: int, seconds: float) -> Row:
     """Drive the fleet beside a client that puts so many messages a second, and tell how it went."""
     with TemporaryDirectory() as name, ended() as processes:
-        folder, endpoint = Path(name), f"tcp/127.0.0.1:{_free_port()}"
-        (folder / "lanes.json").write_bytes(scenario_to_json(lanes(seconds)))
+        folder, endpoint = Path(name), f"tcp/127.0.0.1:{free_port()}"
+        (folder / "lanes.json").write_bytes(scenario_to_json(lanes(ROBOTS, seconds, FLEET)))
 
         def start(what: str, *arguments: str) -> Process:
             processes.append(_start(folder / f"{what}.jsonl", *arguments))
@@ -79,12 +79,12 @@ def run_beside(rate: int, seconds: float) -> Row:
         _wait_for(lambda: "listening" in (folder / "coordinator.jsonl").read_text())
         robots = [f"R{number + 1}" for number in range(ROBOTS)]
         driving = [start(robot, "benchmarks.flood", "robot", robot, endpoint) for robot in robots]
-        memory = [_memory_mb(coordinator)]
+        memory = [memory_mb(coordinator.pid)]
         flooding = []
         if rate:
             flooding.append(start("flood", "benchmarks.flood", "flood", endpoint, str(rate)))
         while coordinator.poll() is None:
-            memory.append(_memory_mb(coordinator))
+            memory.append(memory_mb(coordinator.pid))
             time.sleep(_LOOK_S)
         for process in (*flooding, *driving):
             process.communicate(timeout=_PATIENCE_S)
@@ -107,26 +107,6 @@ def run_beside(rate: int, seconds: float) -> Row:
         "freezes": len(convert(log["freezes"], list[object])),
         "arrived": f"{sum(ended_well)} of {ROBOTS}",
     }
-
-
-def lanes(seconds: float) -> Scenario:
-    """Return robots that drive side by side for so long."""
-    far = 1.0 + 0.95 * _SPEED * seconds
-    robots = tuple(
-        Robot(
-            id=f"R{i + 1}",
-            start=(1.0, 1.0 + i),
-            goal=(far, 1.0 + i),
-            radius=0.2,
-            max_speed=_SPEED,
-            max_accel=_SPEED,
-            max_lateral_accel=_SPEED,
-        )
-        for i in range(ROBOTS)
-    )
-    wide, high = far + 1.0, ROBOTS + 1.0
-    floor = Workspace(boundary=((0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high)))
-    return Scenario(name=FLEET, workspace=floor, robots=robots)
 
 
 def messages(seed: int = 1) -> list[tuple[str, bytes]]:
@@ -159,6 +139,12 @@ def messages(seed: int = 1) -> list[tuple[str, bytes]]:
     return found
 
 
+def _await_end(over: threading.Event) -> None:
+    """Tell when stdin has ended."""
+    sys.stdin.read()
+    over.set()
+
+
 def put_flood(endpoint: str, rate: int) -> None:
     """Put messages at a rate until stdin ends, and print how many it was."""
     import zenoh
@@ -172,7 +158,7 @@ def put_flood(endpoint: str, rate: int) -> None:
     ):
         config.insert_json5(name, json.dumps(value))
     over = threading.Event()
-    threading.Thread(target=lambda: (sys.stdin.read(), over.set()), daemon=True).start()
+    threading.Thread(target=_await_end, args=(over,), daemon=True).start()
     with zenoh.open(config) as session:
         source, sent, began = cycle(messages()), 0, time.monotonic()
         while not over.wait(_BATCH_S):
@@ -266,21 +252,6 @@ def _share(values: list[float], part: float) -> float:
     """Return the value that this share of them does not exceed."""
     ordered = sorted(values)
     return ordered[max(math.ceil(part * len(ordered)) - 1, 0)]
-
-
-def _memory_mb(process: Process) -> float:
-    """Return what a process holds in memory, 0 when it has ended."""
-    try:
-        pages = int(Path(f"/proc/{process.pid}/statm").read_text().split()[1])
-    except FileNotFoundError:
-        return 0.0
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def main() -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import datetime
 import json
 import resource
-import socket
 import statistics
 import subprocess
 import tempfile
@@ -25,6 +24,7 @@ from coordinator.key_store import KeyStore
 from coordinator.scenario import Scenario
 from coordinator.scenario_file import read_scenario, scenario_to_json
 from sim.generator import generate
+from sim.local_fleet import free_port
 from sim.programs import Programs
 
 _DAYS: Final = 30
@@ -83,9 +83,7 @@ def _keys_for(scenario: Scenario, folder: Path) -> Path:
 def _arm(scenario: Scenario, folder: Path, keys: Path | None) -> _Arming:
     """Start a fleet, wait until it goes, end it."""
     programs = Programs(folder, scenario.name, 1.0, 20, keys)
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        meet = programs.endpoint(probe.getsockname()[1])
+    meet = programs.endpoint(free_port())
     before = _cpu_s()
     began = listened = time.monotonic()
     gone = 0.0

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import socket
 import subprocess
 import sys
 import threading
@@ -22,6 +21,7 @@ from typing import Final
 import zenoh
 from mcap.reader import make_reader
 
+from benchmarks.machine import memory_mb
 from benchmarks.table import ROOT, Row, show
 from coordinator.record import Listener, Recording
 from coordinator.recorder import Recorder
@@ -30,6 +30,7 @@ from protocol.codec import encode
 from protocol.messages import Report
 from protocol.phases import MOVING
 from protocol.zenoh_transport import ZenohTransport, use_few_threads
+from sim.local_fleet import free_port
 
 FLEET: Final = "benchmark"
 ROBOTS: Final = 100
@@ -76,7 +77,7 @@ def writing(seconds: float = 10.0) -> list[Row]:
 
 def _recorded(rate: int, seconds: float, *, beside: bool = False) -> Row:
     """Return what became of so many messages a second."""
-    endpoint, sent = f"tcp/127.0.0.1:{_free_port()}", round(rate * seconds)
+    endpoint, sent = f"tcp/127.0.0.1:{free_port()}", round(rate * seconds)
     with ExitStack() as stack:
         path = Path(stack.enter_context(TemporaryDirectory())) / "run.mcap"
         recording = Recording(path)
@@ -92,7 +93,9 @@ def _recorded(rate: int, seconds: float, *, beside: bool = False) -> Row:
         recording.close()
         with path.open("rb") as stream:
             summary = make_reader(stream).get_summary()
-        kept = summary.statistics.message_count if summary is not None else 0
+        assert summary is not None
+        assert summary.statistics is not None
+        kept = summary.statistics.message_count
         size = path.stat().st_size
     return {**measured, "lost": sent - kept, "bytes a message": size / max(kept, 1)}
 
@@ -118,7 +121,7 @@ def _listen(listener: Listener, endpoint: str, rate: int, sent: int) -> Row:
         _wait_for(lambda: listener.messages > 0)
         began, spent, ours = time.monotonic(), time.process_time(), _python_s()
         while listener.messages < sent and publisher.poll() is None:
-            sizes.append(_memory_mb())
+            sizes.append(memory_mb(os.getpid()))
             time.sleep(_LOOK_S)
         passed, spent = time.monotonic() - began, time.process_time() - spent
         ours = _python_s() - ours
@@ -181,18 +184,6 @@ def _python_s() -> float:
         if name.startswith("python"):
             ticks += sum(int(number) for number in rest.split()[11:13])
     return ticks / os.sysconf("SC_CLK_TCK")
-
-
-def _memory_mb() -> float:
-    """Return the memory that this process holds."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def main() -> None:

@@ -70,7 +70,7 @@ class LocalFleet:
         self.speed = speed
         self.faults = list(faults)
         self._programs = Programs(folder, scenario.name, speed, effort, keys)
-        self.endpoint = router or self._programs.endpoint(_free_port())
+        self.endpoint = router or self._programs.endpoint(free_port())
         self._meet = f"--{'connect' if router else 'listen'}={self.endpoint}"
         place = endpoint_of(self.endpoint, locked=keys is not None)
         self._host, self._port = place.host, place.port
@@ -268,7 +268,8 @@ def _wait(process: Process, deadline: float) -> None:
         process.wait(max(0.0, deadline - time.monotonic()))
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """Return a port of the loopback that nobody listens on now."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
