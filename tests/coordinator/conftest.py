@@ -1,4 +1,4 @@
-"""A fleet's log that several tests take apart."""
+"""Fleets' logs that several tests take apart."""
 
 import asyncio
 
@@ -6,6 +6,8 @@ import pytest
 
 from coordinator import recorder as recorder_module
 from coordinator import replay
+from coordinator.export import story_of_log
+from coordinator.logbook import read_log
 from coordinator.mission import Mission
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
@@ -13,6 +15,7 @@ from coordinator.recorder import Attachment, Recorder
 from coordinator.scenario_file import parse_scenario, scenario_to_json
 from coordinator.service import Service
 from tests.coordinator.test_service import SCENARIO, Clock, Hand
+from tests.coordinator.two_epochs import first_plan, log_of, second_plan
 
 
 @pytest.fixture(scope="session")
@@ -51,3 +54,21 @@ def planned_once(monkeypatch):
         return known[key]
 
     monkeypatch.setattr(replay, "plan_here", plan_here)
+
+
+@pytest.fixture(scope="session")
+def document():
+    """The plan of the first epoch of two."""
+    return first_plan()
+
+
+@pytest.fixture(scope="session")
+def second(document):
+    """The plan of the second."""
+    return second_plan(document)
+
+
+@pytest.fixture
+def story(tmp_path, document, second):
+    """What happened in a log of both."""
+    return story_of_log(read_log(log_of(tmp_path / "run.mcap", document, second)))

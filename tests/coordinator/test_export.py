@@ -26,26 +26,9 @@ from tests.coordinator.two_epochs import (
     GO_2,
     WALL,
     RobotsOwn,
-    first_plan,
     log_of,
-    second_plan,
 )
 from tests.foxglove_file import messages_of
-
-
-@pytest.fixture(scope="module")
-def document():
-    return first_plan()
-
-
-@pytest.fixture(scope="module")
-def second(document):
-    return second_plan(document)
-
-
-@pytest.fixture
-def story(tmp_path, document, second):
-    return story_of_log(read_log(log_of(tmp_path / "run.mcap", document, second)))
 
 
 def rows_of(lines):

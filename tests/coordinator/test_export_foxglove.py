@@ -16,10 +16,9 @@ from zstandard import ZstdError
 
 from coordinator import trajectory
 from coordinator.errors import InputError
-from coordinator.export import csv_lines, story_of_log, story_of_plan
+from coordinator.export import csv_lines, story_of_plan
 from coordinator.export_foxglove import write_scene
 from coordinator.export_scene import floor_entities
-from coordinator.logbook import read_log
 from coordinator.plan import Floor, to_json
 from coordinator.summary import FaultSummary
 from coordinator.wire import drive, pack
@@ -31,9 +30,6 @@ from tests.coordinator.two_epochs import (
     SECOND,
     WALL,
     RobotsOwn,
-    first_plan,
-    log_of,
-    second_plan,
 )
 from tests.foxglove_file import message_class, messages_of
 from tests.oracles import tracks
@@ -52,21 +48,6 @@ SCHEMAS = {
     "/points/robots/R1": "foxglove.PointCloud",
     "/points/robots/R2": "foxglove.PointCloud",
 }
-
-
-@pytest.fixture(scope="module")
-def document():
-    return first_plan()
-
-
-@pytest.fixture(scope="module")
-def second(document):
-    return second_plan(document)
-
-
-@pytest.fixture
-def story(tmp_path, document, second):
-    return story_of_log(read_log(log_of(tmp_path / "run.mcap", document, second)))
 
 
 def on(topic, found):
