@@ -1,6 +1,8 @@
 """Every kind of fault on real processes over real Zenoh.
 
 Three robots, two of whose paths cross, and tau = "auto", so that nobody may touch whatever fails.
+A robot that is not let run for 50 ms stops, as its motors' watchdog demands; where a witness beside
+the fleet was not let run either, the machine did that, and the fleet drives again.
 """
 
 import asyncio
@@ -27,6 +29,7 @@ from sim.faults import parse_faults
 from sim.judge import Verdict, judge
 from sim.local_fleet import LocalFleet, Outcome
 from tests.system.fleet_tools import processes_of
+from tests.system.stalls import without_stalls, witness
 
 DEADLINE_S = 60.0
 ROBOTS = ("R1", "R2", "R3")
@@ -123,10 +126,13 @@ ALONE = (
 )
 TOGETHER = 3
 """Fleets that run at a time: each mostly waits, and machines have few cores."""
+TRIES = 3
+"""So often at most a fleet drives on a machine that stalls."""
 
 
 def run_fleet(folder, texts):
     """Run the three robots with faults, to their end; nobody may have touched or be left over."""
+    folder.mkdir()
     file = folder / "three.toml"
     roomy = f"tau = {ROOMY_TAU}\n" if texts == HELD_UP else ""
     file.write_text(roomy + THREE_ROBOTS)
@@ -160,9 +166,14 @@ def end_processes_of(folder):
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     """All runs of this module by their faults, some at a time."""
-    with ThreadPoolExecutor(TOGETHER) as pool:
+
+    def drive(stalls, folder, texts):
+        folders = [folder / f"try {number}" for number in range(TRIES)]
+        return without_stalls(stalls, TRIES, lambda number: run_fleet(folders[number], texts))
+
+    with witness() as stalls, ThreadPoolExecutor(TOGETHER) as pool:
         yield {
-            texts: pool.submit(run_fleet, tmp_path_factory.mktemp("fleet"), texts)
+            texts: pool.submit(drive, stalls, tmp_path_factory.mktemp("fleet"), texts)
             for texts in (*((text,) for text in ALONE), CLOCK_STEPS, TWO_DEATHS, HELD_UP)
         }
 
