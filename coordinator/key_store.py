@@ -138,8 +138,8 @@ def _told() -> Iterator[None]:
 
 
 def _make_folder(folder: Path) -> None:
+    """Make a folder for its owner alone; one that is there keeps its mode, it may hold more."""
     folder.mkdir(mode=0o700, exist_ok=True)
-    folder.chmod(0o700)
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -6,6 +6,7 @@ Decides: options and exit codes.
 from __future__ import annotations
 
 import datetime
+import ipaddress
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -30,7 +31,7 @@ keys_commands = typer.Typer(
 commands.add_typer(keys_commands, name="keys")
 
 _USUAL: Final = Path("keys")
-_HOST: Final = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.:-]{0,251}[A-Za-z0-9])?")
+_HOST: Final = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]{0,251}[A-Za-z0-9])?")
 
 Keys = Annotated[Path, typer.Option("--keys", metavar="DIR", help="The folder of `keys init`.")]
 Days = Annotated[int, typer.Option(min=1, max=3650, help="Days until it expires.")]
@@ -255,6 +256,13 @@ def _hosts(given: list[str] | None) -> tuple[str, ...]:
 
 
 def _is_host(text: str) -> bool:
+    """Tell whether this is a name or an address; what ends in a number is no name (RFC 1123)."""
+    if ":" in text or text.rpartition(".")[2].isdecimal():
+        try:
+            ipaddress.ip_address(text)
+        except ValueError:
+            return False
+        return True
     return _HOST.fullmatch(text) is not None
 
 

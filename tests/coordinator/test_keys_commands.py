@@ -80,6 +80,8 @@ def test_the_table_for_people_names_everybody(folder):
         (["revoke", "king/R1"], "is nobody"),
         (["revoke", "../R1"], "is nobody"),
         (["coordinator", "--host", "a b"], "no name or address"),
+        (["coordinator", "--host", "300.1.1.1"], "no name or address"),
+        (["coordinator", "--host", "fe80:::1"], "no name or address"),
         (["show", "--keys", "nowhere"], "keys init nowhere"),
     ],
 )
@@ -89,6 +91,21 @@ def test_what_does_not_fit_is_told_in_one_line_each(folder, arguments, said):
     assert isinstance(done.exception, InputError)
     assert all(said in line for line in done.exception.problems)
     assert len(states(folder)) == 3
+
+
+def test_hosts_are_names_and_addresses_of_both_kinds(folder):
+    hosts = ("hall-3.local", "192.168.7.2", "fe80::1", "7th.floor")
+    ran("coordinator", "--keys", folder, *(f"--host={host}" for host in hosts))
+    assert states(folder)[("coordinator", "coordinator", 2)] == "valid"
+
+
+def test_a_folder_that_is_there_keeps_its_mode(tmp_path):
+    home = tmp_path / "home"
+    home.mkdir(mode=0o755)
+    home.chmod(0o755)
+    ran("init", home)
+    assert home.stat().st_mode & 0o777 == 0o755
+    assert (home / "authority").stat().st_mode & 0o777 == 0o700
 
 
 def test_an_authority_that_is_there_is_kept(folder):
