@@ -167,11 +167,16 @@ def run_one(
 
 
 def run_world(world: World, document: PlanDocument, *, freezes: bool = True) -> tuple[bool, int]:
-    """Let a world run to its end; tells whether the fleet was over, and when [ns]."""
+    """Let a world run to its end; tells whether the fleet was over, and since when [ns].
+
+    It is over when it says so first: a coordinator that hangs says farewell to the end of it.
+    """
     finish = max(robot.finish_time for robot in document.robots)
     longest = _PATIENCE + 3.0 * finish * (1 + len(world.faults)) if freezes else 1.5 * finish
     world.run(longest)
-    over, over_ns = world.fleet.is_finished, world.now_ns
+    over = world.fleet.is_finished
+    said = (one.now_ns for one in world.fleet.incidents if one.kind == "phase")
+    over_ns = max(said, default=world.now_ns) if over else world.now_ns
     world.go_on(_AFTERMATH)
     return over, over_ns
 

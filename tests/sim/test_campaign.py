@@ -109,6 +109,18 @@ def test_every_run_lasts_until_the_fleet_is_over_whoever_is_lost(five):
     assert outcome.anyway == 0
 
 
+def test_whose_link_comes_back_after_over_was_said_is_not_expected():
+    """A coordinator that hangs between its farewells goes on with them later."""
+    alone = generate("open", 1, 1)
+    scenario, document = plan_for(alone, GOOD, None)
+    faults = [Fault("cut", "R1", 3.0, 4.0), Fault("coordinator-hang", "", 6.6, 6.0)]
+    outcome = run_one(scenario, document, 1, faults)
+    assert outcome.over
+    assert outcome.seconds < 6.6
+    assert outcome.excused == {"R1": "cut"}
+    assert outcome.violations == ()
+
+
 def test_the_table_says_what_became_of_every_robot(five):
     scenario, document = plan_for(five, GOOD, None)
     finish = max(robot.finish_time for robot in document.robots)
