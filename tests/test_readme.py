@@ -35,6 +35,12 @@ def test_the_readme_is_short_and_its_prose_narrow():
     assert [line for line in lines if len(line) > 100 and not line.startswith("|")] == []
 
 
+def test_the_prose_of_the_pages_is_narrow():
+    for page in (ROOT / "docs").rglob("*.md"):
+        lines = page.read_text().splitlines()
+        assert [line for line in lines if len(line) > 110 and not line.startswith("|")] == [], page
+
+
 @pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.toml")), ids=lambda p: p.stem)
 def test_every_example_has_a_proven_plan_of_short_messages(path):
     document = plan_scenario(read_scenario(path))
