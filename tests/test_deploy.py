@@ -78,6 +78,13 @@ def test_the_routers_settings_are_taken_by_zenoh_and_nobody_is_looked_for():
         assert json.loads(config.get_json(name)) == value, name
 
 
+def test_settings_to_copy_are_values_alone_since_systemd_keeps_a_comment_behind_one():
+    page = (ROOT / "docs" / "deploy.md").read_text()
+    lines = re.findall(r"^[A-Z]+=.*$", page, re.MULTILINE)
+    assert len(lines) == 5
+    assert [line for line in lines if re.search(r"[#\s]", line)] == []
+
+
 def test_the_page_on_deployment_names_every_file():
     page = (ROOT / "docs" / "deploy.md").read_text()
     for file in DEPLOY.iterdir():
