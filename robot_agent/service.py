@@ -31,7 +31,7 @@ from protocol.plan_parts import unpack_motion, unpack_plan
 from protocol.timing import COMMAND_PERIOD
 from protocol.transport import Transport
 from robot_agent.agent import Agent
-from robot_agent.blackbox import BlackBox
+from robot_agent.blackbox import BlackBox, CoordinatorTime
 from robot_agent.driver import Driver
 from robot_agent.inbox import Inbox
 from robot_agent.loop import PERIOD_NS, FixedRateLoop
@@ -63,7 +63,6 @@ def run_robot(
     clock: Callable[[], int],
     sleep: Callable[[int], None],
     fleet: str | None = None,
-    truth_clock: Callable[[], int] | None = None,
     blackbox: Path | None = None,
     give_up_ns: int = 0,
     period_ns: int = PERIOD_NS,
@@ -77,15 +76,14 @@ def run_robot(
     what keeps an idle robot from being armed; `count` the phase and the loop, and once more when
     the loop has ended.
 
-    `clock`: the robot's own time [ns]; `sleep`: lets that many of its ns pass; `truth_clock`: the
-    coordinator's clock, for the black box alone (default: `clock`).  Without a fleet the first one
-    heard is joined.  Raises RefusedError, and OSError when the black box cannot be written.
+    `clock`: the robot's own time [ns]; `sleep`: lets that many of its ns pass.  Without a fleet the
+    first one heard is joined.  Raises RefusedError, and OSError when the black box cannot be
+    written.
     """
     with transport:
         box = BlackBox(blackbox) if blackbox is not None else None
-        truth = truth_clock or clock
         service = RobotService(
-            robot, transport, driver, fleet, truth, box, clock=clock, period_ns=period_ns
+            robot, transport, driver, fleet, box, clock=clock, period_ns=period_ns
         )
         began = clock()
         told = PHASE_NAMES[IDLE]
@@ -134,7 +132,6 @@ class RobotService:
         transport: Transport,
         driver: Driver,
         fleet: str | None,
-        truth_clock: Callable[[], int],
         blackbox: BlackBox | None = None,
         boot: int | None = None,
         clock: Callable[[], int] | None = None,
@@ -153,7 +150,7 @@ class RobotService:
         self._driver = driver
         self._fleet: str | None = None
         self._clock = clock
-        self._truth_clock = truth_clock
+        self._time = None if clock is None else CoordinatorTime(clock, self.agent.clock)
         self._blackbox = blackbox
         if fleet is not None:
             self._join(fleet)
@@ -247,9 +244,9 @@ class RobotService:
             driver.turn(agent.drive_turn)
         else:
             driver.drive(agent.drive_speed, agent.drive_curvature, agent.drive_distance)
-        if self._blackbox is not None:
+        if self._blackbox is not None and self._time is not None:
             s = agent.ride.follower.s if agent.ride is not None else 0.0
-            self._blackbox.write(self._truth_clock(), driver.true_pose(), s, agent.phase)
+            self._blackbox.write(self._time.now(), driver.true_pose(), s, agent.phase)
 
     def _place(self) -> tuple[int, int, int] | None:
         """Return where a robot stands that never drove in this fleet, which is frozen."""

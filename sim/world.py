@@ -216,7 +216,6 @@ class World:
             self._network.session(name),
             body,
             self.fleet.name,
-            lambda: self.now_ns,
             boot=boot,
             clock=clock,
             period_ns=self._period_ns,

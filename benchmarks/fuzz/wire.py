@@ -76,7 +76,7 @@ class _Halls:
         self.session = self.network.session("robot")
         name = self.document.scenario
         self.service = RobotService(
-            Robot(self.robot), self.session, SimulatedBody(), name, lambda: 0, boot=_BOOT
+            Robot(self.robot), self.session, SimulatedBody(), name, boot=_BOOT
         )
 
 
