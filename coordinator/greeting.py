@@ -6,6 +6,7 @@ know: the fleet's phases, plans.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from coordinator.fleet_news import Incident, Outgoing
@@ -110,6 +111,11 @@ class Door:
             return f"{robot} has radius {hello.radius_m} m, the plan was made for {member.radius} m"
         if 0.0 < hello.max_speed_mps < member.speed - 1e-6:
             return f"{robot} reaches {hello.max_speed_mps} m/s, its plan needs {member.speed} m/s"
+        if 0.0 < hello.max_accel_mps2 < member.accel - 1e-6:
+            needed = (
+                f"{member.accel} m/s^2" if member.accel < math.inf else "one that stops at once"
+            )
+            return f"{robot} brakes with {hello.max_accel_mps2} m/s^2, its plan needs {needed}"
         if member.boot not in (None, hello.boot) and not member.is_silent(now_ns):
             return f"another {robot} is already in fleet {self._fleet}"
         return ""

@@ -50,6 +50,8 @@ class Member:
     speed: float
     """The speed that its plan needs [m/s]."""
     plan: bytes
+    accel: float = 0.0
+    """The brakes that its plan and its tau count on [m/s^2]; inf: it stops at once."""
     timeout_ns: int = REPORT_TIMEOUT
     planned: bool = True
     boot: int | None = None

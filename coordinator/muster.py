@@ -5,6 +5,8 @@ Decides: that a plan without a proof never becomes a fleet.
 
 from __future__ import annotations
 
+import math
+
 from coordinator.budget import budget_for
 from coordinator.delay import Delay
 from coordinator.epoch_times import EpochTimes
@@ -13,7 +15,7 @@ from coordinator.fleet import Fleet
 from coordinator.fleet_news import Part
 from coordinator.link_times import link_times
 from coordinator.member import Member
-from coordinator.plan import PlanDocument
+from coordinator.plan import PlanDocument, RobotPlan
 from coordinator.wire import pack, pack_times
 from protocol.timing import SECOND
 
@@ -30,6 +32,7 @@ def muster(document: PlanDocument, boot: int) -> Fleet:
             radius=robot.radius,
             speed=parts[robot.id].speed,
             plan=parts[robot.id].plan,
+            accel=_brakes(robot),
             timeout_ns=times.report_timeout_ns,
         )
         for robot in document.robots
@@ -71,3 +74,10 @@ def times_of(document: PlanDocument, driven: PlanDocument, boot: int) -> dict[st
         for robot in document.robots
         if robot != was[robot.id]
     }
+
+
+def _brakes(robot: RobotPlan) -> float:
+    """Return the brakes that a plan counts on [m/s^2]; 0 where it does not tell."""
+    if robot.limits is None:
+        return 0.0
+    return math.inf if robot.limits.max_accel is None else robot.limits.max_accel

@@ -22,7 +22,7 @@ class Floor:
 
     def __init__(self, epoch=1):
         members = [
-            Member(id=name, radius=0.2, speed=0.5, plan=b"plan of " + name.encode())
+            Member(id=name, radius=0.2, speed=0.5, plan=b"plan of " + name.encode(), accel=0.4)
             for name in NAMES
         ]
         self.fleet = Fleet("hall", 77, members, EpochTimes(epoch, DURATION))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from coordinator.fleet_phases import GO_LEAD
@@ -30,8 +32,9 @@ def test_a_known_robot_gets_its_plan_and_a_lost_plan_comes_again_on_its_report()
         ("R1", {"version": 2}, "protocol version 2"),
         ("R1", {"radius_m": 0.3}, "radius 0.3 m"),
         ("R1", {"max_speed_mps": 0.4}, "0.4 m/s"),
+        ("R1", {"max_accel_mps2": 0.3}, "brakes with 0.3 m/s^2, its plan needs 0.4 m/s^2"),
     ],
-    ids=["an unknown name", "another protocol", "too wide", "too slow"],
+    ids=["an unknown name", "another protocol", "too wide", "too slow", "too weak brakes"],
 )
 def test_a_robot_that_cannot_join_is_refused_in_a_sentence(robot, fields, said):
     (sent,) = Floor().hello(robot, boot=9, **fields)
@@ -40,6 +43,14 @@ def test_a_robot_that_cannot_join_is_refused_in_a_sentence(robot, fields, said):
     assert isinstance(refusal, Refusal)
     assert refusal.boot == 9
     assert said in refusal.reason
+
+
+@pytest.mark.parametrize(("needed", "joins"), [(0.3, True), (0.4, False), (math.inf, False)])
+def test_stated_brakes_are_held_against_those_that_the_plan_counts_on(needed, joins):
+    floor = Floor()
+    floor.fleet.members["R1"].accel = needed
+    (sent,) = floor.hello("R1", max_accel_mps2=0.3)
+    assert (sent.payload == b"plan of R1") == joins
 
 
 def test_a_second_process_with_a_robots_name_is_refused_while_the_first_speaks():
