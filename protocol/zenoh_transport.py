@@ -52,11 +52,21 @@ _COMMON: Final[dict[str, Any]] = {
     "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 500,
     "transport/link/rx/max_message_size": 1_048_576,
 }
+_NOBODY_INSISTS: Final = {
+    "messages": ["put", "delete"],
+    "key_exprs": ["**"],
+    "flows": ["ingress"],
+    "overwrite": {"congestion_control": "drop"},
+}
+"""Who sends a robot more than it takes loses that: else Zenoh would wait for room, and with it all
+that is to be sent to that robot, the coordinator's own `put` too, and then end the robot's link."""
+
 _ROUTER: Final[dict[str, Any]] = {
     "mode": "router",
     "transport/unicast/accept_timeout": 2_000,
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 500_000,
     "timestamping/enabled": True,
+    "qos/network": [_NOBODY_INSISTS],
 }
 _CLIENT: Final[dict[str, Any]] = {
     "mode": "client",

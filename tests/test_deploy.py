@@ -8,6 +8,7 @@ import pytest
 import typer.main
 import zenoh
 
+from protocol.zenoh_transport import router_settings
 from splinefleet import app
 from tests.test_readme import ROOT
 
@@ -76,6 +77,9 @@ def test_the_routers_settings_are_taken_by_zenoh_and_nobody_is_looked_for():
         "transport/shared_memory/enabled": False,
     }.items():
         assert json.loads(config.get_json(name)) == value, name
+    ours = zenoh.Config()
+    ours.insert_json5("qos/network", json.dumps(router_settings("")["qos/network"]))
+    assert config.get_json("qos/network") == ours.get_json("qos/network")
 
 
 def test_settings_to_copy_are_values_alone_since_systemd_keeps_a_comment_behind_one():

@@ -1,11 +1,14 @@
 """What only Zenoh can get wrong: opening, losing and finding the link again."""
 
+import json
 import socket
 import threading
 import time
 
 import pytest
+import zenoh
 
+from protocol import zenoh_transport
 from protocol.transport import TransportError
 from protocol.zenoh_transport import ZenohTransport
 from tests.protocol.links import PATIENCE_S, Inbox, ZenohLink, free_endpoint
@@ -143,3 +146,25 @@ def test_a_robot_is_alive_again_for_a_coordinator_that_was_restarted(link):
     second.watch_alive("f/alive/*", lambda key, alive: after(key, alive, None))
     link.until(lambda: None, after, lambda: after.payloads() == [True])
     assert before.payloads() == [True]
+
+
+def test_who_insists_on_being_heard_by_a_robot_that_hangs_holds_nobody_up(monkeypatch, link):
+    patience = "transport/link/tx/queue/congestion_control/block/wait_before_close"
+    monkeypatch.setitem(zenoh_transport._ROUTER, patience, round(2e6 * PATIENCE_S))
+    coordinator, hung, other = (link.session(name) for name in ("coordinator", "R1", "R2"))
+    inbox, over = Inbox(), threading.Event()
+    hung.subscribe("f/clock/R1", lambda *_: over.wait())
+    other.subscribe("f/command", inbox)
+    link.say_until_heard(coordinator, "f/command", b"hold", inbox)
+    config = zenoh.Config()
+    for name, value in {"mode": "client", "connect/endpoints": [link.endpoint]}.items():
+        config.insert_json5(name, json.dumps(value))
+    try:
+        with zenoh.open(config) as stranger:
+            began, block = time.monotonic(), zenoh.CongestionControl.BLOCK
+            for _ in range(1_000):  # 40 MB, more than all that lies between holds
+                stranger.put("f/clock/R1", bytes(40_000), congestion_control=block)
+            link.say_until_heard(coordinator, "f/command", b"go", inbox)
+            assert time.monotonic() - began < PATIENCE_S
+    finally:
+        over.set()
