@@ -61,8 +61,7 @@ class Agent:
 
     def __init__(self, max_speed: float = 0.0, period_ns: int = SECOND // 100) -> None:
         self.clock = ClockSync()
-        self.phase = IDLE
-        self.fault = NO_FAULT
+        self.phase, self.fault = IDLE, NO_FAULT
         self.epoch = self.revision = 0
         self.finished = False
         self.ride: Ride | None = None
@@ -70,8 +69,7 @@ class Agent:
         self.report_sequence = 0
         self.report_s: float | None = None
         self.rest = RestingPlace()
-        self._max_speed = max_speed
-        self._period = period_ns / SECOND
+        self._max_speed, self._period = max_speed, period_ns / SECOND
         self._leader = Leader()
         self._spent_epoch = self._start_ns = 0
         self._reported = (0, 0, 0, 0)
@@ -91,6 +89,8 @@ class Agent:
         leader, before_motion = self._leader, self.phase in (IDLE, ARMED)
         if not leader.counts(boot, sequence, epoch, before_motion, now_ns):
             return False
+        if self._is_alone(now_ns) and (self.phase == MOVING or self.fault == LATE):
+            self._fail(LEASE_OUT, now_ns)  # This Command may have waited while the robot hung.
         if epoch != leader.epoch and self.ride is None:
             self.fault = NO_FAULT
         if leader.hear(boot, sequence, epoch, phase, now_ns) and before_motion:

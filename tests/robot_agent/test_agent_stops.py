@@ -36,6 +36,31 @@ def test_a_robot_bears_silence_for_its_lease_and_then_brakes():
     assert (run.agent.phase, run.agent.fault) == (BRAKING, LEASE_OUT)
 
 
+def hung(run, milliseconds):
+    """Let the time pass without a tick."""
+    run.now = run.due = run.due + milliseconds * MS
+
+
+def test_a_word_that_waited_while_the_robot_hung_renews_no_lease_that_has_run_out():
+    run = driven_run(PATH, motion_along(LENGTH, 0.475, 0.5, stops=[(0.0, 5.0)]), 1.0)
+    hung(run, 700)
+    assert run.agent.phase == MOVING
+    run.command(GO)
+    assert (run.agent.phase, run.agent.fault) == (BRAKING, LEASE_OUT)
+    run.until(run.start_ns + 8 * SECOND)
+    assert (run.agent.phase, run.agent.fault) == (FROZEN, LEASE_OUT)
+    assert run.agent.ride.follower.s == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_robot_that_hung_for_less_than_its_lease_goes_on():
+    run = driven_run(PATH, motion_along(LENGTH, 0.475, 0.5, stops=[(0.0, 5.0)]), 1.0)
+    hung(run, 400)
+    run.command(GO)
+    run.until(run.start_ns + 8 * SECOND)
+    assert (run.agent.phase, run.agent.fault) == (MOVING, NO_FAULT)
+    assert run.agent.ride.follower.s > 0.5
+
+
 def test_a_freeze_brakes_along_the_path_as_the_plan_says():
     run = run_in(MOVING)
     run.until(run.now + 500 * MS)
