@@ -105,7 +105,7 @@ class Coordinator:
                         self.clock,
                         self.speed,
                         self._watcher(mission, table, recorder),
-                        lambda document: self._keep(document, plan_file),
+                        lambda document: self._keep(document, plan_file, table),
                         transport.has_router if place.routed else None,
                     )
                     arrived = asyncio.run(service.run(patience))
@@ -138,8 +138,9 @@ class Coordinator:
     def _plan_again(self, scenario: Scenario, epoch: int) -> PlanDocument:
         return plan_here(scenario, self.effort, epoch)
 
-    def _keep(self, document: PlanDocument, first: Path | None) -> None:
-        """Write a later epoch's plan beside the first one's, and tell of it."""
+    def _keep(self, document: PlanDocument, first: Path | None, table: FleetTable) -> None:
+        """Write a later epoch's plan beside the first one's, tell of it, show progress by it."""
+        table.follow(document)
         if first is not None:
             name = plan_name(document.epoch, document.revision).removeprefix("plan")
             file = first.with_name(f"{first.stem}{Path(name).stem}{first.suffix}")

@@ -22,8 +22,7 @@ class FleetTable:
     """Draws the fleet on the terminal, four times a second; draws nothing elsewhere."""
 
     def __init__(self, document: PlanDocument) -> None:
-        self._lines = {driven.id: driven.timeline for driven in drive(document)}
-        self._stops = {robot.id: robot for robot in document.robots}
+        self.follow(document)
         self._live = Live(
             console=errors,
             refresh_per_second=4,
@@ -32,6 +31,11 @@ class FleetTable:
             redirect_stderr=False,
         )
         self._on = errors.is_terminal
+
+    def follow(self, document: PlanDocument) -> None:
+        """Show progress by this plan from now on; a later one may be without some robots."""
+        self._lines = {driven.id: driven.timeline for driven in drive(document)}
+        self._stops = {robot.id: robot for robot in document.robots}
 
     def __enter__(self) -> FleetTable:
         """Begin to draw."""
@@ -58,11 +62,13 @@ class FleetTable:
         columns = ("robot", "phase", "progress by the clock", "%", "next stop")
         table = plain_table(*columns, title=title)
         for member in fleet.members.values():
-            line = self._lines[member.id]
-            share = line.s_at(time) / line.length if member.phase >= MOVING else 0.0
+            line = self._lines.get(member.id)
+            share = 1.0 if member.finished else 0.0
             phase = "lost" if member.lost else PHASE_NAMES[member.phase]
-            if member.phase == MOVING and line.v_at(time) == 0.0 and not member.lost:
-                phase = "waiting"
+            if line is not None and member.phase >= MOVING:
+                share = line.s_at(time) / line.length
+                if member.phase == MOVING and line.v_at(time) == 0.0 and not member.lost:
+                    phase = "waiting"
             if member.fault:
                 phase += f" ({FAULT_NAMES[member.fault]})"
             table.add_row(
@@ -75,6 +81,8 @@ class FleetTable:
         return table
 
     def _next_stop(self, robot: str, time: float) -> str:
+        if robot not in self._lines:
+            return "no part in this epoch"
         coming = self._lines[robot].next_stop(time)
         if coming is None:
             return "goal"

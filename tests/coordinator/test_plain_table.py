@@ -2,6 +2,7 @@
 
 import io
 
+import msgspec
 from rich.console import Console
 from rich.table import Table
 
@@ -13,7 +14,7 @@ from coordinator.planner import plan_scenario
 from coordinator.table import FleetTable
 from coordinator.wait_summary import WaitSummary, waits_of
 from coordinator.wait_table import waits_table
-from protocol.phases import FREEZE, FROZEN, LEASE_OUT
+from protocol.phases import DONE, FREEZE, FROZEN, LEASE_OUT
 from sim import summary
 from sim.judge import PairVerdict, RobotVerdict, Verdict
 from tests.scenarios import a_robot, a_scenario
@@ -70,3 +71,17 @@ def test_the_table_of_a_running_fleet_fits():
         member.phase, member.fault = FROZEN, LEASE_OUT
     fleet.phase = FREEZE
     assert_fits(shown(FleetTable(document).render(fleet, 10**9)), "robot", "phase", "progress")
+
+
+def test_the_table_of_a_fleet_shows_robots_that_have_no_part_in_the_newest_plan():
+    document = plan_scenario(HALL, effort=0)
+    fleet = muster(document, 9)
+    fleet.members["R2"].phase, fleet.members["R2"].finished = DONE, True
+    later = plan_scenario(msgspec.structs.replace(HALL, robots=HALL.robots[:1]), effort=0)
+    table = FleetTable(document)
+    table.follow(later)
+    told = shown(table.render(fleet, 10**9))
+    row = next(line for line in told.splitlines() if " R2 " in line)
+    assert " done " in row
+    assert " 100 " in row
+    assert shown(FleetTable(later).render(fleet, 10**9)) == told
