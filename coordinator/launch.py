@@ -144,7 +144,10 @@ class Coordinator:
         if first is not None:
             name = plan_name(document.epoch, document.revision).removeprefix("plan")
             file = first.with_name(f"{first.stem}{Path(name).stem}{first.suffix}")
-            write_file(file, to_json(document))
+            try:
+                write_file(file, to_json(document))
+            except InputError as error:  # Robots wait for this plan, or are on their way.
+                self._say("warning", text=str(error))
         text = f"epoch {document.epoch}: {len(document.robots)} robots go on"
         if document.revision:
             text = f"epoch {document.epoch}: new times, the {document.revision}. time"

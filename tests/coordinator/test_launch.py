@@ -11,6 +11,7 @@ from coordinator.launch import Coordinator
 from coordinator.mission import Mission
 from coordinator.planner import plan_scenario
 from coordinator.site import Aside, Site
+from coordinator.table import FleetTable
 from protocol.timing import SECOND
 from tests.scenarios import a_robot, a_scenario
 
@@ -55,3 +56,13 @@ def test_arrivals_count_from_the_first_go_whatever_epoch_they_were_in(told):
     fleet.members["R1"].done_ns = 20 * SECOND + GO_LEAD
     coordinator._summarise(fleet, False, {})
     assert told == ["R1: arrived 14.0 s after the first GO", "R2: ended idle"]
+
+
+def test_a_later_plan_that_cannot_be_written_ends_no_fleet(told, tmp_path):
+    document = replace(plan_scenario(HALL, effort=0), epoch=2)
+    coordinator = Coordinator(HALL, effort=0, speed=1.0, events=False)
+    coordinator._keep(document, tmp_path / "gone" / "plan.json", FleetTable(document))
+    assert told == [
+        f"{tmp_path}/gone/plan-2.json: No such file or directory",
+        "epoch 2: 2 robots go on",
+    ]
