@@ -110,9 +110,9 @@ def run_robot(
         except KeyboardInterrupt:
             return 130
         finally:
+            driver.stop()
             if box is not None:
                 box.close()
-            driver.stop()
             count("end", loop)
     if service.refusal is not None:
         raise RefusedError(service.refusal)

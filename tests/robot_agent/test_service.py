@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import math
 
 import pytest
@@ -13,6 +14,7 @@ from protocol.curve import Curve
 from protocol.messages import Clock, Command, Hello, Plan, Refusal, Report
 from protocol.packing import pack_floats, pack_points, pack_profile, pack_stops
 from protocol.phases import ARMED, DONE, DRIVER_ERROR, FREEZE, FROZEN, GO, HOLD, MOVING, OVER
+from robot_agent.blackbox import BlackBox
 from robot_agent.driver import DriverError
 from robot_agent.service import RefusedError, Robot, run_robot
 from robot_agent.skewed_clock import skewed_clock
@@ -162,6 +164,25 @@ def test_between_go_and_arrival_a_robot_sends_at_most_a_hundred_bytes_a_second()
     )
     assert size / FINISH <= 100.0
     assert all(r.rest is None for r in hall.reports())
+
+
+def test_a_robot_stops_its_motors_even_when_its_black_box_cannot_be_closed(monkeypatch, tmp_path):
+    close = BlackBox.close
+
+    def fail(box: BlackBox) -> None:
+        close(box)
+        raise OSError(errno.ENOSPC, "no space left")
+
+    def interrupt() -> None:
+        hall.body.stop = lambda: stopped.append(True)
+        raise_interrupt()
+
+    hall, stopped = Hall(), []
+    hall.reactions[MOVING] = interrupt
+    monkeypatch.setattr(BlackBox, "close", fail)
+    with pytest.raises(OSError, match="no space left"):
+        hall.run(blackbox=tmp_path / "box.csv")
+    assert stopped
 
 
 def test_a_refusal_ends_the_robot_with_its_reason():
