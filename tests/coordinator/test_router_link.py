@@ -8,6 +8,7 @@ from coordinator.fleet_phases import RESUME_PATIENCE
 from coordinator.link_news import LINK_GONE, LINK_UP, is_router_key, link_news, router_key
 from coordinator.log_channels import describe
 from protocol import keys
+from protocol.messages import Report, Rest
 from protocol.phases import ARMED, DONE, FREEZE, FROZEN, GO, HOLD, MOVING
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, REPORT_TIMEOUT, SECOND
 from tests.coordinator.fleet_floor import NAMES, Floor
@@ -136,3 +137,13 @@ def test_news_of_the_router_have_a_key_of_their_own_that_nobody_can_speak_on():
     assert keys.split(key) is None
     assert describe(key).fits(LINK_UP)
     assert not describe(key).fits(b"no")
+
+
+def test_a_router_that_came_back_lets_no_lie_about_an_epoch_end_the_coordinator():
+    floor = routed()
+    for up in (False, True):
+        tell(floor, up)
+    lie = Report(1, 999, 9, FROZEN, 0, Rest(1.0, 9))
+    assert floor.hear(keys.report("hall", "R1"), lie) == []
+    assert not floor.fleet.superseded
+    assert floor.fleet.bad_messages == 1
