@@ -89,6 +89,7 @@ def run_beside(rate: int, seconds: float) -> Row:
         for process in (*flooding, *driving):
             process.communicate(timeout=_PATIENCE_S)
         told = {file.stem: _last_line(file) for file in folder.glob("*.jsonl")}
+        trouble = _trouble(folder / "coordinator.jsonl")
         log = summarise(read_log(folder / "run.mcap"))
     ages = [age for robot in robots for age in told[robot]["ages_ms"]]
     ended_well = [one["arrived"] is not None for one in told["coordinator"]["robots"]]
@@ -106,6 +107,7 @@ def run_beside(rate: int, seconds: float) -> Row:
         "growth MB": max(memory) - memory[0],
         "freezes": len(convert(log["freezes"], list[object])),
         "arrived": f"{sum(ended_well)} of {ROBOTS}",
+        "trouble": trouble,
     }
 
 
@@ -246,6 +248,13 @@ def _last_line(said: Path) -> dict[str, Any]:
         raise RuntimeError(f"{said.stem} has said nothing")
     found: dict[str, Any] = json.loads(lines[-1])
     return found
+
+
+def _trouble(said: Path) -> str:
+    """Return what kept the fleet from going on, in the coordinator's words."""
+    events = [json.loads(line) for line in said.read_text().splitlines()]
+    kinds = ("timeout", "fault", "stays", "aside", "superseded", "log")
+    return "; ".join(event["text"] for event in events if event["event"] in kinds)
 
 
 def _share(values: list[float], part: float) -> float:
