@@ -58,7 +58,7 @@ def test_a_fleet_arrives_through_a_locked_router_recorded_and_watched_beside(hal
     robots = [
         hall.start(
             *("agent", name, "--keys", own / "robot" / name),
-            *("--blackbox", box / f"{name}.csv", "--max-accel", 0.5),
+            *("--blackbox", box / f"{name}.csv", "--max-accel", 0.6),
         )
         for name in ("R1", "R2")
     ]
