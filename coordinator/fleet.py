@@ -106,7 +106,10 @@ class Fleet(FleetState):
         if self.phase == GO and self._absence.doubted:
             return []
         late = [self.members[name] for name in sorted(self._delay.missing)]
-        return [self._command(), *(Outgoing(keys.plan(self.name, m.id), m.times) for m in late)]
+        return [
+            self._command(now_ns),
+            *(Outgoing(keys.plan(self.name, m.id), m.times) for m in late),
+        ]
 
     def adopt(
         self, epoch: int, parts: Mapping[str, Part], duration_ns: int, now_ns: int
@@ -117,7 +120,7 @@ class Fleet(FleetState):
         self._delay.begin_epoch()
         self.members.assign(parts)
         self._turn("planned" if parts else "none can go", now_ns)
-        return [self._command()]
+        return [self._command(now_ns)]
 
     def late(self) -> Lateness | None:
         """Return what new times are wanted for and were not asked for yet."""
@@ -138,7 +141,7 @@ class Fleet(FleetState):
                 f"{late.robot} is late, and there are no new times",
                 now_ns,
             )
-            return [self._command()]
+            return [self._command(now_ns)]
         self.times.duration_ns = duration_ns
         self._delay.tell(times, self.times)
         for name, message in times.items():
@@ -179,7 +182,7 @@ class Fleet(FleetState):
         if not answer or isinstance(answer, Outgoing):
             return [answer] if answer else []
         self._turn("admitted", now_ns)
-        return [self._command()]
+        return [self._command(now_ns)]
 
     def _hear_report(self, robot: str, report: Report, now_ns: int) -> list[Outgoing]:
         member = self.members.get(robot)
@@ -211,7 +214,7 @@ class Fleet(FleetState):
             self._tell(now_ns, "late", member.id, f"{member.id} is late; the others go on")
             return []
         self._fail(member, f"{member.id} stopped: {fault_name(member.fault)}", now_ns)
-        return [self._command()]
+        return [self._command(now_ns)]
 
     def _hear_pace(self, robot: str, pace: Pace, now_ns: int) -> list[Outgoing]:
         member = self.members.get(robot)
@@ -230,7 +233,7 @@ class Fleet(FleetState):
         under_way = self.phase == GO or self.epoch != self.first_epoch
         if under_way and member.planned and not member.finished:
             self._give_up([Failing(member, "has lost its link", lost=True)], now_ns)
-            return [self._command()]
+            return [self._command(now_ns)]
         return []
 
     def _hear_stranger(self, member: Member, epoch: int, now_ns: int) -> list[Outgoing]:

@@ -121,7 +121,7 @@ class FleetState:
                 member.set_out(self.epoch, now_ns)
         self._tell(now_ns, "phase", "", COMMAND_NAMES[phase])
 
-    def _command(self) -> Outgoing:
+    def _command(self, now_ns: int) -> Outgoing:
         self._sequence += 1
         command = Command(
             boot=self.boot,
@@ -130,6 +130,7 @@ class FleetState:
             phase=self.phase,
             start_ns=self.times.start_ns if self.phase in (GO, FREEZE) else 0,
             wanted=tuple(self.members.wanted(self.phase == FREEZE)[:100]),
+            said_ns=now_ns,
         )
         return Outgoing(keys.command(self.name), encode(command))
 

@@ -34,7 +34,7 @@ class LinkTimes:
     """What a fleet on this link bears, in ns."""
 
     lease_ns: int
-    """Silence of the coordinator that stops a robot."""
+    """So long after the newest Command was said, by the robot's clock, it stops."""
     report_timeout_ns: int
     """Silence of a robot that makes it lost."""
     clock_error_ns: int
@@ -46,9 +46,10 @@ def link_times(link: Link) -> LinkTimes:
     delay = round(link.delay * SECOND)
     tries = math.ceil(math.log(_FALSE_ALARM) / math.log(link.loss)) if link.loss > 0.0 else 1
     borne = delay + _JITTER
-    lease = max(LEASE, tries * COMMAND_PERIOD + borne)
+    clock_error = CLOCK_ERROR + delay
+    lease = max(LEASE, tries * COMMAND_PERIOD + borne + clock_error)
     timeout = max(REPORT_TIMEOUT, tries * REPORT_PERIOD + borne)
-    return LinkTimes(_whole(lease), _whole(timeout), _whole(CLOCK_ERROR + delay))
+    return LinkTimes(_whole(lease), _whole(timeout), _whole(clock_error))
 
 
 def _whole(time_ns: int) -> int:

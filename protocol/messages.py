@@ -111,7 +111,8 @@ class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
     """What should be, repeated every COMMAND_PERIOD: level-triggered, so a lost one is harmless.
 
     `start_ns` is the plan's time zero on the coordinator's clock (0 unless the phase is GO or
-    FREEZE).  `wanted` names frozen robots whose arc length has not been heard yet.
+    FREEZE).  `wanted` names frozen robots whose arc length has not been heard yet.  `said_ns` is
+    when it was said, on that clock: leases count from it (0: not stated).
     """
 
     boot: Counter
@@ -120,6 +121,7 @@ class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
     phase: Annotated[int, msgspec.Meta(ge=0, le=3)]
     start_ns: Nanoseconds
     wanted: Annotated[tuple[RobotId, ...], msgspec.Meta(max_length=100)] = ()
+    said_ns: Nanoseconds = 0
 
 
 class Rest(msgspec.Struct, frozen=True, array_like=True):

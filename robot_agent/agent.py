@@ -60,8 +60,7 @@ class Agent:
     """
 
     def __init__(self, max_speed: float = 0.0, period_ns: int = SECOND // 100) -> None:
-        self.clock = ClockSync()
-        self.phase, self.fault = IDLE, NO_FAULT
+        self.clock, self.phase, self.fault = ClockSync(), IDLE, NO_FAULT
         self.epoch = self.revision = 0
         self.finished = False
         self.ride: Ride | None = None
@@ -84,6 +83,7 @@ class Agent:
         start_ns: int,
         wanted: bool,
         now_ns: int,
+        said_ns: int = 0,
     ) -> bool:
         """Take a Command, `wanted` if it asks where this robot rests; tell whether it counts."""
         leader, before_motion = self._leader, self.phase in (IDLE, ARMED)
@@ -93,7 +93,8 @@ class Agent:
             self._fail(LEASE_OUT, now_ns)  # This Command may have waited while the robot hung.
         if epoch != leader.epoch and self.ride is None:
             self.fault = NO_FAULT
-        if leader.hear(boot, sequence, epoch, phase, now_ns) and before_motion:
+        said_ns = said_ns - self.clock.offset_ns if said_ns and self.clock.good else now_ns
+        if leader.hear(boot, sequence, epoch, phase, now_ns, said_ns) and before_motion:
             self._apply(transitions.NEW_EPOCH, now_ns)
         if phase == FREEZE:
             self._apply(transitions.TOLD_TO_FREEZE, now_ns)
@@ -101,7 +102,7 @@ class Agent:
             self.finished = self.phase not in (MOVING, BRAKING)
         elif epoch > self.epoch and self.ride is not None:
             self._apply(transitions.NEW_EPOCH, now_ns)
-        elif phase == GO and epoch == self.epoch and self.phase == ARMED:
+        elif (phase, epoch, self.phase) == (GO, self.epoch, ARMED) and not self._is_alone(now_ns):
             self._hear_go(start_ns, now_ns)
         if wanted:
             self.rest.ask()

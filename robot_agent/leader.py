@@ -39,14 +39,21 @@ class Leader:
         higher = epoch == self.epoch and boot > self.boot
         return before_motion and (higher or self.is_silent(LEASE, now_ns))
 
-    def hear(self, boot: int, sequence: int, epoch: int, phase: int, now_ns: int) -> bool:
-        """Take a Command that counts; tell whether another coordinator leads from now on."""
+    def hear(
+        self, boot: int, sequence: int, epoch: int, phase: int, now_ns: int, said_ns: int
+    ) -> bool:
+        """Take a Command that counts; tell whether another coordinator leads from now on.
+
+        `said_ns`: when it was said, on the robot's clock; it may have been long on its way.
+        """
+        one_clock = boot == self.boot and not self.has_other_clock
+        self._heard_ns = min(now_ns, said_ns) if one_clock else now_ns
         another = self.boot not in (-1, boot)
         self.has_other_clock = self.has_other_clock or another
         self.boot, self.sequence = boot, sequence
-        self.epoch, self.phase, self._heard_ns = epoch, phase, now_ns
+        self.epoch, self.phase = epoch, phase
         return another
 
     def is_silent(self, lease_ns: int, now_ns: int) -> bool:
-        """Tell whether nothing was heard for longer than a lease."""
+        """Tell whether what was heard last was said longer than a lease ago."""
         return now_ns - self._heard_ns > lease_ns

@@ -217,6 +217,7 @@ class RobotService:
             command.start_ns,
             self.robot.id in command.wanted,
             now_ns,
+            command.said_ns,
         )
         if not counts:
             return

@@ -97,7 +97,7 @@ class Run:
         """Return what the robot's clock shows at a time of the coordinator's."""
         return truth_ns + self.offset_ns + truth_ns * self.drift_ppm // 1_000_000
 
-    def until(self, truth_ns: int, talking: bool = True) -> None:
+    def until(self, truth_ns: int, talking: bool = True, age: int = 2 * MS) -> None:
         """Tick until a time, a Command each 100 ms, the time told whenever it is asked for."""
         while True:
             late = self.jitter.randrange(20 * MS) if self.jitter else 0
@@ -108,7 +108,7 @@ class Run:
             self.now = now
             own = self.own(now)
             if talking and now // (100 * MS) != (now - PERIOD) // (100 * MS):
-                self.command(self.phase)
+                self.command(self.phase, age=age)
             self.body.step(own)
             self.agent.tick(own, *self.body.pose())
             agent = self.agent
@@ -123,8 +123,8 @@ class Run:
             self.places.append((self.body.x, self.body.y))
             self.phases.append(self.agent.phase)
 
-    def command(self, phase: int, wanted: bool = False) -> None:
-        """Let the robot hear a Command now."""
+    def command(self, phase: int, wanted: bool = False, age: int = 2 * MS) -> None:
+        """Let the robot hear a Command now that was said so long ago [ns]."""
         self.phase = phase
         self.sequence += 1
         self.agent.hear_command(
@@ -135,6 +135,7 @@ class Run:
             self.start_ns,
             wanted,
             self.own(self.now),
+            self.now - age,
         )
 
 

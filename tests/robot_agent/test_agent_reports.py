@@ -80,7 +80,7 @@ def test_the_time_is_asked_for_often_at_first_and_rarely_later():
 
 def test_a_robot_may_leave_when_all_is_over_or_at_its_goal_alone():
     run = run_in(DONE)
-    run.command(GO)
+    run.command(GO, age=0)
     assert not run.agent.may_leave(run.own(run.now) + 600 * MS)
     assert run.agent.may_leave(run.own(run.now) + 601 * MS)
     assert not run_in(FROZEN).agent.may_leave(1 << 60)

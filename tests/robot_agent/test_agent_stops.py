@@ -52,6 +52,33 @@ def test_a_word_that_waited_while_the_robot_hung_renews_no_lease_that_has_run_ou
     assert run.agent.ride.follower.s == pytest.approx(0.0, abs=1e-3)
 
 
+def test_old_words_at_a_steady_rate_renew_no_lease():
+    """What a slow link holds back comes late, but as often as ever."""
+    run = run_in(MOVING)
+    run.until(run.now + SECOND, age=400 * MS)
+    assert run.agent.phase == MOVING
+    run.until(run.now + SECOND, age=5 * SECOND)
+    assert (run.agent.phase, run.agent.fault) == (BRAKING, LEASE_OUT)
+
+
+def test_a_word_is_as_old_as_the_coordinators_clock_says_whatever_the_robots_own_shows():
+    for offset in (-(10**6) * SECOND, 10**6 * SECOND):
+        for age, phase in ((400 * MS, MOVING), (900 * MS, BRAKING)):
+            run = driven_run(PATH, motion_along(LENGTH, 0.475, 0.5), 2.0, offset_ns=offset)
+            run.until(run.now + SECOND, age=age)
+            assert run.agent.phase == phase
+
+
+def test_an_old_go_sets_no_robot_going_though_its_plan_waits_at_the_start():
+    run = armed_run(PATH, motion_along(LENGTH, 0.475, 0.5, stops=[(0.0, 30.0)]))
+    run.until(run.start_ns + 10 * SECOND)
+    run.command(GO, age=10 * SECOND)
+    assert run.agent.phase == ARMED
+    run.until(run.now + 200 * MS, talking=False)
+    run.command(GO)
+    assert run.agent.phase == MOVING
+
+
 def test_a_robot_that_hung_for_less_than_its_lease_goes_on():
     run = driven_run(PATH, motion_along(LENGTH, 0.475, 0.5, stops=[(0.0, 5.0)]), 1.0)
     hung(run, 400)
