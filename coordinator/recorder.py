@@ -193,11 +193,13 @@ class Recorder:
             self._write_waiting()
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._stream.close()
-        except _WRITE_ERRORS as error:
+        except BaseException as error:
             self.error = _sentence(self.path, error)
             self._give_up_waiting()
             with suppress(OSError):
                 self._stream.close()
+            if not isinstance(error, _WRITE_ERRORS):
+                raise
 
     def _give_up_waiting(self) -> None:
         """Drop what is waiting; who waits for it goes on at once."""
@@ -276,6 +278,6 @@ def _stamp(time_ns: int) -> int:
     return min(max(time_ns, 0), _LAST_STAMP)
 
 
-def _sentence(path: Path, error: Exception) -> str:
-    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return f"{path}: the log cannot be written: {reason}"
+def _sentence(path: Path, error: BaseException) -> str:
+    reason = error.strerror if isinstance(error, OSError) else str(error)
+    return f"{path}: the log cannot be written: {reason or repr(error)}"

@@ -5,15 +5,19 @@ Decides: the file's columns and that a sudden death loses nothing.  Nothing in i
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from typing import Final
 
 from protocol.phases import PHASE_NAMES
 from protocol.timing import SECOND
 from robot_agent.clock_sync import ClockSync
 from robot_agent.driver import Pose
 
-HEADER = "t,x,y,heading,s,phase\n"
+HEADER: Final = "t,x,y,heading,s,phase\n"
+_LONGEST_LINE: Final = 200
 
 
 class CoordinatorTime:
@@ -44,23 +48,90 @@ class CoordinatorTime:
 class BlackBox:
     """Appends rows from the first GO on; raises OSError when the file cannot be written.
 
-    t [s] counts on the coordinator's clock from `start_ns`, which is set when GO is heard.  Each
-    row reaches the system at once: what a killed robot did last is what matters most.
+    t [s] counts on the coordinator's clock from the start that `begin` is told.  Each row reaches
+    the system at once: what a killed robot did last is what matters most.  A box that is there
+    already is kept: a robot that is started again in the same run goes on in it, which run that
+    was stands in PATH.start; one of another run becomes PATH.1, or the next free number.
     """
 
     def __init__(self, path: Path) -> None:
-        self.start_ns: int | None = None
-        self._file = path.open("w", encoding="ascii", buffering=1)
+        self._path = path
+        self._start_ns: int | None = None
+        self._earlier = _set_aside(path)
+        self._open("w")
         self._file.write(HEADER)
+
+    def begin(self, boot: int, start_ns: int) -> None:
+        """Count from a GO's start [ns] of the coordinator with this boot id; the first one counts.
+
+        Where the box before was of the same coordinator, its rows and its start do.
+        """
+        if self._start_ns is not None:
+            return
+        self._start_ns = start_ns
+        if not self._path.is_file():
+            return
+        before = _numbers(_start_of(self._earlier)) if self._earlier is not None else []
+        if self._earlier is None or before[:1] != [boot]:
+            _start_of(self._path).write_text(f"{boot} {start_ns}\n", encoding="ascii")
+            return
+        self._start_ns = before[1]
+        self._file.close()
+        _drop_cut_line(self._earlier)
+        _move(self._earlier, self._path)
+        self._open("a")
 
     def write(self, truth_ns: int | None, pose: Pose | None, s: float, phase: int) -> None:
         """Add a row; before the start, or while the time is not known, nothing is written."""
-        if self.start_ns is None or pose is None or truth_ns is None or truth_ns < self.start_ns:
+        if self._start_ns is None or pose is None or truth_ns is None or truth_ns < self._start_ns:
             return
         x, y, heading = pose
-        time = (truth_ns - self.start_ns) / SECOND
+        time = (truth_ns - self._start_ns) / SECOND
         self._file.write(f"{time:.6f},{x:.6f},{y:.6f},{heading:.6f},{s:.6f},{PHASE_NAMES[phase]}\n")
 
     def close(self) -> None:
         """Close the file; may be called twice."""
         self._file.close()
+
+    def _open(self, mode: str) -> None:
+        self._file = self._path.open(mode, encoding="ascii", buffering=1)
+
+
+def _set_aside(path: Path) -> Path | None:
+    """Give a box that has begun the next number; returns the newest one that has a number."""
+    free = 1
+    while (place := path.with_name(f"{path.name}.{free}")).exists():
+        free += 1
+    if path.is_file() and (path.stat().st_size > len(HEADER) or _start_of(path).exists()):
+        _move(path, place)
+        return place
+    return path.with_name(f"{path.name}.{free - 1}") if free > 1 else None
+
+
+def _start_of(box: Path) -> Path:
+    return box.with_name(f"{box.name}.start")
+
+
+def _move(box: Path, place: Path) -> None:
+    """Move a box and its start to a place where there is none that has begun."""
+    box.replace(place)
+    with suppress(FileNotFoundError):
+        _start_of(box).replace(_start_of(place))
+
+
+def _numbers(path: Path) -> list[int]:
+    """Return a coordinator's boot id and the start [ns] of its run; nothing when it is not told."""
+    try:
+        boot, start_ns = path.read_text(encoding="ascii").split()
+        return [int(boot), int(start_ns)]
+    except (OSError, ValueError):
+        return []
+
+
+def _drop_cut_line(path: Path) -> None:
+    """Take away a last line that a kill has cut short."""
+    with path.open("rb+") as file:
+        end = file.seek(0, os.SEEK_END)
+        tail_at = file.seek(max(0, end - _LONGEST_LINE))
+        tail = file.read()
+        file.truncate(tail_at + tail.rfind(b"\n") + 1)

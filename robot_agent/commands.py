@@ -103,7 +103,7 @@ def agent(
         typer.echo(str(error), err=True)
         code = 2
     except OSError as error:
-        typer.echo(f"{blackbox}: {error.strerror}", err=True)
+        typer.echo(f"{error.filename or robot}: {error.strerror or error}", err=True)
         code = 2
     raise typer.Exit(code)
 

@@ -29,7 +29,7 @@ from sim.faults import Fault, Strike, strikes_of
 from sim.faulty_body import SCRIPT
 from sim.programs import Programs
 from sim.relay import Relay
-from sim.run_folder import clear_folder
+from sim.run_folder import clear_folder, drop_starts
 
 Process = subprocess.Popen[str]
 Event = dict[str, Any]
@@ -94,6 +94,7 @@ class LocalFleet:
             self._programs.keys_of(one.id)
         self._prepare_folder()
         with ExitStack() as stack:
+            stack.callback(drop_starts, self.folder)
             for robot in {fault.robot for fault in self.faults if fault.act == "cut"}:
                 self._relays[robot] = Relay(self._port, self._host)
                 stack.callback(self._relays[robot].close)

@@ -14,7 +14,7 @@ from typing import Final
 from coordinator.commands import make_folder
 from coordinator.errors import InputError
 
-_OF_A_RUN: Final = ("run*.mcap", "plan*.*", "summary.json", "blackbox/*.csv", "faults/*.txt")
+_OF_A_RUN: Final = ("run*.mcap", "plan*.*", "summary.json", "blackbox/*.csv*", "faults/*.txt")
 """What an earlier run may have left in the folder; two runs must not mix."""
 
 _NAMED_IN: Final = (("scenario.json", "name"), ("plan.json", "scenario"))
@@ -26,6 +26,12 @@ def clear_folder(folder: Path) -> None:
     (folder / "blackbox").mkdir(parents=True, exist_ok=True)
     _take_away(folder)
     _drop_empty(folder / "faults")
+
+
+def drop_starts(folder: Path) -> None:
+    """Take away what only a robot that is started again would need: the run is over."""
+    for start in folder.glob("blackbox/*.csv.start"):
+        start.unlink()
 
 
 def fleet_of(folder: Path) -> str | None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 import pytest
 from mcap.reader import NonSeekingReader, make_reader
+from mcap.writer import Writer
 
 from coordinator import recorder as recorder_module
 from coordinator.errors import InputError, LogError
@@ -165,6 +166,20 @@ def test_a_disk_that_fills_up_is_told_once_at_the_close_and_never_to_the_recordi
     assert log.error is not None
     log.record(keys.command("f"), b"x", 2)
     log.close()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_whatever_ends_the_writing_is_told_and_nobody_waits_for_it(tmp_path, monkeypatch):
+    log = open_log(tmp_path / "run.mcap")
+
+    def fail(*_):
+        raise RuntimeError
+
+    monkeypatch.setattr(Writer, "add_message", fail)
+    log.record(keys.command("f"), b"x", 1)
+    assert not log.sync()
+    with pytest.raises(LogError, match=r"the log cannot be written: RuntimeError\(\)"):
+        log.close()
 
 
 def test_a_long_burst_is_cut_into_chunks(tmp_path, monkeypatch):

@@ -1,7 +1,12 @@
-"""The time in black boxes: the coordinator's, whatever host the robot is on."""
+"""Black boxes: their time is the coordinator's, and nothing in them is ever lost."""
 
-from robot_agent.blackbox import CoordinatorTime
+import os
+from pathlib import Path
+
+from protocol.phases import MOVING
+from robot_agent.blackbox import BlackBox, CoordinatorTime
 from robot_agent.clock_sync import ClockSync
+from sim.blackbox import read_blackbox
 from tests.robot_agent.rides import MS, SECOND
 
 
@@ -43,3 +48,54 @@ def test_the_time_never_runs_backwards_when_a_better_exchange_comes():
     exchanged(sync, now_ns, 100 * SECOND, MS, MS)
     assert sync.offset_ns + now_ns < before
     assert time.now() == before
+
+
+def a_box(path, boot: int, start_s: float, *times_s: float, end: str = "") -> None:
+    """The box of one program: rows at these times, and what a kill left of one more."""
+    box = BlackBox(path)
+    box.begin(boot, round(start_s * SECOND))
+    for time in times_s:
+        box.write(round(time * SECOND), (time, 0.0, 0.0), time, MOVING)
+    box.close()
+    with path.open("a") as file:
+        file.write(end)
+
+
+def times_in(path) -> list[float]:
+    return read_blackbox(path).t.tolist()
+
+
+def test_a_robot_that_is_started_again_in_the_same_run_goes_on_in_its_black_box(tmp_path):
+    path = tmp_path / "R1.csv"
+    a_box(path, 7, 10.0, 10.0, 10.5, end="0.6,1.0,2")
+    BlackBox(path).close()
+    a_box(path, 7, 30.0, 29.0, 31.0)
+    a_box(path, 7, 40.0, 42.0)
+    assert times_in(path) == [0.0, 0.5, 19.0, 21.0, 32.0]
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["R1.csv", "R1.csv.start"]
+
+
+def test_the_black_box_of_another_run_is_kept_beside_the_new_one(tmp_path):
+    path = tmp_path / "R1.csv"
+    a_box(path, 7, 10.0, 10.5)
+    a_box(path, 8, 20.0, 21.0)
+    a_box(path, 9, 30.0, 32.0)
+    assert [times_in(tmp_path / f"R1.csv{number}") for number in (".1", ".2", "")] == [
+        [0.5],
+        [1.0],
+        [2.0],
+    ]
+
+
+def test_a_robot_killed_before_its_first_row_goes_on_counting_from_the_first_go(tmp_path):
+    path = tmp_path / "R1.csv"
+    a_box(path, 7, 10.0, 10.5)
+    a_box(path, 8, 20.0)
+    a_box(path, 8, 25.0, 26.0)
+    assert times_in(path) == [6.0]
+    assert times_in(tmp_path / "R1.csv.1") == [0.5]
+
+
+def test_a_black_box_may_be_no_file():
+    a_box(Path(os.devnull), 7, 10.0, 10.5)
+    assert not Path(f"{os.devnull}.start").exists()

@@ -22,7 +22,7 @@ def test_a_restarted_robot_is_taken_in_where_it_stands_and_arrives(tmp_path):
 
     def agent(name, *more):
         limits = (f"--radius={robots[name].radius}", f"--max-accel={robots[name].max_accel}")
-        box = f"--blackbox={tmp_path / f'{name}{len(more)}.csv'}"
+        box = f"--blackbox={tmp_path / f'{name}.csv'}"
         return started("agent", name, f"--connect={endpoint}", *limits, box, *more)
 
     log = tmp_path / "run.mcap"
@@ -35,7 +35,7 @@ def test_a_restarted_robot_is_taken_in_where_it_stands_and_arrives(tmp_path):
         line_with(coordinator, '"R3 is moving"', 40.0)
         agents["R3"].kill()
         line_with(coordinator, '"planned"', 30.0)
-        box = read_blackbox(tmp_path / "R30.csv")
+        box = read_blackbox(tmp_path / "R3.csv")
         x, y = box.places[-1] if len(box.t) else robots["R3"].start[:2]
         stack.enter_context(agent("R3", "--at", str(x), str(y), "1.5708"))
         line_with(coordinator, '"back"', 30.0)
@@ -45,6 +45,9 @@ def test_a_restarted_robot_is_taken_in_where_it_stands_and_arrives(tmp_path):
         assert coordinator.wait(20.0) == 0
     assert summary["arrived"]
     assert splinefleet("replay", log, "--check").returncode == 0
+    verdict = json.loads(splinefleet("judge", tmp_path, "--json").stdout)
+    assert verdict["collisions"] == 0
+    assert all(one["arrived"] and one["tracking_error"] < 0.01 for one in verdict["robots"])
     assert processes_of(tmp_path) == []
 
 
