@@ -40,6 +40,11 @@ CATCH_UP_RATE = 10.0
 """Of what a robot lags behind, so much is made up per second: a body that is slow to change its
 speed, and a place with noise, must not make it swing about its plan."""
 
+QUICK_CATCH_UP_RATE = 25.0
+QUICK_CATCH_UP_SHARE = 0.5
+"""The same of a robot that starts and stops at once, and at most this share of it in one period:
+its plan comes to a stop at full speed, where it must not creep up on its place for long."""
+
 _SPARE_SPEED = 1.05
 
 
@@ -68,6 +73,10 @@ class Ride:
         self.speed = self.curvature = self.distance = 0.0
         self._brake = brake_mmps2 / 1000.0 or inf
         self._period = period
+        self._catch_up = CATCH_UP_RATE
+        if self._brake == inf:
+            quick = min(QUICK_CATCH_UP_RATE, QUICK_CATCH_UP_SHARE / period)
+            self._catch_up = max(CATCH_UP_RATE, quick)
         curve = Curve(*path)
         self.follower = PathFollower(curve)
         self._timeline = Timeline(*motion)
@@ -137,11 +146,11 @@ class Ride:
     def arrived(self, time: float) -> bool:
         """Tell whether the plan is over and the robot at its goal.
 
-        Within the track tolerance is near enough once it has had its share of tau to come closer:
-        one that slips as it arrives is not there yet.
+        Within the track tolerance is near enough once it has had its share of tau to come closer,
+        but for the time that being late takes: one that slips as it arrives is not there yet.
         """
         left, over = self._timeline.length - self.follower.s, time - self._timeline.finish
-        if over >= self.late:
+        if over >= self.late - self._late_time:
             return left <= self.track
         beside = abs(self.follower.lateral) - max(ARRIVAL_SLACK, LATE_SHARE * self.track)
         return over >= 0.0 and left <= ARRIVAL_SLACK and beside <= 0.0
@@ -165,7 +174,7 @@ class Ride:
             self._pace = (s - self._pace_s) / passed if passed < 1.0 else inf
             self._pace_time, self._pace_s = time, s
         speed = (timeline.s_at(time + self._period) - planned) / self._period
-        self.speed = min(max(speed + (planned - s) * CATCH_UP_RATE, 0.0), self._limit)
+        self.speed = min(max(speed + (planned - s) * self._catch_up, 0.0), self._limit)
         self._reach(timeline.s_at(time + HOLD_OUT) - s)
 
     def begin_to_brake(self, time: float) -> None:

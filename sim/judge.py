@@ -20,7 +20,7 @@ from coordinator.budget import share_for_lateness
 from coordinator.nurbs import Array
 from coordinator.plan import PlanDocument
 from coordinator.wire import Driven, drive
-from protocol.phases import DONE, MOVING, PHASE_NAMES
+from protocol.phases import DONE, FROZEN, MOVING, PHASE_NAMES
 from sim.blackbox import BlackBox
 from sim.evidence import Epoch, gather
 
@@ -155,11 +155,16 @@ def _keeps_to_plan(box: BlackBox, since: float) -> float:
 def _judge_robot(
     document: PlanDocument, legs: Sequence[tuple[Driven, BlackBox]], whole: BlackBox, end: float
 ) -> RobotVerdict:
-    """Judge one robot: the whole of what it did, and each leg against its plan."""
+    """Judge one robot: the whole of what it did, and each leg against its plan.
+
+    One that froze within the tolerance of its goal has arrived: no plan takes it any farther.
+    """
     tolerance, driven, box = 0.5 * document.margin, legs[0][0], whole
     goal = driven.curve.at_arc([driven.curve.length])[0]
+    near = np.hypot(*(box.places - goal).T) <= tolerance
     done = [t for t, phase in zip(box.t, box.phases, strict=True) if phase == PHASE_NAMES[DONE]]
-    near = bool(np.hypot(*(box.places[-1] - goal)) <= tolerance)
+    if not done and near[-1] and box.phases[-1] == PHASE_NAMES[FROZEN]:
+        done = box.t[np.argmax(np.logical_and.accumulate(near[::-1])[::-1]) :].tolist()
     late = share_for_lateness(document.tau) + _SLACK
     fault = ""
     if not done:
@@ -168,7 +173,7 @@ def _judge_robot(
         fault = f"recording ends at {ended:.2f} s" if silent else f"ended {box.phases[-1]}"
     return RobotVerdict(
         id=driven.id,
-        arrived=bool(done) and near,
+        arrived=bool(done) and bool(near[-1]),
         t=round(float(done[0]), 3) if done else None,
         tracking_error=round(max(tracking_error(d, part, late) for d, part in legs), 6),
         lateness=round(max(_lateness(d, part) for d, part in legs), 3),

@@ -11,7 +11,15 @@ from scipy.spatial import cKDTree
 from protocol.phases import DONE, FROZEN, MOVING, NO_FAULT, OFF_PATH
 from sim.body import SimulatedBody
 from sim.failing_body import FailingBody
-from tests.robot_agent.rides import armed_run, dense_line, driven_run, motion_along, winding_path
+from tests.robot_agent.rides import (
+    RULES,
+    SECOND,
+    armed_run,
+    dense_line,
+    driven_run,
+    motion_along,
+    winding_path,
+)
 
 PATH = winding_path()
 LINE, ARC = dense_line(PATH)
@@ -75,6 +83,29 @@ def test_a_robot_that_finds_itself_beside_its_path_comes_back_to_it():
     run.until(run.start_ns + 2_000_000_000)
     assert run.agent.phase == MOVING
     assert abs(run.agent.ride.follower.lateral) < 1e-4
+
+
+@pytest.mark.parametrize("speed", [0.3, 1.0])
+@pytest.mark.parametrize("held", [0.04, 0.08, 0.15])
+@pytest.mark.parametrize(("place", "before"), [(STOP, 0.0), (STOP, 0.05), (LENGTH, 0.0)])
+def test_a_robot_held_up_just_before_a_stop_or_its_goal_is_no_later_for_it(
+    speed, held, place, before
+):
+    arrival = STOP / speed if place == STOP else DEPART + (LENGTH - STOP) / speed
+    run = driven_run(
+        PATH,
+        motion_along(LENGTH, speed, math.inf, [(STOP, DEPART)]),
+        arrival - held - before,
+        max_speed=1.05 * speed,
+        rules=(*RULES[:3], 0, RULES[4]),
+        body=FailingBody(),
+    )
+    run.body.stall(True)
+    run.until(run.now + round(held * SECOND))
+    run.body.stall(False)
+    run.until(run.start_ns + round((DEPART + LENGTH / speed) * SECOND))
+    assert (run.agent.phase, run.agent.fault) == (DONE, NO_FAULT)
+    assert max(TREE.query(np.array(run.places))[0]) < 0.002
 
 
 def test_a_fast_robot_settles_too():

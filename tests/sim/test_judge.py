@@ -120,6 +120,25 @@ def test_a_robot_that_never_moved_stands_at_its_start(document):
     assert not verdict.robots[1].arrived
 
 
+@pytest.mark.parametrize(("short", "arrived"), [(0.004, True), (0.04, False)])
+def test_a_robot_that_froze_at_its_goal_but_for_some_millimetres_has_arrived(
+    document, short, arrived
+):
+    boxes = driven_boxes(document)
+    before = boxes["B"]
+    kept = before.s <= before.s[-1] - short
+    ahead = len(kept) - int(kept.sum())
+    places = np.vstack((before.places[kept], [before.places[kept][-1]] * ahead))
+    phases = ["moving"] * int(kept.sum()) + ["frozen"] * ahead
+    boxes["B"] = BlackBox(before.t, places, before.s, tuple(phases))
+    verdict = judge_boxes(document, boxes).robots[1]
+    assert verdict.arrived == arrived
+    assert (verdict.fault == "") == arrived
+    if arrived:
+        reached = np.hypot(*(places - before.places[-1]).T) <= 0.5 * document.margin
+        assert verdict.t == pytest.approx(before.t[reached][0], abs=1e-3)
+
+
 def test_a_last_row_cut_short_is_left_out_and_other_damage_is_told(tmp_path):
     path = tmp_path / "R1.csv"
     path.write_text("t,x,y,heading,s,phase\n0.0,1,2,0,0,moving\n0.01,1,2,0")
