@@ -57,6 +57,8 @@ _CAUSES: Final = (
     ("sent no certificates", "it has no key"),
     ("InvalidContentType", "it speaks plain TCP, not TLS"),
     ("InvalidPurpose", "its key is not for this purpose"),
+    ("alert: UnknownCA", "it trusts another authority"),
+    ("received fatal alert", "it does not trust the key that it is shown"),
 )
 
 _DEEDS: Final = (

@@ -38,6 +38,8 @@ class KeyStore:
         """Make the folder with a new authority and an empty register."""
         from coordinator.authority import new_authority
 
+        if self._is_ones_own():
+            raise InputError([f"{self.folder} holds one party's keys; name another folder"])
         if any((self.folder / place).exists() for place in _OF_A_FLEET):
             raise InputError([f"{self.folder} holds an authority already; name another folder"])
         with _told():
@@ -53,6 +55,8 @@ class KeyStore:
             words = "bring it back from a copy"
             if not lost:
                 words = f"splinefleet keys init {self.folder} makes one"
+            if self._is_ones_own():
+                words = "it is one party's own; name the fleet's folder"
             raise InputError([f"{self.folder}: has no {REGISTER}; {words}"])
         with _told():
             return register_of(place.read_bytes(), str(place))
@@ -91,6 +95,10 @@ class KeyStore:
             if hit:
                 self._write_register(register)
         return hit
+
+    def _is_ones_own(self) -> bool:
+        """Tell whether this is the folder that one party is given."""
+        return (self.folder / CERTIFICATE).exists()
 
     def _authority(self) -> Pair:
         place = self.folder / _AUTHORITY_PLACE

@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from protocol.endpoint import Endpoint
     from protocol.key_files import KeyFiles
 
-_PATIENCE_S: Final = 1.0
+_PATIENCE_S: Final = 3.0
+"""Longer than whoever routes without TLS bears with a stranger (2 s, zenoh_transport.py): who says
+nothing for so long hangs."""
 
 _NO_TLS: Final = "whoever answers does not speak TLS; was it started with --keys?"
 
@@ -29,7 +31,7 @@ _REASONS: Final = (
 
 
 def why_no_link(endpoint: Endpoint, keys: KeyFiles) -> str:
-    """Return what keeps this party from the coordinator; empty when nothing is found."""
+    """Return what keeps this party from the coordinator; empty where none is found, or it hangs."""
     try:
         plain = socket.create_connection((endpoint.host, endpoint.port), _PATIENCE_S)
     except OSError:
@@ -52,6 +54,8 @@ def _shake_hands(plain: socket.socket, host: str, keys: KeyFiles) -> str:
         return f"{_reason(error)}: {error.verify_message}"
     except ssl.SSLError as error:
         return _reason(error)
+    except TimeoutError:
+        return ""
     except OSError:
         return "" if shaken else _NO_TLS
     return ""

@@ -153,6 +153,16 @@ def test_keys_of_a_coordinator_that_has_lost_its_register_are_not_made_useless(s
         store.begin(NOW)
 
 
+@pytest.mark.parametrize("place", ["coordinator", "robot/R1"])
+def test_a_partys_own_folder_is_not_taken_for_a_fleets(store, place):
+    own = KeyStore(store.folder / place)
+    with pytest.raises(InputError, match="one party's own; name the fleet's folder"):
+        Gate(own.folder, "hall", ["R1"])
+    with pytest.raises(InputError, match="holds one party's keys; name another folder"):
+        own.begin(NOW)
+    assert not (own.folder / "authority").exists()
+
+
 def test_damaged_authority_is_told_in_one_line(store):
     (store.folder / "authority/private.pem").write_bytes(b"nothing")
     with pytest.raises(InputError, match="damaged") as caught:

@@ -1,5 +1,6 @@
 """A fleet behind locks, on real Zenoh: who gets in, who may say what, and what is told of it."""
 
+import socket
 import time
 
 import pytest
@@ -9,7 +10,7 @@ from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import PROTOCOL_VERSION, Admit, Command, Hello, Plan, Report
 from protocol.phases import GO, IDLE
-from protocol.transport import TransportError
+from protocol.transport import NoAnswerError, TransportError
 from protocol.zenoh_transport import ZenohTransport
 from tests.protocol.links import Inbox
 from tests.system.fleet_tools import splinefleet, wait_for
@@ -246,3 +247,10 @@ def test_a_robot_without_keys_and_one_with_keys_are_told_that_the_other_side_has
         done = splinefleet("agent", "R1", *options)
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
     assert "does not speak TLS" in done.stderr
+
+
+def test_a_coordinator_that_hangs_is_told_as_nobody_who_answers(gate):
+    with socket.create_server(("127.0.0.1", 0)) as hung:
+        endpoint = f"tls/127.0.0.1:{hung.getsockname()[1]}"
+        with pytest.raises(NoAnswerError, match="nobody answers"):
+            ZenohTransport.connect(endpoint, timeout_s=0.3, keys=gate.keys.of("robot", "R1"))
