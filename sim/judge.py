@@ -20,7 +20,7 @@ from coordinator.budget import share_for_lateness
 from coordinator.nurbs import Array
 from coordinator.plan import PlanDocument
 from coordinator.wire import Driven, drive
-from protocol.phases import DONE, FROZEN, MOVING, PHASE_NAMES
+from protocol.phases import DONE, FROZEN, IDLE, MOVING, PHASE_NAMES
 from sim.blackbox import BlackBox
 from sim.evidence import Epoch, gather
 
@@ -28,6 +28,7 @@ _GRID: Final = 0.001
 _SLACK: Final = 0.02
 """Time [s] by which a black box row may be off: it is written once per control tick."""
 
+_AT_REST: Final = tuple(PHASE_NAMES[phase] for phase in (FROZEN, IDLE))
 _TIMED: Final = tuple(PHASE_NAMES[phase] for phase in (MOVING, DONE))
 
 
@@ -157,14 +158,17 @@ def _judge_robot(
 ) -> RobotVerdict:
     """Judge one robot: the whole of what it did, and each leg against its plan.
 
-    One that froze within the tolerance of its goal has arrived: no plan takes it any farther.
+    One that froze within the tolerance of its goal has arrived: no plan takes it any farther, and
+    in a later epoch, which goes without it, it is idle there.
     """
     tolerance, driven, box = 0.5 * document.margin, legs[0][0], whole
     goal = driven.curve.at_arc([driven.curve.length])[0]
     near = np.hypot(*(box.places - goal).T) <= tolerance
     done = [t for t, phase in zip(box.t, box.phases, strict=True) if phase == PHASE_NAMES[DONE]]
-    if not done and near[-1] and box.phases[-1] == PHASE_NAMES[FROZEN]:
-        done = box.t[np.argmax(np.logical_and.accumulate(near[::-1])[::-1]) :].tolist()
+    there = int(np.argmax(np.logical_and.accumulate(near[::-1])[::-1]))
+    rests = near[-1] and box.phases[-1] in _AT_REST and _AT_REST[0] in box.phases[there:]
+    if not done and rests:
+        done = box.t[there:].tolist()
     late = share_for_lateness(document.tau) + _SLACK
     fault = ""
     if not done:

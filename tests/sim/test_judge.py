@@ -120,16 +120,17 @@ def test_a_robot_that_never_moved_stands_at_its_start(document):
     assert not verdict.robots[1].arrived
 
 
+@pytest.mark.parametrize("later", ["frozen", "idle"])
 @pytest.mark.parametrize(("short", "arrived"), [(0.004, True), (0.04, False)])
 def test_a_robot_that_froze_at_its_goal_but_for_some_millimetres_has_arrived(
-    document, short, arrived
+    document, short, arrived, later
 ):
     boxes = driven_boxes(document)
     before = boxes["B"]
     kept = before.s <= before.s[-1] - short
     ahead = len(kept) - int(kept.sum())
     places = np.vstack((before.places[kept], [before.places[kept][-1]] * ahead))
-    phases = ["moving"] * int(kept.sum()) + ["frozen"] * ahead
+    phases = ["moving"] * int(kept.sum()) + ["frozen"] * 10 + [later] * (ahead - 10)
     boxes["B"] = BlackBox(before.t, places, before.s, tuple(phases))
     verdict = judge_boxes(document, boxes).robots[1]
     assert verdict.arrived == arrived
