@@ -96,10 +96,9 @@ class Agent:
         said_ns = said_ns - self.clock.offset_ns if said_ns and self.clock.good else now_ns
         if leader.hear(boot, sequence, epoch, phase, now_ns, said_ns) and before_motion:
             self._apply(transitions.NEW_EPOCH, now_ns)
-        if phase == FREEZE:
+        if phase in (FREEZE, OVER):
             self._apply(transitions.TOLD_TO_FREEZE, now_ns)
-        elif phase == OVER:
-            self.finished = self.phase not in (MOVING, BRAKING)
+            self.finished = phase == OVER and self.phase != BRAKING
         elif epoch > self.epoch and self.ride is not None:
             self._apply(transitions.NEW_EPOCH, now_ns)
         elif (phase, epoch, self.phase) == (GO, self.epoch, ARMED) and not self._is_alone(now_ns):

@@ -44,7 +44,7 @@ EXPECTED = {
     "go": {ARMED: MOVING},
     "late go": {ARMED: FROZEN},
     "freeze": {ARMED: FROZEN, MOVING: BRAKING},
-    "over": {},
+    "over": {ARMED: FROZEN, MOVING: BRAKING},
     "next epoch": {ARMED: IDLE, MOVING: BRAKING, FROZEN: IDLE, DONE: IDLE},
     "driver error": {ARMED: FROZEN, MOVING: BRAKING},
 }
