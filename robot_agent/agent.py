@@ -186,9 +186,10 @@ class Agent:
             self.drive_curvature = ride.curvature
 
     def report_due(self, now_ns: int) -> bool:
-        """Tell whether to report now, which then counts as done."""
+        """Tell whether to report now, which then counts as done; not while it may be late."""
         state = (self.epoch, self.revision, self.phase, self.fault)
-        if state == self._reported and now_ns - self._reported_ns < REPORT_PERIOD:
+        recent = state == self._reported and now_ns - self._reported_ns < REPORT_PERIOD
+        if recent or (self.phase == MOVING and self.ride is not None and self.ride.seems_late()):
             return False
         self._reported, self._reported_ns = state, now_ns
         self.report_sequence += 1

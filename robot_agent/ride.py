@@ -124,6 +124,10 @@ class Ride:
         """Tell whether the plan is farther ahead than its share of tau allows."""
         return not self.follower.s >= self._timeline.s_at(time - self.late) - self._slack
 
+    def seems_late(self) -> bool:
+        """Tell whether the robot was behind at the last tick, be it for good or for once."""
+        return self._behind_from < inf
+
     def stands_at_start(self, x: float, y: float, heading: float) -> tuple[bool, int, float]:
         """Tell whether the robot may start from a pose; else its fault, or what to turn [rad]."""
         if self.follower.misplacement(x, y, heading) <= TURN_SHARE * self.track:

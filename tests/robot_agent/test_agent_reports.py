@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from protocol.phases import ARMED, BRAKING, DONE, FREEZE, FROZEN, GO, IDLE, MOVING, OVER
+from protocol.phases import ARMED, BRAKING, DONE, FREEZE, FROZEN, GO, IDLE, LATE, MOVING, OVER
 from robot_agent.agent import Agent
 from tests.robot_agent.phases import hear_plan, run_in
 from tests.robot_agent.rides import MS, SECOND
@@ -86,3 +86,16 @@ def test_a_robot_may_leave_when_all_is_over_or_at_its_goal_alone():
     assert not run_in(FROZEN).agent.may_leave(1 << 60)
     run.command(OVER)
     assert run.agent.may_leave(run.own(run.now))
+
+
+def test_a_robot_that_hung_says_nothing_before_it_knows_whether_it_is_late():
+    run = run_in(MOVING)
+    run.until(run.now + 500 * MS)
+    run.now = run.due = run.due + 400 * MS
+    said = []
+    for _ in range(30):
+        run.until(run.now + 11 * MS)
+        if run.agent.report_due(run.own(run.now)):
+            said.append((run.agent.phase, run.agent.fault))
+    assert said[0] == (BRAKING, LATE)
+    assert run.agent.report_sequence == len(said)

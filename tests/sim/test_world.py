@@ -45,6 +45,9 @@ max_speed = 0.4
 
 ROBOTS = ("R1", "R2", "R3")
 
+STRETCH_STEP = 0.02
+"""A stretch where a robot may stand is followed in such steps [m]."""
+
 
 @pytest.fixture(scope="module")
 def scenario():
@@ -240,3 +243,21 @@ def test_a_robot_that_is_pushed_off_its_goal_says_so_and_drives_back(scenario, d
     assert "R1 stopped: off its path" in [one.text for one in incidents(world, "fault")]
     assert arrived(world, document, world.blackboxes()) == set(ROBOTS)
     assert touches(document, world.blackboxes()) == []
+
+
+BRIEFLY = [
+    [Fault("hang", "R1", 2.0 + 0.04 * step, 0.44), Fault("kill", "R1", 2.465 + 0.04 * step)]
+    for step in range(5)
+]
+"""R1 dies just after it woke, before it knows that it is late."""
+
+
+@pytest.mark.parametrize("faults", BRIEFLY)
+def test_a_lost_robot_is_nowhere_but_where_it_is_held_to_stand(scenario, document, faults):
+    world = World(scenario, document, good_link(), faults=faults)
+    world.run(8.0)
+    (lost,) = (one for one in world.mission.site.aside if one.robot.id == "R1")
+    body = world.robots["R1"].body
+    off = np.hypot(*(lost.places - (body.x, body.y)).T).min()
+    assert lost.why == "lost"
+    assert off < 0.5 * STRETCH_STEP + 0.002
