@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from coordinator.absence import AWAY
 from coordinator.fleet_news import Part
 from coordinator.member import Member
 from coordinator.standing import Standing
@@ -72,12 +73,13 @@ class Roster(dict[str, Member]):
         """Return where those stand that have a part in the epoch, or none but have spoken since.
 
         Plan time counts from `zero_ns`.  One that has not said where it rests has moved on since it
-        last kept to its plan, until `until_ns`; nobody has moved in an epoch that has not gone.
+        last kept to its plan, until `until_ns`; what it said may have waited for a coordinator that
+        was away unnoticed.  Nobody has moved in an epoch that has not gone.
         """
         found = []
         for member in self.values():
             if member.planned or (member.rest is not None and not member.lost):
-                since, until = member.kept_ns - zero_ns, until_ns - zero_ns
+                since, until = member.kept_ns - AWAY - zero_ns, until_ns - zero_ns
                 if not has_gone:
                     since = until = 0
                 found.append(member.standing(epoch, since, until))

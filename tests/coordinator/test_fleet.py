@@ -7,7 +7,7 @@ from typing import get_args
 
 import pytest
 
-from coordinator.absence import DRAIN
+from coordinator.absence import AWAY, DRAIN
 from coordinator.fleet_phases import (
     FAREWELLS,
     FREEZE_PATIENCE,
@@ -76,6 +76,15 @@ def test_who_is_not_heard_anew_after_the_coordinator_was_away_is_lost_where_it_l
     assert floor.commands[-1].phase == FREEZE
     assert floor.fleet.members["R2"].lost
     assert floor.fleet.members["R2"].kept_ns <= sure
+
+
+def test_what_waited_for_a_coordinator_that_was_away_unnoticed_says_where_a_robot_was_then():
+    floor = Floor().go()
+    times, said = floor.fleet.times, floor.now
+    floor.now += AWAY
+    floor.report("R2", MOVING)
+    (standing,) = (one for one in floor.fleet.standings() if one.robot == "R2")
+    assert standing.since <= (said - times.start_ns - times.behind_ns) / SECOND
 
 
 def test_a_robot_that_speaks_but_does_not_set_out_freezes_the_fleet():

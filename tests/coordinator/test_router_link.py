@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from coordinator.absence import AWAY
 from coordinator.fleet_phases import RESUME_PATIENCE
 from coordinator.link_news import LINK_GONE, LINK_UP, is_router_key, link_news, router_key
 from coordinator.log_channels import describe
@@ -79,7 +80,7 @@ def test_a_robot_that_does_not_come_back_with_the_router_is_lost_where_it_was_la
     assert 0 <= floor.now - back - RESUME_PATIENCE <= COMMAND_PERIOD
     assert lost(floor) == {"R2"}
     (where,) = [one for one in floor.fleet.standings() if one.robot == "R2"]
-    assert where.since == (kept - floor.fleet.times.zero_ns) / SECOND
+    assert where.since == (kept - AWAY - floor.fleet.times.zero_ns) / SECOND
 
 
 def test_robots_that_fall_silent_together_are_waited_for_where_there_is_a_router():
