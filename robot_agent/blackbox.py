@@ -57,29 +57,35 @@ class BlackBox:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._start_ns: int | None = None
+        self._boot = -1
         self._earlier = _set_aside(path)
         self._open("w")
         self._file.write(HEADER)
+
+    def join(self, boot: int) -> None:
+        """Go on in the box before if it is of the coordinator with this boot id."""
+        if self._start_ns is not None or self._earlier is None or not self._path.is_file():
+            return
+        before = _numbers(_start_of(self._earlier)) if boot != self._boot else []
+        self._boot = boot
+        if before[:1] == [boot]:
+            self._start_ns = before[1]
+            self._file.close()
+            _drop_cut_line(self._earlier)
+            _move(self._earlier, self._path)
+            self._open("a")
 
     def begin(self, boot: int, start_ns: int) -> None:
         """Count from a GO's start [ns] of the coordinator with this boot id; the first one counts.
 
         Where the box before was of the same coordinator, its rows and its start do.
         """
+        self.join(boot)
         if self._start_ns is not None:
             return
         self._start_ns = start_ns
-        if not self._path.is_file():
-            return
-        before = _numbers(_start_of(self._earlier)) if self._earlier is not None else []
-        if self._earlier is None or before[:1] != [boot]:
+        if self._path.is_file():
             _start_of(self._path).write_text(f"{boot} {start_ns}\n", encoding="ascii")
-            return
-        self._start_ns = before[1]
-        self._file.close()
-        _drop_cut_line(self._earlier)
-        _move(self._earlier, self._path)
-        self._open("a")
 
     def write(self, truth_ns: int | None, pose: Pose | None, s: float, phase: int) -> None:
         """Add a row; before the start, or while the time is not known, nothing is written."""

@@ -222,8 +222,10 @@ class RobotService:
         if not counts:
             return
         self.heard_ns, self._phase = now_ns, command.phase
-        if self._blackbox is not None and command.phase == GO:
-            self._blackbox.begin(command.boot, command.start_ns)
+        if self._blackbox is not None:
+            self._blackbox.join(command.boot)
+            if command.phase == GO:
+                self._blackbox.begin(command.boot, command.start_ns)
 
     def _hear_times(self, times: NewTimes, now_ns: int) -> None:
         motion = unpack_motion(times)

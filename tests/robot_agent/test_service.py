@@ -277,3 +277,13 @@ def test_a_frozen_robot_stays_for_the_next_epoch():
     hall.reactions[FROZEN] = wait_and_leave
     assert hall.run() == 130
     assert next(r.rest is not None for r in hall.reports() if r.phase == FROZEN)
+
+
+def test_a_robot_that_is_started_again_and_hears_no_go_any_more_keeps_its_black_box(tmp_path):
+    box = tmp_path / "R1.csv"
+    assert Hall().run(blackbox=box) == 0
+    before = box.read_text()
+    hall = Hall()
+    hall.phase = OVER
+    assert hall.run(blackbox=box) == 0
+    assert box.read_text() == before
