@@ -151,6 +151,7 @@ class Member:
                 s=report.rest.s_m,
                 off=report.rest.off_mm / 1000.0,
                 turn=report.rest.turn_mrad / 1000.0,
+                beyond=report.rest.beyond_mm / 1000.0,
             )
         if report.phase == DONE:
             self.finished = True

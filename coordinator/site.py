@@ -202,14 +202,17 @@ def _pose(ride: Driven, s: float, standing: Standing, margin: float) -> tuple[fl
     x, y = places[0].tolist()
     heading = math.atan2(first[0, 1], first[0, 0])
     if not _is_on_path(standing, margin):
-        x, y = x - standing.off * math.sin(heading), y + standing.off * math.cos(heading)
+        left, on = standing.off, standing.beyond
+        x += on * math.cos(heading) - left * math.sin(heading)
+        y += on * math.sin(heading) + left * math.cos(heading)
         heading = math.remainder(heading + standing.turn, math.tau)
     return x, y, heading
 
 
 def _is_on_path(standing: Standing, margin: float, short: float = 0.0) -> bool:
     """Tell whether a robot may start as if it stood on its path; `short` [m] of a place on it."""
-    return short + abs(standing.off) + _PER_TURN * abs(standing.turn) <= _ON_PATH * margin
+    off = abs(standing.off) + abs(standing.beyond)
+    return short + off + _PER_TURN * abs(standing.turn) <= _ON_PATH * margin
 
 
 def _ahead(ride: Driven, via: Sequence[Point], s: float) -> tuple[Point, ...]:

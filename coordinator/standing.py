@@ -18,9 +18,10 @@ class Standing(msgspec.Struct, frozen=True, kw_only=True):
     """One robot: able to drive on, at its goal, not heard of, or not fit to drive.
 
     `epoch`: whose plan the places refer to.  A robot that said where it rests is at arc length `s`
-    [m], `off` [m] left of its path and turned by `turn` [rad].  One that did not (s is None) is
-    where the plan has it between the plan times `since` and `until` [s].  One that has come back
-    says its `place`: x, y [m], heading [rad].
+    [m], `off` [m] left of its path, turned by `turn` [rad] and `beyond` [m] past its end (negative:
+    before its beginning).  One that did not (s is None) is where the plan has it between the plan
+    times `since` and `until` [s].  One that has come back says its `place`: x, y [m], heading
+    [rad].
     """
 
     robot: str
@@ -29,6 +30,7 @@ class Standing(msgspec.Struct, frozen=True, kw_only=True):
     s: float | None = None
     off: float = 0.0
     turn: float = 0.0
+    beyond: float = 0.0
     since: float = 0.0
     until: float = 0.0
     place: tuple[float, float, float] | None = None

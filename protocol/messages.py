@@ -127,13 +127,15 @@ class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
 class Rest(msgspec.Struct, frozen=True, array_like=True):
     """Where a robot rests: arc length on the path of an epoch, how far left of it, turned from it.
 
-    Said once, and again when the coordinator asks.
+    `beyond_mm`: how far past the path's end; negative: before its beginning.  Said once, and again
+    when the coordinator asks.
     """
 
     s_m: Annotated[float, msgspec.Meta(ge=0.0)]
     epoch: Counter
     off_mm: Offset = 0
     turn_mrad: Offset = 0
+    beyond_mm: Offset = 0
 
 
 class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):

@@ -173,7 +173,7 @@ class Agent:
             time = self._plan_time(now_ns)
             if self.phase == MOVING:
                 self._keep_to_plan(ride, time, now_ns)
-            elif ride.is_off() and (self.phase == DONE or self.fault == LATE):
+            elif ride.has_left(self.phase == DONE) and (self.phase == DONE or self.fault == LATE):
                 self._fail(OFF_PATH, now_ns)
             elif self.fault == LATE and self._is_alone(now_ns):
                 self._fail(LEASE_OUT, now_ns)

@@ -8,19 +8,22 @@ Must not know: why the robot rests, clocks.  Firmware: imports nothing.
 class RestingPlace:
     """The last place of rest; epoch 0: none, the robot may have moved since.
 
-    s [m], off [mm] to the left and turn [mrad] are those of Ride; `stood_us` is the plan time [us]
-    that has the robot there, which a robot may say while others move: it is not a place.
+    s [m], off [mm] to the left, turn [mrad] and beyond [mm] are those of Ride; `stood_us` is the
+    plan time [us] that has the robot there, which a robot may say while others move: it is not a
+    place.
     """
 
     def __init__(self) -> None:
-        self.epoch = self.off = self.turn = self.stood_us = 0
+        self.epoch = self.off = self.turn = self.beyond = self.stood_us = 0
         self.s = 0.0
         self._tell = False
 
-    def keep(self, epoch: int, s: float, offset: tuple[int, int], stood: float, tell: bool) -> None:
+    def keep(
+        self, epoch: int, s: float, offset: tuple[int, int, int], stood: float, tell: bool
+    ) -> None:
         """Keep a place on the path of an epoch; `stood` [s] is the plan time that has it there."""
         self.epoch, self.s, self._tell = epoch, s, tell
-        self.off, self.turn = offset
+        self.off, self.turn, self.beyond = offset
         self.stood_us = round(1e6 * stood)
 
     def leave(self) -> None:

@@ -90,7 +90,8 @@ class Ride:
         self._brake_from = -inf
         self._rest_from = inf
         self._rest_x = self._rest_y = 0.0
-        self._stuck_from = self._behind_from = inf
+        self._stuck_from = self._behind_from = self._ahead_from = inf
+        self._clock_spread = 2.0 * self.clock_error_ns / SECOND
         self._late_time = min(LATE_TIME, LATE_TIME_SHARE * self.late)
         self._stuck_s = -inf
         self._pace = inf
@@ -138,12 +139,12 @@ class Ride:
         return False, OFF_PATH, 0.0
 
     def is_off(self) -> bool:
-        """Tell whether the robot is off its path."""
-        return not abs(self.follower.lateral) <= self.track
+        """Tell whether the robot is off its path, beside it or beyond its ends."""
+        return not max(abs(self.follower.lateral), abs(self.follower.beyond)) <= self.track
 
     def trouble(self, time: float) -> int:
         """Return the fault that ends the ride now, or NO_FAULT."""
-        if self.is_off():
+        if self.is_off() or self._is_ahead(time):
             return OFF_PATH
         return LATE if self._is_late(time) else NO_FAULT
 
@@ -156,13 +157,18 @@ class Ride:
         left, over = self._timeline.length - self.follower.s, time - self._timeline.finish
         if over >= self.late - self._late_time:
             return left <= self.track
-        beside = abs(self.follower.lateral) - max(ARRIVAL_SLACK, LATE_SHARE * self.track)
-        return over >= 0.0 and left <= ARRIVAL_SLACK and beside <= 0.0
+        beside = max(abs(self.follower.lateral), abs(self.follower.beyond))
+        return over >= 0.0 and left <= ARRIVAL_SLACK and beside <= self._slack
 
     def at_goal(self) -> bool:
         """Tell whether the robot is where the plan ends."""
         left = self._timeline.length - self.follower.s
-        return left <= ARRIVAL_SLACK and abs(self.follower.lateral) <= self.track
+        return left <= ARRIVAL_SLACK and not self.is_off()
+
+    def has_left(self, goal: bool) -> bool:
+        """Tell whether a robot at rest was pushed off its path, or off its goal if it was there."""
+        left = self._timeline.length - self.follower.s
+        return self.is_off() or (goal and left > 2.0 * self.track)
 
     def keep_to_plan(self, time: float) -> None:
         """Order the plan's speed until the next tick, and a part of what the robot lags behind.
@@ -219,6 +225,17 @@ class Ride:
             return False
         self._behind_from = min(self._behind_from, time)
         return time - self._behind_from >= self._late_time
+
+    def _is_ahead(self, time: float) -> bool:
+        """Tell whether the robot was pushed ahead of its plan; to be asked like `_is_late`.
+
+        The plan may seem behind by what the clock's errors are worth.
+        """
+        if not self.follower.s > self._timeline.s_at(time + self._clock_spread) + self.track:
+            self._ahead_from = inf
+            return False
+        self._ahead_from = min(self._ahead_from, time)
+        return time - self._ahead_from >= self._late_time
 
     def _reach(self, distance: float) -> None:
         self.distance = max(distance, 0.0)

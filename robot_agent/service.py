@@ -263,7 +263,8 @@ class RobotService:
         agent = self.agent
         if agent.report_s is None:
             return None
-        return Rest(agent.report_s, agent.rest.epoch, agent.rest.off, agent.rest.turn)
+        rest = agent.rest
+        return Rest(agent.report_s, rest.epoch, rest.off, rest.turn, rest.beyond)
 
     def _speak(self, now_ns: int) -> None:
         if self._fleet is None:

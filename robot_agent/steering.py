@@ -32,13 +32,14 @@ _SEARCH_END = 1e-5
 class PathFollower:
     """A robot on a curve: after `locate`, `s` [m] along it, `lateral` [m] left of it.
 
+    `beyond` [m] is how far past the curve's end it is, or (negative) before its beginning.
     `heading_error` [rad] is the robot's heading less the path's.  A pose that is no number leaves s
     as it was and makes `lateral` infinite.
     """
 
     def __init__(self, curve: Curve) -> None:
         self.s = 0.0
-        self.lateral = 0.0
+        self.lateral = self.beyond = 0.0
         self.heading_error = 0.0
         self._curve = curve
         self._x = self._y = self._heading = inf
@@ -109,11 +110,12 @@ class PathFollower:
         self._tangent_at(s)
         self._take(s)
 
-    def offset(self) -> tuple[int, int]:
-        """Return how far left of the path [mm] and turned from it [mrad] the robot is."""
-        if not abs(self.lateral) < 32.0:
-            return 0, 0
-        return round(1000.0 * self.lateral), round(1000.0 * self.heading_error)
+    def offset(self) -> tuple[int, int, int]:
+        """Return how far left of the path [mm], turned from it [mrad] and beyond it [mm] it is."""
+        if not abs(self.lateral) + abs(self.beyond) < 32.0:
+            return 0, 0, 0
+        turn = round(1000.0 * self.heading_error)
+        return round(1000.0 * self.lateral), turn, round(1000.0 * self.beyond)
 
     def curvature(self, travel: float) -> float:
         """Return the curvature [rad/m] to drive, `travel` [m] being the way until the next tick.
@@ -135,7 +137,9 @@ class PathFollower:
     def _take(self, s: float) -> None:
         """Take the place at s, where the tangent was found last, for the robot's."""
         curve, self.s = self._curve, s
-        self.lateral = (self._y - curve.y) * self._tx - (self._x - curve.x) * self._ty
+        dx, dy = self._x - curve.x, self._y - curve.y
+        self.lateral = dy * self._tx - dx * self._ty
+        self.beyond = dx * self._tx + dy * self._ty if s <= 0.0 or s >= curve.length else 0.0
         self.heading_error = self._turned_from_tangent(self._heading)
 
     def _apart(self, s: float) -> float:

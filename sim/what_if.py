@@ -202,9 +202,10 @@ def place_of(ride: Driven, rest: Rest) -> Pose:
     places, first = ride.curve.derivatives(ride.curve.parameter_at([s]), 1)
     heading = math.atan2(first[0, 1], first[0, 0])
     x, y = places[0].tolist()
-    off = rest.off_mm / 1000.0
-    turned = math.remainder(heading + rest.turn_mrad / 1000.0, math.tau)
-    return x - off * math.sin(heading), y + off * math.cos(heading), turned
+    left, on = rest.off_mm / 1000.0, rest.beyond_mm / 1000.0
+    x += on * math.cos(heading) - left * math.sin(heading)
+    y += on * math.sin(heading) + left * math.cos(heading)
+    return x, y, math.remainder(heading + rest.turn_mrad / 1000.0, math.tau)
 
 
 def move(body: SimulatedBody, pose: Sequence[float]) -> None:

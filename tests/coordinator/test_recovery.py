@@ -158,6 +158,23 @@ def test_a_robot_off_its_path_starts_from_where_it_is(scenario, documents):
     assert robot.start[2] == pytest.approx(heading + 0.3, abs=1e-3)
 
 
+@pytest.mark.parametrize(("end", "beyond"), [(0.0, -0.11), (1.0, 0.11)])
+def test_a_robot_beyond_an_end_of_its_path_starts_from_where_it_is(
+    scenario, documents, end, beyond
+):
+    ride = driven(documents, "C")
+    s = end * ride.curve.length
+    told = (rests("A", 0.3), rests("B", 0.5), rests("C", s, off=0.02, beyond=beyond))
+    site = next_site(Site(scenario), documents, told)
+    near = abs(s - 1e-4)
+    place, ahead = ride.curve.at_arc(sorted((s, near)))
+    heading = math.atan2(*(ahead - place)[::-1])
+    (robot,) = (r for r in site.scenario.robots if r.id == "C")
+    away = np.array(robot.start[:2]) - ride.curve.at_arc([s])[0]
+    forward, left = (math.cos(heading), math.sin(heading)), (-math.sin(heading), math.cos(heading))
+    assert (away @ forward, away @ left) == pytest.approx((beyond, 0.02), abs=1e-4)
+
+
 def test_the_same_standings_give_the_same_bytes(scenario, documents):
     told = (rests("A", 0.3), lost("B", 4.0, 9.0), rests("C", 0.4))
     found = [recovered(scenario, documents, *told).document for _ in range(2)]

@@ -74,7 +74,7 @@ MESSAGES: dict[str, tuple[str, list]] = {
     "pace": ("report", [9, 77, 300, 2, None]),
     "pace_of_a_robot_that_stands": ("report", [9, 77, 300, 0, 12_345_678]),
     "report": ("report", [4, 77, 200, 1, 2, 0, None]),
-    "report_of_a_frozen_robot": ("report", [4, 77, 1_000, 1, 4, 1, [3.140625, 1, -3, 700]]),
+    "report_of_a_frozen_robot": ("report", [4, 77, 1_000, 1, 4, 1, [3.140625, 1, -3, 700, 0]]),
     "clock_question": ("clock", [5, 77, -(2**40), None, None]),
     "clock_answer": ("clock", [5, 77, 2**40, 2**62, 1_000]),
 }

@@ -75,6 +75,12 @@ def incidents(world, kind):
     return [one for one in world.fleet.incidents if one.kind == kind]
 
 
+def push(body, left, on):
+    """Put a body so far [m] to its left and ahead."""
+    body.x += on * math.cos(body.heading) - left * math.sin(body.heading)
+    body.y += on * math.sin(body.heading) + left * math.cos(body.heading)
+
+
 def first_freeze(world):
     """Return when the fleet froze first [s since the first GO]."""
     said = next(one for one in incidents(world, "phase") if one.text == "FREEZE")
@@ -230,17 +236,30 @@ def test_the_robots_say_little_under_way(scenario, document):
     assert world.coordinator.bytes_heard / len(world.robots) / seconds < 100
 
 
-def test_a_robot_that_is_pushed_off_its_goal_says_so_and_drives_back(scenario, document):
+@pytest.mark.parametrize(("left", "on"), [(0.15, 0.0), (0.0, 0.15), (0.0, -0.15), (-0.1, 0.1)])
+def test_a_robot_that_is_pushed_off_its_goal_says_so_and_drives_back(scenario, document, left, on):
     world = World(scenario, document, good_link())
     while not world.fleet.members["R1"].finished:
         world.step()
-    body = world.robots["R1"].body
-    body.x, body.y = body.x - 0.15 * math.sin(body.heading), body.y + 0.15 * math.cos(body.heading)
+    push(world.robots["R1"].body, left, on)
     world.go_on(0.5)
     assert not world.fleet.members["R1"].finished
     world.run(120.0)
     world.go_on(1.0)
     assert "R1 stopped: off its path" in [one.text for one in incidents(world, "fault")]
+    assert arrived(world, document, world.blackboxes()) == set(ROBOTS)
+    assert touches(document, world.blackboxes()) == []
+
+
+@pytest.mark.parametrize("on", [-0.1, 0.1])
+def test_a_robot_that_is_pushed_along_its_path_says_so_and_drives_on(scenario, document, on):
+    world = World(scenario, document, good_link())
+    world.run(3.0)
+    push(world.robots["R1"].body, 0.0, on)
+    world.run(120.0)
+    world.go_on(1.0)
+    said = [one.text for one in incidents(world, "fault")]
+    assert said == (["R1 stopped: off its path"] if on > 0.0 else [])
     assert arrived(world, document, world.blackboxes()) == set(ROBOTS)
     assert touches(document, world.blackboxes()) == []
 
