@@ -71,7 +71,11 @@ def new_certificate(
     issuer = x509.load_pem_x509_certificate(authority.certificate)
     signer = serialization.load_pem_private_key(authority.private, password=None)
     if not isinstance(signer, ec.EllipticCurvePrivateKey):
-        raise ValueError("the authority's private key is not on an elliptic curve")
+        raise ValueError("the private key is not on an elliptic curve")
+    if signer.public_key() != issuer.public_key():
+        raise ValueError("the private key is not that of the certificate")
+    if not issuer.extensions.get_extension_for_class(x509.BasicConstraints).value.ca:
+        raise ValueError("the certificate is no authority's")
     key = ec.generate_private_key(ec.SECP256R1())
     end = min(now + datetime.timedelta(days=days), issuer.not_valid_after_utc)
     serves = badge.role in ("coordinator", "router")

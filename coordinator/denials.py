@@ -174,7 +174,9 @@ class Denials:
         return in_words(name or self._named(session)), f"it may not {words} {_shortened(key)}"
 
     def _of_link(self, reason: str) -> tuple[str, str]:
-        cause = next((text for part, text in _CAUSES if part in reason), f"no TLS link: {reason}")
+        cause = next(
+            (text for part, text in _CAUSES if part in reason), f"no TLS link: {_printable(reason)}"
+        )
         end = _END.search(reason)
         who = ""
         if end is not None:
@@ -183,7 +185,13 @@ class Denials:
 
 
 def _shortened(key: str) -> str:
-    return key if len(key) <= _LONGEST else f"{key[:_LONGEST]}... ({len(key)} characters)"
+    said = _printable(key[:_LONGEST])
+    return said if len(key) <= _LONGEST else f"{said}... ({len(key)} characters)"
+
+
+def _printable(text: str) -> str:
+    """Return a text of somebody's with what would move or hide letters made visible."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def in_words(common_name: str) -> str:

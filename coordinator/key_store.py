@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Final, get_args
 
 from coordinator.errors import InputError
 from coordinator.register import Issued, Register, register_of, register_to_json
-from protocol.badge import Badge, Role
+from protocol.badge import Badge, Role, badge_of
+from protocol.certificate import read_certificate
 from protocol.key_files import AUTHORITY, CERTIFICATE, PRIVATE, own_place
 
 if TYPE_CHECKING:
@@ -38,6 +39,8 @@ class KeyStore:
         """Make the folder with a new authority and an empty register."""
         from coordinator.authority import new_authority
 
+        if self.folder.exists() and not self.folder.is_dir():
+            raise InputError([f"{self.folder} is no folder"])
         if self._is_ones_own():
             raise InputError([f"{self.folder} holds one party's keys; name another folder"])
         if any((self.folder / place).exists() for place in _OF_A_FLEET):
@@ -50,6 +53,8 @@ class KeyStore:
     def register(self) -> Register:
         """Return the register as it is now."""
         place = self.folder / REGISTER
+        if self.folder.exists() and not self.folder.is_dir():
+            raise InputError([f"{self.folder} is no folder"])
         if not place.exists():
             lost = any((self.folder / part).exists() for part in _OF_A_FLEET)
             words = "bring it back from a copy"
@@ -77,7 +82,8 @@ class KeyStore:
             authority = self._authority()
             for name in names:
                 register = self.register()
-                badge = Badge(role, name, register.next_generation(role, name))
+                number = max(register.next_generation(role, name), 1 + self._latest(role, name))
+                badge = Badge(role, name, number)
                 pair = new_certificate(authority, badge, now, days, hosts)
                 one = Issued(*badge, serial=pair.serial, expires=pair.expires)
                 self._write_register(register.added(one))
@@ -99,6 +105,15 @@ class KeyStore:
     def _is_ones_own(self) -> bool:
         """Tell whether this is the folder that one party is given."""
         return (self.folder / CERTIFICATE).exists()
+
+    def _latest(self, role: Role, name: str) -> int:
+        """Return the number of the key that lies here: a register from a copy may not know it."""
+        try:
+            content = (self.folder / own_place(role, name) / CERTIFICATE).read_bytes()
+            badge = badge_of(read_certificate(content).common_name)
+        except (OSError, ValueError):
+            return 0
+        return 0 if badge is None or badge[:2] != (role, name) else badge.generation
 
     def _authority(self) -> Pair:
         place = self.folder / _AUTHORITY_PLACE

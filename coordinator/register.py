@@ -15,7 +15,7 @@ from typing import Final
 import msgspec
 
 from coordinator.errors import InputError
-from protocol.badge import Badge, Role
+from protocol.badge import Badge, Role, badge_of
 
 FORMAT: Final = "splinefleet.keys/1"
 
@@ -116,4 +116,11 @@ def register_of(content: bytes, where: str) -> Register:
         raise InputError([f"{where}: format {register.format[:40]!r}, {FORMAT!r} is known"])
     if any(one.expires.tzinfo is None for one in register.issued):
         raise InputError([f"{where}: an end without a time zone; it ends in Z"])
+    known: set[Badge] = set()
+    for badge in (one.badge for one in register.issued):
+        if badge_of(badge.common_name) != badge:
+            raise InputError([f"{where}: {badge.common_name[:60]!r} is no key's name"])
+        if badge in known:
+            raise InputError([f"{where}: {badge.who} stands there twice"])
+        known.add(badge)
     return register

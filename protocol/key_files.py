@@ -73,6 +73,9 @@ def read_key_files(
     if not folder.is_dir():
         raise TransportError(f"--keys: there is no folder {folder}")
     own = folder if (folder / CERTIFICATE).exists() else folder / own_place(role, name or role)
+    if not own.is_dir():
+        makes = f"splinefleet keys {role} {name}".rstrip()
+        raise TransportError(f"--keys: there is no folder {own}; {makes} makes it")
     places = [own / AUTHORITY, own / CERTIFICATE, own / PRIVATE]
     authority, certificate, private = (_content(place) for place in places)
     if places[2].stat().st_mode & _OTHERS:

@@ -60,6 +60,7 @@ def texts(lines, now_s=0.0):
         ("received fatal alert: UnknownCA.", "somebody: it trusts another authority"),
         ("received fatal alert: BadCertificate.", "somebody: it does not trust the key"),
         ("something new.", "somebody: no TLS link: something new."),
+        ("\u202eolleh", r"somebody: no TLS link: \u202eolleh"),
     ],
 )
 def test_a_refused_link_is_told_with_its_cause_and_by_an_end_that_is_known_whose_it_was(
@@ -87,6 +88,11 @@ def test_what_is_denied_is_told_with_who_and_what(subject, deed, said):
     line = access(f"{subject} is unauthorized to {deed} (ingress) on splinefleet/f/hello/R2")
     expected = f"refused robot R1, key 1: it may not {said} splinefleet/f/hello/R2"
     assert texts([line]) == [expected]
+
+
+def test_a_key_with_letters_that_hide_others_is_told_as_it_is():
+    line = access(f"{SUBJECT} is unauthorized to Put (ingress) on a/\u202eb\x85c")
+    assert texts([line]) == [r"refused robot R1, key 1: it may not say anything on a/\u202eb\x85c"]
 
 
 def test_a_session_of_which_nothing_is_known_is_somebody():

@@ -120,7 +120,7 @@ def spoil_gone(own):
         (spoil_bytes, "cannot be read"),
         (spoil_swap, "does not belong to"),
         (spoil_gone, "No such file"),
-        (shutil.rmtree, "No such file"),
+        (shutil.rmtree, r"there is no folder .*R1; splinefleet keys robot R1 makes it"),
     ],
 )
 def test_files_that_are_not_fit_are_told_in_one_line(store, spoil, said):
@@ -178,3 +178,40 @@ def test_the_gate_lets_in_whose_key_counts_and_warns_of_robots_without(store):
     assert [warning.split(":")[0] for warning in gate.warnings] == ["R1", "R3"]
     subjects = {subject["id"] for subject in player_access(store.folder)["subjects"]}
     assert subjects == {"observer/observer/1", "observer/office/1"}
+
+
+def test_a_number_that_a_register_from_a_copy_has_forgotten_is_not_given_again(store):
+    copy = (store.folder / "register.json").read_bytes()
+    store.issue("robot", ["R1"], NOW, 365)
+    store.revoke("robot", "R1", NOW)
+    (store.folder / "register.json").write_bytes(copy)
+    (one,) = store.issue("robot", ["R1"], NOW, 365)
+    assert one.badge == Badge("robot", "R1", 3)
+
+
+@pytest.mark.parametrize("file", ["private.pem", "certificate.pem"])
+def test_an_authority_of_two_halves_makes_no_keys(store, tmp_path, file):
+    other = KeyStore(tmp_path / "other")
+    other.begin(NOW)
+    before = read_key_files(store.folder, "robot", "R1").private.read_bytes()
+    shutil.copy(other.folder / "authority" / file, store.folder / "authority" / file)
+    with pytest.raises(InputError, match="the private key is not that of the certificate"):
+        store.issue("robot", ["R1"], NOW, 365)
+    assert read_key_files(store.folder, "robot", "R1").private.read_bytes() == before
+
+
+def test_a_partys_key_is_no_authority(store):
+    for file in ("private.pem", "certificate.pem"):
+        shutil.copy(store.folder / "robot/R1" / file, store.folder / "authority" / file)
+    with pytest.raises(InputError, match="the certificate is no authority's"):
+        store.issue("robot", ["R1"], NOW, 365)
+
+
+def test_a_file_in_the_place_of_a_folder_and_a_key_that_is_not_made_are_told(store, tmp_path):
+    file = tmp_path / "hall.toml"
+    file.touch()
+    for act in (lambda: KeyStore(file).begin(NOW), KeyStore(file).register):
+        with pytest.raises(InputError, match="is no folder"):
+            act()
+    with pytest.raises(TransportError, match=r"there is no folder .*R9; splinefleet keys robot R9"):
+        read_key_files(store.folder, "robot", "R9")

@@ -82,7 +82,11 @@ def test_a_number_that_is_there_cannot_be_added_again():
      b'{"issued": [{"role": "king", "name": "R1", "generation": 1, "serial": "1", '
      b'"expires": "2026-01-01T00:00:00Z"}]}',
      b'{"issued": [{"role": "robot", "name": "R1", "generation": 1, "serial": "1", '
-     b'"expires": "2026-01-01T00:00:00"}]}'],
+     b'"expires": "2026-01-01T00:00:00"}]}',
+     *(b'{"issued": [%s]}' % b", ".join(
+         b'{"role": "robot", "name": "%s", "generation": %d, "serial": "1", '
+         b'"expires": "2026-01-01T00:00:00Z"}' % one for one in issued)
+       for issued in ([(b"R1", 1)] * 2, [(b"../R1", 1)], [(b"R1", 0)], [(b"R\\u202e1", 1)]))],
 )  # fmt: skip
 def test_what_is_no_register_is_told_in_one_line(content):
     with pytest.raises(InputError, match=r"register\.json") as caught:
