@@ -74,7 +74,7 @@ def new_certificate(
         raise ValueError("the private key is not on an elliptic curve")
     if signer.public_key() != issuer.public_key():
         raise ValueError("the private key is not that of the certificate")
-    if not issuer.extensions.get_extension_for_class(x509.BasicConstraints).value.ca:
+    if not _signs(issuer):
         raise ValueError("the certificate is no authority's")
     key = ec.generate_private_key(ec.SECP256R1())
     end = min(now + datetime.timedelta(days=days), issuer.not_valid_after_utc)
@@ -92,6 +92,14 @@ def new_certificate(
         names = x509.SubjectAlternativeName([_host(host) for host in known])
         builder = builder.add_extension(names, critical=False)
     return _pair(builder.sign(signer, hashes.SHA256()), key)
+
+
+def _signs(certificate: x509.Certificate) -> bool:
+    """Tell whether a certificate may sign others."""
+    try:
+        return certificate.extensions.get_extension_for_class(x509.BasicConstraints).value.ca
+    except x509.ExtensionNotFound:
+        return False
 
 
 def _begin(

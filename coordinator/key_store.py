@@ -39,8 +39,7 @@ class KeyStore:
         """Make the folder with a new authority and an empty register."""
         from coordinator.authority import new_authority
 
-        if self.folder.exists() and not self.folder.is_dir():
-            raise InputError([f"{self.folder} is no folder"])
+        self._check_folder()
         if self._is_ones_own():
             raise InputError([f"{self.folder} holds one party's keys; name another folder"])
         if any((self.folder / place).exists() for place in _OF_A_FLEET):
@@ -53,8 +52,7 @@ class KeyStore:
     def register(self) -> Register:
         """Return the register as it is now."""
         place = self.folder / REGISTER
-        if self.folder.exists() and not self.folder.is_dir():
-            raise InputError([f"{self.folder} is no folder"])
+        self._check_folder()
         if not place.exists():
             lost = any((self.folder / part).exists() for part in _OF_A_FLEET)
             words = "bring it back from a copy"
@@ -101,6 +99,11 @@ class KeyStore:
             if hit:
                 self._write_register(register)
         return hit
+
+    def _check_folder(self) -> None:
+        """Refuse a file in the place of the folder."""
+        if self.folder.exists() and not self.folder.is_dir():
+            raise InputError([f"{self.folder} is no folder"])
 
     def _is_ones_own(self) -> bool:
         """Tell whether this is the folder that one party is given."""

@@ -80,6 +80,22 @@ def test_a_robot_can_serve_no_link_and_sign_no_certificate():
         trusting(AUTHORITY).build_client_verifier().verify(forged_by(ROBOT), [loaded(ROBOT)])
 
 
+def test_a_certificate_that_does_not_say_what_it_may_do_is_no_authority():
+    key = serialization.load_pem_private_key(AUTHORITY.private, None)
+    real = loaded(AUTHORITY)
+    bare = x509.CertificateBuilder(
+        real.issuer,
+        real.subject,
+        real.public_key(),
+        real.serial_number,
+        real.not_valid_before_utc,
+        real.not_valid_after_utc,
+    ).sign(key, hashes.SHA256())
+    pem = bare.public_bytes(serialization.Encoding.PEM)
+    with pytest.raises(ValueError, match="the certificate is no authority's"):
+        new_certificate(AUTHORITY._replace(certificate=pem), Badge("robot", "R2", 1), NOW, 10)
+
+
 def test_a_routers_key_serves_a_link_under_its_names_and_opens_none():
     pair = new_certificate(AUTHORITY, Badge("router", "router", 1), NOW, 365, ["router.local"])
     usage = loaded(pair).extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
