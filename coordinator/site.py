@@ -197,16 +197,24 @@ def _stretch(ride: Driven, standing: Standing) -> Array:
 
 def _pose(ride: Driven, s: float, standing: Standing, margin: float) -> tuple[float, float, float]:
     """Return where a robot rests and which way it faces: on its path, unless it is off it."""
-    u = ride.curve.parameter_at([s])
-    places, first = ride.curve.derivatives(u, 1)
+    if _is_on_path(standing, margin):
+        return pose_beside(ride, s)
+    return pose_beside(ride, s, standing.off, standing.beyond, standing.turn)
+
+
+def pose_beside(
+    ride: Driven, s: float, off: float = 0.0, beyond: float = 0.0, turn: float = 0.0
+) -> tuple[float, float, float]:
+    """Return x, y [m] and heading [rad] of one `off` [m] left of its path at s [m].
+
+    It is `beyond` [m] ahead of that place and turned from the path by `turn` [rad].
+    """
+    places, first = ride.curve.derivatives(ride.curve.parameter_at([s]), 1)
     x, y = places[0].tolist()
     heading = math.atan2(first[0, 1], first[0, 0])
-    if not _is_on_path(standing, margin):
-        left, on = standing.off, standing.beyond
-        x += on * math.cos(heading) - left * math.sin(heading)
-        y += on * math.sin(heading) + left * math.cos(heading)
-        heading = math.remainder(heading + standing.turn, math.tau)
-    return x, y, heading
+    x += beyond * math.cos(heading) - off * math.sin(heading)
+    y += beyond * math.sin(heading) + off * math.cos(heading)
+    return x, y, math.remainder(heading + turn, math.tau)
 
 
 def _is_on_path(standing: Standing, margin: float, short: float = 0.0) -> bool:

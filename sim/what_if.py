@@ -20,6 +20,7 @@ from coordinator.log_head import Head
 from coordinator.logbook import RESUMED, Record
 from coordinator.recorder import WALL_OFFSET, Attachment
 from coordinator.replay import scenario_of
+from coordinator.site import pose_beside
 from coordinator.wire import Driven, drive
 from protocol import keys
 from protocol.codec import decode, encode
@@ -198,14 +199,8 @@ class _Past:
 
 def place_of(ride: Driven, rest: Rest) -> Pose:
     """Return where a robot stands that says where it rests."""
-    s = min(rest.s_m, ride.curve.length)
-    places, first = ride.curve.derivatives(ride.curve.parameter_at([s]), 1)
-    heading = math.atan2(first[0, 1], first[0, 0])
-    x, y = places[0].tolist()
-    left, on = rest.off_mm / 1000.0, rest.beyond_mm / 1000.0
-    x += on * math.cos(heading) - left * math.sin(heading)
-    y += on * math.sin(heading) + left * math.cos(heading)
-    return x, y, math.remainder(heading + rest.turn_mrad / 1000.0, math.tau)
+    off, beyond, turn = (n / 1000.0 for n in (rest.off_mm, rest.beyond_mm, rest.turn_mrad))
+    return pose_beside(ride, min(rest.s_m, ride.curve.length), off, beyond, turn)
 
 
 def move(body: SimulatedBody, pose: Sequence[float]) -> None:
