@@ -38,6 +38,9 @@ from coordinator.verify import prove_document
 from coordinator.wait_owners import with_owners
 
 DEFAULT_EFFORT = 20
+LATER_EFFORT = 4
+"""Later epochs are searched no longer, and no other ways around are tried (_EFFORT_PER_WAY): the
+whole fleet stands meanwhile, and more would cost it about as much time as it gains."""
 
 _NEED_PAD = 0.0005
 _TAU_PAD = 0.002
@@ -61,7 +64,7 @@ def plan_scenario(
     timer: Timer = lambda: 0.0,
     executor: Executor | None = None,
 ) -> PlanDocument:
-    """Return the plan of a scenario with its proof.
+    """Return the plan of a scenario with its proof; `effort` counts for epoch 1, then LATER_EFFORT.
 
     Paths and zones of large fleets are found in parts by the executor: threads, processes, a
     cluster; the plan is the same whatever it is.
@@ -76,7 +79,7 @@ def plan_scenario(
     for stage in (stages.find_paths, stages.find_zones):
         stage()
         marks.append(timer())
-    motions = stages.schedule(effort)
+    motions = stages.schedule(effort if epoch == 1 else min(effort, LATER_EFFORT))
     _check_times(scenario, tau, motions)
     marks.append(timer())
     document = make_document(

@@ -19,7 +19,7 @@ import msgspec
 from msgspec.structs import replace
 
 from coordinator.plan import PlanDocument
-from coordinator.planner import DEFAULT_EFFORT, plan_scenario
+from coordinator.planner import plan_scenario
 from coordinator.scenario import Link, Scenario
 from protocol.phases import COMMAND_NAMES
 from protocol.timing import MILLISECOND, SECOND
@@ -29,7 +29,7 @@ from sim.latencies import Latencies, latencies
 from sim.memory_transport import DROP_NOTICE_NS, MemoryNetwork
 from sim.run_logs import RunLogs
 from sim.truth import Touch, arrived, excused, touches
-from sim.world import EFFORT, USUAL_FLAWS, World
+from sim.world import USUAL_FLAWS, World
 
 LINKS: Final = (Link(delay=0.005), Link(delay=0.1, loss=0.1), Link(delay=0.3, loss=0.3))
 """Every seed gets one of these: a plan is made for each, not for each seed."""
@@ -190,10 +190,7 @@ def make_world(
     freezes: bool = True,
     logs: RunLogs | None = None,
 ) -> World:
-    """Return a world on the scenario's link, with clocks, bodies and planning times drawn.
-
-    With logs it plans later epochs with as much effort as `plan_for` does, as `replay` will.
-    """
+    """Return a world on the scenario's link, with clocks, bodies and planning times drawn."""
     dice = Random(f"world {seed}")
     link = scenario.link
     overtaking = _OVERTAKING if link.loss > 0.0 else 0.5 * _OVERTAKING
@@ -215,7 +212,6 @@ def make_world(
         planning_ns=dice.randint(*_PLANNING),
         period_ns=dice.choice(_PERIODS),
         freezes=freezes,
-        effort=EFFORT if logs is None else DEFAULT_EFFORT,
         logs=logs,
     )
 

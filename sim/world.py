@@ -18,7 +18,7 @@ from coordinator.fleet import Fleet
 from coordinator.log_head import first_head
 from coordinator.mission import Mission
 from coordinator.plan import PlanDocument, RobotPlan
-from coordinator.planner import plan_scenario
+from coordinator.planner import DEFAULT_EFFORT, plan_scenario
 from coordinator.scenario import Scenario
 from protocol.phases import GO
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
@@ -42,8 +42,6 @@ _COORDINATOR: Final = "coordinator"
 
 PLANNING: Final = 300 * MILLISECOND
 """How long a plan takes to be found, in virtual time."""
-
-EFFORT: Final = 5
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,7 @@ class World:
     """A proven plan, its robots, a link and what goes wrong, at times counted from the first GO.
 
     `freezes` is for tests alone: without it every FREEZE says GO instead, and nothing is planned.
-    `effort`: of later plans; with `logs`, which the caller closes, the first one's too.
+    `effort`: of all plans, the first one's too, as `logs` tell; the caller closes them.
     A world with a `past` has a coordinator that says nothing before `take_over`, and logs that are
     open.
     """
@@ -95,7 +93,7 @@ class World:
         planning_ns: int = PLANNING,
         period_ns: int = PERIOD_NS,
         freezes: bool = True,
-        effort: int = EFFORT,
+        effort: int = DEFAULT_EFFORT,
         logs: RunLogs | None = None,
         past: Past | None = None,
     ) -> None:

@@ -11,8 +11,9 @@ from msgspec.structs import replace
 
 from coordinator.errors import PlanError
 from coordinator.plan import from_json, to_json
-from coordinator.planner import plan_scenario
+from coordinator.planner import DEFAULT_EFFORT, LATER_EFFORT, plan_scenario
 from coordinator.verify import prove_document
+from sim.generator import generate
 from tests.oracles import complaints, tracks
 from tests.scenarios import a_robot, a_scenario, box, random_scenario
 
@@ -177,3 +178,13 @@ def test_priorities_that_no_order_keeps_are_told_in_the_notes():
     sentence = "priorities are not kept, no order was found that keeps them: A (5) waits for B (2)"
     assert told == [sentence]
     assert not any("priorities" in note for note in (*notes(0, 0), *notes(2, 5)))
+
+
+def test_later_epochs_are_searched_no_longer_than_a_standing_fleet_should_wait():
+    def found(effort, epoch):
+        plan = plan_scenario(scenario, effort=effort, epoch=epoch)
+        return replace(plan, timing={}, epoch=1, proof=None).robots
+
+    scenario = generate("open", 17, 1)
+    assert found(DEFAULT_EFFORT, 2) == found(LATER_EFFORT, 1) != found(DEFAULT_EFFORT, 1)
+    assert found(1, 2) == found(1, 1)
