@@ -37,6 +37,7 @@ from coordinator.piece_kernels import (
     beside,
     boxes_apart,
     cones_apart,
+    facing,
     foot,
     place,
     rises,
@@ -202,9 +203,9 @@ def search(
     the curves then run beside each other at little more than the tolerance.
     """
     degrees, count, budget = (pieces.degree[one], pieces.degree[other]), 0, _BUDGET
-    for i in range(pieces.first[one], pieces.first[one + 1]):
-        first = i if one == other else pieces.first[other]
-        for j in range(first, pieces.first[other + 1]):
+    begin, end, its_begin, its_end = facing(pieces, one, other, tolerance, desk.found)
+    for i in range(begin, end):
+        for j in range(i if one == other else its_begin, its_end):
             if boxes_apart(pieces.boxes[i], pieces.boxes[j], tolerance):
                 continue
             lay_out(pieces, i, j, degrees, one == other, desk)

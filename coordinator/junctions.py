@@ -1,13 +1,14 @@
 """All tracks of a fleet, the conflict zones between them, and where each robot may wait.
 
-Decides: where a robot may wait: shortly before a zone.  Must not know: who goes first
+What is found for the search is found once, and by threads before it is asked for, if there are
+some.  Decides: where a robot may wait: shortly before a zone.  Must not know: who goes first
 (schedule.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Final
@@ -19,7 +20,7 @@ from coordinator.bans_kernels import Known, Rows
 from coordinator.conflict_zones import Indices, Zones, find_zones
 from coordinator.row_kernels import robot_rows
 from coordinator.track import CELL, Track
-from coordinator.waiting_kernels import Ride
+from coordinator.waiting_kernels import Ride, times_left
 
 _MOST_ROWS: Final = 20_000_000
 """So many rows, 40 bytes each, are kept; beyond that they are found again when asked for."""
@@ -77,8 +78,11 @@ class Junctions:
         self.tracks = [replace(track, cell=self._cell) for track in tracks]
         self._approaches: dict[tuple[int, bool], Approach] = {}
         self._rows: dict[int, tuple[Rows, Known]] = {}
+        self._coming: dict[int, Future[tuple[Rows, Known]]] = {}
         self._kept = 0
         self._sort()
+        if isinstance(executor, ThreadPoolExecutor) and len(tracks) > FEW:
+            self._look_ahead(executor)
 
     def with_track(self, index: int, track: Track) -> Junctions:
         """Return junctions in which one robot has another track; these stay what they are."""
@@ -91,6 +95,7 @@ class Junctions:
         changed = {index, *self.near(index), *fresh.near(index)}
         fresh._approaches = {k: v for k, v in self._approaches.items() if k[0] not in changed}
         fresh._rows = {k: v for k, v in self._rows.items() if k not in changed}
+        fresh._coming = {k: v for k, v in self._coming.items() if k not in changed}
         fresh._kept = sum(len(rows.cell) for rows, _ in fresh._rows.values())
         return fresh
 
@@ -121,6 +126,12 @@ class Junctions:
         mine = self.zones.a[zones] == index
         return np.where(mine[:, None], self.zones.extent[zones, :2], self.zones.extent[zones, 2:])
 
+    def spans(self, index: int) -> npt.NDArray[np.float64]:
+        """Return where a robot enters and leaves all its zones, (zones, 2) [m]."""
+        if index not in self._spans:
+            self._spans[index] = self.span(index, self.zones_of(index))
+        return self._spans[index]
+
     def approach(self, index: int, anywhere: bool = True) -> Approach:
         """Return what the search for a robot's waits needs.
 
@@ -130,11 +141,9 @@ class Junctions:
         if key not in self._approaches:
             track = self.tracks[index]
             places = [0.0, *self._places(index, anywhere), track.limits.length]
+            ride = track.ride(places)
             self._approaches[key] = Approach(
-                *self.rows_of(index),
-                self.span(index, self.zones_of(index)),
-                track.ride(places),
-                np.array(track.time_left(places)),
+                *self.rows_of(index), self.spans(index), ride, times_left(ride)
             )
         return self._approaches[key]
 
@@ -147,13 +156,13 @@ class Junctions:
         nearest = max(begin + track.cell, beyond)
         places = [s for s in self._places(index, anywhere) if s > nearest]
         places = [begin, *places, track.limits.length]
-        span = self.span(index, self.zones_of(index))
-        return Approach(rows, known, span, track.ride(places), np.array(track.time_left(places)))
+        ride = track.ride(places)
+        return Approach(rows, known, self.spans(index), ride, times_left(ride))
 
     def _places(self, index: int, anywhere: bool) -> list[float]:
         """Return where a robot may wait [m]: half a cell before the cells of its zones."""
         track = self.tracks[index]
-        cells = np.floor(self.span(index, self.zones_of(index)) / track.cell)
+        cells = np.floor(self.spans(index) / track.cell)
         at = np.unique(cells[:, 0]) - 1.0
         if self._fine and anywhere and np.isinf(track.limits.accel) and len(at):
             steps = [np.arange(low, high, _STEP / track.cell) for low, high in cells]
@@ -173,21 +182,31 @@ class Junctions:
                 self._rows.clear()
                 self._approaches.clear()
                 self._kept = 0
-            self._rows[index] = self._find_rows(index)
+            coming = self._coming.pop(index, None)
+            if coming is None or coming.cancel():
+                self._rows[index] = self._find_rows(index)
+            else:
+                self._rows[index] = coming.result()
             self._kept += len(self._rows[index][0].cell)
         return self._rows[index]
+
+    def _look_ahead(self, threads: ThreadPoolExecutor) -> None:
+        """Let threads find the rows of all robots, if so many are kept; others share no memory."""
+        if _whole(self.zones) / self._cell < _MOST_ROWS:
+            for index in range(len(self.tracks)):
+                self._coming[index] = threads.submit(self._find_rows, index)
 
     def _find_rows(self, index: int) -> tuple[Rows, Known]:
         zones, track, mine = self.zones, self.tracks[index], self.zones_of(index)
         others = zones.a[mine] + zones.b[mine] - index
         reach = self.radii[index] + self.radii[others] + self.margin
         reach += self._errors[index] + self._errors[others]
-        span = self.span(index, mine)
+        span = self.spans(index)
         room = int((span[:, 1] - span[:, 0]).sum() / track.cell) + 4 * len(mine)
         first, rows = robot_rows(
             index, mine, others, zones.first, zones.pairs, *self._chords, reach, track.cell, room
         )
-        cell = np.minimum(rows[:, 0].astype(np.int64), len(track.elapsed) - 2)
+        cell = np.minimum(rows[:, 0].astype(np.int64), track.cells - 1)
         begin, end = np.empty((2, len(cell)))
         entered, passed = np.empty((2, len(mine)))
         known = Known(begin, end, entered, passed, np.zeros(len(mine), np.int64))
@@ -201,6 +220,7 @@ class Junctions:
     def _sort(self) -> None:
         """Sort the zones by robots, and lay the chords of all robots one after another."""
         self._near: dict[int, tuple[int, ...]] = {}
+        self._spans: dict[int, npt.NDArray[np.float64]] = {}
         chords = [track.chords for track in self.tracks]
         self._errors = np.array([path.error for path in chords])
         self._chords = (
@@ -216,9 +236,14 @@ class Junctions:
 
 def _cell_for(zones: Zones) -> float:
     """Return how long cells are [m]: as long as makes few enough rows of all zones."""
-    whole = float((zones.extent[:, 1::2] - zones.extent[:, ::2]).sum())
+    whole = _whole(zones)
     finest = 0.5 * CELL if whole < _FEW_ROWS * CELL else CELL
     return min(max(finest, whole / _ENOUGH_ROWS), _LONGEST_CELL)
+
+
+def _whole(zones: Zones) -> float:
+    """Return how far [m] robots go within zones."""
+    return float((zones.extent[:, 1::2] - zones.extent[:, ::2]).sum())
 
 
 def _chosen(zones: Zones, kept: Indices) -> Zones:

@@ -189,19 +189,6 @@ def _distinct(s: list[float], w: list[float]) -> tuple[list[float], list[float]]
     return kept_s, kept_w
 
 
-def times_at(knots_s: Array, knots_w: Array, s: Array) -> Array:
-    """Return the times [s] since the first knot at arc lengths s (m,) within the knots."""
-    speed = np.sqrt(knots_w)
-    durations = 2.0 * np.diff(knots_s) / (speed[:-1] + speed[1:])
-    begun = np.concatenate(([0.0], np.cumsum(durations)))
-    leg = np.clip(np.searchsorted(knots_s, s, side="right") - 1, 0, len(knots_s) - 2)
-    passed = s - knots_s[leg]
-    part = passed / (knots_s[leg + 1] - knots_s[leg])
-    here = np.sqrt(np.maximum(knots_w[leg] + part * (knots_w[leg + 1] - knots_w[leg]), 0.0))
-    both = speed[leg] + here
-    return np.asarray(begun[leg] + 2.0 * passed / np.where(both > 0.0, both, 1.0))
-
-
 @dataclass(frozen=True)
 class Wait:
     """A rest at arc length s [m] until plan time `depart` [s], for the robot `owner`'s sake.

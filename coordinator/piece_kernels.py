@@ -23,6 +23,9 @@ Indices = npt.NDArray[np.int64]
 _STEPS: Final = 64
 _NO_LENGTH: Final = 1e-300
 
+_SHRUNK: Final = 0.75
+"""Curves are trimmed again as long as that leaves fewer pairs of pieces, by this share."""
+
 
 class Pieces(NamedTuple):
     """Curves as rational Bezier pieces; curve c has those from first[c] to first[c + 1] - 1.
@@ -112,6 +115,47 @@ def boxes_apart(one: Array, other: Array, tolerance: float) -> bool:
         or one[1] > other[3] + tolerance
         or other[1] > one[3] + tolerance
     )
+
+
+@compiled
+def facing(
+    pieces: Pieces, one: int, other: int, tolerance: float, box: Array
+) -> tuple[int, int, int, int]:
+    """Return the first piece and the one after the last of two curves that may meet.
+
+    Every piece before and after them is apart from all of the other curve that are left.  `box`
+    (4,): room to work in.
+    """
+    begin, end = pieces.first[one], pieces.first[one + 1]
+    its_begin, its_end = pieces.first[other], pieces.first[other + 1]
+    left, before = (end - begin) * (its_end - its_begin), math.inf
+    while 0 < left < _SHRUNK * before:
+        _cover(pieces.boxes, its_begin, its_end, box)
+        begin, end = _trimmed(pieces.boxes, begin, end, box, tolerance)
+        _cover(pieces.boxes, begin, end, box)
+        its_begin, its_end = _trimmed(pieces.boxes, its_begin, its_end, box, tolerance)
+        left, before = (end - begin) * (its_end - its_begin), float(left)
+    return begin, end, its_begin, its_end
+
+
+@compiled
+def _cover(boxes: Array, begin: int, end: int, box: Array) -> None:
+    """Write down the box around some of the boxes."""
+    box[0], box[1], box[2], box[3] = math.inf, math.inf, -math.inf, -math.inf
+    for i in range(begin, end):
+        for axis in range(2):
+            box[axis] = min(box[axis], boxes[i, axis])
+            box[2 + axis] = max(box[2 + axis], boxes[i, 2 + axis])
+
+
+@compiled
+def _trimmed(boxes: Array, begin: int, end: int, box: Array, tolerance: float) -> tuple[int, int]:
+    """Return which of some boxes are left without those at both ends that are apart from a box."""
+    while begin < end and boxes_apart(boxes[begin], box, tolerance):
+        begin += 1
+    while begin < end and boxes_apart(boxes[end - 1], box, tolerance):
+        end -= 1
+    return begin, end
 
 
 @compiled

@@ -15,9 +15,10 @@ from typing import Final
 import numpy as np
 
 from coordinator.chords import Chords
-from coordinator.motion import SpeedLimits, all_ramp_ends, times_at
+from coordinator.motion import SpeedLimits, all_ramp_ends
 from coordinator.nurbs import Array
-from coordinator.waiting_kernels import Ride, passing_time
+from coordinator.ramp_kernels import times_at
+from coordinator.waiting_kernels import Ride, times_left
 
 CELL: Final = 0.008
 """Length [m] of the cells that a path is cut into, where conflicts are told to a centimetre."""
@@ -36,16 +37,21 @@ class Track:
         """Knots (n, 2) of the greatest speed allowed: s [m], v^2."""
         return np.column_stack(self.limits.ceiling)
 
+    @property
+    def cells(self) -> int:
+        """How many cells the path has; the last one may lie beyond its end."""
+        return int(self.limits.length / self.cell) + 1
+
     @cached_property
     def elapsed(self) -> Array:
         """When a robot that is never at rest passes the borders of cells (n + 1,) [s]."""
-        borders = self.cell * np.arange(int(self.limits.length / self.cell) + 2)
+        borders = self.cell * np.arange(self.cells + 1)
         return self._elapsed_at(np.minimum(borders, self.limits.length))
 
     @cached_property
     def alone(self) -> float:
         """The time [s] that the whole path takes when nobody is in the way."""
-        return self.time_left([0.0])[0]
+        return float(times_left(self.ride([0.0, self.limits.length]))[0])
 
     def cell_at(self, s: float) -> int:
         """Return the cell in which arc length s [m] lies."""
@@ -65,15 +71,6 @@ class Track:
         table = np.column_stack((rest, *ramp_up, *ramp_down, cells))
         at_once = math.isinf(limits.accel)
         return Ride(table, self.elapsed, self.ceiling, self.cell, limits.ramp, at_once)
-
-    def time_left(self, places: Sequence[float]) -> list[float]:
-        """Return the least time [s] from rest at each place to rest at the goal."""
-        ride = self.ride([*places, self.limits.length])
-        goal = len(places)
-        return [
-            passing_time(ride, k, goal, self.limits.length, 0.0) if s < self.limits.length else 0.0
-            for k, s in enumerate(places)
-        ]
 
     def _elapsed_at(self, s: Array) -> Array:
         return times_at(self.ceiling[:, 0], self.ceiling[:, 1], s)

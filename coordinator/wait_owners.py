@@ -47,7 +47,7 @@ def _owned(junctions: Junctions, table: Motions, index: int, motion: Motion) -> 
     """Return a robot's motion, its waits named by what forbids their departures."""
     track, (rows, known) = junctions.tracks[index], junctions.rows_of(index)
     mine = junctions.zones_of(index)
-    span = junctions.span(index, mine)
+    span = junctions.spans(index)
     modes = np.full(len(rows.other), BOTH)
     low, high = forbid(rows, modes, table.table, track.elapsed, junctions.tau, known)
     bans = Bans(rows.first, rows.cell, known.begin, known.end, low, high, span)

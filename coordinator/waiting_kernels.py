@@ -88,6 +88,18 @@ def passing_time(ride: Ride, p: int, q: int, s: float, elapsed: float) -> float:
 
 
 @compiled
+def times_left(ride: Ride) -> Array:
+    """Return the least times [s] from rest at each station to rest at the last one (stations,)."""
+    last = len(ride.stations) - 1
+    goal = ride.stations[last, PLACE]
+    found = np.zeros(last + 1)
+    for p in range(last):
+        if ride.stations[p, PLACE] < goal:
+            found[p] = passing_time(ride, p, last, goal, 0.0)
+    return found
+
+
+@compiled
 def _height(ceiling: Array, s: float) -> float:
     """Return the ceiling's v^2 at s [m]."""
     k = min(max(int(np.searchsorted(ceiling[:, 0], s)), 1), len(ceiling) - 1)

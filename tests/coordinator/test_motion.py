@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from coordinator.few_knots_kernels import reachable
-from coordinator.motion import Motion, SpeedLimits, Wait, limits_on, speed_knots, times_at
+from coordinator.motion import Motion, SpeedLimits, Wait, limits_on, speed_knots
 from coordinator.nurbs import nurbs
+from coordinator.ramp_kernels import times_at
 from protocol.timeline import Timeline
 
 

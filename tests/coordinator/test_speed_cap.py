@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coordinator.few_knots_kernels import merged, reachable
-from coordinator.motion import Motion, Wait, limits_on, speed_knots, times_at
+from coordinator.motion import Motion, Wait, limits_on, speed_knots
 from coordinator.nurbs import nurbs
+from coordinator.ramp_kernels import times_at
 
 LIMITS = ((0.475, 0.5, 0.5), (1.9, 2.0, 1.0), (0.5, math.inf, 0.5), (2.0, 1.0, 0.2))
 """Speed, acceleration, lateral acceleration."""

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coordinator.motion import Motion, Wait, speed_knots, times_at
+from coordinator.motion import Motion, Wait, speed_knots
+from coordinator.ramp_kernels import times_at
 from coordinator.track import CELL
-from coordinator.waiting_kernels import AT_HIGH, AT_LOW, HIGH, LOW, PLACE, passing_time
+from coordinator.waiting_kernels import AT_HIGH, AT_LOW, HIGH, LOW, PLACE, passing_time, times_left
 from tests.coordinator.curves import random_curve
 from tests.coordinator.fleets import line
 from tests.coordinator.fleets_on_lines import bent_track, limits_of_many_kinds, track_on
@@ -58,7 +59,7 @@ def test_a_place_lies_in_the_cell_between_its_borders(track):
 def test_the_time_left_is_that_of_the_motion_from_a_rest_there(track):
     length = track.limits.length
     places = [0.0, 0.004, 0.3 * length, 0.77 * length, length - 0.004, length]
-    for s, left in zip(places, track.time_left(places), strict=True):
+    for s, left in zip(places, times_left(track.ride(places)), strict=True):
         motion = Motion(track.limits, [Wait(s, 50.0, -1)] if s < length else [])
         assert left == pytest.approx(motion.finish - 50.0 if s < length else 0.0, abs=1e-9)
 
