@@ -59,7 +59,9 @@ def record(
     _refuse_existing(output, force)
     files = given_keys(keys, "observer")
     use_few_threads()
-    recording = Recording(output, speed, replace=force)
+    why = "" if files is None else ", or this key may not listen: was it revoked?"
+    quiet = f"linked, and nothing is heard: no fleet speaks here{why}; waiting, Ctrl-C ends it"
+    recording = Recording(output, speed, replace=force, silence=lambda: tell(quiet))
     try:
         with ZenohTransport.connect(connect, timeout_s=wait, keys=files) as transport:
             name = recording.begin(transport, fleet)

@@ -30,6 +30,9 @@ LINGER_S: Final = 1.0
 """What robots say after the fleet is over still goes into the log, for so long."""
 
 _LOOK_S: Final = 0.2
+_SILENT_LOOKS: Final = 25
+"""After so many looks without a word the user is told, once."""
+
 _MOST_KEPT: Final = 100_000
 """So many messages at most are kept before a fleet is known."""
 
@@ -89,11 +92,20 @@ class Listener:
 class Recording:
     """A recording into `path`, from `begin` to `close`; `speed` is the fleet's.
 
-    A file that is there is replaced only with `replace`.
+    A file that is there is replaced only with `replace`.  `silence` is called once when nothing
+    was heard for five seconds.
     """
 
-    def __init__(self, path: Path, speed: float = 1.0, *, replace: bool = False) -> None:
+    def __init__(
+        self,
+        path: Path,
+        speed: float = 1.0,
+        *,
+        replace: bool = False,
+        silence: Callable[[], None] = lambda: None,
+    ) -> None:
         self.path = path
+        self._silence = silence
         self._replace = replace
         self.listener: Listener | None = None
         self._speed = speed
@@ -106,7 +118,7 @@ class Recording:
         """
         first = None if fleet is not None else FirstFleet(self._clock)
         if first is not None:
-            fleet = first.wait(transport)
+            fleet = first.wait(transport, self._silence)
         assert fleet is not None
         metadata = {
             "fleet": fleet,
@@ -132,8 +144,11 @@ class Recording:
         """Wait until the fleet is over, or nothing more can be written."""
         assert self.listener is not None
         assert self._recorder is not None
+        looks = 0
         while not self.listener.over.wait(_LOOK_S) and self._recorder.error is None:
-            pass
+            looks += 1
+            if looks == _SILENT_LOOKS and not self.listener.messages:
+                self._silence()
         if self._recorder.error is None:
             time.sleep(LINGER_S)
 
@@ -161,11 +176,14 @@ class FirstFleet:
         self._fleet = ""
         self._gate = threading.Lock()
 
-    def wait(self, transport: Transport) -> str:
+    def wait(self, transport: Transport, silence: Callable[[], None] = lambda: None) -> str:
         """Listen to all fleets until one says a Command; return its name."""
         transport.subscribe(f"{keys.ROOT}/**", self._hear)
+        looks = 0
         while not self._found.wait(_LOOK_S):
-            pass
+            looks += 1
+            if looks == _SILENT_LOOKS and not self._kept:
+                silence()
         return self._fleet
 
     def hand_over(self, listener: Listener) -> None:

@@ -77,6 +77,23 @@ def test_everything_below_the_fleets_name_is_recorded_with_its_stamp(tmp_path):
     assert (told["passive"], told["positions_on_wire"], told["bad_messages"]) == (True, 1, 1)
 
 
+@pytest.mark.parametrize("fleet", ["f", None])
+def test_who_hears_nothing_is_told_so_once(tmp_path, monkeypatch, fleet):
+    monkeypatch.setattr(record, "_LOOK_S", 0.001)
+    link, told = Silent(), []
+
+    def speak():
+        told.append("silence")
+        for hear in list(link.handlers.values())[:1]:
+            hear(COMMAND, encode(Command(9, 1, 1, OVER, 0)), None)
+
+    recording = Recording(tmp_path / "run.mcap", silence=speak)
+    recording.begin(link, fleet)
+    recording.wait()
+    recording.close()
+    assert told == ["silence"]
+
+
 def test_what_a_fleet_says_before_its_first_command_is_recorded_with_its_time(tmp_path):
     link, path, names = Silent(), tmp_path / "run.mcap", []
     recording = Recording(path)
