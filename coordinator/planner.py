@@ -64,7 +64,7 @@ def plan_scenario(
     timer: Timer = lambda: 0.0,
     executor: Executor | None = None,
 ) -> PlanDocument:
-    """Return the plan of a scenario with its proof; `effort` counts for epoch 1, then LATER_EFFORT.
+    """Return the plan of a scenario with its proof; epochs after 1 get LATER_EFFORT at most.
 
     Paths and zones of large fleets are found in parts by the executor: threads, processes, a
     cluster; the plan is the same whatever it is.
