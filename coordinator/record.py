@@ -89,6 +89,20 @@ class Listener:
         self._recorder.record(key, link_news(alive), self._clock())
 
 
+class _Looks:
+    """Counts looks for a word, and calls `silence` once when there was none for long."""
+
+    def __init__(self, silence: Callable[[], None]) -> None:
+        self._silence = silence
+        self._made = 0
+
+    def count(self, heard: bool) -> None:
+        """Count one more look; `heard`: whether anything has been said by now."""
+        self._made += 1
+        if self._made == _SILENT_LOOKS and not heard:
+            self._silence()
+
+
 class Recording:
     """A recording into `path`, from `begin` to `close`; `speed` is the fleet's.
 
@@ -142,14 +156,13 @@ class Recording:
 
     def wait(self) -> None:
         """Wait until the fleet is over, or nothing more can be written."""
-        assert self.listener is not None
-        assert self._recorder is not None
-        looks = 0
-        while not self.listener.over.wait(_LOOK_S) and self._recorder.error is None:
-            looks += 1
-            if looks == _SILENT_LOOKS and not self.listener.messages:
-                self._silence()
-        if self._recorder.error is None:
+        listener, recorder = self.listener, self._recorder
+        assert listener is not None
+        assert recorder is not None
+        looks = _Looks(self._silence)
+        while not listener.over.wait(_LOOK_S) and recorder.error is None:
+            looks.count(listener.messages > 0)
+        if recorder.error is None:
             time.sleep(LINGER_S)
 
     def close(self) -> int:
@@ -179,11 +192,9 @@ class FirstFleet:
     def wait(self, transport: Transport, silence: Callable[[], None] = lambda: None) -> str:
         """Listen to all fleets until one says a Command; return its name."""
         transport.subscribe(f"{keys.ROOT}/**", self._hear)
-        looks = 0
+        looks = _Looks(silence)
         while not self._found.wait(_LOOK_S):
-            looks += 1
-            if looks == _SILENT_LOOKS and not self._kept:
-                silence()
+            looks.count(len(self._kept) > 0)
         return self._fleet
 
     def hand_over(self, listener: Listener) -> None:
