@@ -20,9 +20,6 @@ from coordinator.growth import Rings
 from coordinator.nurbs import Array
 from coordinator.scenario import Point
 
-_GRID: Final = 1e-9
-"""Solid things are joined on a grid this fine [m]: without one a union may drop thin pieces."""
-
 _QUARTER: Final = 16
 """Segments that a quarter of a round corner has where grown obstacles are shown or named."""
 
@@ -46,16 +43,16 @@ class Floor:
         return shapely.STRtree([*self.obstacles, *outside])
 
     @cached_property
-    def solid(self) -> shapely.Geometry:
-        """All that is solid in one: the obstacles and everything outside the floor."""
-        things = self._things.geometries
-        one, other = self._things.query(things, predicate="intersects")
-        joined = np.zeros(len(things), dtype=np.bool_)
-        joined[one[one != other]] = True
-        lumps = shapely.get_parts(shapely.union_all(things[joined], grid_size=_GRID))
-        solid = shapely.multipolygons([*things[~joined], *lumps])
-        shapely.prepare(solid)
-        return solid
+    def _edges(self) -> shapely.Geometry:
+        """The edges of the floor and of all obstacles."""
+        edges = shapely.multilinestrings(shapely.get_rings([self.outline, *self.obstacles]))
+        shapely.prepare(edges)
+        return edges
+
+    def _is_open(self, place: shapely.Point) -> bool:
+        """Tell whether a place is on the floor and in no obstacle."""
+        solid = self._things.query(place, predicate="intersects")
+        return bool(shapely.intersects(self.outline, place)) and not len(solid)
 
     def distance(self, points: Array) -> Array:
         """Return the distances [m], (n,), from points (n, 2) to the nearest solid thing."""
@@ -64,8 +61,12 @@ class Floor:
         return np.asarray(found[1])
 
     def gap(self, line: Array) -> float:
-        """Return the distance [m] from a polyline (n, 2) to the nearest solid thing; 0 within."""
-        return float(shapely.distance(self.solid, shapely.linestrings(line)))
+        """Return the distance [m] from a polyline (n, 2) to the nearest solid thing; 0 within.
+
+        A line that meets no edge lies where its first point does.
+        """
+        apart = float(shapely.distance(self._edges, shapely.linestrings(line)))
+        return apart if apart > 0.0 and self._is_open(shapely.Point(line[0])) else 0.0
 
     def ground(self, reach: float, room: float = 0.0) -> Ground:
         """Return the ground for a centre that keeps `reach` [m] from solid things.
@@ -83,5 +84,5 @@ class Floor:
 
     def free(self, reach: float) -> list[shapely.Geometry]:
         """Return the connected pieces where a centre keeps `reach` [m] from solid things."""
-        grown = shapely.buffer(self.solid, reach, quad_segs=_QUARTER)
-        return list(shapely.get_parts(shapely.difference(self.outline, grown)))
+        grown = shapely.buffer(self._things.geometries, reach, quad_segs=_QUARTER)
+        return list(shapely.get_parts(shapely.difference(self.outline, shapely.union_all(grown))))
