@@ -77,19 +77,33 @@ def _within(table: Timetable, robot: int, leg: int, s: float) -> float:
 @compiled
 def reached(table: Timetable, robot: int, s: float) -> float:
     """Return when a robot first stands at s [m]; -inf at its start."""
-    if s <= 0.0:
-        return -math.inf
-    leg = int(np.searchsorted(table.s[robot, : table.knots[robot]], s, side="left")) - 1
-    return _within(table, robot, max(leg, 0), s)
+    return first_at(table, robot, s, 0)[0]
 
 
 @compiled
-def left(table: Timetable, robot: int, s: float) -> float:
-    """Return when a robot last stands at s [m]; inf at its goal."""
+def first_at(table: Timetable, robot: int, s: float, leg: int) -> tuple[float, int]:
+    """Return what `reached` does, and on which leg that is; it is looked for from `leg` on."""
+    if s <= 0.0:
+        return -math.inf, leg
+    knots, last = table.s[robot], table.knots[robot] - 2
+    while leg > 0 and knots[leg] >= s:
+        leg -= 1
+    while leg < last and knots[leg + 1] < s:
+        leg += 1
+    return _within(table, robot, leg, s), leg
+
+
+@compiled
+def last_at(table: Timetable, robot: int, s: float, leg: int) -> tuple[float, int]:
+    """Return when a robot last stands at s [m], inf at its goal, and on which leg, as above."""
     if s >= table.length[robot]:
-        return math.inf
-    leg = int(np.searchsorted(table.s[robot, : table.knots[robot]], s, side="right")) - 1
-    return _within(table, robot, min(max(leg, 0), int(table.knots[robot]) - 2), s)
+        return math.inf, leg
+    knots, last = table.s[robot], table.knots[robot] - 2
+    while leg > 0 and knots[leg] > s:
+        leg -= 1
+    while leg < last and knots[leg + 1] <= s:
+        leg += 1
+    return _within(table, robot, leg, s), leg
 
 
 @compiled
@@ -114,11 +128,14 @@ def forbid(
         if known.stamp[z] != stamp:
             known.stamp[z] = stamp
             known.low[z], known.high[z] = math.inf, -math.inf
+            to = since = 0
             for r in range(rows.first[z], rows.first[z + 1]):
                 begin = -math.inf
                 if modes[z] == BOTH:
-                    begin = reached(table, other, rows.low[r]) - tau
-                end = left(table, other, rows.high[r]) + tau
+                    begin, to = first_at(table, other, rows.low[r], to)
+                    begin -= tau
+                end, since = last_at(table, other, rows.high[r], since)
+                end += tau
                 known.begin[r], known.end[r] = begin, end
                 known.low[z] = min(known.low[z], begin - elapsed[rows.cell[r] + 1])
                 known.high[z] = max(known.high[z], end - elapsed[rows.cell[r]])
@@ -147,8 +164,11 @@ def _comes_after(rows: Rows, z: int, mine: int, table: Timetable, cell: float, t
     A robot whose start lies in the zone's first cell, but not in the zone, may come after.
     """
     other, length = rows.other[z], table.length[mine]
+    to = since = 0
     for r in range(rows.first[z], rows.first[z + 1]):
-        arrives = reached(table, mine, min(max(rows.cell[r] * cell, rows.enters[z]), length))
-        if arrives < left(table, other, rows.high[r]) + tau - 1e-9:
+        place = min(max(rows.cell[r] * cell, rows.enters[z]), length)
+        arrives, to = first_at(table, mine, place, to)
+        leaves, since = last_at(table, other, rows.high[r], since)
+        if arrives < leaves + tau - 1e-9:
             return False
     return True

@@ -17,7 +17,7 @@ from coordinator.proof_words import slack_of, survived
 from coordinator.wait_summary import waits_of
 from coordinator.wait_table import waits_table
 
-_ROBOTS: Final = 60
+_ROBOTS: Final = 30
 """Robots shown, those that finish last; drawing a thousand rows takes longer than proving them."""
 _NOTES: Final = 12
 """Notes told below the table; a crowded floor has hundreds."""

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from coordinator.bans_kernels import left, reached
+from coordinator.bans_kernels import first_at, last_at, reached
 from coordinator.motion import Motion, Wait
 from tests.coordinator.fleets import line
 from tests.coordinator.fleets_on_lines import alone, fleet_on, placed
@@ -36,7 +36,15 @@ def test_a_table_of_motions_tells_the_times_of_each(accel):
     assert len(set(table.table.serial.tolist())) == 4
     for index in (0, 1):
         s = np.array([0.0, 0.25, 0.251, 0.5, 1.0, 3.7, curves[index].length])
-        for tell, wanted in ((reached, motions[index].reached), (left, motions[index].left)):
-            assert [tell(table.table, index, x) for x in s] == pytest.approx(wanted(s))
+        assert [reached(table.table, index, x) for x in s] == pytest.approx(
+            motions[index].reached(s)
+        )
+        for leg in range(table.table.knots[index] - 1):
+            for tell, wanted in (
+                (first_at, motions[index].reached),
+                (last_at, motions[index].left),
+            ):
+                times = [tell(table.table, index, x, leg)[0] for x in s]
+                assert times == pytest.approx(wanted(s))
     with pytest.raises(ValueError, match="2 robots have no motion"):
         table.all()
