@@ -7,7 +7,7 @@ know: files, other robots, times.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final
 
@@ -35,7 +35,8 @@ _SHORTFALL: Final = 1e-3
 """Flattening [m], and the shortfall [m] of clearance that the proof accepts."""
 
 _STEP: Final = 0.01
-"""The place that is too near to something is told this finely [m]."""
+_MOST_PLACES: Final = 50_000
+"""The place that is too near to something is told this finely [m], on a long path less finely."""
 
 _HALVINGS: Final = 6
 _ARC_ERROR: Final = 1e-4
@@ -189,28 +190,29 @@ def _turns(curve: Nurbs, least: float) -> Iterator[str]:
 
 def _say_clearance(line: Array, need: float, floor: Floor) -> str:
     """Say where a polyline (n, 2) is nearest to something solid, or off the floor."""
-    place = min(_places(line), key=lambda at: _slack(at, floor))
+    places = _places(line)
+    place = places[np.argmin(_slack(places, floor))]
     x, y = place
     here = shapely.Point(place)
     edge = floor.outline.exterior.distance(here)
     if not floor.outline.covers(here):
         return f"leaves the floor near ({x:.2f}, {y:.2f})"
-    gap = float(floor.distance(np.array([place]))[0])
+    gap = float(floor.distance(place[None])[0])
     what = "the floor's edge" if edge <= gap else "an obstacle"
     if gap <= 0.0:
         return f"leads through {what} near ({x:.2f}, {y:.2f})"
     return f"comes within {gap:.3f} m of {what} near ({x:.2f}, {y:.2f}), it needs {need:g} m"
 
 
-def _slack(place: Sequence[float], floor: Floor) -> float:
-    """Return the distance [m] from anything solid; the farther off the floor, the less."""
-    here = shapely.Point(place)
-    off = floor.outline.distance(here)
-    return -off if off > 0.0 else float(floor.distance(np.array([place]))[0])
+def _slack(places: Array, floor: Floor) -> Array:
+    """Return distances [m] from anything solid (m,); the farther off the floor, the less."""
+    off = shapely.distance(floor.outline, shapely.points(places))
+    return np.where(off > 0.0, -off, floor.distance(places))
 
 
-def _places(line: Array) -> Iterator[tuple[float, float]]:
-    """Yield places on a polyline, a step apart at most."""
-    for begin, end in pairwise(line):
-        count = 1 + int(math.dist(begin, end) / _STEP)
-        yield from (begin + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - begin)).tolist()
+def _places(line: Array) -> Array:
+    """Return the vertices of a polyline and places between them, (m, 2), a step apart at most."""
+    arcs = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+    count = min(1 + math.ceil(arcs[-1] / _STEP), _MOST_PLACES)
+    s = np.union1d(arcs, np.linspace(0.0, arcs[-1], count))
+    return np.column_stack([np.interp(s, arcs, line[:, axis]) for axis in (0, 1)])

@@ -10,6 +10,7 @@ import pytest
 import shapely
 
 from coordinator.errors import InputError, PlanError
+from coordinator.floor import Floor
 from coordinator.given_path import curve_of, path_of
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
@@ -334,3 +335,18 @@ def test_knots_of_any_scale_make_the_same_curve():
         curves.append(curve.at_arc(places * curve.length))
     np.testing.assert_allclose(curves[0], curves[1], atol=1e-3)
     np.testing.assert_allclose(curves[2], curves[1], atol=1e-5)
+
+
+def test_where_a_path_of_kilometres_leaves_the_floor_is_looked_for_once(monkeypatch):
+    looks = []
+    distance = Floor.distance
+    monkeypatch.setattr(
+        Floor,
+        "distance",
+        lambda floor, places: looks.append(len(places)) or distance(floor, places),
+    )
+    path = given("R1", ((1.0, 1.0), (1.5, 4_000.0), (2.0, 1.0)), 2)
+    with pytest.raises(InputError, match=r"leaves the floor near \(1\.50, 2000\.5"):
+        parse_scenario(scenario_to_json(a_scenario([path])), "far.json")
+    assert len(looks) < 10
+    assert max(looks) < 100_000
