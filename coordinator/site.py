@@ -161,12 +161,12 @@ def _stands(
     margin: float,
 ) -> Robot | Aside:
     """Return a robot with its new start, or as one that stands aside."""
+    if standing is not None and standing.place is not None:
+        return _comes_back(robot, standing.place, margin)
     if standing is None or (was is not None and was.why == "arrived"):
         if was is None or was.why != "closed in" or was.pose is None:
             return robot if was is None else was
         return replace(was.robot, start=was.pose)
-    if standing.place is not None:
-        return replace(robot, start=standing.place, via=(), path=None)
     if standing.state == "arrived":
         return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
     ride = driven.get(standing.epoch, {}).get(robot.id)
@@ -186,6 +186,13 @@ def _stands(
         u = float(ride.curve.parameter_at([s])[0])
         path = path_of(piece(ride.curve, u, float(ride.curve.knots[-1])))
     return replace(robot, start=pose, via=_ahead(ride, robot.via, s), path=path)
+
+
+def _comes_back(robot: Robot, place: Pose, margin: float) -> Robot | Aside:
+    """Return a robot that says its place, wherever it was before; it may say that of its goal."""
+    if math.dist(place[:2], robot.goal[:2]) <= max(_ON_PATH * margin, _THERE):
+        return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
+    return replace(robot, start=place, via=(), path=None)
 
 
 def _stretch(ride: Driven, standing: Standing) -> Array:

@@ -115,6 +115,22 @@ def test_a_robot_at_its_goal_stays_there_and_is_driven_around(scenario, document
     assert {one.robot.id: one.why for one in again.aside}["A"] == "arrived"
 
 
+def test_a_robot_that_comes_back_is_planned_for_from_the_place_it_says_even_if_it_had_arrived(
+    scenario, documents
+):
+    told = [Standing(robot="A", state="arrived", epoch=1), rests("B", 2.0), rests("C", 2.0)]
+    before = next_site(Site(scenario), documents, told)
+    assert [one.robot.id for one in before.aside] == ["A"]
+    (goal,) = (robot.goal for robot in scenario.robots if robot.id == "A")
+    carried = (goal[0] - 1.0, goal[1], 0.5)
+    back = Standing(robot="A", state="rests", epoch=1, place=carried)
+    after = next_site(before, documents, [back])
+    assert {robot.id: robot.start for robot in after.scenario.robots}["A"] == carried
+    assert after.aside == ()
+    there = replace(back, place=(goal[0], goal[1] + 0.001, 0.5))
+    assert [one.why for one in next_site(before, documents, [there]).aside] == ["arrived"]
+
+
 def test_a_robot_whose_goal_is_closed_off_stays_and_is_named_and_the_rest_go_on(scenario):
     closed = replace(scenario.robots[1], goal=(7.0, 4.4))
     scenario = replace(scenario, robots=(scenario.robots[0], closed, scenario.robots[2]))
