@@ -74,8 +74,11 @@ _LINK: Final = {
     "delay": Range("s", 0.0, 5.0),
     "loss": Range("", 0.0, 0.5),
 }
+_SMALLEST: Final = 1e-3
+"""No radius [m] is smaller: the proof accepts a shortfall as large."""
+
 _ROBOT: Final = {
-    "radius": Range("m", 0.0, _LARGEST, above=True),
+    "radius": Range("m", _SMALLEST, _LARGEST),
     "start_time": Range("s", 0.0, LONGEST_PLAN),
     "finish_time": _TIME,
     "length": _LENGTH,

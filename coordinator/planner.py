@@ -92,9 +92,7 @@ def plan_scenario(
     try:
         proof = prove_document(document, scenario)
     except InputError as error:
-        raise PlanError(
-            "a path that was found cannot be sent: " + "; ".join(error.problems)
-        ) from None
+        raise PlanError("a path cannot be sent: " + "; ".join(error.problems)) from None
     marks.append(timer())
     names = ("paths", "zones", "schedule", "document", "proof")
     timing = {n: round(b - a, 4) for n, (a, b) in zip(names, pairwise(marks), strict=True)}

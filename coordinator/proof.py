@@ -90,7 +90,7 @@ def prove(
         failures += [
             _say_clearance(one, least, margin, gap)
             for one, least in zip(driven, each, strict=True)
-            if least < margin - TOLERANCE
+            if least < margin - TOLERANCE or least <= -one.radius
         ]
     for one, limit in zip(driven, limits, strict=True):
         failures += [] if limit is None else limit_failures(one, limit)

@@ -63,6 +63,18 @@ def check_sharp(document):
     return slack
 
 
+def test_what_is_solid_and_other_robots_stop_even_the_smallest_without_a_margin():
+    robots = [a_robot("A", (1, 4), (9, 4)), a_robot("B", (1, 6), (9, 6))]
+    document = replace(plan_scenario(a_scenario(robots), effort=0), margin=0.0)
+    wall = replace(document.workspace, obstacles=(box(4, 3, 6, 5),))
+    tiny = replace(document, robots=[replace(r, radius=1e-3) for r in document.robots])
+    assert prove_document(tiny).holds
+    proof = prove_document(replace(tiny, workspace=wall))
+    assert proof.failures == ["A's way leads through something solid near (4.03, 4.00)"]
+    twins = replace(tiny, robots=[tiny.robots[0], replace(tiny.robots[0], id="B")])
+    assert not prove_document(twins).holds
+
+
 def test_a_valid_plan_is_accepted(planned):
     scenario, document = planned
     assert check_sharp(document) > -TOLERANCE
