@@ -20,7 +20,7 @@ from coordinator.fleet import Fleet
 from coordinator.fleet_phases import GO_LEAD
 from coordinator.gate import Gate
 from coordinator.log_head import first_head, resumed
-from coordinator.logbook import is_unfinished, read_log
+from coordinator.logbook import is_unfinished, load, log_from_bytes
 from coordinator.meeting_place import MeetingPlace
 from coordinator.member import STRIKES
 from coordinator.mission import Mission
@@ -123,9 +123,10 @@ class Coordinator:
 
     def _go_on(self, boot: int, resume: Path) -> Mission:
         """Return the mission of the log of a coordinator that has died."""
-        self._before, self._began_ns = resume.read_bytes(), self.clock()
+        self._began_ns = self.clock()
         try:
-            mission = go_on(read_log(resume), boot, self._began_ns)
+            self._before = load(resume)
+            mission = go_on(log_from_bytes(self._before, str(resume)), boot, self._began_ns)
         except InputError as error:
             raise InputError([f"--resume: {problem}" for problem in error.problems]) from None
         if mission.fleet.name != self.scenario.name:

@@ -88,11 +88,11 @@ def _read_all(files: list[Path]) -> list[Ordered]:
         if order is not None:
             found.append((file, order))
     names = Counter(order.robot for _, order in found)
-    problems += [
+    problems += dict.fromkeys(
         f"{file}: serialNumber: {order.robot} has {names[order.robot]} orders, give one a robot"
         for file, order in found
         if names[order.robot] > 1
-    ]
+    )
     if problems:
         raise InputError(problems)
     return [order for _, order in found]

@@ -37,10 +37,10 @@ def agent(
     blackbox: Annotated[Path | None, typer.Option(help="Write true poses to this CSV.")] = None,
     speed: Annotated[float, typer.Option(min=0.01, max=1000.0, help="Times real time.")] = 1.0,
     wait: Annotated[
-        float, typer.Option(min=0.0, max=86_400.0, help="Seconds to wait for a coordinator.")
+        float, typer.Option(min=0.0, max=86_400.0, help="Seconds to try to reach a coordinator.")
     ] = 10.0,
     give_up: Annotated[
-        float, typer.Option(min=0.0, max=1e6, help="Seconds without one to end after; 0: never.")
+        float, typer.Option(min=0.0, max=1e6, help="Seconds of silence to end after; 0: never.")
     ] = 0.0,
     rate: Annotated[int, typer.Option(min=20, max=1000, help="Ticks a second.")] = 100,
     stats: Annotated[

@@ -119,6 +119,12 @@ def test_a_file_of_no_kind_is_still_told_with_its_fault():
             "coordinator hall.toml --resume run.mcap --log run.mcap",
             "--log: run.mcap is the log to go on from; name another file",
         ),
+        (
+            "coordinator hall.toml --resume gone.mcap",
+            "--resume: gone.mcap: No such file or directory",
+        ),
+        ("coordinator hall.toml --resume hall.toml", "--resume: hall.toml is a scenario"),
+        ("coordinator hall.toml --resume .", "--resume: .: Is a directory"),
         ("coordinator hall.toml --log new/run.mcap", "'--log': new/run.mcap: there is no folder"),
         ("coordinator hall.toml --plan-out p.txt", "'--plan-out': p.txt does not end in .json"),
     ],

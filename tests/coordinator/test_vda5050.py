@@ -421,7 +421,7 @@ def test_all_that_is_wrong_with_all_orders_is_told_at_once(tmp_path):
     }
     for name, order in orders.items():
         (tmp_path / name).write_text(json.dumps(order))
-    files = [str(tmp_path / name) for name in (*orders, "gone.json")]
+    files = [str(tmp_path / name) for name in (*orders, "gone.json", "twin.json")]
     output = tmp_path / "x.toml"
     told = CliRunner().invoke(commands, ["import", "vda5050", *files, "-o", str(output)])
     assert isinstance(told.exception, InputError)
