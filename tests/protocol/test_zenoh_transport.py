@@ -13,6 +13,9 @@ from protocol.transport import TransportError
 from protocol.zenoh_transport import ZenohTransport
 from tests.protocol.links import PATIENCE_S, Inbox, ZenohLink, free_endpoint
 
+_HELD_UP_S = 30.0
+"""So long a session would wait for a robot that hangs if it insisted on being heard."""
+
 
 @pytest.fixture
 def link():
@@ -150,7 +153,7 @@ def test_a_robot_is_alive_again_for_a_coordinator_that_was_restarted(link):
 
 def test_who_insists_on_being_heard_by_a_robot_that_hangs_holds_nobody_up(monkeypatch, link):
     patience = "transport/link/tx/queue/congestion_control/block/wait_before_close"
-    monkeypatch.setitem(zenoh_transport._ROUTER, patience, round(2e6 * PATIENCE_S))
+    monkeypatch.setitem(zenoh_transport._ROUTER, patience, round(1e6 * _HELD_UP_S))
     coordinator, hung, other = (link.session(name) for name in ("coordinator", "R1", "R2"))
     inbox, over = Inbox(), threading.Event()
     hung.subscribe("f/clock/R1", lambda *_: over.wait())
@@ -165,6 +168,6 @@ def test_who_insists_on_being_heard_by_a_robot_that_hangs_holds_nobody_up(monkey
             for _ in range(1_000):  # 40 MB, more than all that lies between holds
                 stranger.put("f/clock/R1", bytes(40_000), congestion_control=block)
             link.say_until_heard(coordinator, "f/command", b"go", inbox)
-            assert time.monotonic() - began < PATIENCE_S
+            assert time.monotonic() - began < 0.5 * _HELD_UP_S
     finally:
         over.set()
