@@ -159,13 +159,14 @@ def _start_fleet(folder: Path, count: int, seconds: float, processes: list[Proce
     )
     processes.append(coordinator)
     assert coordinator.stdout is not None
+    line = "nothing was said"
     for line in coordinator.stdout:
         event = json.loads(line)
         if event["event"] == "listening":
             processes.extend(_start_robot(folder, f"R{i + 1}", endpoint) for i in range(count))
         elif event["event"] == "phase" and event["text"] == "GO":
             return coordinator
-    raise RuntimeError("the coordinator ended before GO")
+    raise RuntimeError(f"the coordinator ended before GO: {line}")
 
 
 def _start_robot(folder: Path, robot: str, endpoint: str) -> Process:
