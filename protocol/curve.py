@@ -6,7 +6,7 @@ the vectorised twin in coordinator/nurbs.py.
 """
 
 from array import array
-from math import sqrt
+from math import inf, sqrt
 
 _GAUSS = (
     (-0.9061798459386640, 0.2369268850561891),
@@ -28,6 +28,16 @@ def clamped_knots(degree: int, wire_knots: list[float]) -> list[float]:
 def cells_per_span(spans: int) -> int:
     """Return into how many cells of the table of arc lengths a span is cut: fewer of many."""
     return min(max(_MOST_CELLS // spans, _LEAST_CELLS_PER_SPAN), _CELLS_PER_SPAN)
+
+
+class _Piece:
+    """One span's polynomials, homogeneous, in powers of u - begin; for begin <= u < end."""
+
+    def __init__(self, degree: int) -> None:
+        self.begin = self.end = inf
+        self.xs = array("d", [0.0] * (degree + 1))
+        self.ys = array("d", [0.0] * (degree + 1))
+        self.ws = array("d", [0.0] * (degree + 1))
 
 
 class Curve:
@@ -70,9 +80,9 @@ class Curve:
         self._hy = array("d", [y * w for y, w in zip(ys, weights)])  # noqa: B905
         self._hw = array("d", weights)
         self._span = degree
-        self._bx = [0.0] * (degree + 1)
-        self._by = [0.0] * (degree + 1)
-        self._bw = [0.0] * (degree + 1)
+        self._powers = tuple(range(degree, -1, -1))
+        self._piece, self._spare = _Piece(degree), _Piece(degree)
+        self._rows = [[0.0] * (degree + 1) for _ in self._powers]
         self._cell = 0
         self._cell_u = array("d", [0.0])
         self._cell_s = array("d", [0.0])
@@ -83,38 +93,25 @@ class Curve:
             raise ValueError(f"a curve of length {self.length} m is not a path")
 
     def evaluate(self, u: float) -> None:
-        """Evaluate C(u) and C'(u) by de Boor's algorithm; u is clamped into the domain."""
-        degree, knots = self.degree, self.knots
-        u = min(max(u, 0.0), knots[-1])
-        span, last = self._span, len(self._hw) - 1
-        while span < last and u >= knots[span + 1]:
-            span += 1
-        while span > degree and u < knots[span]:
-            span -= 1
-        self._span = span
-        bx, by, bw, first = self._bx, self._by, self._bw, span - degree
-        hx, hy, hw = self._hx, self._hy, self._hw
-        for i in range(degree + 1):
-            bx[i], by[i], bw[i] = hx[first + i], hy[first + i], hw[first + i]
-        for level in range(1, degree):
-            for i in range(degree, level - 1, -1):
-                low = knots[first + i]
-                left = 1.0 - (u - low) / (knots[span + 1 + i - level] - low)
-                x, y, w = bx[i], by[i], bw[i]
-                bx[i] = x + left * (bx[i - 1] - x)
-                by[i] = y + left * (by[i - 1] - y)
-                bw[i] = w + left * (bw[i - 1] - w)
-        low = knots[span]
-        width = knots[span + 1] - low
-        part = (u - low) / width
-        ax, ay, aw = bx[degree] - bx[degree - 1], by[degree] - by[degree - 1], 0.0
-        aw = bw[degree] - bw[degree - 1]
-        w = bw[degree - 1] + part * aw
-        self.x = (bx[degree - 1] + part * ax) / w
-        self.y = (by[degree - 1] + part * ay) / w
-        scale = degree / (width * w)
-        self.dx = scale * (ax - aw * self.x)
-        self.dy = scale * (ay - aw * self.y)
+        """Evaluate C(u) and C'(u) by Horner's rule; u is clamped into the domain."""
+        u = min(max(u, 0.0), self.knots[-1])
+        piece = self._piece
+        if not piece.begin <= u < piece.end:
+            piece = self._piece_at(u)
+        xs, ys, ws = piece.xs, piece.ys, piece.ws
+        t = u - piece.begin
+        x = y = w = dx = dy = dw = 0.0
+        for i in self._powers:
+            dx = dx * t + x
+            dy = dy * t + y
+            dw = dw * t + w
+            x = x * t + xs[i]
+            y = y * t + ys[i]
+            w = w * t + ws[i]
+        self.x = x = x / w
+        self.y = y = y / w
+        self.dx = (dx - dw * x) / w
+        self.dy = (dy - dw * y) / w
 
     def place(self, s: float) -> None:
         """Evaluate the curve at arc length s [m], clamped to [0, length]."""
@@ -136,6 +133,50 @@ class Curve:
         m0, m1 = self._cell_slope[cell] * size, self._cell_slope[cell + 1] * size
         value = rest * rest * ((1.0 + 2.0 * part) * u0 + part * m0)
         return value + part * part * ((3.0 - 2.0 * part) * u1 - rest * m1)
+
+    def _piece_at(self, u: float) -> _Piece:
+        """Return the polynomials at u: those used before the last ones, or new ones in their place.
+
+        Two are kept, for a robot near a knot looks at both sides of it in every tick.
+        """
+        piece, self._spare = self._spare, self._piece
+        self._piece = piece
+        if piece.begin <= u < piece.end:
+            return piece
+        knots, span, last = self.knots, self._span, len(self._hw) - 1
+        while span < last and u >= knots[span + 1]:
+            span += 1
+        while span > self.degree and u < knots[span]:
+            span -= 1
+        self._span = span
+        self._expand(self._hx, piece.xs)
+        self._expand(self._hy, piece.ys)
+        self._expand(self._hw, piece.ws)
+        piece.begin, piece.end = knots[span], knots[span + 1] if span < last else inf
+        return piece
+
+    def _expand(self, points: array, powers: array) -> None:  # type: ignore[type-arg]
+        """Expand one coordinate of the span in powers of u less its knot.
+
+        De Boor's algorithm with polynomials for numbers: row i holds those of the point i.
+        """
+        degree, knots, span, rows = self.degree, self.knots, self._span, self._rows
+        first = span - degree
+        for i in range(degree + 1):
+            rows[i][0] = points[first + i]
+        for level in range(1, degree + 1):
+            for i in range(degree, level - 1, -1):
+                low = knots[first + i]
+                width = knots[span + 1 + i - level] - low
+                part, row, before = (knots[span] - low) / width, rows[i], rows[i - 1]
+                above = 0.0
+                for power in range(level - 1, -1, -1):
+                    apart = row[power] - before[power]
+                    row[power + 1] = above + apart / width
+                    above = before[power] + part * apart
+                row[0] = above
+        for power in range(degree + 1):
+            powers[power] = rows[degree][power]
 
     def _speed(self, u: float) -> float:
         self.evaluate(u)

@@ -49,6 +49,18 @@ def test_places_agree_with_the_naive_recursion_in_any_order_of_parameters(curve,
         assert (tested.x, tested.y) == pytest.approx(tuple(expected), abs=1e-9)
 
 
+def test_spans_of_very_unequal_length_are_as_exact_as_even_ones():
+    knots = clamped_knots(3, [1e-4, 2e-4, 50.0, 50.001, 90.0])
+    xs, ys = [0.0, 0.4, 1.0, 1.6, 2.0, 2.0, 2.3, 3.0], [0.0, 0.1, -0.2, 0.3, 0.9, 1.6, 2.0, 2.1]
+    weights = [1.0, 2.0, 0.5, 1.0, 1.5, 0.7, 1.0, 1.0]
+    tested = Curve(3, knots, xs, ys, weights)
+    points = list(zip(xs, ys, strict=True))
+    for u in (0.0, 5e-5, 49.9999, 1.5e-4, 90.0, 50.0005, 2e-4, 70.0, 50.001):
+        tested.evaluate(u)
+        expected = naive_point(3, knots, points, weights, u)
+        assert (tested.x, tested.y) == pytest.approx(tuple(expected), abs=1e-12)
+
+
 @settings(derandomize=True, max_examples=40, deadline=None)
 @given(curves(), st.floats(0.01, 0.99))
 def test_derivatives_agree_with_finite_differences(curve, part):
