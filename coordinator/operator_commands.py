@@ -16,12 +16,52 @@ from coordinator.console import tell
 from coordinator.key_option import Keys, given_keys
 from protocol import keys as places
 from protocol.codec import decode, encode
-from protocol.messages import Admit, Command, Refusal
-from protocol.phases import COMMAND_NAMES, FREEZE
+from protocol.messages import Admit, Command, Message, Plan, Refusal
+from protocol.phases import COMMAND_NAMES, FREEZE, GO, OVER
 
 commands = typer.Typer()
 
 _PERIOD_S: Final = 0.2
+
+
+class Asking:
+    """What becomes of asking for a robot to be admitted, by what its fleet says meanwhile.
+
+    It is taken in when, after a freeze, the fleet's epoch is one that it has a plan of.
+    `answer` is what there is to tell then, or once it is known not to be; `admitted` says which.
+    """
+
+    def __init__(self, robot: str, boot: int) -> None:
+        self.answer = ""
+        self.admitted = False
+        self._robot, self._boot = robot, boot
+        self._frozen = self._asked = False
+        self._epoch = -1
+
+    def asks(self) -> bool:
+        """Tell whether to ask, again; the fleet has not frozen since."""
+        self._asked = True
+        return not self._frozen
+
+    def hear(self, message: Message) -> None:
+        """Take a Command of the fleet, or what it says to the robot or to who asks for it."""
+        if isinstance(message, Refusal) and message.boot == self._boot:
+            self.answer = message.reason
+        elif isinstance(message, Plan):
+            self._epoch = max(self._epoch, message.epoch)
+        elif isinstance(message, Command):
+            self._hear_command(message)
+
+    def _hear_command(self, command: Command) -> None:
+        self._frozen |= self._asked and command.phase == FREEZE
+        if command.phase == OVER:
+            self.answer = f"the fleet is over, without {self._robot}"
+        elif self._frozen and command.phase != FREEZE and command.epoch == self._epoch:
+            self.admitted = True
+            self.answer = f"epoch {command.epoch}, {COMMAND_NAMES[command.phase]}"
+        elif self._frozen and command.phase == GO:
+            without = f"goes on without {self._robot}, its coordinator says why"
+            self.answer = f"epoch {command.epoch} {without}"
 
 
 @commands.command()
@@ -42,42 +82,41 @@ def admit(
     """
     from protocol.zenoh_transport import ZenohTransport
 
-    heard: queue.SimpleQueue[tuple[str, Command | Refusal]] = queue.SimpleQueue()
+    heard: queue.SimpleQueue[tuple[str, Message]] = queue.SimpleQueue()
     boot = int.from_bytes(os.urandom(4))
 
     def hear(key: str, payload: bytes, _sent_ns: int | None) -> None:
         place = places.split(key)
         message = decode(place[1], payload) if place is not None else None
-        if place is not None and isinstance(message, Command | Refusal):
+        if place is not None and message is not None:
             heard.put((place[0], message))
 
     if not places.NAME.fullmatch(robot):
         raise typer.BadParameter(f"{robot[:60]!r} is no robot's name", param_hint="ROBOT")
     files = given_keys(keys, "operator")
+    asking = Asking(robot, boot)
     with ZenohTransport.connect(connect, timeout_s=wait, keys=files) as transport:
         transport.subscribe(places.command(fleet or "*"), hear)
         transport.subscribe(places.plan(fleet or "*", robot), hear)
-        deadline = time.monotonic() + wait
-        frozen, said = False, 0.0
+        deadline, due = time.monotonic() + wait, 0.0
         while (now := time.monotonic()) < deadline:
             try:
-                name, command = heard.get(timeout=_PERIOD_S)
+                name, message = heard.get(timeout=_PERIOD_S)
             except queue.Empty:
                 continue
-            fleet = fleet or name
+            if fleet is None and isinstance(message, Command):
+                fleet = name
             if name != fleet:
                 continue  # another fleet on the same router
-            if isinstance(command, Refusal):
-                if command.boot != boot:
-                    continue  # to a robot of this name
-                tell(command.reason, "red")
-                raise typer.Exit(1)
-            if not frozen and now - said > _PERIOD_S:
+            asking.hear(message)
+            if asking.answer:
+                break
+            if now >= due and asking.asks():
                 transport.put(places.admit(name, robot), encode(Admit(boot)))
-                said = now
-            frozen |= said > 0.0 and command.phase == FREEZE
-            if frozen and command.phase != FREEZE:
-                tell(f"{name}: epoch {command.epoch}, {COMMAND_NAMES[command.phase]}")
-                return
-    tell(f"no new epoch with {robot} within {wait:g} s; is it back, the fleet under way?", "red")
+                due = now + _PERIOD_S
+    if asking.admitted:
+        tell(f"{fleet}: {asking.answer}")
+        return
+    late = f"no new epoch with {robot} within {wait:g} s; is it back, the fleet under way?"
+    tell(asking.answer or late, "red")
     raise typer.Exit(1)
