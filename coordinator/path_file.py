@@ -18,6 +18,9 @@ from coordinator.scenario_table import Table, read_place
 
 PATH_REQUIRED: Final = ("degree", "control_points")
 ROUNDING: Final = {"rounding": Quantity("m", from_least=True, most=1.0)}
+MOST_POINTS: Final = 5_000
+"""Control points of a path: more than ten times as many as a Plan can hold, found out soon."""
+
 MOST_WEIGHT: Final = 100.0
 """By so many times weights may differ: the wire's limit."""
 
@@ -62,6 +65,9 @@ def uniform_knots(degree: int, count: int) -> tuple[float, ...]:
 
 def given_faults(path: GivenPath, where: str, names: PathNames = PATH_NAMES) -> list[str]:
     """Return what is wrong with a path's parts, as `field: what` each."""
+    count = len(path.control_points)
+    if count > MOST_POINTS:
+        return [f"{where}.{names.points}: are {count:,}, allowed are up to {MOST_POINTS:,}"]
     problems = list(path_faults(where, whole(path), names))
     low, high = min(path.weights, default=1.0), max(path.weights, default=1.0)
     if not problems and high > MOST_WEIGHT * low:

@@ -18,7 +18,7 @@ import numpy as np
 from coordinator.corners import corners
 from coordinator.given_path import exact, path_of
 from coordinator.nurbs import Nurbs
-from coordinator.path_file import given_faults
+from coordinator.path_file import MOST_POINTS, given_faults
 from coordinator.plan_checks import PathNames
 from coordinator.scenario import GivenPath, Point, Robot, Scenario, Workspace
 from coordinator.scenario_checks import (
@@ -30,12 +30,14 @@ from coordinator.scenario_checks import (
     show,
 )
 from coordinator.splines import joined
+from coordinator.vda5050_finder import Finder
 
 _NAMES: Final = PathNames(
     knots="knotVector", points="controlPoints", weights="controlPoints.weight"
 )
 _WEIGHT: Final = Quantity()
 _KNOT: Final = Quantity(least=-math.inf, most=math.inf)
+_DEVIATION: Final = Quantity("m", from_least=True)
 _SPEEDS: Final = ("maximumSpeed", "maxSpeed")
 
 _GAP: Final = 1e-3
@@ -43,6 +45,10 @@ _GAP: Final = 1e-3
 
 _ROOM: Final = 1.0
 """A floor made for paths reaches this much farther [m] than the robots need."""
+
+
+_Named = tuple[str, Mapping[str, Any]]
+"""An edge, and where it stands in its order."""
 
 
 class Ordered(NamedTuple):
@@ -68,7 +74,7 @@ class Assumed(NamedTuple):
 
 def read_order(text: bytes, file: str, problems: list[str]) -> Ordered | None:
     """Return what an order says; None when it is wrong, every problem being noted, a line each."""
-    found = _Finder(printable(file), [])
+    found = Finder(printable(file), [])
     try:
         order = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -81,10 +87,11 @@ def read_order(text: bytes, file: str, problems: list[str]) -> Ordered | None:
     if not found.problems:
         robot = _robot_name(order, found)
         parts, speed = _parts(order, found)
+        deviation = _deviation(order, found)
     problems += found.problems
     if found.problems:
         return None
-    return Ordered(robot, joined(parts), speed, _deviation(order))
+    return Ordered(robot, joined(parts), speed, deviation)
 
 
 def scenario_of(
@@ -141,41 +148,17 @@ def _robot(order: Ordered, assumed: Assumed, known: Mapping[str, Robot]) -> Robo
     )
 
 
-class _Finder(NamedTuple):
-    """Problems of one file."""
-
-    file: str
-    problems: list[str]
-
-    def note(self, field: str, problem: str) -> None:
-        self.problems.append(f"{self.file}: {field}: {problem}")
-
-    def items(self, table: Mapping[str, Any], key: str, where: str) -> list[Any]:
-        """Return a list of an object; an empty one when it is absent or bad, which is noted."""
-        value = table.get(key)
-        if isinstance(value, list):
-            return value
-        self.note(where, "is missing" if value is None else f"{show(value)} is not a list")
-        return []
-
-    def number(self, value: object, where: str, allowed: Quantity) -> float:
-        """Return a number; NaN for a bad one, which is noted."""
-        problem = allowed.complaint(value)
-        if problem:
-            self.note(where, problem)
-        return math.nan if problem else float(value)  # type: ignore[arg-type]
-
-
-def _robot_name(order: Mapping[str, Any], found: _Finder) -> str:
+def _robot_name(order: Mapping[str, Any], found: Finder) -> str:
     """Return the serial number as a robot's id: what an id may not have becomes a dash."""
     name = order.get("serialNumber")
     if not isinstance(name, str) or not name:
         found.note("serialNumber", "is missing" if name is None else f"{show(name)} is no name")
         return ""
-    return re.sub(r"[^A-Za-z0-9_.-]", "-", name)[:32]
+    name = re.sub(r"[^A-Za-z0-9_.-]", "-", name)[:32]
+    return name if name.strip(".") else name.replace(".", "-")
 
 
-def _parts(order: Mapping[str, Any], found: _Finder) -> tuple[list[Nurbs], float]:
+def _parts(order: Mapping[str, Any], found: Finder) -> tuple[list[Nurbs], float]:
     """Return the curves of an order's edges, in order, and the least speed permitted [m/s]."""
     before = len(found.problems)
     edges = found.items(order, "edges", "edges")
@@ -187,22 +170,43 @@ def _parts(order: Mapping[str, Any], found: _Finder) -> tuple[list[Nurbs], float
             found.note(where, f"{show(edge)} is not an object")
     if len(found.problems) > before:
         return [], math.inf
-    if all(type(edge.get("sequenceId")) is int for _, edge in named):
-        named.sort(key=lambda one: int(one[1]["sequenceId"]))
+    named = _in_sequence(named, found)
     speed = min((_speed(edge, where, found) for where, edge in named), default=math.inf)
     curves = [(where, _trajectory(edge, where, found)) for where, edge in named]
     _check_gaps(curves, found)
-    return [curve for _, curve in curves if curve is not None], speed
+    parts = [curve for _, curve in curves if curve is not None]
+    count = sum(len(curve.points) for curve in parts)
+    if count > MOST_POINTS:
+        found.note("edges", f"have {count:,} control points, allowed are up to {MOST_POINTS:,}")
+    return parts, speed
 
 
-def _speed(edge: Mapping[str, Any], where: str, found: _Finder) -> float:
+def _in_sequence(named: list[_Named], found: Finder) -> list[_Named]:
+    """Return edges by their sequenceId, as they stand if none has one; bad ones are noted."""
+    if all(edge.get("sequenceId") is None for _, edge in named):
+        return named
+    places: dict[int, str] = {}
+    for where, edge in named:
+        number = edge.get("sequenceId")
+        if type(number) is not int or number < 0:
+            what = "is missing" if number is None else f"{show(number)} is not a whole number"
+            found.note(f"{where}.sequenceId", what)
+        elif number in places:
+            found.note(f"{where}.sequenceId", f"{number} is that of {places[number]} too")
+        else:
+            places[number] = where
+    known = {where: number for number, where in places.items()}
+    return sorted(named, key=lambda one: known.get(one[0], -1))
+
+
+def _speed(edge: Mapping[str, Any], where: str, found: Finder) -> float:
     given = [key for key in _SPEEDS if edge.get(key) is not None]
     allowed = ROBOT_QUANTITIES["max_speed"]
     speeds = [found.number(edge[key], f"{where}.{key}", allowed) for key in given]
     return min(speeds, default=math.inf)
 
 
-def _trajectory(edge: Mapping[str, Any], where: str, found: _Finder) -> Nurbs | None:
+def _trajectory(edge: Mapping[str, Any], where: str, found: Finder) -> Nurbs | None:
     """Return an edge's curve; degree 1, weights of 1 and uniform knots stand for absent ones."""
     where = f"{where}.trajectory"
     value = edge.get("trajectory")
@@ -236,7 +240,7 @@ def _trajectory(edge: Mapping[str, Any], where: str, found: _Finder) -> Nurbs | 
 
 
 def _control_points(
-    trajectory: Mapping[str, Any], where: str, found: _Finder
+    trajectory: Mapping[str, Any], where: str, found: Finder
 ) -> tuple[tuple[Point, ...], tuple[float, ...]]:
     points, weights = [], []
     for i, value in enumerate(found.items(trajectory, "controlPoints", f"{where}.controlPoints")):
@@ -250,7 +254,7 @@ def _control_points(
     return tuple(points), tuple(weights)
 
 
-def _check_gaps(curves: list[tuple[str, Nurbs | None]], found: _Finder) -> None:
+def _check_gaps(curves: list[tuple[str, Nurbs | None]], found: Finder) -> None:
     """Note where an edge does not begin where the one before it ends."""
     for (_, before), (where, after) in pairwise(curves):
         if before is None or after is None:
@@ -264,14 +268,25 @@ def _check_gaps(curves: list[tuple[str, Nurbs | None]], found: _Finder) -> None:
             )
 
 
-def _deviation(order: Mapping[str, Any]) -> float:
-    """Return the least deviation [m] that nodes allow; a number, or the axes of an ellipse."""
+def _deviation(order: Mapping[str, Any], found: Finder) -> float:
+    """Return the least deviation [m] that nodes allow; a number, or the axes of an ellipse.
+
+    0 says nothing of it.
+    """
     least = math.inf
-    nodes = order.get("nodes")
-    for node in nodes if isinstance(nodes, list) else []:
-        position = node.get("nodePosition") if isinstance(node, dict) else None
-        said = position.get("allowedDeviationXY") if isinstance(position, dict) else None
-        for value in (said.get("a"), said.get("b")) if isinstance(said, dict) else (said,):
-            if isinstance(value, int | float) and value > 0.0:
-                least = min(least, float(value))
+    nodes = found.items(order, "nodes", "nodes") if order.get("nodes") is not None else []
+    for i, node in enumerate(nodes):
+        if not isinstance(node, dict):
+            found.note(f"nodes[{i}]", f"{show(node)} is not an object")
+            continue
+        position, where = node.get("nodePosition"), f"nodes[{i}].nodePosition"
+        if position is not None and not isinstance(position, dict):
+            found.note(where, f"{show(position)} is not an object")
+            continue
+        said = None if position is None else position.get("allowedDeviationXY")
+        given = {"": said} if not isinstance(said, dict) else {f".{k}": said.get(k) for k in "ab"}
+        for part, value in given.items():
+            if value is not None:
+                allowed = found.number(value, f"{where}.allowedDeviationXY{part}", _DEVIATION)
+                least = min(least, allowed or math.inf)
     return least

@@ -250,6 +250,13 @@ def edge_with(**fields):
     return order
 
 
+DEVIATION = "nodes[0].nodePosition.allowedDeviationXY"
+
+
+def noded(**position):
+    return somebodys() | {"nodes": [{"nodePosition": position}]}
+
+
 @pytest.mark.parametrize(
     ("order", "line"),
     [
@@ -307,6 +314,19 @@ def edge_with(**fields):
         (somebodys() | {"edges": []}, "edges: is empty, there is nothing to drive"),
         (without("serialNumber"), "serialNumber: is missing"),
         ([1], "order: a list of 1 is not an object"),
+        (edge_with(sequenceId="1"), "edges[0].sequenceId: '1' is not a whole number"),
+        (edge_with(sequenceId=1.5), "edges[0].sequenceId: 1.5 is not a whole number"),
+        (edge_with(sequenceId=-1), "edges[0].sequenceId: -1 is not a whole number"),
+        (noded(allowedDeviationXY="a"), f"{DEVIATION}: 'a' is not a number"),
+        (noded(allowedDeviationXY=math.nan), f"{DEVIATION}: nan is not a finite number"),
+        (noded(allowedDeviationXY={"a": -5}), f"{DEVIATION}.a: -5 m is below 0 m"),
+        (somebodys() | {"nodes": 1}, "nodes: 1 is not a list"),
+        (somebodys() | {"nodes": [1]}, "nodes[0]: 1 is not an object"),
+        (somebodys() | {"nodes": [{"nodePosition": 1}]}, "nodes[0].nodePosition: 1 is not an"),
+        (
+            broken(controlPoints=[{"x": float(x), "y": 1.0} for x in range(5_001)]),
+            "edges[0].trajectory.controlPoints: are 5,001, allowed are up to 5,000",
+        ),
     ],
 )
 def test_a_malformed_order_is_told_in_one_line(order, line):
@@ -354,6 +374,20 @@ def test_edges_are_put_together_in_their_sequence_and_the_least_speed_counts():
     assert found.curve.degree == 2
     np.testing.assert_allclose(found.curve.points[[0, -1]], [(1.0, 1.0), (9.0, 1.0)])
     assert found.curve.length == pytest.approx(8.0)
+
+
+def test_edges_out_of_sequence_are_told():
+    order = somebodys()
+    (edge,) = order["edges"]
+    order["edges"] = [edge | {"sequenceId": number} for number in (1, 1, None)]
+    assert read(order)[1][:2] == [
+        "R1.json: edges[1].sequenceId: 1 is that of edges[0] too",
+        "R1.json: edges[2].sequenceId: is missing",
+    ]
+
+
+def test_a_name_of_dots_becomes_one_that_names_no_folder():
+    assert read(somebodys(robot=".."))[0].robot == "--"
 
 
 def test_a_gap_between_edges_is_told_with_its_place():
