@@ -134,6 +134,10 @@ class Recorder:
         if self.error is None and not self._closing.is_set():
             self._waiting.append(Attachment(name, media_type, data))
 
+    def hurry(self) -> None:
+        """Have what was recorded so far written at once; nobody waits for it."""
+        self._hurry.set()
+
     def sync(self) -> bool:
         """Wait until everything recorded so far has reached the system, at most a second.
 

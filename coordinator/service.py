@@ -219,8 +219,11 @@ class Service:
             with self._door:
                 arrival = self.intake.take(now)
             if arrival is not None:
+                told = len(self.fleet.incidents)
                 self._recorder.record(arrival.key, arrival.payload, now, arrival.sent_ns)
                 self._send(self.fleet.hear(arrival.key, arrival.payload, now), now)
+                if len(self.fleet.incidents) > told:
+                    self._recorder.hurry()  # Who has arrived says so before it leaves, for good.
                 continue
             try:
                 async with asyncio.timeout(left / SECOND / self._speed):

@@ -67,12 +67,16 @@ def test_metadata_and_attachments_are_in_the_file_before_the_first_message(tmp_p
     assert (attachment.name, attachment.media_type, attachment.data) == SCENARIO
 
 
-def test_a_message_reaches_the_file_without_a_close(tmp_path):
+@pytest.mark.parametrize("hurried", [False, True])
+def test_a_message_reaches_the_file_without_a_close(tmp_path, monkeypatch, hurried):
+    monkeypatch.setattr(recorder_module, "FLUSH_PERIOD_S", 600.0 if hurried else 0.08)
     path = tmp_path / "run.mcap"
     log = open_log(path)
     try:
-        log.record(keys.command("f"), b"x", 1)
         before = path.stat().st_size
+        log.record(keys.command("f"), b"x", 1)
+        if hurried:
+            log.hurry()
         deadline = time.monotonic() + 5.0
         while path.stat().st_size == before and time.monotonic() < deadline:
             threading.Event().wait(0.01)

@@ -126,15 +126,14 @@ def test_a_robot_can_neither_speak_as_another_nor_as_the_coordinator_nor_hear_th
             "splinefleet/other/report/R1": b"\x90",
             "another/key": b"\x90",
         }
-        began = time.monotonic()
-        for key, payload in forbidden.items():
+        for key, payload in forbidden.items():  # One by one: Zenoh drops some of many at once.
+            began = time.monotonic()
             thief.put(key, payload)
+            _, came = gate.events.denial("robot R1, key 3", f"say anything on {key}", since=began)
+            assert came - began < 1.0
         thief._session.delete(keys.plan(FLEET, "R2"))
         thief.declare_alive(keys.alive(FLEET, "R2"))
         thief.declare_alive(keys.alive(FLEET, "R1"))
-        for key in forbidden:
-            _, came = gate.events.denial("robot R1, key 3", f"say anything on {key}", since=began)
-            assert came - began < 1.0
         gate.events.denial("robot R1, key 3", f"be alive as {keys.alive(FLEET, 'R2')}")
         gate.events.denial("robot R1, key 3", f"listen to {keys.plan(FLEET, 'R2')}")
         gate.events.denial("robot R1, key 3", f"listen to {keys.ROOT}/**")
