@@ -155,12 +155,18 @@ def verify(
 
     Example: splinefleet verify plan.json --scenario examples/paper_five.toml
     """
+    from coordinator.errors import InputError
     from coordinator.plan import read
     from coordinator.plan_table import render_proof
     from coordinator.scenario_file import read_scenario
     from coordinator.verify import prove_document
 
-    proof = prove_document(read(plan), None if scenario is None else read_scenario(scenario))
+    document, site = read(plan), None if scenario is None else read_scenario(scenario)
+    try:
+        proof = prove_document(document, site)
+    except InputError as error:
+        named = [problem.replace("plan:", f"{plan}:", 1) for problem in error.problems]
+        raise InputError(named) from None
     if as_json:
         answer_json(proof)
     else:

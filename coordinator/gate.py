@@ -56,7 +56,7 @@ class Gate:
         self._links: SimpleQueue[tuple[str, str, str, bool]] = SimpleQueue()
         self._denials = Denials(self._name_of, self._ended)
         self._log: ZenohLog | None = None
-        self.warnings = [warning] if (warning := self.files.warning()) else []
+        self.warnings = [*filter(None, (self.files.warning(), KeyStore(folder).warning()))]
         self.warnings += self._register.keyless(self._robots, now)
 
     def listen(self, endpoint: str) -> ZenohTransport:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from coordinator.authority import Pair
 
 REGISTER: Final = "register.json"
+_OTHERS_WRITE: Final = 0o022
 _AUTHORITY_PLACE: Final = "authority"
 _OF_A_FLEET: Final = (REGISTER, _AUTHORITY_PLACE, *get_args(Role))
 """Where one of these is there are keys that a new authority would make useless."""
@@ -63,6 +64,14 @@ class KeyStore:
             raise InputError([f"{self.folder}: has no {REGISTER}; {words}"])
         with _told():
             return register_of(place.read_bytes(), str(place))
+
+    def warning(self) -> str:
+        """Return what is to be told when others may write the register, else nothing."""
+        place = self.folder / REGISTER
+        with _told():
+            others = place.stat().st_mode & _OTHERS_WRITE
+        what = f"{place}: others may write it, and undo what was revoked; chmod 600 {place}"
+        return what if others else ""
 
     def issue(
         self,

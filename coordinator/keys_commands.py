@@ -19,7 +19,7 @@ from coordinator.errors import InputError
 from protocol.badge import ROLES, Role
 from protocol.endpoint import endpoint_of
 from protocol.key_files import WARNING, own_place, read_key_files
-from protocol.keys import NAME
+from protocol.keys import NAME, NAME_IN_WORDS
 
 if TYPE_CHECKING:
     from coordinator.register import Issued
@@ -221,7 +221,7 @@ def _issue(
 
     bad = [name[:60] for name in names if not _fits(name)]
     if bad:
-        raise InputError([f"{name!r} is no name, 1 to 32 of A-Z a-z 0-9 _ . -" for name in bad])
+        raise InputError([f"{name!r} is no name, {NAME_IN_WORDS}" for name in bad])
     store = KeyStore(folder)
     _tell_made(folder, store.issue(role, dict.fromkeys(names), _now(), days, hosts))
     for badge in store.register().valid(_now()):

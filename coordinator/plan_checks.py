@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from protocol.keys import NAME
+from protocol.keys import NAME, NAME_IN_WORDS
 from protocol.messages import MAX_MESSAGE_BYTES
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def find_problems(document: PlanDocument) -> list[str]:
         where = f"robots[{robot.id if named else index}]"
         if not NAME.fullmatch(robot.id):
             shown = repr(robot.id[:40])
-            problems.append(f"{where}.id: is {shown}, allowed are 1 to 32 of A-Z a-z 0-9 _ . -")
+            problems.append(f"{where}.id: is {shown}, allowed are {NAME_IN_WORDS}")
         elif robot.id in seen:
             problems.append(f"{where}.id: {robot.id!r} stands twice, allowed is every id once")
         seen.add(robot.id)

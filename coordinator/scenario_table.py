@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from coordinator.scenario_checks import COORDINATE, HEADING, Quantity, key_name, show
-from protocol.keys import NAME
+from protocol.keys import NAME, NAME_IN_WORDS
 
 SHAPES: Final = {2: "[x, y]", 3: "[x, y, heading]", 4: "[x0, y0, x1, y1]"}
 
@@ -71,7 +71,7 @@ class Table:
         if isinstance(value, str) and NAME.fullmatch(value):
             return value
         if key in self.values:
-            self.note(key, f"{show(value)} is not a name of 1 to 32 of A-Z a-z 0-9 _ . -")
+            self.note(key, f"{show(value)} is not a name of {NAME_IN_WORDS}")
         return default
 
     def text(self, key: str) -> str:

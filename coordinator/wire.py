@@ -123,7 +123,7 @@ def unpack(payload: bytes, radius: float) -> Driven:
     robot, timeline = _RobotCurve(curve), Timeline(*parts.motion)
     if abs(timeline.length - robot.length) > 1e-4 + 1e-6 * robot.length:
         raise ValueError(
-            f"the speed profile ends at {timeline.length} m, the curve at {robot.length} m"
+            f"the speed profile ends at {timeline.length:.4f} m, the curve at {robot.length:.4f} m"
         )
     chain = flatten(curve, FLAT)
     error = _arc_error(robot.table, curve, chain)

@@ -94,6 +94,8 @@ def read_key_files(
 
 
 def _content(place: Path) -> bytes:
+    if place.is_fifo():
+        raise TransportError(f"{place}: is a pipe, not a file")
     try:
         return place.read_bytes()
     except OSError as error:

@@ -9,8 +9,11 @@ import re
 from typing import Final
 
 ROOT: Final = "splinefleet"
-NAME: Final = re.compile(r"[A-Za-z0-9_.-]{1,32}")
-"""What a fleet's or a robot's name may be: Zenoh itself would accept nearly anything."""
+NAME: Final = re.compile(r"(?!\.+(?:/|$))[A-Za-z0-9_.-]{1,32}")
+"""What a fleet's or a robot's name may be: Zenoh itself would accept nearly anything.  Dots alone
+name folders that are there already."""
+
+NAME_IN_WORDS: Final = "1 to 32 of A-Z a-z 0-9 _ . -, not dots alone"
 
 
 def hello(fleet: str, robot: str) -> str:

@@ -11,16 +11,19 @@ import math
 import time
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
-from protocol.keys import NAME
+from protocol.keys import NAME, NAME_IN_WORDS
 from protocol.timing import SECOND
 from robot_agent.driver import Driver
 from robot_agent.loop import FixedRateLoop
 
 commands = typer.Typer()
+
+_FARTHEST: Final = 1e6
+"""A robot does not stand so far [m] away."""
 
 
 @commands.command()
@@ -72,6 +75,9 @@ def agent(
         _check_name(fleet, "--fleet")
     body = _driver(driver, max_accel)
     if at is not None:
+        if not all(abs(number) < _FARTHEST for number in at):
+            where = " ".join(f"{number:g}" for number in at)
+            raise typer.BadParameter(f"{where} is no place", param_hint="--at")
         body.place(*at)
     files = None if keys is None else read_key_files(keys, "robot", robot)
     if files is not None and (warning := files.warning()):
@@ -127,7 +133,7 @@ def _count_nothing(_state: str, _loop: FixedRateLoop) -> None:
 
 def _check_name(name: str, option: str) -> None:
     if not NAME.fullmatch(name):
-        raise typer.BadParameter(f"{name!r} is not 1 to 32 of A-Z a-z 0-9 _ . -", param_hint=option)
+        raise typer.BadParameter(f"{name!r} is not {NAME_IN_WORDS}", param_hint=option)
 
 
 def _driver(place: str, max_accel: float) -> Driver:

@@ -35,6 +35,8 @@ Process = subprocess.Popen[str]
 Event = dict[str, Any]
 
 _GOODBYE_S: Final = 5.0
+_TROUBLE: Final = ("fault", "late", "refused", "timeout", "warning")
+"""What a coordinator says that whoever started the run has to know at once."""
 
 
 class Outcome(msgspec.Struct):
@@ -175,8 +177,8 @@ class LocalFleet:
             elif event["event"] == "phase" and event["text"] == "GO":
                 self._start_ns = int(event["start_ns"])
                 return True
-            elif event["event"] == "refused":
-                tell(str(event["text"]))
+            else:
+                _tell_trouble(event)
         return False
 
     def _drive_on(self) -> None:
@@ -189,8 +191,7 @@ class LocalFleet:
                 continue
             if event is not None:
                 self._told.append(event)
-                if event["event"] in ("fault", "late", "refused"):
-                    tell(str(event["text"]))
+                _tell_trouble(event)
             elif process is self._coordinator and not self._awaits_resumption():
                 break
         for strike in self._strikes:
@@ -257,6 +258,11 @@ class LocalFleet:
             _wait(process, deadline)
             process.kill()
             process.wait()
+
+
+def _tell_trouble(event: Event) -> None:
+    if event["event"] in _TROUBLE:
+        tell(str(event["text"]))
 
 
 def _name(fault: Fault) -> str:

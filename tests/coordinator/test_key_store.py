@@ -180,6 +180,23 @@ def test_the_gate_lets_in_whose_key_counts_and_warns_of_robots_without(store):
     assert subjects == {"observer/observer/1", "observer/office/1"}
 
 
+def test_a_register_that_others_may_write_is_told(store):
+    place = store.folder / "register.json"
+    place.chmod(0o666)
+    warnings = Gate(store.folder, "hall", ["R1"]).warnings
+    assert f"{place}: others may write it, and undo what was revoked; chmod 600 {place}" in warnings
+    place.chmod(0o600)
+    assert Gate(store.folder, "hall", ["R1"]).warnings == []
+
+
+def test_a_pipe_in_the_place_of_a_key_is_told(store):
+    place = store.folder / "robot" / "R1" / "certificate.pem"
+    place.unlink()
+    os.mkfifo(place)
+    with pytest.raises(TransportError, match="is a pipe, not a file"):
+        read_key_files(store.folder, "robot", "R1")
+
+
 def test_a_number_that_a_register_from_a_copy_has_forgotten_is_not_given_again(store):
     copy = (store.folder / "register.json").read_bytes()
     store.issue("robot", ["R1"], NOW, 365)

@@ -24,6 +24,16 @@ def test_what_an_earlier_run_left_in_the_folder_does_not_mix_with_a_new_one(tmp_
     assert not (tmp_path / "faults").exists()
 
 
+def test_a_run_tells_why_its_fleet_does_not_go(tmp_path, capsys):
+    fleet = LocalFleet(read_scenario(PAPER), tmp_path, speed=1.0, effort=0, faults=[])
+    said = {"warning": "R1: has no key that counts", "hello": "R2 says hello", "timeout": "gave up"}
+    for event, text in said.items():
+        fleet._events.put((None, {"event": event, "text": text}))
+    fleet._events.put((None, None))
+    assert not fleet._follow()
+    assert capsys.readouterr().err.splitlines() == ["R1: has no key that counts", "gave up"]
+
+
 def test_the_run_of_another_fleet_is_replaced_by_force_only(tmp_path):
     RunFolder(tmp_path, "ours", force=False)
     (tmp_path / "plan.json").write_text('{"scenario": "theirs"}')
