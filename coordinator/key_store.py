@@ -7,6 +7,7 @@ a moment.  The coordinator needs all of it but `authority/`, a robot only its ow
 from __future__ import annotations
 
 import datetime
+import errno
 import fcntl
 import os
 from collections.abc import Iterable, Iterator
@@ -63,7 +64,7 @@ class KeyStore:
                 words = "it is one party's own; name the fleet's folder"
             raise InputError([f"{self.folder}: has no {REGISTER}; {words}"])
         with _told():
-            return register_of(place.read_bytes(), str(place))
+            return register_of(_content(place), str(place))
 
     def warning(self) -> str:
         """Return what is to be told when others may write the register, else nothing."""
@@ -121,7 +122,7 @@ class KeyStore:
     def _latest(self, role: Role, name: str) -> int:
         """Return the number of the key that lies here: a register from a copy may not know it."""
         try:
-            content = (self.folder / own_place(role, name) / CERTIFICATE).read_bytes()
+            content = _content(self.folder / own_place(role, name) / CERTIFICATE)
             badge = badge_of(read_certificate(content).common_name)
         except (OSError, ValueError):
             return 0
@@ -135,7 +136,8 @@ class KeyStore:
             )
         from coordinator.authority import Pair
 
-        return Pair((place / CERTIFICATE).read_bytes(), (place / PRIVATE).read_bytes())
+        with _told():
+            return Pair(_content(place / CERTIFICATE), _content(place / PRIVATE))
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
@@ -170,6 +172,12 @@ def _told() -> Iterator[None]:
         raise InputError([f"{error.filename}: {error.strerror}"]) from None
     except ValueError as error:
         raise InputError([f"the authority's files are damaged: {error}"]) from None
+
+
+def _content(place: Path) -> bytes:
+    if place.is_fifo():
+        raise OSError(errno.EINVAL, "is a pipe, not a file", str(place))
+    return place.read_bytes()
 
 
 def _make_folder(folder: Path) -> None:

@@ -22,6 +22,8 @@ from protocol.phases import COMMAND_NAMES, FREEZE, GO, OVER
 commands = typer.Typer()
 
 _PERIOD_S: Final = 0.2
+_MOST_WITHOUT: Final = 2
+"""Who cannot be planned for must not have the fleet freeze more often."""
 
 
 class Asking:
@@ -36,17 +38,21 @@ class Asking:
         self.admitted = False
         self._robot, self._boot = robot, boot
         self._frozen = self._asked = False
+        self._without = 0
         self._epoch = -1
 
-    def asks(self) -> bool:
-        """Tell whether to ask, again; the fleet has not frozen since."""
+    def asked(self) -> None:
+        """Take note that the robot was asked for."""
         self._asked = True
-        return not self._frozen
 
     def hear(self, message: Message) -> None:
-        """Take a Command of the fleet, or what it says to the robot or to who asks for it."""
-        if isinstance(message, Refusal) and message.boot == self._boot:
-            self.answer = message.reason
+        """Take a Command of the fleet, or what it says to the robot or to who asks for it.
+
+        Once the fleet has frozen the next epoch tells: asked again, it says "already".
+        """
+        if isinstance(message, Refusal):
+            if message.boot == self._boot and not self._frozen:
+                self.answer = message.reason
         elif isinstance(message, Plan):
             self._epoch = max(self._epoch, message.epoch)
         elif isinstance(message, Command):
@@ -60,8 +66,11 @@ class Asking:
             self.admitted = True
             self.answer = f"epoch {command.epoch}, {COMMAND_NAMES[command.phase]}"
         elif self._frozen and command.phase == GO:
-            without = f"goes on without {self._robot}, its coordinator says why"
-            self.answer = f"epoch {command.epoch} {without}"
+            self._frozen = False  # That freeze may have been for another robot.
+            self._without += 1
+            if self._without == _MOST_WITHOUT:
+                without = f"goes on without {self._robot}, its coordinator says why"
+                self.answer = f"epoch {command.epoch} {without}"
 
 
 @commands.command()
@@ -91,8 +100,10 @@ def admit(
         if place is not None and message is not None:
             heard.put((place[0], message))
 
-    if not places.NAME.fullmatch(robot):
-        raise typer.BadParameter(f"{robot[:60]!r} is no robot's name", param_hint="ROBOT")
+    for option, given in (("ROBOT", robot), ("--fleet", fleet)):
+        if given is not None and not places.NAME.fullmatch(given):
+            what = f"{given[:60]!r} is not {places.NAME_IN_WORDS}"
+            raise typer.BadParameter(what, param_hint=option)
     files = given_keys(keys, "operator")
     asking = Asking(robot, boot)
     with ZenohTransport.connect(connect, timeout_s=wait, keys=files) as transport:
@@ -111,7 +122,8 @@ def admit(
             asking.hear(message)
             if asking.answer:
                 break
-            if now >= due and asking.asks():
+            if now >= due:
+                asking.asked()
                 transport.put(places.admit(name, robot), encode(Admit(boot)))
                 due = now + _PERIOD_S
     if asking.admitted:

@@ -36,6 +36,14 @@ _EVEN: Final = 100.0
 """Parts of a curve are driven at the same speed of the parameter up to this factor from 1 m/s."""
 
 
+def joined_count(parts: Sequence[Nurbs]) -> int:
+    """Return how many control points `joined` gives at most."""
+    degree = max((curve.degree for curve in parts), default=1)
+    raised = (len(curve.points) - curve.degree for curve in parts)
+    more = sum(spans * (degree - part.degree) for spans, part in zip(raised, parts, strict=True))
+    return sum(len(curve.points) for curve in parts) + more - max(len(parts) - 1, 0)
+
+
 def joined(parts: Sequence[Nurbs]) -> Nurbs:
     """Return one curve along several, each beginning where the last one ends.
 

@@ -29,7 +29,7 @@ from coordinator.scenario_checks import (
     printable,
     show,
 )
-from coordinator.splines import joined
+from coordinator.splines import joined, joined_count
 from coordinator.vda5050_finder import Finder
 
 _NAMES: Final = PathNames(
@@ -171,11 +171,13 @@ def _parts(order: Mapping[str, Any], found: Finder) -> tuple[list[Nurbs], float]
     if len(found.problems) > before:
         return [], math.inf
     named = _in_sequence(named, found)
+    in_order = len(found.problems) == before
     speed = min((_speed(edge, where, found) for where, edge in named), default=math.inf)
     curves = [(where, _trajectory(edge, where, found)) for where, edge in named]
-    _check_gaps(curves, found)
+    if in_order:
+        _check_gaps(curves, found)
     parts = [curve for _, curve in curves if curve is not None]
-    count = sum(len(curve.points) for curve in parts)
+    count = joined_count(parts)
     if count > MOST_POINTS:
         found.note("edges", f"have {count:,} control points, allowed are up to {MOST_POINTS:,}")
     return parts, speed
@@ -243,7 +245,12 @@ def _control_points(
     trajectory: Mapping[str, Any], where: str, found: Finder
 ) -> tuple[tuple[Point, ...], tuple[float, ...]]:
     points, weights = [], []
-    for i, value in enumerate(found.items(trajectory, "controlPoints", f"{where}.controlPoints")):
+    values = found.items(trajectory, "controlPoints", f"{where}.controlPoints")
+    if len(values) > MOST_POINTS:
+        what = f"are {len(values):,}, allowed are up to {MOST_POINTS:,}"
+        found.note(f"{where}.controlPoints", what)
+        return (), ()
+    for i, value in enumerate(values):
         place = f"{where}.controlPoints[{i}]"
         if not isinstance(value, dict):
             found.note(place, f"{show(value)} is not an object with x and y")

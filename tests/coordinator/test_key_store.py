@@ -197,6 +197,15 @@ def test_a_pipe_in_the_place_of_a_key_is_told(store):
         read_key_files(store.folder, "robot", "R1")
 
 
+@pytest.mark.parametrize("name", ["register.json", "authority/private.pem"])
+def test_a_pipe_in_the_place_of_the_authoritys_files_is_told(store, name):
+    place = store.folder / name
+    place.unlink()
+    os.mkfifo(place)
+    with pytest.raises(InputError, match=f"{place}: is a pipe, not a file"):
+        store.issue("robot", ["R9"], NOW, 365)
+
+
 def test_a_number_that_a_register_from_a_copy_has_forgotten_is_not_given_again(store):
     copy = (store.folder / "register.json").read_bytes()
     store.issue("robot", ["R1"], NOW, 365)

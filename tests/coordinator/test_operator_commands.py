@@ -20,7 +20,7 @@ def plan(epoch):
 def asked(*messages):
     asking = Asking("R2", BOOT)
     asking.hear(command(GO, 1))
-    assert asking.asks()
+    asking.asked()
     for message in messages:
         assert not asking.answer
         asking.hear(message)
@@ -36,10 +36,17 @@ def test_a_robot_is_admitted_when_the_epoch_after_the_freeze_has_a_plan_for_it(p
     assert late.admitted
 
 
-def test_a_robot_without_a_part_in_the_epoch_after_the_freeze_is_not_admitted():
-    asking = asked(plan(1), command(FREEZE, 1), command(HOLD, 2), command(GO, 2))
+def test_a_robot_without_a_part_in_two_epochs_after_freezes_is_not_admitted():
+    first = (command(FREEZE, 1), command(HOLD, 2), command(GO, 2), command(GO, 2))
+    asking = asked(plan(1), *first, command(FREEZE, 2), command(HOLD, 3), command(GO, 3))
     assert not asking.admitted
-    assert asking.answer == "epoch 2 goes on without R2, its coordinator says why"
+    assert asking.answer == "epoch 3 goes on without R2, its coordinator says why"
+
+
+def test_a_freeze_for_another_robot_decides_nothing():
+    freeze = (command(FREEZE, 1), command(HOLD, 2), command(GO, 2))
+    asking = asked(*freeze, command(FREEZE, 2), plan(3), command(HOLD, 3))
+    assert asking.admitted
 
 
 def test_a_fleet_that_is_over_admits_nobody():
@@ -55,5 +62,7 @@ def test_who_asks_is_refused_by_an_answer_to_it_alone():
     assert asking.answer == "R2 is under way"
 
 
-def test_nobody_asks_again_once_the_fleet_has_frozen():
-    assert not asked(command(FREEZE, 1)).asks()
+def test_who_asks_twice_is_not_put_off_by_the_answer_to_the_second():
+    already = Refusal(BOOT, "R2 is in the fleet already, idle")
+    asking = asked(command(FREEZE, 1), already, plan(2), command(HOLD, 2))
+    assert asking.admitted

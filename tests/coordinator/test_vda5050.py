@@ -17,9 +17,11 @@ from typer.testing import CliRunner
 
 from coordinator.errors import InputError, PlanError
 from coordinator.log_commands import commands as log_commands
+from coordinator.nurbs import nurbs
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
 from coordinator.scenario_file import parse_scenario, read_scenario
+from coordinator.splines import joined, joined_count
 from coordinator.vda5050_commands import commands
 from coordinator.vda5050_orders import orders_of
 from coordinator.vda5050_reading import Assumed, read_order, scenario_of
@@ -380,10 +382,25 @@ def test_edges_out_of_sequence_are_told():
     order = somebodys()
     (edge,) = order["edges"]
     order["edges"] = [edge | {"sequenceId": number} for number in (1, 1, None)]
-    assert read(order)[1][:2] == [
+    assert read(order)[1] == [
         "R1.json: edges[1].sequenceId: 1 is that of edges[0] too",
         "R1.json: edges[2].sequenceId: is missing",
     ]
+
+
+def test_control_points_are_counted_as_the_robot_gets_them():
+    line = [{"x": float(x), "y": 1.0} for x in range(1_002)]
+    edges = [
+        {"sequenceId": 2 * i + 1, "trajectory": {"controlPoints": [a, b]}}
+        for i, (a, b) in enumerate(pairwise(line))
+    ]
+    bend = [{"x": 1_001.0 + k, "y": 1.0 + 0.1 * k * k} for k in range(8)]
+    edges.append({"sequenceId": 9_999, "trajectory": {"degree": 7, "controlPoints": bend}})
+    noted = read(somebodys() | {"edges": edges})[1]
+    assert noted == ["R1.json: edges: have 7,015 control points, allowed are up to 5,000"]
+    parts = [nurbs(1, [0, 0, 1, 1], [[x, x % 2], [x + 1, (x + 1) % 2]]) for x in range(9)]
+    parts.append(nurbs(3, [0, 0, 0, 0, 1, 1, 1, 1], [[9 + x, 1 - x * x] for x in range(4)]))
+    assert joined_count(parts) == len(joined(parts).points)
 
 
 def test_a_name_of_dots_becomes_one_that_names_no_folder():
