@@ -98,7 +98,7 @@ def nearest_within(
     Between the times the distance is that of the nearest one: good to a step's way.
     """
     step = float(times[1] - times[0])
-    reach = min(math.floor(tau / step), len(times))
+    reach = math.floor(min(tau / step, len(times)))
     wider = np.arange(-reach, len(times) + reach, dtype=np.float64) * step
     theirs = other.driven.curve.at_arc(other.progress(wider))
     mine = robot.driven.curve.at_arc(places)

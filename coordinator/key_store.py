@@ -7,7 +7,6 @@ a moment.  The coordinator needs all of it but `authority/`, a robot only its ow
 from __future__ import annotations
 
 import datetime
-import errno
 import fcntl
 import os
 from collections.abc import Iterable, Iterator
@@ -19,7 +18,7 @@ from coordinator.errors import InputError
 from coordinator.register import Issued, Register, register_of, register_to_json
 from protocol.badge import Badge, Role, badge_of
 from protocol.certificate import read_certificate
-from protocol.key_files import AUTHORITY, CERTIFICATE, PRIVATE, own_place
+from protocol.key_files import AUTHORITY, CERTIFICATE, PRIVATE, key_content, own_place
 
 if TYPE_CHECKING:
     from coordinator.authority import Pair
@@ -64,15 +63,17 @@ class KeyStore:
                 words = "it is one party's own; name the fleet's folder"
             raise InputError([f"{self.folder}: has no {REGISTER}; {words}"])
         with _told():
-            return register_of(_content(place), str(place))
+            return register_of(key_content(place), str(place))
 
     def warning(self) -> str:
-        """Return what is to be told when others may write the register, else nothing."""
-        place = self.folder / REGISTER
-        with _told():
-            others = place.stat().st_mode & _OTHERS_WRITE
-        what = f"{place}: others may write it, and undo what was revoked; chmod 600 {place}"
-        return what if others else ""
+        """Return what is to be told when others may write or replace the register, else nothing."""
+        for place in (self.folder, self.folder / REGISTER):
+            with _told():
+                others = place.stat().st_mode & _OTHERS_WRITE
+            if others:
+                what = "others may write it, and undo what was revoked"
+                return f"{place}: {what}; chmod go-w {place}"
+        return ""
 
     def issue(
         self,
@@ -122,7 +123,7 @@ class KeyStore:
     def _latest(self, role: Role, name: str) -> int:
         """Return the number of the key that lies here: a register from a copy may not know it."""
         try:
-            content = _content(self.folder / own_place(role, name) / CERTIFICATE)
+            content = key_content(self.folder / own_place(role, name) / CERTIFICATE)
             badge = badge_of(read_certificate(content).common_name)
         except (OSError, ValueError):
             return 0
@@ -137,7 +138,7 @@ class KeyStore:
         from coordinator.authority import Pair
 
         with _told():
-            return Pair(_content(place / CERTIFICATE), _content(place / PRIVATE))
+            return Pair(key_content(place / CERTIFICATE), key_content(place / PRIVATE))
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
@@ -172,12 +173,6 @@ def _told() -> Iterator[None]:
         raise InputError([f"{error.filename}: {error.strerror}"]) from None
     except ValueError as error:
         raise InputError([f"the authority's files are damaged: {error}"]) from None
-
-
-def _content(place: Path) -> bytes:
-    if place.is_fifo():
-        raise OSError(errno.EINVAL, "is a pipe, not a file", str(place))
-    return place.read_bytes()
 
 
 def _make_folder(folder: Path) -> None:

@@ -63,11 +63,16 @@ def uniform_knots(degree: int, count: int) -> tuple[float, ...]:
     return (0.0,) * (degree + 1) + tuple(inner) + (1.0,) * (degree + 1)
 
 
+def too_many(count: int) -> str:
+    """Return how to say that a path has more control points than MOST_POINTS."""
+    return f"{count:,}, allowed are up to {MOST_POINTS:,}"
+
+
 def given_faults(path: GivenPath, where: str, names: PathNames = PATH_NAMES) -> list[str]:
     """Return what is wrong with a path's parts, as `field: what` each."""
     count = len(path.control_points)
     if count > MOST_POINTS:
-        return [f"{where}.{names.points}: are {count:,}, allowed are up to {MOST_POINTS:,}"]
+        return [f"{where}.{names.points}: are {too_many(count)}"]
     problems = list(path_faults(where, whole(path), names))
     low, high = min(path.weights, default=1.0), max(path.weights, default=1.0)
     if not problems and high > MOST_WEIGHT * low:

@@ -42,7 +42,7 @@ class Range(NamedTuple):
         over = value > self.least if self.above else value >= self.least
         if math.isfinite(value) and over and value <= self.most:
             return
-        low = f"{'above' if self.above else 'from'} {self.least:g}"
+        low = f"{'above' if self.above else 'from'} {self.least:.10g}"
         high = f" to {self.most:.10g}" if self.most < math.inf else ""
         unit = f" {self.unit}" if self.unit else ""
         yield f"{field}: is {value:g}{unit}, allowed is {low}{high}{unit}"
@@ -58,8 +58,10 @@ class PathNames(NamedTuple):
 
 PATH_NAMES: Final = PathNames()
 _COORDINATE: Final = Range("m", -_LARGEST, _LARGEST)
-_POINT: Final = Range("m", -math.inf)
-_WEIGHT: Final = Range("", 0.0, above=True)
+_POINT: Final = Range("m", -10.0 * _LARGEST, 10.0 * _LARGEST)
+"""A curve may have control points outside the floor that it drives on."""
+
+_WEIGHT: Final = Range("", 0.0, 1e30, above=True)
 _TIME: Final = Range("s", 0.0)
 _LENGTH: Final = Range("m", 0.0, above=True)
 _SPEED: Final = Range("m/s", 0.0, 999.0)

@@ -18,7 +18,7 @@ import numpy as np
 from coordinator.corners import corners
 from coordinator.given_path import exact, path_of
 from coordinator.nurbs import Nurbs
-from coordinator.path_file import MOST_POINTS, given_faults
+from coordinator.path_file import MOST_POINTS, given_faults, too_many
 from coordinator.plan_checks import PathNames
 from coordinator.scenario import GivenPath, Point, Robot, Scenario, Workspace
 from coordinator.scenario_checks import (
@@ -179,7 +179,7 @@ def _parts(order: Mapping[str, Any], found: Finder) -> tuple[list[Nurbs], float]
     parts = [curve for _, curve in curves if curve is not None]
     count = joined_count(parts)
     if count > MOST_POINTS:
-        found.note("edges", f"have {count:,} control points, allowed are up to {MOST_POINTS:,}")
+        found.note("edges", f"their control points are {too_many(count)}")
     return parts, speed
 
 
@@ -247,8 +247,7 @@ def _control_points(
     points, weights = [], []
     values = found.items(trajectory, "controlPoints", f"{where}.controlPoints")
     if len(values) > MOST_POINTS:
-        what = f"are {len(values):,}, allowed are up to {MOST_POINTS:,}"
-        found.note(f"{where}.controlPoints", what)
+        found.note(f"{where}.controlPoints", f"are {too_many(len(values))}")
         return (), ()
     for i, value in enumerate(values):
         place = f"{where}.controlPoints[{i}]"

@@ -7,6 +7,7 @@ authority's own private key is never among them.
 from __future__ import annotations
 
 import datetime
+import errno
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -93,11 +94,16 @@ def read_key_files(
     return KeyFiles(places[0], places[1], places[2], badge, end)
 
 
-def _content(place: Path) -> bytes:
+def key_content(place: Path) -> bytes:
+    """Return what a file of keys holds; raises OSError, also for a pipe, which may never end."""
     if place.is_fifo():
-        raise TransportError(f"{place}: is a pipe, not a file")
+        raise OSError(errno.EINVAL, "is a pipe, not a file", str(place))
+    return place.read_bytes()
+
+
+def _content(place: Path) -> bytes:
     try:
-        return place.read_bytes()
+        return key_content(place)
     except OSError as error:
         raise TransportError(f"{place}: {error.strerror}") from None
 

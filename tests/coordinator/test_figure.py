@@ -203,6 +203,14 @@ def test_forbidden_places_agree_with_a_naive_search_over_lateness():
             assert found[row, column] == pytest.approx(expected, abs=1e-4)
 
 
+def test_times_that_lie_together_are_all_within_tau():
+    robots = picture_robots(DOCUMENT)
+    times, places = np.linspace(0.0, 1e-320, 5), np.linspace(0.0, 8.0, 17)
+    found = nearest_within(robots["North_2"], robots["East-1"], 1.0, times, places)
+    assert found.shape == (17, 5)
+    assert np.isfinite(found).all()
+
+
 def test_the_robots_that_wait_longest_get_a_panel_at_most_six():
     late = [straight(f"R{i}", (0.0, i), (9.0, i), begins=0.5 * i) for i in range(9)]
     chosen = longest_waits(picture_robots(replace(robots=late, crossings=[])))

@@ -177,7 +177,7 @@ HEAD = '[workspace]\nbounds = [0.0, 0.0, 10.0, 8.0]\n[[robots]]\nid = "R1"\nradi
         ),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], weights = [1, -2]}",
-            "weights[1]: is -2, allowed is above 0",
+            "weights[1]: is -2, allowed is above 0 to 1e+30",
         ),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], weights = [1]}",

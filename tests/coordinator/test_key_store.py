@@ -180,12 +180,13 @@ def test_the_gate_lets_in_whose_key_counts_and_warns_of_robots_without(store):
     assert subjects == {"observer/observer/1", "observer/office/1"}
 
 
-def test_a_register_that_others_may_write_is_told(store):
-    place = store.folder / "register.json"
-    place.chmod(0o666)
-    warnings = Gate(store.folder, "hall", ["R1"]).warnings
-    assert f"{place}: others may write it, and undo what was revoked; chmod 600 {place}" in warnings
-    place.chmod(0o600)
+@pytest.mark.parametrize(("name", "own"), [("register.json", 0o600), ("", 0o700)])
+def test_a_register_that_others_may_write_or_replace_is_told(store, name, own):
+    place = store.folder / name
+    place.chmod(own | 0o022)
+    told = f"{place}: others may write it, and undo what was revoked; chmod go-w {place}"
+    assert told in Gate(store.folder, "hall", ["R1"]).warnings
+    place.chmod(own)
     assert Gate(store.folder, "hall", ["R1"]).warnings == []
 
 

@@ -397,7 +397,7 @@ def test_control_points_are_counted_as_the_robot_gets_them():
     bend = [{"x": 1_001.0 + k, "y": 1.0 + 0.1 * k * k} for k in range(8)]
     edges.append({"sequenceId": 9_999, "trajectory": {"degree": 7, "controlPoints": bend}})
     noted = read(somebodys() | {"edges": edges})[1]
-    assert noted == ["R1.json: edges: have 7,015 control points, allowed are up to 5,000"]
+    assert noted == ["R1.json: edges: their control points are 7,015, allowed are up to 5,000"]
     parts = [nurbs(1, [0, 0, 1, 1], [[x, x % 2], [x + 1, (x + 1) % 2]]) for x in range(9)]
     parts.append(nurbs(3, [0, 0, 0, 0, 1, 1, 1, 1], [[9 + x, 1 - x * x] for x in range(4)]))
     assert joined_count(parts) == len(joined(parts).points)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from coordinator.operator_commands import Asking
+from coordinator.asking import Asking
 from protocol.messages import Command, Plan, Refusal
 from protocol.phases import FREEZE, GO, HOLD, OVER
 
