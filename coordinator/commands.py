@@ -81,7 +81,7 @@ def newest_plan(source: Path, what_for: str) -> PlanDocument:
         raise InputError([f"{source}: holds no plan, there is nothing {what_for}"])
     last = max(documents)
     if len(documents) > 1:
-        tell(f"{source}: the plan of epoch {last}, the last of {len(documents)}")
+        tell(f"{source}: the plan of epoch {last}, the last of {len(documents)} that it holds")
     if last in said:
         for note in said[last].notes:
             tell(f"{source}: {note}")

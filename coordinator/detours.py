@@ -22,6 +22,7 @@ from coordinator.schedule import Deadlock
 
 _LANE_ROOM = 0.01
 _SPACING = 0.25
+_MOST_PLACES = 2000
 _PITCH = 0.2
 _GRID_POINTS = 20_000
 _REFUGE_ROOM = 0.1
@@ -40,17 +41,22 @@ def blocking_pairs(junctions: Junctions, deadlock: Deadlock) -> list[tuple[int, 
     ]
 
 
-def lanes(scenario: Scenario, mover: int, other: int, path: Nurbs) -> Iterator[Array]:
+def lanes(
+    scenario: Scenario, mover: int, other: int, path: Nurbs, most: int = _MOST_PLACES
+) -> Iterator[Array]:
     """Yield sets of places for `mover` to keep off, so that it passes `other` on its path.
 
     Each is (k, 3) [m]: x, y, radius.  First the whole path, then parts of it: where one leaves no
-    way another may, and beside an end of the path a robot can step aside before a door.
+    way another may, and beside an end of the path a robot can step aside before a door.  Sets of
+    more than `most` places are left out: a way around them takes their number's third power.
     """
     robot = scenario.robots[mover]
     reach = scenario.need(robot, scenario.robots[other]) + _LANE_ROOM
     anchors = np.array([robot.start[:2], *robot.via, robot.goal[:2]])
     for low, high in _STRETCHES:
         count = 2 + int((high - low) * path.length / (_SPACING * reach))
+        if count > most:
+            continue
         centers = path.at_arc(np.linspace(low, high, count) * path.length)
         apart = np.hypot(*(centers[:, None, :] - anchors).transpose(2, 0, 1)).min(axis=1)
         beside = centers[apart > 1.15 * reach]
@@ -85,22 +91,28 @@ def refuges(
             return
 
 
-def say_stuck(scenario: Scenario, junctions: Junctions, pair: tuple[int, int]) -> PlanError:
-    """Return the error that says who blocks whom, where, and what would help."""
+def say_stuck(
+    scenario: Scenario, junctions: Junctions, pair: tuple[int, int], *, among_others: bool = False
+) -> PlanError:
+    """Return the error that says who blocks whom, where, and what would help.
+
+    `among_others`: without them the two could pass each other.
+    """
     (a, b), (one, two) = pair, (scenario.robots[index] for index in pair)
     first = _places_on(scenario, junctions, a, b, "start")
     first += _places_on(scenario, junctions, b, a, "goal")
     last = _places_on(scenario, junctions, b, a, "start")
     last += _places_on(scenario, junctions, a, b, "goal")
     facts = ", ".join([*first, *last])
-    if first and last:
+    if among_others:
+        said = f"no order was found in which {one.id} and {two.id} both arrive among all others"
+        said += f": {facts}" if facts else ""
+    elif first and last:
         said = f"{one.id} and {two.id} block each other whoever goes first: {facts}"
     else:
         near = f"{one.id} and {two.id} come near each other on their ways"
         said = f"no order was found in which {one.id} and {two.id} both arrive: {facts or near}"
-    return PlanError(
-        f"{said}; no way around was found. A wider passage, a via point or another goal would help"
-    )
+    return PlanError(f"{said}; no way around was found. {_what_helps(scenario, pair)}")
 
 
 def say_ring(scenario: Scenario, junctions: Junctions, ring: Sequence[int]) -> PlanError:
@@ -111,10 +123,15 @@ def say_ring(scenario: Scenario, junctions: Junctions, ring: Sequence[int]) -> P
         goals = _places_on(scenario, junctions, other, me, "goal")
         facts += (starts or goals)[:1]
     names = ", ".join(scenario.robots[index].id for index in ring)
-    return PlanError(
-        f"{names} block each other in a ring: {', '.join(facts)}; no way around was found. "
-        "A wider passage, a via point or another goal would help"
-    )
+    said = f"{names} block each other in a ring: {', '.join(facts)}"
+    return PlanError(f"{said}; no way around was found. {_what_helps(scenario, ring)}")
+
+
+def _what_helps(scenario: Scenario, indices: Sequence[int]) -> str:
+    """Return what would let robots pass each other; given paths are kept as they are."""
+    if all(scenario.robots[index].path is not None for index in indices):
+        return "Another path for one of them would help"
+    return "A wider passage, a via point or another goal would help"
 
 
 def _places_on(

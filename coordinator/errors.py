@@ -31,3 +31,8 @@ class CoarseError(PlanError):
 
 class LogError(Exception):
     """The log could not be written to its end; the text is one sentence.  Exit code 1."""
+
+
+def unreadable(error: Exception) -> str:
+    """Return why text could not be read; Python words numbers of many digits for programmers."""
+    return "a number has too many digits" if "int_max_str_digits" in str(error) else str(error)

@@ -157,7 +157,7 @@ class Fleet(FleetState):
         robots are given time to speak.
         """
         self.boot, self._sequence, self.epoch = boot, 0, self.next_epoch + 1
-        self.superseded, self._router, self._is_resumed = False, RouterLink(), True
+        self.superseded, self._router, self.is_resumed = False, RouterLink(), True
         if not self.times.has_gone:
             self.first_epoch = self.epoch
         for member in self.members.values():
@@ -239,7 +239,7 @@ class Fleet(FleetState):
     def _hear_stranger(self, member: Member, epoch: int, now_ns: int) -> list[Outgoing]:
         """Believe no place on a path that is not known; a log that is gone on from may lack it."""
         self.bad_messages += 1
-        if self._is_resumed and member.boot is not None and not self.superseded:
+        if self.is_resumed and member.boot is not None and not self.superseded:
             words = f"{member.id} rests on a path of epoch {epoch}, which the log does not hold"
             self._tell(now_ns, "fault", member.id, words)
             self.superseded = True

@@ -42,7 +42,7 @@ class FleetState:
         self._absence = Absence()
         self._router = RouterLink()
         self._patient_until_ns = 0
-        self._is_resumed = False
+        self.is_resumed = False
         self._farewells = 0
 
     @property

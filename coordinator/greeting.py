@@ -64,11 +64,13 @@ class Door:
             if member.boot is None or member.is_silent(now_ns):
                 self._tell_denied(robot, f"{robot} has not come back", now_ns)
                 return False
+            if boot == member.admitted_by and not member.stays:
+                return False  # What was asked for is being done.
             return self._deny(robot, boot, _why_in_already(member), now_ns)
         if member.planned and not member.finished:
             self._tell_denied(robot, f"{robot} is not given up yet, ask again", now_ns)
             return False
-        member.admitted = True
+        member.admitted, member.admitted_by = True, boot
         self._not_admitted.pop(robot, None)
         self._tell(now_ns, "admitted", robot, f"{robot} is admitted")
         return True
@@ -134,4 +136,6 @@ def _why_in_already(member: Member) -> str:
         return f"{member.id} is driving already"
     if member.finished:
         return f"{member.id} has arrived already"
+    if member.stays:
+        return f"{member.id} stays where it is: {member.stays}"
     return f"{member.id} is in the fleet already, {PHASE_NAMES[member.phase]}"

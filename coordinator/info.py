@@ -18,7 +18,7 @@ from coordinator.courses import Courses
 from coordinator.denials import denial_of, is_denial_key
 from coordinator.drops import drops_of, is_drops_key
 from coordinator.info_numbers import Numbers, broadcast, clock_lag, first_go
-from coordinator.info_plan import read_plans, take_message, take_plans
+from coordinator.info_plan import read_plans, robots_of, take_message, take_plans
 from coordinator.link_news import LINK_GONE
 from coordinator.summary import (
     EpochSummary,
@@ -80,6 +80,7 @@ class _Telling:
         self._numbers = Numbers(log, self._zero_ns)
         self._courses = Courses(self._zero_ns, self._lag_ns, log.metadata.get("boot", ""))
         self._plans = read_plans(log.attachments)
+        self._members = robots_of(log.attachments)
         self._messages: list[tuple[str, Plan]] = []
         self.summary = Summary(
             fleet=log.metadata.get("fleet", ""),
@@ -151,12 +152,19 @@ class _Telling:
         self.summary.fleet = self.summary.fleet or fleet
         if fleet != self.summary.fleet:
             return
+        stranger = bool(robot and self._members) and robot not in self._members
+        if kind == "alive" and stranger:
+            return
         if kind == "alive":
             self._tell_link(robot, record.payload != LINK_GONE, record.log_ns)
             return
         message = codec.decode(kind, record.payload)
         if message is None:
             self.summary.bad_messages += 1
+            return
+        if stranger:
+            if isinstance(message, Refusal):
+                self._tell_fault(record.log_ns, robot, message.reason, "refusal")
             return
         count, total = self._ours.get(kind, (0, 0))
         self._ours[kind] = (count + 1, total + size)

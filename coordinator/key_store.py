@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, get_args
 
 from coordinator.errors import InputError
-from coordinator.register import Issued, Register, register_of, register_to_json
+from coordinator.register import FORMAT, Issued, Register, register_of, register_to_json
 from protocol.badge import Badge, Role, badge_of
 from protocol.certificate import read_certificate
 from protocol.key_files import AUTHORITY, CERTIFICATE, PRIVATE, key_content, own_place
@@ -48,7 +48,7 @@ class KeyStore:
         with _told():
             _make_folder(self.folder)
             self._write_pair(Path(_AUTHORITY_PLACE), new_authority(now))
-            self._write_register(Register())
+            self._write_register(Register(FORMAT, ()))
 
     def register(self) -> Register:
         """Return the register as it is now."""

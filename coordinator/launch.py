@@ -126,11 +126,15 @@ class Coordinator:
         self._began_ns = self.clock()
         try:
             self._before = load(resume)
-            mission = go_on(log_from_bytes(self._before, str(resume)), boot, self._began_ns)
+            log = log_from_bytes(self._before, str(resume))
+            mission = go_on(log, boot, self._began_ns)
         except InputError as error:
             raise InputError([f"--resume: {problem}" for problem in error.problems]) from None
         if mission.fleet.name != self.scenario.name:
             raise InputError([f"--resume: {resume} is the log of fleet {mission.fleet.name}"])
+        speed = log.metadata.get("speed", str(self.speed))
+        if speed != str(self.speed):
+            raise InputError([f"--resume: {resume} is the log of a fleet at --speed {speed[:40]}"])
         if not self._events:
             self._told = len(mission.fleet.incidents) - 1
         self._aside = {one.robot.id: one.why for one in mission.site.aside}

@@ -42,7 +42,8 @@ class Member:
     `planned`: it has a part in this epoch; `sent_epoch`: the last one in which it may have moved.
     `finished`: it has been at its goal.  `rest`: where it last said that it rests, None as long as
     it may have moved since.  `knocking`: the last Hello of a robot that has come back; `admitted`:
-    it may take part as soon as it says where it stands.
+    it may take part as soon as it says where it stands, `admitted_by` is who asked for that.
+    `stays`: why it got no part in this epoch though it could have had one, in words.
     """
 
     id: str
@@ -77,6 +78,8 @@ class Member:
     knocking: Hello | None = None
     knocked_ns: int = 0
     admitted: bool = False
+    admitted_by: int | None = None
+    stays: str = ""
     hellos: dict[int, int] = field(default_factory=dict)
     """The newest Hello's number of each process that has said one, the last ones last."""
 
@@ -100,6 +103,7 @@ class Member:
             x, y, heading = (number / 1000.0 for number in hello.place)
             self.accept(hello, now_ns)
             self.finished = self.planned = False
+            self.stays = ""
             self.kept_ns, self.admitted, self.strikes, self.sent_epoch = now_ns, False, 0, 0
             self.rest = Standing(robot=self.id, state="rests", epoch=0, place=(x, y, heading))
 

@@ -92,6 +92,8 @@ class Mission:
             return None
         for sentence in recovery.said:
             self.fleet.incidents.append(Incident(now_ns, "stays", "", sentence))
+        for member in self.fleet.members.values():
+            member.stays = recovery.stays.get(member.id, "")
         self.site = recovery.site
         for one in self.site.aside:
             self.fleet.members[one.robot.id].finished |= one.why == "arrived"

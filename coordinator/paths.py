@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import pairwise
 from typing import Final
 
@@ -231,10 +231,8 @@ class Pathfinder:
             chosen[index] = False
             possible.append(np.column_stack((places[chosen], reach[chosen])))
         yield np.concatenate(possible)
-        try:
-            space = self._space(robot, NO_DISCS)
-            way = self._polygon(robot, space, ([], []))[0]
-        except PlanError:
+        way = self._way_alone(robot)
+        if way is None:
             return
         crossed = [entered(way, discs - (0.0, 0.0, DISC_TOLERANCE)) for discs in possible]
         (starts, goals), (over_start, over_goal) = possible, crossed
@@ -245,6 +243,13 @@ class Pathfinder:
         if over_start.any() and over_goal.any():
             yield np.concatenate((starts[~over_start], goals[~over_goal]))
         yield NO_DISCS
+
+    def _way_alone(self, robot: Robot) -> Array | None:
+        """Return the way (n, 2) among obstacles alone; None when there is none."""
+        for touch in (_TOUCH, 0.0):
+            with suppress(PlanError):
+                return self._polygon(robot, self._space(robot, NO_DISCS, most=touch), ([], []))[0]
+        return None
 
     def _polygon(self, robot: Robot, space: Space, ends: Leads) -> tuple[Array, Flags]:
         """Return the control polygon (n, 2) and which vertices are passed exactly."""

@@ -179,6 +179,9 @@ def _knot_faults(where: str, knots: Sequence[float], degree: int) -> Iterator[st
         yield f"{where}: begin {first[0]:g} to {first[-1]:g}, allowed is {degree + 1} times 0"
     if any(knot != last[-1] for knot in last):
         yield f"{where}: end {last[0]:g} to {last[-1]:g}, allowed is {degree + 1} times the same"
+    if first[0] == last[-1]:
+        yield f"{where}: are all the same, allowed is to end above where they begin"
+        return
     for knot in sorted(set(inner)):
         allowed = 0 if knot in (first[-1], last[0]) else degree
         if inner.count(knot) > allowed:

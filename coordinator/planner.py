@@ -49,6 +49,7 @@ less distance where robots stand nearer than that (near_places.py)."""
 
 _EFFORT_PER_WAY = 5
 _WAYS = 2
+_MOST_PLACES = 1000
 _MOST_WAYS = 60
 """Another way is tried for one robot per so much effort, and so many ways for each; not in larger
 fleets, where looking for conflicts again takes long."""
@@ -167,9 +168,12 @@ class _Stages:
             solved = [self._reroute(pair, rerouted) for pair in pairs]
             if not any(solved):
                 ring = ring_of(self.junctions)
-                if len(ring) > 2:
+                if len(ring) > 2 and self._block_each_other(ring):
                     raise say_ring(scenario, self.junctions, ring)
-                raise say_stuck(scenario, self.junctions, pairs[0])
+                for pair in pairs:
+                    if self._block_each_other(pair):
+                        raise say_stuck(scenario, self.junctions, pair)
+                raise say_stuck(scenario, self.junctions, pairs[0], among_others=True)
 
     def _improved(self, motions: list[Motion], priorities: list[int], effort: int) -> list[Motion]:
         """Let robots go around where that is quicker; few are then ordered once more."""
@@ -190,7 +194,8 @@ class _Stages:
     def _go_around(self, motions: list[Motion], tries: int) -> list[Motion]:
         """Give robots that wait long another way where that is quicker; tries are counted."""
         for mover, other in latest_robots(self.junctions, motions)[:tries]:
-            for discs in islice(lanes(self.scenario, mover, other, self.paths[other]), _WAYS):
+            beside = lanes(self.scenario, mover, other, self.paths[other], _MOST_PLACES)
+            for discs in islice(beside, _WAYS):
                 with suppress(PlanError):
                     path = self.pathfinder.path(mover, discs)
                     track = self._track(mover, path)
@@ -261,6 +266,11 @@ class _Stages:
     def _pass_each_other(self, mover: int, other: int, path: Nurbs) -> bool:
         pair = self._meet([self._track(mover, path), self.tracks[other]], (mover, other))
         return not isinstance(find_schedule(pair, (0, 0), effort=0), Deadlock)
+
+    def _block_each_other(self, indices: Sequence[int]) -> bool:
+        """Tell whether these robots find no order even without all others."""
+        alone = self._meet([self.tracks[index] for index in indices], tuple(indices))
+        return isinstance(find_schedule(alone, [0] * len(indices), effort=0), Deadlock)
 
     def _take(self, index: int, path: Nurbs) -> None:
         self.paths[index], self.tracks[index] = path, self._track(index, path)

@@ -49,11 +49,12 @@ class _Heard(NamedTuple):
 class Listener:
     """Writes what arrives into a recorder, at the times that `clock` gives [ns].
 
-    `over` is set when the fleet's Command says OVER.
+    `messages` and `links` count what was said, and who came and went; `over` is set when the
+    fleet's Command says OVER.
     """
 
     def __init__(self, fleet: str, recorder: Recorder, clock: Callable[[], int]) -> None:
-        self.messages = 0
+        self.messages = self.links = 0
         self.over = threading.Event()
         self._command = keys.command(fleet)
         self._recorder = recorder
@@ -87,6 +88,7 @@ class Listener:
     def link_changed(self, key: str, alive: bool) -> None:
         """Record that a link is there or gone, as the coordinator's own log does."""
         self._recorder.record(key, link_news(alive), self._clock())
+        self.links += 1
 
 
 class _Looks:
@@ -166,13 +168,13 @@ class Recording:
             time.sleep(LINGER_S)
 
     def close(self) -> int:
-        """End the file; returns how many messages it was given.
+        """End the file; returns how many records it was given.
 
         Raises LogError when anything could not be written.
         """
         if self._recorder is not None:
             self._recorder.close()
-        return 0 if self.listener is None else self.listener.messages
+        return 0 if self.listener is None else self.listener.messages + self.listener.links
 
     def _clock(self) -> int:
         return int(time.monotonic_ns() * self._speed)

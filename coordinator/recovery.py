@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from msgspec.structs import replace
@@ -31,11 +31,15 @@ Planner = Callable[[Scenario, int], PlanDocument]
 
 @dataclass(frozen=True, eq=False)
 class Recovery:
-    """The site as it is now, the plan for those that can drive on (None: nobody can), in words."""
+    """The site as it is now, the plan for those that can drive on (None: nobody can), in words.
+
+    `stays`: the robots that stay where they are, and why.
+    """
 
     site: Site
     document: PlanDocument | None
     said: tuple[str, ...]
+    stays: Mapping[str, str] = field(default_factory=dict)
 
 
 def recover(
@@ -51,10 +55,11 @@ def recover(
     are planned around it.  One on a given path looks for a way of its own before that.
     """
     site, said = passable(next_site(site, documents, told))
+    stays: dict[str, str] = {}
     while site.scenario.robots:
         scenario = site.planned()
         try:
-            return Recovery(site, _plan(scenario, epoch, plan), tuple(said))
+            return Recovery(site, _plan(scenario, epoch, plan), tuple(said), stays)
         except PlanError as error:
             stay = _closed_in(turned(scenario)) or _blamed(scenario, str(error))
         for name, why in stay.items():
@@ -62,11 +67,12 @@ def recover(
                 said.append(f"{name} leaves the path that it was given: {why}")
                 site = site.off_given_path(name)
                 continue
-            said.append(f"{name} stays where it is: {why}")
+            stays[name] = why.removeprefix(f"{name}: ")
+            said.append(f"{name} stays where it is: {stays[name]}")
             site = site.without(name)
         site, dropped = passable(site)
         said += dropped
-    return Recovery(site, None, tuple(said))
+    return Recovery(site, None, tuple(said), stays)
 
 
 def _plan(scenario: Scenario, epoch: int, plan: Planner) -> PlanDocument:

@@ -45,8 +45,8 @@ class Issued(msgspec.Struct, frozen=True):
 class Register(msgspec.Struct, frozen=True):
     """All certificates of a fleet's authority, in the order in which they were made."""
 
-    format: str = FORMAT
-    issued: tuple[Issued, ...] = ()
+    format: str
+    issued: tuple[Issued, ...]
 
     def next_generation(self, role: Role, name: str) -> int:
         """Return the number of the next certificate of this role and name."""

@@ -123,7 +123,8 @@ def go_on(before: Log, boot: int, now_ns: int) -> Mission:
     """
     mission, check = run_again(before)
     if mission is None or check.difference or not before.records:
-        raise InputError([f"the log cannot be gone on from: {check.difference}"])
+        why = check.difference or "it holds no message; nothing was under way, start anew"
+        raise InputError([f"the log cannot be gone on from: {why}"])
     if mission.fleet.phase == OVER:
         raise InputError(["the fleet in this log has ended; nothing is left to do"])
     mission.take_over(boot, before.records[-1].log_ns, now_ns)

@@ -16,8 +16,8 @@ from typing import Final, cast, get_args
 
 import msgspec
 
-from coordinator.errors import InputError
-from coordinator.file_kinds import LOG_MAGIC, kind_of_document, wrong_kind
+from coordinator.errors import InputError, unreadable
+from coordinator.file_kinds import LOG_MAGIC, kind_of_document, toml_of, wrong_kind
 from coordinator.path_file import read_path
 from coordinator.scenario import Link, Point, Policy, Pose, Robot, Scenario, Workspace
 from coordinator.scenario_checks import (
@@ -107,7 +107,7 @@ def _load(text: bytes, name: str, file: str) -> object:
     try:
         if PurePath(name).suffix.lower() == ".json" or decoded.lstrip().startswith("{"):
             return json.loads(decoded, object_pairs_hook=_table_of_unique_keys)
-        return tomllib.loads(decoded)
+        return toml_of(decoded)
     except json.JSONDecodeError as error:
         problem = f"line {error.lineno}: {error.msg}"
     except tomllib.TOMLDecodeError as error:
@@ -115,7 +115,7 @@ def _load(text: bytes, name: str, file: str) -> object:
     except RecursionError:
         problem = "lists or tables are nested too deeply"
     except ValueError as error:
-        problem = str(error)
+        problem = unreadable(error)
     raise InputError([f"{file}: {printable(problem)}"])
 
 

@@ -109,6 +109,8 @@ class Service:
             first = self.fleet.epoch == self.fleet.first_epoch
             if first and self.fleet.phase == HOLD and now - began > patience_s * SECOND:
                 text = f"gave up after {patience_s:g} s; {missing_in_words(self.fleet, now)}"
+                if self.fleet.is_resumed:
+                    text += "; was --resume given the fleet's newest log?"
                 self.fleet.incidents.append(Incident(now, "timeout", "", text))
                 return False
 

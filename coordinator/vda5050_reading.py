@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from coordinator.corners import corners
+from coordinator.errors import unreadable
 from coordinator.given_path import exact, path_of
 from coordinator.nurbs import Nurbs
 from coordinator.path_file import MOST_POINTS, given_faults, too_many
@@ -31,13 +32,13 @@ from coordinator.scenario_checks import (
 )
 from coordinator.splines import joined, joined_count
 from coordinator.vda5050_finder import Finder
+from coordinator.vda5050_nodes import check_ends, in_sequence, read_nodes
 
 _NAMES: Final = PathNames(
     knots="knotVector", points="controlPoints", weights="controlPoints.weight"
 )
 _WEIGHT: Final = Quantity()
 _KNOT: Final = Quantity(least=-math.inf, most=math.inf)
-_DEVIATION: Final = Quantity("m", from_least=True)
 _SPEEDS: Final = ("maximumSpeed", "maxSpeed")
 
 _GAP: Final = 1e-3
@@ -45,10 +46,6 @@ _GAP: Final = 1e-3
 
 _ROOM: Final = 1.0
 """A floor made for paths reaches this much farther [m] than the robots need."""
-
-
-_Named = tuple[str, Mapping[str, Any]]
-"""An edge, and where it stands in its order."""
 
 
 class Ordered(NamedTuple):
@@ -79,7 +76,7 @@ def read_order(text: bytes, file: str, problems: list[str]) -> Ordered | None:
         order = json.loads(text)
     except (ValueError, RecursionError) as error:
         order = {}
-        found.note("order", f"is not JSON: {error}")
+        found.note("order", f"is not JSON: {unreadable(error)}")
     else:
         if not isinstance(order, dict):
             found.note("order", f"{show(order)} is not an object")
@@ -87,7 +84,7 @@ def read_order(text: bytes, file: str, problems: list[str]) -> Ordered | None:
     if not found.problems:
         robot = _robot_name(order, found)
         parts, speed = _parts(order, found)
-        deviation = _deviation(order, found)
+        deviation = read_nodes(order, found)
     problems += found.problems
     if found.problems:
         return None
@@ -170,10 +167,11 @@ def _parts(order: Mapping[str, Any], found: Finder) -> tuple[list[Nurbs], float]
             found.note(where, f"{show(edge)} is not an object")
     if len(found.problems) > before:
         return [], math.inf
-    named = _in_sequence(named, found)
+    named = in_sequence(named, found)
     in_order = len(found.problems) == before
     speed = min((_speed(edge, where, found) for where, edge in named), default=math.inf)
     curves = [(where, _trajectory(edge, where, found)) for where, edge in named]
+    check_ends(order, named, found)
     if in_order:
         _check_gaps(curves, found)
     parts = [curve for _, curve in curves if curve is not None]
@@ -181,24 +179,6 @@ def _parts(order: Mapping[str, Any], found: Finder) -> tuple[list[Nurbs], float]
     if count > MOST_POINTS:
         found.note("edges", f"their control points are {too_many(count)}")
     return parts, speed
-
-
-def _in_sequence(named: list[_Named], found: Finder) -> list[_Named]:
-    """Return edges by their sequenceId, as they stand if none has one; bad ones are noted."""
-    if all(edge.get("sequenceId") is None for _, edge in named):
-        return named
-    places: dict[int, str] = {}
-    for where, edge in named:
-        number = edge.get("sequenceId")
-        if type(number) is not int or number < 0:
-            what = "is missing" if number is None else f"{show(number)} is not a whole number"
-            found.note(f"{where}.sequenceId", what)
-        elif number in places:
-            found.note(f"{where}.sequenceId", f"{number} is that of {places[number]} too")
-        else:
-            places[number] = where
-    known = {where: number for number, where in places.items()}
-    return sorted(named, key=lambda one: known.get(one[0], -1))
 
 
 def _speed(edge: Mapping[str, Any], where: str, found: Finder) -> float:
@@ -272,27 +252,3 @@ def _check_gaps(curves: list[tuple[str, Nurbs | None]], found: Finder) -> None:
                 f"{where}.trajectory",
                 f"begins at ({x:g}, {y:g}) m, {gap:.3g} m from where the edge before it ends",
             )
-
-
-def _deviation(order: Mapping[str, Any], found: Finder) -> float:
-    """Return the least deviation [m] that nodes allow; a number, or the axes of an ellipse.
-
-    0 says nothing of it.
-    """
-    least = math.inf
-    nodes = found.items(order, "nodes", "nodes") if order.get("nodes") is not None else []
-    for i, node in enumerate(nodes):
-        if not isinstance(node, dict):
-            found.note(f"nodes[{i}]", f"{show(node)} is not an object")
-            continue
-        position, where = node.get("nodePosition"), f"nodes[{i}].nodePosition"
-        if position is not None and not isinstance(position, dict):
-            found.note(where, f"{show(position)} is not an object")
-            continue
-        said = None if position is None else position.get("allowedDeviationXY")
-        given = {"": said} if not isinstance(said, dict) else {f".{k}": said.get(k) for k in "ab"}
-        for part, value in given.items():
-            if value is not None:
-                allowed = found.number(value, f"{where}.allowedDeviationXY{part}", _DEVIATION)
-                least = min(least, allowed or math.inf)
-    return least

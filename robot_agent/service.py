@@ -28,7 +28,7 @@ from protocol.messages import (
 )
 from protocol.phases import DONE, FREEZE, GO, HOLD, IDLE, PHASE_NAMES
 from protocol.plan_parts import unpack_motion, unpack_plan
-from protocol.timing import COMMAND_PERIOD
+from protocol.timing import COMMAND_PERIOD, SECOND
 from protocol.transport import Transport
 from robot_agent.agent import Agent
 from robot_agent.blackbox import BlackBox, CoordinatorTime
@@ -116,6 +116,8 @@ def run_robot(
             count("end", loop)
     if service.refusal is not None:
         raise RefusedError(service.refusal)
+    if gave_up:
+        tell(f"{robot.id}: gave up, heard no coordinator for {give_up_ns / SECOND:g} s")
     return 1 if gave_up else 0
 
 

@@ -207,6 +207,8 @@ def campaign(
     from sim.campaign_shell import Campaign
     from sim.fault_script import USUAL, known_kinds
 
+    if faults is not None and fault:
+        raise typer.BadParameter("not together with --faults", param_hint="--fault")
     kinds = known_kinds(faults) if faults else USUAL
     wish = Wish(kinds, loss, delay_ms / 1000.0, tau)
     asked = Campaign.asked(read_scenario(scenario), scenario, wish, fault)

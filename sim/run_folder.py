@@ -49,6 +49,8 @@ class RunFolder:
 
     def __init__(self, path: Path, fleet: str, *, force: bool) -> None:
         """Make the folder; InputError when it holds the run of another fleet and not `force`."""
+        if path.exists() and not path.is_dir():
+            raise InputError([f"--out: {path} is no folder"])
         other = fleet_of(path)
         if other not in (None, fleet) and not force:
             raise InputError(

@@ -192,8 +192,7 @@ class _Past:
         """Let the coordinator go on; robots count their reports on from those in the log."""
         self._session.close()
         for name, known in self._history.robots.items():
-            agent = self._world.robots[name].service.agent
-            agent.report_sequence = max(agent.report_sequence, known.sequence)
+            self._world.robots[name].service.agent.report_sequence = known.sequence
         self._world.take_over()
 
 

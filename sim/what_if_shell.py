@@ -12,7 +12,8 @@ from pathlib import Path
 from coordinator.blackbox_files import unpacked
 from coordinator.console import write_file
 from coordinator.errors import InputError
-from coordinator.logbook import Log
+from coordinator.logbook import Log, read_log
+from coordinator.plan import is_plan_name
 from robot_agent.blackbox import HEADER
 from sim.blackbox import parse_blackbox
 from sim.campaign import run_world
@@ -44,6 +45,10 @@ def carry_on(
     with closing(logs_for(history, folder)) as logs:
         world = world_of(history, logs, boxes, faults, seed)
         run_world(world, world.mission.documents[min(world.mission.documents)])
+    for written in sorted(folder.glob("run*.mcap")):
+        for name, content in read_log(written).attachments.items():
+            if is_plan_name(name) and name != "plan-1.json":
+                write_file(folder / name, content)
     for name, robot in world.robots.items():
         told = [row for row in _written(robot) if row[0] > until or not boxes.get(name)]
         write_file(folder / "blackbox" / f"{name}.csv", _text([*boxes.get(name, []), *told]))

@@ -219,6 +219,30 @@ def test_a_robot_that_came_back_is_taken_in_at_the_place_it_says_when_it_is_admi
     assert sent.payload == PARTS["R2"].plan
 
 
+def test_who_asked_for_a_robot_that_was_admitted_is_refused_only_when_it_gets_no_part():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    floor.hello("R2", boot=9)
+
+    def ask(operator):
+        return floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(operator)), floor.now)
+
+    (sent,) = ask(7)
+    assert decode("command", sent.payload).phase == FREEZE
+    floor.hello("R2", boot=9, place=(1_500, -20, 1_571))
+    before = len(floor.fleet.incidents)
+    assert ask(7) == []
+    (sent,) = ask(8)
+    assert decode("plan", sent.payload) == Refusal(8, "R2 is in the fleet already, idle")
+    floor.fleet.adopt(3, PARTS, DURATION, floor.now)
+    assert ask(7) == []
+    floor.fleet.members["R2"].stays = "no way"
+    (sent,) = ask(7)
+    assert decode("plan", sent.payload) == Refusal(7, "R2 stays where it is: no way")
+    told = [one.text for one in floor.fleet.incidents[before:] if one.kind == "not admitted"]
+    assert told == ["R2 is in the fleet already, idle", "R2 stays where it is: no way"]
+
+
 @pytest.mark.parametrize(
     ("robot", "said"),
     [("R1", "R1 is driving already"), ("RX", "RX is not in fleet hall, which has R1, R2, R3")],

@@ -176,6 +176,10 @@ HEAD = '[workspace]\nbounds = [0.0, 0.0, 10.0, 8.0]\n[[robots]]\nid = "R1"\nradi
             "knots[2]: is 0 after 1, allowed is not to decrease",
         ),
         (
+            "{degree = 1, control_points = [[1, 1], [2, 2]], knots = [3, 3, 3, 3]}",
+            "knots: are all the same, allowed is to end above where they begin",
+        ),
+        (
             "{degree = 1, control_points = [[1, 1], [2, 2]], weights = [1, -2]}",
             "weights[1]: is -2, allowed is above 0 to 1e+30",
         ),

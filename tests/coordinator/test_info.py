@@ -12,6 +12,7 @@ from coordinator import plan as plan_file
 from coordinator.info import summarise
 from coordinator.info_plan import summarise_plan
 from coordinator.info_table import render
+from coordinator.link_news import LINK_GONE
 from coordinator.logbook import Log, read_log
 from coordinator.recorder import Attachment, Recorder
 from protocol import codec, keys, packing, phases
@@ -67,14 +68,14 @@ def attached(document: plan_file.PlanDocument) -> Attachment:
     )
 
 
-def log_of(tmp_path, messages, metadata=None, plans=None) -> Log:
+def log_of(tmp_path, messages, metadata=None, plans=None, more=()) -> Log:
     """Record (seconds since BEGIN, key, message or bytes) and read the log back."""
     path = tmp_path / "run.mcap"
     with Recorder(
         path,
         metadata={"fleet": "f"} if metadata is None else metadata,
         wall_offset_ns=10**18,
-        attachments=[attached(plan) for plan in plans or [plan_document()]],
+        attachments=[*more, *(attached(plan) for plan in plans or [plan_document()])],
     ) as log:
         for seconds, key, message in messages:
             payload = message if isinstance(message, bytes) else codec.encode(message)
@@ -256,6 +257,28 @@ def test_faults_refusals_and_freezes_are_told_once_each(tmp_path):
         (-0.5, "R9", "not in the scenario", "refusal"),
     ]
     assert told["epochs"][0]["ended"] == "frozen"
+
+
+def test_who_was_refused_and_is_not_of_the_fleet_is_told_as_a_fault_and_no_robot(tmp_path):
+    stranger = [
+        (1.2, keys.hello("f", "R9"), Hello(1, 3)),
+        (1.3, keys.clock("f", "R9"), Clock(3, 5)),
+        (1.4, keys.report("f", "R9"), Report(3, 1, 0, phases.IDLE)),
+        (1.5, keys.plan("f", "R9"), Refusal(3, "not in the fleet")),
+        (1.6, keys.alive("f", "R9"), LINK_GONE),
+    ]
+    fleet = Attachment("scenario.json", "application/json", b'{"robots":[{"id":"R1"},{"id":"R2"}]}')
+    told = summarise(
+        log_of(
+            tmp_path, sorted(good_run() + stranger, key=lambda message: message[0]), more=[fleet]
+        )
+    )
+    alone = summarise(log_of(tmp_path, good_run(), more=[fleet]))
+    assert told["robots"].keys() == {"R1", "R2"}
+    assert told["broadcast"] == alone["broadcast"]
+    assert [(f["robot"], f["fault"], f["kind"]) for f in told["faults"]] == [
+        ("R9", "not in the fleet", "refusal")
+    ]
 
 
 def test_times_without_a_go_count_from_the_first_message_and_that_is_said(tmp_path):

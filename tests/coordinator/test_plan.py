@@ -85,6 +85,7 @@ an endless weight | robots.0.path.weights.1 = 1e39 | robots[R1].path.weights[1] 
 a weight of zero | robots.0.path.weights.1 = 0 | robots[R1].path.weights[1] | allowed is above 0
 a loose start | robots.0.path.knots.0 = -1 | robots[R1].path.knots | begin -1 to 0, allowed is
 a loose end | robots.0.path.knots.-1 = 1e6 | robots[R1].path.knots | times the same
+equal knots | robots.0.path.knots = [0,0,0,0,0,0,0,0] | robots[R1].path.knots | are all the same
 falling knots | robots.0.path.knots.-1 = 0 | robots[R1].path.knots[ | allowed is not to decrease
 late profile | robots.0.profile.0.0 = 1e-6 | robots[R1].profile[0][0] | allowed is 0 m
 a short profile | robots.0.profile.-1.0 = 7.99 | robots[R1].profile | ends at 7.99 m, allowed is

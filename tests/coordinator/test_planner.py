@@ -188,3 +188,16 @@ def test_later_epochs_are_searched_no_longer_than_a_standing_fleet_should_wait()
     scenario = generate("open", 17, 1)
     assert found(DEFAULT_EFFORT, 2) == found(LATER_EFFORT, 1) != found(DEFAULT_EFFORT, 1)
     assert found(1, 2) == found(1, 1)
+
+
+@pytest.mark.parametrize("spare", [0.0, 0.0005, 0.001])
+def test_a_place_in_a_passage_as_narrow_as_its_robots_is_passed_before_it_is_taken(spare):
+    low, high = 4.55, 5.45 + spare
+    walls = [box(4.0, 0.0, 12.0, low), box(4.0, high, 12.0, 10.0)]
+    robots = [
+        a_robot("A", (2.0, 4.0), (14.0, 6.0), radius=0.4),
+        a_robot("B", (2.0, 6.0), (8.0, 0.5 * (low + high)), radius=0.4),
+    ]
+    plan = plan_scenario(a_scenario(robots, (16.0, 10.0), walls, margin=0.05))
+    assert plan.proof.holds
+    assert any("A's path crosses B's goal" in note for note in plan.notes)

@@ -140,7 +140,9 @@ def test_a_robot_whose_goal_is_closed_off_stays_and_is_named_and_the_rest_go_on(
     found = recover(Site(scenario), documents, told, 2, plan)
     assert found.document is not None
     assert [robot.id for robot in found.document.robots] == ["C"]
-    assert found.said[0].startswith("B stays where it is")
+    assert found.said[0] == f"B stays where it is: {found.stays['B']}"
+    assert found.stays["B"].startswith("(7.00, 4.40) is nearer than")
+    assert found.stays.keys() == {"B"}
     assert {one.robot.id: one.why for one in found.site.aside} == {"A": "arrived", "B": "closed in"}
     later = next_site(found.site, documents, (Standing(robot="C", state="arrived", epoch=1),))
     assert [robot.id for robot in later.scenario.robots] == ["B"]

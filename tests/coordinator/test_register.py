@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coordinator.errors import InputError
-from coordinator.register import Issued, Register, register_of, register_to_json
+from coordinator.register import FORMAT, Issued, Register, register_of, register_to_json
 
 NOW = datetime.datetime(2026, 11, 21, 12, 0, tzinfo=datetime.UTC)
 DAY = datetime.timedelta(days=1)
@@ -18,7 +18,7 @@ def with_next(register, name, role="robot", days=10):
 
 
 def test_a_revoked_name_counts_again_only_with_its_next_certificate():
-    register = with_next(Register(), "R1")
+    register = with_next(Register(FORMAT, ()), "R1")
     register, hit = register.revoked("robot", "R1", NOW)
     assert [one.generation for one in hit] == [1]
     assert register.valid(NOW) == []
@@ -27,20 +27,20 @@ def test_a_revoked_name_counts_again_only_with_its_next_certificate():
 
 
 def test_one_certificate_of_a_name_can_be_revoked_alone():
-    register = with_next(with_next(Register(), "R1"), "R1")
+    register = with_next(with_next(Register(FORMAT, ()), "R1"), "R1")
     register, _ = register.revoked("robot", "R1", NOW, 1)
     assert [badge.generation for badge in register.valid(NOW)] == [2]
 
 
 def test_who_was_revoked_before_keeps_the_time_and_is_not_told_again():
-    register, _ = with_next(Register(), "R1").revoked("robot", "R1", NOW)
+    register, _ = with_next(Register(FORMAT, ()), "R1").revoked("robot", "R1", NOW)
     register, hit = register.revoked("robot", "R1", NOW + DAY)
     assert hit == []
     assert register.issued[0].revoked == NOW
 
 
 def test_an_expired_certificate_does_not_count_and_is_found_by_its_end():
-    register = with_next(with_next(Register(), "R1", days=1), "R2", days=5)
+    register = with_next(with_next(Register(FORMAT, ()), "R1", days=1), "R2", days=5)
     assert [badge.name for badge in register.valid(NOW + 2 * DAY)] == ["R2"]
     assert register.expired_at(NOW + DAY).name == "R1"
     assert register.expired_at(NOW + 3 * DAY) is None
@@ -48,7 +48,7 @@ def test_an_expired_certificate_does_not_count_and_is_found_by_its_end():
 
 
 def test_roles_of_the_same_name_have_nothing_to_do_with_each_other():
-    register = with_next(with_next(Register(), "x"), "x", role="observer")
+    register = with_next(with_next(Register(FORMAT, ()), "x"), "x", role="observer")
     register, _ = register.revoked("robot", "x", NOW)
     assert [badge.role for badge in register.valid(NOW)] == ["observer"]
 
@@ -56,7 +56,7 @@ def test_roles_of_the_same_name_have_nothing_to_do_with_each_other():
 @QUICK
 @given(st.lists(st.tuples(st.sampled_from("AB"), st.booleans()), max_size=20))
 def test_no_generation_is_ever_used_twice_and_only_unrevoked_ones_count(steps):
-    register, expected = Register(), set()
+    register, expected = Register(FORMAT, ()), set()
     for name, revokes in steps:
         if revokes:
             register, _ = register.revoked("robot", name, NOW)
@@ -71,14 +71,15 @@ def test_no_generation_is_ever_used_twice_and_only_unrevoked_ones_count(steps):
 
 
 def test_a_number_that_is_there_cannot_be_added_again():
-    register = with_next(Register(), "R1")
+    register = with_next(Register(FORMAT, ()), "R1")
     with pytest.raises(ValueError, match="robot/R1/1"):
         register.added(register.issued[0])
 
 
 @pytest.mark.parametrize(
     "content",
-    [b"", b"{", b"[]", b'{"issued": 3}', b'{"format": "other/1"}', b"\xff", b"[" * 10_000,
+    [b"", b"{", b"[]", b"{}", b'{"format": "splinefleet.keys/1"}', b'{"issued": []}',
+     b'{"issued": 3}', b'{"format": "other/1"}', b"\xff", b"[" * 10_000,
      b'{"issued": [{"role": "king", "name": "R1", "generation": 1, "serial": "1", '
      b'"expires": "2026-01-01T00:00:00Z"}]}',
      b'{"issued": [{"role": "robot", "name": "R1", "generation": 1, "serial": "1", '

@@ -141,3 +141,10 @@ def test_a_log_that_has_ended_or_is_none_is_not_gone_on_from(story, tmp_path):
     broken = tmp_path / "x.mcap"
     broken.write_bytes(story)
     assert RESUMED not in read_log(broken).attachments
+
+
+def test_a_log_in_which_nothing_was_said_is_told_to_hold_no_message(story):
+    log = log_from_bytes(story, "run.mcap")
+    log.records.clear()
+    with pytest.raises(InputError, match="it holds no message; nothing was under way, start anew"):
+        go_on(log, 77, SECOND)

@@ -133,7 +133,7 @@ UNREADABLE = {
     "a JSON key that stands twice": (b'{"a": 1, "a": 2}', "bad.json", "a: the key stands twice"),
     "JSON that is a list": (b"[]", "bad.json", "file: a list of 0 is not a table"),
     "lists in lists without end": (b"a = " + b"[" * 100_000, "bad.toml", "nested too deeply"),
-    "an integer of 5000 digits": (b"a = 1" + b"0" * 5000, "bad.toml", "limit"),
+    "an integer of 5000 digits": (b"a = 1" + b"0" * 5000, "bad.toml", "too many digits"),
 }
 
 
@@ -298,3 +298,13 @@ def test_a_scenario_with_anything_changed_is_read_or_refused(data):
 def test_random_and_damaged_bytes_are_read_or_refused(at, gone, put):
     judge(put, "a\nb.json" if at % 2 else "a.toml")
     judge(TOML[:at] + put[:3] + TOML[at + gone :], "damaged.toml")
+
+
+def test_keys_and_numbers_that_are_too_long_are_told_in_a_line_and_at_once():
+    deep = b"[workspace]\n" + b".".join([b"a"] * 20_000) + b" = 1\n"
+    begin = time.process_time()
+    assert problems_of(deep, "deep.toml") == ("deep.toml: line 2: A key of over 100 parts",)
+    assert time.process_time() - begin < 1.0
+    for name, long in (("x.toml", b"tau = %s"), ("x.json", b'{"tau": %s}')):
+        told = problems_of(long % (b"9" * 5_000), name)
+        assert told == (f"{name}: a number has too many digits",)

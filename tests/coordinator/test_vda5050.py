@@ -302,6 +302,7 @@ def noded(**position):
             broken(knotVector=[0, 0, 0, 0.1, 0.25, 0.5, 0.75, 1, 1, 1, 1]),
             "edges[0].trajectory.knotVector: begin 0 to 0.1, allowed is 4 times 0",
         ),
+        (broken(knotVector=[1] * 11), "edges[0].trajectory.knotVector: are all the same, allowed"),
         (broken(knotVector=[]), "edges[0].trajectory.knotVector: is empty"),
         (
             broken(controlPoints=[{"x": 1.0, "y": 1.0}] * 7),
@@ -322,6 +323,16 @@ def noded(**position):
         (noded(allowedDeviationXY="a"), f"{DEVIATION}: 'a' is not a number"),
         (noded(allowedDeviationXY=math.nan), f"{DEVIATION}: nan is not a finite number"),
         (noded(allowedDeviationXY={"a": -5}), f"{DEVIATION}.a: -5 m is below 0 m"),
+        (noded(x=math.nan), "nodes[0].nodePosition.x: nan is not a finite number"),
+        (somebodys() | {"nodes": [{"sequenceId": "x"}]}, "nodes[0].sequenceId: 'x' is not a whole"),
+        (
+            somebodys() | {"nodes": [{"sequenceId": 4}] * 2},
+            "nodes[1].sequenceId: 4 is that of nodes[0] too",
+        ),
+        (
+            edge_with(startNodeId="nowhere") | {"nodes": [{"nodeId": "n0"}]},
+            "edges[0].startNodeId: 'nowhere' is no node of this order",
+        ),
         (somebodys() | {"nodes": 1}, "nodes: 1 is not a list"),
         (somebodys() | {"nodes": [1]}, "nodes[0]: 1 is not an object"),
         (somebodys() | {"nodes": [{"nodePosition": 1}]}, "nodes[0].nodePosition: 1 is not an"),
@@ -357,6 +368,12 @@ def test_what_is_no_json_is_told_in_one_line():
     assert read_order(b"\xff{", "bad.json", noted) is None
     assert len(noted) == 1
     assert "\n" not in noted[0]
+
+
+def test_a_number_of_thousands_of_digits_is_told_in_our_words():
+    noted = []
+    assert read_order(b'{"version": ' + b"7" * 5_000 + b"}", "bad.json", noted) is None
+    assert noted == ["bad.json: order: is not JSON: a number has too many digits"]
 
 
 def two_edges(gap=0.0):

@@ -199,6 +199,13 @@ def test_a_refusal_ends_the_robot_with_its_reason():
         hall.run()
 
 
+def test_a_robot_that_gives_up_says_so():
+    hall, told = Hall(), []
+    hall.silent = True
+    assert hall.run(give_up_ns=3 * SECOND, tell=told.append) == 1
+    assert told[-1] == f"{ME}: gave up, heard no coordinator for 3 s"
+
+
 def test_bytes_that_mean_nothing_and_plans_for_others_do_no_harm():
     hall = Hall()
     good = encode(plan_message())

@@ -75,6 +75,7 @@ def test_a_run_that_goes_on_without_faults_goes_as_it_went(quiet, tmp_path):
             before["robots"][robot]["arrived"], abs=0.5
         )
     assert len(after["epochs"]) == 1
+    assert after["lost_messages"] == 0
     verdict = judge(tmp_path / "new")
     assert verdict.collisions == 0
     assert all(robot.arrived and robot.tracking_error < 0.01 for robot in verdict.robots)
@@ -225,6 +226,12 @@ def test_a_moment_before_everything_in_a_log_is_told_in_a_line(quiet, monkeypatc
     monkeypatch.setattr("sim.history.read_log", lambda _path: changed)
     with pytest.raises(InputError, match="--until: 5 s is before the log's first message"):
         read_history(quiet, 5.0)
+
+
+def test_plans_of_later_epochs_lie_in_the_folder_as_in_the_log(quiet, tmp_path):
+    carry_on(quiet, 5.0, tmp_path / "new", ["kill:R2@6"], 0)
+    kept = read_log(tmp_path / "new" / "run.mcap").attachments["plan-2.json"]
+    assert (tmp_path / "new" / "plan-2.json").read_bytes() == kept
 
 
 def test_the_command_leaves_a_run_and_tells_of_it(quiet, tmp_path):

@@ -1,0 +1,91 @@
+"""The nodes of a VDA 5050 order, which its edges lead from and to, and the order of both.
+
+Decides: what nodes may say, and the wording of each fault.  Must not know: trajectories, which say
+where a robot drives, wherever its nodes are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final
+
+from coordinator.scenario_checks import COORDINATE, Quantity, show
+from coordinator.vda5050_finder import Finder
+
+_DEVIATION: Final = Quantity("m", from_least=True)
+_ENDS: Final = ("startNodeId", "endNodeId")
+
+Named = tuple[str, Mapping[str, Any]]
+"""An edge or node, and where it stands in its order."""
+
+
+def read_nodes(order: Mapping[str, Any], found: Finder) -> float:
+    """Return the least deviation [m] that nodes allow; a number, or the axes of an ellipse.
+
+    0 says nothing of it.  An order need not say its nodes; what is wrong with them is noted.
+    """
+    least = math.inf
+    named: list[Named] = []
+    for i, node in enumerate(_nodes(order, found)):
+        if not isinstance(node, dict):
+            found.note(f"nodes[{i}]", f"{show(node)} is not an object")
+            continue
+        named.append((f"nodes[{i}]", node))
+        position, where = node.get("nodePosition"), f"nodes[{i}].nodePosition"
+        if isinstance(position, dict):
+            least = min(least, _deviation(position, where, found))
+        elif position is not None:
+            found.note(where, f"{show(position)} is not an object")
+    in_sequence(named, found)
+    return least
+
+
+def check_ends(order: Mapping[str, Any], edges: list[Named], found: Finder) -> None:
+    """Note edges that lead from or to a node which the order does not have."""
+    nodes = order.get("nodes")
+    if not nodes or not isinstance(nodes, list):
+        return
+    known = [node.get("nodeId") for node in nodes if isinstance(node, dict)]
+    for where, edge in edges:
+        for end in _ENDS:
+            name = edge.get(end)
+            if name is not None and name not in known:
+                found.note(f"{where}.{end}", f"{show(name)} is no node of this order")
+
+
+def in_sequence(named: list[Named], found: Finder) -> list[Named]:
+    """Return edges or nodes by sequenceId, as they stand if none has one; bad ones are noted."""
+    if all(edge.get("sequenceId") is None for _, edge in named):
+        return named
+    places: dict[int, str] = {}
+    for where, edge in named:
+        number = edge.get("sequenceId")
+        if type(number) is not int or number < 0:
+            what = "is missing" if number is None else f"{show(number)} is not a whole number"
+            found.note(f"{where}.sequenceId", what)
+        elif number in places:
+            found.note(f"{where}.sequenceId", f"{number} is that of {places[number]} too")
+        else:
+            places[number] = where
+    known = {where: number for number, where in places.items()}
+    return sorted(named, key=lambda one: known.get(one[0], -1))
+
+
+def _nodes(order: Mapping[str, Any], found: Finder) -> list[Any]:
+    return found.items(order, "nodes", "nodes") if order.get("nodes") is not None else []
+
+
+def _deviation(position: Mapping[str, Any], where: str, found: Finder) -> float:
+    """Return how far [m] a robot may be from a node's place; inf when that says nothing of it."""
+    for axis in "xy":
+        if position.get(axis) is not None:
+            found.number(position[axis], f"{where}.{axis}", COORDINATE)
+    said = position.get("allowedDeviationXY")
+    given = {"": said} if not isinstance(said, dict) else {f".{k}": said.get(k) for k in "ab"}
+    least = math.inf
+    for part, value in given.items():
+        if value is not None:
+            allowed = found.number(value, f"{where}.allowedDeviationXY{part}", _DEVIATION)
+            least = min(least, allowed or math.inf)
+    return least
