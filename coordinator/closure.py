@@ -52,6 +52,9 @@ def explain(
         by = "other robots' places close it in"
     else:
         by = "it does not fit between what stands there"
+        for x, y in (start, goal):
+            if not shapely.intersects_xy(floor.outline, x, y):
+                by = f"({x:.2f}, {y:.2f}) is off the floor"
     return PlanError(
         f"no way from ({start[0]:.2f}, {start[1]:.2f}) to ({goal[0]:.2f}, {goal[1]:.2f}) for "
         f"radius {robot.radius:.6g} m + margin {margin:.6g} m: {by}"

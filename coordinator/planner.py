@@ -68,7 +68,7 @@ def plan_scenario(
     """Return the plan of a scenario with its proof; epochs after 1 get LATER_EFFORT at most.
 
     Paths and zones of large fleets are found in parts by the executor: threads, processes, a
-    cluster; the plan is the same whatever it is.
+    cluster; the plan is the same whatever it is.  `timing` is by the timer [s], without one 0.
 
     Policy "safe": raises PlanError when no plan is found; what is returned is proven.
     Policy "paper": the proof may fail; the document says so and must not be driven.

@@ -155,3 +155,11 @@ def test_what_helps_among_thousands_of_corners_is_found_in_a_moment():
     text = str(explain(error, floor, robot, 0.05))
     assert time.process_time() - begin < 0.5
     assert text.endswith("a radius of 0.100 m would pass")
+
+
+def test_a_place_off_the_floor_is_told_as_such():
+    start, goal = np.array((99.0, 4.0)), np.array((7.0, 4.0))
+    floor = Floor(BOX, [])
+    error = NoWayError(Space(floor.ground(0.22), 0.22), start, goal)
+    text = str(explain(error, floor, a_robot("A", (1.0, 4.0), (7.0, 4.0)), MARGIN))
+    assert "for radius 0.2 m + margin 0.02 m: (99.00, 4.00) is off the floor" in text
