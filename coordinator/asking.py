@@ -37,7 +37,7 @@ class Asking:
     def hear(self, message: Message) -> None:
         """Take a Command of the fleet, or what it says to the robot or to who asks for it.
 
-        Once the fleet has frozen the next epoch tells: asked again, it says "already".
+        Once the fleet has frozen the next epoch tells: a second who asks is told "already".
         """
         if isinstance(message, Refusal):
             if message.boot == self._boot and not self._frozen:

@@ -8,6 +8,7 @@ Decides: who takes another way.  Must not know: how orders are searched (schedul
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -112,7 +113,7 @@ def say_stuck(
     else:
         near = f"{one.id} and {two.id} come near each other on their ways"
         said = f"no order was found in which {one.id} and {two.id} both arrive: {facts or near}"
-    return PlanError(f"{said}; no way around was found. {_what_helps(scenario, pair)}")
+    return _no_way_around(scenario, pair, said)
 
 
 def say_ring(scenario: Scenario, junctions: Junctions, ring: Sequence[int]) -> PlanError:
@@ -124,14 +125,20 @@ def say_ring(scenario: Scenario, junctions: Junctions, ring: Sequence[int]) -> P
         facts += (starts or goals)[:1]
     names = ", ".join(scenario.robots[index].id for index in ring)
     said = f"{names} block each other in a ring: {', '.join(facts)}"
-    return PlanError(f"{said}; no way around was found. {_what_helps(scenario, ring)}")
+    return _no_way_around(scenario, ring, said)
 
 
-def _what_helps(scenario: Scenario, indices: Sequence[int]) -> str:
-    """Return what would let robots pass each other; given paths are kept as they are."""
+def _no_way_around(scenario: Scenario, indices: Sequence[int], said: str) -> PlanError:
+    """Return the error with what would help; given paths are kept as they are.
+
+    Blamed is on whose way the last of the places lies: the others were there before it.
+    """
+    helps = "A wider passage, a via point or another goal"
     if all(scenario.robots[index].path is not None for index in indices):
-        return "Another path for one of them would help"
-    return "A wider passage, a via point or another goal would help"
+        helps = "Another path for one of them"
+    on_whose = re.findall(r" lies on (\S+)'s way", said)
+    blames = on_whose[-1] if on_whose else scenario.robots[indices[-1]].id
+    return PlanError(f"{said}; no way around was found. {helps} would help", blames)
 
 
 def _places_on(

@@ -14,7 +14,14 @@ class InputError(Exception):
 
 
 class PlanError(Exception):
-    """No plan exists, or none was found: who blocks whom, where, what would help.  Exit code 1."""
+    """No plan exists, or none was found: who blocks whom, where, what would help.  Exit code 1.
+
+    `blames`: the robot without which there might be one, if that is known.
+    """
+
+    def __init__(self, text: str, blames: str = "") -> None:
+        super().__init__(text)
+        self.blames = blames
 
 
 class TurnError(PlanError):

@@ -18,7 +18,8 @@ from coordinator.scenario_checks import printable
 FileKind = Literal["scenario", "plan", "log"]
 
 _MOST_PARTS: Final = 100
-_DEEP_KEY: Final = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]++[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
+_PART: Final = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
+_DEEP_KEY: Final = re.compile(rf"""(?<![\w"'-])(?:{_PART}){{{_MOST_PARTS}}}""")
 
 LOG_MAGIC: Final = b"\x89MCAP0\r\n"
 """The first bytes of every MCAP file."""

@@ -64,7 +64,7 @@ class Door:
             if member.boot is None or member.is_silent(now_ns):
                 self._tell_denied(robot, f"{robot} has not come back", now_ns)
                 return False
-            if boot == member.admitted_by and not member.stays:
+            if boot == member.admitted_by:
                 return False  # What was asked for is being done.
             return self._deny(robot, boot, _why_in_already(member), now_ns)
         if member.planned and not member.finished:

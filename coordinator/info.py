@@ -18,8 +18,9 @@ from coordinator.courses import Courses
 from coordinator.denials import denial_of, is_denial_key
 from coordinator.drops import drops_of, is_drops_key
 from coordinator.info_numbers import Numbers, broadcast, clock_lag, first_go
-from coordinator.info_plan import read_plans, robots_of, take_message, take_plans
+from coordinator.info_plan import read_plans, take_message, take_plans
 from coordinator.link_news import LINK_GONE
+from coordinator.strangers import strangers_in
 from coordinator.summary import (
     EpochSummary,
     FaultSummary,
@@ -80,7 +81,7 @@ class _Telling:
         self._numbers = Numbers(log, self._zero_ns)
         self._courses = Courses(self._zero_ns, self._lag_ns, log.metadata.get("boot", ""))
         self._plans = read_plans(log.attachments)
-        self._members = robots_of(log.attachments)
+        self._strangers = strangers_in(log)
         self._messages: list[tuple[str, Plan]] = []
         self.summary = Summary(
             fleet=log.metadata.get("fleet", ""),
@@ -152,7 +153,7 @@ class _Telling:
         self.summary.fleet = self.summary.fleet or fleet
         if fleet != self.summary.fleet:
             return
-        stranger = bool(robot and self._members) and robot not in self._members
+        stranger = robot in self._strangers
         if kind == "alive" and stranger:
             return
         if kind == "alive":

@@ -61,23 +61,6 @@ def read_plans(attachments: Mapping[str, bytes]) -> list[PlanDocument]:
     return [documents[epoch] for epoch in sorted(documents)]
 
 
-class _Named(msgspec.Struct):
-    id: str
-
-
-class _Fleet(msgspec.Struct):
-    robots: list[_Named]
-
-
-def robots_of(attachments: Mapping[str, bytes]) -> set[str]:
-    """Return the names of a fleet's robots from its scenario; none when a log does not hold it."""
-    try:
-        fleet = msgspec.json.decode(attachments.get("scenario.json", b""), type=_Fleet)
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-        return set()
-    return {robot.id for robot in fleet.robots}
-
-
 def take_plans(
     summary: Summary, documents: list[PlanDocument], starts: Mapping[int, float]
 ) -> None:

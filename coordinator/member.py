@@ -42,7 +42,8 @@ class Member:
     `planned`: it has a part in this epoch; `sent_epoch`: the last one in which it may have moved.
     `finished`: it has been at its goal.  `rest`: where it last said that it rests, None as long as
     it may have moved since.  `knocking`: the last Hello of a robot that has come back; `admitted`:
-    it may take part as soon as it says where it stands, `admitted_by` is who asked for that.
+    it may take part as soon as it says where it stands, `admitted_by` is who asked for that,
+    until an epoch begins in which it has no part.
     `stays`: why it got no part in this epoch though it could have had one, in words.
     """
 

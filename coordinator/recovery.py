@@ -61,7 +61,7 @@ def recover(
         try:
             return Recovery(site, _plan(scenario, epoch, plan), tuple(said), stays)
         except PlanError as error:
-            stay = _closed_in(turned(scenario)) or _blamed(scenario, str(error))
+            stay = _closed_in(turned(scenario)) or _blamed(scenario, error)
         for name, why in stay.items():
             if site.on_given_path(name):
                 said.append(f"{name} leaves the path that it was given: {why}")
@@ -113,8 +113,9 @@ def _closed_in(scenario: Scenario) -> dict[str, str]:
     return closed
 
 
-def _blamed(scenario: Scenario, sentence: str) -> dict[str, str]:
-    """Return the robot that a sentence names last: the others were there before it."""
+def _blamed(scenario: Scenario, error: PlanError) -> dict[str, str]:
+    """Return the robot that an error blames, or names last: the others were there before it."""
     names = {robot.id for robot in scenario.robots}
-    named = [word for word in re.findall(r"[A-Za-z0-9_.-]+", sentence) if word in names]
-    return {named[-1] if named else scenario.robots[-1].id: sentence}
+    named = [word for word in re.findall(r"[A-Za-z0-9_.-]+", str(error)) if word in names]
+    last = named[-1] if named else scenario.robots[-1].id
+    return {error.blames if error.blames in names else last: str(error)}

@@ -67,7 +67,7 @@ class Roster(dict[str, Member]):
             if member.planned:
                 member.take_part(parts[member.id].plan, parts[member.id].speed)
             else:
-                member.sent_epoch = 0
+                member.sent_epoch, member.admitted_by = 0, None
 
     def standings(self, epoch: int, zero_ns: int, until_ns: int, has_gone: bool) -> list[Standing]:
         """Return where those stand that have a part in the epoch, or none but have spoken since.

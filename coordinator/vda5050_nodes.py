@@ -46,11 +46,12 @@ def check_ends(order: Mapping[str, Any], edges: list[Named], found: Finder) -> N
     nodes = order.get("nodes")
     if not nodes or not isinstance(nodes, list):
         return
-    known = {str(node.get("nodeId")) for node in nodes if isinstance(node, dict)}
+    names = [node.get("nodeId") for node in nodes if isinstance(node, dict)]
+    known = {name for name in names if isinstance(name, str)}
     for where, edge in edges:
         for end in _ENDS:
             name = edge.get(end)
-            if name is not None and str(name) not in known:
+            if name is not None and not (isinstance(name, str) and name in known):
                 found.note(f"{where}.{end}", f"{show(name)} is no node of this order")
 
 

@@ -10,9 +10,10 @@ are, where they rested, when they were last heard.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
 from msgspec.structs import replace
 
@@ -26,6 +27,8 @@ from protocol.codec import decode
 from protocol.messages import Command, Hello, Report, Rest
 from protocol.phases import GO, OVER
 from protocol.timing import REPORT_TIMEOUT, SECOND
+
+_SPOKEN: Final = ("hello", "report", "alive")
 
 
 @dataclass
@@ -94,7 +97,8 @@ def read_history(path: Path, until: float) -> History:
         raise InputError([f"{path}: cannot be gone on from: {check.difference}"])
     if mission.fleet.phase == OVER:
         raise InputError([f"{path}: --until: the fleet was over at {until:g} s"])
-    return History(logs, before, until_ns, began_ns, mission, _robots(logs))
+    robots = _robots(logs, mission.fleet.members)
+    return History(logs, before, until_ns, began_ns, mission, robots)
 
 
 def _chain(name: str, log: Log) -> tuple[list[Log], list[bytes]]:
@@ -118,12 +122,13 @@ def _first_go(logs: list[Log]) -> int | None:
     return None
 
 
-def _robots(logs: list[Log]) -> dict[str, Known]:
+def _robots(logs: list[Log], fleet: Container[str]) -> dict[str, Known]:
+    """Return what the logs say of the fleet's robots; strangers may have spoken too."""
     found: dict[str, Known] = {}
     for log in logs:
         for record in log.records:
             place = keys.split(record.key)
-            if place is not None and place[1] in ("hello", "report", "alive"):
+            if place is not None and place[1] in _SPOKEN and place[2] in fleet:
                 _hear(found.setdefault(place[2], Known()), place[1], record)
     return found
 

@@ -13,7 +13,9 @@ def said_of(*robots, size=(10.0, 8.0), **how):
     stages = _Stages(scenario, 0.5, None)
     stages.find_paths()
     stages.find_zones()
-    return str(say_stuck(scenario, stages.junctions, (0, 1), **how))
+    error = say_stuck(scenario, stages.junctions, (0, 1), **how)
+    assert error.blames in {robot.id for robot in robots}
+    return str(error)
 
 
 def test_facts_that_ask_for_one_order_are_no_reason_against_both():

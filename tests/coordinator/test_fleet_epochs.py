@@ -236,10 +236,14 @@ def test_who_asked_for_a_robot_that_was_admitted_is_refused_only_when_it_gets_no
     assert decode("plan", sent.payload) == Refusal(8, "R2 is in the fleet already, idle")
     floor.fleet.adopt(3, PARTS, DURATION, floor.now)
     assert ask(7) == []
+    floor.fleet.adopt(4, {"R1": PARTS["R1"], "R3": PARTS["R3"]}, DURATION, floor.now)
     floor.fleet.members["R2"].stays = "no way"
     (sent,) = ask(7)
     assert decode("plan", sent.payload) == Refusal(7, "R2 stays where it is: no way")
     told = [one.text for one in floor.fleet.incidents[before:] if one.kind == "not admitted"]
+    floor.fleet.members["R2"].finished = True
+    (sent,) = ask(7)
+    assert decode("plan", sent.payload) == Refusal(7, "R2 has arrived already")
     assert told == ["R2 is in the fleet already, idle", "R2 stays where it is: no way"]
 
 

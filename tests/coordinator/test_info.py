@@ -268,13 +268,11 @@ def test_who_was_refused_and_is_not_of_the_fleet_is_told_as_a_fault_and_no_robot
         (1.6, keys.alive("f", "R9"), LINK_GONE),
     ]
     fleet = Attachment("scenario.json", "application/json", b'{"robots":[{"id":"R1"},{"id":"R2"}]}')
-    told = summarise(
-        log_of(
-            tmp_path, sorted(good_run() + stranger, key=lambda message: message[0]), more=[fleet]
-        )
-    )
+    both = sorted(good_run() + stranger, key=lambda message: message[0])
+    told = summarise(log_of(tmp_path, both, more=[fleet]))
     alone = summarise(log_of(tmp_path, good_run(), more=[fleet]))
-    assert told["robots"].keys() == {"R1", "R2"}
+    beside = summarise(log_of(tmp_path, both, metadata={"fleet": "f", "passive": "yes"}))
+    assert told["robots"].keys() == beside["robots"].keys() == {"R1", "R2"}
     assert told["broadcast"] == alone["broadcast"]
     assert [(f["robot"], f["fault"], f["kind"]) for f in told["faults"]] == [
         ("R9", "not in the fleet", "refusal")

@@ -235,3 +235,13 @@ def test_robots_turn_on_the_spot_rather_than_take_needle_turns(scenario, documen
         Site(scenario), documents, [rests("A", 0.3), rests("B", 0.3), rests("C", 0.4)], 2, fails
     )
     assert asked[:4] == [{(3, True)}, {(2, True)}, {(3, False)}, {(2, False)}]
+
+
+def test_the_robot_that_an_error_blames_stays_whatever_words_its_advice_has(scenario, documents):
+    def without_c(asked, epoch):
+        if any(robot.id == "C" for robot in asked.robots):
+            raise PlanError("B and C block each other. A wider passage would help", "C")
+        return plan(asked, epoch)
+
+    told = tuple(rests(name, 0.4) for name in "ABC")
+    assert recover(Site(scenario), documents, told, 2, without_c).stays.keys() == {"C"}

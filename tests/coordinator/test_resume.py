@@ -6,6 +6,7 @@ import random
 import pytest
 
 from coordinator.errors import InputError
+from coordinator.launch import Coordinator
 from coordinator.logbook import RESUMED, log_from_bytes, read_log
 from coordinator.mission import Mission
 from coordinator.plan import to_json
@@ -54,7 +55,13 @@ def story(tmp_path_factory):
     document = planner(scenario, 1)
     recorder = Recorder(
         path,
-        metadata={"fleet": "one", "policy": "safe", "boot": "9", "effort": str(EFFORT)},
+        metadata={
+            "fleet": "one",
+            "policy": "safe",
+            "boot": "9",
+            "effort": str(EFFORT),
+            "speed": "1.0",
+        },
         wall_offset_ns=10**18,
         attachments=[
             Attachment("scenario.json", "application/json", scenario_to_json(scenario)),
@@ -148,3 +155,12 @@ def test_a_log_in_which_nothing_was_said_is_told_to_hold_no_message(story):
     log.records.clear()
     with pytest.raises(InputError, match="it holds no message; nothing was under way, start anew"):
         go_on(log, 77, SECOND)
+
+
+def test_a_fleet_at_another_speed_is_not_gone_on_with(story, tmp_path):
+    (tmp_path / "run.mcap").write_bytes(story[: len(story) // 4])
+    scenario = parse_scenario(SCENARIO, "one.toml")
+    with pytest.raises(InputError, match=r"--resume: .* is the log of a fleet at --speed 1\.0"):
+        Coordinator(scenario, effort=EFFORT, speed=2.0, events=False)._go_on(
+            9, tmp_path / "run.mcap"
+        )

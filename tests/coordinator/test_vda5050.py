@@ -333,6 +333,10 @@ def noded(**position):
             edge_with(startNodeId="nowhere") | {"nodes": [{"nodeId": "n0"}]},
             "edges[0].startNodeId: 'nowhere' is no node of this order",
         ),
+        (
+            edge_with(startNodeId="n0", endNodeId="None") | {"nodes": [{"nodeId": "n0"}, {}]},
+            "edges[0].endNodeId: 'None' is no node of this order",
+        ),
         (somebodys() | {"nodes": 1}, "nodes: 1 is not a list"),
         (somebodys() | {"nodes": [1]}, "nodes[0]: 1 is not an object"),
         (somebodys() | {"nodes": [{"nodePosition": 1}]}, "nodes[0].nodePosition: 1 is not an"),

@@ -60,3 +60,16 @@ def test_a_refused_run_leaves_nothing_behind(tmp_path):
     place.leave_nothing()
     assert [path.name for path in (tmp_path / "kept").iterdir()] == ["scenario.json"]
     assert (tmp_path / "kept" / "scenario.json").read_bytes() == blocked.read_bytes()
+
+
+def test_a_file_in_the_place_of_the_folder_is_told(tmp_path):
+    taken = tmp_path / "plan.json"
+    taken.write_bytes(b"x")
+    with pytest.raises(InputError, match=r"--out: .*plan\.json is no folder"):
+        RunFolder(taken, "hall", force=False)
+
+
+def test_faults_that_are_drawn_and_faults_that_are_given_do_not_go_together():
+    words = ["campaign", "examples/paper_five.toml", "--faults", "kill", "--fault", "none"]
+    done = CliRunner().invoke(commands, words)
+    assert done.exit_code == 2

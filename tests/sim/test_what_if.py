@@ -11,8 +11,9 @@ from typer.testing import CliRunner
 from coordinator.blackbox_files import packed
 from coordinator.errors import InputError
 from coordinator.info import summarise
+from coordinator.link_news import LINK_UP
 from coordinator.logbook import read_log
-from coordinator.recorder import Recorder
+from coordinator.recorder import Attachment, Recorder
 from coordinator.recover import with_files
 from coordinator.replay import check_log
 from coordinator.scenario_file import parse_scenario
@@ -226,6 +227,20 @@ def test_a_moment_before_everything_in_a_log_is_told_in_a_line(quiet, monkeypatc
     monkeypatch.setattr("sim.history.read_log", lambda _path: changed)
     with pytest.raises(InputError, match="--until: 5 s is before the log's first message"):
         read_history(quiet, 5.0)
+
+
+def test_a_stranger_in_the_log_is_no_robot_of_what_comes(quiet, tmp_path):
+    log, place = read_log(quiet), tmp_path / "with.mcap"
+    metadata = {name: text for name, text in log.metadata.items() if name != "wall_offset_ns"}
+    files = [Attachment(n, "application/json", d) for n, d in log.attachments.items()]
+    offset_ns = int(log.metadata["wall_offset_ns"])
+    with Recorder(place, metadata=metadata, wall_offset_ns=offset_ns, attachments=files) as copy:
+        for record in log.records:
+            if "/report/" in record.key:
+                copy.record(keys.alive("three", "R9"), LINK_UP, record.log_ns)
+            copy.record(record.key, record.payload, record.log_ns)
+    assert "R9" not in read_history(place, 5.0).robots
+    assert carry_on(place, 5.0, tmp_path / "new", [], 0) == ("three", True)
 
 
 def test_plans_of_later_epochs_lie_in_the_folder_as_in_the_log(quiet, tmp_path):
