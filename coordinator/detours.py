@@ -8,8 +8,8 @@ Decides: who takes another way.  Must not know: how orders are searched (schedul
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -23,7 +23,7 @@ from coordinator.schedule import Deadlock
 
 _LANE_ROOM = 0.01
 _SPACING = 0.25
-_MOST_PLACES = 2000
+_MOST_BESIDE = 2000
 _PITCH = 0.2
 _GRID_POINTS = 20_000
 _REFUGE_ROOM = 0.1
@@ -43,7 +43,7 @@ def blocking_pairs(junctions: Junctions, deadlock: Deadlock) -> list[tuple[int, 
 
 
 def lanes(
-    scenario: Scenario, mover: int, other: int, path: Nurbs, most: int = _MOST_PLACES
+    scenario: Scenario, mover: int, other: int, path: Nurbs, most: int = _MOST_BESIDE
 ) -> Iterator[Array]:
     """Yield sets of places for `mover` to keep off, so that it passes `other` on its path.
 
@@ -104,31 +104,41 @@ def say_stuck(
     first += _places_on(scenario, junctions, b, a, "goal")
     last = _places_on(scenario, junctions, b, a, "start")
     last += _places_on(scenario, junctions, a, b, "goal")
-    facts = ", ".join([*first, *last])
+    facts = [*first, *last]
+    listed = ", ".join(fact.said for fact in facts)
     if among_others:
         said = f"no order was found in which {one.id} and {two.id} both arrive among all others"
-        said += f": {facts}" if facts else ""
+        said += f": {listed}" if facts else ""
     elif first and last:
-        said = f"{one.id} and {two.id} block each other whoever goes first: {facts}"
+        said = f"{one.id} and {two.id} block each other whoever goes first: {listed}"
     else:
         near = f"{one.id} and {two.id} come near each other on their ways"
-        said = f"no order was found in which {one.id} and {two.id} both arrive: {facts or near}"
-    return _no_way_around(scenario, pair, said)
+        said = f"no order was found in which {one.id} and {two.id} both arrive: {listed or near}"
+    return _no_way_around(scenario, pair, said, facts)
 
 
 def say_ring(scenario: Scenario, junctions: Junctions, ring: Sequence[int]) -> PlanError:
     """Return the error for robots of which each has to go before the next, in a ring."""
-    facts = []
+    facts: list[_PlaceOnWay] = []
     for me, other in zip(ring, [*ring[1:], ring[0]], strict=True):
         starts = _places_on(scenario, junctions, me, other, "start")
         goals = _places_on(scenario, junctions, other, me, "goal")
         facts += (starts or goals)[:1]
     names = ", ".join(scenario.robots[index].id for index in ring)
-    said = f"{names} block each other in a ring: {', '.join(facts)}"
-    return _no_way_around(scenario, ring, said)
+    said = f"{names} block each other in a ring: {', '.join(fact.said for fact in facts)}"
+    return _no_way_around(scenario, ring, said, facts)
 
 
-def _no_way_around(scenario: Scenario, indices: Sequence[int], said: str) -> PlanError:
+class _PlaceOnWay(NamedTuple):
+    """A robot's start or goal that lies on another's way."""
+
+    said: str
+    whose_way: str
+
+
+def _no_way_around(
+    scenario: Scenario, indices: Sequence[int], said: str, facts: Sequence[_PlaceOnWay]
+) -> PlanError:
     """Return the error with what would help; given paths are kept as they are.
 
     Blamed is on whose way the last of the places lies: the others were there before it.
@@ -136,14 +146,13 @@ def _no_way_around(scenario: Scenario, indices: Sequence[int], said: str) -> Pla
     helps = "A wider passage, a via point or another goal"
     if all(scenario.robots[index].path is not None for index in indices):
         helps = "Another path for one of them"
-    on_whose = re.findall(r" lies on (\S+)'s way", said)
-    blames = on_whose[-1] if on_whose else scenario.robots[indices[-1]].id
+    blames = facts[-1].whose_way if facts else scenario.robots[indices[-1]].id
     return PlanError(f"{said}; no way around was found. {helps} would help", blames)
 
 
 def _places_on(
     scenario: Scenario, junctions: Junctions, me: int, other: int, name: str
-) -> list[str]:
+) -> list[_PlaceOnWay]:
     """Say whether my start (or my goal) lies on another robot's way, as their zones have it."""
     zones = junctions.zones
     low = np.where(zones.a == me, zones.extent[:, 0], zones.extent[:, 2])
@@ -152,6 +161,7 @@ def _places_on(
     holds = low <= 0.0 if name == "start" else high >= junctions.lengths()[me]
     if not (both & holds).any():
         return []
-    robot = scenario.robots[me]
+    robot, theirs = scenario.robots[me], scenario.robots[other].id
     x, y = (robot.start if name == "start" else robot.goal)[:2]
-    return [f"{robot.id}'s {name} ({x:.2f}, {y:.2f}) lies on {scenario.robots[other].id}'s way"]
+    said = f"{robot.id}'s {name} ({x:.2f}, {y:.2f}) lies on {theirs}'s way"
+    return [_PlaceOnWay(said, theirs)]

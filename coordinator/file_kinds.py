@@ -7,31 +7,17 @@ them (scenario_file.py, plan.py, logbook.py).
 from __future__ import annotations
 
 import json
-import re
 import shlex
-import tomllib
 from pathlib import PurePath
 from typing import Final, Literal
 
 from coordinator.scenario_checks import printable
+from coordinator.toml_text import toml_of
 
 FileKind = Literal["scenario", "plan", "log"]
 
-_MOST_PARTS: Final = 100
-_PART: Final = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
-_DEEP_KEY: Final = re.compile(rf"""(?<![\w"'-])(?:{_PART}){{{_MOST_PARTS}}}""")
-
 LOG_MAGIC: Final = b"\x89MCAP0\r\n"
 """The first bytes of every MCAP file."""
-
-
-def toml_of(text: str) -> dict[str, object]:
-    """Parse TOML; raises TOMLDecodeError, also for dotted keys so deep that they take minutes."""
-    deep = _DEEP_KEY.search(text)
-    if deep is not None:
-        line = text.count("\n", 0, deep.start()) + 1
-        raise tomllib.TOMLDecodeError(f"A key of over {_MOST_PARTS} parts (at line {line})")
-    return tomllib.loads(text)
 
 
 def kind_of(content: bytes) -> FileKind | None:

@@ -153,8 +153,8 @@ class _Telling:
         self.summary.fleet = self.summary.fleet or fleet
         if fleet != self.summary.fleet:
             return
-        stranger = robot in self._strangers
-        if kind == "alive" and stranger:
+        if robot in self._strangers:
+            self._tell_refused(kind, robot, record)
             return
         if kind == "alive":
             self._tell_link(robot, record.payload != LINK_GONE, record.log_ns)
@@ -162,10 +162,6 @@ class _Telling:
         message = codec.decode(kind, record.payload)
         if message is None:
             self.summary.bad_messages += 1
-            return
-        if stranger:
-            if isinstance(message, Refusal):
-                self._tell_fault(record.log_ns, robot, message.reason, "refusal")
             return
         count, total = self._ours.get(kind, (0, 0))
         self._ours[kind] = (count + 1, total + size)
@@ -179,6 +175,13 @@ class _Telling:
         self._numbers.hear(message, robot, record)
         self._courses.hear(message, robot, record)
         self._tell(message, robot, record)
+
+    def _tell_refused(self, kind: str, robot: str, record: Record) -> None:
+        """Tell why somebody who is no robot of the fleet was refused, and nothing else of it."""
+        message = codec.decode(kind, record.payload)
+        if isinstance(message, Refusal):
+            self._tell_fault(record.log_ns, robot, message.reason, "refusal")
+        self.summary.bad_messages += message is None and kind != "alive"
 
     def _count_stranger(self, record: Record) -> None:
         """Tell of a refused link; count what is on the fleet's keys without being a message."""

@@ -49,10 +49,10 @@ less distance where robots stand nearer than that (near_places.py)."""
 
 _EFFORT_PER_WAY = 5
 _WAYS = 2
-_MOST_PLACES = 1000
+_MOST_BESIDE_TO_SAVE = 1000
 _MOST_WAYS = 60
-"""Another way is tried for one robot per so much effort, and so many ways for each; not in larger
-fleets, where looking for conflicts again takes long."""
+"""Another way is tried for one robot per so much effort, and so many ways for each, beside so many
+places at most; not in larger fleets, where looking for conflicts again takes long."""
 
 Timer = Callable[[], float]
 
@@ -194,7 +194,7 @@ class _Stages:
     def _go_around(self, motions: list[Motion], tries: int) -> list[Motion]:
         """Give robots that wait long another way where that is quicker; tries are counted."""
         for mover, other in latest_robots(self.junctions, motions)[:tries]:
-            beside = lanes(self.scenario, mover, other, self.paths[other], _MOST_PLACES)
+            beside = lanes(self.scenario, mover, other, self.paths[other], _MOST_BESIDE_TO_SAVE)
             for discs in islice(beside, _WAYS):
                 with suppress(PlanError):
                     path = self.pathfinder.path(mover, discs)

@@ -17,7 +17,7 @@ from typing import Final, cast, get_args
 import msgspec
 
 from coordinator.errors import InputError, unreadable
-from coordinator.file_kinds import LOG_MAGIC, kind_of_document, toml_of, wrong_kind
+from coordinator.file_kinds import LOG_MAGIC, kind_of_document, wrong_kind
 from coordinator.path_file import read_path
 from coordinator.scenario import Link, Point, Policy, Pose, Robot, Scenario, Workspace
 from coordinator.scenario_checks import (
@@ -30,6 +30,7 @@ from coordinator.scenario_checks import (
     show,
 )
 from coordinator.scenario_table import Table, read_place
+from coordinator.toml_text import toml_of
 from coordinator.workspace_file import read_workspace
 
 MOST_ROBOTS: Final = 10_000

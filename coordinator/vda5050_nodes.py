@@ -1,4 +1,4 @@
-"""The nodes of a VDA 5050 order, which its edges lead from and to, and the order of both.
+"""The nodes of a VDA 5050 order, which its edges lead from and to.
 
 Decides: what nodes may say, and the wording of each fault.  Must not know: trajectories, which say
 where a robot drives, wherever its nodes are.
@@ -12,12 +12,10 @@ from typing import Any, Final
 
 from coordinator.scenario_checks import COORDINATE, Quantity, show
 from coordinator.vda5050_finder import Finder
+from coordinator.vda5050_sequence import Named, in_sequence
 
 _DEVIATION: Final = Quantity("m", from_least=True)
 _ENDS: Final = ("startNodeId", "endNodeId")
-
-Named = tuple[str, Mapping[str, Any]]
-"""An edge or node, and where it stands in its order."""
 
 
 def read_nodes(order: Mapping[str, Any], found: Finder) -> float:
@@ -53,24 +51,6 @@ def check_ends(order: Mapping[str, Any], edges: list[Named], found: Finder) -> N
             name = edge.get(end)
             if name is not None and not (isinstance(name, str) and name in known):
                 found.note(f"{where}.{end}", f"{show(name)} is no node of this order")
-
-
-def in_sequence(named: list[Named], found: Finder) -> list[Named]:
-    """Return edges or nodes by sequenceId, as they stand if none has one; bad ones are noted."""
-    if all(edge.get("sequenceId") is None for _, edge in named):
-        return named
-    places: dict[int, str] = {}
-    for where, edge in named:
-        number = edge.get("sequenceId")
-        if type(number) is not int or number < 0:
-            what = "is missing" if number is None else f"{show(number)} is not a whole number"
-            found.note(f"{where}.sequenceId", what)
-        elif number in places:
-            found.note(f"{where}.sequenceId", f"{number} is that of {places[number]} too")
-        else:
-            places[number] = where
-    known = {where: number for number, where in places.items()}
-    return sorted(named, key=lambda one: known.get(one[0], -1))
 
 
 def _nodes(order: Mapping[str, Any], found: Finder) -> list[Any]:

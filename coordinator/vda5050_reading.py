@@ -32,7 +32,8 @@ from coordinator.scenario_checks import (
 )
 from coordinator.splines import joined, joined_count
 from coordinator.vda5050_finder import Finder
-from coordinator.vda5050_nodes import check_ends, in_sequence, read_nodes
+from coordinator.vda5050_nodes import check_ends, read_nodes
+from coordinator.vda5050_sequence import in_sequence
 
 _NAMES: Final = PathNames(
     knots="knotVector", points="controlPoints", weights="controlPoints.weight"
