@@ -15,6 +15,7 @@ import sys
 import time
 import tracemalloc
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -38,6 +39,7 @@ _RIDES: Final = 9
 _SPEED: Final = 0.5
 _COMMAND: Final = (sys.executable, "-m", "splinefleet")
 _GOODBYE_S: Final = 20.0
+_MOST_EPOCHS: Final = 10
 Process = subprocess.Popen[str]
 
 
@@ -108,28 +110,32 @@ def _seen(driven: Driven) -> list[list[float]]:
 def fleet_of_agents(count: int = 100, seconds: float = 20.0) -> list[Row]:
     """Run that many robots side by side as processes, RATE ticks a second, for so long.
 
-    Overruns are those on the way from start to goal, the worst tick that since the process began;
-    CPU is the share of one core, over all threads, on the way.  Whatever else runs meanwhile on
-    this machine takes its part: CPU of this machine less that of robots and coordinator.
+    Ticks and overruns are those while robots move, in all epochs: a robot that is late because it
+    got no processor has the fleet freeze and go on with the next.  The worst tick is that since
+    the process began.  CPU is the share of one core, over all threads, on the way.  Whatever else
+    runs meanwhile on this machine takes its part: CPU of this machine less that of robots and
+    coordinator; `taken` is what other machines on the same hardware took of the cores.
     """
     with TemporaryDirectory() as name, _ended() as processes:
         folder = Path(name)
         coordinator = _start_fleet(folder, count, seconds, processes)
         before, began = [_cpu_s(process) for process in processes], time.monotonic()
-        busy = _busy_s()
+        busy, taken = _busy_s(), _taken_s()
         time.sleep(seconds)
         passed = time.monotonic() - began
         spent = [_cpu_s(process) - was for process, was in zip(processes, before, strict=True)]
-        busy = _busy_s() - busy
-        coordinator.communicate(timeout=seconds + _GOODBYE_S)
+        busy, taken = _busy_s() - busy, _taken_s() - taken
+        said, _ = coordinator.communicate(timeout=_MOST_EPOCHS * seconds + _GOODBYE_S)
         for process in processes:
             process.wait(_GOODBYE_S)
         counts = [_counted(folder / f"R{i + 1}.jsonl") for i in range(count)]
+    events = [json.loads(line) for line in said.splitlines()]
     ticks, overruns, failures = (sum(part) for part in list(zip(*counts, strict=True))[:3])
     return [
         {
             "robots": count,
-            "arrived": sum(1 for part in counts if part[0] > 0),
+            "arrived": sum(robot["phase"] == "done" for robot in events[-1]["robots"]),
+            "freezes": sum(e["event"] == "phase" and e["text"] == "FREEZE" for e in events),
             "ticks": ticks,
             "overruns %": 100.0 * overruns / max(ticks, 1),
             "failures": failures,
@@ -138,6 +144,7 @@ def fleet_of_agents(count: int = 100, seconds: float = 20.0) -> list[Row]:
             "CPU of all robots %": 100.0 * sum(spent[1:]) / passed,
             "CPU of the coordinator %": 100.0 * spent[0] / passed,
             "CPU of this machine %": 100.0 * busy / passed,
+            "taken %": 100.0 * taken / passed,
             "cores": os.cpu_count() or 0,
         }
     ]
@@ -184,17 +191,12 @@ def _start_robot(folder: Path, robot: str, endpoint: str) -> Process:
 
 
 def _counted(path: Path) -> tuple[int, int, int, int]:
-    """Return ticks, overruns and failures from moving to done, and the worst tick [us] ever.
-
-    Without ticks when the robot has not arrived.
-    """
+    """Return ticks, overruns and failures while moving, and the worst tick [us] ever."""
     lines = [json.loads(line) for line in path.read_text().splitlines()]
-    states = {line["state"]: line for line in lines}
-    if "moving" not in states or "done" not in states:
-        return 0, 0, 0, 0
+    rides = [(a, b) for a, b in pairwise(lines) if a["state"] == "moving"]
     names = ("ticks", "overruns", "failures")
-    ticks, overruns, failures = (states["done"][n] - states["moving"][n] for n in names)
-    return ticks, overruns, failures, states["done"]["worst_tick_us"]
+    ticks, overruns, failures = (sum(b[name] - a[name] for a, b in rides) for name in names)
+    return ticks, overruns, failures, lines[-1]["worst_tick_us"]
 
 
 def _cpu_s(process: Process) -> float:
@@ -208,8 +210,19 @@ def _cpu_s(process: Process) -> float:
 
 def _busy_s() -> float:
     """Return the processor time [s] that everything on this machine has taken."""
-    fields = [int(part) for part in Path("/proc/stat").read_text().splitlines()[0].split()[1:]]
-    return (sum(fields[:8]) - fields[3] - fields[4]) / os.sysconf("SC_CLK_TCK")
+    fields = _machine_s()
+    return sum(fields[:8]) - fields[3] - fields[4]
+
+
+def _taken_s() -> float:
+    """Return the processor time [s] that this machine wanted and did not get."""
+    return _machine_s()[7]
+
+
+def _machine_s() -> list[float]:
+    """Return the first line of /proc/stat in seconds: user, nice, system, idle, ..., steal."""
+    fields = Path("/proc/stat").read_text().splitlines()[0].split()[1:]
+    return [int(part) / os.sysconf("SC_CLK_TCK") for part in fields]
 
 
 @contextlib.contextmanager
