@@ -15,7 +15,7 @@ from typing import Final
 
 from coordinator.epoch_times import EpochTimes
 from coordinator.lateness import Lateness
-from coordinator.member import STRIKES, Member
+from coordinator.member import Member
 from protocol.messages import Pace
 from protocol.phases import LATE
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
@@ -53,8 +53,7 @@ class Delay:
 
         Who is late again in an epoch is not just held up: it needs another path.
         """
-        late = member.fault == LATE and member.strikes < STRIKES - 1
-        if self._member is not None or not late or member.id in self._helped:
+        if self._member is not None or member.fault != LATE or member.id in self._helped:
             return False
         until_ns = member.kept_ns - times.behind_ns + self._tau_ns - times.settling_ns
         if until_ns <= now_ns:

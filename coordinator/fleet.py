@@ -136,11 +136,8 @@ class Fleet(FleetState):
         if self.phase != GO or not self._delay.awaits(late):
             return None
         if not times:
-            self._fail(
-                self.members[late.robot],
-                f"{late.robot} is late, and there are no new times",
-                now_ns,
-            )
+            what = "is late, and there are no new times"
+            self._give_up([Failing(self.members[late.robot], what, strike=True)], now_ns)
             return [self._command(now_ns)]
         self.times.duration_ns = duration_ns
         self._delay.tell(times, self.times)
@@ -208,11 +205,10 @@ class Fleet(FleetState):
         """Freeze the fleet for a robot that has stopped, unless it is late and that is borne."""
         if self._delay.bears(member, now_ns):
             return []
-        borne = self._delay.begin(member, self.times, now_ns)
-        member.strike()
-        if borne:
+        if self._delay.begin(member, self.times, now_ns):
             self._tell(now_ns, "late", member.id, f"{member.id} is late; the others go on")
             return []
+        member.strike(self.epoch)
         self._fail(member, f"{member.id} stopped: {fault_name(member.fault)}", now_ns)
         return [self._command(now_ns)]
 
@@ -229,7 +225,7 @@ class Fleet(FleetState):
         member = self.members.get(robot)
         if member is None or member.boot is None:
             return []
-        member.gone = True
+        member.gone, member.knocked_ns = True, None
         under_way = self.phase == GO or self.epoch != self.first_epoch
         if under_way and member.planned and not member.finished:
             self._give_up([Failing(member, "has lost its link", lost=True)], now_ns)
@@ -280,8 +276,8 @@ class Fleet(FleetState):
         start, deadline = self.times.start_ns, self.times.deadline_ns
         self._give_up(on_the_way(moving, spared, start, deadline, now_ns), now_ns)
         if self._delay.is_over(now_ns):
-            member = self.members[self._delay.robot]
-            self._give_up([Failing(member, "is late, and new times did not come through")], now_ns)
+            what, member = "new times did not come through", self.members[self._delay.robot]
+            self._give_up([Failing(member, f"is late, and {what}", strike=True)], now_ns)
 
     def _settle(self, now_ns: int, was_away: bool) -> None:
         """See who is lost in a fleet that freezes."""
@@ -289,7 +285,7 @@ class Fleet(FleetState):
             return
         waited = now_ns - self._changed_ns > self.times.settling_ns + FREEZE_PATIENCE
         for member in self.members.values():
-            member.admitted &= not waited
+            member.admitted &= not waited and member.is_at_door(now_ns)
             if member.planned and not member.finished and not self._is_back(member, now_ns):
                 member.lost |= member.is_silent(now_ns) or (waited and not member.is_at_rest())
 

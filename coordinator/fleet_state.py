@@ -100,7 +100,8 @@ class FleetState:
         """Freeze the fleet for the sake of these robots."""
         for member, what, lost, strike in failing:
             member.lost |= lost
-            member.strikes += strike
+            if strike:
+                member.struck.add(self.epoch)
             self._fail(member, f"{member.id} {what}", now_ns)
 
     def _fail(self, member: Member, text: str, now_ns: int) -> None:

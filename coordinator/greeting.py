@@ -70,6 +70,12 @@ class Door:
         if member.planned and not member.finished:
             self._tell_denied(robot, f"{robot} is not given up yet, ask again", now_ns)
             return False
+        if not member.is_at_door(now_ns):
+            self._tell_denied(robot, f"{robot} has come back and is not heard any more", now_ns)
+            return False
+        if member.knocking.place is None:
+            reason = f"{robot} does not know where it stands; its driver, or agent --at, has to say"
+            return self._deny(robot, boot, reason, now_ns)
         member.admitted, member.admitted_by = True, boot
         self._not_admitted.pop(robot, None)
         self._tell(now_ns, "admitted", robot, f"{robot} is admitted")

@@ -14,12 +14,14 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 
+from coordinator.adoption import is_adoption_key, request_of
 from coordinator.courses import Courses
 from coordinator.denials import denial_of, is_denial_key
 from coordinator.drops import drops_of, is_drops_key
-from coordinator.info_numbers import Numbers, broadcast, clock_lag, first_go
+from coordinator.info_numbers import Numbers, broadcast, busiest, clock_lag, first_go, is_question
 from coordinator.info_plan import read_plans, take_message, take_plans
 from coordinator.link_news import LINK_GONE
+from coordinator.member import STRIKES
 from coordinator.strangers import strangers_in
 from coordinator.summary import (
     EpochSummary,
@@ -32,7 +34,7 @@ from coordinator.summary import (
 )
 from coordinator.true_course import TrueCourse, courses_in
 from protocol import codec, keys, phases
-from protocol.messages import Clock, Command, Hello, Message, NewTimes, Pace, Plan, Refusal, Report
+from protocol.messages import Command, Hello, Message, NewTimes, Pace, Plan, Refusal, Report
 from protocol.timing import REPORT_TIMEOUT
 
 if TYPE_CHECKING:
@@ -70,6 +72,7 @@ class _Telling:
         self._starts_ns: dict[int, int] = {}
         self._phase: tuple[int, int] | None = None
         self._faults: dict[str, int] = {}
+        self._unfit: dict[str, str] = {}
         self._heard: dict[str, tuple[int, int]] = {}
         self._sent: list[tuple[str, int, int]] = []
         self._last_arrival_ns: int | None = None
@@ -97,7 +100,6 @@ class _Telling:
         for record in records:
             self._count(record)
         self.summary.epochs = list(self._epochs.values())
-        self.summary.robot_payload_bytes_per_second = self._busiest_robot()
         self._take_plans()
         self._add_up(records[-1].log_ns if records else 0)
         self._courses.fill(self.summary.robots, boxes)
@@ -109,13 +111,17 @@ class _Telling:
             if told.duration > 0.0:
                 traffic.messages_per_second = traffic.messages / told.duration
                 traffic.bytes_per_second = traffic.bytes / told.duration
-        for robot in told.robots.values():
+        for name, robot in told.robots.items():
+            if robot.arrived is None:
+                robot.fault = self._unfit.get(name, robot.fault)
             if robot.arrived is not None and robot.planned_finish is not None:
                 robot.late = robot.arrived - robot.planned_finish
         self._numbers.fill(told)
         if self._starts_ns:
-            last_ns = end_ns if self._last_arrival_ns is None else self._last_arrival_ns
-            seconds = max(last_ns - min(self._starts_ns.values()), 0) / 1e9
+            first_ns, last_ns = min(self._starts_ns.values()), self._last_arrival_ns or end_ns
+            if self._last_arrival_ns is not None:
+                told.robot_payload_bytes_per_second = busiest(self._sent, first_ns, last_ns)
+            seconds = max(last_ns - first_ns, 0) / 1e9
             told.broadcast = broadcast(told, self._ours, seconds)
 
     def _take_plans(self) -> None:
@@ -145,6 +151,8 @@ class _Telling:
         traffic.bytes += size
         if is_drops_key(record.key):
             self.summary.dropped |= drops_of(record.payload) or {}
+        if is_adoption_key(record.key):
+            self._tell_unfit(record)
         address = keys.split(record.key)
         if address is None:
             self._count_stranger(record)
@@ -165,7 +173,7 @@ class _Telling:
             return
         count, total = self._ours.get(kind, (0, 0))
         self._ours[kind] = (count + 1, total + size)
-        if isinstance(message, Hello | Report | Pace) or _is_question(message):
+        if isinstance(message, Hello | Report | Pace) or is_question(message):
             self._robot(robot).bytes_sent += size
             self._sent.append((robot, record.log_ns, size))
         else:
@@ -241,6 +249,14 @@ class _Telling:
             return "over" if epoch.start is not None else "nobody goes"
         return "running"
 
+    def _tell_unfit(self, record: Record) -> None:
+        """Tell of robots that a new epoch leaves where they stand because they failed too often."""
+        request = request_of(record.payload)
+        for one in request.told if request is not None else ():
+            if one.state == "unfit" and one.robot not in self._unfit:
+                self._unfit[one.robot] = f"left where it stands: it has failed in {STRIKES} epochs"
+                self._tell_fault(record.log_ns, one.robot, self._unfit[one.robot], "unfit")
+
     def _tell_silence(self, log_ns: int) -> None:
         """Tell which robots had not been heard for too long when the fleet was frozen."""
         for robot, (heard_ns, phase) in self._heard.items():
@@ -280,20 +296,3 @@ class _Telling:
 
     def _tell_fault(self, log_ns: int, robot: str, fault: str, kind: str) -> None:
         self.summary.faults.append(FaultSummary(self._seconds(log_ns), robot, fault, kind))
-
-    def _busiest_robot(self) -> float | None:
-        """Return the most payload that a robot sent while the fleet drove [bytes/s]."""
-        if self._last_arrival_ns is None:
-            return None
-        first_ns, last_ns = min(self._starts_ns.values()), self._last_arrival_ns
-        if last_ns <= first_ns:
-            return None
-        sent: dict[str, int] = {}
-        for robot, log_ns, size in self._sent:
-            if first_ns <= log_ns <= last_ns:
-                sent[robot] = sent.get(robot, 0) + size
-        return max(sent.values()) * 1e9 / (last_ns - first_ns)
-
-
-def _is_question(message: Message) -> bool:
-    return isinstance(message, Clock) and message.received_ns is None

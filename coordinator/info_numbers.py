@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -116,7 +116,7 @@ class Numbers:
         self._said_ns: dict[int, int] = {}
         self._states: dict[str, tuple[int, int]] = {}
         self._sign_ns: int | None = None
-        self._phase = phases.HOLD
+        self._epoch, self._phase = 0, phases.HOLD
         self._freezes: list[tuple[int, FreezeSummary]] = []
         self._braking: set[str] = set()
 
@@ -164,7 +164,7 @@ class Numbers:
             gap = (log_ns - self._said_ns[command.boot]) / 1e9
             self._times.setdefault("command_gap", []).append(gap)
         self._said_ns[command.boot] = log_ns
-        was, self._phase = self._phase, command.phase
+        was, self._epoch, self._phase = self._phase, command.epoch, command.phase
         if command.phase == phases.FREEZE != was:
             states = [phase for _, phase in self._states.values()]
             arrived = phases.DONE in states and not set(states) & {*_UNDER_WAY, phases.ARMED}
@@ -194,12 +194,30 @@ class Numbers:
     def _hear_report(self, report: Report, robot: str, log_ns: int) -> None:
         self._reports.setdefault((robot, report.boot), _Speaker()).hear(report.sequence)
         self._states[robot] = (log_ns, report.phase)
-        if report.fault != phases.NO_FAULT or report.phase in (phases.BRAKING, phases.FROZEN):
+        failed = report.fault != phases.NO_FAULT or report.phase in (phases.BRAKING, phases.FROZEN)
+        if failed and report.epoch in (0, self._epoch):  # Else it has no part in this epoch.
             self._sign(log_ns)
         if robot in self._braking and report.phase not in _UNDER_WAY:
             self._braking.discard(robot)
             begun_ns, freeze = self._freezes[-1]
             freeze.rest = (log_ns - begun_ns) / 1e9
+
+
+def is_question(message: Message) -> bool:
+    """Tell whether a robot asks for the time; the answer is the coordinator's."""
+    return isinstance(message, Clock) and message.received_ns is None
+
+
+def busiest(sent: Iterable[tuple[str, int, int]], first_ns: int, last_ns: int) -> float | None:
+    """Return the most payload that a robot sent between two times [bytes/s].
+
+    sent: robot, time and size of each message.
+    """
+    sums: dict[str, int] = {}
+    for robot, log_ns, size in sent:
+        if first_ns <= log_ns <= last_ns:
+            sums[robot] = sums.get(robot, 0) + size
+    return max(sums.values()) * 1e9 / (last_ns - first_ns) if last_ns > first_ns else None
 
 
 def broadcast(summary: Summary, ours: Mapping[str, tuple[int, int]], seconds: float) -> Broadcast:

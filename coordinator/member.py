@@ -29,7 +29,7 @@ from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
 PLAN_PERIOD: Final = COMMAND_PERIOD
 
 STRIKES: Final = 3
-"""So many epochs may a robot end by a fault of its own; then it is left where it stands."""
+"""A robot that has ended so many epochs by a fault of its own is left where it stands."""
 
 BOOTS: Final = 64
 """Of so many processes under one name it is remembered what they said."""
@@ -74,10 +74,12 @@ class Member:
     lost: bool = False
     gone: bool = False
     finished: bool = False
-    strikes: int = 0
+    struck: set[int] = field(default_factory=set)
+    """The epochs that it has ended by a fault of its own."""
     rest: Standing | None = None
     knocking: Hello | None = None
-    knocked_ns: int = 0
+    knocked_ns: int | None = None
+    """When it did so; None when its link has gone since."""
     admitted: bool = False
     admitted_by: int | None = None
     stays: str = ""
@@ -105,8 +107,13 @@ class Member:
             self.accept(hello, now_ns)
             self.finished = self.planned = False
             self.stays = ""
-            self.kept_ns, self.admitted, self.strikes, self.sent_epoch = now_ns, False, 0, 0
+            self.kept_ns, self.admitted, self.sent_epoch = now_ns, False, 0
+            self.struck.clear()
             self.rest = Standing(robot=self.id, state="rests", epoch=0, place=(x, y, heading))
+
+    def is_at_door(self, now_ns: int) -> bool:
+        """Tell whether a robot that has come back is there: it says so again and again."""
+        return self.knocked_ns is not None and now_ns - self.knocked_ns <= self.timeout_ns
 
     def accept(self, hello: Hello, now_ns: int) -> None:
         """Take a robot in, forgetting what an earlier process of that name said."""
@@ -168,14 +175,15 @@ class Member:
         text = f"{self.id} is {PHASE_NAMES[self.phase]}"
         return f"{text}: {fault_name(self.fault)}" if self.fault else text
 
-    def strike(self) -> None:
-        """Count a fault of the robot's own; the coordinator's silence is none."""
-        self.strikes += self.fault not in (NO_FAULT, LEASE_OUT)
+    def strike(self, epoch: int) -> None:
+        """Note that the robot ends an epoch by its fault; the coordinator's silence is none."""
+        if self.fault not in (NO_FAULT, LEASE_OUT):
+            self.struck.add(epoch)
 
     @property
     def is_fit(self) -> bool:
         """Tell whether the robot has not failed too often to be sent on its way again."""
-        return self.strikes < STRIKES
+        return len(self.struck) < STRIKES
 
     def is_silent(self, now_ns: int) -> bool:
         """Tell whether nothing has been heard for too long, or the link to the robot is gone."""

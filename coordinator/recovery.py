@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from coordinator.errors import PlanError
 from coordinator.paths import Pathfinder
 from coordinator.plan import PlanDocument
-from coordinator.scenario import Scenario
+from coordinator.scenario import Point, Robot, Scenario
 from coordinator.site import Site, next_site, passable
 from coordinator.standing import Standing
 
@@ -52,7 +52,8 @@ def recover(
     """Plan a fleet anew from where its robots stand, `documents` being the plans by epoch so far.
 
     A robot that has no way, or that no order of robots lets through, stays where it is; the others
-    are planned around it.  One on a given path looks for a way of its own before that.
+    are planned around it.  One on a given path looks for a way of its own before that, one with
+    via points does not pass those that are closed off.
     """
     site, said = passable(next_site(site, documents, told))
     stays: dict[str, str] = {}
@@ -63,6 +64,11 @@ def recover(
         except PlanError as error:
             stay = _closed_in(turned(scenario)) or _blamed(scenario, error)
         for name, why in stay.items():
+            via = _via_dropped(turned(scenario), name)
+            if via:
+                said += [f"{name} does not pass ({x:.2f}, {y:.2f}): no way there" for x, y in via]
+                site = site.not_passing(name, via)
+                continue
             if site.on_given_path(name):
                 said.append(f"{name} leaves the path that it was given: {why}")
                 site = site.off_given_path(name)
@@ -111,6 +117,27 @@ def _closed_in(scenario: Scenario) -> dict[str, str]:
         except PlanError as error:
             closed[robot.id] = str(error)
     return closed
+
+
+def _via_dropped(scenario: Scenario, name: str) -> tuple[Point, ...]:
+    """Return the via points by which a robot has no way, though it has one to its goal."""
+    robot = next(robot for robot in scenario.robots if robot.id == name)
+    if not robot.via or _has_way(scenario, robot):
+        return ()
+    straight = replace(robot, via=())
+    if not _has_way(scenario, straight):
+        return ()
+    closed = [place for place in robot.via if not _has_way(scenario, replace(straight, goal=place))]
+    return tuple(closed) or robot.via
+
+
+def _has_way(scenario: Scenario, robot: Robot) -> bool:
+    """Tell whether a robot has a way to its goal if there were no other."""
+    try:
+        Pathfinder(replace(scenario, robots=(robot,))).path(0)
+    except PlanError:
+        return False
+    return True
 
 
 def _blamed(scenario: Scenario, error: PlanError) -> dict[str, str]:

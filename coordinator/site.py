@@ -11,7 +11,7 @@ found, phases.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
@@ -98,6 +98,14 @@ class Site:
         here = np.array([one.start[:2]])
         stays = Aside(one, "closed in", here, one.start)
         return Site(replace(self.scenario, robots=rest), (*self.aside, stays))
+
+    def not_passing(self, robot: str, closed: Container[Point]) -> Site:
+        """Return the site with a robot that does not pass these via points."""
+        robots = []
+        for one in self.scenario.robots:
+            left = tuple(place for place in one.via if one.id != robot or place not in closed)
+            robots.append(replace(one, via=left))
+        return Site(replace(self.scenario, robots=tuple(robots)), self.aside)
 
     def on_given_path(self, robot: str) -> bool:
         """Tell whether a robot that is planned for has a given path."""

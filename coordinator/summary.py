@@ -102,7 +102,7 @@ class RobotSummary(msgspec.Struct):
 class FaultSummary(msgspec.Struct):
     """Something that went wrong, or a freeze of robots that were under way (kind "freeze").
 
-    Other kinds: "report", of a robot; "silence"; "link", gone; "refusal".
+    Other kinds: "report", of a robot; "silence"; "link", gone; "refusal"; "unfit", left behind.
     """
 
     t: float

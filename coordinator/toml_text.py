@@ -9,7 +9,7 @@ import re
 import tomllib
 from typing import Final
 
-_MOST_PARTS: Final = 100
+_MOST_PARTS: Final = 30
 _STRING: Final = r"""(?:"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 _DOTTED: Final = rf"""(?:[\w-]++|{_STRING})[ \t]*+\.[ \t]*+"""
 _TOKEN: Final = re.compile(

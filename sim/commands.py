@@ -139,6 +139,9 @@ def run(
     )
     try:
         outcome = fleet.run()
+    except KeyboardInterrupt:
+        tell(f"interrupted; {folder} holds what was recorded")
+        raise
     finally:
         if not fleet.has_started:
             place.leave_nothing()

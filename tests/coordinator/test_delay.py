@@ -238,3 +238,33 @@ def test_a_robot_that_earlier_new_times_did_not_concern_may_be_late_too():
     floor.report("R3", FROZEN, fault=LATE)
     floor.pace("R3", 0, (floor.now - floor.fleet.times.start_ns) // 1000 - 300_000)
     assert floor.fleet.late().robot == "R3"
+
+
+def test_a_delay_that_is_made_good_is_no_failure_of_the_epoch():
+    floor = LateFloor()
+    floor.stand()
+    floor.fleet.take_times(floor.fleet.late(), {"R1": new_times()}, DURATION, floor.now)
+    floor.report("R1", MOVING)
+    floor.pace("R1", 1)
+    floor.pass_time(20)
+    assert (floor.fleet.phase, floor.fleet.members["R1"].struck) == (GO, set())
+    floor.report("R1", BRAKING, fault=LATE)
+    floor.report("R1", FROZEN, fault=OFF_PATH)
+    assert (floor.fleet.phase, floor.fleet.members["R1"].struck) == (FREEZE, {1})
+
+
+def test_a_delay_that_lasts_too_long_is_one_failure_of_the_epoch():
+    floor = LateFloor()
+    floor.stand()
+    while floor.fleet.phase == GO:
+        floor.pass_time(moving=("R2", "R3"))
+        floor.report("R1", FROZEN, fault=LATE)
+    assert floor.fleet.members["R1"].struck == {1}
+
+
+def test_a_late_robot_without_new_times_has_failed_the_epoch():
+    floor = LateFloor()
+    floor.stand()
+    floor.fleet.take_times(floor.fleet.late(), {}, DURATION, floor.now)
+    assert (floor.fleet.phase, floor.fleet.members["R1"].struck) == (FREEZE, {1})
+    assert floor.said[-1] == "R1 is late, and there are no new times"

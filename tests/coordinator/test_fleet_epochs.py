@@ -201,7 +201,7 @@ def test_a_robot_that_came_back_is_taken_in_at_the_place_it_says_when_it_is_admi
         floor.report(name, ARMED, epoch=2)
     floor.tick()
     assert floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(1)), floor.now) == []
-    assert floor.hello("R2", boot=9) == []
+    assert floor.hello("R2", boot=9, place=(9_000, 0, 0)) == []
     assert floor.commands[-1].phase == GO
     (sent,) = floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(1)), floor.now)
     assert decode("command", sent.payload).phase == FREEZE
@@ -222,7 +222,7 @@ def test_a_robot_that_came_back_is_taken_in_at_the_place_it_says_when_it_is_admi
 def test_who_asked_for_a_robot_that_was_admitted_is_refused_only_when_it_gets_no_part():
     floor = frozen_but("R2")
     adopt(floor, "R1", "R3")
-    floor.hello("R2", boot=9)
+    floor.hello("R2", boot=9, place=(0, 0, 0))
 
     def ask(operator):
         return floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(operator)), floor.now)
@@ -272,16 +272,63 @@ def test_that_a_robot_has_not_come_back_is_told_again_when_that_has_changed_only
     assert [i.text for i in floor.fleet.incidents[before:]] == ["R2 has not come back"]
 
 
-def test_an_admitted_robot_that_never_says_where_it_stands_is_not_waited_for_for_ever():
+@pytest.mark.parametrize("says", [True, False])
+def test_an_admitted_robot_that_never_says_where_it_stands_is_not_waited_for_for_ever(says):
+    """One that falls silent is not waited for at all."""
     floor = frozen_but("R2")
-    floor.hello("R2", boot=9)
+    adopt(floor, "R1", "R3")
+    floor.hello("R2", boot=9, place=(0, 0, 0))
     floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(1)), floor.now)
-    for _ in range((FREEZE_PATIENCE + 3 * SECOND) // COMMAND_PERIOD):
+    patience = FREEZE_PATIENCE + 3 * SECOND if says else REPORT_TIMEOUT + COMMAND_PERIOD
+    assert not floor.fleet.is_settled(floor.now + COMMAND_PERIOD)
+    for tick in range(patience // COMMAND_PERIOD):
+        assert floor.fleet.members["R2"].admitted or tick > 4
         for name in ("R1", "R3"):
             floor.report(name, FROZEN, s_m=1.25)
+        if says:
+            floor.hello("R2", boot=9)
         floor.tick()
+    floor.tick()
     assert floor.fleet.is_settled(floor.now)
-    assert state_of(floor)["R1"] == "rests"
+    assert state_of(floor) == {"R1": "rests", "R3": "rests"}
+
+
+def asked(floor):
+    return floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(7)), floor.now)
+
+
+@pytest.mark.parametrize("gone", [True, False])
+def test_a_robot_that_came_back_and_died_again_freezes_nobody(gone):
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    floor.hello("R2", boot=9, place=(0, 0, 0))
+    if gone:
+        floor.fleet.hear(keys.alive("hall", "R2"), LINK_GONE, floor.now)
+    else:
+        for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 1):
+            floor.report("R1", ARMED, epoch=2)
+            floor.report("R3", ARMED, epoch=2)
+            floor.tick()
+    before = len(floor.fleet.incidents)
+    for _ in range(3):
+        assert asked(floor) == []
+    told = [incident.text for incident in floor.fleet.incidents[before:]]
+    assert told == ["R2 has come back and is not heard any more"]
+    floor.hello("R2", boot=9, place=(0, 0, 0))
+    (sent,) = asked(floor)
+    assert decode("command", sent.payload).phase == FREEZE
+
+
+def test_a_robot_that_does_not_know_where_it_stands_freezes_nobody():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    floor.hello("R2", boot=9)
+    (sent,) = asked(floor)
+    refusal = decode("plan", sent.payload)
+    assert refusal.reason.startswith("R2 does not know where it stands; ")
+    floor.hello("R2", boot=9, place=(0, 0, 0))
+    (sent,) = asked(floor)
+    assert decode("command", sent.payload).phase == FREEZE
 
 
 def test_a_robot_lost_while_it_brakes_may_stand_where_it_last_kept_to_its_plan():

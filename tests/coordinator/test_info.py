@@ -9,12 +9,14 @@ import pytest
 from rich.console import Console
 
 from coordinator import plan as plan_file
+from coordinator.adoption import Request, adoption_key, record_of
 from coordinator.info import summarise
 from coordinator.info_plan import summarise_plan
 from coordinator.info_table import render
 from coordinator.link_news import LINK_GONE
 from coordinator.logbook import Log, read_log
 from coordinator.recorder import Attachment, Recorder
+from coordinator.standing import Standing
 from protocol import codec, keys, packing, phases
 from protocol.messages import Clock, Command, Hello, NewTimes, Pace, Plan, Refusal, Report, Rest
 
@@ -337,6 +339,30 @@ def test_the_end_of_an_epoch_whose_robots_have_arrived_is_no_fault(tmp_path):
     ]
     assert [fault["kind"] for fault in told["faults"]] == ["silence", "freeze"]
     assert len(told["freezes"]) == 1
+
+
+def test_a_robot_that_is_back_and_waits_for_the_end_of_an_epoch_is_no_fault_of_it(tmp_path):
+    run = arrived_without_one()
+    back = Report(9, 8, 1, phases.FROZEN, phases.LEASE_OUT, Rest(0.5, 1))
+    run.insert(-3, (9.0, keys.report("f", "R1"), back))
+    told = summarise(log_of(tmp_path, run, plans=[plan_document(1), plan_document(2)]))
+    assert [epoch["ended"] for epoch in told["epochs"]] == ["frozen", "arrived", "nobody goes"]
+    assert len(told["freezes"]) == 1
+
+
+def test_a_robot_that_is_left_where_it_stands_is_told_once_and_why(tmp_path):
+    run = arrived_without_one()
+    standing = Standing(robot="R1", state="unfit", epoch=1, s=1.0)
+    for i, seconds in enumerate((4.9, 14.2)):
+        entry = (seconds, adoption_key("f"), record_of(Request(2 + i, (standing,))))
+        run.insert(next(k for k, one in enumerate(run) if one[0] > seconds), entry)
+    run.insert(-1, (14.3, keys.report("f", "R1"), Report(9, 9, 0, phases.IDLE)))
+    told = summarise(log_of(tmp_path, run, plans=[plan_document(1), plan_document(2)]))
+    words = "left where it stands: it has failed in 3 epochs"
+    assert [(f["robot"], f["fault"]) for f in told["faults"] if f["kind"] == "unfit"] == [
+        ("R1", words)
+    ]
+    assert told["robots"]["R1"]["fault"] == words
 
 
 def test_arrivals_and_plans_of_later_epochs_count_from_the_first_go_too(tmp_path):

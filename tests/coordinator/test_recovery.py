@@ -210,6 +210,46 @@ def test_robots_that_rest_anywhere_in_a_plan_can_go_on(scenario, documents):
         assert [r.id for r in found.document.robots] == left if left else not found.document
 
 
+ROOMS = b"""
+name = "rooms"
+[workspace]
+bounds = [0.0, 0.0, 10.0, 4.0]
+obstacles = [[[3, 0], [7, 0], [7, 1.6], [3, 1.6]], [[3, 2.4], [7, 2.4], [7, 4], [3, 4]]]
+[[robots]]
+id = "A"
+start = [1.0, 2.0]
+goal = [9.0, 3.2]
+radius = 0.2
+max_speed = 0.8
+[[robots]]
+id = "B"
+start = [1.0, 0.7]
+via = [[2.0, 1.0], [9.0, 1.0], [2.0, 3.0]]
+goal = [1.0, 3.3]
+radius = 0.2
+max_speed = 0.8
+"""
+
+
+def test_via_points_behind_a_door_that_a_dead_robot_closes_are_dropped_and_told():
+    """Without them the robot has a way to its goal; one that has none keeps all of them."""
+    scenario = parse_scenario(ROOMS, "rooms.toml")
+    documents = {1: plan(scenario, 1)}
+    ride = driven(documents, "A")
+    inside = np.argmin(np.hypot(*(ride.curve.at_arc(np.arange(0.0, 9.0, 0.01)) - (5, 2)).T)) * 0.01
+    stands = Standing(robot="A", state="unfit", epoch=1, s=float(inside))
+    found = recovered(scenario, documents, stands, rests("B", 0.05))
+    assert found.said == ("B does not pass (9.00, 1.00): no way there",)
+    (robot,) = found.site.scenario.robots
+    assert robot.via == ((2.0, 1.0), (2.0, 3.0))
+    assert [one.id for one in found.document.robots] == ["B"]
+    beyond = replace(scenario.robots[1], goal=(9.0, 3.5))
+    closed = replace(scenario, robots=(scenario.robots[0], beyond))
+    found = recovered(closed, documents, stands, rests("B", 0.05))
+    (said,) = found.said
+    assert said.startswith("B stays where it is: no way from (2.00, 1.00) to (9.00, 1.00)")
+
+
 def test_a_via_point_that_somebody_stands_on_is_dropped_and_told(scenario, documents):
     ride = driven(documents, "A")
     s = 0.5 * ride.curve.length

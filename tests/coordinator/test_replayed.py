@@ -58,7 +58,7 @@ def test_the_place_in_an_old_hello_is_not_taken_for_where_a_robot_stands():
     floor = frozen_but("R2")
     adopt(floor, "R1", "R3")
     floor.hello("R2", boot=9, sequence=1, place=(9_000, 9_000, 0))
-    floor.hello("R2", boot=10, sequence=1)
+    floor.hello("R2", boot=10, sequence=1, place=(9_000, 9_000, 0))
     floor.hear(keys.admit("hall", "R2"), Admit(1))
     floor.hello("R2", boot=9, sequence=1, place=(9_000, 9_000, 0))
     assert floor.fleet.members["R2"].rest is None
