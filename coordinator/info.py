@@ -253,7 +253,9 @@ class _Telling:
         """Tell of robots that a new epoch leaves where they stand because they failed too often."""
         request = request_of(record.payload)
         for one in request.told if request is not None else ():
-            if one.state == "unfit" and one.robot not in self._unfit:
+            if one.state != "unfit":
+                self._unfit.pop(one.robot, None)
+            elif one.robot not in self._unfit:
                 self._unfit[one.robot] = f"left where it stands: it has failed in {STRIKES} epochs"
                 self._tell_fault(record.log_ns, one.robot, self._unfit[one.robot], "unfit")
 

@@ -52,10 +52,23 @@ def recover(
     """Plan a fleet anew from where its robots stand, `documents` being the plans by epoch so far.
 
     A robot that has no way, or that no order of robots lets through, stays where it is; the others
-    are planned around it.  One on a given path looks for a way of its own before that, one with
-    via points does not pass those that are closed off.
+    are planned around it.  One on a given path looks for a way of its own before that.  Only when
+    nobody can drive on are via points left out that are closed off: whoever closes them may move.
     """
     site, said = passable(next_site(site, documents, told))
+    found = _with_those_that_can(site, said, epoch, plan)
+    while found.document is None:
+        site, dropped = _open(site)
+        if not dropped:
+            break
+        said += dropped
+        found = _with_those_that_can(site, said, epoch, plan)
+    return found
+
+
+def _with_those_that_can(site: Site, said: Sequence[str], epoch: int, plan: Planner) -> Recovery:
+    """Plan for as many robots as can drive on; `said` is told before who stays."""
+    said = list(said)
     stays: dict[str, str] = {}
     while site.scenario.robots:
         scenario = site.planned()
@@ -64,11 +77,6 @@ def recover(
         except PlanError as error:
             stay = _closed_in(turned(scenario)) or _blamed(scenario, error)
         for name, why in stay.items():
-            via = _via_dropped(turned(scenario), name)
-            if via:
-                said += [f"{name} does not pass ({x:.2f}, {y:.2f}): no way there" for x, y in via]
-                site = site.not_passing(name, via)
-                continue
             if site.on_given_path(name):
                 said.append(f"{name} leaves the path that it was given: {why}")
                 site = site.off_given_path(name)
@@ -119,16 +127,32 @@ def _closed_in(scenario: Scenario) -> dict[str, str]:
     return closed
 
 
-def _via_dropped(scenario: Scenario, name: str) -> tuple[Point, ...]:
-    """Return the via points by which a robot has no way, though it has one to its goal."""
-    robot = next(robot for robot in scenario.robots if robot.id == name)
+def _open(site: Site) -> tuple[Site, list[str]]:
+    """Return the site without via points that keep robots from their goals, and say so."""
+    scenario, said = turned(site.planned()), []
+    for robot in scenario.robots:
+        closed = _closed_via(scenario, robot)
+        said += [f"{robot.id} does not pass ({x:.2f}, {y:.2f}): no way there" for x, y in closed]
+        site = site.not_passing(robot.id, closed)
+    return site, said
+
+
+def _closed_via(scenario: Scenario, robot: Robot) -> tuple[Point, ...]:
+    """Return the via points by which a robot has no way, though it has one to its goal.
+
+    Those that it cannot get to, else as few of the last as will do.
+    """
     if not robot.via or _has_way(scenario, robot):
         return ()
     straight = replace(robot, via=())
     if not _has_way(scenario, straight):
         return ()
     closed = [place for place in robot.via if not _has_way(scenario, replace(straight, goal=place))]
-    return tuple(closed) or robot.via
+    if closed:
+        return tuple(closed)
+    few = range(len(robot.via) - 1, 0, -1)
+    kept = next((n for n in few if _has_way(scenario, replace(robot, via=robot.via[:n]))), 0)
+    return robot.via[kept:]
 
 
 def _has_way(scenario: Scenario, robot: Robot) -> bool:

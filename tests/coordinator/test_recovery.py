@@ -9,6 +9,7 @@ import pytest
 import shapely
 from msgspec.structs import replace
 
+from coordinator import recovery
 from coordinator.errors import PlanError
 from coordinator.planner import plan_scenario
 from coordinator.recovery import recover
@@ -231,8 +232,11 @@ max_speed = 0.8
 """
 
 
-def test_via_points_behind_a_door_that_a_dead_robot_closes_are_dropped_and_told():
-    """Without them the robot has a way to its goal; one that has none keeps all of them."""
+def test_via_points_behind_a_door_that_a_dead_robot_closes_are_dropped_when_nobody_else_goes():
+    """Without them the robot has a way to its goal; one that has none keeps all of them.
+
+    As long as others drive it stays, for who closes the door may be heard again.
+    """
     scenario = parse_scenario(ROOMS, "rooms.toml")
     documents = {1: plan(scenario, 1)}
     ride = driven(documents, "A")
@@ -243,11 +247,24 @@ def test_via_points_behind_a_door_that_a_dead_robot_closes_are_dropped_and_told(
     (robot,) = found.site.scenario.robots
     assert robot.via == ((2.0, 1.0), (2.0, 3.0))
     assert [one.id for one in found.document.robots] == ["B"]
+    other = replace(scenario.robots[1], id="C", start=(2.4, 2.0), goal=(2.4, 3.5), via=())
+    crowd = replace(scenario, robots=(*scenario.robots, other))
+    found = recovered(crowd, documents, stands, rests("B", 0.05))
+    assert [one.split(":")[0] for one in found.said] == ["B stays where it is"]
+    assert [one.id for one in found.document.robots] == ["C"]
     beyond = replace(scenario.robots[1], goal=(9.0, 3.5))
     closed = replace(scenario, robots=(scenario.robots[0], beyond))
     found = recovered(closed, documents, stands, rests("B", 0.05))
     (said,) = found.said
     assert said.startswith("B stays where it is: no way from (2.00, 1.00) to (9.00, 1.00)")
+
+
+def test_of_via_points_that_only_together_have_no_way_as_few_of_the_last_are_left_out(monkeypatch):
+    scenario = parse_scenario(ROOMS, "rooms.toml")
+    robot = replace(scenario.robots[1], via=((2.0, 1.0), (2.0, 3.0), (1.0, 2.5)))
+    for most in range(4):
+        monkeypatch.setattr(recovery, "_has_way", lambda _, one, most=most: len(one.via) <= most)
+        assert recovery._closed_via(scenario, robot) == robot.via[most:]
 
 
 def test_a_via_point_that_somebody_stands_on_is_dropped_and_told(scenario, documents):
