@@ -273,7 +273,7 @@ class _Telling:
             told = self._robot(robot)
             if told.arrived is None:
                 told.fault = "lost its link"
-                self._numbers.link_lost(log_ns)
+                self._numbers.link_lost(robot, log_ns)
                 self._tell_fault(log_ns, robot, told.fault, "link")
 
     def _tell_report(self, report: Report, robot: str, log_ns: int) -> None:

@@ -115,6 +115,7 @@ class Numbers:
         self._reports: dict[tuple[str, int], _Speaker] = {}
         self._said_ns: dict[int, int] = {}
         self._states: dict[str, tuple[int, int]] = {}
+        self._parts: dict[str, int] = {}
         self._sign_ns: int | None = None
         self._epoch, self._phase = 0, phases.HOLD
         self._freezes: list[tuple[int, FreezeSummary]] = []
@@ -129,9 +130,10 @@ class Numbers:
             self._age("report_age", record)
             self._hear_report(message, robot, record.log_ns)
 
-    def link_lost(self, log_ns: int) -> None:
-        """Take note that a robot under way has lost its link."""
-        self._sign(log_ns)
+    def link_lost(self, robot: str, log_ns: int) -> None:
+        """Take note that a robot has lost its link: no sign if it has no part in the epoch."""
+        if self._parts.get(robot) == self._epoch:
+            self._sign(log_ns)
 
     def fill(self, summary: Summary) -> None:
         """Put everything that was counted into the summary."""
@@ -194,6 +196,7 @@ class Numbers:
     def _hear_report(self, report: Report, robot: str, log_ns: int) -> None:
         self._reports.setdefault((robot, report.boot), _Speaker()).hear(report.sequence)
         self._states[robot] = (log_ns, report.phase)
+        self._parts[robot] = report.epoch
         failed = report.fault != phases.NO_FAULT or report.phase in (phases.BRAKING, phases.FROZEN)
         if failed and report.epoch in (0, self._epoch):  # Else it has no part in this epoch.
             self._sign(log_ns)

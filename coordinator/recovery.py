@@ -56,19 +56,21 @@ def recover(
     nobody can drive on are via points left out that are closed off: whoever closes them may move.
     """
     site, said = passable(next_site(site, documents, told))
-    found = _with_those_that_can(site, said, epoch, plan)
-    while found.document is None:
-        site, dropped = _open(site)
-        if not dropped:
-            break
-        said += dropped
-        found = _with_those_that_can(site, said, epoch, plan)
+    found = _with_those_that_can(site, said, epoch, plan, every_via=True)
+    if found.document is None and any(robot.via for robot in site.scenario.robots):
+        fewer = _with_those_that_can(site, said, epoch, plan, every_via=False)
+        return found if fewer.document is None else fewer
     return found
 
 
-def _with_those_that_can(site: Site, said: Sequence[str], epoch: int, plan: Planner) -> Recovery:
-    """Plan for as many robots as can drive on; `said` is told before who stays."""
-    said = list(said)
+def _with_those_that_can(
+    site: Site, known: Sequence[str], epoch: int, plan: Planner, *, every_via: bool
+) -> Recovery:
+    """Plan for as many robots as can drive on; what is `known` is said before who stays.
+
+    every_via: or leave out those that are closed off.
+    """
+    said = list(known)
     stays: dict[str, str] = {}
     while site.scenario.robots:
         scenario = site.planned()
@@ -77,6 +79,13 @@ def _with_those_that_can(site: Site, said: Sequence[str], epoch: int, plan: Plan
         except PlanError as error:
             stay = _closed_in(turned(scenario)) or _blamed(scenario, error)
         for name, why in stay.items():
+            closed = () if every_via else _closed_via(turned(scenario), name)
+            if closed:
+                said += [
+                    f"{name} does not pass ({x:.2f}, {y:.2f}): no way there" for x, y in closed
+                ]
+                site = site.not_passing(name, closed)
+                continue
             if site.on_given_path(name):
                 said.append(f"{name} leaves the path that it was given: {why}")
                 site = site.off_given_path(name)
@@ -127,21 +136,12 @@ def _closed_in(scenario: Scenario) -> dict[str, str]:
     return closed
 
 
-def _open(site: Site) -> tuple[Site, list[str]]:
-    """Return the site without via points that keep robots from their goals, and say so."""
-    scenario, said = turned(site.planned()), []
-    for robot in scenario.robots:
-        closed = _closed_via(scenario, robot)
-        said += [f"{robot.id} does not pass ({x:.2f}, {y:.2f}): no way there" for x, y in closed]
-        site = site.not_passing(robot.id, closed)
-    return site, said
-
-
-def _closed_via(scenario: Scenario, robot: Robot) -> tuple[Point, ...]:
+def _closed_via(scenario: Scenario, name: str) -> tuple[Point, ...]:
     """Return the via points by which a robot has no way, though it has one to its goal.
 
     Those that it cannot get to, else as few of the last as will do.
     """
+    robot = next(robot for robot in scenario.robots if robot.id == name)
     if not robot.via or _has_way(scenario, robot):
         return ()
     straight = replace(robot, via=())

@@ -345,6 +345,7 @@ def test_a_robot_that_is_back_and_waits_for_the_end_of_an_epoch_is_no_fault_of_i
     run = arrived_without_one()
     back = Report(9, 8, 1, phases.FROZEN, phases.LEASE_OUT, Rest(0.5, 1))
     run.insert(-3, (9.0, keys.report("f", "R1"), back))
+    run.insert(-3, (10.0, keys.alive("f", "R1"), LINK_GONE))
     told = summarise(log_of(tmp_path, run, plans=[plan_document(1), plan_document(2)]))
     assert [epoch["ended"] for epoch in told["epochs"]] == ["frozen", "arrived", "nobody goes"]
     assert len(told["freezes"]) == 1

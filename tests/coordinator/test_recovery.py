@@ -239,7 +239,7 @@ def test_via_points_behind_a_door_that_a_dead_robot_closes_are_dropped_when_nobo
     """
     scenario = parse_scenario(ROOMS, "rooms.toml")
     documents = {1: plan(scenario, 1)}
-    ride = driven(documents, "A")
+    ride, robot_with_via = driven(documents, "A"), scenario.robots[1]
     inside = np.argmin(np.hypot(*(ride.curve.at_arc(np.arange(0.0, 9.0, 0.01)) - (5, 2)).T)) * 0.01
     stands = Standing(robot="A", state="unfit", epoch=1, s=float(inside))
     found = recovered(scenario, documents, stands, rests("B", 0.05))
@@ -252,6 +252,14 @@ def test_via_points_behind_a_door_that_a_dead_robot_closes_are_dropped_when_nobo
     found = recovered(crowd, documents, stands, rests("B", 0.05))
     assert [one.split(":")[0] for one in found.said] == ["B stays where it is"]
     assert [one.id for one in found.document.robots] == ["C"]
+    lost_at_goal = replace(scenario.robots[0], goal=(9.0, 3.95))
+    told = (rests("A", float(inside)), rests("B", 0.05))
+    found = recovered(replace(scenario, robots=(lost_at_goal, robot_with_via)), documents, *told)
+    assert [one.split(":")[0] for one in found.said] == [
+        "A stays where it is",
+        "B does not pass (9.00, 1.00)",
+    ]
+    assert [one.id for one in found.document.robots] == ["B"]
     beyond = replace(scenario.robots[1], goal=(9.0, 3.5))
     closed = replace(scenario, robots=(scenario.robots[0], beyond))
     found = recovered(closed, documents, stands, rests("B", 0.05))
@@ -262,9 +270,10 @@ def test_via_points_behind_a_door_that_a_dead_robot_closes_are_dropped_when_nobo
 def test_of_via_points_that_only_together_have_no_way_as_few_of_the_last_are_left_out(monkeypatch):
     scenario = parse_scenario(ROOMS, "rooms.toml")
     robot = replace(scenario.robots[1], via=((2.0, 1.0), (2.0, 3.0), (1.0, 2.5)))
+    scenario = replace(scenario, robots=(robot,))
     for most in range(4):
         monkeypatch.setattr(recovery, "_has_way", lambda _, one, most=most: len(one.via) <= most)
-        assert recovery._closed_via(scenario, robot) == robot.via[most:]
+        assert recovery._closed_via(scenario, "B") == robot.via[most:]
 
 
 def test_a_via_point_that_somebody_stands_on_is_dropped_and_told(scenario, documents):
