@@ -74,8 +74,9 @@ class Door:
             self._tell_denied(robot, f"{robot} has come back and is not heard any more", now_ns)
             return False
         if member.knocking.place is None:
-            reason = f"{robot} does not know where it stands; its driver, or agent --at, has to say"
-            return self._deny(robot, boot, reason, now_ns)
+            reason = "does not say yet where it stands; its driver, or agent --at, tells it"
+            self._tell_denied(robot, f"{robot} {reason}", now_ns)
+            return False
         member.admitted, member.admitted_by = True, boot
         self._not_admitted.pop(robot, None)
         self._tell(now_ns, "admitted", robot, f"{robot} is admitted")

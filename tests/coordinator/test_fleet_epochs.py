@@ -323,9 +323,10 @@ def test_a_robot_that_does_not_know_where_it_stands_freezes_nobody():
     floor = frozen_but("R2")
     adopt(floor, "R1", "R3")
     floor.hello("R2", boot=9)
-    (sent,) = asked(floor)
-    refusal = decode("plan", sent.payload)
-    assert refusal.reason.startswith("R2 does not know where it stands; ")
+    for _ in range(3):
+        assert asked(floor) == []
+    assert floor.fleet.incidents[-1].text.startswith("R2 does not say yet where it stands; ")
+    assert floor.fleet.incidents[-2].kind == "back"
     floor.hello("R2", boot=9, place=(0, 0, 0))
     (sent,) = asked(floor)
     assert decode("command", sent.payload).phase == FREEZE
