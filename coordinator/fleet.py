@@ -285,7 +285,9 @@ class Fleet(FleetState):
             return
         waited = now_ns - self._changed_ns > self.times.settling_ns + FREEZE_PATIENCE
         for member in self.members.values():
-            member.admitted &= not waited and member.is_at_door(now_ns)
+            member.admitted &= member.is_at_door(now_ns)
+            if waited:
+                member.wait_no_more()
             if member.planned and not member.finished and not self._is_back(member, now_ns):
                 member.lost |= member.is_silent(now_ns) or (waited and not member.is_at_rest())
 

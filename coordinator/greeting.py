@@ -73,10 +73,11 @@ class Door:
         if not member.is_at_door(now_ns):
             self._tell_denied(robot, f"{robot} has come back and is not heard any more", now_ns)
             return False
-        if member.knocking.place is None:
-            reason = "does not say yet where it stands; its driver, or agent --at, tells it"
-            self._tell_denied(robot, f"{robot} {reason}", now_ns)
-            return False
+        if member.knocking.boot == member.placeless:
+            reason = (
+                "was asked and did not say where it stands; its driver, or agent --at, tells it"
+            )
+            return self._deny(robot, boot, f"{robot} {reason}", now_ns)
         member.admitted, member.admitted_by = True, boot
         self._not_admitted.pop(robot, None)
         self._tell(now_ns, "admitted", robot, f"{robot} is admitted")

@@ -80,6 +80,6 @@ def admit(
     if asking.admitted:
         tell(f"{fleet}: {asking.answer}")
         return
-    late = f"no new epoch with {robot} within {wait:g} s; is it back, does it say where it stands?"
+    late = f"no new epoch with {robot} within {wait:g} s; is it back, the fleet under way?"
     tell(asking.answer or late, "red")
     raise typer.Exit(1)

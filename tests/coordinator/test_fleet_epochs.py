@@ -319,14 +319,21 @@ def test_a_robot_that_came_back_and_died_again_freezes_nobody(gone):
     assert decode("command", sent.payload).phase == FREEZE
 
 
-def test_a_robot_that_does_not_know_where_it_stands_freezes_nobody():
+def test_a_robot_that_did_not_say_where_it_stands_is_not_asked_again_before_it_does():
     floor = frozen_but("R2")
     adopt(floor, "R1", "R3")
     floor.hello("R2", boot=9)
-    for _ in range(3):
-        assert asked(floor) == []
-    assert floor.fleet.incidents[-1].text.startswith("R2 does not say yet where it stands; ")
-    assert floor.fleet.incidents[-2].kind == "back"
+    (sent,) = asked(floor)
+    assert decode("command", sent.payload).phase == FREEZE
+    for _ in range((FREEZE_PATIENCE + 3 * SECOND) // COMMAND_PERIOD):
+        for name in ("R1", "R3"):
+            floor.report(name, FROZEN, s_m=1.25)
+        floor.hello("R2", boot=9)
+        floor.tick()
+    floor.fleet.adopt(3, {name: PARTS[name] for name in ("R1", "R3")}, DURATION, floor.now)
+    (sent,) = asked(floor)
+    assert decode("plan", sent.payload).reason.startswith("R2 was asked and did not say where")
+    assert floor.fleet.phase == HOLD
     floor.hello("R2", boot=9, place=(0, 0, 0))
     (sent,) = asked(floor)
     assert decode("command", sent.payload).phase == FREEZE
