@@ -283,10 +283,11 @@ class Fleet(FleetState):
         """See who is lost in a fleet that freezes."""
         if was_away or now_ns < self._patient_until_ns:
             return
-        waited = now_ns - self._changed_ns > self.times.settling_ns + FREEZE_PATIENCE
+        patience = self.times.settling_ns + FREEZE_PATIENCE
+        waited = now_ns - self._changed_ns > patience
         for member in self.members.values():
             member.admitted &= member.is_at_door(now_ns)
-            if waited:
+            if waited and now_ns - member.admitted_ns > patience:
                 member.wait_no_more()
             if member.planned and not member.finished and not self._is_back(member, now_ns):
                 member.lost |= member.is_silent(now_ns) or (waited and not member.is_at_rest())

@@ -73,14 +73,14 @@ class Door:
         if not member.is_at_door(now_ns):
             self._tell_denied(robot, f"{robot} has come back and is not heard any more", now_ns)
             return False
-        if member.knocking.boot == member.placeless:
-            reason = (
-                "was asked and did not say where it stands; its driver, or agent --at, tells it"
-            )
+        if boot == member.in_vain:
+            reason = "was waited for and did not say where it stands; does its driver know?"
             return self._deny(robot, boot, f"{robot} {reason}", now_ns)
-        member.admitted, member.admitted_by = True, boot
-        self._not_admitted.pop(robot, None)
-        self._tell(now_ns, "admitted", robot, f"{robot} is admitted")
+        member.admitted_by = boot
+        if not member.admitted:
+            member.admitted, member.admitted_ns = True, now_ns
+            self._not_admitted.pop(robot, None)
+            self._tell(now_ns, "admitted", robot, f"{robot} is admitted")
         return True
 
     def _deny(self, robot: str, boot: int, reason: str, now_ns: int) -> Outgoing:

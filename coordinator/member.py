@@ -81,8 +81,9 @@ class Member:
     knocked_ns: int | None = None
     """When it did so; None when its link has gone since."""
     admitted: bool = False
-    placeless: int | None = None
-    """The boot id that was admitted and then did not say where it stands."""
+    admitted_ns: int = 0
+    in_vain: int | None = None
+    """Who asked for it when it then did not say where it stands: they are not to ask again."""
     admitted_by: int | None = None
     stays: str = ""
     hellos: dict[int, int] = field(default_factory=dict)
@@ -104,8 +105,6 @@ class Member:
     def knock(self, hello: Hello, now_ns: int) -> None:
         """Take note that a robot of this name has come back; an operator may admit it."""
         self.knocked_ns, self.knocking = now_ns, hello
-        if hello.place is not None:
-            self.placeless = None
         if self.admitted and hello.place is not None:
             x, y, heading = (number / 1000.0 for number in hello.place)
             self.accept(hello, now_ns)
@@ -121,8 +120,8 @@ class Member:
 
     def wait_no_more(self) -> None:
         """Give up waiting for a robot that was admitted to say where it stands."""
-        if self.admitted and self.knocking is not None:
-            self.admitted, self.placeless = False, self.knocking.boot
+        if self.admitted:
+            self.admitted, self.in_vain = False, self.admitted_by
 
     def accept(self, hello: Hello, now_ns: int) -> None:
         """Take a robot in, forgetting what an earlier process of that name said."""

@@ -319,7 +319,7 @@ def test_a_robot_that_came_back_and_died_again_freezes_nobody(gone):
     assert decode("command", sent.payload).phase == FREEZE
 
 
-def test_a_robot_that_did_not_say_where_it_stands_is_not_asked_again_before_it_does():
+def test_who_asked_for_a_robot_that_did_not_say_where_it_stands_is_refused_and_others_are_not():
     floor = frozen_but("R2")
     adopt(floor, "R1", "R3")
     floor.hello("R2", boot=9)
@@ -332,11 +332,30 @@ def test_a_robot_that_did_not_say_where_it_stands_is_not_asked_again_before_it_d
         floor.tick()
     floor.fleet.adopt(3, {name: PARTS[name] for name in ("R1", "R3")}, DURATION, floor.now)
     (sent,) = asked(floor)
-    assert decode("plan", sent.payload).reason.startswith("R2 was asked and did not say where")
+    assert decode("plan", sent.payload).reason.startswith("R2 was waited for and did not say where")
     assert floor.fleet.phase == HOLD
-    floor.hello("R2", boot=9, place=(0, 0, 0))
-    (sent,) = asked(floor)
+    (sent,) = floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(8)), floor.now)
     assert decode("command", sent.payload).phase == FREEZE
+
+
+def test_a_robot_admitted_late_in_a_freeze_is_given_time_to_say_where_it_stands():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    floor.hello("R2", boot=9)
+    asked(floor)
+    for _ in range((FREEZE_PATIENCE + 3 * SECOND) // COMMAND_PERIOD):
+        floor.report("R1", FROZEN, s_m=1.25)
+        floor.report("R3", FROZEN, s_m=1.25)
+        floor.hello("R2", boot=9)
+        floor.tick()
+    assert floor.fleet.phase == FREEZE
+    floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(8)), floor.now)
+    for _ in range(10):
+        floor.hello("R2", boot=9)
+        floor.tick()
+        assert floor.fleet.members["R2"].admitted
+    floor.hello("R2", boot=9, place=(1_000, 0, 0))
+    assert floor.fleet.members["R2"].standing(2, 0, 1).place == (1.0, 0.0, 0.0)
 
 
 def test_a_robot_lost_while_it_brakes_may_stand_where_it_last_kept_to_its_plan():
