@@ -140,7 +140,8 @@ def run(
     try:
         outcome = fleet.run()
     except KeyboardInterrupt:
-        tell(f"interrupted; {folder} holds what was recorded")
+        if fleet.has_started:
+            tell(f"interrupted; {folder} holds what was recorded")
         raise
     finally:
         if not fleet.has_started:
