@@ -35,12 +35,9 @@ class Asking:
         self._asked = True
 
     def hear(self, message: Message) -> None:
-        """Take a Command of the fleet, or what it says to the robot or to who asks for it.
-
-        Once the fleet has frozen the next epoch tells: a second who asks is told "already".
-        """
+        """Take a Command of the fleet, or what it says to the robot or to who asks for it."""
         if isinstance(message, Refusal):
-            if message.boot == self._boot and not self._frozen:
+            if message.boot == self._boot:
                 self.answer = message.reason
         elif isinstance(message, Plan):
             self._epoch = max(self._epoch, message.epoch)

@@ -225,7 +225,8 @@ class Fleet(FleetState):
         member = self.members.get(robot)
         if member is None or member.boot is None:
             return []
-        member.gone, member.knocked_ns = True, None
+        member.gone = True
+        member.admission.leave()
         under_way = self.phase == GO or self.epoch != self.first_epoch
         if under_way and member.planned and not member.finished:
             self._give_up([Failing(member, "has lost its link", lost=True)], now_ns)
@@ -286,10 +287,10 @@ class Fleet(FleetState):
         patience = self.times.settling_ns + FREEZE_PATIENCE
         waited = now_ns - self._changed_ns > patience
         for member in self.members.values():
-            member.admitted &= member.is_at_door(now_ns)
-            if waited and now_ns - member.admitted_ns > patience:
-                member.wait_no_more()
-            if member.planned and not member.finished and not self._is_back(member, now_ns):
+            if self._is_back(member, now_ns):
+                continue
+            member.admission.look(member.timeout_ns, patience if waited else None, now_ns)
+            if member.planned and not member.finished:
                 member.lost |= member.is_silent(now_ns) or (waited and not member.is_at_rest())
 
     def _is_back(self, member: Member, now_ns: int) -> bool:

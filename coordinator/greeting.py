@@ -60,25 +60,24 @@ class Door:
         member = self._members.get(robot)
         if member is None:
             return self._deny(robot, boot, self._unknown(robot), now_ns)
-        if member.knocking is None or member.knocking.boot == member.boot:
+        admission = member.admission
+        if admission.hello is None or admission.hello.boot == member.boot:
             if member.boot is None or member.is_silent(now_ns):
                 self._tell_denied(robot, f"{robot} has not come back", now_ns)
                 return False
-            if boot == member.admitted_by:
+            if boot in admission.asked_by or (not member.planned and admission.join(boot)):
                 return False  # What was asked for is being done.
             return self._deny(robot, boot, _why_in_already(member), now_ns)
         if member.planned and not member.finished:
             self._tell_denied(robot, f"{robot} is not given up yet, ask again", now_ns)
             return False
-        if not member.is_at_door(now_ns):
+        if not admission.is_at_door(member.timeout_ns, now_ns):
             self._tell_denied(robot, f"{robot} has come back and is not heard any more", now_ns)
             return False
-        if boot == member.in_vain:
+        if boot in admission.in_vain:
             reason = "was waited for and did not say where it stands; does its driver know?"
             return self._deny(robot, boot, f"{robot} {reason}", now_ns)
-        member.admitted_by = boot
-        if not member.admitted:
-            member.admitted, member.admitted_ns = True, now_ns
+        if admission.ask(boot, now_ns):
             self._not_admitted.pop(robot, None)
             self._tell(now_ns, "admitted", robot, f"{robot} is admitted")
         return True
@@ -95,7 +94,8 @@ class Door:
             self._tell(now_ns, "not admitted", robot, reason)
 
     def _knock(self, member: Member, hello: Hello, now_ns: int) -> None:
-        if member.knocking is None or member.knocking.boot != hello.boot:
+        known = member.admission.hello
+        if known is None or known.boot != hello.boot:
             words = f"{member.id} is back; `splinefleet admit {member.id} --connect ...` lets it in"
             self._tell(now_ns, "back", member.id, words)
         member.knock(hello, now_ns)

@@ -10,6 +10,7 @@ from typing import Final
 
 import msgspec
 
+from coordinator.admission import Admission
 from coordinator.standing import Standing, State
 from protocol.messages import Hello, Report
 from protocol.phases import (
@@ -41,9 +42,7 @@ class Member:
 
     `planned`: it has a part in this epoch; `sent_epoch`: the last one in which it may have moved.
     `finished`: it has been at its goal.  `rest`: where it last said that it rests, None as long as
-    it may have moved since.  `knocking`: the last Hello of a robot that has come back; `admitted`:
-    it may take part as soon as it says where it stands, `admitted_by` is who asked for that,
-    until an epoch begins in which it has no part.
+    it may have moved since.
     `stays`: why it got no part in this epoch though it could have had one, in words.
     """
 
@@ -77,14 +76,7 @@ class Member:
     struck: set[int] = field(default_factory=set)
     """The epochs that it has ended by a fault of its own."""
     rest: Standing | None = None
-    knocking: Hello | None = None
-    knocked_ns: int | None = None
-    """When it did so; None when its link has gone since."""
-    admitted: bool = False
-    admitted_ns: int = 0
-    in_vain: int | None = None
-    """Who asked for it when it then did not say where it stands: they are not to ask again."""
-    admitted_by: int | None = None
+    admission: Admission = field(default_factory=Admission)
     stays: str = ""
     hellos: dict[int, int] = field(default_factory=dict)
     """The newest Hello's number of each process that has said one, the last ones last."""
@@ -104,24 +96,16 @@ class Member:
 
     def knock(self, hello: Hello, now_ns: int) -> None:
         """Take note that a robot of this name has come back; an operator may admit it."""
-        self.knocked_ns, self.knocking = now_ns, hello
-        if self.admitted and hello.place is not None:
+        self.admission.knock(hello, now_ns)
+        if self.admission.is_awaited and hello.place is not None:
             x, y, heading = (number / 1000.0 for number in hello.place)
             self.accept(hello, now_ns)
             self.finished = self.planned = False
             self.stays = ""
-            self.kept_ns, self.admitted, self.sent_epoch = now_ns, False, 0
+            self.kept_ns, self.sent_epoch = now_ns, 0
             self.struck.clear()
+            self.admission.take_in()
             self.rest = Standing(robot=self.id, state="rests", epoch=0, place=(x, y, heading))
-
-    def is_at_door(self, now_ns: int) -> bool:
-        """Tell whether a robot that has come back is there: it says so again and again."""
-        return self.knocked_ns is not None and now_ns - self.knocked_ns <= self.timeout_ns
-
-    def wait_no_more(self) -> None:
-        """Give up waiting for a robot that was admitted to say where it stands."""
-        if self.admitted:
-            self.admitted, self.in_vain = False, self.admitted_by
 
     def accept(self, hello: Hello, now_ns: int) -> None:
         """Take a robot in, forgetting what an earlier process of that name said."""

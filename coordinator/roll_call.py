@@ -54,7 +54,7 @@ def _missing(fleet: Fleet, now_ns: int) -> Iterable[tuple[Member, str]]:
     for member in fleet.members.values():
         if fleet.phase == HOLD and member.planned and not member.is_armed(fleet.epoch, now_ns):
             yield member, _why_not_armed(member, fleet.epoch, now_ns)
-        elif fleet.phase == FREEZE and member.admitted:
+        elif fleet.phase == FREEZE and member.admission.is_awaited:
             yield member, "admitted, has not said where it stands"
         elif fleet.phase == FREEZE and member.planned and not (member.lost or member.is_at_rest()):
             yield member, _why_unheard(member, now_ns) or "has not said where it rests"

@@ -40,7 +40,7 @@ class Roster(dict[str, Member]):
 
         In an epoch that has not gone it is; those that were just admitted have to say it.
         """
-        if any(member.admitted for member in self.values()):
+        if any(member.admission.is_awaited for member in self.values()):
             return False
         return not has_gone or all(m.lost or m.is_at_rest() for m in self.planned)
 
@@ -67,7 +67,8 @@ class Roster(dict[str, Member]):
             if member.planned:
                 member.take_part(parts[member.id].plan, parts[member.id].speed)
             else:
-                member.sent_epoch, member.admitted_by = 0, None
+                member.sent_epoch = 0
+                member.admission.end()
 
     def standings(self, epoch: int, zero_ns: int, until_ns: int, has_gone: bool) -> list[Standing]:
         """Return where those stand that have a part in the epoch, or none but have spoken since.

@@ -6,15 +6,17 @@ import itertools
 
 from coordinator.epoch_times import EpochTimes
 from coordinator.fleet import Fleet
+from coordinator.fleet_news import Part
 from coordinator.member import Member
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Command, Hello, Report, Rest
-from protocol.phases import ARMED, MOVING
-from protocol.timing import COMMAND_PERIOD, SECOND
+from protocol.phases import ARMED, DONE, FREEZE, FROZEN, MOVING
+from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
 
 NAMES = ("R1", "R2", "R3")
 DURATION = 10 * SECOND
+PARTS = {name: Part(b"second plan of " + name.encode(), 0.5) for name in NAMES}
 
 
 class Floor:
@@ -65,3 +67,31 @@ class Floor:
         self.tick()
         self.everybody(MOVING)
         return self
+
+
+def frozen_but(*lost, finished=()):
+    """A fleet that froze because of those lost and has settled."""
+    floor = Floor().go()
+    for name in finished:
+        floor.report(name, DONE)
+    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
+        for name in NAMES:
+            if name not in lost:
+                floor.report(name, DONE if name in finished else MOVING)
+        floor.tick()
+    assert floor.commands[-1].phase == FREEZE
+    for name in NAMES:
+        if name not in (*lost, *finished):
+            floor.report(name, FROZEN, s_m=1.25)
+    floor.tick()
+    assert floor.fleet.is_settled(floor.now)
+    return floor
+
+
+def adopt(floor, *names):
+    parts = {name: PARTS[name] for name in names}
+    return floor.take(floor.fleet.adopt(2, parts, DURATION, floor.now))
+
+
+def state_of(floor):
+    return {standing.robot: standing.state for standing in floor.fleet.standings()}

@@ -62,7 +62,8 @@ def test_who_asks_is_refused_by_an_answer_to_it_alone():
     assert asking.answer == "R2 is under way"
 
 
-def test_who_asks_twice_is_not_put_off_by_the_answer_to_the_second():
-    already = Refusal(BOOT, "R2 is in the fleet already, idle")
-    asking = asked(command(FREEZE, 1), already, plan(2), command(HOLD, 2))
-    assert asking.admitted
+def test_who_asks_in_vain_is_told_before_the_others_go_on():
+    vain = Refusal(BOOT, "R2 was waited for")
+    asking = asked(command(FREEZE, 1), command(HOLD, 2), vain)
+    assert not asking.admitted
+    assert asking.answer == "R2 was waited for"

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from coordinator.fleet_news import Part
-from coordinator.fleet_phases import ARM_PATIENCE, FREEZE_PATIENCE
+from coordinator.fleet_phases import ARM_PATIENCE
 from coordinator.link_news import LINK_GONE, LINK_UP
 from coordinator.member import STRIKES
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import Admit, Command, Plan, Refusal, Report, Rest
+from protocol.messages import Command, Plan, Report, Rest
 from protocol.phases import (
     ARMED,
     BRAKING,
@@ -26,37 +25,7 @@ from protocol.phases import (
     OVER,
 )
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
-from tests.coordinator.fleet_floor import DURATION, NAMES, Floor
-
-PARTS = {name: Part(b"second plan of " + name.encode(), 0.5) for name in NAMES}
-
-
-def frozen_but(*lost, finished=()):
-    """A fleet that froze because of those lost and has settled."""
-    floor = Floor().go()
-    for name in finished:
-        floor.report(name, DONE)
-    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
-        for name in NAMES:
-            if name not in lost:
-                floor.report(name, DONE if name in finished else MOVING)
-        floor.tick()
-    assert floor.commands[-1].phase == FREEZE
-    for name in NAMES:
-        if name not in (*lost, *finished):
-            floor.report(name, FROZEN, s_m=1.25)
-    floor.tick()
-    assert floor.fleet.is_settled(floor.now)
-    return floor
-
-
-def adopt(floor, *names):
-    parts = {name: PARTS[name] for name in names}
-    return floor.take(floor.fleet.adopt(2, parts, DURATION, floor.now))
-
-
-def state_of(floor):
-    return {standing.robot: standing.state for standing in floor.fleet.standings()}
+from tests.coordinator.fleet_floor import DURATION, NAMES, PARTS, Floor, adopt, frozen_but, state_of
 
 
 def test_a_frozen_fleet_tells_where_its_robots_stand():
@@ -192,170 +161,6 @@ def test_where_a_robot_rested_in_an_earlier_epoch_says_nothing_once_it_was_sent_
     floor.report("R3", FROZEN, epoch=2, s_m=0.5)
     told = {standing.robot: standing for standing in floor.fleet.standings()}
     assert (told["R1"].epoch, told["R1"].s) == (2, 0.75)
-
-
-def test_a_robot_that_came_back_is_taken_in_at_the_place_it_says_when_it_is_admitted():
-    floor = frozen_but("R2")
-    adopt(floor, "R1", "R3")
-    for name in ("R1", "R3"):
-        floor.report(name, ARMED, epoch=2)
-    floor.tick()
-    assert floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(1)), floor.now) == []
-    assert floor.hello("R2", boot=9, place=(9_000, 0, 0)) == []
-    assert floor.commands[-1].phase == GO
-    (sent,) = floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(1)), floor.now)
-    assert decode("command", sent.payload).phase == FREEZE
-    for name in ("R1", "R3"):
-        floor.report(name, FROZEN, epoch=2, s_m=0.5)
-    floor.tick()
-    assert not floor.fleet.is_settled(floor.now)
-    floor.hello("R2", boot=9, place=(1_500, -20, 1_571))
-    floor.tick()
-    assert floor.fleet.is_settled(floor.now)
-    told = {standing.robot: standing for standing in floor.fleet.standings()}
-    assert (told["R2"].state, told["R2"].place) == ("rests", (1.5, -0.02, 1.571))
-    floor.fleet.adopt(3, PARTS, DURATION, floor.now)
-    (sent,) = floor.report("R2", IDLE, boot=9, epoch=0)
-    assert sent.payload == PARTS["R2"].plan
-
-
-def test_who_asked_for_a_robot_that_was_admitted_is_refused_only_when_it_gets_no_part():
-    floor = frozen_but("R2")
-    adopt(floor, "R1", "R3")
-    floor.hello("R2", boot=9, place=(0, 0, 0))
-
-    def ask(operator):
-        return floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(operator)), floor.now)
-
-    (sent,) = ask(7)
-    assert decode("command", sent.payload).phase == FREEZE
-    floor.hello("R2", boot=9, place=(1_500, -20, 1_571))
-    before = len(floor.fleet.incidents)
-    assert ask(7) == []
-    (sent,) = ask(8)
-    assert decode("plan", sent.payload) == Refusal(8, "R2 is in the fleet already, idle")
-    floor.fleet.adopt(3, PARTS, DURATION, floor.now)
-    assert ask(7) == []
-    floor.fleet.adopt(4, {"R1": PARTS["R1"], "R3": PARTS["R3"]}, DURATION, floor.now)
-    floor.fleet.members["R2"].stays = "no way"
-    (sent,) = ask(7)
-    assert decode("plan", sent.payload) == Refusal(7, "R2 stays where it is: no way")
-    told = [one.text for one in floor.fleet.incidents[before:] if one.kind == "not admitted"]
-    floor.fleet.members["R2"].finished = True
-    (sent,) = ask(7)
-    assert decode("plan", sent.payload) == Refusal(7, "R2 has arrived already")
-    assert told == ["R2 is in the fleet already, idle", "R2 stays where it is: no way"]
-
-
-@pytest.mark.parametrize(
-    ("robot", "said"),
-    [("R1", "R1 is driving already"), ("RX", "RX is not in fleet hall, which has R1, R2, R3")],
-)
-def test_an_operator_who_asks_in_vain_is_told_why_and_everybody_else_once(robot, said):
-    floor = Floor().go()
-    floor.report("R1", MOVING)
-    before = len(floor.fleet.incidents)
-    for _ in range(5):
-        (sent,) = floor.fleet.hear(keys.admit("hall", robot), encode(Admit(7)), floor.now)
-        assert (sent.key, decode("plan", sent.payload)) == (
-            keys.plan("hall", robot),
-            Refusal(7, said),
-        )
-    assert [incident.text for incident in floor.fleet.incidents[before:]] == [said]
-
-
-def test_that_a_robot_has_not_come_back_is_told_again_when_that_has_changed_only():
-    floor = frozen_but("R2")
-    before = len(floor.fleet.incidents)
-    for _ in range(5):
-        assert floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(7)), floor.now) == []
-    assert [i.text for i in floor.fleet.incidents[before:]] == ["R2 has not come back"]
-
-
-@pytest.mark.parametrize("says", [True, False])
-def test_an_admitted_robot_that_never_says_where_it_stands_is_not_waited_for_for_ever(says):
-    """One that falls silent is not waited for at all."""
-    floor = frozen_but("R2")
-    adopt(floor, "R1", "R3")
-    floor.hello("R2", boot=9, place=(0, 0, 0))
-    floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(1)), floor.now)
-    patience = FREEZE_PATIENCE + 3 * SECOND if says else REPORT_TIMEOUT + COMMAND_PERIOD
-    assert not floor.fleet.is_settled(floor.now + COMMAND_PERIOD)
-    for tick in range(patience // COMMAND_PERIOD):
-        assert floor.fleet.members["R2"].admitted or tick > 4
-        for name in ("R1", "R3"):
-            floor.report(name, FROZEN, s_m=1.25)
-        if says:
-            floor.hello("R2", boot=9)
-        floor.tick()
-    floor.tick()
-    assert floor.fleet.is_settled(floor.now)
-    assert state_of(floor) == {"R1": "rests", "R3": "rests"}
-
-
-def asked(floor):
-    return floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(7)), floor.now)
-
-
-@pytest.mark.parametrize("gone", [True, False])
-def test_a_robot_that_came_back_and_died_again_freezes_nobody(gone):
-    floor = frozen_but("R2")
-    adopt(floor, "R1", "R3")
-    floor.hello("R2", boot=9, place=(0, 0, 0))
-    if gone:
-        floor.fleet.hear(keys.alive("hall", "R2"), LINK_GONE, floor.now)
-    else:
-        for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 1):
-            floor.report("R1", ARMED, epoch=2)
-            floor.report("R3", ARMED, epoch=2)
-            floor.tick()
-    before = len(floor.fleet.incidents)
-    for _ in range(3):
-        assert asked(floor) == []
-    told = [incident.text for incident in floor.fleet.incidents[before:]]
-    assert told == ["R2 has come back and is not heard any more"]
-    floor.hello("R2", boot=9, place=(0, 0, 0))
-    (sent,) = asked(floor)
-    assert decode("command", sent.payload).phase == FREEZE
-
-
-def test_who_asked_for_a_robot_that_did_not_say_where_it_stands_is_refused_and_others_are_not():
-    floor = frozen_but("R2")
-    adopt(floor, "R1", "R3")
-    floor.hello("R2", boot=9)
-    (sent,) = asked(floor)
-    assert decode("command", sent.payload).phase == FREEZE
-    for _ in range((FREEZE_PATIENCE + 3 * SECOND) // COMMAND_PERIOD):
-        for name in ("R1", "R3"):
-            floor.report(name, FROZEN, s_m=1.25)
-        floor.hello("R2", boot=9)
-        floor.tick()
-    floor.fleet.adopt(3, {name: PARTS[name] for name in ("R1", "R3")}, DURATION, floor.now)
-    (sent,) = asked(floor)
-    assert decode("plan", sent.payload).reason.startswith("R2 was waited for and did not say where")
-    assert floor.fleet.phase == HOLD
-    (sent,) = floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(8)), floor.now)
-    assert decode("command", sent.payload).phase == FREEZE
-
-
-def test_a_robot_admitted_late_in_a_freeze_is_given_time_to_say_where_it_stands():
-    floor = frozen_but("R2")
-    adopt(floor, "R1", "R3")
-    floor.hello("R2", boot=9)
-    asked(floor)
-    for _ in range((FREEZE_PATIENCE + 3 * SECOND) // COMMAND_PERIOD):
-        floor.report("R1", FROZEN, s_m=1.25)
-        floor.report("R3", FROZEN, s_m=1.25)
-        floor.hello("R2", boot=9)
-        floor.tick()
-    assert floor.fleet.phase == FREEZE
-    floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(8)), floor.now)
-    for _ in range(10):
-        floor.hello("R2", boot=9)
-        floor.tick()
-        assert floor.fleet.members["R2"].admitted
-    floor.hello("R2", boot=9, place=(1_000, 0, 0))
-    assert floor.fleet.members["R2"].standing(2, 0, 1).place == (1.0, 0.0, 0.0)
 
 
 def test_a_robot_lost_while_it_brakes_may_stand_where_it_last_kept_to_its_plan():

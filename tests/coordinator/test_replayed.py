@@ -9,8 +9,7 @@ from protocol import keys
 from protocol.messages import Admit, Command, Pace
 from protocol.phases import ARMED, DONE, FREEZE, FROZEN, GO, IDLE, LATE, MOVING
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT
-from tests.coordinator.fleet_floor import NAMES, Floor
-from tests.coordinator.test_fleet_epochs import adopt, frozen_but
+from tests.coordinator.fleet_floor import NAMES, Floor, adopt, frozen_but
 
 
 def state(floor, robot="R1"):
