@@ -14,6 +14,9 @@ from protocol.messages import Hello
 ASKERS: Final = 64
 """Of so many who asked it is remembered."""
 
+_MOST_GONE: Final = 2
+"""A robot that is gone again so often while it is waited for is not waited for again."""
+
 
 @dataclass
 class Admission:
@@ -25,10 +28,10 @@ class Admission:
     """When it was heard; None when its link has gone since."""
     since_ns: int | None = None
     """Since when the robot is waited for to say where it stands; None: it is not."""
-    asked_by: dict[int, None] = field(default_factory=dict)
+    asked_by: dict[int, int] = field(default_factory=dict)
     """Who asked for it the last time that it was waited for, until an epoch begins without it."""
-    in_vain: dict[int, None] = field(default_factory=dict)
-    """Who asked for it when it then did not say where it stands: they are not to ask again."""
+    in_vain: dict[int, int] = field(default_factory=dict)
+    """Who asked for it when it then did not say where it stands, or was gone again so often."""
 
     @property
     def is_awaited(self) -> bool:
@@ -53,13 +56,13 @@ class Admission:
         if begins:
             self.since_ns = now_ns
             self.asked_by.clear()
-        _remember(self.asked_by, boot)
+        _count(self.asked_by, boot)
         return begins
 
     def join(self, boot: int) -> bool:
         """Take note of one more who asks for a robot that was taken in; False when nobody did."""
         if self.asked_by:
-            _remember(self.asked_by, boot)
+            _count(self.asked_by, boot)
         return bool(self.asked_by)
 
     def take_in(self) -> None:
@@ -70,11 +73,15 @@ class Admission:
         """Give up a robot that is gone again, or does not say for so long where it stands."""
         if self.since_ns is None:
             return
-        too_long = patience_ns is not None and now_ns - self.since_ns > patience_ns
-        if too_long or not self.is_at_door(timeout_ns, now_ns):
+        is_gone = not self.is_at_door(timeout_ns, now_ns)
+        if is_gone or (patience_ns is not None and now_ns - self.since_ns > patience_ns):
             self.since_ns = None
             for boot in self.asked_by:
-                _remember(self.in_vain, boot)
+                _count(self.in_vain, boot, 1 if is_gone else _MOST_GONE)
+
+    def refuses(self, boot: int) -> bool:
+        """Tell whether somebody has asked in vain: the fleet does not freeze for them again."""
+        return self.in_vain.get(boot, 0) >= _MOST_GONE
 
     def end(self) -> None:
         """Take note that an epoch begins without the robot: what was asked for is settled."""
@@ -82,7 +89,7 @@ class Admission:
         self.asked_by.clear()
 
 
-def _remember(boots: dict[int, None], boot: int) -> None:
-    boots[boot] = boots.pop(boot, None)
+def _count(boots: dict[int, int], boot: int, by: int = 1) -> None:
+    boots[boot] = boots.pop(boot, 0) + by
     if len(boots) > ASKERS:
         del boots[next(iter(boots))]

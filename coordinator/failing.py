@@ -50,7 +50,7 @@ def on_the_way(
         if member.is_silent(now_ns):
             found.append(Failing(member, "has fallen silent", lost=True))
         elif member.has_not_set_out(start_ns, now_ns):
-            found.append(Failing(member, "has not set out"))
+            found.append(Failing(member, "has not set out", strike=True))
         elif now_ns > deadline_ns:
             found.append(Failing(member, "has not arrived in time", strike=True))
     return found

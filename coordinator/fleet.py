@@ -290,8 +290,9 @@ class Fleet(FleetState):
             if self._is_back(member, now_ns):
                 continue
             member.admission.look(member.timeout_ns, patience if waited else None, now_ns)
-            if member.planned and not member.finished:
-                member.lost |= member.is_silent(now_ns) or (waited and not member.is_at_rest())
+            if not member.finished:
+                unheard = waited and member.planned and not member.is_at_rest()
+                member.lost |= unheard or member.is_silent(now_ns)
 
     def _is_back(self, member: Member, now_ns: int) -> bool:
         """Tell whether the coordinator is back for too short a time to call a robot silent."""

@@ -74,7 +74,7 @@ class Door:
         if not admission.is_at_door(member.timeout_ns, now_ns):
             self._tell_denied(robot, f"{robot} has come back and is not heard any more", now_ns)
             return False
-        if boot in admission.in_vain:
+        if admission.refuses(boot):
             reason = "was waited for and did not say where it stands; does its driver know?"
             return self._deny(robot, boot, f"{robot} {reason}", now_ns)
         if admission.ask(boot, now_ns):

@@ -234,7 +234,7 @@ def test_who_asks_in_turn_for_a_robot_that_says_no_place_freezes_its_fleet_once(
 
 
 @pytest.mark.parametrize("period", [2, 3, 5])
-def test_a_robot_that_comes_back_again_and_again_freezes_its_fleet_once_for_each_who_asks(period):
+def test_a_robot_that_comes_back_again_and_again_freezes_its_fleet_twice_for_each_who_asks(period):
     floor = frozen_but("R2")
     adopt(floor, "R1", "R3")
 
@@ -243,8 +243,25 @@ def test_a_robot_that_comes_back_again_and_again_freezes_its_fleet_once_for_each
             return None
         return {"boot": 9 + now // (period * SECOND)}
 
-    assert freezes_in(floor, 60, (7,), crashing) == 1
-    assert freezes_in(floor, 60, (7, 8), crashing) == 1
+    assert freezes_in(floor, 60, (7,), crashing) == 2
+    assert freezes_in(floor, 60, (7, 8), crashing) == 2
+
+
+def test_a_robot_that_crashes_while_it_is_waited_for_is_taken_in_when_it_is_back():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    floor.hello("R2", boot=9)
+    ask(floor)
+    floor.fleet.hear(keys.alive("hall", "R2"), LINK_GONE, floor.now)
+    others(floor, FROZEN, s_m=1.25)
+    floor.tick()
+    floor.tick()
+    assert floor.fleet.is_settled(floor.now)
+    floor.hello("R2", boot=10)
+    (sent,) = ask(floor)
+    assert decode("command", sent.payload).phase == FREEZE
+    floor.hello("R2", boot=10, place=(1_000, 1_000, 0))
+    assert floor.fleet.members["R2"].rest.place == (1.0, 1.0, 0.0)
 
 
 def test_so_many_ask_in_vain_that_the_first_are_forgotten():

@@ -22,6 +22,7 @@ from protocol.phases import (
     LATE,
     LEASE_OUT,
     MOVING,
+    OFF_PATH,
     OVER,
 )
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
@@ -240,3 +241,43 @@ def test_nobody_is_called_lost_who_had_no_time_to_be_heard_since_the_coordinator
     for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
         floor.tick()
     assert floor.fleet.members["R1"].lost
+
+
+def test_a_robot_that_arms_and_does_not_set_out_three_times_is_left_where_it_stands():
+    floor = Floor().go()
+    for epoch in range(1, STRIKES + 1):
+        while floor.fleet.phase == GO:
+            floor.report("R1", MOVING, epoch=epoch)
+            floor.report("R2", ARMED, epoch=epoch)
+            floor.report("R3", MOVING, epoch=epoch)
+            floor.tick()
+        assert floor.fleet.incidents[-2].text == "R2 has not set out"
+        floor.everybody(FROZEN, epoch=epoch, s_m=0.5)
+        floor.tick()
+        assert floor.fleet.is_settled(floor.now)
+        assert state_of(floor)["R2"] == ("rests" if epoch < STRIKES else "unfit")
+        floor.take(floor.fleet.adopt(epoch + 1, PARTS, DURATION, floor.now))
+        floor.everybody(ARMED, epoch=epoch + 1)
+        floor.tick()
+
+
+@pytest.mark.parametrize("news", ["gone", "silent"])
+def test_a_robot_without_a_part_that_dies_is_not_counted_on(news):
+    floor = frozen_but("R2")
+    adopt(floor, "R1")
+    floor.report("R1", ARMED, epoch=2)
+    floor.report("R3", FROZEN, s_m=1.25)
+    floor.tick()
+    if news == "gone":
+        floor.fleet.hear(keys.alive("hall", "R3"), LINK_GONE, floor.now)
+    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
+        floor.report("R1", MOVING, epoch=2)
+        floor.tick()
+    assert floor.fleet.phase == GO
+    assert state_of(floor)["R3"] == "rests"
+    floor.report("R1", BRAKING, epoch=2, fault=OFF_PATH)
+    floor.report("R1", FROZEN, epoch=2, s_m=0.5)
+    floor.tick()
+    floor.tick()
+    assert floor.fleet.is_settled(floor.now)
+    assert state_of(floor) == {"R1": "rests"}
