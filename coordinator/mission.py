@@ -94,6 +94,8 @@ class Mission:
             self.fleet.incidents.append(Incident(now_ns, "stays", "", sentence))
         for member in self.fleet.members.values():
             member.stays = recovery.stays.get(member.id, "")
+            if member.id in recovery.doubted:
+                member.rest = None
         self.site = recovery.site
         for one in self.site.aside:
             self.fleet.members[one.robot.id].finished |= one.why == "arrived"

@@ -10,10 +10,12 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from dataclasses import replace as changed
 from typing import Final
 
 from msgspec.structs import replace
 
+from coordinator.doubts import doubtful
 from coordinator.errors import PlanError
 from coordinator.paths import Pathfinder
 from coordinator.plan import PlanDocument
@@ -33,13 +35,15 @@ Planner = Callable[[Scenario, int], PlanDocument]
 class Recovery:
     """The site as it is now, the plan for those that can drive on (None: nobody can), in words.
 
-    `stays`: the robots that stay where they are, and why.
+    `stays`: the robots that stay where they are, and why.  `doubted`: those of them that have come
+    back and say a place which is not believed.
     """
 
     site: Site
     document: PlanDocument | None
     said: tuple[str, ...]
     stays: Mapping[str, str] = field(default_factory=dict)
+    doubted: tuple[str, ...] = ()
 
 
 def recover(
@@ -54,13 +58,24 @@ def recover(
     A robot that has no way, or that no order of robots lets through, stays where it is; the others
     are planned around it.  One on a given path looks for a way of its own before that.  Only when
     nobody can drive on are via points left out that are closed off: whoever closes them may move.
+    A robot that has come back and cannot stand where it says is taken to be where it was.
     """
-    site, said = passable(next_site(site, documents, told))
-    found = _with_those_that_can(site, said, epoch, plan, every_via=True)
-    if found.document is None and any(robot.via for robot in site.scenario.robots):
-        fewer = _with_those_that_can(site, said, epoch, plan, every_via=False)
-        return found if fewer.document is None else fewer
-    return found
+    now = next_site(site, documents, told)
+    doubts = doubtful(now, told)
+    if doubts:
+        now = next_site(site, documents, [_unbelieved(s) if s.robot in doubts else s for s in told])
+    now, dropped = passable(now)
+    said = [*(f"{name} stays where it is: {why}" for name, why in doubts.items()), *dropped]
+    found = _with_those_that_can(now, said, epoch, plan, every_via=True)
+    if found.document is None and any(robot.via for robot in now.scenario.robots):
+        fewer = _with_those_that_can(now, said, epoch, plan, every_via=False)
+        found = found if fewer.document is None else fewer
+    return changed(found, stays={**doubts, **found.stays}, doubted=tuple(doubts))
+
+
+def _unbelieved(standing: Standing) -> Standing:
+    """Return what is known of a robot whose place is not believed: nothing new."""
+    return Standing(robot=standing.robot, state="lost", epoch=0)
 
 
 def _with_those_that_can(

@@ -79,7 +79,7 @@ class Roster(dict[str, Member]):
         """
         found = []
         for member in self.values():
-            if member.planned or (member.rest is not None and not member.lost):
+            if member.planned or member.rest is not None:
                 since, until = member.kept_ns - AWAY - zero_ns, until_ns - zero_ns
                 if not has_gone:
                     since = until = 0

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
+from dataclasses import replace as changed
 from typing import Final, Literal
 
 import numpy as np
@@ -170,7 +171,7 @@ def _stands(
 ) -> Robot | Aside:
     """Return a robot with its new start, or as one that stands aside."""
     if standing is not None and standing.place is not None:
-        return _comes_back(robot, standing.place, margin)
+        return _comes_back(robot, standing, standing.place, margin)
     if standing is None or (was is not None and was.why == "arrived"):
         if was is None or was.why != "closed in" or was.pose is None:
             return robot if was is None else was
@@ -179,7 +180,8 @@ def _stands(
         return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
     ride = driven.get(standing.epoch, {}).get(robot.id)
     if ride is None:
-        return was if was is not None else Aside(robot, "lost", np.array([robot.start[:2]]), None)
+        known = was or Aside(robot, "lost", np.array([robot.start[:2]]), None)
+        return changed(known, why="lost") if standing.state == "lost" else known
     if standing.s is None:
         return Aside(robot, "lost", _stretch(ride, standing), None)
     s = min(standing.s, ride.curve.length)
@@ -196,8 +198,10 @@ def _stands(
     return replace(robot, start=pose, via=_ahead(ride, robot.via, s), path=path)
 
 
-def _comes_back(robot: Robot, place: Pose, margin: float) -> Robot | Aside:
+def _comes_back(robot: Robot, standing: Standing, place: Pose, margin: float) -> Robot | Aside:
     """Return a robot that says its place, wherever it was before; it may say that of its goal."""
+    if standing.state == "lost":
+        return Aside(robot, "lost", np.array([place[:2]]), place)
     if math.dist(place[:2], robot.goal[:2]) <= max(_ON_PATH * margin, _THERE):
         return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
     return replace(robot, start=place, via=(), path=None)

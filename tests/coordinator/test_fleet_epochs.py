@@ -280,4 +280,4 @@ def test_a_robot_without_a_part_that_dies_is_not_counted_on(news):
     floor.tick()
     floor.tick()
     assert floor.fleet.is_settled(floor.now)
-    assert state_of(floor) == {"R1": "rests"}
+    assert state_of(floor) == {"R1": "rests", "R3": "lost"}

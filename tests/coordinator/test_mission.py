@@ -8,8 +8,8 @@ from coordinator.planner import plan_scenario
 from coordinator.scenario_file import parse_scenario
 from protocol import keys
 from protocol.codec import encode
-from protocol.messages import Hello, Report, Rest
-from protocol.phases import ARMED, BRAKING, FREEZE, FROZEN, HOLD, MOVING
+from protocol.messages import Admit, Hello, Report, Rest
+from protocol.phases import ARMED, BRAKING, FREEZE, FROZEN, GO, HOLD, MOVING
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
 
 TWO = b"""
@@ -58,9 +58,9 @@ class Frozen:
     def hear(self, key, message):
         self.fleet.hear(key, encode(message), self.now)
 
-    def report(self, name, phase, rest=None):
+    def report(self, name, phase, rest=None, epoch=1):
         self.sequence += 1
-        self.hear(keys.report("two", name), Report(1, self.sequence, 1, phase, 0, rest))
+        self.hear(keys.report("two", name), Report(1, self.sequence, epoch, phase, 0, rest))
 
     def tick(self):
         self.now += COMMAND_PERIOD
@@ -82,3 +82,33 @@ def test_a_plan_that_comes_while_a_lost_robot_speaks_again_is_asked_for_anew_whe
     assert again == request
     assert mission.adopt(again, recovery, frozen.now) is not None
     assert frozen.fleet.phase == HOLD
+
+
+def test_a_robot_that_comes_back_with_a_place_that_cannot_be_stops_nobody_for_good():
+    frozen = Frozen()
+    mission = frozen.mission
+    request = mission.request(frozen.now)
+    mission.adopt(request, mission.solve(request), frozen.now)
+    place = tuple(round(1000 * x) for x in mission.site.scenario.robots[0].start)
+    for epoch in (2, 3):
+        frozen.report("R1", ARMED, epoch=epoch)
+        frozen.tick()
+        frozen.report("R1", MOVING, epoch=epoch)
+        assert frozen.fleet.phase == GO
+        if epoch == 2:
+            frozen.hear(keys.hello("two", "R2"), Hello(version=1, boot=2, sequence=1))
+            frozen.hear(keys.admit("two", "R2"), Admit(5))
+            frozen.hear(keys.hello("two", "R2"), Hello(version=1, boot=2, sequence=2, place=place))
+        else:
+            frozen.report("R1", BRAKING, epoch=epoch)
+        frozen.report("R1", FROZEN, Rest(0.0, epoch), epoch=epoch)
+        frozen.tick()
+        request = mission.request(frozen.now)
+        assert ("R2" in [standing.robot for standing in request.told]) == (epoch == 2)
+        mission.adopt(request, mission.solve(request), frozen.now)
+        assert [robot.id for robot in mission.document.robots] == ["R1"]
+        assert frozen.fleet.phase == HOLD
+        where = f"({place[0] / 1000:.2f}, {place[1] / 1000:.2f})"
+        if epoch == 2:
+            stays = f"it says that it stands at {where}, where R1 does"
+            assert frozen.fleet.members["R2"].stays == stays

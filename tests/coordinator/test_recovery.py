@@ -160,6 +160,56 @@ def test_a_robot_that_rests_millimetres_before_its_goal_is_not_sent_around_to_it
     assert ("A" not in {robot.id for robot in found.document.robots}) == there
 
 
+@pytest.mark.parametrize(
+    ("place", "where"),
+    [
+        ((2.05, 3.9, 0.0), "(2.05, 3.90), where B does"),
+        ((-3.0, 1.0, 0.0), "(-3.00, 1.00), where something solid is"),
+        ((0.1, 1.0, 0.0), "(0.10, 1.00), where something solid is"),
+        ((2e6, -2e6, 0.0), "(2000000.00, -2000000.00), where something solid is"),
+    ],
+)
+def test_a_robot_that_cannot_stand_where_it_says_is_left_where_it_was(
+    scenario, documents, place, where
+):
+    """Neither is it believed once whoever stands there is gone."""
+    died = (lost("A", 1.0, 2.0), rests("B", 2.0), rests("C", 0.4))
+    first = recovered(scenario, documents, *died)
+    known = {1: documents[1], 2: first.document}
+    (before,) = first.site.aside
+    b = next(r for r in first.site.scenario.robots if r.id == "B").start
+    if "B" in where:
+        place = (b[0] + 0.05, b[1] - 0.1, 0.0)
+        where = f"({place[0]:.2f}, {place[1]:.2f}), where B does"
+    back = Standing(robot="A", state="rests", epoch=0, place=place)
+    told = (Standing(robot="B", state="rests", epoch=2, s=0.0), back)
+    found = recover(first.site, known, told, 3, plan)
+    assert found.stays == {"A": f"it says that it stands at {where}"}
+    assert found.doubted == ("A",)
+    assert found.said == (f"A stays where it is: {found.stays['A']}",)
+    assert {one.id for one in found.document.robots} == {"B", "C"}
+    (aside,) = found.site.aside
+    assert (aside.why, aside.places.tolist()) == ("lost", before.places.tolist())
+
+
+def test_a_closed_in_robot_whose_place_is_not_believed_is_not_sent_on_its_way(scenario, documents):
+    told = (rests("A", 0.3), rests("B", 2.0), rests("C", 0.4))
+    site = next_site(Site(scenario), documents, told).without("A")
+    back = Standing(robot="A", state="rests", epoch=0, place=(-3.0, 1.0, 0.0))
+    found = recover(site, documents, (back, *told[1:]), 2, plan)
+    assert [(one.robot.id, one.why) for one in found.site.aside] == [("A", "lost")]
+    later = next_site(found.site, documents, told[1:])
+    assert [one.robot.id for one in later.aside] == ["A"]
+
+
+def test_a_robot_that_came_back_and_died_is_left_where_it_said_that_it_stands(scenario, documents):
+    told = (rests("A", 0.3), rests("B", 2.0), rests("C", 0.4))
+    site = next_site(Site(scenario), documents, told).without("A")
+    dead = Standing(robot="A", state="lost", epoch=0, place=(1.5, 1.5, 0.0))
+    (aside,) = next_site(site, documents, (dead, *told[1:])).aside
+    assert (aside.why, aside.places.tolist()) == ("lost", [[1.5, 1.5]])
+
+
 def test_nobody_left_to_drive_is_no_plan(scenario, documents):
     told = tuple(Standing(robot=r.id, state="arrived", epoch=1) for r in scenario.robots)
     assert recovered(scenario, documents, *told).document is None
