@@ -1,7 +1,7 @@
 """Who fails a fleet that arms or moves: robots that are silent, late, or do not go along.
 
-Decides: what makes a robot fail, and whether it is lost or has itself to blame.  Must not know:
-what the fleet then does.
+Decides: what makes a robot fail, whether it is lost or has itself to blame; what shows that a
+robot was told to go.  Must not know: what the fleet then does.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 from coordinator.fleet_phases import ARM_PATIENCE
 from coordinator.member import Member
+from protocol.messages import Report
+from protocol.phases import BRAKING, DONE, FROZEN, LATE, LEASE_OUT, MOVING
 
 
 class Failing(NamedTuple):
@@ -54,3 +56,9 @@ def on_the_way(
         elif now_ns > deadline_ns:
             found.append(Failing(member, "has not arrived in time", strike=True))
     return found
+
+
+def sets_out(report: Report) -> bool:
+    """Tell whether a robot shows that it was told to go: it moves, has moved, or heard it late."""
+    stopped = report.phase == FROZEN and report.fault in (LEASE_OUT, LATE)
+    return stopped or report.phase in (MOVING, BRAKING, DONE)

@@ -18,7 +18,7 @@ from collections.abc import Mapping
 
 from coordinator.delay import Delay
 from coordinator.epoch_times import EpochTimes
-from coordinator.failing import Failing, on_the_way, that_do_not_arm
+from coordinator.failing import Failing, on_the_way, sets_out, that_do_not_arm
 from coordinator.fleet_news import Outgoing, Part
 from coordinator.fleet_phases import (
     FREEZE_PATIENCE,
@@ -56,7 +56,6 @@ class Fleet(FleetState):
     ) -> None:
         super().__init__(name, boot, members, times, delay or Delay())
         self.bad_messages = 0
-        self.superseded = False
         self._door = Door(name, self.members, self.incidents)
 
     def hear(self, key: str, payload: bytes, now_ns: int) -> list[Outgoing]:
@@ -155,7 +154,8 @@ class Fleet(FleetState):
         """
         self.boot, self._sequence, self.epoch = boot, 0, self.next_epoch + 1
         self.superseded, self._router, self.is_resumed = False, RouterLink(), True
-        if not self.times.has_gone:
+        self._not_gone = 0 if self.times.has_gone else self.times.epoch
+        if self._not_gone:
             self.first_epoch = self.epoch
         for member in self.members.values():
             member.gone = False
@@ -167,7 +167,8 @@ class Fleet(FleetState):
         self._tell(now_ns, "phase", "", "goes on from a log: FREEZE")
 
     def _hear_hello(self, robot: str, hello: Hello, now_ns: int) -> list[Outgoing]:
-        begun = self.phase != HOLD or self.epoch != self.first_epoch
+        has_gone = self.phase != HOLD and (self.times.has_gone or self.phase == OVER)
+        begun = has_gone or self.epoch != self.first_epoch
         answer = self._door.hear(robot, hello, begun, now_ns)
         if answer is None or isinstance(answer, Outgoing):
             return [answer] if answer else []
@@ -186,7 +187,12 @@ class Fleet(FleetState):
         if member is None:
             return []
         if report.rest is not None and not 1 <= report.rest.epoch <= self.times.epoch:
-            return self._hear_stranger(member, report.rest.epoch, now_ns)
+            self.bad_messages += 1  # A place on a path that is not known is not believed.
+            if member.boot is not None:
+                self.outrun(f"{robot} rests on a path of epoch {report.rest.epoch}", now_ns)
+            return []
+        if 0 < report.epoch == self._not_gone and report.boot == member.boot and sets_out(report):
+            self.outrun(f"{robot} has set out in epoch {report.epoch}", now_ns)
         was = (member.phase, member.fault)
         stale = self._absence.is_stale(now_ns) or self._router.is_stale(now_ns)
         if not member.hear(report, now_ns, stale):
@@ -231,15 +237,6 @@ class Fleet(FleetState):
         if under_way and member.planned and not member.finished:
             self._give_up([Failing(member, "has lost its link", lost=True)], now_ns)
             return [self._command(now_ns)]
-        return []
-
-    def _hear_stranger(self, member: Member, epoch: int, now_ns: int) -> list[Outgoing]:
-        """Believe no place on a path that is not known; a log that is gone on from may lack it."""
-        self.bad_messages += 1
-        if self.is_resumed and member.boot is not None and not self.superseded:
-            words = f"{member.id} rests on a path of epoch {epoch}, which the log does not hold"
-            self._tell(now_ns, "fault", member.id, words)
-            self.superseded = True
         return []
 
     def _hear_other(self, command: Command, now_ns: int) -> list[Outgoing]:

@@ -42,7 +42,9 @@ class FleetState:
         self._absence = Absence()
         self._router = RouterLink()
         self._patient_until_ns = 0
-        self.is_resumed = False
+        self.is_resumed = self.superseded = False
+        self._not_gone = 0
+        """The epoch that had not gone where the log ends that is gone on from."""
         self._farewells = 0
 
     @property
@@ -59,10 +61,22 @@ class FleetState:
         """Tell whether a frozen fleet rests: all have told where, or are lost."""
         if self.phase != FREEZE or now_ns < self._changed_ns + COMMAND_PERIOD:
             return False
+        if self._not_gone == self.times.epoch and now_ns < self._patient_until_ns:
+            unheard = [m for m in self.members.planned if m.heard_ns < self._changed_ns]
+            if unheard:  # Somebody may know that it has.
+                return False
         waits = self._router.may_be_silent(self._changed_ns, now_ns) and self.members.is_unheard()
         if waits or self._router.is_down:
             return False
         return self.members.has_told(self.times.has_gone)
+
+    def outrun(self, what: str, now_ns: int) -> None:
+        """Lead no more after a log that ends before what robots have done."""
+        if self.is_resumed and not self.superseded:
+            self._tell(
+                now_ns, "fault", "", f"{what}, which the log does not hold; is it the newest?"
+            )
+            self.superseded = True
 
     def standings(self) -> list[Standing]:
         """Return where the robots stand that have a part in this epoch or have spoken since."""

@@ -6,6 +6,7 @@ Decides: when a fleet is planned anew and which plan it gets.  Must not know: cl
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final
 
 from coordinator.adoption import Request
@@ -17,10 +18,15 @@ from coordinator.recovery import Planner, Recovery, recover
 from coordinator.retiming import retime
 from coordinator.scenario import Scenario
 from coordinator.site import Site
+from coordinator.standing import Standing
+from coordinator.wire import drive
 from protocol.timing import SECOND
 
 MOST_EPOCHS: Final = 200
 """A fleet that still does not arrive is given up."""
+
+_NEAR: Final = 0.05
+"""How much farther [m] than its plan a robot may take itself to be."""
 
 
 class Mission:
@@ -45,7 +51,9 @@ class Mission:
         if not self.fleet.is_settled(now_ns):
             return None
         wanted = Request(self.fleet.next_epoch, tuple(self.fleet.standings()))
-        if wanted == self._wanted:
+        if self.fleet.is_resumed and (robot := self._outran(wanted.told)):
+            self.fleet.outrun(f"{robot} rests farther along its path than it could be", now_ns)
+        if wanted == self._wanted or self.fleet.superseded:
             return None
         self._wanted = wanted
         return wanted
@@ -55,6 +63,23 @@ class Mission:
         if request.epoch > MOST_EPOCHS:
             return Recovery(self.site, None, (f"given up after {MOST_EPOCHS} epochs",))
         return recover(self.site, self.documents, request.told, request.epoch, self._planner)
+
+    def _outran(self, told: Iterable[Standing]) -> str:
+        """Name a robot that rests where it cannot have come by when the fleet froze, if any does.
+
+        Where one that is lost may stand is then not known either.
+        """
+        times = self.fleet.times
+        if not times.has_gone or times.epoch not in self.documents:
+            return ""
+        until = (times.until_ns - times.zero_ns) / SECOND
+        rides = {ride.id: ride for ride in drive(self.documents[times.epoch])}
+        for one in told:
+            if one.s is not None and one.epoch == times.epoch and one.robot in rides:
+                reached = rides[one.robot].timeline.s_at(max(until, 0.0))
+                if one.s > reached + self.site.scenario.margin + _NEAR:
+                    return one.robot
+        return ""
 
     def late(self) -> Lateness | None:
         """Return what new times are wanted for and were not asked for yet."""

@@ -6,6 +6,7 @@ import random
 import pytest
 
 from coordinator.errors import InputError
+from coordinator.fleet_phases import RESUME_PATIENCE
 from coordinator.launch import Coordinator
 from coordinator.logbook import RESUMED, log_from_bytes, read_log
 from coordinator.mission import Mission
@@ -18,7 +19,20 @@ from coordinator.service import Service
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Command, Hello, Report, Rest
-from protocol.phases import ARMED, DONE, FREEZE, FROZEN, GO, HOLD, LATE, MOVING, OVER
+from protocol.phases import (
+    ARMED,
+    BRAKING,
+    DONE,
+    FREEZE,
+    FROZEN,
+    GO,
+    HOLD,
+    IDLE,
+    LATE,
+    LEASE_OUT,
+    MOVING,
+    OVER,
+)
 from protocol.timing import MILLISECOND, SECOND
 from tests.coordinator.test_service import SCENARIO, Clock, Hand
 
@@ -139,6 +153,72 @@ def test_a_robot_that_moved_is_asked_where_it_rests_and_planned_from_there(story
     assert request.epoch == 3
     assert request.told[0].s == 0.75
     assert mission.solve(request).document.epoch == 3
+
+
+def cut(story, phase, more):
+    """A log that ends so many records after the first Command of a phase."""
+    log = log_from_bytes(story, "run.mcap")
+    said = ((i, decode("command", r.payload)) for i, r in enumerate(log.records))
+    at = next(i for i, m in said if isinstance(m, Command) and m.phase == phase)
+    del log.records[at + more :]
+    return log, log.records[-1].log_ns + SECOND
+
+
+def test_a_robot_that_rests_where_it_cannot_be_by_the_log_shows_that_it_is_not_the_newest(story):
+    for s, is_newest in ((0.75, True), (2.5, False)):
+        log, now = cut(story, GO, 4)
+        mission = go_on(log, 77, now)
+        mission.fleet.tick(now)
+        rests = Report(5, 10_000, 1, FROZEN, 1, Rest(s, 1))
+        mission.fleet.hear(keys.report("one", "R1"), encode(rests), now)
+        mission.fleet.tick(now + SECOND // 5)
+        before = len(mission.fleet.incidents)
+        assert (mission.request(now + SECOND // 5) is not None) == is_newest
+        assert mission.fleet.superseded != is_newest
+        told = [one.text for one in mission.fleet.incidents[before:]]
+        farther = "R1 rests farther along its path than it could be"
+        assert told == [f"{farther}, which the log does not hold; is it the newest?"] * (
+            not is_newest
+        )
+
+
+@pytest.mark.parametrize(
+    ("phase", "fault", "is_newest"),
+    [
+        (ARMED, 0, True),
+        (IDLE, 0, True),
+        (FROZEN, 0, True),
+        (MOVING, 0, False),
+        (BRAKING, LEASE_OUT, False),
+        (FROZEN, LEASE_OUT, False),
+        (FROZEN, LATE, False),
+        (DONE, 0, False),
+    ],
+)
+def test_a_robot_that_has_set_out_though_the_log_holds_no_go_ends_the_going_on(
+    story, phase, fault, is_newest
+):
+    log, now = cut(story, HOLD, 3)
+    mission = go_on(log, 77, now)
+    fleet = mission.fleet
+    fleet.tick(now)
+    assert mission.request(now + SECOND // 5) is None
+    key = keys.report("one", "R1")
+    fleet.hear(key, encode(Report(6, 10_000, 1, MOVING, 0)), now + 1)
+    assert not fleet.superseded
+    fleet.hear(key, encode(Report(5, 10_000, 1, phase, fault)), now + 1)
+    assert fleet.superseded != is_newest
+    for ms in (100, 200, 300):
+        fleet.tick(now + ms * MILLISECOND)
+        fleet.hear(key, encode(Report(5, 10_000 + ms, 1, phase, fault)), now + ms * MILLISECOND)
+    assert (mission.request(now + 400 * MILLISECOND) is not None) == is_newest
+
+
+def test_a_robot_that_is_silent_is_not_waited_for_for_ever_after_a_log_without_a_go(story):
+    log, now = cut(story, HOLD, 3)
+    mission = go_on(log, 77, now)
+    assert mission.request(now + RESUME_PATIENCE - 1) is None
+    assert mission.request(now + RESUME_PATIENCE) is not None
 
 
 def test_a_log_that_has_ended_or_is_none_is_not_gone_on_from(story, tmp_path):
