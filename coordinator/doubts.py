@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
+import shapely
 
 from coordinator.floor import Floor
 from coordinator.scenario import Pose
@@ -40,7 +41,10 @@ def doubtful(site: Site, told: Iterable[Standing]) -> dict[str, str]:
         ]
         if there or _gap(floor, place) < radius:
             x, y, _ = place
-            what = f"{there[0]} does" if there else "something solid is"
+            outside = not floor.outline.covers(shapely.Point(x, y))
+            what = (
+                f"{there[0]} does" if there else "no floor is" if outside else "something solid is"
+            )
             found[name] = f"it says that it stands at ({x:.2f}, {y:.2f}), where {what}"
     return found
 

@@ -96,7 +96,8 @@ class Door:
     def _knock(self, member: Member, hello: Hello, now_ns: int) -> None:
         known = member.admission.hello
         if known is None or known.boot != hello.boot:
-            words = f"{member.id} is back; `splinefleet admit {member.id} --connect ...` lets it in"
+            way_in = f"`splinefleet admit {member.id} --connect ...` lets it in"
+            words = f"{member.id} is back; {way_in} if it knows where it stands"
             self._tell(now_ns, "back", member.id, words)
         member.knock(hello, now_ns)
 

@@ -205,7 +205,8 @@ class Coordinator:
         """Tell of robots that a new epoch goes on without, unless it was said why they stay."""
         aside: dict[str, str] = {one.robot.id: one.why for one in mission.site.aside}
         for robot, why in aside.items():
-            if why in _WITHOUT and self._aside.get(robot) != why:
+            is_told = bool(mission.fleet.members[robot].stays) or self._aside.get(robot) == why
+            if why in _WITHOUT and not is_told:
                 text = f"{robot} has no part in the next epoch: {_WITHOUT[why]}"
                 self._say("aside", robot=robot, text=text)
         self._aside = aside

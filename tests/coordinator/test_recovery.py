@@ -164,9 +164,9 @@ def test_a_robot_that_rests_millimetres_before_its_goal_is_not_sent_around_to_it
     ("place", "where"),
     [
         ((2.05, 3.9, 0.0), "(2.05, 3.90), where B does"),
-        ((-3.0, 1.0, 0.0), "(-3.00, 1.00), where something solid is"),
+        ((-3.0, 1.0, 0.0), "(-3.00, 1.00), where no floor is"),
         ((0.1, 1.0, 0.0), "(0.10, 1.00), where something solid is"),
-        ((2e6, -2e6, 0.0), "(2000000.00, -2000000.00), where something solid is"),
+        ((2e6, -2e6, 0.0), "(2000000.00, -2000000.00), where no floor is"),
     ],
 )
 def test_a_robot_that_cannot_stand_where_it_says_is_left_where_it_was(
