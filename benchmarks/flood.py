@@ -33,6 +33,7 @@ from coordinator.logbook import read_log
 from coordinator.scenario_file import scenario_to_json
 from protocol import keys
 from protocol.codec import encode
+from protocol.host_clock import host_clock_ns
 from protocol.messages import Clock, Hello, Pace, Report
 from protocol.phases import MOVING
 from protocol.transport import Handler
@@ -201,7 +202,7 @@ def drive(robot: str, endpoint: str) -> None:
         Me(robot, 0.2, _SPEED, _SPEED),
         transport,
         SimulatedBody(_SPEED),
-        clock=time.monotonic_ns,
+        clock=host_clock_ns,
         sleep=lambda ns: time.sleep(ns / 1e9),
         fleet=FLEET,
         give_up_ns=30 * 10**9,

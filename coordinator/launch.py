@@ -32,6 +32,7 @@ from coordinator.roll_call import RollCall
 from coordinator.scenario import Scenario
 from coordinator.service import Service
 from coordinator.table import FleetTable
+from protocol.host_clock import host_clock_ns
 from protocol.phases import PHASE_NAMES
 
 _WITHOUT: Final = {
@@ -56,8 +57,8 @@ class Coordinator:
         self._gate: Gate | None = None
 
     def clock(self) -> int:
-        """Return the coordinator's time [ns]: the host's monotonic clock, times `speed`."""
-        return int(time.monotonic_ns() * self.speed)
+        """Return the coordinator's time [ns]: the host's clock, times `speed`."""
+        return int(host_clock_ns() * self.speed)
 
     def run(
         self,

@@ -22,6 +22,7 @@ from coordinator.link_news import link_news
 from coordinator.recorder import Recorder
 from protocol import keys
 from protocol.codec import decode
+from protocol.host_clock import host_clock_ns
 from protocol.messages import PROTOCOL_VERSION, Command
 from protocol.phases import OVER
 from protocol.transport import Transport
@@ -177,7 +178,7 @@ class Recording:
         return 0 if self.listener is None else self.listener.messages + self.listener.links
 
     def _clock(self) -> int:
-        return int(time.monotonic_ns() * self._speed)
+        return int(host_clock_ns() * self._speed)
 
 
 class FirstFleet:

@@ -10,6 +10,9 @@ The rules:
 - Whatever goes wrong while it moves makes it brake along its path and freeze.  A robot that has
   braked moves again only with the plan of a later epoch.
 - Another coordinator takes the plan and the clock of the old one away (leader.py).
+- The time is not known any more where an exchange contradicts those before, where a Command was
+  said later than it can be, and, until the next exchange, after a tick that came late.  A robot
+  on the move then stands or brakes, an armed one is not armed any more; both start over.
 - A plan is held when its coordinator and epoch are those of the newest Command (or no Command has
   been heard yet) and the robot is idle or armed.  The robot arms when it also stands at the plan's
   start and knows the time well enough; until then it says why not.
@@ -39,12 +42,22 @@ from protocol.phases import (
     OFF_PATH,
     OVER,
 )
-from protocol.timing import CLOCK_ERROR, CLOCK_RESERVE, HELLO_PERIOD, REPORT_PERIOD, SECOND
+from protocol.timing import (
+    CLOCK_ERROR,
+    CLOCK_RESERVE,
+    HELLO_PERIOD,
+    MILLISECOND,
+    REPORT_PERIOD,
+    SECOND,
+)
 from robot_agent import transitions
 from robot_agent.clock_sync import ClockSync
 from robot_agent.leader import Leader
 from robot_agent.resting_place import RestingPlace
 from robot_agent.ride import Ride
+
+LATE_TICK = 50 * MILLISECOND
+"""When a tick comes so late the motors' watchdog has stopped the robot."""
 
 _NEVER = -(1 << 62)
 
@@ -69,6 +82,8 @@ class Agent:
         self.report_s: float | None = None
         self.rest = RestingPlace()
         self._max_speed, self._period = max_speed, period_ns / SECOND
+        self._late_tick_ns = max(LATE_TICK, 2 * period_ns)
+        self._ticked_ns, self._sure_ns = -_NEVER, 0
         self._leader = Leader()
         self._spent_epoch = self._start_ns = 0
         self._reported = (0, 0, 0, 0)
@@ -89,6 +104,9 @@ class Agent:
         leader, before_motion = self._leader, self.phase in (IDLE, ARMED)
         if not leader.counts(boot, sequence, epoch, before_motion, now_ns):
             return False
+        own_clock = boot == leader.boot and not leader.has_other_clock
+        if own_clock and self.clock.is_said_in_future(said_ns, now_ns):
+            self._lose_clock(now_ns)
         if self._is_alone(now_ns) and (self.phase == MOVING or self.fault == LATE):
             self._fail(LEASE_OUT, now_ns)  # This Command may have waited while the robot hung.
         if epoch != leader.epoch and self.ride is None:
@@ -146,14 +164,16 @@ class Agent:
             return
         goes_on = self.phase == MOVING or self.awaits_times()
         goes_on = goes_on and revision > self.revision and not self._is_alone(now_ns)
+        goes_on = goes_on and self._knows_time(self.ride, now_ns)
         if goes_on and self.ride.take_times(motion, self._plan_time(now_ns)):
             self.revision = revision
             self._apply(transitions.NEW_TIMES, now_ns)
 
     def hear_clock(self, sent_ns: int, received_ns: int, answered_ns: int, now_ns: int) -> None:
         """Take the coordinator's answer to a question about the time."""
-        if not self._leader.has_other_clock:
-            self.clock.add(sent_ns, received_ns, answered_ns, now_ns)
+        stamps = (sent_ns, received_ns, answered_ns, now_ns)
+        if not self._leader.has_other_clock and not self.clock.add(*stamps):
+            self._lose_clock(now_ns)
 
     def hear_driver_error(self, now_ns: int) -> None:
         """Take note that the base, or the program around this core, has failed."""
@@ -162,10 +182,16 @@ class Agent:
     def tick(self, now_ns: int, x: float, y: float, heading: float) -> None:
         """Look where the robot is and decide what it does until the next tick."""
         ride = self.ride
+        if now_ns - self._ticked_ns > self._late_tick_ns:
+            self.clock.doubt(now_ns)  # The robot hung, or its clock was set.
+            self._sure_ns = now_ns
+        self._ticked_ns = now_ns
         self.clock.follow(now_ns, self.phase in (MOVING, BRAKING))
         self.drive_speed = self.drive_curvature = self.drive_distance = self.drive_turn = 0.0
         if ride is None:
             return
+        if self.phase == ARMED and not self._knows_time(ride, now_ns):
+            self._apply(transitions.NOT_READY, now_ns)
         if self.phase == IDLE:
             self._try_to_arm(ride, now_ns, x, y, heading)
         elif self.phase in (MOVING, BRAKING, DONE) or self.fault == LATE:
@@ -189,7 +215,7 @@ class Agent:
         """Tell whether to report now, which then counts as done; not while it may be late."""
         state = (self.epoch, self.revision, self.phase, self.fault)
         recent = state == self._reported and now_ns - self._reported_ns < REPORT_PERIOD
-        if recent or (self.phase == MOVING and self.ride is not None and self.ride.seems_late()):
+        if recent or (self.phase == MOVING and self._may_be_late(now_ns)):
             return False
         self._reported, self._reported_ns = state, now_ns
         self.report_sequence += 1
@@ -239,18 +265,40 @@ class Agent:
             self._apply(transitions.READY, now_ns)
 
     def _keep_to_plan(self, ride: Ride, time: float, now_ns: int) -> None:
-        fault = ride.trouble(time)
-        if ride.arrived(time) and fault != OFF_PATH:
+        """Follow the plan; stand while the time is not known, as long as one may be late."""
+        knows_time = self._knows_time(ride, now_ns)
+        if knows_time:
+            self._sure_ns = now_ns
+            fault = ride.trouble(time)
+        else:
+            unsure = (now_ns - self._sure_ns) / SECOND > ride.late
+            fault = OFF_PATH if ride.is_off() else CLOCK_UNSURE if unsure else NO_FAULT
+        if knows_time and ride.arrived(time) and fault != OFF_PATH:
             self._apply(transitions.ARRIVED, now_ns)
             return
         if fault == NO_FAULT and self._is_alone(now_ns):
             fault = LEASE_OUT
-        if fault == NO_FAULT and self.clock.error_ns(now_ns) > ride.clock_error_ns:
-            fault = CLOCK_UNSURE
-        if fault == NO_FAULT:
+        if fault != NO_FAULT:
+            self._fail(fault, now_ns)
+        elif knows_time:
             ride.keep_to_plan(time)
         else:
-            self._fail(fault, now_ns)
+            ride.hold()
+
+    def _may_be_late(self, now_ns: int) -> bool:
+        ride = self.ride
+        return ride is not None and (ride.seems_late() or not self._knows_time(ride, now_ns))
+
+    def _knows_time(self, ride: Ride, now_ns: int) -> bool:
+        return self.clock.error_ns(now_ns) <= ride.clock_error_ns
+
+    def _lose_clock(self, now_ns: int) -> None:
+        """Start over with the clock; a robot whose time-table counts gives it up."""
+        self.clock.start_over(now_ns)
+        if self.phase == MOVING or self.awaits_times():
+            self._fail(CLOCK_UNSURE, now_ns)
+        elif self.phase == ARMED:
+            self._apply(transitions.NOT_READY, now_ns)
 
     def _fail(self, fault: int, now_ns: int) -> None:
         """Remember the first fault, or what is worse than being late, and brake.
@@ -268,7 +316,7 @@ class Agent:
         if after is None:
             return
         self.phase = after
-        if after == IDLE:
+        if event == transitions.NEW_EPOCH and after == IDLE:
             self._drop_plan(now_ns)
         elif after == BRAKING and self.ride is not None:
             self.ride.begin_to_brake(self._plan_time(now_ns))
@@ -276,6 +324,7 @@ class Agent:
             self._rest(self.ride, after == FROZEN)
         elif after == MOVING:
             self.fault = NO_FAULT
+            self._sure_ns = now_ns
             self.rest.leave()
         if after in (MOVING, FROZEN):
             self._spent_epoch = self.epoch
@@ -289,9 +338,8 @@ class Agent:
     def _drop_plan(self, now_ns: int) -> None:
         self.ride, self.epoch, self.revision, self.fault = None, 0, 0, NO_FAULT
         self.rest.hush()
-        if self._leader.has_other_clock:
-            self._leader.has_other_clock = False
-            self.clock.reset(now_ns)
+        self._leader.has_other_clock = False
+        self.clock.start_over(now_ns)
 
     def _plan_time(self, now_ns: int) -> float:
         return (now_ns + self.clock.offset_ns - self._start_ns) / SECOND

@@ -15,6 +15,7 @@ from typing import Annotated, Final
 
 import typer
 
+from protocol.host_clock import host_clock_ns
 from protocol.keys import NAME, NAME_IN_WORDS
 from protocol.timing import SECOND
 from robot_agent.driver import Driver
@@ -85,7 +86,7 @@ def agent(
     me = Robot(robot, radius, max_speed, max_accel)
 
     def clock() -> int:
-        return int(time.monotonic_ns() * speed)
+        return int(host_clock_ns() * speed)
 
     def sleep(left_ns: int) -> None:
         time.sleep(left_ns / 1e9 / speed)

@@ -216,6 +216,10 @@ class Ride:
     def stand(self) -> None:
         """Order to hold, and find where on the path that is."""
         self.follower.find()
+        self.hold()
+
+    def hold(self) -> None:
+        """Order to stand until the next tick."""
         self.speed = self.curvature = self.distance = 0.0
 
     def _is_late(self, time: float) -> bool:

@@ -35,6 +35,7 @@ from robot_agent.blackbox import BlackBox, CoordinatorTime
 from robot_agent.driver import Driver
 from robot_agent.inbox import Inbox
 from robot_agent.loop import PERIOD_NS, FixedRateLoop
+from robot_agent.steady_clock import SteadyClock
 from robot_agent.words import Lasting, phase_in_words, waits_for
 
 _SILENCE_NS = 5 * COMMAND_PERIOD
@@ -80,6 +81,7 @@ def run_robot(
     first one heard is joined.  Raises RefusedError, and OSError when the black box cannot be
     written.
     """
+    clock = SteadyClock(clock)
     with transport:
         box = BlackBox(blackbox) if blackbox is not None else None
         service = RobotService(

@@ -6,6 +6,7 @@ Decides: which events change a phase.  Must not know: when an event happens (age
 from protocol.phases import ARMED, BRAKING, DONE, FROZEN, IDLE, MOVING
 
 READY = "ready"
+NOT_READY = "not ready any more"
 GO_IN_TIME = "go in time"
 GO_TOO_LATE = "go too late"
 TOLD_TO_FREEZE = "told to freeze"
@@ -19,6 +20,7 @@ NEW_TIMES = "new times"
 TRANSITIONS = {
     (IDLE, READY): ARMED,
     (IDLE, NEW_EPOCH): IDLE,
+    (ARMED, NOT_READY): IDLE,
     (ARMED, GO_IN_TIME): MOVING,
     (ARMED, GO_TOO_LATE): FROZEN,
     (ARMED, TOLD_TO_FREEZE): FROZEN,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Callable
 
 from robot_agent.driver import Driver, Pose
 
@@ -22,8 +23,9 @@ class SimulatedBody(Driver):
 
     `max_accel` [m/s^2]: the plan's limit, inf changes speed at once.  `wheel_gain`: metres rolled
     per metre ordered, a constant error of the wheels.  `noise` [m]: standard deviation of the
-    measured place, drawn from `seed`; x, y and heading themselves are the truth.  The end of an
-    ordered distance and the watchdog stop the body at once.
+    measured place, drawn from `seed`; x, y and heading themselves are the truth.  `clock`: the time
+    [ns] that the body moves by; without one, the robot's own.  The end of an ordered distance and
+    the watchdog stop the body at once.
     """
 
     def __init__(
@@ -33,6 +35,7 @@ class SimulatedBody(Driver):
         wheel_gain: float = 1.0,
         noise: float = 0.0,
         seed: int = 0,
+        clock: Callable[[], int] | None = None,
     ) -> None:
         self.x = self.y = self.heading = math.nan
         self.speed = 0.0
@@ -40,6 +43,7 @@ class SimulatedBody(Driver):
         self._gain = wheel_gain
         self._noise = noise
         self._random = random.Random(seed)
+        self._clock = clock
         self._now_ns: int | None = None
         self._powered_ns = 0
         self._wanted = 0.0
@@ -81,6 +85,7 @@ class SimulatedBody(Driver):
 
     def step(self, now_ns: int) -> None:
         """Integrate the motion from the last step until now; time never runs back."""
+        now_ns = now_ns if self._clock is None else self._clock()
         before = now_ns if self._now_ns is None else self._now_ns
         passed = max(now_ns - before, 0)
         self._now_ns = before + passed

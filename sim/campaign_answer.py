@@ -26,6 +26,7 @@ _REASONS: Final = {
     "hang": "hung to the end",
     "stall": "stalled to the end",
     "cut": "cut off to the end",
+    "clock-pause": "computer stopped to the end",
     "unfit": "failed too often",
 }
 """Reasons why a robot is not expected, in words where they are not the reason itself."""

@@ -49,6 +49,8 @@ KINDS: Final = {
     "skid": VirtualKind("METRES", 0.1, -10.0, 10.0, drawn=(0.02, 0.15)),
     "cut": VirtualKind("SECONDS", None, drawn=(0.2, 10.0)),
     "corrupt": VirtualKind("SECONDS", 3.0, drawn=(0.5, 5.0)),
+    "clock-pause": VirtualKind("SECONDS", None, drawn=(0.1, 8.0)),
+    "clock-jump": VirtualKind("SECONDS", None, -1e6, 1e6, drawn=(0.1, 8.0)),
     "driver-error": VirtualKind(),
     "coordinator-hang": VirtualKind("SECONDS", 5.0, drawn=(0.1, 6.0)),
     "coordinator-restart": VirtualKind("SECONDS", 3.0, drawn=(0.5, 6.0)),

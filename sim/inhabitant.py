@@ -17,13 +17,14 @@ from robot_agent.driver import DriverError
 from robot_agent.service import RobotService
 from sim.blackbox import BlackBox
 from sim.failing_body import FailingBody
+from sim.robot_clock import RobotClock
 
 Row = tuple[float, float, float, float, float, str]
 
 
 @dataclass(eq=False)
 class Inhabitant:
-    """A robot; `clock` is its own.
+    """A robot; `clock` is its own, as its program reads it.
 
     rows: t [s since the first GO], x, y [m], heading [rad], s [m], phase; of a robot that stands
     the first and the last such row are kept, which loses nothing.
@@ -31,6 +32,7 @@ class Inhabitant:
 
     service: RobotService
     body: FailingBody
+    own_clock: RobotClock
     clock: Callable[[], int]
     dead: bool = False
     hung: bool = False

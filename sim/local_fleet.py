@@ -24,6 +24,7 @@ from coordinator.console import tell
 from coordinator.scenario import Robot, Scenario
 from coordinator.scenario_file import scenario_to_json
 from protocol.endpoint import endpoint_of
+from protocol.host_clock import host_clock_ns
 from sim.babble import Babbler
 from sim.faults import Fault, Strike, strikes_of
 from sim.faulty_body import SCRIPT
@@ -207,7 +208,7 @@ class LocalFleet:
         """Return the real seconds until the next strike, None when none is left."""
         if not self._strikes:
             return None
-        now = time.monotonic_ns() * self.speed
+        now = host_clock_ns() * self.speed
         return max(0.0, (self._start_ns - now) / 1e9 + self._strikes[0].time) / self.speed
 
     def _strike(self, strike: Strike) -> None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from functools import partial
+from typing import Final, NamedTuple, TypeAlias
 
 from protocol.timing import SECOND
 from sim.agenda import Agenda
@@ -17,6 +18,8 @@ from sim.babble import RATE, noise
 from sim.faults import Fault
 from sim.inhabitant import Inhabitant
 from sim.memory_transport import MemoryNetwork
+
+_Deed: TypeAlias = Callable[[str], None]
 
 _BABBLE_NS: Final = round(SECOND / RATE)
 
@@ -62,6 +65,12 @@ class Strikes:
         self._coordinator = coordinator
         self._until: dict[tuple[str, str], float] = {}
         self._babblers = 0
+        self._lasting: Final[dict[str, tuple[_Deed, _Deed]]] = {
+            "hang": (self._hang, self._wake),
+            "stall": (self._stall, self._unstall),
+            "cut": (network.cut, network.heal),
+            "clock-pause": (self._pause, self._unpause),
+        }
 
     @property
     def coordinator_hangs(self) -> bool:
@@ -79,18 +88,17 @@ class Strikes:
         if fault.kind == "kill":
             robot.dead = True
             network.drop(name)
-        elif fault.kind == "hang":
-            self._last(fault, lambda: self._hang(name), lambda: self._wake(name))
+        elif fault.kind in self._lasting:
+            begin, end = self._lasting[fault.kind]
+            self._last(fault, partial(begin, name), partial(end, name))
+        elif fault.kind == "clock-jump":
+            robot.own_clock.set(round(fault.value * SECOND))
         elif fault.kind == "slow":
             robot.body.slow(fault.value)
-        elif fault.kind == "stall":
-            self._last(fault, lambda: robot.body.stall(True), lambda: robot.body.stall(False))
         elif fault.kind == "skid" and robot.body.speed > 0.0:
             robot.body.skid(fault.value)
         elif fault.kind == "skid":
             return  # A base that stands does not slip.
-        elif fault.kind == "cut":
-            self._last(fault, lambda: network.cut(name), lambda: network.heal(name))
         elif fault.kind == "driver-error":
             robot.body.fail()
         elif fault.kind == "corrupt":
@@ -130,8 +138,24 @@ class Strikes:
         self._network.hold(name)
 
     def _wake(self, name: str) -> None:
-        self._robots[name].hung = False
-        self._network.release(name)
+        if not any(self._is_under(kind, name) for kind in ("hang", "clock-pause")):
+            self._robots[name].hung = False
+            self._network.release(name)
+
+    def _stall(self, name: str) -> None:
+        self._robots[name].body.stall(True)
+
+    def _unstall(self, name: str) -> None:
+        self._robots[name].body.stall(False)
+
+    def _pause(self, name: str) -> None:
+        """Stop a robot's whole computer: its program and its clock."""
+        self._hang(name)
+        self._robots[name].own_clock.stop()
+
+    def _unpause(self, name: str) -> None:
+        self._robots[name].own_clock.go_on()
+        self._wake(name)
 
     def _babble(self, fault: Fault) -> None:
         """Put random bytes on a robot's keys for a while."""

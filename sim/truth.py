@@ -26,7 +26,7 @@ from sim.free_space import free_space
 from sim.judge import least_separation
 from sim.world import World
 
-_OWN: Final = ("hang", "slow", "stall", "skid", "driver-error")
+_OWN: Final = ("hang", "slow", "stall", "skid", "driver-error", "clock-pause", "clock-jump")
 """Faults that a robot may be given up for."""
 
 _NOISE: Final = 0.005
@@ -112,7 +112,7 @@ def excused(world: World, over_ns: int) -> dict[str, str]:
         fault = one.fault
         if fault.kind == "kill":
             why[fault.robot] = "killed"
-        elif fault.kind in ("hang", "stall", "cut"):
+        elif fault.kind in ("hang", "stall", "cut", "clock-pause"):
             ends = one.now_ns + (fault.value + _RETURN) * SECOND
             if ends > over_ns:
                 why[fault.robot] = fault.kind

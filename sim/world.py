@@ -25,13 +25,14 @@ from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 from robot_agent.driver import Pose
 from robot_agent.loop import PERIOD_NS
 from robot_agent.service import Robot, RobotService
-from robot_agent.skewed_clock import skewed_clock
+from robot_agent.steady_clock import SteadyClock
 from sim.agenda import Action, Agenda
 from sim.blackbox import BlackBox
 from sim.failing_body import FailingBody
 from sim.faults import Fault
 from sim.inhabitant import Inhabitant
 from sim.memory_transport import MemoryNetwork
+from sim.robot_clock import RobotClock
 from sim.run_logs import RunLogs
 from sim.strikes import CoordinatorStrikes, Strikes, Struck
 from sim.virtual_service import VirtualService
@@ -200,11 +201,13 @@ class World:
             wheel_gain=1.0 + chance.uniform(-flaws.gain, flaws.gain),
             noise=chance.uniform(0.0, flaws.noise),
             seed=boot,
+            clock=lambda: self.now_ns,
         )
         drift_ppm = chance.randint(-flaws.drift_ppm, flaws.drift_ppm)
-        clock = skewed_clock(lambda: self.now_ns, ahead_ns, drift_ppm)
+        own_clock = RobotClock(lambda: self.now_ns, ahead_ns, drift_ppm)
+        clock = SteadyClock(own_clock)
         service = self._service(plan.id, plan.radius, body, boot, clock)
-        return Inhabitant(service, body, clock)
+        return Inhabitant(service, body, own_clock, clock)
 
     def _service(
         self, name: str, radius: float, body: FailingBody, boot: int, clock: Callable[[], int]

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from protocol.phases import (
     ARMED,
     BRAKING,
+    CLOCK_UNSURE,
     DONE,
     FREEZE,
     FROZEN,
@@ -98,6 +99,8 @@ def test_a_braked_robot_never_moves_again_in_its_epoch_and_does_in_the_next():
     run.body.place(*run_in(ARMED).body.pose())
     run.start_ns = run.now + SECOND
     hear_plan(run)
+    assert (run.agent.phase, run.agent.fault) == (IDLE, CLOCK_UNSURE)
+    run.until(run.now + 50 * MS)
     assert (run.agent.phase, run.agent.epoch) == (ARMED, 2)
     run.command(GO)
     run.until(run.start_ns + SECOND)

@@ -176,8 +176,10 @@ def test_a_driver_error_is_kept_as_the_fault_of_the_robot():
 
 def test_a_robot_whose_clock_became_uncertain_brakes():
     run = run_in(MOVING)
-    run.agent.clock.reset(run.own(run.now))
-    run.agent.tick(run.own(run.now), *run.body.pose())
+    run.agent.clock.start_over(run.own(run.now))
+    run.until(run.now + 200 * MS, talking=False)
+    assert (run.agent.phase, run.agent.drive_speed) == (MOVING, 0.0)
+    run.until(run.now + 100 * MS, talking=False)
     assert (run.agent.phase, run.agent.fault) == (BRAKING, CLOCK_UNSURE)
 
 

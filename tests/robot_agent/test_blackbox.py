@@ -36,7 +36,7 @@ def test_without_an_exchange_there_is_no_time_and_a_known_one_stays_when_it_is_f
     assert time.now() is None
     exchanged(sync, now_ns, 100 * SECOND, MS, MS)
     assert time.now() == 110 * SECOND
-    sync.reset(now_ns)
+    sync.start_over(now_ns)
     assert time.now() == 110 * SECOND
 
 

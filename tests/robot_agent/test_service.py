@@ -17,9 +17,9 @@ from protocol.phases import ARMED, DONE, DRIVER_ERROR, FREEZE, FROZEN, GO, HOLD,
 from robot_agent.blackbox import BlackBox
 from robot_agent.driver import DriverError
 from robot_agent.service import RefusedError, Robot, run_robot
-from robot_agent.skewed_clock import skewed_clock
 from sim.body import SimulatedBody
 from sim.memory_transport import MemoryNetwork
+from sim.robot_clock import RobotClock
 from tests.robot_agent.rides import COORDINATOR, ME, MS, SECOND, motion_along, winding_path
 
 FLEET = "hall"
@@ -139,7 +139,7 @@ def test_a_robot_on_a_bad_link_arrives_too():
 
 def test_a_robot_whose_own_clock_is_wrong_and_drifts_arrives_in_time(tmp_path):
     hall = Hall(delay_ns=(MS, 3 * MS))
-    own = skewed_clock(hall.clock, -987_654_321, 45)
+    own = RobotClock(hall.clock, -987_654_321, 45)
     box = tmp_path / "R1.csv"
     assert hall.run(clock=own, blackbox=box) == 0
     rows = list(csv.DictReader(box.read_text().splitlines()))

@@ -51,6 +51,15 @@ def test_nobody_touches_and_whoever_can_arrives(floors, seed):
     assert all(share <= 1.0 for share in outcome.latencies.share)
 
 
+@pytest.mark.parametrize("seed", [8, 25, 31, 57])
+def test_nobody_touches_where_computers_stop_and_clocks_are_set(seed):
+    """With a filter that believes its best exchange for good these seeds collide."""
+    scenario = read_scenario(ROOT / "examples" / "paper_five_real.toml")
+    outcome = run_seed(scenario, seed, Wish(kinds=("clock-pause", "clock-jump")))
+    assert outcome.violations == ()
+    assert outcome.arrived == outcome.expected
+
+
 def test_without_faults_every_link_brings_everybody_home_in_the_first_epoch(five):
     for seed, link in enumerate(LINKS):
         scenario, document = plan_for(five, link, None)

@@ -1,0 +1,17 @@
+"""The clock that all programs of one computer share, which goes on while the computer sleeps.
+
+Decides: which of the system's clocks that is.  Coordinator and agents read it alike, so that on one
+computer their times agree exactly.
+"""
+
+from __future__ import annotations
+
+import time
+
+_ID = getattr(time, "CLOCK_BOOTTIME", None)
+"""Linux: like the monotonic clock, but it counts the time that the computer was suspended."""
+
+
+def host_clock_ns() -> int:
+    """Return the time [ns] since some moment before the program began; it never runs backwards."""
+    return time.monotonic_ns() if _ID is None else time.clock_gettime_ns(_ID)

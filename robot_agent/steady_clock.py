@@ -1,0 +1,37 @@
+"""A robot's own clock as its program sees it: it never runs backwards.
+
+Decides: that a clock which was set back goes on from where it was, a little later.  So whoever
+reads it sees a late tick, after which a robot trusts its time no more (agent.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from protocol.timing import MILLISECOND
+
+LEAP: Final = 200 * MILLISECOND
+"""A clock that was set back is taken to have stood still for so long."""
+
+_READING_ORDER: Final = MILLISECOND
+"""Threads that read the clock at once may see it run back by so much, which means nothing."""
+
+
+class SteadyClock:
+    """Reads a clock [ns]; what it returns never falls."""
+
+    def __init__(self, clock: Callable[[], int]) -> None:
+        self._clock = clock
+        self._read_ns = clock()
+        self._added_ns = 0
+
+    def __call__(self) -> int:
+        """Return the time."""
+        now_ns, before_ns = self._clock(), self._read_ns
+        if now_ns < before_ns - _READING_ORDER:
+            self._added_ns += before_ns - now_ns + LEAP
+        elif now_ns < before_ns:
+            now_ns = before_ns
+        self._read_ns = now_ns
+        return now_ns + self._added_ns

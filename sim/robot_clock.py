@@ -1,0 +1,43 @@
+"""A robot's own clock in simulation: ahead of the true time, faster or slower, stopped, set.
+
+Decides: how it is off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+
+class RobotClock:
+    """Shows a true time [ns] with an offset and a drift; it can be stopped and set."""
+
+    def __init__(self, truth: Callable[[], int], offset_ns: int, drift_ppm: int) -> None:
+        self._truth = truth
+        self._began_ns = truth()
+        self._offset_ns = offset_ns
+        self._drift_ppm = drift_ppm
+        self._stopped_ns: int | None = None
+
+    def __call__(self) -> int:
+        """Return what the clock shows."""
+        if self._stopped_ns is not None:
+            return self._stopped_ns
+        now_ns = self._truth()
+        return now_ns + self._offset_ns + (now_ns - self._began_ns) * self._drift_ppm // 1_000_000
+
+    def set(self, by_ns: int) -> None:
+        """Jump forwards, or backwards if `by_ns` is negative."""
+        if self._stopped_ns is None:
+            self._offset_ns += by_ns
+        else:
+            self._stopped_ns += by_ns
+
+    def stop(self) -> None:
+        """Stand still."""
+        self._stopped_ns = self()
+
+    def go_on(self) -> None:
+        """Count again, from where the clock stands."""
+        stopped_ns, self._stopped_ns = self._stopped_ns, None
+        if stopped_ns is not None:
+            self._offset_ns += stopped_ns - self()
