@@ -41,6 +41,17 @@ def within(least: float, most: float = math.inf) -> Callable[[float], float]:
     return check
 
 
+def one_of(*known: str) -> Callable[[list[str] | None], list[str] | None]:
+    """Return an option's check: every one of its values is known."""
+
+    def check(names: list[str] | None) -> list[str] | None:
+        if unknown := [name for name in names or [] if name not in known]:
+            raise typer.BadParameter(f"{', '.join(unknown)} is not one of {', '.join(known)}")
+        return names
+
+    return check
+
+
 def writable(*suffixes: str) -> Callable[[Path | None], Path | None]:
     """Return an option's check: a file of one of the suffixes (any, without) in a folder there."""
 
@@ -149,9 +160,18 @@ def plan(
 def verify(
     plan: PlanFile,
     scenario: Annotated[Path | None, typer.Option(help="Prove against this scenario.")] = None,
+    allow_unproven: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Accept a file that says too little to prove this: clearance or limits.",
+            callback=one_of("clearance", "limits"),
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Prove a plan again, from its file alone.
+
+    Exit code 1 when something does not hold, or cannot be looked at and is not allowed by name.
 
     Example: splinefleet verify plan.json --scenario examples/paper_five.toml
     """
@@ -171,7 +191,13 @@ def verify(
         answer_json(proof)
     else:
         answers.print(render_proof(proof))
-    if not proof.holds:
+    missing = [name for name in proof.unproven if name not in (allow_unproven or [])]
+    for name in missing:
+        tell(
+            f"{plan}: {name} is not proven: the file does not say enough; --scenario FILE does, "
+            f"--allow-unproven {name} accepts it"
+        )
+    if missing or not proof.holds:
         raise typer.Exit(1)
 
 

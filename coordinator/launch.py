@@ -27,9 +27,10 @@ from coordinator.mission import Mission
 from coordinator.plan import PlanDocument, plan_name, to_json
 from coordinator.planning import plan_here
 from coordinator.recorder import Recorder
-from coordinator.replay import go_on
+from coordinator.replay import go_on, scenario_of
 from coordinator.roll_call import RollCall
 from coordinator.scenario import Scenario
+from coordinator.scenario_changes import Change, changes
 from coordinator.service import Service
 from coordinator.table import FleetTable
 from protocol.host_clock import host_clock_ns
@@ -133,6 +134,10 @@ class Coordinator:
             raise InputError([f"--resume: {problem}" for problem in error.problems]) from None
         if mission.fleet.name != self.scenario.name:
             raise InputError([f"--resume: {resume} is the log of fleet {mission.fleet.name}"])
+        planned = scenario_of(log)
+        if changed := changes(planned, self.scenario):
+            raise InputError([_changed(resume, change) for change in changed])
+        self.scenario = planned  # Its robots in their order: replay plans with it again.
         speed = log.metadata.get("speed", str(self.speed))
         if speed != str(self.speed):
             raise InputError([f"--resume: {resume} is the log of a fleet at --speed {speed[:40]}"])
@@ -249,3 +254,9 @@ class Coordinator:
             tell(f"{robot['id']}: {text}")
         if dropped:
             tell("dropped: " + ", ".join(f"{count} {cause}" for cause, count in dropped.items()))
+
+
+def _changed(log: Path, change: Change) -> str:
+    """Say what the log's plan was made with and the scenario asks for now."""
+    before, now = ("none" if one is None else one for one in (change.before, change.after))
+    return f"--resume: {log} was planned with {change.field} {before}, the scenario has {now} now"

@@ -77,8 +77,7 @@ def _start(robot: RobotPlan) -> str:
 
 def render_proof(proof: Proof) -> RenderableType:
     """Return the proof in a few lines."""
-    verdict = Text("proof holds", "green") if proof.holds else Text("proof does not hold", "red")
-    lines: list[RenderableType] = [verdict]
+    lines: list[RenderableType] = [_verdict(proof)]
     lines += [Text(f"  {failure}") for failure in proof.failures]
     if proof.least_separation is not None:
         least = f"least separation {proof.least_separation:.4f} m between two centres"
@@ -89,9 +88,15 @@ def render_proof(proof: Proof) -> RenderableType:
     if proof.least_clearance is not None:
         lines.append(Text(f"  least clearance {proof.least_clearance:.4f} m"))
     lines.append(Text(f"  {survived(proof.survives)}"))
-    if proof.unproven:
-        lines.append(Text(f"  not proven: {', '.join(proof.unproven)}", "yellow"))
     return Group(*lines)
+
+
+def _verdict(proof: Proof) -> Text:
+    if not proof.holds:
+        return Text("proof does not hold", "red")
+    if proof.unproven:
+        return Text(f"what was proven holds; not proven: {', '.join(proof.unproven)}", "yellow")
+    return Text("proof holds", "green")
 
 
 def _folded(text: str) -> str:

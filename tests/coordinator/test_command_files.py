@@ -169,3 +169,42 @@ def test_a_stray_file_beside_a_log_is_told_of_and_one_that_was_asked_for_is_an_e
     assert json.loads(result.stdout)["messages"] == 1
     assert "R1.csv: line 1: the columns are not" in problem_of("info r.mcap --blackbox .")
     assert "'nowhere' does not exist" in problem_of("info r.mcap --blackbox nowhere")
+
+
+def without(plan, *names):
+    """A plan file that says nothing of its floor or of its robots' limits."""
+    fields = json.loads(plan)
+    if "clearance" in names:
+        fields["workspace"] = None
+    for robot in fields["robots"] if "limits" in names else ():
+        robot["limits"] = None
+    return json.dumps(fields)
+
+
+@pytest.mark.parametrize(
+    ("unproven", "options", "exit_code"),
+    [
+        ([], [], 0),
+        (["clearance"], [], 1),
+        (["clearance"], ["--allow-unproven", "limits"], 1),
+        (["clearance"], ["--allow-unproven", "clearance"], 0),
+        (["clearance"], ["--scenario", "hall.toml"], 0),
+        (["limits"], [], 1),
+        (["clearance", "limits"], ["--allow-unproven", "clearance"], 1),
+        (
+            ["clearance", "limits"],
+            ["--allow-unproven", "clearance", "--allow-unproven", "limits"],
+            0,
+        ),
+        ([], ["--allow-unproven", "everything"], 2),
+    ],
+)
+def test_what_a_plan_file_leaves_unproven_is_refused_unless_it_is_allowed_by_name(
+    folder, unproven, options, exit_code
+):
+    (folder / "plan.json").write_text(without((folder / "plan.json").read_bytes(), *unproven))
+    result = CliRunner().invoke(app, ["verify", "plan.json", *options])
+    assert result.exit_code == exit_code
+    if exit_code == 1:
+        (name,) = {*unproven} - {*options}
+        assert f"plan.json: {name} is not proven" in result.output

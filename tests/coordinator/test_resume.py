@@ -237,6 +237,31 @@ def test_a_log_in_which_nothing_was_said_is_told_to_hold_no_message(story):
         go_on(log, 77, SECOND)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "difference"),
+    [
+        ("tau = 0.5", "tau = 0.6", "tau 0.5, the scenario has 0.6 now"),
+        ("radius = 0.1", "radius = 0.2", "robots[R1].radius 0.1, the scenario has 0.2 now"),
+        (
+            "3.0, 3.0]",
+            "3.0, 3.0]\nobstacles = [[[1.0, 0.0], [2.0, 0.0], [2.0, 0.2]]]",
+            "workspace.obstacles none, the scenario has [[1.0,0.0],[2.0,0.0],[2.0,0.2]] now",
+        ),
+    ],
+)
+def test_a_scenario_that_differs_from_the_log_is_not_gone_on_with(
+    story, tmp_path, old, new, difference
+):
+    (tmp_path / "run.mcap").write_bytes(story[: len(story) // 4])
+    scenario = parse_scenario(SCENARIO.replace(old.encode(), new.encode()), "one.toml")
+    with pytest.raises(InputError) as caught:
+        Coordinator(scenario, effort=EFFORT, speed=1.0, events=False)._go_on(
+            9, tmp_path / "run.mcap"
+        )
+    (problem,) = caught.value.problems
+    assert problem == f"--resume: {tmp_path / 'run.mcap'} was planned with {difference}"
+
+
 def test_a_fleet_at_another_speed_is_not_gone_on_with(story, tmp_path):
     (tmp_path / "run.mcap").write_bytes(story[: len(story) // 4])
     scenario = parse_scenario(SCENARIO, "one.toml")
