@@ -35,6 +35,7 @@ from coordinator.service import Service
 from coordinator.table import FleetTable
 from protocol.host_clock import host_clock_ns
 from protocol.phases import PHASE_NAMES
+from protocol.shared_clock import announce_clock
 
 _WITHOUT: Final = {
     "lost": "it is lost, not heard any more",
@@ -95,6 +96,7 @@ class Coordinator:
         with ExitStack() as stack:
             if self._gate is not None:
                 stack.callback(self._gate.close)
+            stack.enter_context(announce_clock(boot))
             transport = stack.enter_context(place.open(self._gate))
             recorder = self._recorder(log, document, boot, resume)
             try:

@@ -19,7 +19,11 @@ from coordinator.errors import InputError
 from coordinator.ride_samples import Array, RideSamples
 from protocol.phases import DONE, MOVING, PHASE_NAMES
 
-_COLUMNS: Final = "t,x,y,heading,s,phase"
+_COLUMNS: Final = "t,x,y,heading,s,phase,estimate"
+_OLDER: Final = "t,x,y,heading,s,phase"
+"""Boxes of programs that wrote no estimate are read too."""
+
+_PHASE: Final = 5
 _PARTS: Final = 12
 """A robot under way is compared with so many places between where it should be and is late."""
 
@@ -81,12 +85,15 @@ def read_course(path: Path) -> TrueCourse:
         lines = path.read_text().splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError([f"{path}: {error}"]) from None
-    if not lines or lines[0] != _COLUMNS:
+    if not lines or lines[0] not in (_COLUMNS, _OLDER):
         raise InputError([f"{path}: line 1: the columns are not {_COLUMNS}"])
-    rows = lines[1:]
-    if rows and rows[-1].count(",") != _COLUMNS.count(","):
+    rows, commas = lines[1:], lines[0].count(",")
+    if rows and rows[-1].count(",") != commas:
         rows.pop()
-    phases = [line.rpartition(",")[2] for line in rows]
+    for number, line in enumerate(rows, start=2):
+        if line.count(",") != commas:
+            raise InputError([f"{path}: line {number}: is no row of a black box"])
+    phases = [line.split(",")[_PHASE] for line in rows]
     table = _numbers(path, rows)
     if not np.isfinite(table).all() or np.any(np.diff(table[:, 0]) < 0.0):
         raise InputError([f"{path}: its times do not run on, or a number is not finite"])

@@ -1,63 +1,47 @@
-"""The robot's black box: where it truly was, for whoever judges a run afterwards.
+"""The robot's black box: where it truly was and when, for whoever judges a run afterwards.
 
-Decides: the file's columns and that a sudden death loses nothing.  Nothing in it goes on the wire.
+Decides: the file's columns, which clock they go by, and that a sudden death loses nothing.  Nothing
+in it goes on the wire.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from protocol.phases import PHASE_NAMES
+from protocol.shared_clock import shares_clock
 from protocol.timing import SECOND
-from robot_agent.clock_sync import ClockSync
 from robot_agent.driver import Pose
 
-HEADER: Final = "t,x,y,heading,s,phase\n"
+HEADER: Final = "t,x,y,heading,s,phase,estimate\n"
 _LONGEST_LINE: Final = 200
-
-
-class CoordinatorTime:
-    """The coordinator's time [ns], read from the robot's own clock; it never runs backwards.
-
-    Two programs on one host have one clock: the exchange finds no offset beyond its error, and the
-    host's own time is exact.  Elsewhere it is right within that error.
-    """
-
-    def __init__(self, clock: Callable[[], int], sync: ClockSync) -> None:
-        self._clock = clock
-        self._sync = sync
-        self._ahead_ns: int | None = None
-        self._told_ns = 0
-
-    def now(self) -> int | None:
-        """Return the time; None as long as the coordinator has told nothing of it."""
-        own_ns, sync = self._clock(), self._sync
-        if sync.good:
-            is_one_clock = abs(sync.offset_ns) <= sync.error_ns(own_ns)
-            self._ahead_ns = 0 if is_one_clock else sync.offset_ns
-        if self._ahead_ns is None:
-            return None
-        self._told_ns = max(self._told_ns, own_ns + self._ahead_ns)
-        return self._told_ns
 
 
 class BlackBox:
     """Appends rows from the first GO on; raises OSError when the file cannot be written.
 
-    t [s] counts on the coordinator's clock from the start that `begin` is told.  Each row reaches
-    the system at once: what a killed robot did last is what matters most.  A box that is there
-    already is kept: a robot that is started again in the same run goes on in it, which run that
-    was stands in PATH.start; one of another run becomes PATH.1, or the next free number.
+    t [s] counts on the coordinator's clock from the start that `begin` is told.  Where robot and
+    coordinator share the host's clock (shared_clock.py) t is that clock's time, whatever the robot
+    believes, and the last column is the robot's own estimate of it.  On another machine nothing
+    better than the estimate is known: t is the estimate, never runs backwards, and the last column
+    is empty.
+
+    Each row reaches the system at once: what a killed robot did last is what matters most.  A box
+    that is there already is kept: a robot that is started again in the same run goes on in it,
+    which run that was stands in PATH.start; one of another run becomes PATH.1, or the next free
+    number.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._start_ns: int | None = None
         self._boot = -1
+        self._is_shared = False
+        self._ahead_ns: int | None = None
+        self._told_ns = 0
         self._earlier = _set_aside(path)
         self._open("w")
         self._file.write(HEADER)
@@ -69,7 +53,7 @@ class BlackBox:
         before = _numbers(_start_of(self._earlier)) if boot != self._boot else []
         self._boot = boot
         if before[:1] == [boot]:
-            self._start_ns = before[1]
+            self._count_from(boot, before[1])
             self._file.close()
             _drop_cut_line(self._earlier)
             _move(self._earlier, self._path)
@@ -83,21 +67,46 @@ class BlackBox:
         self.join(boot)
         if self._start_ns is not None:
             return
-        self._start_ns = start_ns
+        self._count_from(boot, start_ns)
         if self._path.is_file():
             _start_of(self._path).write_text(f"{boot} {start_ns}\n", encoding="ascii")
 
-    def write(self, truth_ns: int | None, pose: Pose | None, s: float, phase: int) -> None:
-        """Add a row; before the start, or while the time is not known, nothing is written."""
-        if self._start_ns is None or pose is None or truth_ns is None or truth_ns < self._start_ns:
+    def write(
+        self, now_ns: int, estimate_ns: int | None, pose: Pose | None, s: float, phase: int
+    ) -> None:
+        """Add a row; before the start, or while t is not known, nothing is written.
+
+        now_ns: on the host's clock; estimate_ns: the robot's estimate of the coordinator's time,
+        None while it has none.
+        """
+        time_ns, start_ns = self._time(now_ns, estimate_ns), self._start_ns
+        if start_ns is None or pose is None or time_ns is None or time_ns < start_ns:
             return
         x, y, heading = pose
-        time = (truth_ns - self._start_ns) / SECOND
-        self._file.write(f"{time:.6f},{x:.6f},{y:.6f},{heading:.6f},{s:.6f},{PHASE_NAMES[phase]}\n")
+        numbers = ((time_ns - start_ns) / SECOND, x, y, heading, s)
+        row = ",".join(f"{number:.6f}" for number in numbers)
+        beside = ""
+        if self._is_shared and estimate_ns is not None:
+            beside = f"{(estimate_ns - start_ns) / SECOND:.6f}"
+        self._file.write(f"{row},{PHASE_NAMES[phase]},{beside}\n")
 
     def close(self) -> None:
         """Close the file; may be called twice."""
         self._file.close()
+
+    def _count_from(self, boot: int, start_ns: int) -> None:
+        self._start_ns, self._is_shared = start_ns, shares_clock(boot)
+
+    def _time(self, now_ns: int, estimate_ns: int | None) -> int | None:
+        """Return the coordinator's time [ns] as well as it is known here; None while it is not."""
+        if self._is_shared:
+            return now_ns
+        if estimate_ns is not None:
+            self._ahead_ns = estimate_ns - now_ns
+        if self._ahead_ns is None:
+            return None
+        self._told_ns = max(self._told_ns, now_ns + self._ahead_ns)
+        return self._told_ns
 
     def _open(self, mode: str) -> None:
         self._file = self._path.open(mode, encoding="ascii", buffering=1)

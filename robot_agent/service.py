@@ -31,7 +31,7 @@ from protocol.plan_parts import unpack_motion, unpack_plan
 from protocol.timing import COMMAND_PERIOD, SECOND
 from protocol.transport import Transport
 from robot_agent.agent import Agent
-from robot_agent.blackbox import BlackBox, CoordinatorTime
+from robot_agent.blackbox import BlackBox
 from robot_agent.driver import Driver
 from robot_agent.inbox import Inbox
 from robot_agent.loop import PERIOD_NS, FixedRateLoop
@@ -63,6 +63,7 @@ def run_robot(
     *,
     clock: Callable[[], int],
     sleep: Callable[[int], None],
+    host_clock: Callable[[], int] | None = None,
     fleet: str | None = None,
     blackbox: Path | None = None,
     give_up_ns: int = 0,
@@ -77,15 +78,24 @@ def run_robot(
     what keeps an idle robot from being armed; `count` the phase and the loop, and once more when
     the loop has ended.
 
-    `clock`: the robot's own time [ns]; `sleep`: lets that many of its ns pass.  Without a fleet the
-    first one heard is joined.  Raises RefusedError, and OSError when the black box cannot be
-    written.
+    `clock`: the robot's own time [ns]; `sleep`: lets that many of its ns pass; `host_clock`: the
+    host's, which stamps the black box, where the robot's own is made to differ from it.  Without a
+    fleet the first one heard is joined.  Raises RefusedError, and OSError when the black box cannot
+    be written.
     """
+    host_clock = host_clock or clock
     clock = SteadyClock(clock)
     with transport:
         box = BlackBox(blackbox) if blackbox is not None else None
         service = RobotService(
-            robot, transport, driver, fleet, box, clock=clock, period_ns=period_ns
+            robot,
+            transport,
+            driver,
+            fleet,
+            box,
+            clock=clock,
+            host_clock=host_clock,
+            period_ns=period_ns,
         )
         began = clock()
         told = PHASE_NAMES[IDLE]
@@ -127,7 +137,8 @@ class RobotService:
     """What happens in one tick; `inbox` counts what could not be understood, and what was dropped.
 
     `clock` is the robot's own and stamps what arrives between ticks; without one it counts as
-    arrived at the next, which makes the robot less certain of the coordinator's time.
+    arrived at the next, which makes the robot less certain of the coordinator's time.  `host_clock`
+    stamps the black box where the robot's own clock is made to differ from the host's.
     """
 
     def __init__(
@@ -139,6 +150,7 @@ class RobotService:
         blackbox: BlackBox | None = None,
         boot: int | None = None,
         clock: Callable[[], int] | None = None,
+        host_clock: Callable[[], int] | None = None,
         period_ns: int = PERIOD_NS,
     ) -> None:
         self.agent = Agent(robot.max_speed, period_ns)
@@ -154,7 +166,7 @@ class RobotService:
         self._driver = driver
         self._fleet: str | None = None
         self._clock = clock
-        self._time = None if clock is None else CoordinatorTime(clock, self.agent.clock)
+        self._host_clock = host_clock
         self._blackbox = blackbox
         if fleet is not None:
             self._join(fleet)
@@ -180,6 +192,11 @@ class RobotService:
         pose = self._driver.pose()
         name, arrived = self.robot.id, self._arrived
         return waits_for(self.agent, name, self._fleet, self._phase, heard, pose, arrived)
+
+    def coordinator_time(self, now_ns: int) -> int | None:
+        """Return the robot's estimate of the coordinator's time [ns]; None while it has none."""
+        sync = self.agent.clock
+        return now_ns + sync.offset_ns if sync.good else None
 
     def rescue(self, error: Exception, now_ns: int) -> None:
         """Tell the agent and the coordinator that a tick has failed."""
@@ -251,9 +268,11 @@ class RobotService:
             driver.turn(agent.drive_turn)
         else:
             driver.drive(agent.drive_speed, agent.drive_curvature, agent.drive_distance)
-        if self._blackbox is not None and self._time is not None:
+        if self._blackbox is not None:
             s = agent.ride.follower.s if agent.ride is not None else 0.0
-            self._blackbox.write(self._time.now(), driver.true_pose(), s, agent.phase)
+            host_ns = self._host_clock() if self._host_clock else now_ns
+            estimate_ns = self.coordinator_time(now_ns)
+            self._blackbox.write(host_ns, estimate_ns, driver.true_pose(), s, agent.phase)
 
     def _place(self) -> tuple[int, int, int] | None:
         """Return where a robot stands that never drove in this fleet, which is frozen."""

@@ -28,7 +28,7 @@ from sim.faults import Fault
 from sim.latencies import Latencies, latencies
 from sim.memory_transport import DROP_NOTICE_NS, MemoryNetwork
 from sim.run_logs import RunLogs
-from sim.truth import Touch, arrived, excused, touches
+from sim.truth import Touch, arrived, excused, obstacle_touches, touches
 from sim.world import USUAL_FLAWS, World
 
 LINKS: Final = (Link(delay=0.005), Link(delay=0.1, loss=0.1), Link(delay=0.3, loss=0.3))
@@ -89,6 +89,7 @@ class Outcome(msgspec.Struct, frozen=True):
     seconds: float
     latencies: Latencies
     anyway: int = 0
+    obstacle_touches: tuple[Touch, ...] = ()
 
 
 def run_seed(
@@ -140,12 +141,14 @@ def run_one(
         over, over_ns = run_world(world, document, freezes=freezes)
     boxes = world.blackboxes()
     found = touches(document, boxes, faults)
+    with_obstacles = obstacle_touches(document, boxes, faults)
     excuses = excused(world, over_ns)
     there = arrived(world, document, boxes)
     expected = [robot.id for robot in document.robots if robot.id not in excuses]
     stuck = [name for name in expected if name not in there]
     violations = [] if over else [f"not over, {COMMAND_NAMES[world.fleet.phase]} at the end"]
     violations += [f"{name} has not arrived" for name in stuck]
+    violations += [touch.text() for touch in with_obstacles]
     if is_promised(document, faults):
         violations += [touch.text() for touch in found]
     return Outcome(
@@ -163,6 +166,7 @@ def run_one(
         seconds=round((over_ns - world.began_ns) / SECOND, 3),
         latencies=latencies(world, boxes),
         anyway=len(set(excuses) & there),
+        obstacle_touches=tuple(with_obstacles),
     )
 
 

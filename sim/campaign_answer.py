@@ -67,6 +67,7 @@ class Answer(msgspec.Struct, frozen=True):
     epochs: int
     robots: int = 0
     anyway: int = 0
+    collisions_with_obstacles: int = 0
 
 
 def add_up(outcomes: Sequence[Outcome], violations: Iterable[Violation] = ()) -> Answer:
@@ -84,14 +85,15 @@ def add_up(outcomes: Sequence[Outcome], violations: Iterable[Violation] = ()) ->
         epochs=sum(one.epochs for one in outcomes),
         robots=sum(one.expected + len(one.excused) for one in outcomes),
         anyway=sum(one.anyway for one in outcomes),
+        collisions_with_obstacles=sum(len(one.obstacle_touches) for one in outcomes),
     )
 
 
 def render(answer: Answer) -> Table:
     """Return a table for people."""
     table = Table(box=None, show_header=False, padding=(0, 2))
-    for name in ("runs", "epochs", "robots", "collisions", "stuck"):
-        table.add_row(name, str(getattr(answer, name)))
+    for name in ("runs", "epochs", "robots", "collisions", "collisions_with_obstacles", "stuck"):
+        table.add_row(name.replace("_", " "), str(getattr(answer, name)))
     table.add_row("arrived", f"{answer.arrived} of {answer.expected} expected")
     table.add_row("not expected", _excused(answer))
     for name, title in _MEASURES.items():

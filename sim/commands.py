@@ -156,7 +156,7 @@ def judge(
     source: Annotated[Path, typer.Argument(help="Folder of a run, or its log.")],
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Tell from the black boxes what truly happened: separations, arrivals, tracking error.
+    """Tell from the black boxes what truly happened: who touched what, arrivals, tracking error.
 
     The folder holds plan.json or the coordinator's log (run.mcap, run-2.mcap, ...), which has the
     plans in it, and ROBOT.csv or blackbox/ROBOT.csv of every robot.  A log stands for its folder.
@@ -171,7 +171,7 @@ def judge(
         answer_json(verdict)
     else:
         answers.print(render_verdict(verdict))
-    if verdict.collisions or not all(robot.arrived for robot in verdict.robots):
+    if not verdict.is_good():
         raise typer.Exit(1)
 
 

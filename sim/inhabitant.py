@@ -8,26 +8,31 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
 from protocol.phases import PHASE_NAMES
-from protocol.timing import SECOND
+from protocol.timing import MILLISECOND, SECOND
 from robot_agent.driver import DriverError
 from robot_agent.service import RobotService
 from sim.blackbox import BlackBox
 from sim.failing_body import FailingBody
 from sim.robot_clock import RobotClock
 
-Row = tuple[float, float, float, float, float, str]
+Row = tuple[float, float, float, float, float, str, float | None]
+"""t, x, y, heading, s, phase, estimate: as in a black box file, None for what is not known."""
+
+_SAME_ERROR: Final = MILLISECOND / SECOND
+"""Clock errors that differ by less [s] count as the same."""
 
 
 @dataclass(eq=False)
 class Inhabitant:
     """A robot; `clock` is its own, as its program reads it.
 
-    rows: t [s since the first GO], x, y [m], heading [rad], s [m], phase; of a robot that stands
-    the first and the last such row are kept, which loses nothing.
+    rows: what its black box holds, t being virtual time [s since the first GO].  While a robot
+    stands and its clock error stays the same, the first and the last row are kept.
     """
 
     service: RobotService
@@ -50,20 +55,38 @@ class Inhabitant:
             self.body.stop()
             self.service.rescue(error, own_ns)
 
-    def note(self, since_go_ns: int) -> None:
-        """Write down where the body truly is."""
+    def note(self, now_ns: int, began_ns: int) -> None:
+        """Write down where the body truly is; the first GO was at `began_ns` of virtual time."""
         pose, agent = self.body.true_pose(), self.service.agent
         if pose is None:
             return
         s = agent.ride.follower.s if agent.ride is not None else 0.0
-        row = (since_go_ns / SECOND, *pose, s, PHASE_NAMES[agent.phase])
-        rows = self.rows
-        if len(rows) > 1 and rows[-1][1:] == row[1:] == rows[-2][1:]:
+        t, rows = (now_ns - began_ns) / SECOND, self.rows
+        row = (t, *pose, s, PHASE_NAMES[agent.phase], self._estimate(began_ns))
+        if len(rows) > 1 and _is_alike(rows[-1], row) and _is_alike(rows[-2], row):
             rows.pop()
         rows.append(row)
+
+    def _estimate(self, began_ns: int) -> float | None:
+        """Return the robot's estimate of the time t; a program that is dead or hangs has none."""
+        if self.dead or self.hung:
+            return None
+        estimate_ns = self.service.coordinator_time(self.clock())
+        return None if estimate_ns is None else (estimate_ns - began_ns) / SECOND
 
     def blackbox(self) -> BlackBox:
         """Return what the robot truly did."""
         numbers = np.array([row[:5] for row in self.rows]).reshape(-1, 5)
         phases = tuple(row[5] for row in self.rows)
-        return BlackBox(numbers[:, 0], numbers[:, 1:3], numbers[:, 4], phases)
+        estimates = np.array([row[6] for row in self.rows], dtype=np.float64)
+        return BlackBox(numbers[:, 0], numbers[:, 1:3], numbers[:, 4], phases, estimates)
+
+
+def _is_alike(before: Row, row: Row) -> bool:
+    """Tell whether two rows differ in nothing but their times."""
+    if before[1:6] != row[1:6]:
+        return False
+    one, other = before[6], row[6]
+    if one is None or other is None:
+        return one is other
+    return abs((one - before[0]) - (other - row[0])) < _SAME_ERROR

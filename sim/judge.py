@@ -1,8 +1,9 @@
 """Ground truth after a run: did anybody touch, did everybody arrive, how well was the plan kept.
 
-Between two rows of a black box a robot is taken to move straight; the least distance of two robots
-is exact for that motion, not sampled.
-Decides: what counts as a collision (centres nearer than r_i + r_j) and as tracking error.
+Between two rows of a black box a robot is taken to move straight; least distances are exact for
+that motion, not sampled.
+Decides: what counts as a collision (centres nearer than r_i + r_j, a centre nearer than r_i to
+something solid) and as tracking error.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from coordinator.plan import PlanDocument
 from coordinator.wire import Driven, drive
 from protocol.phases import DONE, FROZEN, IDLE, MOVING, PHASE_NAMES
 from sim.blackbox import BlackBox
+from sim.clearance import SolidGround
 from sim.evidence import Epoch, gather
 
 _GRID: Final = 0.001
@@ -42,7 +44,13 @@ class PairVerdict(msgspec.Struct, frozen=True):
 
 
 class RobotVerdict(msgspec.Struct, frozen=True):
-    """How one robot ended; arrival time [s], tracking error and lateness at their worst."""
+    """How one robot ended; arrival time [s], tracking error [m] and lateness [s] at their worst.
+
+    clock_error [s]: how wrong the robot's own estimate of the time was at most; None when its black
+    box cannot tell, which has times of another machine's clock then, or of an unknown one.
+    least_clearance [m]: least distance between its disc and anything solid, negative where they
+    overlapped; None when the floor is not known.
+    """
 
     id: str
     arrived: bool
@@ -50,15 +58,28 @@ class RobotVerdict(msgspec.Struct, frozen=True):
     tracking_error: float
     lateness: float
     fault: str
+    clock_error: float | None = None
+    least_clearance: float | None = None
 
 
 class Verdict(msgspec.Struct, frozen=True):
-    """The judge's answer, in the contract's form."""
+    """The judge's answer, in the contract's form.
+
+    collisions: pairs of robots that touched; collisions_with_obstacles: robots that touched an
+    obstacle or the edge of the floor, None when the floor is not known.
+    """
 
     collisions: int
     least_separation: float | None
     pairs: list[PairVerdict]
     robots: list[RobotVerdict]
+    collisions_with_obstacles: int | None = None
+    least_clearance: float | None = None
+
+    def is_good(self) -> bool:
+        """Tell whether everybody arrived and nobody touched anything, as far as that is known."""
+        touched = self.collisions or self.collisions_with_obstacles
+        return not touched and all(robot.arrived for robot in self.robots)
 
 
 def judge(source: Path) -> Verdict:
@@ -87,6 +108,8 @@ def judge_boxes(
         pairs.append(PairVerdict(a.id, b.id, round(separation, 6), round(t, 3)))
         collisions += separation < a.radius + b.radius
     end = max((float(box.t[-1]) for box in whole.values()), default=0.0)
+    clearances = _clearances(document, whole)
+    touching = sum(clearance < 0.0 for clearance in clearances.values())
     return Verdict(
         collisions=collisions,
         least_separation=min((pair.separation for pair in pairs), default=None),
@@ -97,9 +120,12 @@ def judge_boxes(
                 _legs(epochs, rides, robot.id, whole[robot.id]),
                 whole[robot.id],
                 end,
+                clearances.get(robot.id),
             )
             for robot in document.robots
         ],
+        collisions_with_obstacles=touching if clearances else None,
+        least_clearance=min(clearances.values(), default=None),
     )
 
 
@@ -117,6 +143,18 @@ def least_separation(a: BlackBox, b: BlackBox) -> tuple[float, float]:
     distance = np.hypot(nearest[:, 0], nearest[:, 1])
     at = int(np.argmin(distance))
     return float(distance[at]), float(time[at] + part[at] * (time[at + 1] - time[at]))
+
+
+def _clearances(document: PlanDocument, boxes: Mapping[str, BlackBox]) -> dict[str, float]:
+    """Return each robot's least distance [m] from anything solid; empty without a floor."""
+    floor = document.workspace
+    if floor is None:
+        return {}
+    solid = SolidGround(floor.boundary, floor.obstacles)
+    return {
+        robot.id: round(solid.nearest(boxes[robot.id])[0] - robot.radius, 6) + 0.0
+        for robot in document.robots
+    }
 
 
 def _from_start(driven: Driven, box: BlackBox) -> BlackBox:
@@ -154,7 +192,11 @@ def _keeps_to_plan(box: BlackBox, since: float) -> float:
 
 
 def _judge_robot(
-    document: PlanDocument, legs: Sequence[tuple[Driven, BlackBox]], whole: BlackBox, end: float
+    document: PlanDocument,
+    legs: Sequence[tuple[Driven, BlackBox]],
+    whole: BlackBox,
+    end: float,
+    clearance: float | None,
 ) -> RobotVerdict:
     """Judge one robot: the whole of what it did, and each leg against its plan.
 
@@ -182,6 +224,8 @@ def _judge_robot(
         tracking_error=round(max(tracking_error(d, part, late) for d, part in legs), 6),
         lateness=round(max(_lateness(d, part) for d, part in legs), 3),
         fault=fault,
+        clock_error=None if (error := whole.clock_error()) is None else round(error, 6),
+        least_clearance=clearance,
     )
 
 

@@ -1,7 +1,8 @@
 """What truly happened in a run of many epochs: who touched, who arrived, who could not.
 
-Decides: what counts as a touch (true centres nearer than r_i + r_j, exact between rows) and whom
-nobody can expect at the goal.  Must not know: how faults are drawn.
+Decides: what counts as a touch (true centres nearer than r_i + r_j, a centre nearer than r_i to
+something solid, exact between rows) and whom nobody can expect at the goal.  Must not know: how
+faults are drawn.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from coordinator.site import Site
 from protocol.phases import DONE
 from protocol.timing import SECOND
 from sim.blackbox import BlackBox
+from sim.clearance import SolidGround
 from sim.faults import Fault
 from sim.free_space import free_space
 from sim.judge import least_separation
@@ -35,12 +37,18 @@ _NOISE: Final = 0.005
 _SPARE: Final = 0.02
 """A way that leaves less room [m] than this beyond the need counts as none."""
 
+SOLID: Final = "something solid"
+"""What a robot touches that is no robot: an obstacle, or the edge of the floor."""
+
 _RETURN: Final = 5.0
 """A robot whose fault ended less than this [s] before the end had no time to come back."""
 
 
 class Touch(msgspec.Struct, frozen=True):
-    """Two robots whose centres were nearer [m] than their radii allow, and when [s since GO]."""
+    """Two robots whose centres were nearer [m] than their radii allow, and when [s since GO].
+
+    Or a robot `a` whose centre was nearer to `b`, SOLID, than its radius.
+    """
 
     a: str
     b: str
@@ -61,10 +69,7 @@ def touches(
 
     A body that slides may come nearer by what it slides: no plan can prevent that.
     """
-    slides: dict[str, float] = {}
-    for fault in faults:
-        if fault.kind == "skid":
-            slides[fault.robot] = slides.get(fault.robot, 0.0) + abs(fault.value)
+    slides = _slides(faults)
     found = []
     for a, b in combinations(document.robots, 2):
         one, other = boxes[a.id], boxes[b.id]
@@ -75,6 +80,33 @@ def touches(
         if separation < least:
             found.append(Touch(a.id, b.id, separation, least, t))
     return found
+
+
+def obstacle_touches(
+    document: PlanDocument, boxes: Mapping[str, BlackBox], faults: Sequence[Fault] = ()
+) -> list[Touch]:
+    """Return the robots that touched something solid, each at its nearest, but for slides."""
+    floor, slides, found = document.workspace, _slides(faults), []
+    if floor is None:
+        return []
+    solid = SolidGround(floor.boundary, floor.obstacles)
+    for robot in document.robots:
+        if not len(boxes[robot.id].t):
+            continue
+        least = robot.radius - slides.get(robot.id, 0.0)
+        separation, t = solid.nearest(boxes[robot.id])
+        if separation < least:
+            found.append(Touch(robot.id, SOLID, separation, least, t))
+    return found
+
+
+def _slides(faults: Sequence[Fault]) -> dict[str, float]:
+    """Return how far [m] faults make robots slide."""
+    slides: dict[str, float] = {}
+    for fault in faults:
+        if fault.kind == "skid":
+            slides[fault.robot] = slides.get(fault.robot, 0.0) + abs(fault.value)
+    return slides
 
 
 def _come_near(a: BlackBox, b: BlackBox, least: float) -> bool:

@@ -5,6 +5,7 @@ Decides: which files there are, and where black boxes are looked for.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -74,18 +75,26 @@ def _boxes(path: Path, log: Log, until: float) -> dict[str, list[Row]]:
     for name, text in texts.items():
         table, phases = parse_blackbox(text, f"blackbox/{name}.csv")
         rows = zip(table.tolist(), phases, strict=True)
-        found[name] = [(*numbers, phase) for numbers, phase in rows if numbers[0] <= until]
+        found[name] = [
+            (*numbers, phase, None if math.isnan(estimate) else estimate)
+            for (*numbers, estimate), phase in rows
+            if numbers[0] <= until
+        ]
     return found
 
 
 def _written(robot: Inhabitant) -> list[Row]:
     """Return a robot's rows; a program that is dead or hangs writes none once its body rests."""
     rows = robot.rows
-    if (robot.dead or robot.hung) and len(rows) > 1 and rows[-1][1:] == rows[-2][1:]:
+    if (robot.dead or robot.hung) and len(rows) > 1 and rows[-1][1:6] == rows[-2][1:6]:
         return rows[:-1]
     return rows
 
 
 def _text(rows: Sequence[Row]) -> bytes:
-    lines = (",".join([*(f"{number:.6f}" for number in row[:5]), row[5]]) for row in rows)
+    lines = (",".join(_word(value) for value in row) for row in rows)
     return (HEADER + "".join(f"{line}\n" for line in lines)).encode("ascii")
+
+
+def _word(value: float | str | None) -> str:
+    return f"{value:.6f}" if isinstance(value, float) else value or ""

@@ -226,7 +226,7 @@ class World:
         def tick() -> int:
             robot.tick()
             if self.began_ns and self.now_ns >= self.began_ns:
-                robot.note(self.now_ns - self.began_ns)
+                robot.note(self.now_ns, self.began_ns)
             return self.now_ns + self._period_ns
 
         return tick

@@ -187,7 +187,18 @@ def test_a_file_that_is_no_black_box_is_named_with_its_line(tmp_path):
         ("x,y\n", "line 1: the columns are not t,x,y"),
         (HEADER + "0,a,2,0,0,moving\n1,1,2,0,0,moving\n", "line 2: is no row"),
         (HEADER + "1,1,2,0,0,moving\n0,1,2,0,0,moving\n", "its times do not run on"),
+        (HEADER + "0,1,2\n1,1,2,0,0,moving\n", "line 2: is no row"),
     ):
         path.write_text(text)
         with pytest.raises(InputError, match=said):
             read_course(path)
+
+
+def test_black_boxes_with_and_without_estimates_say_the_same(tmp_path):
+    path = tmp_path / "R1.csv"
+    for header, end in ((HEADER, ""), (f"{HEADER.rstrip()},estimate\n", ",0.5")):
+        path.write_text(f"{header}0,1,2,0,0,moving{end}\n1,3,4,0,0,done{end}\n")
+        course = read_course(path)
+        assert course.places.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+        assert course.timed.all()
+        assert course.arrival == 1.0

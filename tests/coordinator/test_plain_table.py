@@ -57,11 +57,12 @@ def test_plans_waits_and_verdicts_fit():
     waits: list[WaitSummary] = waits_of(document)
     assert_fits(shown(waits_table(waits)), "robot", "lets", "other")
     fault = "recording ends at 1207.99 s"
-    robots = [RobotVerdict(NAME, True, 1234.56, 0.1234, 12.345, fault)]
+    robots = [RobotVerdict(NAME, True, 1234.56, 0.1234, 12.345, fault, None, 0.0203)]
     verdict = Verdict(0, 0.3, [PairVerdict(NAME, "R2", 0.3, 12.0)], robots)
     told = summary.RunSummary("hall", False, verdict, {}, {})
-    assert_fits(shown(summary.render(told)), "arrived", "tracking", "lateness")
-    assert "times in s from the first GO" in shown(summary.render_verdict(verdict))
+    for said in (shown(summary.render(told)), shown(summary.render_verdict(verdict))):
+        assert_fits(said, "arrived", "tracking", "lateness", "clock", "unknown")
+        assert "times in s from the first GO" in said
 
 
 def test_the_table_of_a_running_fleet_fits():

@@ -1,53 +1,99 @@
-"""Black boxes: their time is the coordinator's, and nothing in them is ever lost."""
+"""Black boxes: which clock their times are of, and that nothing in them is ever lost."""
 
 import os
 from pathlib import Path
 
+import pytest
+
 from protocol.phases import MOVING
-from robot_agent.blackbox import BlackBox, CoordinatorTime
-from robot_agent.clock_sync import ClockSync
+from robot_agent.blackbox import BlackBox
 from sim.blackbox import read_blackbox
-from tests.robot_agent.rides import MS, SECOND
+from tests.robot_agent.rides import SECOND
+
+HERE = (1.0, 2.0, 0.5)
 
 
-def exchanged(sync: ClockSync, now_ns: int, ahead_ns: int, there_ns: int, back_ns: int) -> None:
-    """One exchange heard at now_ns with a coordinator whose clock is ahead."""
-    sent_ns = now_ns - there_ns - back_ns
-    heard_ns = sent_ns + there_ns + ahead_ns
-    assert sync.add(sent_ns, heard_ns, heard_ns, now_ns)
+@pytest.fixture
+def one_machine(monkeypatch):
+    """Every coordinator runs on the robot's machine."""
+    monkeypatch.setattr("robot_agent.blackbox.shares_clock", lambda _boot: True)
 
 
-def test_on_the_coordinators_host_the_time_is_the_hosts_own_to_the_nanosecond():
-    sync, now_ns = ClockSync(), 10 * SECOND
-    exchanged(sync, now_ns, 0, 5 * MS, MS)
-    assert sync.offset_ns != 0
-    assert CoordinatorTime(lambda: now_ns, sync).now() == now_ns
+def rows_of(path, *stamps, start=100.0):
+    """Rows that were written at these times [s] of the host's clock and of the robot's estimate."""
+    box = BlackBox(path)
+    box.begin(7, round(start * SECOND))
+    for host, estimate in stamps:
+        estimate_ns = None if estimate is None else round(estimate * SECOND)
+        box.write(round(host * SECOND), estimate_ns, HERE, 0.25, MOVING)
+    box.close()
+    return path.read_text().splitlines()[1:]
 
 
-def test_on_another_host_the_time_is_the_coordinators_as_the_exchange_tells():
-    sync, now_ns = ClockSync(), 10 * SECOND
-    exchanged(sync, now_ns, -7 * SECOND, MS, MS)
-    assert CoordinatorTime(lambda: now_ns, sync).now() == 3 * SECOND
+@pytest.mark.usefixtures("one_machine")
+def test_on_the_coordinators_machine_t_is_the_hosts_time_whatever_the_robot_believes(
+    tmp_path,
+):
+    assert rows_of(tmp_path / "R1.csv", (101.0, 98.0), (101.5, 101.5)) == [
+        "1.000000,1.000000,2.000000,0.500000,0.250000,moving,-2.000000",
+        "1.500000,1.000000,2.000000,0.500000,0.250000,moving,1.500000",
+    ]
 
 
-def test_without_an_exchange_there_is_no_time_and_a_known_one_stays_when_it_is_forgotten():
-    sync, now_ns = ClockSync(), 10 * SECOND
-    time = CoordinatorTime(lambda: now_ns, sync)
-    assert time.now() is None
-    exchanged(sync, now_ns, 100 * SECOND, MS, MS)
-    assert time.now() == 110 * SECOND
-    sync.start_over(now_ns)
-    assert time.now() == 110 * SECOND
+@pytest.mark.usefixtures("one_machine")
+def test_a_robot_that_has_no_estimate_is_stamped_all_the_same_on_the_coordinators_machine(
+    tmp_path,
+):
+    (row,) = rows_of(tmp_path / "R1.csv", (101.0, None))
+    assert row == "1.000000,1.000000,2.000000,0.500000,0.250000,moving,"
 
 
-def test_the_time_never_runs_backwards_when_a_better_exchange_comes():
-    sync, now_ns = ClockSync(), 10 * SECOND
-    time = CoordinatorTime(lambda: now_ns, sync)
-    exchanged(sync, now_ns, 100 * SECOND, 9 * MS, MS)
-    before = time.now()
-    exchanged(sync, now_ns, 100 * SECOND, MS, MS)
-    assert sync.offset_ns + now_ns < before
-    assert time.now() == before
+def test_on_another_machine_t_is_the_robots_estimate_and_nothing_stands_beside_it(tmp_path):
+    (row,) = rows_of(tmp_path / "R1.csv", (5000.0, 101.0))
+    assert row == "1.000000,1.000000,2.000000,0.500000,0.250000,moving,"
+
+
+def test_on_another_machine_t_goes_on_with_the_host_while_there_is_no_estimate(tmp_path):
+    stamps = ((5000.0, None), (5001.0, 101.0), (5003.0, None), (5004.0, None))
+    rows_of(tmp_path / "R1.csv", *stamps)
+    assert times_in(tmp_path / "R1.csv") == [1.0, 3.0, 4.0]
+
+
+def test_on_another_machine_t_never_runs_backwards_when_the_estimate_does(tmp_path):
+    rows_of(tmp_path / "R1.csv", (5001.0, 101.0), (5001.1, 100.9), (5001.3, 101.1))
+    assert times_in(tmp_path / "R1.csv") == [1.0, 1.0, 1.1]
+
+
+@pytest.mark.usefixtures("one_machine")
+def test_estimates_are_read_beside_the_time_and_tell_the_greatest_clock_error(
+    tmp_path,
+):
+    path = tmp_path / "R1.csv"
+    rows_of(path, (101.0, None), (102.0, 99.0), (103.0, 103.5))
+    box = read_blackbox(path)
+    assert box.t.tolist() == [1.0, 2.0, 3.0]
+    assert box.estimates[1:].tolist() == [-1.0, 3.5]
+    assert box.clock_error() == 3.0
+    assert box.between(2.5, 9.0, 1.0).clock_error() == 0.5
+    assert box.between(0.5, 1.5, 0.0).clock_error() is None
+
+
+def test_boxes_without_estimates_are_read_and_tell_no_clock_error(tmp_path):
+    path = tmp_path / "R1.csv"
+    path.write_text("t,x,y,heading,s,phase\n0.5,1,2,0,0.25,moving\n")
+    box = read_blackbox(path)
+    assert (box.t.tolist(), box.places.tolist(), box.phases) == ([0.5], [[1.0, 2.0]], ("moving",))
+    assert box.clock_error() is None
+
+
+@pytest.mark.usefixtures("one_machine")
+def test_a_last_estimate_cut_short_is_not_taken_for_a_whole_one(tmp_path):
+    path = tmp_path / "R1.csv"
+    rows_of(path, (101.0, 101.0), (112.0, 112.0))
+    whole = path.read_text()
+    for cut in range(1, 10):
+        path.write_text(whole[:-cut])
+        assert read_blackbox(path).clock_error() == 0.0
 
 
 def a_box(path, boot: int, start_s: float, *times_s: float, end: str = "") -> None:
@@ -55,7 +101,8 @@ def a_box(path, boot: int, start_s: float, *times_s: float, end: str = "") -> No
     box = BlackBox(path)
     box.begin(boot, round(start_s * SECOND))
     for time in times_s:
-        box.write(round(time * SECOND), (time, 0.0, 0.0), time, MOVING)
+        now_ns = round(time * SECOND)
+        box.write(now_ns, now_ns, (time, 0.0, 0.0), time, MOVING)
     box.close()
     with path.open("a") as file:
         file.write(end)

@@ -14,7 +14,7 @@ from protocol.curve import Curve
 from protocol.messages import Clock, Command, Hello, Plan, Refusal, Report
 from protocol.packing import pack_floats, pack_points, pack_profile, pack_stops
 from protocol.phases import ARMED, DONE, DRIVER_ERROR, FREEZE, FROZEN, GO, HOLD, MOVING, OVER
-from robot_agent.blackbox import BlackBox
+from robot_agent.blackbox import HEADER, BlackBox
 from robot_agent.driver import DriverError
 from robot_agent.service import RefusedError, Robot, run_robot
 from sim.body import SimulatedBody
@@ -66,6 +66,7 @@ class Hall:
         self.heard: list[Hello | Report | Clock] = []
         self.reactions = {}
         self.silent = False
+        self.wrong_ns = 0
         for kind in (keys.hello, keys.report, keys.clock):
             self.link.subscribe(kind(FLEET, ME), self.hear)
 
@@ -91,7 +92,7 @@ class Hall:
             for plan in self.plans:
                 self.link.put(keys.plan(FLEET, ME), encode(plan))
         elif isinstance(message, Clock):
-            now = self.clock() + 10**12
+            now = self.clock() + 10**12 + self.wrong_ns
             answer = Clock(message.boot, message.sent_ns, now, now)
             self.link.put(keys.clock(FLEET, ME), encode(answer))
 
@@ -150,6 +151,20 @@ def test_a_robot_whose_own_clock_is_wrong_and_drifts_arrives_in_time(tmp_path):
     for row in rows:
         if row["phase"] == "moving":
             assert float(row["s"]) == pytest.approx(0.475 * float(row["t"]), abs=0.01)
+
+
+def test_a_robot_that_is_told_a_wrong_time_is_late_in_its_black_box(tmp_path, monkeypatch):
+    """A stranger answers its questions about the time; its coordinator runs on its machine."""
+    monkeypatch.setattr("robot_agent.blackbox.shares_clock", lambda boot: boot == COORDINATOR)
+    hall, box = Hall(), tmp_path / "R1.csv"
+    hall.wrong_ns = -3 * SECOND
+    assert hall.run(host_clock=lambda: hall.clock() + 10**12, blackbox=box) == 0
+    rows = list(csv.DictReader(box.read_text().splitlines()))
+    moving = [row for row in rows if row["phase"] == "moving"]
+    assert len(moving) > 100
+    for row in moving:
+        assert float(row["t"]) - float(row["estimate"]) == pytest.approx(3.0, abs=0.01)
+        assert float(row["s"]) == pytest.approx(max(0.475 * float(row["estimate"]), 0), abs=0.01)
 
 
 def test_between_go_and_arrival_a_robot_sends_at_most_a_hundred_bytes_a_second():
@@ -266,7 +281,7 @@ def test_a_black_box_of_a_robot_that_never_heard_go_has_only_its_header(tmp_path
     hall = Hall()
     hall.reactions[ARMED] = raise_interrupt
     assert hall.run(blackbox=tmp_path / "box.csv") == 130
-    assert (tmp_path / "box.csv").read_text() == "t,x,y,heading,s,phase\n"
+    assert (tmp_path / "box.csv").read_text() == HEADER
 
 
 def test_a_frozen_robot_stays_for_the_next_epoch():

@@ -1,16 +1,27 @@
 """The judge against motions whose truth is known."""
 
+import io
 import math
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
+from rich.console import Console
+from typer.testing import CliRunner
 
 from coordinator.errors import InputError
+from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
 from coordinator.scenario import Robot, Scenario, Workspace
 from coordinator.wire import drive
+from protocol.phases import DONE, MOVING
+from protocol.timing import MILLISECOND, SECOND
+from robot_agent import blackbox
+from robot_agent.clock_sync import ClockSync
+from sim import summary
 from sim.blackbox import BlackBox, read_blackbox
-from sim.judge import judge_boxes, least_separation
+from sim.commands import commands
+from sim.judge import judge, judge_boxes, least_separation
 
 
 @pytest.fixture(scope="module")
@@ -150,3 +161,106 @@ def test_a_last_row_cut_short_is_left_out_and_other_damage_is_told(tmp_path):
     path.write_text("time,x\n")
     with pytest.raises(InputError, match="line 1"):
         read_blackbox(path)
+
+
+START_NS = 100 * SECOND
+
+
+def write_boxes(folder, document, wrong, cut=lambda line: line):
+    """Leave what a run leaves of robots that drive by their own estimates of the time.
+
+    wrong: how far ahead [s] of the host's clock the answers are that a robot got about it; cut:
+    what is left of a line of a black box.
+    """
+    folder.mkdir(exist_ok=True)
+    (folder / "plan.json").write_bytes(to_json(document))
+    for driven in drive(document):
+        begin_ns = START_NS - SECOND
+        told_ns = begin_ns + round(wrong.get(driven.id, 0.0) * SECOND)
+        sync = ClockSync()
+        assert sync.add(begin_ns - MILLISECOND, told_ns, told_ns, begin_ns + MILLISECOND)
+        path = folder / f"{driven.id}.csv"
+        box = blackbox.BlackBox(path)
+        box.begin(7, START_NS)
+        for now_ns in range(begin_ns, begin_ns + 20 * SECOND, 10 * MILLISECOND):
+            estimate_ns = now_ns + sync.offset_ns
+            s = driven.timeline.s_at((estimate_ns - START_NS) / SECOND)
+            x, y = driven.curve.at_arc([s])[0]
+            phase = DONE if s >= driven.curve.length - 1e-6 else MOVING
+            box.write(now_ns, estimate_ns, (x, y, 0.0), s, phase)
+        box.close()
+        lines = path.read_text().splitlines()
+        path.write_text("".join(f"{cut(line)}\n" for line in lines))
+    return folder
+
+
+@pytest.fixture
+def one_machine(monkeypatch):
+    monkeypatch.setattr("robot_agent.blackbox.shares_clock", lambda _boot: True)
+
+
+def shown(verdict):
+    text = io.StringIO()
+    Console(file=text, width=200).print(summary.render_verdict(verdict))
+    return text.getvalue()
+
+
+@pytest.mark.usefixtures("one_machine")
+def test_a_robot_that_a_stranger_made_late_is_judged_in_true_time(document, tmp_path):
+    right = judge(write_boxes(tmp_path / "right", document, {}))
+    wrong = judge(write_boxes(tmp_path / "wrong", document, {"A": -3.0}))
+    assert [robot.clock_error for robot in right.robots] == [0.0, 0.0]
+    assert [robot.clock_error for robot in wrong.robots] == [3.0, 0.0]
+    assert wrong.robots[0].lateness == pytest.approx(3.0, abs=0.03)
+    assert wrong.robots[0].tracking_error > 1.0
+    assert wrong.robots[0].t == pytest.approx(right.robots[0].t + 3.0, abs=0.02)
+    assert wrong.robots[1] == right.robots[1]
+    assert wrong.least_separation < right.least_separation
+    assert "3000.0" in shown(wrong)
+    assert "unknown" not in shown(wrong)
+
+
+@pytest.mark.parametrize("columns", [6, 7])
+def test_where_only_estimates_are_known_no_clock_error_is_told_and_that_is_said(
+    document, tmp_path, columns
+):
+    def cut(line):
+        return ",".join(line.split(",")[:columns])
+
+    verdict = judge(write_boxes(tmp_path, document, {"A": -3.0}, cut))
+    assert [robot.clock_error for robot in verdict.robots] == [None, None]
+    assert verdict.robots[0].lateness < 0.02
+    assert "clock errors of all robots are unknown" in shown(verdict)
+
+
+def test_robots_keep_their_distance_from_the_edge_of_the_floor(document):
+    verdict = judge_boxes(document, driven_boxes(document))
+    assert verdict.collisions_with_obstacles == 0
+    assert verdict.least_clearance == pytest.approx(0.8, abs=0.01)
+    assert [robot.least_clearance for robot in verdict.robots] == [verdict.least_clearance] * 2
+
+
+def test_a_robot_that_touches_an_obstacle_has_collided_with_it(document, tmp_path):
+    block = [(2.0, 3.19), (2.5, 3.19), (2.5, 4.0)]
+    floor = replace(document.workspace, obstacles=[block])
+    walled = replace(document, workspace=floor)
+    verdict = judge_boxes(walled, driven_boxes(document))
+    assert verdict.collisions_with_obstacles == 1
+    assert verdict.collisions == 0
+    assert verdict.least_clearance == pytest.approx(-0.01, abs=1e-5)
+    assert verdict.robots[0].least_clearance == verdict.least_clearance
+    assert verdict.robots[1].least_clearance > 0.0
+    assert all(robot.arrived for robot in verdict.robots)
+    assert not summary.succeeded(0, verdict)
+    assert "collisions with obstacles 1: A" in shown(verdict)
+    done = CliRunner().invoke(commands, ["judge", str(write_boxes(tmp_path, walled, {}))])
+    assert done.exit_code == 1, done.output
+
+
+def test_without_a_floor_obstacles_are_not_judged_and_that_is_said(document):
+    verdict = judge_boxes(replace(document, workspace=None), driven_boxes(document))
+    assert verdict.collisions_with_obstacles is None
+    assert verdict.least_clearance is None
+    assert verdict.robots[0].least_clearance is None
+    assert summary.succeeded(0, verdict)
+    assert "collisions with obstacles are unknown: the plan holds no floor" in shown(verdict)

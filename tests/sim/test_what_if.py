@@ -80,6 +80,7 @@ def test_a_run_that_goes_on_without_faults_goes_as_it_went(quiet, tmp_path):
     verdict = judge(tmp_path / "new")
     assert verdict.collisions == 0
     assert all(robot.arrived and robot.tracking_error < 0.01 for robot in verdict.robots)
+    assert all(0.0 < robot.clock_error < 0.01 for robot in verdict.robots)
 
 
 def test_until_the_moment_every_byte_is_that_of_the_log_and_then_the_faults_come(quiet, tmp_path):

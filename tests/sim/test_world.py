@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from coordinator.planner import plan_scenario
 from coordinator.scenario_file import parse_scenario
 from protocol.phases import FREEZE, GO, OVER
-from protocol.timing import MILLISECOND, SECOND
+from protocol.timing import CLOCK_ERROR, MILLISECOND, SECOND
 from sim.faults import Fault
 from sim.judge import Epoch, judge_boxes
 from sim.memory_transport import MemoryNetwork
@@ -103,6 +103,8 @@ def test_on_a_good_link_everybody_arrives_when_planned(scenario, document):
         assert robot.arrived
         assert robot.t == pytest.approx(document.robot(robot.id).finish_time, abs=0.3)
         assert robot.tracking_error < document.margin / 2
+        assert 0.0 < robot.clock_error < CLOCK_ERROR / SECOND
+    assert verdict.collisions_with_obstacles == 0
 
 
 def test_the_same_seed_gives_the_same_run(scenario, document):

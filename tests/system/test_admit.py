@@ -48,6 +48,7 @@ def test_a_restarted_robot_is_taken_in_where_it_stands_and_arrives(tmp_path):
     verdict = json.loads(splinefleet("judge", tmp_path, "--json").stdout)
     assert verdict["collisions"] == 0
     assert all(one["arrived"] and one["tracking_error"] < 0.01 for one in verdict["robots"])
+    assert all(one["clock_error"] is not None for one in verdict["robots"])
     assert processes_of(tmp_path) == []
 
 

@@ -18,7 +18,7 @@ from coordinator.logbook import read_log
 from protocol.codec import decode
 from protocol.messages import Command, Plan, Report
 from protocol.phases import FREEZE, FROZEN
-from protocol.timing import LEASE, SECOND
+from protocol.timing import CLOCK_ERROR, LEASE, SECOND
 from sim.blackbox import read_blackbox
 from tests.system.fleet_tools import (
     ROOT,
@@ -67,6 +67,9 @@ def test_the_judge_finds_every_pair_apart_and_the_plan_kept(five):
     for robot in verdict["robots"]:
         assert robot["tracking_error"] < plan["margin"] / 2
         assert robot["lateness"] < share_for_lateness(plan["tau"])
+        assert robot["clock_error"] < CLOCK_ERROR / SECOND
+    assert verdict["collisions_with_obstacles"] == 0
+    assert 0.5 * plan["margin"] < verdict["least_clearance"] < 1.5 * plan["margin"]
 
 
 def test_no_position_was_on_the_wire_and_the_robots_said_little(five):
