@@ -20,11 +20,12 @@ from coordinator.budget import budget_for
 from coordinator.document import make_document
 from coordinator.errors import PlanError
 from coordinator.floor import Floor
+from coordinator.margin import TOLERANCE
 from coordinator.motion import Motion, Wait, limits_on
 from coordinator.paths import Pathfinder
 from coordinator.plan import Limits, PlanDocument, Proof
 from coordinator.planner import plan_scenario
-from coordinator.proof import TOLERANCE, prove, prove_separation
+from coordinator.proof import prove, prove_separation
 from coordinator.scenario import Link, Scenario
 from coordinator.separation import Separation
 from coordinator.wire import Driven, drive

@@ -17,8 +17,11 @@ from coordinator.scenario import Scenario
 from coordinator.scenario_file import scenario_to_json
 from protocol.messages import PROTOCOL_VERSION
 
+WRITTEN_BY: Final = "splinefleet"
+"""The key in a log's metadata, and the name of the package, whose version wrote the log."""
+
 _VERSIONED: Final = (
-    "splinefleet",
+    WRITTEN_BY,
     "eclipse-zenoh",
     "mcap",
     "msgspec",

@@ -3,7 +3,9 @@
 For every pair and all |t - t'| <= tau the centres stay r_i + r_j + margin apart; every curve keeps
 margin + radius from everything solid; the motion keeps the robot's limits.  Distances are
 certified to RESOLUTION, without any sampling (separation.py, bounds.py, limits_proof.py); a
-shortfall below TOLERANCE is accepted, so rounding never refuses a valid plan.
+shortfall below TOLERANCE is accepted, so rounding never refuses a valid plan.  Both, and what the
+messages allow robots to be off their plans, are shares of the margin (margin.py): a plan whose
+shares are more than its margin does not hold.
 
 Decides: whether a plan may leave the coordinator.  Shares nothing with zones, schedule and motion
 but the evaluation of curves.
@@ -20,13 +22,11 @@ import numpy as np
 
 from coordinator.budget import Budget
 from coordinator.limits_proof import limit_failures
+from coordinator.margin import RESOLUTION, TOLERANCE, beside_solid, between_robots
 from coordinator.nurbs import Array
 from coordinator.plan import Limits, Proof
-from coordinator.separation import RESOLUTION, Closest, Separation
+from coordinator.separation import Closest, Separation
 from coordinator.wire import Driven
-
-TOLERANCE: Final = 1e-3
-"""A shortfall up to this [m] is accepted."""
 
 _PLACE: Final = 0.05
 """The place at which a way comes too near to something solid is told this finely [m]."""
@@ -82,7 +82,7 @@ def prove(
     Without `gap` (no floor known) clearance is not proven and None is reported.
     """
     apart = prove_separation(driven, tau, margin)
-    failures = list(apart.failures)
+    failures = [*_say_shares(driven, margin), *apart.failures]
     clearance = None
     if gap is not None:
         each = clearances(driven, gap)
@@ -104,6 +104,23 @@ def prove(
         tightest=apart.tightest,
         failures=failures,
     )
+
+
+def _say_shares(driven: Sequence[Driven], margin: float) -> list[str]:
+    """Say which robots may be farther off their plans than the margin [m] has room for."""
+    *_, most = by_track = sorted(driven, key=lambda one: one.plan.track_mm)
+    shares, who = beside_solid(most.plan.track_mm), f"{most.id} {most.plan.track_mm} mm"
+    if len(driven) > 1:
+        other = by_track[-2]
+        shares = between_robots(other.plan.track_mm, most.plan.track_mm)
+        who = f"{other.id} {other.plan.track_mm} mm, {who}"
+    if shares.total <= margin:
+        return []
+    rest = 1000.0 * (shares.proof + shares.arcs)
+    return [
+        f"the margin is {margin:g} m, its shares are {shares.total:g} m: "
+        f"tracking ({who}), proof and tables of arc lengths ({rest:g} mm)"
+    ]
 
 
 class Apart(NamedTuple):

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from copy import deepcopy
+from importlib.metadata import version
 from typing import Final, NamedTuple
 
 import msgspec
@@ -20,6 +21,7 @@ from coordinator.drops import drops_key
 from coordinator.errors import InputError, PlanError
 from coordinator.fleet_news import Outgoing
 from coordinator.lateness import lateness_key, lateness_of
+from coordinator.log_head import WRITTEN_BY
 from coordinator.logbook import RESUMED, Log, Record, log_from_bytes
 from coordinator.mission import Mission
 from coordinator.plan import PlanDocument, plan_name
@@ -69,8 +71,18 @@ def run_again(log: Log) -> tuple[Mission | None, Check]:
     try:
         mission = _begin(log)
     except _NotAgainError as error:
-        return None, Check(0, 0, str(error))
-    return mission, _Rerun(mission, log.attachments).compare(log.records, log.complete)
+        return None, _by_version(Check(0, 0, str(error)), log)
+    check = _Rerun(mission, log.attachments).compare(log.records, log.complete)
+    return mission, _by_version(check, log)
+
+
+def _by_version(check: Check, log: Log) -> Check:
+    """Return the check, with the version that wrote the log where another finds a difference."""
+    wrote, ours = log.metadata.get(WRITTEN_BY, ""), version(WRITTEN_BY)
+    if not check.difference or wrote in ("", ours):
+        return check
+    why = f"splinefleet {wrote} wrote this log, and only that version finds its bytes again"
+    return check._replace(difference=f"{check.difference}; {why} (this is {ours})")
 
 
 class _NotAgainError(Exception):

@@ -15,6 +15,7 @@ import msgspec
 
 from coordinator.live_reasons import with_reasons
 from coordinator.logbook import Log
+from coordinator.margin import margin_for
 from coordinator.plan import Limits, PlanDocument, RobotPlan, Stop
 from coordinator.wire import path_of, unpack
 from protocol import keys
@@ -119,7 +120,7 @@ def _document(plan: Plan, fleet: str, known: PlanDocument | None) -> PlanDocumen
         epoch=plan.epoch,
         policy="safe",
         tau=plan.tau_ns / SECOND,
-        margin=plan.track_mm / 500.0,
+        margin=margin_for(plan.track_mm),
         robots=[],
         workspace=None if known is None else known.workspace,
     )

@@ -17,6 +17,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from coordinator.margin import LEAST_MARGIN, LEAST_TRACK_MM, between_robots
 from coordinator.obstacles import obstacle_name, polygons_of
 from coordinator.scenario import Point, Pose, Robot, Scenario, Workspace
 from protocol.keys import NAME
@@ -27,6 +28,11 @@ FARTHEST: Final = 8_000.0
 """No coordinate goes beyond this [m]: soon after, float32 resolves only 1 mm."""
 TOO_FAR: Final = "where float32 on the wire is coarser than 0.5 mm; move the origin nearer"
 """What is said about a coordinate beyond FARTHEST."""
+TOO_SMALL: Final = (
+    f"of which the proof and the robots' tables of arc lengths take "
+    f"{1000 * between_robots(0, 0).total:g} mm, and two robots {LEAST_TRACK_MM} mm each to drive"
+)
+"""What is said about a margin below LEAST_MARGIN."""
 FASTEST: Final = 999.0
 """The wire's time-table refuses speeds [m/s] from 1000 on (protocol/timeline.py)."""
 LEAST_AREA: Final = 1e-9
@@ -88,7 +94,7 @@ COORDINATE: Final = Quantity("m", -FARTHEST, FARTHEST, from_least=True, why=TOO_
 HEADING: Final = Quantity("rad", least=-LARGEST, from_least=True)
 SCENARIO_QUANTITIES: Final = {
     "tau": Quantity("s", from_least=True, most=60.0, word="auto"),
-    "margin": Quantity("m"),
+    "margin": Quantity("m", least=LEAST_MARGIN, from_least=True, why=TOO_SMALL),
     "stop_time": Quantity("s"),
     "speed_reserve": Quantity(from_least=True, most=1.0, below_most=True),
 }

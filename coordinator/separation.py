@@ -5,8 +5,8 @@ swept through space and time for pairs that may have the least slack; these alon
 and compared again, until the deviation is below what is asked for.  Slack is the distance of two
 centres less what the pair has to keep.
 
-Decides: how near robots come by their wire bytes, to RESOLUTION.  Must not know: what is near
-enough (proof.py), zones or schedules.
+Decides: how near robots come by their wire bytes, to margin.RESOLUTION.  Must not know: what is
+near enough (proof.py), zones or schedules.
 """
 
 from __future__ import annotations
@@ -23,12 +23,9 @@ from coordinator.nurbs import Array
 from coordinator.separation_kernels import Indices, finer_pairs, near_pairs
 from coordinator.wire import Driven
 
-RESOLUTION: Final = 2.5e-4
-"""Least values are exact up to this [m]."""
-
 _COARSE: Final = 2e-2
 _FINER: Final = (1e-3, 5e-5)
-"""Deviations [m] of pieces; four of the last are below RESOLUTION, with room for arc errors."""
+"""Deviations [m] of pieces; four of the last are below margin.RESOLUTION, arc errors included."""
 
 _REACH: Final = 0.1
 """The first guess [m] of how near the nearest pair comes beyond its need; then four times more."""
@@ -42,8 +39,8 @@ _MOST_BLOCKS: Final = 2000
 class Closest:
     """The least slack [m], the distance there [m], whose (indices), when [s] and where [m].
 
-    certain: the true least slack lies between this and `slack`, RESOLUTION below it at most unless
-    places by arc length are uncertain by more than micrometres.
+    certain: the true least slack lies between this and `slack`, margin.RESOLUTION below it at most
+    unless places by arc length are uncertain by more than micrometres.
     """
 
     slack: float

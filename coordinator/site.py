@@ -22,6 +22,7 @@ from msgspec.structs import replace
 
 from coordinator.given_path import path_of
 from coordinator.knots import piece
+from coordinator.margin import track_mm_for
 from coordinator.nurbs import Array
 from coordinator.plan import PlanDocument
 from coordinator.scenario import Point, Pose, Robot, Scenario
@@ -36,11 +37,16 @@ _CORNERS: Final = 64
 _STEP: Final = 0.02
 """A stretch on which a robot may stand is followed in steps of this [m]."""
 
-_ON_PATH: Final = 0.4
-"""A robot that would start within this share of the margin off its path is taken to stand on it.
+_ON_PATH: Final = 0.75
+"""A robot that would start within this share of its track tolerance off its path is taken to stand
+on it.
 
-It arms up to half the margin off; what it is off is in the margin that the others keep.
+It arms within a little more; what it is off is in the margin that the others keep.
 """
+
+_TOLD: Final = 1.25e-3
+"""A place that a robot tells may be out by less [m]: it is rounded to millimetres, and one up to
+_THERE short of the goal is taken for the goal.  That is in the margin, too."""
 
 _PER_TURN: Final = 0.037
 """How far [m] a robot comes off its path for each radian that it starts turned from it."""
@@ -202,7 +208,7 @@ def _comes_back(robot: Robot, standing: Standing, place: Pose, margin: float) ->
     """Return a robot that says its place, wherever it was before; it may say that of its goal."""
     if standing.state == "lost":
         return Aside(robot, "lost", np.array([place[:2]]), place)
-    if math.dist(place[:2], robot.goal[:2]) <= max(_ON_PATH * margin, _THERE):
+    if math.dist(place[:2], robot.goal[:2]) <= max(_on_path(margin), _THERE):
         return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
     return replace(robot, start=place, via=(), path=None)
 
@@ -239,7 +245,13 @@ def pose_beside(
 def _is_on_path(standing: Standing, margin: float, short: float = 0.0) -> bool:
     """Tell whether a robot may start as if it stood on its path; `short` [m] of a place on it."""
     off = abs(standing.off) + abs(standing.beyond)
-    return short + off + _PER_TURN * abs(standing.turn) <= _ON_PATH * margin
+    return short + off + _PER_TURN * abs(standing.turn) <= _on_path(margin)
+
+
+def _on_path(margin: float) -> float:
+    """Return how far [m] off its path a robot is taken to stand on it."""
+    track = track_mm_for(margin) / 1000.0
+    return min(_ON_PATH * track, track - _TOLD)
 
 
 def _ahead(ride: Driven, via: Sequence[Point], s: float) -> tuple[Point, ...]:

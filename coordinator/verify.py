@@ -15,10 +15,11 @@ from msgspec.structs import replace
 from coordinator.budget import budget_for, resolve_tau
 from coordinator.errors import InputError
 from coordinator.floor import Floor
+from coordinator.margin import TOLERANCE
 from coordinator.nurbs import Array
 from coordinator.plan import Limits, PlanDocument, Proof, RobotPlan
 from coordinator.plan_checks import LENGTH_TOLERANCE, LONGEST_PLAN
-from coordinator.proof import TOLERANCE, prove
+from coordinator.proof import prove
 from coordinator.scenario import Robot, Scenario
 from coordinator.wire import Driven, drive
 

@@ -17,6 +17,7 @@ import numpy as np
 from coordinator.bounds import Chain, flatten
 from coordinator.errors import InputError
 from coordinator.link_times import link_times
+from coordinator.margin import ARC_ERROR, track_mm_for
 from coordinator.nurbs import Array, Nurbs, nurbs
 from coordinator.nurbs_kernels import parameters_at, series
 from coordinator.plan import Path, PlanDocument, RobotPlan
@@ -30,9 +31,6 @@ from protocol.timeline import Timeline
 from protocol.timing import MILLISECOND, SECOND
 
 _WEIGHT_RATIO: Final = 100.0
-_ARC_ERROR: Final = 2.5e-4
-"""How far [m] the two sides may differ on where an arc length lies."""
-
 _PLACES: Final = 200
 """Places on a curve that are compared at least."""
 
@@ -79,7 +77,7 @@ def pack(document: PlanDocument, robot: RobotPlan, boot: int = 0) -> bytes:
         boot=boot,
         robot=robot.id,
         tau_ns=round(document.tau * SECOND),
-        track_mm=max(1, min(math.floor(500.0 * document.margin), 65_535)),
+        track_mm=min(track_mm_for(document.margin), 65_535),
         brake_mmps2=0 if accel is None else max(1, min(math.floor(1000.0 * accel), 2**32 - 1)),
         degree=path.degree,
         points=pack_points(path.control_points),
@@ -169,7 +167,7 @@ def _arc_error(table: tuple[Array, Array, Array], curve: Nurbs, chain: Chain) ->
     apart = np.hypot(*(places - curve.evaluate(parameters_at(*table, s))).T)
     errors = np.abs(curve.arc_at(u) - s)
     both = np.maximum(apart, errors)
-    if not both.max() <= _ARC_ERROR:
+    if not both.max() <= ARC_ERROR:
         raise _uncertain(float(both.max()), places[int(both.argmax())])
     _check_length(curve, chain)
     return float(errors.max())
@@ -181,7 +179,7 @@ def _check_length(curve: Nurbs, chain: Chain) -> None:
     The true one lies between the chords' and the control polygons'.  Both are off by what the curve
     turns, so they are made finer until they decide.
     """
-    allowed = _ARC_ERROR + _ARC_SHARE * curve.length
+    allowed = ARC_ERROR + _ARC_SHARE * curve.length
     for finer in range(_FINER + 1):
         chain = flatten(curve, FLAT / 4.0**finer) if finer else chain
         least, most = chain.lengths

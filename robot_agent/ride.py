@@ -4,7 +4,7 @@ Decides: speed and reach of every order to the driver, lateness, arrival, rest. 
 phases, messages, clocks: `time` is plan time in seconds.  Firmware: `math` and the shared numbers.
 """
 
-from math import inf
+from math import inf, sqrt
 
 from protocol.curve import Curve
 from protocol.phases import LATE, NO_FAULT, OFF_PATH
@@ -17,6 +17,10 @@ ARRIVAL_SLACK = 1e-3
 
 LATE_SHARE = 0.2
 """Share of the track tolerance that a robot may seem behind and be in time: measures have noise."""
+
+ARRIVAL_SHARE = 0.8
+"""When its time is over, a robot has arrived within this share of the track tolerance: the rest is
+left for noise, which must not make it seem pushed off."""
 
 TURN_SHARE = 0.9
 """A robot that would start farther off its path than this share of its tolerance turns first."""
@@ -45,11 +49,18 @@ QUICK_CATCH_UP_SHARE = 0.5
 """The same of a robot that starts and stops at once, and at most this share of it in one period:
 its plan comes to a stop at full speed, where it must not creep up on its place for long."""
 
+CATCH_UP_BRAKE = 0.15
+"""A robot that catches up relies on braking this share harder than its plan does.  So it comes to
+be on time without getting ahead, even where the plan brakes."""
+
 _SPARE_SPEED = 1.05
 
 
 class Ride:
     """One plan and the robot on it.
+
+    The track tolerance holds for all that the robot is off its plan: beside the path or past its
+    ends, and ahead of the plan or farther behind than its share of tau allows, added up.
 
     `rules`: late [ns], lease [ns], track [mm], brake [mm/s^2, 0 stops at once], clock error [ns].
     `path`: the arguments of Curve.  `motion`: the arguments of Timeline.  Raises ValueError when
@@ -90,8 +101,8 @@ class Ride:
         self._brake_from = -inf
         self._rest_from = inf
         self._rest_x = self._rest_y = 0.0
-        self._stuck_from = self._behind_from = self._ahead_from = inf
-        self._clock_spread = 2.0 * self.clock_error_ns / SECOND
+        self._stuck_from = self._behind_from = inf
+        self._stood_s = inf
         self._late_time = min(LATE_TIME, LATE_TIME_SHARE * self.late)
         self._stuck_s = -inf
         self._pace = inf
@@ -111,7 +122,7 @@ class Ride:
         except (ValueError, ArithmeticError, IndexError):
             return False
         longer = abs(timeline.length - self._timeline.length)
-        if longer > ARRIVAL_SLACK or self.follower.s > timeline.s_at(time) + self._slack:
+        if longer > ARRIVAL_SLACK or self.follower.s > timeline.s_at(time) + self._bearable():
             return False
         self._timeline = timeline
         self._behind_from = inf
@@ -123,7 +134,7 @@ class Ride:
 
     def missed(self, time: float) -> bool:
         """Tell whether the plan is farther ahead than its share of tau allows."""
-        return not self.follower.s >= self._timeline.s_at(time - self.late) - self._slack
+        return not self.follower.s >= self._timeline.s_at(time - self.late) - self._bearable()
 
     def seems_late(self) -> bool:
         """Tell whether the robot was behind at the last tick, be it for good or for once."""
@@ -140,25 +151,25 @@ class Ride:
 
     def is_off(self) -> bool:
         """Tell whether the robot is off its path, beside it or beyond its ends."""
-        return not max(abs(self.follower.lateral), abs(self.follower.beyond)) <= self.track
+        return not self.follower.off <= self.track
 
     def trouble(self, time: float) -> int:
         """Return the fault that ends the ride now, or NO_FAULT."""
-        if self.is_off() or self._is_ahead(time):
+        ahead = self.follower.s - self._timeline.s_at(time)
+        if not self.follower.off + max(ahead, 0.0) <= self.track:
             return OFF_PATH
         return LATE if self._is_late(time) else NO_FAULT
 
     def arrived(self, time: float) -> bool:
         """Tell whether the plan is over and the robot at its goal.
 
-        Within the track tolerance is near enough once it has had its share of tau to come closer,
-        but for the time that being late takes: one that slips as it arrives is not there yet.
+        Within ARRIVAL_SHARE is near enough once it has had its share of tau to come closer, but
+        for the time that being late takes: one that slips as it arrives is not there yet.
         """
         left, over = self._timeline.length - self.follower.s, time - self._timeline.finish
         if over >= self.late - self._late_time:
-            return left <= self.track
-        beside = max(abs(self.follower.lateral), abs(self.follower.beyond))
-        return over >= 0.0 and left <= ARRIVAL_SLACK and beside <= self._slack
+            return left + self.follower.off <= ARRIVAL_SHARE * self.track
+        return over >= 0.0 and left <= ARRIVAL_SLACK and self.follower.off <= self._slack
 
     def at_goal(self) -> bool:
         """Tell whether the robot is where the plan ends."""
@@ -166,9 +177,14 @@ class Ride:
         return left <= ARRIVAL_SLACK and not self.is_off()
 
     def has_left(self, goal: bool) -> bool:
-        """Tell whether a robot at rest was pushed off its path, or off its goal if it was there."""
-        left = self._timeline.length - self.follower.s
-        return self.is_off() or (goal and left > 2.0 * self.track)
+        """Tell whether a robot was pushed off its goal, or off the place where it has stood.
+
+        One that still brakes has left its path at most.
+        """
+        rest, moved = self._timeline.length if goal else self._stood_s, 0.0
+        if rest < inf:
+            moved = abs(rest - self.follower.s)
+        return not self.follower.off + moved <= self.track
 
     def keep_to_plan(self, time: float) -> None:
         """Order the plan's speed until the next tick, and a part of what the robot lags behind.
@@ -184,7 +200,11 @@ class Ride:
             self._pace = (s - self._pace_s) / passed if passed < 1.0 else inf
             self._pace_time, self._pace_s = time, s
         speed = (timeline.s_at(time + self._period) - planned) / self._period
-        self.speed = min(max(speed + (planned - s) * self._catch_up, 0.0), self._limit)
+        lag = planned - s
+        more = lag * self._catch_up
+        if lag > 0.0:
+            more = min(more, sqrt(2.0 * CATCH_UP_BRAKE * self._brake * lag))
+        self.speed = min(max(speed + more, 0.0), self._limit)
         self._reach(timeline.s_at(time + HOLD_OUT) - s)
 
     def begin_to_brake(self, time: float) -> None:
@@ -197,7 +217,7 @@ class Ride:
         seen = max(self._pace, 0.0) + 2.0 * PACE_TIME * self._brake
         self._brake_speed = 0.0 if stuck else min(self.speed, seen)
         self._brake_from = time
-        self._rest_from = inf
+        self._rest_from = self._stood_s = inf
 
     def keep_braking(self, time: float) -> None:
         """Order less speed, evenly; a braking robot stands wherever the plan does."""
@@ -216,6 +236,7 @@ class Ride:
     def stand(self) -> None:
         """Order to hold, and find where on the path that is."""
         self.follower.find()
+        self._stood_s = self.follower.s
         self.hold()
 
     def hold(self) -> None:
@@ -230,16 +251,9 @@ class Ride:
         self._behind_from = min(self._behind_from, time)
         return time - self._behind_from >= self._late_time
 
-    def _is_ahead(self, time: float) -> bool:
-        """Tell whether the robot was pushed ahead of its plan; to be asked like `_is_late`.
-
-        The plan may seem behind by what the clock's errors are worth.
-        """
-        if not self.follower.s > self._timeline.s_at(time + self._clock_spread) + self.track:
-            self._ahead_from = inf
-            return False
-        self._ahead_from = min(self._ahead_from, time)
-        return time - self._ahead_from >= self._late_time
+    def _bearable(self) -> float:
+        """Return by how much [m] the robot may seem behind: no more than its path leaves."""
+        return min(self._slack, self.track - self.follower.off)
 
     def _reach(self, distance: float) -> None:
         self.distance = max(distance, 0.0)

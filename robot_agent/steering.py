@@ -32,14 +32,15 @@ _SEARCH_END = 1e-5
 class PathFollower:
     """A robot on a curve: after `locate`, `s` [m] along it, `lateral` [m] left of it.
 
-    `beyond` [m] is how far past the curve's end it is, or (negative) before its beginning.
-    `heading_error` [rad] is the robot's heading less the path's.  A pose that is no number leaves s
-    as it was and makes `lateral` infinite.
+    `beyond` [m] is how far past the curve's end it is, or (negative) before its beginning; `off`
+    [m] how far from the curve's place at s, whichever way.  `heading_error` [rad] is the robot's
+    heading less the path's.  A pose that is no number leaves s as it was and makes `lateral` and
+    `off` infinite.
     """
 
     def __init__(self, curve: Curve) -> None:
         self.s = 0.0
-        self.lateral = self.beyond = 0.0
+        self.lateral = self.beyond = self.off = 0.0
         self.heading_error = 0.0
         self._curve = curve
         self._x = self._y = self._heading = inf
@@ -69,7 +70,7 @@ class PathFollower:
     def locate(self, x: float, y: float, heading: float) -> None:
         """Project a pose on the path near the last place: Newton steps of one evaluation each."""
         if not abs(x) + abs(y) + abs(heading) < 1e9:
-            self.lateral = inf
+            self.lateral = self.off = inf
             return
         self._x, self._y, self._heading = x, y, heading
         curve, s = self._curve, self.s
@@ -139,6 +140,7 @@ class PathFollower:
         curve, self.s = self._curve, s
         dx, dy = self._x - curve.x, self._y - curve.y
         self.lateral = dy * self._tx - dx * self._ty
+        self.off = sqrt(dx * dx + dy * dy)
         self.beyond = dx * self._tx + dy * self._ty if s <= 0.0 or s >= curve.length else 0.0
         self.heading_error = self._turned_from_tangent(self._heading)
 

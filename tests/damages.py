@@ -12,8 +12,8 @@ from random import Random
 from msgspec.structs import replace
 
 from coordinator.errors import InputError
+from coordinator.margin import TOLERANCE
 from coordinator.plan import PlanDocument, to_json
-from coordinator.proof import TOLERANCE
 from coordinator.verify import prove_document
 from coordinator.wire import drive
 from tests.oracle_dense import closest

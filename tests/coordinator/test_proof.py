@@ -5,11 +5,10 @@ import json
 import pytest
 from msgspec.structs import replace
 
+from coordinator.margin import LEAST_MARGIN, RESOLUTION, TOLERANCE, between_robots
 from coordinator.plan import to_json
 from coordinator.planner import plan_scenario
-from coordinator.proof import TOLERANCE
 from coordinator.scenario import Link
-from coordinator.separation import RESOLUTION
 from coordinator.verify import prove_document
 from coordinator.wire import drive
 from tests.oracles import least_clearance, least_slack, tracks
@@ -63,9 +62,9 @@ def check_sharp(document):
     return slack
 
 
-def test_what_is_solid_and_other_robots_stop_even_the_smallest_without_a_margin():
+def test_what_is_solid_and_other_robots_stop_even_the_smallest():
     robots = [a_robot("A", (1, 4), (9, 4)), a_robot("B", (1, 6), (9, 6))]
-    document = replace(plan_scenario(a_scenario(robots), effort=0), margin=0.0)
+    document = replace(plan_scenario(a_scenario(robots), effort=0), margin=LEAST_MARGIN)
     wall = replace(document.workspace, obstacles=(box(4, 3, 6, 5),))
     tiny = replace(document, robots=[replace(r, radius=1e-3) for r in document.robots])
     assert prove_document(tiny).holds
@@ -73,6 +72,15 @@ def test_what_is_solid_and_other_robots_stop_even_the_smallest_without_a_margin(
     assert proof.failures == ["A's way leads through something solid near (4.03, 4.00)"]
     twins = replace(tiny, robots=[tiny.robots[0], replace(tiny.robots[0], id="B")])
     assert not prove_document(twins).holds
+
+
+def test_a_margin_that_is_less_than_its_shares_does_not_hold():
+    robots = [a_robot("A", (1, 4), (9, 4)), a_robot("B", (1, 6), (9, 6))]
+    document = plan_scenario(a_scenario(robots), effort=0)
+    shares = between_robots(0, 0).total
+    assert prove_document(replace(document, margin=shares)).holds
+    (failure,) = prove_document(replace(document, margin=shares - 1e-5)).failures
+    assert failure.startswith("the margin is 0.00174 m, its shares are 0.00175 m: tracking (A 0 mm")
 
 
 def test_a_valid_plan_is_accepted(planned):

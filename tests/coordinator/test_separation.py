@@ -5,10 +5,11 @@ import pytest
 from msgspec.structs import replace
 
 from coordinator.flight import Flights
+from coordinator.margin import RESOLUTION, TOLERANCE
 from coordinator.nurbs import nurbs
 from coordinator.plan import Path, PlanDocument, RobotPlan, Stop
-from coordinator.proof import TOLERANCE, prove_separation
-from coordinator.separation import RESOLUTION, Separation
+from coordinator.proof import prove_separation
+from coordinator.separation import Separation
 from coordinator.separation_kernels import nearest
 from coordinator.verify import prove_document
 from coordinator.wire import drive
