@@ -1,67 +1,102 @@
-"""The command line: gathers the three packages' commands and turns errors into exit codes."""
+"""The command line: gathers the packages' commands and turns errors into exit codes.
+
+Everything else is imported when it is needed: a request to end may come while that happens.
+"""
 
 from __future__ import annotations
 
-import _thread
+import functools
 import gc
-import signal
 import sys
-import threading
-from types import FrameType
-from typing import Final
+from importlib import import_module
+from typing import TYPE_CHECKING, Final
 
-import typer
-
-import coordinator.commands
-import coordinator.info_commands
-import coordinator.keys_commands
-import coordinator.log_commands
-import coordinator.operator_commands
-import coordinator.vda5050_commands
-import coordinator.view_commands
-import robot_agent.commands
-import sim.commands
-import sim.replay_commands
-from coordinator.console import tell
-from coordinator.errors import InputError, LogError, PlanError
-from coordinator.quick_options import read_quickly
-from coordinator.usage import usage_line
-from protocol.transport import NoAnswerError, TransportError
-
-_ENDING: Final = (signal.SIGINT, signal.SIGTERM)
-
-_SOON_S: Final = 0.02
-
-app = typer.Typer(
-    name="splinefleet",
-    help="Coordinates robots that never tell each other where they are.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
+from coordinator.interrupts import (
+    INTERRUPTED,
+    is_interrupt,
+    leave_at_once,
+    listen,
+    stop_listening,
+    was_asked,
 )
-for package in (
-    coordinator.commands,
-    coordinator.info_commands,
-    coordinator.keys_commands,
-    coordinator.log_commands,
-    coordinator.operator_commands,
-    coordinator.vda5050_commands,
-    coordinator.view_commands,
-    robot_agent.commands,
-    sim.commands,
-    sim.replay_commands,
-):
-    app.add_typer(package.commands)
+
+if TYPE_CHECKING:
+    import typer
+
+    app: typer.Typer
+
+_COMMANDS: Final = (
+    "coordinator.commands",
+    "coordinator.info_commands",
+    "coordinator.keys_commands",
+    "coordinator.log_commands",
+    "coordinator.operator_commands",
+    "coordinator.vda5050_commands",
+    "coordinator.view_commands",
+    "robot_agent.commands",
+    "sim.commands",
+    "sim.replay_commands",
+)
+
+
+def __getattr__(name: str) -> object:
+    """Return `app`, all the commands."""
+    if name != "app":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return _gathered()
 
 
 def main() -> None:
     """Run the command line; exit codes as in the contract."""
+    leave_at_once()
     # What plans are made of has no cycles: this saves seconds at 1,000 robots.
     gc.set_threshold(100_000, 50, 100)
-    read_quickly()
-    _listen()
-    sys.unraisablehook = _missed
+    commands = _gathered()
     try:
-        code = app(standalone_mode=False, prog_name="splinefleet")
+        listen()
+        code = _run(commands)
+        stop_listening()
+    except BaseException as error:
+        stop_listening()
+        if not was_asked():
+            raise
+        code = INTERRUPTED
+        if not is_interrupt(error):
+            sys.stderr.write(f"while ending: {type(error).__name__}: {error}\n")
+    # What is left ends with the process: this saves a search through all of it for cycles.
+    gc.freeze()
+    sys.exit(code)
+
+
+@functools.cache
+def _gathered() -> typer.Typer:
+    """Return all the commands."""
+    import typer
+
+    gathered = typer.Typer(
+        name="splinefleet",
+        help="Coordinates robots that never tell each other where they are.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+    )
+    for module in _COMMANDS:
+        gathered.add_typer(import_module(module).commands)
+    return gathered
+
+
+def _run(commands: typer.Typer) -> int:
+    """Run the command that the command line names and return its exit code."""
+    import typer
+
+    from coordinator.console import tell
+    from coordinator.errors import InputError, LogError, PlanError
+    from coordinator.quick_options import read_quickly
+    from coordinator.usage import usage_line
+    from protocol.transport import NoAnswerError, TransportError
+
+    read_quickly()
+    try:
+        code = commands(standalone_mode=False, prog_name="splinefleet")
     except (PlanError, LogError, NoAnswerError) as error:
         tell(str(error), "red")
         code = 1
@@ -69,42 +104,14 @@ def main() -> None:
         tell(str(error), "red")
         code = 2
     except typer.Abort:
-        code = 130
+        code = INTERRUPTED
     except typer.TyperException as error:
         if line := usage_line(error):
             tell(line, "red")
         code = 2
-    except KeyboardInterrupt:
-        code = 130
-    # What is left ends with the process: this saves a search through all of it for cycles.
-    gc.freeze()
-    sys.exit(code if isinstance(code, int) else 0)
-
-
-def _listen() -> None:
-    """From now on a request to end interrupts the program."""
-    for number in _ENDING:
-        signal.signal(number, _interrupt)
-
-
-def _missed(missed: sys.UnraisableHookArgs) -> None:
-    """Interrupt again when the first interrupt fell where Python swallows it, as in an import."""
-    if missed.exc_type is not KeyboardInterrupt:
-        sys.__unraisablehook__(missed)
-        return
-    _listen()
-    threading.Timer(_SOON_S, _thread.interrupt_main).start()
-
-
-def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    """Treat a request to end as Ctrl-C, once: closing the log is not to be cut short."""
-    for number in _ENDING:
-        signal.signal(number, _ignore)
-    raise KeyboardInterrupt
-
-
-def _ignore(_number: int, _frame: FrameType | None) -> None:
-    """Do nothing; SIG_IGN would make Python complain about a signal that is already pending."""
+    if was_asked():
+        return INTERRUPTED
+    return code if isinstance(code, int) else 0
 
 
 if __name__ == "__main__":

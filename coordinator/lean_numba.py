@@ -3,11 +3,13 @@
 numba imports SciPy to compare its version, and PyYAML for a configuration file that we do not have;
 the locked dependencies answer the first, and the second is left to whoever needs it.
 
-Decides: what numba finds when it is imported.  Must not know: kernels.
+Decides: what numba finds when it is imported, and how its private names are asked for.  Must not
+know: kernels.
 """
 
 from __future__ import annotations
 
+import functools
 import importlib
 import sys
 from types import ModuleType
@@ -31,3 +33,13 @@ def _import_numba() -> _Numba:
 
 
 numba: Final[_Numba] = _import_numba()
+
+
+def private(path: str) -> _Numba:
+    """Return what numba.core calls by a dotted name; None where this numba does not.
+
+    Such names may change with any release, so who uses one goes without where it is not there.
+    """
+    return functools.reduce(
+        lambda owner, name: getattr(owner, name, None), path.split("."), numba.core
+    )

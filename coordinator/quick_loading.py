@@ -18,18 +18,29 @@ from typing import Any, Final, TypeAlias
 
 import llvmlite.binding
 
-from coordinator.lean_numba import numba
+from coordinator.lean_numba import private
 
 _Any: TypeAlias = Any  # numba's own classes, which have no types
 _State: TypeAlias = tuple[str, str, tuple[bytes, bytes]]
 
-_LIBRARY: Final[_Any] = numba.core.codegen.JITCodeLibrary
-_KEPT: Final[_Any] = numba.core.caching.Cache
-_CONTEXT: Final[_Any] = numba.core.cpu.CPUContext
-_CONSTANTS: Final[_Any] = numba.core.environment
-_RUNTIME: Final[_Any] = numba.core.runtime.rtsys
-_RUNTIME_CODE: Final[_Any] = numba.core.runtime.nrt.nrtdynmod
+_LIBRARY: Final[_Any] = private("codegen.JITCodeLibrary")
+_ENGINE: Final[_Any] = private("codegen.JitEngine")
+_KEPT: Final[_Any] = private("caching.Cache")
+_CONTEXT: Final[_Any] = private("cpu.CPUContext")
+_CONSTANTS: Final[_Any] = private("environment")
+_RUNTIME: Final[_Any] = private("runtime.rtsys")
+_RUNTIME_CODE: Final[_Any] = private("runtime.nrt.nrtdynmod")
 _COMPILE_RUNTIME: Final = "compile_nrt_functions"
+
+_OF_LIBRARIES: Final = (
+    "_unserialize",
+    "_get_module_for_linking",
+    "_set_compiled_object",
+    "_finalize_final_module",
+    "enable_object_caching",
+    "get_pointer_to_function",
+)
+_OF_ENGINES: Final = ("_load_defined_symbols", "get_function_address")
 
 _HASH_SECRET: Final = b"_numba_hashsecret"
 """Names of what hashing of strings and bytes starts from; only the compiler makes them known."""
@@ -37,7 +48,7 @@ _HASH_SECRET: Final = b"_numba_hashsecret"
 
 def load_quickly() -> None:
     """Have kept machine code loaded without its bitcode; an unknown numba is left as it is."""
-    if _knows(_LIBRARY, "_unserialize", "_get_module_for_linking"):
+    if _knows(_LIBRARY, *_OF_LIBRARIES) and _knows(_ENGINE, *_OF_ENGINES):
         _put_bitcode_off()
         if _knows(_KEPT, "_load_overload", "_guard_against_spurious_io_errors") and (
             _knows(_RUNTIME, "_init", "initialize") and _knows(_RUNTIME_CODE, _COMPILE_RUNTIME)

@@ -9,14 +9,23 @@ Decides: which values need no validator.  Must not know: commands.
 
 from __future__ import annotations
 
+import importlib
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from typer import _param_types, core
-
 _Any: TypeAlias = Any  # typer's own classes, which are not public
-_PARAMETER: Final[_Any] = getattr(core, "_TyperParameter", None)
-_CHECKED_PATH: Final[_Any] = getattr(_param_types, "coerce_cli_path", None)
+
+
+def _private(module: str, name: str) -> _Any:
+    """Return what a module of typer calls by a name, None in a typer that does not."""
+    with suppress(ImportError):
+        return getattr(importlib.import_module(module), name, None)
+    return None
+
+
+_PARAMETER: Final[_Any] = _private("typer.core", "_TyperParameter")
+_CHECKED_PATH: Final[_Any] = _private("typer._param_types", "coerce_cli_path")
 
 _NOT_PLAIN: Final = object()
 

@@ -6,11 +6,12 @@ know: what a run is made of.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import signal
+from collections.abc import Generator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
-from functools import partial
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context, resource_tracker
 
+from coordinator.interrupts import held_back
 from coordinator.scenario import Scenario
 from sim.campaign import Outcome, Wish, run_seed
 from sim.faults import Fault
@@ -23,10 +24,19 @@ def run_all(
     wish: Wish,
     faults: Sequence[Fault] | None = None,
     jobs: int = 1,
-) -> Iterator[Outcome]:
-    """Yield the outcomes of all seeds in order."""
+) -> Generator[Outcome]:
+    """Yield the outcomes of all seeds in order; who stops listening to them ends the processes."""
     with _executor(jobs) as pool:
-        yield from pool.map(partial(attempt, scenario, wish=wish, faults=faults), seeds)
+        with held_back():
+            futures = [pool.submit(attempt, scenario, seed, wish, faults) for seed in seeds]
+        try:
+            for future in futures:
+                yield future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in active_children():
+                process.terminate()
+            raise
 
 
 def attempt(
@@ -58,4 +68,11 @@ def attempt(
 def _executor(jobs: int) -> Executor:
     if jobs == 1:
         return ThreadPoolExecutor(1)
-    return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
+    resource_tracker.ensure_running()  # its start would let requests to end in, see held_back
+    return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_obey_the_pool)
+
+
+def _obey_the_pool() -> None:
+    """Leave Ctrl-C to the process that has started this one, and let that one end it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})

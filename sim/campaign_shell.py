@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -48,11 +49,13 @@ class Campaign:
         with Progress(console=errors, transient=True) as progress:
             task = progress.add_task("runs", total=len(seeds))
             jobs = min(jobs, len(seeds))
-            for outcome in run_all(self.scenario, seeds, self.wish, self.faults, jobs):
-                outcomes.append(outcome)
-                progress.advance(task)
-                if outcome.violations:
-                    violations.append(self._violation(outcome, len(violations) < MOST_SHRUNK))
+            found = run_all(self.scenario, seeds, self.wish, self.faults, jobs)
+            with closing(found):
+                for outcome in found:
+                    outcomes.append(outcome)
+                    progress.advance(task)
+                    if outcome.violations:
+                        violations.append(self._violation(outcome, len(violations) < MOST_SHRUNK))
         return add_up(outcomes, violations)
 
     def _violation(self, outcome: Outcome, shrunk: bool) -> Violation:

@@ -21,6 +21,7 @@ from typing import Any, Final
 import msgspec
 
 from coordinator.console import tell
+from coordinator.interrupts import held_back
 from coordinator.scenario import Robot, Scenario
 from coordinator.scenario_file import scenario_to_json
 from protocol.endpoint import endpoint_of
@@ -127,13 +128,9 @@ class LocalFleet:
         return self.folder / "faults" / f"{robot}.txt"
 
     def _start_coordinator(self, *options: str) -> Process:
-        process = subprocess.Popen(
-            self._programs.coordinator(self._meet, *options),
-            stdout=subprocess.PIPE,
-            stdin=subprocess.DEVNULL,
-            text=True,
+        process = self._start(
+            self._programs.coordinator(self._meet, *options), stdout=subprocess.PIPE
         )
-        self._processes.append(process)
         threading.Thread(target=self._read_events, args=(process,), daemon=True).start()
         return process
 
@@ -147,14 +144,19 @@ class LocalFleet:
         relay = self._relays.get(robot.id)
         faulty = any(fault.robot == robot.id and fault.act == "body" for fault in self.faults)
         endpoint = self._programs.endpoint(relay.port) if relay else self.endpoint
-        process = subprocess.Popen(
+        return self._start(
             self._programs.agent(robot, endpoint, faulty),
             stdout=subprocess.DEVNULL,
-            stdin=subprocess.DEVNULL,
-            text=True,
             env={**os.environ, SCRIPT: str(self._script(robot.id))},
         )
-        self._processes.append(process)
+
+    def _start(self, command: list[str], stdout: int, env: dict[str, str] | None = None) -> Process:
+        """Start a program that is ended with the run, whenever that is interrupted."""
+        with held_back():
+            process = subprocess.Popen(
+                command, stdout=stdout, stdin=subprocess.DEVNULL, text=True, env=env
+            )
+            self._processes.append(process)
         return process
 
     def _read_events(self, process: Process) -> None:

@@ -14,14 +14,16 @@ from typing import Final
 from benchmarks.fuzz.table import MODULES
 
 _WATCHED: Final = ["coordinator", "protocol", "robot_agent", "tomllib", "yaml", "ezdxf", "mcap"]
-_FOLDER: Final = Path(__file__).parents[2] / "coordinator"
+_ROOT: Final = Path(__file__).parents[2]
+_COMPILING: Final = ("compiled", "kernel_cache", "lean_numba", "quick_loading")
 
 
 def _compiled() -> list[str]:
     """Name the modules with compiled functions, and those that compile them."""
-    sign = "from coordinator.compiled import"
-    found = [file.stem for file in _FOLDER.glob("*.py") if sign in file.read_text(encoding="utf-8")]
-    return [f"coordinator.{name}" for name in ("compiled", "lean_numba", "quick_loading", *found)]
+    files = (_ROOT / "coordinator").rglob("*.py")
+    found = [file for file in files if "import compiled" in file.read_text(encoding="utf-8")]
+    kernels = [".".join(file.relative_to(_ROOT).with_suffix("").parts) for file in found]
+    return [*(f"coordinator.{name}" for name in _COMPILING), *kernels]
 
 
 def main() -> None:

@@ -32,15 +32,48 @@ def hashed(x: float) -> int:
     return hash(x)
 """
 
+_HIDDEN = """
+import sys
+from coordinator.lean_numba import numba
+
+NAMES = [
+    "codegen.JITCodeLibrary",
+    "codegen.JitEngine",
+    "caching.Cache",
+    "caching.FunctionCache",
+    "cpu.CPUContext",
+    "environment",
+    "runtime.rtsys",
+    "runtime.nrt.nrtdynmod",
+]
+
+
+def owner_of(path):
+    *owners, name = path.split(".")
+    owner = numba.core
+    for one in owners:
+        owner = getattr(owner, one)
+    return owner, name
+
+
+hidden = [(*owner_of(path), getattr(*owner_of(path))) for path in NAMES]
+for owner, name, _ in hidden:
+    delattr(owner, name)
+import coordinator.compiled
+for owner, name, value in hidden:
+    setattr(owner, name, value)
+"""
+
 _CALLER = """
 import sys
-import coordinator.compiled as compiled
+from pathlib import Path
+
 import numpy as np
+from coordinator import kernel_cache
+from coordinator.lean_numba import numba
 
 NOT_NEEDED = "scipy", "scipy.linalg", "numba.np.arrayobj", "yaml"
-numba = compiled.numba
-compiled.numba.config.CACHE_DIR = sys.argv[1]
-compiled._choose_cache = lambda file: None
+kernel_cache.places = lambda: (Path(sys.argv[1]),)
 import some_kernels
 
 print(some_kernels.twice(2.0), sum(some_kernels.twice.stats.cache_hits.values()))
@@ -62,9 +95,9 @@ print(later(1.5))
 """
 
 
-def _run(folder: Path) -> list[str]:
+def _run(folder: Path, before: str = "") -> list[str]:
     (folder / "some_kernels.py").write_text(_KERNELS, encoding="utf-8")
-    (folder / "caller.py").write_text(_CALLER, encoding="utf-8")
+    (folder / "caller.py").write_text(before + _CALLER, encoding="utf-8")
     done = subprocess.run(
         [sys.executable, folder / "caller.py", folder / "cache"],
         capture_output=True,
@@ -84,4 +117,13 @@ def test_kernels_that_were_loaded_serve_later_ones_and_leave_the_compiler_unload
     assert first[:4] == ["4.0 0", *answers]
     assert "scipy.linalg" not in first[4]
     assert second[:5] == ["4.0 1", *answers, "[]"]
+    assert first[5] == second[5] == "4.0"
+
+
+def test_a_numba_that_has_other_names_within_loads_what_it_kept_in_its_own_way(
+    tmp_path: Path,
+) -> None:
+    first, second = _run(tmp_path, _HIDDEN), _run(tmp_path, _HIDDEN)
+    assert first[:4] == ["4.0 0", "[7.0, 3.0]", "no rows", "True"]
+    assert second[:4] == ["4.0 1", *first[1:4]]
     assert first[5] == second[5] == "4.0"

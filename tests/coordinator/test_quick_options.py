@@ -18,7 +18,15 @@ from typing import Annotated, Literal
 
 import typer
 
+if sys.argv[1] == "without":
+    parameter, types = typer.core._TyperParameter, typer._param_types
+    del typer.core._TyperParameter, typer._param_types
+    sys.modules["typer._param_types"] = None
 from coordinator.quick_options import read_quickly
+
+if sys.argv[1] == "without":
+    typer.core._TyperParameter = parameter
+    typer._param_types = sys.modules["typer._param_types"] = types
 
 app = typer.Typer(pretty_exceptions_enable=False)
 
@@ -38,7 +46,7 @@ def show(
     print(repr((file, there, name, kind, number, many, pair, parsed, flag)))
 
 
-if sys.argv.pop(1) == "quickly":
+if sys.argv.pop(1) != "usually":
     read_quickly()
 try:
     app(standalone_mode=False)
@@ -76,6 +84,11 @@ def _run(folder: Path, program: str, how: str, line: str) -> list[str]:
 def test_a_command_line_is_read_as_it_is_without_the_shortcut(tmp_path: Path, line: str) -> None:
     quickly, usually = (_run(tmp_path, _PROGRAM, how, line) for how in ("quickly", "usually"))
     assert quickly[:-1] == usually[:-1]
+
+
+def test_a_typer_that_has_other_names_within_reads_in_its_own_way(tmp_path: Path) -> None:
+    line = "a.toml --name R1 --kind a --number 2"
+    assert _run(tmp_path, _PROGRAM, "without", line) == _run(tmp_path, _PROGRAM, "usually", line)
 
 
 def test_texts_and_paths_and_absent_options_need_no_validator(tmp_path: Path) -> None:

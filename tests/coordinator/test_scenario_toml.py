@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from coordinator.margin import LEAST_MARGIN
 from coordinator.scenario_file import parse_scenario, read_scenario
 from coordinator.scenario_toml import WIDTH, scenario_to_toml
 from tests.scenarios import a_robot, a_scenario, box, random_scenario
@@ -52,7 +53,7 @@ def scenarios(draw):
             scenario.workspace, obstacles=(box(*corner, 9.0, 9.0),) * draw(st.integers(0, 2))
         ),
         tau=draw(st.just("auto") | st.floats(0.0, 60.0)),
-        margin=draw(st.floats(1e-9, 1.0)),
+        margin=draw(st.floats(LEAST_MARGIN, 1.0)),
         policy=draw(st.sampled_from(["safe", "paper"])),
         stop_time=draw(st.floats(1e-9, 1e5)),
         speed_reserve=draw(st.floats(0.0, 0.99)),
