@@ -88,9 +88,11 @@ class Said:
 
     def __init__(self) -> None:
         self._words: dict[tuple[int, str], Words] = {}
+        self._last_ns: dict[str, int] = {}
 
     def take(self, report: Report, robot: str, now_ns: int) -> bool:
         """Take in a report; tell whether it says that, or where, the robot has left its plan."""
+        self._last_ns[robot] = now_ns
         fresh = self.of(report.epoch, robot).take_phase(report.phase, now_ns)
         if report.rest is None:
             return fresh
@@ -102,6 +104,15 @@ class Said:
     def of(self, epoch: int, robot: str) -> Words:
         """Return what a robot said in an epoch."""
         return self._words.setdefault((epoch, robot), Words())
+
+    def who(self, epoch: int) -> set[str]:
+        """Return the robots that said something in an epoch: they hold its plan."""
+        found = {name for number, name in self._words if number == epoch}
+        return {name for name in found if self._words[epoch, name].last_ns is not None}
+
+    def last_ns(self, robot: str) -> int | None:
+        """Return when a robot was last heard, in any epoch; None: never."""
+        return self._last_ns.get(robot)
 
     def done(self) -> set[str]:
         """Return the robots that have arrived in some epoch."""

@@ -104,6 +104,16 @@ class FleetState:
         elif self.phase == GO or self.epoch != self.first_epoch:
             self._turn("robot failed", now_ns)
 
+    def plans(self) -> list[Outgoing]:
+        """Return the plans of this epoch as they are sent, each followed by its newest times."""
+        planned = [(keys.plan(self.name, member.id), member) for member in self.members.planned]
+        return [
+            Outgoing(key, payload)
+            for key, member in planned
+            for payload in (member.plan, member.times if member.revision else b"")
+            if payload
+        ]
+
     def _send_plan(self, member: Member, now_ns: int) -> list[Outgoing]:
         """Send a plan, unless it has just been sent or the robot has no part."""
         if self.phase not in (HOLD, GO) or not member.plan_due(now_ns):

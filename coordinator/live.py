@@ -1,7 +1,8 @@
 """A running fleet followed: what is heard made into scenes, and both into events for the page.
 
 Decides: what is listened to, and when the page is told.  Must not know: how the page looks.  It
-listens only: nothing is ever sent to the fleet but the link itself.
+listens only: nothing is ever sent to the fleet, but that it asks the coordinator for plans that it
+has not heard.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ class Feed:
         self._course = course
         self._news = threading.Condition()
         self._version = 0
+        self._transport: Transport | None = None
         self._made = 0.0
 
     def listen(self, transport: Transport, fleet: str | None) -> None:
@@ -43,6 +45,7 @@ class Feed:
         for kind in (keys.hello, keys.plan, keys.report, keys.clock):
             transport.subscribe(kind(name, "*"), self._hear)
         transport.subscribe(keys.command(name), self._hear)
+        self._transport = transport
 
     def scene(self) -> Scene:
         """Return the scene as it is known now."""
@@ -78,10 +81,14 @@ class Feed:
         yield "word", msgspec.json.encode(word).decode()
 
     def _hear(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
+        now = time.monotonic()
         with self._news:
-            if self._course.hear(key, payload, time.monotonic()):
+            if self._course.hear(key, payload, now):
                 self._version += 1
                 self._news.notify_all()
+            asks = self._course.unheard.asks(now)
+        if asks and self._transport is not None and self._course.fleet is not None:
+            self._transport.ask(keys.plan(self._course.fleet, "*"), self._hear)
 
 
 @contextmanager

@@ -18,6 +18,7 @@ from coordinator.said_plans import SaidPlans
 from coordinator.scene import Scene
 from coordinator.scene_log import Course, scene_of_course
 from coordinator.summary import FaultSummary
+from coordinator.unheard_plans import UnheardPlans
 from protocol import keys
 from protocol.codec import decode
 from protocol.messages import Clock, Command, Message, Plan, Report
@@ -52,7 +53,7 @@ class LiveCourse:
     def __init__(self, fleet: str | None, document: PlanDocument | None) -> None:
         self.fleet = fleet
         self._course = Course()
-        self._phase: tuple[int, int] | None = None
+        self._stand: tuple[int, int, tuple[str, ...]] | None = None
         self._faults: dict[str, int] = {}
         self._first: tuple[int, float] | None = None
         self._latest: tuple[int, float] = (0, 0.0)
@@ -61,8 +62,10 @@ class LiveCourse:
         self._floor = document
         self._said = SaidPlans(self._course.plans, document)
         self._explained: dict[int, int] = {}
+        self.unheard = UnheardPlans(0 if document is None else document.epoch)
         if document is not None:
             self._course.plans[document.epoch] = document
+            self._course.whole.add(document.epoch)
             self._lease = link_times(document.link).lease_ns / SECOND
 
     def hear(self, key: str, payload: bytes, now: float) -> bool:
@@ -110,18 +113,34 @@ class LiveCourse:
 
     def _take(self, message: Message, robot: str, now: float) -> bool:
         """Take in a message of the fleet."""
+        before = self.unheard.robots
+        self.unheard.take(message, robot)
+        changed = self.unheard.robots != before
+        return self._take_in(message, robot, now) or changed
+
+    def _take_in(self, message: Message, robot: str, now: float) -> bool:
         course = self._course
         if isinstance(message, Command):
             self._word = (now, message.phase)
             course.take_command(message, self._now_ns(now))
-            changed = self._phase != (message.epoch, message.phase)
-            self._phase = (message.epoch, message.phase)
+            stand = (message.epoch, message.phase, self._reasons(message.epoch))
+            changed = self._stand != stand
+            self._stand = stand
             return changed
         if isinstance(message, Report):
             return self._take_report(message, robot, now)
         if isinstance(message, Plan):
             self._lease = message.lease_ms / 1000.0
         return self._said.take(message, robot, self.fleet or "")
+
+    def _reasons(self, epoch: int) -> tuple[str, ...]:
+        """Return why robots that are known have no part in an epoch, as far as messages tell."""
+        plans = self._course.plans
+        if epoch not in plans:
+            return ()
+        names = {robot.id for document in plans.values() for robot in document.robots}
+        aside = names - {robot.id for robot in plans[epoch].robots}
+        return tuple(self._course.why_aside(epoch, name) for name in sorted(aside))
 
     def _take_report(self, report: Report, robot: str, now: float) -> bool:
         course, now_ns = self._course, self._now_ns(now)

@@ -61,7 +61,13 @@ def record(
     use_few_threads()
     why = "" if files is None else ", or this key may not listen: was it revoked?"
     quiet = f"linked, and nothing is heard: no fleet speaks here{why}; waiting, Ctrl-C ends it"
-    recording = Recording(output, speed, replace=force, silence=lambda: tell(quiet))
+
+    def say_unheard(robots: Sequence[str]) -> None:
+        tell(f"plan not heard: {', '.join(robots)}; the recording lacks it", "yellow")
+
+    recording = Recording(
+        output, speed, replace=force, silence=lambda: tell(quiet), unheard=say_unheard
+    )
     try:
         with ZenohTransport.connect(connect, timeout_s=wait, keys=files) as transport:
             name = recording.begin(transport, fleet)

@@ -13,18 +13,20 @@ import platform
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from coordinator.link_news import link_news
 from coordinator.recorder import Recorder
+from coordinator.unheard_plans import UnheardPlans
 from protocol import keys
 from protocol.codec import decode
 from protocol.host_clock import host_clock_ns
 from protocol.messages import PROTOCOL_VERSION, Command
 from protocol.phases import OVER
+from protocol.timing import SECOND
 from protocol.transport import Transport
 
 LINGER_S: Final = 1.0
@@ -33,6 +35,9 @@ LINGER_S: Final = 1.0
 _LOOK_S: Final = 0.2
 _SILENT_LOOKS: Final = 25
 """After so many looks without a word the user is told, once."""
+
+_UNHEARD_LOOKS: Final = 10
+"""After so many looks at which the same plans were missing the user is told."""
 
 _MOST_KEPT: Final = 100_000
 """So many messages at most are kept before a fleet is known."""
@@ -57,9 +62,11 @@ class Listener:
     def __init__(self, fleet: str, recorder: Recorder, clock: Callable[[], int]) -> None:
         self.messages = self.links = 0
         self.over = threading.Event()
-        self._command = keys.command(fleet)
+        self.unheard = UnheardPlans()
+        self._fleet = fleet
         self._recorder = recorder
         self._clock = clock
+        self._ask: Callable[[], None] = lambda: None
 
     def listen(self, transport: Transport, fleet: str) -> None:
         """Subscribe to everything below the fleet's name, and to who is alive.
@@ -70,8 +77,9 @@ class Listener:
         self.watch(transport, fleet)
 
     def watch(self, transport: Transport, fleet: str) -> None:
-        """Subscribe to who is alive."""
+        """Subscribe to who is alive, and ask for plans that were not heard."""
         transport.watch_alive(keys.alive(fleet, "*"), self.link_changed)
+        self._ask = lambda: transport.ask(keys.plan(fleet, "*"), self.hear_answer)
 
     def hear(self, key: str, payload: bytes, sent_ns: int | None) -> None:
         """Record a message; the transport calls this one at a time."""
@@ -81,10 +89,22 @@ class Listener:
         """Record a message that arrived at `now_ns`."""
         self._recorder.record(key, payload, now_ns, sent_ns)
         self.messages += 1
-        if key == self._command:
-            command = decode("command", payload)
-            if isinstance(command, Command) and command.phase == OVER:
-                self.over.set()
+        place = keys.split(key)
+        message = None if place is None else decode(place[1], payload)
+        if place is None or message is None or place[0] != self._fleet:
+            return
+        self.unheard.take(message, place[2])
+        if self.unheard.asks(now_ns / SECOND):
+            self._ask()
+        if isinstance(message, Command) and message.phase == OVER:
+            self.over.set()
+
+    def hear_answer(self, key: str, payload: bytes, sent_ns: int | None) -> None:
+        """Record a plan that was asked for, unless it was heard meanwhile."""
+        place = keys.split(key)
+        message = None if place is None else decode(place[1], payload)
+        if place is not None and message is not None and self.unheard.is_news(message, place[2]):
+            self.hear(key, payload, sent_ns)
 
     def link_changed(self, key: str, alive: bool) -> None:
         """Record that a link is there or gone, as the coordinator's own log does."""
@@ -110,7 +130,8 @@ class Recording:
     """A recording into `path`, from `begin` to `close`; `speed` is the fleet's.
 
     A file that is there is replaced only with `replace`.  `silence` is called once when nothing
-    was heard for five seconds.
+    was heard for five seconds; `unheard` with the robots whose plans were not heard, nor told when
+    asked for, whenever there are others, and once more at the end.
     """
 
     def __init__(
@@ -120,9 +141,11 @@ class Recording:
         *,
         replace: bool = False,
         silence: Callable[[], None] = lambda: None,
+        unheard: Callable[[Sequence[str]], None] = lambda _robots: None,
     ) -> None:
         self.path = path
         self._silence = silence
+        self._unheard = unheard
         self._replace = replace
         self.listener: Listener | None = None
         self._speed = speed
@@ -163,8 +186,14 @@ class Recording:
         assert listener is not None
         assert recorder is not None
         looks = _Looks(self._silence)
+        missing, since = set[str](), 0
         while not listener.over.wait(_LOOK_S) and recorder.error is None:
             looks.count(listener.messages > 0)
+            found = set(listener.unheard.robots)
+            since = since + 1 if found == missing else 0
+            missing = found
+            if missing and since == _UNHEARD_LOOKS:
+                self._unheard(sorted(missing))
         if recorder.error is None:
             time.sleep(LINGER_S)
 
@@ -175,6 +204,8 @@ class Recording:
         """
         if self._recorder is not None:
             self._recorder.close()
+        if self.listener is not None and (missing := self.listener.unheard.robots):
+            self._unheard(sorted(missing))
         return 0 if self.listener is None else self.listener.messages + self.listener.links
 
     def _clock(self) -> int:

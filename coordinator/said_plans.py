@@ -24,7 +24,7 @@ from protocol.messages import Hello, Message, NewTimes, Plan, Report
 from protocol.plan_parts import unpack_plan
 from protocol.timing import SECOND
 
-_RADIUS: Final = 0.15
+RADIUS: Final = 0.15
 """Radius [m] of a robot that did not say its own."""
 
 FROM_MESSAGES: Final = (
@@ -58,7 +58,7 @@ class SaidPlans:
         if not anew and any(robot.id == plan.robot for robot in document.robots):
             return False
         try:
-            robot = _robot_plan(plan, self.radius.get(plan.robot, _RADIUS))
+            robot = _robot_plan(plan, self.radius.get(plan.robot, RADIUS))
         except (ValueError, msgspec.MsgspecError, IndexError):
             return False
         others = [one for one in document.robots if one.id != plan.robot]
@@ -107,8 +107,7 @@ def _with_notes(document: PlanDocument, drivers: Collection[str]) -> PlanDocumen
     missing = sorted(set(drivers) - {robot.id for robot in document.robots})
     if missing:
         notes.append(
-            f"epoch {document.epoch}: {', '.join(missing)} cannot be drawn, "
-            "the plan was sent before the log began"
+            f"epoch {document.epoch}: {', '.join(missing)} cannot be drawn, its plan was not heard"
         )
     return msgspec.structs.replace(document, notes=notes)
 

@@ -110,7 +110,10 @@ class Ghost(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Scene(msgspec.Struct, frozen=True, kw_only=True):
-    """Everything on the page; `notes`: what could not be known of a log."""
+    """Everything on the page; `notes`: what could not be known of a log.
+
+    proven: whether the proof of the newest epoch's plan holds; None when it is not known.
+    """
 
     name: str
     policy: str

@@ -17,7 +17,7 @@ from coordinator.errors import InputError
 from coordinator.info import summarise
 from coordinator.info_numbers import clock_lag
 from coordinator.plan import PlanDocument, from_json, is_plan_name
-from coordinator.said_plans import plans_said
+from coordinator.said_plans import RADIUS, plans_said
 from coordinator.scene import Aside, Epoch, Halt, Mark, Scene
 from coordinator.scene_plan import index_of, rides_of, rounded_points, scene_from, zones_of
 from coordinator.standing import Standing
@@ -34,13 +34,20 @@ if TYPE_CHECKING:
 
 _WHY: Final = {"arrived": "arrived", "lost": "lost", "unfit": "not fit", "rests": "no way"}
 _NS: Final = 1 / SECOND
+_LOST: Final = 2 * SECOND
+"""A robot that has a part no more, and was not heard for so long [ns], is taken to be lost."""
 
 
 class Course:
-    """The facts of one or more logs of the same fleet, in order; times in ns."""
+    """The facts of one or more logs of the same fleet, in order; times in ns.
+
+    whole: the epochs whose plans are known from a file.  Plans put together from messages may lack
+    robots whose messages were not heard.
+    """
 
     def __init__(self) -> None:
         self.plans: dict[int, PlanDocument] = {}
+        self.whole: set[int] = set()
         self.begins: dict[int, int] = {}
         self.starts: dict[int, int] = {}
         self.frozen: dict[int, int] = {}
@@ -58,6 +65,7 @@ class Course:
             if is_plan_name(file):
                 document = from_json(content, f"{name}: {file}")
                 self.plans[document.epoch] = document
+                self.whole.add(document.epoch)
         said = plans_said(log, self.plans, self.plans[min(self.plans)] if self.plans else None)
         self.plans |= said
         self.notes += [note for document in said.values() for note in document.notes]
@@ -94,6 +102,24 @@ class Course:
         """Tell whether a robot has said that it arrived in an epoch."""
         return self.said.of(epoch, robot).phase == DONE
 
+    def unheard(self) -> set[str]:
+        """Return the robots that drove in an epoch whose plan for them was not heard."""
+        return {
+            name
+            for epoch, document in self.plans.items()
+            for name in self.said.who(epoch) - {robot.id for robot in document.robots}
+            if epoch not in self.whole
+        }
+
+    def why_aside(self, epoch: int, robot: str) -> str:
+        """Tell why a robot has no part in an epoch's plan, as far as messages tell."""
+        if epoch not in self.whole and robot in self.said.who(epoch):
+            return "plan not heard"
+        if robot in self.said.done():
+            return "arrived"
+        last_ns = self.said.last_ns(robot)
+        return "lost" if last_ns is None or self.last - last_ns > _LOST else "no way"
+
     def _take(self, record: Record, fleet: str, lag_ns: int) -> None:
         now_ns = record.log_ns - lag_ns
         if record.key == adoption_key(fleet):
@@ -129,14 +155,15 @@ def scene_of_course(course: Course) -> Scene:
     """Return the scene of what is known so far; there is at least one plan."""
     zero = min(course.starts.values(), default=min(course.begins.values(), default=0))
     documents = [document for _, document in sorted(course.plans.items())]
-    index = index_of(documents)
+    others = dict.fromkeys(sorted(course.unheard()), RADIUS)
+    index = index_of(documents, others)
     epochs = [
         _epoch(course, document, documents[0], index, zero)
         for document in documents
         if not course.begins or document.epoch in course.begins
     ]
     end = (course.last - zero) * _NS
-    scene = scene_from(documents, epochs, "log", max(end, 1.0))
+    scene = scene_from(documents, epochs, "log", max(end, 1.0), others)
     return msgspec.structs.replace(scene, marks=list(_marks(course, epochs, zero, list(index))))
 
 
@@ -183,7 +210,7 @@ def _aside(course: Course, document: PlanDocument, index: Mapping[str, int]) -> 
         if epoch <= document.epoch:
             why |= {standing.robot: _WHY[standing.state] for standing in told}
     return [
-        Aside(robot=place, why=why.get(name, "no way"))
+        Aside(robot=place, why=why.get(name) or course.why_aside(document.epoch, name))
         for name, place in index.items()
         if name not in taking_part
     ]

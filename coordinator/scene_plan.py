@@ -6,7 +6,8 @@ Decides: how exactly motions are told (1 mm), and which zones are.  Must not kno
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -44,31 +45,42 @@ def scene_of_plan(document: PlanDocument) -> Scene:
     return scene_from([document], [epoch], "plan", last + _AFTERWARDS)
 
 
-def index_of(documents: Sequence[PlanDocument]) -> dict[str, int]:
-    """Return the index of every robot that a document names, in order of appearance."""
+def index_of(documents: Sequence[PlanDocument], others: Iterable[str] = ()) -> dict[str, int]:
+    """Return the index of every robot that a document names, in order of appearance, and others."""
     names = dict.fromkeys(robot.id for document in documents for robot in document.robots)
+    names |= dict.fromkeys(others)
     return {name: place for place, name in enumerate(names)}
 
 
 def scene_from(
-    documents: Sequence[PlanDocument], epochs: list[Epoch], source: str, end: float
+    documents: Sequence[PlanDocument],
+    epochs: list[Epoch],
+    source: str,
+    end: float,
+    others: Mapping[str, float] = MappingProxyType({}),
 ) -> Scene:
-    """Return a scene without marks and ghosts; the first document has the floor and the terms."""
+    """Return a scene without marks and ghosts; the first document has the floor and the terms.
+
+    The last one says whether the newest plan is proven.
+
+    others: robots that no document names, with their radii [m].
+    """
     first = documents[0]
     floor = first.workspace
     radius = {robot.id: robot.radius for document in documents for robot in document.robots}
-    proofs = [document.proof for document in documents if document.proof is not None]
+    radius = {**others, **radius}
+    proof = documents[-1].proof
     return Scene(
         name=first.scenario,
         policy=first.policy,
         tau=round(first.tau, _DIGITS),
         margin=round(first.margin, _DIGITS),
-        proven=all(proof.holds for proof in proofs) if proofs else None,
+        proven=None if proof is None else proof.holds,
         source=source,
         end=round(end, _DIGITS),
         boundary=[] if floor is None else floor.boundary,
         obstacles=[] if floor is None else floor.obstacles,
-        robots=[Body(id=name, radius=radius[name]) for name in index_of(documents)],
+        robots=[Body(id=name, radius=radius[name]) for name in index_of(documents, others)],
         epochs=epochs,
     )
 

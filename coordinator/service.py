@@ -28,11 +28,14 @@ from coordinator.recovery import Recovery
 from coordinator.roll_call import missing_in_words
 from protocol import keys
 from protocol.phases import FREEZE, GO, HOLD
-from protocol.timing import COMMAND_PERIOD, SECOND
+from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 from protocol.transport import Transport
 
 _TELL_DROPS: Final = SECOND
 """The log tells so often how many messages were dropped, while it becomes more."""
+
+_ANSWER_TIME: Final = MILLISECOND
+"""For each plan that is told again nobody is answered for so long."""
 
 
 class Service:
@@ -69,6 +72,8 @@ class Service:
         self._door = threading.Lock()
         self._arrived = asyncio.Event()
         self._is_waking = False
+        self._plans = self.fleet.plans()
+        self._answers_from_ns = 0
         self._drops: dict[str, int] = {}
         self._drops_told_ns = 0
         self._phase = (0, -1)
@@ -96,6 +101,7 @@ class Service:
             self._plan(now)
             self._retime(now)
             self._look_at_log(now)
+            self._plans = self.fleet.plans()
             if self._watch is not None:
                 self._watch(self.fleet, now)
             due += COMMAND_PERIOD
@@ -212,6 +218,18 @@ class Service:
             self._transport.subscribe(kind(fleet, "*"), from_any_thread)
         self._transport.subscribe(keys.command(fleet), from_any_thread)
         self._transport.watch_alive(keys.alive(fleet, "*"), link_changed)
+        self._transport.answer(keys.plan(fleet, "*"), self._answer)
+
+    def _answer(self) -> list[tuple[str, bytes]]:
+        """Return the plans for one who has not heard them all, if not too many ask.
+
+        None that no robot may hear yet.
+        """
+        now, plans = self._clock(), self._plans
+        if self._withheld or now < self._answers_from_ns:
+            return []
+        self._answers_from_ns = now + _ANSWER_TIME * len(plans)
+        return [(plan.key, plan.payload) for plan in plans]
 
     async def _take_until(self, due: int) -> None:
         """Feed the core with what arrives until the clock shows `due`."""

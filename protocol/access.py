@@ -22,7 +22,8 @@ _EVERY_FLEET: Final = "*"
 class Rights(NamedTuple):
     """Key expressions of one role: what it may put, be alive as, subscribe to, and be given.
 
-    `watches` are the keys whose liveliness it may follow.
+    `watches` are the keys whose liveliness it may follow; on `asks` it may ask who answers, on
+    `answers` it may answer.
     """
 
     puts: tuple[str, ...] = ()
@@ -30,6 +31,8 @@ class Rights(NamedTuple):
     subscribes: tuple[str, ...] = ()
     hears: tuple[str, ...] = ()
     watches: tuple[str, ...] = ()
+    asks: tuple[str, ...] = ()
+    answers: tuple[str, ...] = ()
 
 
 def robot_rights(fleet: str, robot: str) -> Rights:
@@ -47,9 +50,14 @@ def robot_rights(fleet: str, robot: str) -> Rights:
 
 
 def observer_rights(fleet: str) -> Rights:
-    """Return what one who only listens may do: hear all of the fleet."""
+    """Return what one who only listens may do: hear all of the fleet, ask for plans it lacks."""
     everything = f"{keys.ROOT}/{fleet}/**"
-    return Rights(subscribes=(f"{keys.ROOT}/**",), hears=(everything,), watches=(everything,))
+    return Rights(
+        subscribes=(f"{keys.ROOT}/**",),
+        hears=(everything,),
+        watches=(everything,),
+        asks=(keys.plan(fleet, "*"),),
+    )
 
 
 def operator_rights(fleet: str, robots: Iterable[str]) -> Rights:
@@ -87,6 +95,7 @@ def coordinator_rights(fleet: str) -> Rights:
         subscribes=tuple(hears),
         hears=tuple(hears),
         watches=(keys.alive(fleet, "*"),),
+        answers=(keys.plan(fleet, "*"),),
     )
 
 
@@ -138,8 +147,18 @@ def _rules(who: str, rights: Rights) -> list[dict[str, Any]]:
         ("alive", "ingress", ["liveliness_token"], rights.alive),
         ("subscribes", "ingress", ["declare_subscriber"], rights.subscribes),
         ("hears", "egress", ["put"], rights.hears),
-        ("asks", "ingress", ["declare_liveliness_subscriber", "liveliness_query"], rights.watches),
+        (
+            "watches",
+            "ingress",
+            ["declare_liveliness_subscriber", "liveliness_query"],
+            rights.watches,
+        ),
         ("sees", "egress", ["liveliness_token"], rights.watches),
+        ("asks", "ingress", ["query"], rights.asks),
+        ("learns", "egress", ["reply"], rights.asks),
+        ("offers", "ingress", ["declare_queryable"], rights.answers),
+        ("is asked", "egress", ["query"], rights.answers),
+        ("answers", "ingress", ["reply"], rights.answers),
     )
     return [
         {

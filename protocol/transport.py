@@ -8,7 +8,7 @@ both to what is written here.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Self
 
 Handler = Callable[[str, bytes, int | None], None]
@@ -22,6 +22,10 @@ AliveHandler = Callable[[str, bool], None]
 
 The same rules as for Handler.
 """
+
+
+Answers = Callable[[], Sequence[tuple[str, bytes]]]
+"""Called for each question, on any thread; returns (key, payload) of each answer."""
 
 
 class TransportError(Exception):
@@ -65,6 +69,18 @@ class Transport(ABC):
         """Call the handler for every key that is alive already, and at every change from then on.
 
         `*` stands for one part of a key.
+        """
+
+    def answer(self, key_expression: str, answers: Answers) -> None:  # noqa: B027
+        """Answer whoever asks on the keys.
+
+        A link need not carry questions: on one that does not, as here, nobody is asked.
+        """
+
+    def ask(self, key_expression: str, handler: Handler) -> None:  # noqa: B027
+        """Call the handler for each answer of those who answer on the keys; returns at once.
+
+        A question may get no answer, as a put may be lost: whoever needs one asks again.
         """
 
     @abstractmethod

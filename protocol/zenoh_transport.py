@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, Final
 from protocol.endpoint import endpoint_of
 from protocol.transport import (
     AliveHandler,
+    Answers,
     Handler,
     NoAnswerError,
     Transport,
@@ -41,6 +42,9 @@ _ATTEMPT_MS: Final = 2_000
 """The longest single attempt to connect: Zenoh ignores Ctrl-C while it tries."""
 
 _LOOK_S: Final = 0.02
+
+_ANSWER_S: Final = 2.0
+"""An answer that takes longer is not waited for."""
 
 _COMMON: Final[dict[str, Any]] = {
     "scouting/multicast/enabled": False,
@@ -93,6 +97,7 @@ class ZenohTransport(Transport):
         self._remote = zenoh.Locality.REMOTE
         self._appears = zenoh.SampleKind.PUT
         self._error = zenoh.ZError
+        self._every = zenoh.ConsolidationMode.NONE
         self._gate = threading.RLock()
         self._closed = False
         self._tokens: list[zenoh.LivelinessToken] = []  # Zenoh undeclares one that nobody holds
@@ -182,6 +187,41 @@ class ZenohTransport(Transport):
                     handler(key, payload, sent_ns)
 
         self._session.declare_subscriber(key_expression, deliver, allowed_origin=self._remote)
+
+    def answer(self, key_expression: str, answers: Answers) -> None:
+        """Answer, on one of Zenoh's threads, whoever asks on keys that the expression meets."""
+        if self._closed:
+            return
+
+        def reply(query: zenoh.Query) -> None:
+            with query:
+                for key, payload in () if self._closed else answers():
+                    query.reply(key, payload, express=True)
+
+        self._session.declare_queryable(key_expression, reply, complete=True)
+
+    def ask(self, key_expression: str, handler: Handler) -> None:
+        """Call the handler, on one of Zenoh's threads, for each answer; none has a time stamp."""
+        if self._closed:
+            return
+
+        def deliver(reply: zenoh.Reply) -> None:
+            sample = reply.ok
+            if sample is None:
+                return
+            key, payload = str(sample.key_expr), sample.payload.to_bytes()
+            with self._gate:
+                if not self._closed:
+                    handler(key, payload, None)
+
+        with contextlib.suppress(self._error):
+            self._session.get(
+                key_expression,
+                deliver,
+                consolidation=self._every,
+                congestion_control=self._drop,
+                timeout=_ANSWER_S,
+            )
 
     def wait_for_listener(self, key_expression: str, timeout_s: float) -> bool:
         """Wait until another session subscribes to any of these keys; False when none does."""

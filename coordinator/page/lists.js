@@ -8,8 +8,8 @@ function element(name, properties, ...children) {
   return made;
 }
 
-function said(robot, bodies) {
-  if (!robot) return "not known";
+function said(robot, bodies, why) {
+  if (!robot) return why;
   if (robot.state === "waits") {
     const left = `${(robot.wait.until - robot.plan).toFixed(1)} s`;
     return robot.lets >= 0 ? `waits for ${bodies[robot.lets].id}, ${left}` : `waits ${left}`;
@@ -17,15 +17,17 @@ function said(robot, bodies) {
   return robot.state === "unheard" ? "no word, drawn at rest" : robot.state;
 }
 
-function describe(scene) {
+/** Tell the terms; nothing of the proof while the fleet is not heard. */
+function describe(scene, unheard) {
   const count = scene.robots.length;
   byId("name").textContent = scene.name;
   byId("terms").textContent =
     `${count} robot${count === 1 ? "" : "s"} · τ ${scene.tau} s` +
     ` · margin ${scene.margin} m · policy ${scene.policy}`;
-  const verdict = byId("verdict");
-  verdict.hidden = scene.proven === null;
-  verdict.textContent = scene.proven ? "proof holds" : "proof fails";
+  const verdict = byId("verdict"), { epochs } = scene;
+  const of = epochs.length > 1 ? `, epoch ${epochs[epochs.length - 1].epoch}` : "";
+  verdict.hidden = scene.proven === null || unheard;
+  verdict.textContent = (scene.proven ? "proof holds" : "proof fails") + of;
   verdict.className = scene.proven ? "holds" : "fails";
 }
 
@@ -59,14 +61,14 @@ class RobotList {
     this.rows.forEach((row, index) => row.button.setAttribute("aria-pressed", String(index === focus)));
   }
 
-  tell(found) {
+  tell(found, reasons) {
     this.rows.forEach((row, index) => {
-      const robot = found[index], text = said(robot, this.bodies);
+      const robot = found[index], text = said(robot, this.bodies, reasons[index]);
       if (row.state.textContent !== text) row.state.textContent = text;
       const speed = robot && robot.v > 0.005 ? `${robot.v.toFixed(2)} m/s` : "";
       if (row.speed.textContent !== speed) row.speed.textContent = speed;
       row.bar.style.width = robot ? `${(100 * robot.s / robot.length).toFixed(1)}%` : "0";
-      row.button.dataset.state = robot ? robot.state : "";
+      row.button.dataset.state = robot ? robot.state : reasons[index];
     });
   }
 }
@@ -75,7 +77,11 @@ class RobotList {
 class EventList {
   constructor(list, ticks, play, seek) {
     const { marks } = play.scene;
-    byId("events-title").parentElement.hidden = marks.length === 0;
+    this.box = byId("events-title").parentElement;
+    this.box.hidden = marks.length === 0;
+    this.list = list;
+    this.times = marks.map((mark) => mark.t);
+    this.newest = null;
     list.replaceChildren(...marks.map((mark) => {
       const button = element("button", { type: "button" },
         element("span", { className: "number", textContent: `${mark.t.toFixed(1)} s` }),
@@ -89,6 +95,22 @@ class EventList {
       tick.style.setProperty("--t", Math.max(mark.t, 0));
       return tick;
     }));
+  }
+
+  /** Mark the newest event at a time, and move it into sight when it is another one. */
+  tell(t) {
+    const newest = this.times.findLastIndex((time) => time <= t + 0.05);
+    if (newest === this.newest) return;
+    this.newest = newest;
+    [...this.list.children].forEach((row, index) => {
+      if (index === newest) row.setAttribute("aria-current", "true");
+      else row.removeAttribute("aria-current");
+    });
+    const row = this.list.children[Math.max(newest, 0)];
+    if (!row) return;
+    const box = this.box.getBoundingClientRect(), { top, bottom } = row.getBoundingClientRect();
+    if (bottom > box.bottom) this.box.scrollTop += bottom - box.bottom + 6;
+    else if (top < box.top) this.box.scrollTop -= box.top - top + 6;
   }
 }
 

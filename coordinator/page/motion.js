@@ -168,6 +168,11 @@ class Play {
     return { ...motion.place(s), s, length: motion.length, v, state, lets, wait, plan, motion };
   }
 
+  /** Why a robot has no part in the epoch at a time. */
+  why(index, t) {
+    return this.epochAt(t).why.get(index) || "no plan";
+  }
+
   /** A robot without a part in an epoch stays where the last one that had it left it. */
   left(index, now) {
     const why = this.epochs[now].why.get(index) || "no plan";

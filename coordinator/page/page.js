@@ -13,7 +13,7 @@ const TIMELESS = new Set(["+", "=", "-", "0", ".", ">", ",", "<", "Escape"]);
 const PHASES = { hold: "ready", go: "go", freeze: "frozen", arrived: "arrived" };
 
 let look = new Look();
-let play, floor, diagram, robots;
+let play, floor, diagram, robots, events;
 let now = 0, running = false, focus = -1, hover = -1, stale = true;
 let pointer = null, preview = null;
 let before = 0, listed = -Infinity, following = live, names = null;
@@ -26,7 +26,7 @@ function load(scene) {
   const found = scene.robots.map((robot) => robot.id).join();
   if (found !== names) robots = new RobotList(byId("robots"), play, chooseToggled, hoverOver);
   names = found;
-  describe(scene);
+  describe(scene, live && isUnheard());
   robots.paint(look);
   robots.choose(focus);
   byId("ghosts-label").hidden = scene.ghosts.length === 0;
@@ -39,7 +39,7 @@ function load(scene) {
 }
 
 function list() {
-  new EventList(byId("events"), byId("ticks"), play, seek);
+  events = new EventList(byId("events"), byId("ticks"), play, seek);
 }
 
 function hoverOver(index) {
@@ -101,7 +101,8 @@ function tell(found) {
   const text = play.epochs.length > 1 || play.scene.source === "log" ? `epoch ${epoch.epoch}, ${phase}` : "";
   if (controls.phase.textContent !== text) controls.phase.textContent = text;
   controls.slider.setAttribute("aria-valuetext", `${now.toFixed(1)} seconds${text ? `, ${text}` : ""}`);
-  robots.tell(found);
+  events.tell(now);
+  robots.tell(found, play.scene.robots.map((_, index) => play.why(index, now)));
 }
 
 function frame(time) {
@@ -241,8 +242,12 @@ function tellWord() {
   const since = silence && silence.since !== null ? ` since ${silence.since.toFixed(1)} s` : "";
   byId("word").textContent = silence && silence.why ? silence.why + since : "";
   controls.follow.textContent = silence ? silence.lamp : "live";
+  describe(play.scene, isUnheard());
   setFollowing(following);
 }
+
+/** Whether nobody knows which plan is driven by now. */
+const isUnheard = () => Boolean(word.silence && word.silence.kind !== "over");
 
 function followLive() {
   const t = word.time(play.known);

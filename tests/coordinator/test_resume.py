@@ -43,7 +43,7 @@ CUTS = 120
 class DyingHand(Hand):
     """A robot that freezes, says where it rests, and goes on in the next epoch."""
 
-    def answer(self, command):
+    def respond(self, command):
         """Arm, drive, fail at the twelfth Command, say where it rests; from then on arrive."""
         if command.sequence == 1:
             self.say(keys.hello("one", "R1"), Hello(1, 5))

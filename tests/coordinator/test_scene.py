@@ -297,7 +297,7 @@ def test_a_log_from_beside_is_drawn_from_its_messages():
     assert len(found.notes) == 2
     late = [record for record in heard if record.key != keys.plan(told.fleet, "R2")]
     scene = scene_of_logs([("beside.mcap", Log(metadata, {}, late, True, ""))])
-    assert "epoch 1: R2 cannot be drawn, the plan was sent before the log began" in scene.notes
+    assert "epoch 1: R2 cannot be drawn, its plan was not heard" in scene.notes
 
 
 def test_ghosts_are_thinned_to_two_millimetres(tmp_path):

@@ -48,7 +48,7 @@ class Hand(Transport):
         message = decode(keys.split(key)[1], payload)
         if isinstance(message, Command):
             self.commands.append(message)
-            self.answer(message)
+            self.respond(message)
 
     def subscribe(self, _key_expression, handler):
         self.handlers.append(handler)
@@ -62,7 +62,7 @@ class Hand(Transport):
     def close(self):
         pass
 
-    def answer(self, command):
+    def respond(self, command):
         if command.sequence == 1:
             self.say(keys.hello("one", "R1"), Hello(1, 5))
         moving = MOVING if command.sequence < 8 else DONE
@@ -146,7 +146,7 @@ async def test_a_decision_that_the_code_would_not_take_is_found_at_its_message(r
 async def test_a_fleet_whose_robots_never_come_is_given_up(recorded):
     service, hand, _ = recorded
     service._clock.step = 60 * MILLISECOND
-    hand.answer = lambda _command: None
+    hand.respond = lambda _command: None
     assert not await service.run(patience_s=3.0)
     assert "R1" in service.fleet.incidents[-1].text
 
@@ -156,7 +156,7 @@ async def test_a_log_that_cannot_be_written_is_told_at_once_and_no_go_is_sent_wi
     recorded, phase
 ):
     service, hand, recorder = recorded
-    answer, told = hand.answer, []
+    answer, told = hand.respond, []
 
     def fill_the_disk(command):
         if command.phase == phase:
@@ -169,7 +169,7 @@ async def test_a_log_that_cannot_be_written_is_told_at_once_and_no_go_is_sent_wi
         if recorder.error is not None and fleet.phase != OVER:
             told.append([one.text for one in fleet.incidents if one.kind == "log"])
 
-    hand.answer, service._watch = fill_the_disk, watch
+    hand.respond, service._watch = fill_the_disk, watch
     assert await service.run(patience_s=60.0) == (phase == GO)
     assert not recorder.sync()
     assert told
@@ -181,7 +181,7 @@ async def test_a_log_that_cannot_be_written_is_told_at_once_and_no_go_is_sent_wi
 
 async def test_a_fleet_that_rests_is_not_planned_anew_without_a_log(recorded):
     service, hand, recorder = recorded
-    answer = hand.answer
+    answer = hand.respond
 
     def fail_on_the_way(command):
         if command.phase == GO:
@@ -192,7 +192,7 @@ async def test_a_fleet_that_rests_is_not_planned_anew_without_a_log(recorded):
         if command.phase != FREEZE:
             answer(command)
 
-    hand.answer = fail_on_the_way
+    hand.respond = fail_on_the_way
     assert not await service.run(patience_s=60.0)
     assert hand.commands[-1].phase == FREEZE
     assert {one.epoch for one in hand.commands} == {1}

@@ -74,8 +74,18 @@ def test_an_observer_is_given_all_of_its_fleet_and_says_nothing(config):
         key for key in ALL_KEYS if key == "splinefleet/hall" or key.startswith("splinefleet/hall/")
     }
     assert allowed(config, OBSERVER, "egress", "put") == of_fleet
-    for message in ("put", "delete", "liveliness_token", "reply", "declare_queryable", "query"):
+    for message in ("put", "delete", "liveliness_token", "reply", "declare_queryable"):
         assert allowed(config, OBSERVER, "ingress", message) == set()
+
+
+def test_an_observer_may_ask_for_plans_and_nobody_else_may_ask_or_answer(config):
+    plans = {key for key in ALL_KEYS if key.startswith("splinefleet/hall/plan/")}
+    assert allowed(config, OBSERVER, "ingress", "query") == plans
+    assert allowed(config, OBSERVER, "egress", "reply") == plans
+    for other in (ROBOT, OPERATOR):
+        assert allowed(config, other, "ingress", "query") == set()
+        assert allowed(config, other, "egress", "reply") == set()
+        assert allowed(config, other, "ingress", "reply") == set()
 
 
 def test_an_operator_says_admit_alone(config):
@@ -128,6 +138,12 @@ def test_at_a_router_a_coordinator_commands_plans_and_answers_and_poses_as_no_ro
     assert allowed(at_router, COORDINATOR, "ingress", "declare_subscriber") == given
     assert allowed(at_router, COORDINATOR, "egress", "liveliness_token") == of_both(keys.alive)
     assert allowed(at_router, COORDINATOR, "ingress", "liveliness_token") == set()
+    for flow, message in (
+        ("ingress", "declare_queryable"),
+        ("egress", "query"),
+        ("ingress", "reply"),
+    ):
+        assert allowed(at_router, COORDINATOR, flow, message) == of_both(keys.plan)
 
 
 def test_at_a_router_a_robot_may_what_it_may_at_a_coordinator_of_its_own_and_no_more(

@@ -171,3 +171,26 @@ def test_who_insists_on_being_heard_by_a_robot_that_hangs_holds_nobody_up(monkey
             assert time.monotonic() - began < 0.5 * _HELD_UP_S
     finally:
         over.set()
+
+
+def test_who_asks_gets_every_answer_of_the_coordinator(link):
+    coordinator, listener, inbox = link.session("coordinator"), link.session("R1"), Inbox()
+    answers = [("f/plan/R1", b"plan"), ("f/plan/R1", b"times"), ("f/plan/R2", b"other")]
+    coordinator.answer("f/plan/*", lambda: answers)
+    link.until(
+        lambda: listener.ask("f/plan/*", inbox),
+        inbox,
+        lambda: len(inbox.heard) >= len(answers),
+    )
+    assert [(key, payload) for key, payload, _ in inbox.heard[:3]] == answers
+
+
+def test_a_question_that_nobody_answers_is_no_error_and_returns_at_once(link):
+    link.session("coordinator")
+    listener, inbox = link.session("R1"), Inbox()
+    began = time.monotonic()
+    listener.ask("f/plan/*", inbox)
+    assert time.monotonic() - began < 1.0
+    listener.close()
+    listener.ask("f/plan/*", inbox)
+    assert inbox.heard == []

@@ -185,6 +185,19 @@ def test_an_observer_hears_all_of_the_fleet_and_can_say_nothing(gate):
         assert not any(payload.startswith(b"forged") for payload in own.payloads())
 
 
+def test_an_observer_is_told_the_plans_that_it_asks_for_and_a_robot_is_not(gate):
+    with gate.connect("observer") as observer, gate.connect("robot", "R1") as robot:
+        told, stolen = Inbox(), Inbox()
+
+        def is_told():
+            robot.ask(keys.plan(FLEET, "*"), stolen)
+            observer.ask(keys.plan(FLEET, "*"), told)
+            return {keys.plan(FLEET, "R1"), keys.plan(FLEET, "R2")} <= {k for k, _, _ in told.heard}
+
+        wait_for(is_told)
+        assert stolen.heard == []
+
+
 def test_an_operator_can_admit_and_nothing_else(gate):
     with gate.connect("operator") as operator, gate.connect("observer") as observer:
         heard, answers = Inbox(), Inbox()

@@ -10,7 +10,7 @@ from coordinator.planner import plan_scenario
 from coordinator.scenario_file import read_scenario
 from coordinator.wire import drive
 from tests.system.browser import browser, find_browser
-from tests.system.fleet_tools import TWO_ROBOTS, free_endpoint, line_with, started
+from tests.system.fleet_tools import TWO_ROBOTS, free_endpoint, line_with, splinefleet, started
 
 pytestmark = pytest.mark.skipif(
     find_browser() is None, reason="no Chromium is installed (BROWSER names one)"
@@ -18,6 +18,7 @@ pytestmark = pytest.mark.skipif(
 
 WORD = "document.getElementById('word').textContent"
 EVENTS = "document.getElementById('events').innerText"
+VERDICT = "!document.getElementById('verdict').hidden"
 LAMP = "document.getElementById('follow').getAttribute('aria-pressed')"
 STATES = "Object.values(splinefleet.at(splinefleet.time)).map(robot => robot.state)"
 AT_REST = "Object.values(splinefleet.at(splinefleet.time)).every(robot => robot.v === 0)"
@@ -37,22 +38,24 @@ def rest_when_silent(driven, since):
 
 def test_robots_are_shown_at_rest_when_the_coordinator_or_the_view_is_silent(tab, tmp_path):
     (tmp_path / "two.toml").write_text(TWO_ROBOTS)
-    endpoint = free_endpoint()
+    endpoint, file, floor = free_endpoint(), tmp_path / "plan.json", tmp_path / "two.toml"
+    splinefleet("plan", floor, "--effort", 0, "-o", file)
     with ExitStack() as stack:
         coordinator = stack.enter_context(
             started("coordinator", tmp_path / "two.toml", "--listen", endpoint, "--effort", "0")
         )
-        view = stack.enter_context(started("view", "--connect", endpoint, "--no-open"))
+        view = stack.enter_context(started("view", file, "--connect", endpoint, "--no-open"))
         address = line_with(view, "http://").strip()
         tab.open(address)
         for robot in ("R1", "R2"):
             stack.enter_context(started("agent", robot, "--connect", endpoint))
         tab.wait("splinefleet.time > 1.2")
-        assert (tab.run(WORD), tab.run(LAMP)) == ("", "true")
+        assert (tab.run(WORD), tab.run(LAMP), tab.run(VERDICT)) == ("", "true", True)
 
         coordinator.send_signal(signal.SIGSTOP)
         tab.wait(f"{WORD}.startsWith('no word from the coordinator since') && {AT_REST}")
         assert (tab.run(LAMP), tab.run(STATES)) == ("false", ["unheard", "unheard"])
+        assert not tab.run(VERDICT)
         assert "no word from the coordinator" in tab.run(EVENTS)
         since = float(re.search(r"since ([\d.]+) s", tab.run(WORD))[1])
         shown = tab.run("splinefleet.at(splinefleet.time)")

@@ -9,11 +9,13 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from coordinator.page import page_of
 from coordinator.plan import read, to_json
 from coordinator.planner import plan_scenario
 from coordinator.scenario_file import read_scenario
+from coordinator.scene import Mark
 from coordinator.scene_plan import scene_of_plan
 from coordinator.wire import drive
 from sim.generator import generate
@@ -59,6 +61,27 @@ def folder(tmp_path_factory):
 def tab(folder):
     with browser(folder / "profile") as tab:
         yield tab
+
+
+CURRENT = """(() => {
+  const box = document.getElementById('events-title').parentElement.getBoundingClientRect();
+  const row = document.querySelector('#events [aria-current]').getBoundingClientRect();
+  return [document.querySelector('#events [aria-current]').innerText.split('\\n').pop(),
+          row.top >= box.top - 1 && row.bottom <= box.bottom + 1];
+})()"""
+
+
+def test_the_newest_event_is_marked_and_in_sight_at_any_time(tab, tmp_path):
+    document = plan_scenario(read_scenario(ROOT / "examples" / "paper_five.toml"), effort=0)
+    scene = scene_of_plan(document)
+    marks = [Mark(t=0.5 * n, kind="late", text=f"event {n}") for n in range(50)]
+    (tmp_path / "many.html").write_text(page_of(replace(scene, marks=marks)))
+    tab.screen(1400, 900)
+    tab.open((tmp_path / "many.html").as_uri())
+    for number in (0, 49, 20, 33, 5):
+        tab.run(f"splinefleet.seek({0.5 * number + 0.2})")
+        tab.wait(f"{CURRENT}[0] === 'event {number}'")
+        assert tab.run(CURRENT) == [f"event {number}", True]
 
 
 @pytest.fixture
