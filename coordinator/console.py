@@ -12,6 +12,7 @@ import msgspec
 from rich.console import Console
 
 from coordinator.errors import InputError
+from protocol.host_clock import time_of_day
 
 errors = Console(stderr=True, soft_wrap=True, highlight=False, emoji=False)
 answers = Console(soft_wrap=True, highlight=False, emoji=False)
@@ -26,6 +27,11 @@ def answer_json(value: object) -> None:
 def tell(text: str, style: str = "") -> None:
     """Write a line for people to stderr."""
     errors.print(text, style=style, markup=False)
+
+
+def tell_now(text: str, style: str = "") -> None:
+    """Write a line for people to stderr, with the time of day: for commands that run for long."""
+    tell(f"{time_of_day()} {text}", style)
 
 
 def write_file(path: Path, content: bytes) -> None:

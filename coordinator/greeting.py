@@ -67,6 +67,14 @@ class Door:
                 return False
             if boot in admission.asked_by or (not member.planned and admission.join(boot)):
                 return False  # What was asked for is being done.
+            if member.is_left_out:
+                if not member.is_at_rest():
+                    self._tell_denied(robot, f"{robot} has not said where it rests", now_ns)
+                    return False
+                admission.recall(boot)
+                self._not_admitted.pop(robot, None)
+                self._tell(now_ns, "admitted", robot, f"{robot} is admitted")
+                return True
             return self._deny(robot, boot, _why_in_already(member), now_ns)
         if member.planned and not member.finished:
             self._tell_denied(robot, f"{robot} is not given up yet, ask again", now_ns)

@@ -13,7 +13,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
 
-from coordinator.console import answer_json, tell, write_file
+from coordinator.console import answer_json, tell, tell_now, write_file
 from coordinator.denials import denial_key, denial_record
 from coordinator.errors import InputError
 from coordinator.fleet import Fleet
@@ -223,9 +223,9 @@ class Coordinator:
         if self._events:
             answer_json({"event": event, **facts})
         elif event == "listening":
-            tell(f"{self.scenario.name}: {facts['text']}")
+            tell_now(f"{self.scenario.name}: {facts['text']}")
         elif event != "report":
-            tell(str(facts["text"]))
+            tell_now(str(facts["text"]))
 
     def _summarise(self, fleet: Fleet, arrived: bool, dropped: Mapping[str, int]) -> None:
         """Tell how every robot ended; times count from the first GO, as everywhere."""

@@ -14,7 +14,7 @@ from typing import Annotated, Literal, TypeVar
 import typer
 
 from coordinator.commands import Json, LogFile, Source, Speed, within, writable
-from coordinator.console import answer_json, answers, errors, tell, write_file
+from coordinator.console import answer_json, answers, errors, tell, tell_now, write_file
 from coordinator.errors import InputError, PlanError
 from coordinator.key_option import Keys, given_keys
 from coordinator.vda5050 import Version
@@ -63,20 +63,20 @@ def record(
     quiet = f"linked, and nothing is heard: no fleet speaks here{why}; waiting, Ctrl-C ends it"
 
     def say_unheard(robots: Sequence[str]) -> None:
-        tell(f"plan not heard: {', '.join(robots)}; the recording lacks it", "yellow")
+        tell_now(f"plan not heard: {', '.join(robots)}; the recording lacks it", "yellow")
 
     recording = Recording(
-        output, speed, replace=force, silence=lambda: tell(quiet), unheard=say_unheard
+        output, speed, replace=force, silence=lambda: tell_now(quiet), unheard=say_unheard
     )
     try:
         with ZenohTransport.connect(connect, timeout_s=wait, keys=files) as transport:
             name = recording.begin(transport, fleet)
-            tell(f"{name}: recording into {output}, Ctrl-C ends it")
+            tell_now(f"{name}: recording into {output}, Ctrl-C ends it")
             recording.wait()
     finally:
         count = recording.close()
         if recording.listener is not None:
-            tell(f"{output}: {count} messages")
+            tell_now(f"{output}: {count} messages")
 
 
 def _refuse_existing(output: Path, force: bool) -> None:

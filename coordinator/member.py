@@ -181,6 +181,12 @@ class Member:
         """Tell whether nothing has been heard for too long, or the link to the robot is gone."""
         return self.gone or now_ns - self.heard_ns > self.timeout_ns
 
+    @property
+    def is_left_out(self) -> bool:
+        """Tell whether the robot could have a part, but was lost when the epoch was planned."""
+        has_part = self.planned or self.finished or self.phase in (MOVING, BRAKING)
+        return not has_part and not self.stays
+
     def is_armed(self, epoch: int, now_ns: int) -> bool:
         """Tell whether the robot stands ready with this epoch's plan."""
         return self.phase == ARMED and self.epoch == epoch and not self.is_silent(now_ns)

@@ -68,13 +68,14 @@ def _crosses(begin: Array, end: Array, start: Array, goal: Array) -> Parities:
 
 def _parities(count: int, one: Indices, other: Indices, gap: Array, odd: Parities) -> Parities:
     """Return for each edge whether the narrowest chain from the first of its tree crosses oddly."""
-    # Sparse graphs take a weight of zero for no link.
+    # Sparse graphs take a weight of zero for no link; before SciPy 1.17.1 they want 32-bit indices.
+    one, other = one.astype(np.int32), other.astype(np.int32)
     forest = minimum_spanning_tree(csr_array((1.0 + gap, (one, other)), shape=(count, count)))
     firsts = np.unique(connected_components(forest, directed=False)[1], return_index=True)[1]
     above, below = (np.asarray(ends, dtype=np.intp) for ends in forest.nonzero())
     root = np.full(len(firsts), count)
-    links = (np.concatenate((above, root)), np.concatenate((below, firsts)))
-    tree = csr_array((np.ones(len(links[0])), links), shape=(count + 1, count + 1))
+    ends = np.array([[*above, *root], [*below, *firsts]], dtype=np.int32)
+    tree = csr_array((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=(count + 1, count + 1))
     order, parent = breadth_first_order(tree, count, directed=False)
     child = order[1 + len(firsts) :]
     turns = csr_array((odd.astype(np.int8), (one, other)), shape=(count, count))

@@ -15,3 +15,8 @@ _ID = getattr(time, "CLOCK_BOOTTIME", None)
 def host_clock_ns() -> int:
     """Return the time [ns] since some moment before the program began; it never runs backwards."""
     return time.monotonic_ns() if _ID is None else time.clock_gettime_ns(_ID)
+
+
+def time_of_day() -> str:
+    """Return the local time of day, for lines that people read: nothing is computed from it."""
+    return time.strftime("%H:%M:%S")

@@ -5,20 +5,19 @@ Decides: options, and which driver stands behind the agent.
 
 from __future__ import annotations
 
-import importlib
 import json
 import math
 import time
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Final
 
 import typer
 
-from protocol.host_clock import host_clock_ns
+from protocol.host_clock import host_clock_ns, time_of_day
 from protocol.keys import NAME, NAME_IN_WORDS
 from protocol.timing import SECOND
 from robot_agent.driver import Driver
+from robot_agent.driver_loading import NoDriverError, load_driver
 from robot_agent.loop import FixedRateLoop
 
 commands = typer.Typer()
@@ -32,7 +31,7 @@ def agent(
     robot: Annotated[str, typer.Argument(help="The robot's name in the scenario.")],
     connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
     fleet: Annotated[str | None, typer.Option(help="Fleet; without it the first heard.")] = None,
-    driver: Annotated[str, typer.Option(help="MODULE:CLASS of the driver.")] = (
+    driver: Annotated[str, typer.Option(help="MODULE:CLASS or FILE.py:CLASS of the driver.")] = (
         "sim.body:SimulatedBody"
     ),
     radius: Annotated[float, typer.Option(min=0.0, help="Metres; 0: as planned.")] = 0.0,
@@ -103,7 +102,7 @@ def agent(
             blackbox=blackbox,
             give_up_ns=round(give_up * SECOND),
             period_ns=SECOND // rate,
-            tell=(lambda _: None) if quiet else partial(typer.echo, err=True),
+            tell=(lambda _: None) if quiet else _tell,
             count=_print_counts if stats else _count_nothing,
         )
     except RefusedError as error:
@@ -113,6 +112,11 @@ def agent(
         typer.echo(f"{error.filename or robot}: {error.strerror or error}", err=True)
         code = 2
     raise typer.Exit(code)
+
+
+def _tell(text: str) -> None:
+    """Write a line for people to stderr, with the time of day."""
+    typer.echo(f"{time_of_day()} {text}", err=True)
 
 
 def _print_counts(state: str, loop: FixedRateLoop) -> None:
@@ -137,13 +141,9 @@ def _check_name(name: str, option: str) -> None:
         raise typer.BadParameter(f"{name!r} is not {NAME_IN_WORDS}", param_hint=option)
 
 
-def _driver(place: str, max_accel: float) -> Driver:
-    """Return the driver named MODULE:CLASS, made for an acceleration [m/s^2] (0: any)."""
-    module, _, name = place.partition(":")
+def _driver(name: str, max_accel: float) -> Driver:
+    """Return the driver of a name, made for an acceleration [m/s^2] (0: any)."""
     try:
-        made = getattr(importlib.import_module(module), name)(max_accel or math.inf)
-    except (ImportError, AttributeError, TypeError, ValueError) as error:
-        raise typer.BadParameter(f"{place}: {error}", param_hint="--driver") from None
-    if not isinstance(made, Driver):
-        raise typer.BadParameter(f"{place} is no Driver", param_hint="--driver")
-    return made
+        return load_driver(name, max_accel or math.inf)
+    except NoDriverError as error:
+        raise typer.BadParameter(str(error), param_hint="--driver") from None

@@ -20,7 +20,7 @@ from typing import Any, Final
 
 import msgspec
 
-from coordinator.console import tell
+from coordinator.console import tell_now
 from coordinator.interrupts import held_back
 from coordinator.scenario import Robot, Scenario
 from coordinator.scenario_file import scenario_to_json
@@ -167,7 +167,7 @@ class LocalFleet:
                 try:
                     self._events.put((process, json.loads(line)))
                 except json.JSONDecodeError:
-                    tell(line.rstrip())
+                    tell_now(line.rstrip())
         self._events.put((process, None))
 
     def _follow(self) -> bool:
@@ -199,7 +199,7 @@ class LocalFleet:
                 break
         for strike in self._strikes:
             if strike.first:
-                tell(f"{_name(strike.fault)}: the run had ended before")
+                tell_now(f"{_name(strike.fault)}: the run had ended before")
 
     def _awaits_resumption(self) -> bool:
         """Tell whether the coordinator was killed and another is to follow."""
@@ -237,7 +237,7 @@ class LocalFleet:
             case "resume":
                 self._resume_coordinator()
         text = f"{_name(fault)} at {strike.time:g} s" + ("" if strike.first else f": {strike.act}")
-        tell(text)
+        tell_now(text)
         self._told.append({"event": "strike", "robot": fault.robot, "text": text})
 
     def _say_goodbye(self) -> None:
@@ -265,7 +265,7 @@ class LocalFleet:
 
 def _tell_trouble(event: Event) -> None:
     if event["event"] in _TROUBLE:
-        tell(str(event["text"]))
+        tell_now(str(event["text"]))
 
 
 def _name(fault: Fault) -> str:

@@ -16,6 +16,8 @@ from coordinator.fleet_phases import (
     TRANSITIONS,
     Event,
 )
+from coordinator.link_news import LINK_GONE
+from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Clock, Hello, Report
 from protocol.phases import ARMED, BRAKING, DONE, FREEZE, FROZEN, GO, HOLD, LATE, MOVING, OVER
@@ -232,3 +234,21 @@ def test_every_cell_of_the_table_that_is_not_listed_changes_nothing():
         fleet.phase = phase
         fleet._turn(event, 0)
         assert fleet.phase == TRANSITIONS.get((phase, event), phase)
+
+
+def test_all_robots_whose_links_go_at_once_are_told_of():
+    floor = Floor().go()
+    for robot in ("R1", "R2"):
+        floor.take(floor.fleet.hear(keys.alive("hall", robot), LINK_GONE, floor.now))
+    told = [one.text for one in floor.fleet.incidents if one.kind == "fault"]
+    assert told == ["R1 has lost its link", "R2 has lost its link"]
+
+
+def test_a_robot_that_falls_silent_while_the_fleet_freezes_is_told_of_once():
+    floor = Floor().go()
+    floor.take(floor.fleet.hear(keys.alive("hall", "R1"), LINK_GONE, floor.now))
+    for _ in range(20):
+        floor.report("R3", FROZEN, s_m=1.0)
+        floor.tick()
+    told = [one.text for one in floor.fleet.incidents if one.kind == "fault"]
+    assert told == ["R1 has lost its link", "R2 is lost: it has not been heard any more"]

@@ -285,10 +285,10 @@ def test_robots_read_no_clock_that_can_be_set():
                 assert node.value.id != "time" or node.attr in CLOCKS, path
 
 
-def test_only_the_loop_catches_every_exception():
+def test_only_the_loop_and_the_import_of_a_driver_catch_every_exception():
     for path in sorted((ROOT / "robot_agent").glob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ExceptHandler):
                 caught = ast.unparse(node.type) if node.type else ""
                 broad = caught in ("", "Exception", "BaseException")
-                assert not broad or path.name == "loop.py", path
+                assert not broad or path.name in ("loop.py", "driver_loading.py"), path

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import signal
 
 from coordinator.scenario_file import read_scenario
 from sim.blackbox import read_blackbox
@@ -49,6 +50,32 @@ def test_a_restarted_robot_is_taken_in_where_it_stands_and_arrives(tmp_path):
     assert verdict["collisions"] == 0
     assert all(one["arrived"] and one["tracking_error"] < 0.01 for one in verdict["robots"])
     assert all(one["clock_error"] is not None for one in verdict["robots"])
+    assert processes_of(tmp_path) == []
+
+
+def test_a_robot_that_hung_until_it_was_lost_is_taken_in_again_and_arrives(tmp_path):
+    scenario, endpoint = tmp_path / "three.toml", free_endpoint()
+    scenario.write_text(THREE_ROBOTS)
+    with contextlib.ExitStack() as stack:
+        coordinator = stack.enter_context(
+            started("coordinator", scenario, f"--listen={endpoint}", "--json")
+        )
+        line_with(coordinator, '"listening"', 60.0)
+        agents = {
+            name: stack.enter_context(started("agent", name, f"--connect={endpoint}"))
+            for name in ROBOTS
+        }
+        line_with(coordinator, '"R3 is moving"', 40.0)
+        agents["R3"].send_signal(signal.SIGSTOP)
+        line_with(coordinator, '"planned"', 40.0)
+        line_with(coordinator, '"R1 is moving"', 40.0)
+        agents["R3"].send_signal(signal.SIGCONT)
+        assert "splinefleet admit R3" in line_with(coordinator, '"back"', 30.0)
+        done = splinefleet("admit", "R3", f"--connect={endpoint}")
+        assert done.returncode == 0, done.stderr
+        summary = json.loads(line_with(coordinator, '"summary"', 60.0))
+        assert coordinator.wait(20.0) == 0
+    assert summary["arrived"]
     assert processes_of(tmp_path) == []
 
 
