@@ -65,10 +65,6 @@ class Admission:
             _count(self.asked_by, boot)
         return bool(self.asked_by)
 
-    def recall(self, boot: int) -> None:
-        """Take note who asks for a robot that was lost, and says already where it stands."""
-        _count(self.asked_by, boot)
-
     def take_in(self) -> None:
         """Wait no more: the robot has said where it stands."""
         self.since_ns = None

@@ -175,7 +175,13 @@ class Fleet(FleetState):
         return self._send_plan(answer, now_ns)
 
     def _hear_admit(self, robot: str, admit: Admit, now_ns: int) -> list[Outgoing]:
-        """Freeze the fleet to take a robot in that has come back."""
+        """Freeze the fleet to take a robot in that has come back, or that is heard again.
+
+        A fleet that is frozen makes its next plan with all that have a part and are heard.
+        """
+        member = self.members.get(robot)
+        if self.phase == FREEZE and member is not None and member.is_under_way(now_ns):
+            return []
         answer = self._door.admit(robot, admit.boot, now_ns)
         if not answer or isinstance(answer, Outgoing):
             return [answer] if answer else []
@@ -193,14 +199,15 @@ class Fleet(FleetState):
             return []
         if 0 < report.epoch == self._not_gone and report.boot == member.boot and sets_out(report):
             self.outrun(f"{robot} has set out in epoch {report.epoch}", now_ns)
-        was, was_lost = (member.phase, member.fault), member.lost
+        was = (member.phase, member.fault)
         stale = self._absence.is_stale(now_ns) or self._router.is_stale(now_ns)
+        was_unheard = member.is_unheard(now_ns)
         if not member.hear(report, now_ns, stale):
             return []
+        if was_unheard:
+            self._door.tell_heard_again(member, now_ns)
         if not stale:
             self._absence.doubted.discard(robot)
-        if was_lost:
-            self._tell_heard_again(member, now_ns)
         if (member.phase, member.fault) != was:
             self._tell(now_ns, "report", robot, member.describe())
         if self.phase == GO and member.planned and member.has_stopped(self.epoch):
@@ -208,13 +215,6 @@ class Fleet(FleetState):
         if self.phase == HOLD and member.epoch != self.epoch:
             return self._send_plan(member, now_ns)
         return []
-
-    def _tell_heard_again(self, member: Member, now_ns: int) -> None:
-        """Tell that a lost robot is heard again, and what becomes of it."""
-        text = f"{member.id} is heard again"
-        if not member.planned:
-            text += f"; `splinefleet admit {member.id} --connect ...` takes it in"
-        self._tell(now_ns, "back", member.id, text)
 
     def _hear_stopped(self, member: Member, now_ns: int) -> list[Outgoing]:
         """Freeze the fleet for a robot that has stopped, unless it is late and that is borne."""
@@ -242,8 +242,8 @@ class Fleet(FleetState):
             return []
         member.gone = True
         member.admission.leave()
-        under_way = self.phase in (GO, FREEZE) or self.epoch != self.first_epoch
-        if under_way and member.planned and not member.finished:
+        under_way = self.phase == GO or self.epoch != self.first_epoch
+        if under_way and member.planned and not member.finished and not member.lost:
             self._give_up([Failing(member, "has lost its link", lost=True)], now_ns)
             return [self._command(now_ns)]
         return []
@@ -297,12 +297,10 @@ class Fleet(FleetState):
                 continue
             member.admission.look(member.timeout_ns, patience if waited else None, now_ns)
             if not member.finished:
-                unheard = waited and member.planned and not member.is_at_rest()
-                if (unheard or member.is_silent(now_ns)) and not member.lost:
-                    member.lost = True
-                    if member.planned:
-                        text = f"{member.id} is lost: it has not been heard any more"
-                        self._tell(now_ns, "fault", member.id, text)
+                if member.is_silent(now_ns) and not member.lost:
+                    what = "has lost its link" if member.gone else "has fallen silent"
+                    self._give_up([Failing(member, what, lost=True)], now_ns)
+                member.lost |= waited and member.planned and not member.is_at_rest()
 
     def _is_back(self, member: Member, now_ns: int) -> bool:
         """Tell whether the coordinator is back for too short a time to call a robot silent."""

@@ -48,34 +48,31 @@ class Door:
                 self._knock(member, hello, now_ns)
                 return None
             self._tell(now_ns, "hello", robot, f"{robot} says hello")
+        was_unheard = member.is_unheard(now_ns)
         member.accept(hello, now_ns)
+        if was_unheard:
+            self.tell_heard_again(member, now_ns)
         return member
+
+    def tell_heard_again(self, member: Member, now_ns: int) -> None:
+        """Tell of a lost robot that its process is heard again, and what becomes of it."""
+        text = f"{member.id} is heard again; {_what_becomes_of(member)}"
+        self._tell(now_ns, "back", member.id, text)
 
     def admit(self, robot: str, boot: int, now_ns: int) -> Outgoing | bool:
         """Let a robot in that has come back, as soon as it says where it stands.
 
-        Returns whether it is, or the refusal to send where asking again is of no use; `boot` is
-        what the operator said.
+        One that was lost and is heard again is let in where it rests on its path.  Returns whether
+        it is, or the refusal to send where asking again is of no use; `boot` is what the operator
+        said.
         """
         member = self._members.get(robot)
         if member is None:
             return self._deny(robot, boot, self._unknown(robot), now_ns)
         admission = member.admission
-        if admission.hello is None or admission.hello.boot == member.boot:
-            if member.boot is None or member.is_silent(now_ns):
-                self._tell_denied(robot, f"{robot} has not come back", now_ns)
-                return False
-            if boot in admission.asked_by or (not member.planned and admission.join(boot)):
-                return False  # What was asked for is being done.
-            if member.is_left_out:
-                if not member.is_at_rest():
-                    self._tell_denied(robot, f"{robot} has not said where it rests", now_ns)
-                    return False
-                admission.recall(boot)
-                self._not_admitted.pop(robot, None)
-                self._tell(now_ns, "admitted", robot, f"{robot} is admitted")
-                return True
-            return self._deny(robot, boot, _why_in_already(member), now_ns)
+        is_heard = member.boot is not None and not member.is_silent(now_ns)
+        if is_heard or admission.hello is None or admission.hello.boot == member.boot:
+            return self._admit_again(member, boot, is_heard, now_ns)
         if member.planned and not member.finished:
             self._tell_denied(robot, f"{robot} is not given up yet, ask again", now_ns)
             return False
@@ -86,9 +83,33 @@ class Door:
             reason = "was waited for and did not say where it stands; does its driver know?"
             return self._deny(robot, boot, f"{robot} {reason}", now_ns)
         if admission.ask(boot, now_ns):
-            self._not_admitted.pop(robot, None)
-            self._tell(now_ns, "admitted", robot, f"{robot} is admitted")
+            self._tell_admitted(robot, now_ns)
         return True
+
+    def _admit_again(
+        self, member: Member, boot: int, is_heard: bool, now_ns: int
+    ) -> Outgoing | bool:
+        """Let a robot in whose process is the one that is known; returns what `admit` does."""
+        robot, admission = member.id, member.admission
+        if not is_heard:
+            self._tell_denied(robot, f"{robot} has not come back", now_ns)
+            return False
+        if boot in admission.asked_by or (not member.planned and admission.join(boot)):
+            return False  # What was asked for is being done.
+        if member.planned or member.finished or member.stays:
+            return self._deny(robot, boot, _why_in_already(member), now_ns)
+        if member.rest is None:
+            self._tell_denied(robot, f"{robot} has not said where it rests yet, ask again", now_ns)
+            return False
+        admission.ask(boot, now_ns)
+        admission.take_in()
+        member.struck.clear()
+        self._tell_admitted(robot, now_ns)
+        return True
+
+    def _tell_admitted(self, robot: str, now_ns: int) -> None:
+        self._not_admitted.pop(robot, None)
+        self._tell(now_ns, "admitted", robot, f"{robot} is admitted")
 
     def _deny(self, robot: str, boot: int, reason: str, now_ns: int) -> Outgoing:
         self._tell_denied(robot, reason, now_ns)
@@ -104,8 +125,7 @@ class Door:
     def _knock(self, member: Member, hello: Hello, now_ns: int) -> None:
         known = member.admission.hello
         if known is None or known.boot != hello.boot:
-            way_in = f"`splinefleet admit {member.id} --connect ...` lets it in"
-            words = f"{member.id} is back; {way_in} if it knows where it stands"
+            words = f"{member.id} is back; {_admit(member)} lets it in if it knows where it stands"
             self._tell(now_ns, "back", member.id, words)
         member.knock(hello, now_ns)
 
@@ -145,6 +165,21 @@ class Door:
 
     def _tell(self, now_ns: int, kind: str, robot: str, text: str) -> None:
         self._incidents.append(Incident(now_ns, kind, robot, text))
+
+
+def _admit(member: Member) -> str:
+    return f"`splinefleet admit {member.id} --connect ...`"
+
+
+def _what_becomes_of(member: Member) -> str:
+    """Say what becomes of a robot that was lost and is heard again."""
+    if member.finished:
+        return "it has arrived"
+    if member.planned:
+        return "the next plan is made with it"
+    if member.stays:
+        return f"it stays where it is: {member.stays}"
+    return f"it waits for the next epoch, which {_admit(member)} begins"
 
 
 def _why_in_already(member: Member) -> str:

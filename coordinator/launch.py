@@ -13,7 +13,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
 
-from coordinator.console import answer_json, tell, tell_now, write_file
+from coordinator.console import answer_json, tell_now, write_file
 from coordinator.denials import denial_key, denial_record
 from coordinator.errors import InputError
 from coordinator.fleet import Fleet
@@ -253,9 +253,11 @@ class Coordinator:
                 if when is not None
                 else f"ended {robot['phase']}"
             )
-            tell(f"{robot['id']}: {text}")
+            tell_now(f"{robot['id']}: {text}")
         if dropped:
-            tell("dropped: " + ", ".join(f"{count} {cause}" for cause, count in dropped.items()))
+            tell_now(
+                "dropped: " + ", ".join(f"{count} {cause}" for cause, count in dropped.items())
+            )
 
 
 def _changed(log: Path, change: Change) -> str:

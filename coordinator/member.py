@@ -181,11 +181,13 @@ class Member:
         """Tell whether nothing has been heard for too long, or the link to the robot is gone."""
         return self.gone or now_ns - self.heard_ns > self.timeout_ns
 
-    @property
-    def is_left_out(self) -> bool:
-        """Tell whether the robot could have a part, but was lost when the epoch was planned."""
-        has_part = self.planned or self.finished or self.phase in (MOVING, BRAKING)
-        return not has_part and not self.stays
+    def is_under_way(self, now_ns: int) -> bool:
+        """Tell whether the robot has a part in this epoch, has not arrived, and is heard."""
+        return self.planned and not self.finished and not self.is_silent(now_ns)
+
+    def is_unheard(self, now_ns: int) -> bool:
+        """Tell whether the robot is lost because nothing is heard of it."""
+        return self.lost and self.is_silent(now_ns)
 
     def is_armed(self, epoch: int, now_ns: int) -> bool:
         """Tell whether the robot stands ready with this epoch's plan."""

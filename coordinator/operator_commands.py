@@ -26,7 +26,7 @@ _PERIOD_S: Final = 0.2
 
 @commands.command()
 def admit(
-    robot: Annotated[str, typer.Argument(help="The robot that has come back.")],
+    robot: Annotated[str, typer.Argument(help="The robot to take in.")],
     connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
     fleet: Annotated[str | None, typer.Option(help="Fleet; without it the first heard.")] = None,
     wait: Annotated[
@@ -34,7 +34,9 @@ def admit(
     ] = 20.0,
     keys: Keys = None,
 ) -> None:
-    """Let a restarted robot take part again: the fleet freezes and is planned anew with it.
+    """Let a robot take part again: the fleet freezes and is planned anew with it.
+
+    One that was started again, or that was lost and is heard again.
 
     Exit code 1 when it cannot be taken in, or the fleet does not begin a new epoch in time.
 

@@ -16,8 +16,7 @@ import typer
 from protocol.host_clock import host_clock_ns, time_of_day
 from protocol.keys import NAME, NAME_IN_WORDS
 from protocol.timing import SECOND
-from robot_agent.driver import Driver
-from robot_agent.driver_loading import NoDriverError, load_driver
+from robot_agent.driver_file import DriverNameError, make_driver
 from robot_agent.loop import FixedRateLoop
 
 commands = typer.Typer()
@@ -73,7 +72,10 @@ def agent(
     _check_name(robot, "ROBOT")
     if fleet is not None:
         _check_name(fleet, "--fleet")
-    body = _driver(driver, max_accel)
+    try:
+        body = make_driver(driver, max_accel)
+    except DriverNameError as error:
+        raise typer.BadParameter(str(error), param_hint="--driver") from None
     if at is not None:
         if not all(abs(number) < _FARTHEST for number in at):
             where = " ".join(f"{number:g}" for number in at)
@@ -139,11 +141,3 @@ def _count_nothing(_state: str, _loop: FixedRateLoop) -> None:
 def _check_name(name: str, option: str) -> None:
     if not NAME.fullmatch(name):
         raise typer.BadParameter(f"{name!r} is not {NAME_IN_WORDS}", param_hint=option)
-
-
-def _driver(name: str, max_accel: float) -> Driver:
-    """Return the driver of a name, made for an acceleration [m/s^2] (0: any)."""
-    try:
-        return load_driver(name, max_accel or math.inf)
-    except NoDriverError as error:
-        raise typer.BadParameter(str(error), param_hint="--driver") from None

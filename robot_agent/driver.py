@@ -1,7 +1,8 @@
 """The contract between the agent and whatever has wheels.
 
-Decides: what a driver owes the agent.  A simulated body (sim/body.py) and a real base stand behind
-it; nothing else of the robot changes.
+Decides: what a driver owes the agent.  `agent --driver FILE.py:CLASS` (or MODULE:CLASS) makes one,
+with the acceleration [m/s^2] that the robot may use as the only argument.  A simulated body
+(sim/body.py) and a real base stand behind it; nothing else of the robot changes.
 """
 
 from __future__ import annotations

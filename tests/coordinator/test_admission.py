@@ -19,7 +19,6 @@ from protocol.phases import (
     GO,
     HOLD,
     IDLE,
-    LEASE_OUT,
     MOVING,
 )
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
@@ -90,64 +89,6 @@ def test_a_robot_that_came_back_is_taken_in_at_the_place_it_says_when_it_is_admi
     floor.fleet.adopt(3, PARTS, DURATION, floor.now)
     (sent,) = floor.report("R2", IDLE, boot=9, epoch=0)
     assert sent.payload == PARTS["R2"].plan
-
-
-def lost_and_heard_again():
-    """A fleet that goes on without R2, which was lost; then R2, which hung, is heard again."""
-    floor = frozen_but("R2")
-    adopt(floor, "R1", "R3")
-    others(floor, ARMED)
-    floor.tick()
-    others(floor, MOVING)
-    floor.report("R2", FROZEN, epoch=1, fault=LEASE_OUT)
-    return floor
-
-
-def told_of(floor, robot, kind):
-    found = floor.fleet.incidents
-    return [one.text for one in found if (one.robot, one.kind) == (robot, kind)]
-
-
-def test_a_lost_robot_that_is_heard_again_is_told_of_once_and_how_it_is_taken_in():
-    floor = lost_and_heard_again()
-    floor.report("R2", FROZEN, epoch=1, fault=LEASE_OUT, s_m=0.7)
-    assert told_of(floor, "R2", "back") == [
-        "R2 is heard again; `splinefleet admit R2 --connect ...` takes it in"
-    ]
-    assert floor.commands[-1].phase == GO
-
-
-def test_a_lost_robot_that_is_heard_again_is_taken_in_when_it_has_said_where_it_rests():
-    floor = lost_and_heard_again()
-    assert ask(floor) == []
-    assert told_of(floor, "R2", "not admitted") == ["R2 has not said where it rests"]
-    assert floor.tick()
-    assert floor.commands[-1].wanted == ("R2",)
-    floor.report("R2", FROZEN, epoch=1, fault=LEASE_OUT, s_m=0.7)
-    (sent,) = ask(floor)
-    assert decode("command", sent.payload).phase == FREEZE
-    assert ask(floor) == []
-    others(floor, FROZEN, s_m=1.0)
-    floor.tick()
-    assert floor.fleet.is_settled(floor.now)
-    told = {standing.robot: standing for standing in floor.fleet.standings()}
-    assert (told["R2"].state, told["R2"].epoch, told["R2"].s) == ("rests", 1, 0.7)
-    floor.take(floor.fleet.adopt(3, PARTS, DURATION, floor.now))
-    (sent,) = floor.report("R2", FROZEN, epoch=1)
-    assert sent.payload == PARTS["R2"].plan
-
-
-def test_one_that_was_taken_in_in_vain_has_the_fleet_freeze_no_more():
-    floor = lost_and_heard_again()
-    floor.report("R2", FROZEN, epoch=1, fault=LEASE_OUT, s_m=0.7)
-    ask(floor)
-    others(floor, FROZEN, s_m=1.0)
-    floor.tick()
-    parts = {name: PARTS[name] for name in ("R1", "R3")}
-    floor.fleet.adopt(3, parts, DURATION, floor.now)
-    floor.fleet.members["R2"].stays = "no way"
-    (sent,) = ask(floor)
-    assert decode("plan", sent.payload).reason == "R2 stays where it is: no way"
 
 
 def test_who_asked_for_a_robot_that_was_admitted_is_refused_only_when_it_gets_no_part():

@@ -112,3 +112,26 @@ def test_a_robot_that_comes_back_with_a_place_that_cannot_be_stops_nobody_for_go
         if epoch == 2:
             stays = f"it says that it stands at {where}, where R1 does"
             assert frozen.fleet.members["R2"].stays == stays
+
+
+def test_a_robot_heard_again_and_admitted_is_planned_for_from_where_it_rests():
+    frozen = Frozen()
+    mission = frozen.mission
+    request = mission.request(frozen.now)
+    mission.adopt(request, mission.solve(request), frozen.now)
+    frozen.report("R1", ARMED, epoch=2)
+    frozen.tick()
+    frozen.report("R1", MOVING, epoch=2)
+    frozen.report("R2", FROZEN, Rest(1.0, 1))
+    assert frozen.fleet.phase == GO
+    frozen.hear(keys.admit("two", "R2"), Admit(5))
+    assert frozen.fleet.phase == FREEZE
+    frozen.report("R1", FROZEN, Rest(0.5, 2), epoch=2)
+    frozen.tick()
+    request = mission.request(frozen.now)
+    mission.adopt(request, mission.solve(request), frozen.now)
+    assert (frozen.fleet.phase, mission.document.epoch) == (HOLD, 3)
+    starts = {robot.id: robot.path.control_points[0] for robot in mission.document.robots}
+    x, y = starts["R2"]
+    assert (round(x, 2), round(y, 2)) == (1.5, 3.0)
+    assert mission.site.aside == ()

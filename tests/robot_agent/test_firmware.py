@@ -291,4 +291,4 @@ def test_only_the_loop_and_the_import_of_a_driver_catch_every_exception():
             if isinstance(node, ast.ExceptHandler):
                 caught = ast.unparse(node.type) if node.type else ""
                 broad = caught in ("", "Exception", "BaseException")
-                assert not broad or path.name in ("loop.py", "driver_loading.py"), path
+                assert not broad or path.name in ("loop.py", "driver_file.py"), path

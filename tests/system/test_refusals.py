@@ -85,6 +85,7 @@ def test_a_robot_without_a_coordinator_is_told_so():
         (["fly"], "fly"),
         (["plan"], "SCENARIO"),
         (["agent", "R1", "--connect", "udp/x"], "udp/x"),
+        (["agent", "R1", "--connect", "tcp/127.0.0.1:1", "--driver", "x.py:Base"], "no file /"),
     ],
 )
 def test_wrong_usage_is_told_in_one_line(arguments, said):
