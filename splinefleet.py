@@ -11,7 +11,7 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
-from coordinator.interrupts import (
+from coordinator.base.interrupts import (
     INTERRUPTED,
     is_interrupt,
     leave_at_once,
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
     app: typer.Typer
 
 _COMMANDS: Final = (
-    "coordinator.commands",
-    "coordinator.info_commands",
-    "coordinator.keys_commands",
-    "coordinator.log_commands",
-    "coordinator.operator_commands",
-    "coordinator.vda5050_commands",
-    "coordinator.view_commands",
+    "coordinator.cli.plan_commands",
+    "coordinator.cli.info_commands",
+    "coordinator.cli.keys_commands",
+    "coordinator.cli.log_commands",
+    "coordinator.cli.operator_commands",
+    "coordinator.cli.vda5050_commands",
+    "coordinator.cli.view_commands",
     "robot_agent.commands",
-    "sim.commands",
-    "sim.replay_commands",
+    "sim.cli.run_commands",
+    "sim.cli.replay_commands",
 )
 
 
@@ -88,10 +88,10 @@ def _run(commands: typer.Typer) -> int:
     """Run the command that the command line names and return its exit code."""
     import typer
 
-    from coordinator.console import tell
-    from coordinator.errors import InputError, LogError, PlanError
-    from coordinator.quick_options import read_quickly
-    from coordinator.usage import usage_line
+    from coordinator.base.console import tell
+    from coordinator.base.errors import InputError, LogError, PlanError
+    from coordinator.cli.quick_options import read_quickly
+    from coordinator.cli.usage import usage_line
     from protocol.transport import NoAnswerError, TransportError
 
     read_quickly()

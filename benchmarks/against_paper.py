@@ -13,11 +13,11 @@ from msgspec.structs import replace
 
 from benchmarks.alone import alone, rests
 from benchmarks.table import ROOT, Row
-from coordinator.errors import PlanError
-from coordinator.plan import PlanDocument
-from coordinator.planner import plan_scenario
-from coordinator.scenario import Scenario
-from coordinator.scenario_file import read_scenario
+from coordinator.base.errors import PlanError
+from coordinator.plan.document import PlanDocument
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario.model import Scenario
+from coordinator.scenario_files.scenario_reader import read_scenario
 
 STEP: Final = 0.5
 MOST: Final = 30.0

@@ -25,12 +25,12 @@ import numpy as np
 from benchmarks.campaign import record
 from benchmarks.lanes import lanes
 from benchmarks.table import ROOT, Row
-from coordinator.planner import plan_scenario
-from coordinator.scenario_file import read_scenario, scenario_to_json
-from coordinator.wire import Driven, drive
+from coordinator.plan.wire import Driven, drive
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario_files.scenario_reader import read_scenario, scenario_to_json
 from protocol.plan_parts import PlanParts, unpack_plan
-from robot_agent.agent import Agent
-from sim.local_fleet import free_port
+from robot_agent.core.agent import Agent
+from sim.processes.local_fleet import free_port
 
 RATE: Final = 50
 """Ticks a second of every robot of a fleet."""

@@ -5,10 +5,10 @@ Decides: what delays are measured from.  Must not know: schedules.
 
 from __future__ import annotations
 
-from coordinator.motion import Motion, limits_on
-from coordinator.nurbs import Nurbs, nurbs
-from coordinator.plan import PlanDocument
-from coordinator.scenario import Robot, Scenario
+from coordinator.curves.nurbs import Nurbs, nurbs
+from coordinator.motion.velocity_profile import Motion, limits_on
+from coordinator.plan.document import PlanDocument
+from coordinator.scenario.model import Robot, Scenario
 
 
 def alone(document: PlanDocument, scenario: Scenario) -> list[float]:

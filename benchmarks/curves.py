@@ -9,7 +9,7 @@ from scipy.interpolate import BSpline
 
 from benchmarks.table import Row
 from benchmarks.timing import median_of
-from coordinator.nurbs import Nurbs, nurbs
+from coordinator.curves.nurbs import Nurbs, nurbs
 from protocol.curve import Curve
 
 _POINTS = 10_000

@@ -28,9 +28,9 @@ from benchmarks.campaign import record
 from benchmarks.lanes import lanes
 from benchmarks.machine import memory_mb
 from benchmarks.table import ROOT, Row
-from coordinator.info import summarise
-from coordinator.logbook import read_log
-from coordinator.scenario_file import scenario_to_json
+from coordinator.findings.info import summarise
+from coordinator.log.log_file import read_log
+from coordinator.scenario_files.scenario_reader import scenario_to_json
 from protocol import keys
 from protocol.codec import encode
 from protocol.host_clock import host_clock_ns
@@ -38,7 +38,7 @@ from protocol.messages import Clock, Hello, Pace, Report
 from protocol.phases import MOVING
 from protocol.transport import Handler
 from protocol.zenoh_transport import ZenohTransport
-from sim.local_fleet import free_port
+from sim.processes.local_fleet import free_port
 
 FLEET: Final = "flooded"
 RATE: Final = 20_000
@@ -194,7 +194,7 @@ def drive(robot: str, endpoint: str) -> None:
     """Run one robot to its end, and print the ages of the Commands that it has heard [ms]."""
     from robot_agent.service import Robot as Me
     from robot_agent.service import run_robot
-    from sim.body import SimulatedBody
+    from sim.world.body import SimulatedBody
 
     transport = ListeningTransport.connect(endpoint, 30.0)
     assert isinstance(transport, ListeningTransport)

@@ -13,8 +13,8 @@ from typing import Final
 
 import shapely
 
-from coordinator.scenario import Point
-from sim.floor_polygons import polygon_floor
+from coordinator.scenario.model import Point
+from sim.floors.polygons import polygon_floor
 
 CORNERS: Final = (20, 100, 500, 2_000, 8_000)
 QUERIES: Final = 50

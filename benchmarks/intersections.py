@@ -15,9 +15,9 @@ import shapely
 
 from benchmarks.table import Row
 from benchmarks.timing import median_of
-from coordinator.crossings import find_all_crossings
-from coordinator.intersections import Intersections, find_all_intersections
-from coordinator.nurbs import Array, Nurbs, nurbs
+from coordinator.curves.intersections import Intersections, find_all_intersections
+from coordinator.curves.nurbs import Array, Nurbs, nurbs
+from coordinator.plan.crossings import find_all_crossings
 from tests.oracle_polylines import differences, looks_alike, place
 
 _CURVES = 40

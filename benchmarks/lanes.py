@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from coordinator.scenario import Robot, Scenario, Workspace
+from coordinator.scenario.model import Robot, Scenario, Workspace
 
 _SPEED: Final = 0.5
 """The robots' speed [m/s]."""

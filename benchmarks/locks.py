@@ -20,12 +20,12 @@ from typing import Final, NamedTuple
 from msgspec.structs import replace
 
 from benchmarks.table import ROOT, Row
-from coordinator.key_store import KeyStore
-from coordinator.scenario import Scenario
-from coordinator.scenario_file import read_scenario, scenario_to_json
-from sim.generator import generate
-from sim.local_fleet import free_port
-from sim.programs import Programs
+from coordinator.scenario.model import Scenario
+from coordinator.scenario_files.scenario_reader import read_scenario, scenario_to_json
+from coordinator.security.key_store import KeyStore
+from sim.floors.generator import generate
+from sim.processes.local_fleet import free_port
+from sim.processes.programs import Programs
 
 _DAYS: Final = 30
 

@@ -16,17 +16,17 @@ import numpy as np
 from msgspec.structs import replace
 
 from benchmarks.table import Row, show
-from coordinator.logbook import read_log
-from coordinator.plan import read
-from coordinator.scenario import Scenario
+from coordinator.log.log_file import read_log
+from coordinator.plan.plan_file import read
+from coordinator.scenario.model import Scenario
 from protocol.codec import decode
 from protocol.messages import Command
 from protocol.phases import FREEZE, GO
 from protocol.timing import SECOND
-from sim.blackbox import read_blackbox
-from sim.faults import parse_faults
-from sim.generator import generate
-from sim.local_fleet import LocalFleet
+from sim.floors.generator import generate
+from sim.judging.blackbox import read_blackbox
+from sim.processes.local_fleet import LocalFleet
+from sim.world.fault_text import parse_faults
 
 _STILL: Final = 2e-4
 """A robot that moves less than this [m] between two rows rests."""

@@ -16,11 +16,11 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from coordinator.paper_policy import Encounter, algorithm_2
-from coordinator.plan import PlanDocument
-from coordinator.planner import plan_scenario
-from coordinator.scenario_file import read_scenario
-from coordinator.verify import prove_document
+from coordinator.plan.document import PlanDocument
+from coordinator.planning.planner import plan_scenario
+from coordinator.proof.verify import prove_document
+from coordinator.scenario_files.scenario_reader import read_scenario
+from coordinator.schedule.paper_policy import Encounter, algorithm_2
 
 _ROOT = Path(__file__).parents[1]
 _STOP_TIME, _TAU = 2.0, 0.5

@@ -17,16 +17,16 @@ from benchmarks.floors import CORNERS, Arena, arena
 from benchmarks.growth_figure import Curve, draw
 from benchmarks.table import ROOT, Row
 from benchmarks.ways import LIMIT, Measured, measure_ours, measure_peer
-from coordinator.document import make_document
-from coordinator.floor import Floor
-from coordinator.motion import Motion, limits_on
-from coordinator.nurbs import Nurbs
-from coordinator.paths import Pathfinder, find_paths
-from coordinator.proof import least_clearance
-from coordinator.scenario import Scenario
-from coordinator.wire import Driven, drive
-from sim.generator import generate
-from sim.layout import Kind
+from coordinator.curves.nurbs import Nurbs
+from coordinator.ground.grown_floor import GrownFloor
+from coordinator.motion.velocity_profile import Motion, limits_on
+from coordinator.paths.path_planner import Pathfinder, find_paths
+from coordinator.plan.drafting import make_document
+from coordinator.plan.wire import Driven, drive
+from coordinator.proof.tau_safety import least_clearance
+from coordinator.scenario.model import Scenario
+from sim.floors.generator import generate
+from sim.floors.layout import Kind
 
 OURS: Final = "splinefleet"
 PEERS: Final = ("extremitypathfinder", "pyvisgraph")
@@ -218,6 +218,6 @@ def _drive(scenario: Scenario, paths: list[Nurbs]) -> list[Driven]:
 def _clearance(scenario: Scenario, driven: list[Driven]) -> tuple[float, float]:
     """Return the time [s] that the proof of clearance takes, and the least clearance [m]."""
     begin = time.perf_counter()
-    floor = Floor(scenario.workspace.boundary, scenario.workspace.obstacles)
+    floor = GrownFloor(scenario.workspace.boundary, scenario.workspace.obstacles)
     least = least_clearance(driven, floor.gap)[0]
     return time.perf_counter() - begin, least

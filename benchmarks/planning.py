@@ -10,8 +10,8 @@ import time
 
 from benchmarks.scenes import circle_swap
 from benchmarks.table import ROOT, Row
-from coordinator.planner import plan_scenario
-from coordinator.scenario_file import read_scenario
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario_files.scenario_reader import read_scenario
 
 
 def planning() -> list[Row]:

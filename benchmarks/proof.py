@@ -16,21 +16,21 @@ import numpy as np
 from msgspec.structs import replace
 
 from benchmarks.table import Row
-from coordinator.budget import budget_for
-from coordinator.document import make_document
-from coordinator.errors import PlanError
-from coordinator.floor import Floor
-from coordinator.margin import TOLERANCE
-from coordinator.motion import Motion, Wait, limits_on
-from coordinator.paths import Pathfinder
-from coordinator.plan import Limits, PlanDocument, Proof
-from coordinator.planner import plan_scenario
-from coordinator.proof import prove, prove_separation
-from coordinator.scenario import Link, Scenario
-from coordinator.separation import Separation
-from coordinator.wire import Driven, drive
-from sim.generator import KINDS, generate
-from sim.layout import Kind
+from coordinator.base.errors import PlanError
+from coordinator.motion.velocity_profile import Motion, Wait, limits_on
+from coordinator.paths.path_planner import Pathfinder
+from coordinator.plan.document import Limits, PlanDocument, Proof
+from coordinator.plan.drafting import make_document
+from coordinator.plan.fault_budget import budget_for
+from coordinator.plan.wire import Driven, drive
+from coordinator.planning.planner import plan_scenario
+from coordinator.proof.separation import Separation
+from coordinator.proof.tau_safety import prove, prove_separation
+from coordinator.scenario.floor import Floor
+from coordinator.scenario.margin import TOLERANCE
+from coordinator.scenario.model import Link, Scenario
+from sim.floors.generator import KINDS, generate
+from sim.floors.layout import Kind
 from tests.damages import damaged, judge
 
 TAU: Final = 2.0

@@ -19,12 +19,13 @@ from msgspec.structs import replace
 
 from benchmarks.campaign import in_turn, options, record
 from benchmarks.table import Row
-from coordinator.errors import InputError, PlanError
-from coordinator.plan import PlanDocument, to_json
-from coordinator.planner import plan_scenario
-from coordinator.scenario import Scenario
-from sim.generator import generate
-from sim.layout import Kind
+from coordinator.base.errors import InputError, PlanError
+from coordinator.plan.document import PlanDocument
+from coordinator.plan.plan_file import to_json
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario.model import Scenario
+from sim.floors.generator import generate
+from sim.floors.layout import Kind
 from tests.optimum import least_delay
 from tests.oracle_zones import Course, find_zones
 from tests.oracles import tracks

@@ -23,14 +23,14 @@ from mcap.reader import make_reader
 
 from benchmarks.machine import memory_mb
 from benchmarks.table import ROOT, Row, show
-from coordinator.record import Listener, Recording
-from coordinator.recorder import Recorder
+from coordinator.log.listening import Listener, Recording
+from coordinator.log.recorder import Recorder
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import Report
 from protocol.phases import MOVING
 from protocol.zenoh_transport import ZenohTransport, use_few_threads
-from sim.local_fleet import free_port
+from sim.processes.local_fleet import free_port
 
 FLEET: Final = "benchmark"
 ROBOTS: Final = 100

@@ -18,14 +18,14 @@ from typing import Final, NamedTuple, TypeVar
 
 from benchmarks.campaign import record
 from benchmarks.table import ROOT, Row
-from coordinator.plan import PlanDocument
-from coordinator.scenario import Scenario
-from coordinator.scenario_file import read_scenario
-from sim.campaign import LINKS, Outcome, Wish, plan_for, run_one
-from sim.campaign_answer import Answer, add_up
-from sim.campaign_pool import attempt
-from sim.faults import Fault
-from sim.generator import KINDS, generate
+from coordinator.plan.document import PlanDocument
+from coordinator.scenario.model import Scenario
+from coordinator.scenario_files.scenario_reader import read_scenario
+from sim.campaigns.answer import Answer, add_up
+from sim.campaigns.campaign import LINKS, Outcome, Wish, plan_for, run_one
+from sim.campaigns.pool import attempt
+from sim.floors.generator import KINDS, generate
+from sim.world.fault_text import Fault
 
 COUNT: Final = 500
 JOBS: Final = 2

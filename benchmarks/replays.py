@@ -17,17 +17,17 @@ from typing import Final
 import msgspec
 
 from benchmarks.table import Row, show
-from coordinator.errors import PlanError
-from coordinator.logbook import read_log
-from coordinator.planner import plan_scenario
-from coordinator.replay import check_log
-from coordinator.scenario import Scenario
+from coordinator.base.errors import PlanError
+from coordinator.log.log_file import read_log
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario.model import Scenario
+from coordinator.service.replay import check_log
 from protocol.codec import decode
 from protocol.messages import Command
-from sim.campaign import Wish, run_seed
-from sim.fault_script import KINDS
-from sim.generator import generate
-from sim.layout import Kind
+from sim.campaigns.campaign import Wish, run_seed
+from sim.floors.generator import generate
+from sim.floors.layout import Kind
+from sim.world.fault_script import KINDS
 
 RUNS: Final = 100
 _FLOORS: Final[tuple[Kind, ...]] = ("polygons", "rooms", "circle", "open")

@@ -18,13 +18,14 @@ from msgspec.structs import replace
 
 from benchmarks.campaign import in_turn, options, record
 from benchmarks.table import Row
-from coordinator.errors import InputError, PlanError
-from coordinator.paths import Pathfinder
-from coordinator.plan import PlanDocument, to_json
-from coordinator.planner import DEFAULT_EFFORT, plan_scenario
-from coordinator.scenario import Scenario
-from sim.generator import KINDS, generate
-from sim.layout import Size
+from coordinator.base.errors import InputError, PlanError
+from coordinator.paths.path_planner import Pathfinder
+from coordinator.plan.document import PlanDocument
+from coordinator.plan.plan_file import to_json
+from coordinator.planning.planner import DEFAULT_EFFORT, plan_scenario
+from coordinator.scenario.model import Scenario
+from sim.floors.generator import KINDS, generate
+from sim.floors.layout import Size
 from tests.oracle_dense import closest
 from tests.oracles import tracks
 

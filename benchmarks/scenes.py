@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from coordinator.scenario import Robot, Scenario, Workspace
+from coordinator.scenario.model import Robot, Scenario, Workspace
 
 
 def circle_swap(count: int, radius: float = 0.2, tau: float = 1.0) -> Scenario:

@@ -14,13 +14,13 @@ from msgspec.structs import replace
 
 from benchmarks.alone import alone, finish_on, rests
 from benchmarks.table import Row
-from coordinator.errors import PlanError
-from coordinator.paths import Pathfinder
-from coordinator.plan import PlanDocument
-from coordinator.planner import DEFAULT_EFFORT, plan_scenario
-from coordinator.scenario import Robot, Scenario
-from sim.generator import generate
-from sim.layout import Kind
+from coordinator.base.errors import PlanError
+from coordinator.paths.path_planner import Pathfinder
+from coordinator.plan.document import PlanDocument
+from coordinator.planning.planner import DEFAULT_EFFORT, plan_scenario
+from coordinator.scenario.model import Robot, Scenario
+from sim.floors.generator import generate
+from sim.floors.layout import Kind
 
 SEED: Final = 1
 TAU: Final = 0.5

@@ -19,10 +19,10 @@ import numpy as np
 
 from benchmarks.floors import Arena, arena
 from benchmarks.table import ROOT
-from coordinator.ground import Ground
-from coordinator.growth import Rings
-from coordinator.nurbs import Array
-from coordinator.space import NO_DISCS
+from coordinator.curves.nurbs import Array
+from coordinator.ground.configuration_space import Ground
+from coordinator.ground.free_space import NO_DISCS
+from coordinator.ground.growth import Rings
 
 PYTHON: Final = ROOT / ".venv-peers" / "bin" / "python"
 WORKER: Final = ROOT / "benchmarks" / "peers" / "worker.py"

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from benchmarks.table import ROOT, Row
-from coordinator.scenario import Scenario
-from coordinator.scenario_file import read_scenario
-from coordinator.scenario_toml import scenario_to_toml
-from sim.generator import generate
+from coordinator.scenario.model import Scenario
+from coordinator.scenario_files.scenario_reader import read_scenario
+from coordinator.scenario_files.toml_writer import scenario_to_toml
+from sim.floors.generator import generate
 
 _PER_ROBOT: Final = 10.0
 """Area [m^2] of the open floor for each robot: 1,000 of them are on 100 m x 100 m."""

@@ -19,9 +19,9 @@ from scipy.spatial import cKDTree
 
 from benchmarks.table import Row
 from benchmarks.timing import median_of
-from coordinator.chords import Chords, chords_of
-from coordinator.conflict_zones import find_zones
-from coordinator.nurbs import Array, Nurbs, nurbs
+from coordinator.curves.chords import Chords, chords_of
+from coordinator.curves.nurbs import Array, Nurbs, nurbs
+from coordinator.schedule.conflict_zones import find_zones
 
 _SIDE: Final = 100.0
 _RADIUS: Final = 0.3

@@ -1,7 +1,7 @@
 """From a scenario to a fleet in motion: the only package that plans.
 
-The names below are for other programs and stay as they are (library.py, docs/tutorial.md).  They
-are loaded when they are first used: commands that plan nothing start quickly.
+The names below are for other programs and stay as they are (planning/library.py, docs/tutorial.md).
+They are loaded when they are first used: commands that plan nothing start quickly.
 """
 
 from typing import TYPE_CHECKING
@@ -25,7 +25,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from coordinator.library import (
+    from coordinator.planning.library import (
         GivenPath,
         InputError,
         Plan,
@@ -48,6 +48,6 @@ else:
         """Return one of the names above."""
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        from coordinator import library
+        from coordinator.planning import library
 
         return getattr(library, name)

@@ -2,7 +2,7 @@
 
 Decides: how the numbers on the wire become places.  Firmware: only `array` and `math` are imported,
 nothing is allocated by `evaluate` and `place`, results are left in attributes.  The coordinator has
-the vectorised twin in coordinator/nurbs.py.
+the vectorised twin in coordinator/curves/nurbs.py.
 """
 
 from array import array

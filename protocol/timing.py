@@ -1,7 +1,8 @@
 """The periods and leases both sides count on, in nanoseconds.
 
 Decides: how often each side speaks and how long it bears silence.  The fault budget
-(coordinator/budget.py) is the sum of these.  No imports: the robot's firmware reads this file too.
+(coordinator/plan/fault_budget.py) is the sum of these.  No imports: the robot's firmware reads this
+file too.
 """
 
 MILLISECOND = 1_000_000

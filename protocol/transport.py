@@ -1,7 +1,7 @@
 """The contract between the project and whatever carries its bytes.
 
-Two implementations stand behind it: Zenoh (protocol/zenoh_transport.py) and the in-memory link
-with seeded loss, delay, doubling and reordering (sim/memory_transport.py).  One test suite holds
+Two implementations stand behind it: Zenoh (protocol/zenoh_transport.py) and the in-memory link with
+seeded loss, delay, doubling and reordering (sim/world/memory_transport.py).  One test suite holds
 both to what is written here.
 """
 

@@ -31,7 +31,7 @@ def agent(
     connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
     fleet: Annotated[str | None, typer.Option(help="Fleet; without it the first heard.")] = None,
     driver: Annotated[str, typer.Option(help="MODULE:CLASS or FILE.py:CLASS of the driver.")] = (
-        "sim.body:SimulatedBody"
+        "sim.world.body:SimulatedBody"
     ),
     radius: Annotated[float, typer.Option(min=0.0, help="Metres; 0: as planned.")] = 0.0,
     max_speed: Annotated[float, typer.Option(min=0.0, help="m/s; 0: as planned.")] = 0.0,

@@ -2,7 +2,7 @@
 
 Decides: what a driver owes the agent.  `agent --driver FILE.py:CLASS` (or MODULE:CLASS) makes one,
 with the acceleration [m/s^2] that the robot may use as the only argument.  A simulated body
-(sim/body.py) and a real base stand behind it; nothing else of the robot changes.
+(sim/world/body.py) and a real base stand behind it; nothing else of the robot changes.
 """
 
 from __future__ import annotations

@@ -30,8 +30,8 @@ from protocol.phases import DONE, FREEZE, GO, HOLD, IDLE, PHASE_NAMES
 from protocol.plan_parts import unpack_motion, unpack_plan
 from protocol.timing import COMMAND_PERIOD, SECOND
 from protocol.transport import Transport
-from robot_agent.agent import Agent
 from robot_agent.blackbox import BlackBox
+from robot_agent.core.agent import Agent
 from robot_agent.driver import Driver
 from robot_agent.inbox import Inbox
 from robot_agent.loop import PERIOD_NS, FixedRateLoop

@@ -17,7 +17,7 @@ from protocol.phases import (
     fault_name,
 )
 from protocol.timing import SECOND
-from robot_agent.agent import Agent
+from robot_agent.core.agent import Agent
 from robot_agent.driver import Pose
 
 PATIENCE_NS = SECOND

@@ -11,11 +11,12 @@ from random import Random
 
 from msgspec.structs import replace
 
-from coordinator.errors import InputError
-from coordinator.margin import TOLERANCE
-from coordinator.plan import PlanDocument, to_json
-from coordinator.verify import prove_document
-from coordinator.wire import drive
+from coordinator.base.errors import InputError
+from coordinator.plan.document import PlanDocument
+from coordinator.plan.plan_file import to_json
+from coordinator.plan.wire import drive
+from coordinator.proof.verify import prove_document
+from coordinator.scenario.margin import TOLERANCE
 from tests.oracle_dense import closest
 from tests.oracles import tracks
 

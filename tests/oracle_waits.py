@@ -2,7 +2,7 @@
 
 from msgspec.structs import replace
 
-from coordinator.plan import to_json
+from coordinator.plan.plan_file import to_json
 from tests.oracle_dense import closest
 from tests.oracles import tracks
 

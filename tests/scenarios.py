@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import random
 
-from coordinator.scenario import Robot, Scenario, Workspace
-from coordinator.scenario_checks import find_problems
+from coordinator.scenario.checks import find_problems
+from coordinator.scenario.model import Robot, Scenario, Workspace
 
 
 def box(x0, y0, x1, y1):

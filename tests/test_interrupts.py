@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from coordinator import interrupts
+from coordinator.base import interrupts
 
 PATIENCE_S = 10.0
 ROOT = Path(__file__).resolve().parents[1]
@@ -244,7 +244,7 @@ splinefleet.main()
 
 
 @pytest.mark.parametrize(
-    "module", ["typer", "msgspec", "rich.console", "numpy", "numba", "coordinator.planner"]
+    "module", ["typer", "msgspec", "rich.console", "numpy", "numba", "coordinator.planning.planner"]
 )
 def test_a_program_that_is_interrupted_while_it_imports_ends_with_130(run, module):
     assert run(IMPORTING, module, "plan", ROOT / "examples" / "paper_five.toml") == (130, "")

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from coordinator.planner import plan_scenario
-from coordinator.scenario_file import parse_scenario, read_scenario
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario_files.scenario_reader import parse_scenario, read_scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text()

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 import coordinator
-import coordinator.library
+from coordinator.planning import library
 from splinefleet import app
 from tests.test_readme import ROOT
 
@@ -38,10 +38,10 @@ def test_the_tutorial_uses_every_function_of_the_library():
 
 
 def test_the_package_gives_the_names_of_the_library_and_no_others():
-    assert coordinator.__all__ == coordinator.library.__all__
+    assert coordinator.__all__ == library.__all__
     for name in coordinator.__all__:
         given = getattr(coordinator, name)
-        assert given is getattr(coordinator.library, name)
+        assert given is getattr(library, name)
         assert given.__doc__
     with pytest.raises(AttributeError, match="no attribute 'plans'"):
         _ = coordinator.plans

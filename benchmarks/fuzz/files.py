@@ -12,18 +12,19 @@ import msgspec
 from benchmarks.fuzz.json_mutation import mutated
 from benchmarks.fuzz.target import Target, answered
 from benchmarks.table import ROOT
-from coordinator.errors import InputError
-from coordinator.info_plan import summarise_plan
-from coordinator.plan import PlanDocument, from_json, to_json
-from coordinator.planner import plan_scenario
-from coordinator.scenario import Scenario
-from coordinator.scenario_file import parse_scenario, scenario_to_json
-from coordinator.scenario_toml import scenario_to_toml
-from coordinator.scene_plan import scene_of_plan
-from coordinator.vda5050 import Version
-from coordinator.vda5050_orders import orders_of
-from coordinator.vda5050_reading import Assumed, read_order, scenario_of
-from coordinator.verify import prove_document
+from coordinator.base.errors import InputError
+from coordinator.exchange.vda5050 import Version
+from coordinator.exchange.vda5050_orders import orders_of
+from coordinator.exchange.vda5050_reading import Assumed, read_order, scenario_of
+from coordinator.findings.plan_facts import summarise_plan
+from coordinator.plan.document import PlanDocument
+from coordinator.plan.plan_file import from_json, to_json
+from coordinator.planning.planner import plan_scenario
+from coordinator.proof.verify import prove_document
+from coordinator.scenario.model import Scenario
+from coordinator.scenario_files.scenario_reader import parse_scenario, scenario_to_json
+from coordinator.scenario_files.toml_writer import scenario_to_toml
+from coordinator.view.scene_plan import scene_of_plan
 
 _BESIDE: Final = ROOT / "examples"
 

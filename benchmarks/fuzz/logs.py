@@ -14,17 +14,18 @@ from msgspec.structs import replace
 from benchmarks.fuzz.files import two
 from benchmarks.fuzz.target import Target, answered
 from benchmarks.fuzz.wire import pieces, spoken
-from coordinator.export import csv_lines, story_of_log
-from coordinator.fleet_news import Outgoing
-from coordinator.info import courses_of, summarise
-from coordinator.info_table import render
-from coordinator.log_head import first_head
-from coordinator.logbook import Log, Record, log_from_bytes
-from coordinator.muster import muster
-from coordinator.recorder import METADATA_NAME, WALL_OFFSET
-from coordinator.recover import make_whole
-from coordinator.replay import check_log
-from coordinator.scene_log import scene_of_logs
+from coordinator.exchange.motion_story import csv_lines, story_of_log
+from coordinator.findings.info import courses_of, summarise
+from coordinator.findings.info_table import render
+from coordinator.fleet.events import Outgoing
+from coordinator.fleet.fleet_from_plan import muster
+from coordinator.log.head import first_head
+from coordinator.log.log_file import log_from_bytes
+from coordinator.log.recorder import METADATA_NAME, WALL_OFFSET
+from coordinator.log.records import Log, Record
+from coordinator.log.recover import make_whole
+from coordinator.service.replay import check_log
+from coordinator.view.scene_log import scene_of_logs
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import Hello, Report

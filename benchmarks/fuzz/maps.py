@@ -13,8 +13,8 @@ from PIL import Image
 
 from benchmarks.fuzz.target import Target, answered, workshop
 from benchmarks.table import ROOT
-from coordinator.floor_map import MapOptions
-from coordinator.map_file import DEFAULTS, read_map
+from coordinator.scenario_files.maps.floor_map import MapOptions
+from coordinator.scenario_files.maps.map_reader import DEFAULTS, read_map
 
 _MAPS: Final = ROOT / "examples" / "maps"
 _YAML: Final = (

@@ -14,7 +14,7 @@ from shutil import rmtree
 from tempfile import mkdtemp
 from typing import Final, NamedTuple
 
-from coordinator.errors import InputError, PlanError
+from coordinator.base.errors import InputError, PlanError
 
 LONGEST: Final = 65_536
 """Bytes of an input, unless a target says otherwise."""

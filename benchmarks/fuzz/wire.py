@@ -9,16 +9,16 @@ import msgspec
 
 from benchmarks.fuzz.target import Target
 from benchmarks.table import ROOT
-from coordinator.muster import muster
-from coordinator.planner import plan_scenario
-from coordinator.scenario_file import read_scenario
+from coordinator.fleet.fleet_from_plan import muster
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario_files.scenario_reader import read_scenario
 from protocol import keys
 from protocol.codec import KINDS, decode, encode, seal
 from protocol.messages import Clock, Command, NewTimes, Plan, Report
 from protocol.plan_parts import unpack_motion, unpack_plan
 from robot_agent.service import Robot, RobotService
-from sim.body import SimulatedBody
-from sim.memory_transport import MemoryNetwork
+from sim.world.body import SimulatedBody
+from sim.world.memory_transport import MemoryNetwork
 
 _KINDS: Final = tuple(KINDS)
 _KEYS: Final = (keys.hello, keys.plan, keys.report, keys.clock, keys.admit, keys.alive)

@@ -4,18 +4,18 @@ import asyncio
 
 import pytest
 
-from coordinator import recorder as recorder_module
-from coordinator import replay
-from coordinator.export import story_of_log
-from coordinator.logbook import read_log
-from coordinator.mission import Mission
-from coordinator.plan import to_json
-from coordinator.planner import plan_scenario
-from coordinator.recorder import Attachment, Recorder
-from coordinator.scenario_file import parse_scenario, scenario_to_json
-from coordinator.service import Service
-from tests.coordinator.test_service import SCENARIO, Clock, Hand
-from tests.coordinator.two_epochs import first_plan, log_of, second_plan
+from coordinator.exchange.motion_story import story_of_log
+from coordinator.fleet.mission import Mission
+from coordinator.log import recorder as recorder_module
+from coordinator.log.log_file import read_log
+from coordinator.log.recorder import Attachment, Recorder
+from coordinator.plan.plan_file import to_json
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario_files.scenario_reader import parse_scenario, scenario_to_json
+from coordinator.service import replay
+from coordinator.service.coordinator_service import Service
+from tests.coordinator.findings.two_epochs import first_plan, log_of, second_plan
+from tests.coordinator.service.test_coordinator_service import SCENARIO, Clock, Hand
 
 
 @pytest.fixture(scope="session")

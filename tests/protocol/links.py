@@ -6,7 +6,7 @@ import time
 from abc import ABC, abstractmethod
 
 from protocol.zenoh_transport import ZenohTransport
-from sim.memory_transport import MemoryNetwork
+from sim.world.memory_transport import MemoryNetwork
 
 PATIENCE_S = 5.0
 

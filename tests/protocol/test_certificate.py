@@ -12,7 +12,7 @@ from cryptography.x509.oid import NameOID
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coordinator.authority import new_authority, new_certificate
+from coordinator.security.certificate_authority import new_authority, new_certificate
 from protocol.badge import Badge
 from protocol.certificate import read_certificate
 

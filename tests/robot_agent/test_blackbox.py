@@ -7,8 +7,8 @@ import pytest
 
 from protocol.phases import MOVING
 from robot_agent.blackbox import BlackBox
-from sim.blackbox import read_blackbox
-from tests.robot_agent.rides import SECOND
+from sim.judging.blackbox import read_blackbox
+from tests.robot_agent.core.rides import SECOND
 
 HERE = (1.0, 2.0, 0.5)
 

@@ -10,7 +10,7 @@ from robot_agent.commands import commands
 
 BASE = """
 import wheels_of_base
-from sim.body import SimulatedBody
+from sim.world.body import SimulatedBody
 
 class Base(SimulatedBody):
     pass
@@ -57,11 +57,11 @@ def test_a_driver_is_found_in_a_file_of_another_folder_together_with_the_modules
 def test_a_driver_is_found_in_a_module_of_the_search_path(folder, monkeypatch):
     monkeypatch.syspath_prepend(folder)
     assert "is no place" in told("our_base:Base")
-    assert "is no place" in told("sim.body:SimulatedBody")
+    assert "is no place" in told("sim.world.body:SimulatedBody")
 
 
 def test_a_file_of_the_name_of_a_module_in_use_takes_its_place_for_nobody(folder):
-    (folder / "json.py").write_text("from sim.body import SimulatedBody as Base\n")
+    (folder / "json.py").write_text("from sim.world.body import SimulatedBody as Base\n")
     assert "is no place" in told("json.py:Base")
     assert sys.modules["json"].__file__ != str(folder / "json.py")
 
@@ -98,7 +98,7 @@ def test_a_driver_that_imports_what_is_not_there_says_so_and_where(folder, monke
 @pytest.mark.parametrize(
     ("text", "what"),
     [
-        ("from sim.body import Bodi\n", "line 1: ImportError: cannot import name 'Bodi'"),
+        ("from sim.world.body import Bodi\n", "line 1: ImportError: cannot import name 'Bodi'"),
         ("x = 1\nclass Base(\n", "line 2: SyntaxError: "),
         ("x = 1\ny = zz\n", "line 2: NameError: name 'zz' is not defined"),
     ],
@@ -112,8 +112,8 @@ def test_of_a_class_that_is_not_there_the_classes_that_are_get_told():
     assert "our_base.py:Bass: no Bass, there are SimulatedBody, Base, Arm" in line(
         "our_base.py:Bass"
     )
-    said = line("sim.body:Body")
-    assert "sim.body:Body: no Body, there are " in said
+    said = line("sim.world.body:Body")
+    assert "sim.world.body:Body: no Body, there are " in said
     assert "SimulatedBody" in said
     assert "no Base, nor any class" in line("wheels_of_base.py:Base")
 
@@ -131,7 +131,7 @@ def test_what_is_no_driver_is_told_so():
 def line(driver):
     """The one line that the command line tells of a driver that does not work."""
     import splinefleet
-    from coordinator.usage import usage_line
+    from coordinator.cli.usage import usage_line
 
     words = ["agent", "R1", "--connect", "tcp/127.0.0.1:1", "--driver", driver]
     done = CliRunner().invoke(splinefleet.app, words, standalone_mode=False)

@@ -17,10 +17,10 @@ from protocol.phases import ARMED, DONE, DRIVER_ERROR, FREEZE, FROZEN, GO, HOLD,
 from robot_agent.blackbox import HEADER, BlackBox
 from robot_agent.driver import DriverError
 from robot_agent.service import RefusedError, Robot, run_robot
-from sim.body import SimulatedBody
-from sim.memory_transport import MemoryNetwork
-from sim.robot_clock import RobotClock
-from tests.robot_agent.rides import COORDINATOR, ME, MS, SECOND, motion_along, winding_path
+from sim.world.body import SimulatedBody
+from sim.world.memory_transport import MemoryNetwork
+from sim.world.robot_clock import RobotClock
+from tests.robot_agent.core.rides import COORDINATOR, ME, MS, SECOND, motion_along, winding_path
 
 FLEET = "hall"
 PATH = winding_path("fff")

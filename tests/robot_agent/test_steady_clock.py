@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_agent.agent import LATE_TICK
+from robot_agent.core.agent import LATE_TICK
 from robot_agent.steady_clock import LEAP, SteadyClock
 
 MS = 1_000_000

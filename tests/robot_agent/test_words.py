@@ -6,9 +6,9 @@ from protocol import keys
 from protocol.codec import encode
 from protocol.messages import Command
 from protocol.phases import ARMED, BAD_PLAN, CLOCK_UNSURE, DONE, DRIVER_ERROR, FROZEN, GO, HOLD
-from robot_agent.agent import Agent
+from robot_agent.core.agent import Agent
 from robot_agent.words import PATIENCE_NS, Lasting, phase_in_words, waits_for
-from tests.robot_agent.rides import COORDINATOR, ME, MS
+from tests.robot_agent.core.rides import COORDINATOR, ME, MS
 from tests.robot_agent.test_service import FLEET, Hall, raise_interrupt
 
 HERE = (1.0, 2.0, 0.0)

@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from sim.local_fleet import free_port
+from sim.processes.local_fleet import free_port
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (sys.executable, "-m", "splinefleet")

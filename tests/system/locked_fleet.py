@@ -11,8 +11,8 @@ import time
 import pytest
 import zenoh
 
-from coordinator.authority import new_authority, new_certificate
-from coordinator.key_store import KeyStore
+from coordinator.security.certificate_authority import new_authority, new_certificate
+from coordinator.security.key_store import KeyStore
 from protocol import zenoh_transport
 from protocol.badge import Badge
 from protocol.key_files import AUTHORITY, CERTIFICATE, PRIVATE, KeyFiles, read_key_files

@@ -1,6 +1,6 @@
 """A router with keys, and the fleets, thieves and strangers that go there."""
 
-from coordinator.key_store import KeyStore
+from coordinator.security.key_store import KeyStore
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import PROTOCOL_VERSION, Command, Hello, Plan, Report

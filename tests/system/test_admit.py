@@ -4,8 +4,8 @@ import contextlib
 import json
 import signal
 
-from coordinator.scenario_file import read_scenario
-from sim.blackbox import read_blackbox
+from coordinator.scenario_files.scenario_reader import read_scenario
+from sim.judging.blackbox import read_blackbox
 from tests.system.fleet_tools import (
     free_endpoint,
     line_with,

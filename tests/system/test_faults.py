@@ -16,18 +16,18 @@ from pathlib import Path
 
 import pytest
 
-from coordinator.info import summarise
-from coordinator.logbook import read_log
-from coordinator.replay import check_log
-from coordinator.scenario_file import read_scenario
+from coordinator.findings.info import summarise
+from coordinator.log.log_file import read_log
+from coordinator.scenario_files.scenario_reader import read_scenario
+from coordinator.service.replay import check_log
 from protocol.codec import decode
 from protocol.messages import Command
 from protocol.phases import FREEZE
 from protocol.timing import COMMAND_PERIOD, LEASE, SECOND
-from sim.blackbox import read_blackbox
-from sim.faults import parse_faults
-from sim.judge import Verdict, judge
-from sim.local_fleet import LocalFleet, Outcome
+from sim.judging.blackbox import read_blackbox
+from sim.judging.judge import Verdict, judge
+from sim.processes.local_fleet import LocalFleet, Outcome
+from sim.world.fault_text import parse_faults
 from tests.system.fleet_tools import processes_of
 from tests.system.stalls import without_stalls, witness
 

@@ -6,8 +6,8 @@ import os
 
 import pytest
 
-from coordinator.denials import denial_of, is_denial_key
-from coordinator.logbook import read_log
+from coordinator.log.log_file import read_log
+from coordinator.security.denials import denial_of, is_denial_key
 from protocol import keys
 from protocol.codec import decode
 from protocol.phases import GO

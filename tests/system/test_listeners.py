@@ -9,7 +9,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from coordinator.logbook import read_log
+from coordinator.log.log_file import read_log
 from protocol.codec import decode
 from protocol.messages import Command, Plan
 from protocol.phases import GO

@@ -6,9 +6,9 @@ from contextlib import ExitStack
 
 import pytest
 
-from coordinator.planner import plan_scenario
-from coordinator.scenario_file import read_scenario
-from coordinator.wire import drive
+from coordinator.plan.wire import drive
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario_files.scenario_reader import read_scenario
 from tests.system.browser import browser, find_browser
 from tests.system.fleet_tools import TWO_ROBOTS, free_endpoint, line_with, splinefleet, started
 

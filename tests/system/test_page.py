@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from coordinator.page import page_of
-from coordinator.plan import read, to_json
-from coordinator.planner import plan_scenario
-from coordinator.scenario_file import read_scenario
-from coordinator.scene import Mark
-from coordinator.scene_plan import scene_of_plan
-from coordinator.wire import drive
-from sim.generator import generate
+from coordinator.plan.plan_file import read, to_json
+from coordinator.plan.wire import drive
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario_files.scenario_reader import read_scenario
+from coordinator.view.page import page_of
+from coordinator.view.scene import Mark
+from coordinator.view.scene_plan import scene_of_plan
+from sim.floors.generator import generate
 from tests.system.browser import browser, find_browser
 from tests.system.fleet_tools import (
     ROOT,

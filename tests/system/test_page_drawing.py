@@ -3,10 +3,10 @@
 import msgspec
 import pytest
 
-from coordinator.page import page_of
-from coordinator.planner import plan_scenario
-from coordinator.scene_plan import scene_of_plan
-from sim.generator import generate
+from coordinator.planning.planner import plan_scenario
+from coordinator.view.page import page_of
+from coordinator.view.scene_plan import scene_of_plan
+from sim.floors.generator import generate
 from tests.system.browser import browser, find_browser
 
 pytestmark = pytest.mark.skipif(

@@ -5,8 +5,8 @@ import signal
 
 import pytest
 
-from coordinator.errors import InputError
-from coordinator.logbook import read_log
+from coordinator.base.errors import InputError
+from coordinator.log.log_file import read_log
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import Command, Report

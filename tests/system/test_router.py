@@ -7,14 +7,14 @@ import time
 
 import pytest
 
-from coordinator.logbook import read_log
-from coordinator.scenario_file import read_scenario
+from coordinator.log.log_file import read_log
+from coordinator.scenario_files.scenario_reader import read_scenario
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Command
 from protocol.phases import FREEZE
 from protocol.zenoh_transport import ZenohTransport
-from sim.judge import judge
+from sim.judging.judge import judge
 from tests.system.fleet_tools import (
     TWO_ROBOTS,
     free_endpoint,

@@ -7,16 +7,16 @@ import signal
 import pytest
 import zenoh
 
-from coordinator.denials import is_denial_key
-from coordinator.key_store import KeyStore
-from coordinator.logbook import read_log
+from coordinator.log.log_file import read_log
+from coordinator.security.denials import is_denial_key
+from coordinator.security.key_store import KeyStore
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import PROTOCOL_VERSION, Admit, Command, Hello, Report
 from protocol.phases import GO, IDLE
 from protocol.transport import TransportError
 from protocol.zenoh_transport import ZenohTransport
-from sim.judge import judge
+from sim.judging.judge import judge
 from tests.system.fleet_tools import line_with, splinefleet, wait_for
 from tests.system.locked_fleet import (
     FLEET,

@@ -13,13 +13,13 @@ import pytest
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 
-from coordinator.budget import share_for_lateness
-from coordinator.logbook import read_log
+from coordinator.log.log_file import read_log
+from coordinator.plan.fault_budget import share_for_lateness
 from protocol.codec import decode
 from protocol.messages import Command, Plan, Report
 from protocol.phases import FREEZE, FROZEN
 from protocol.timing import CLOCK_ERROR, LEASE, SECOND
-from sim.blackbox import read_blackbox
+from sim.judging.blackbox import read_blackbox
 from tests.system.fleet_tools import (
     ROOT,
     TWO_ROBOTS,

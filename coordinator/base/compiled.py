@@ -1,0 +1,25 @@
+"""Compiling the few numeric kernels that numpy cannot do well: one decorator.
+
+Decides: how kernels are compiled.  Must not know: what is computed, where code is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar, cast
+
+from coordinator.base.kernel_cache import keep
+from coordinator.base.lean_numba import numba
+from coordinator.base.quick_loading import load_quickly
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+load_quickly()
+
+
+def compiled(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function of arrays and numbers on first use; the machine code is kept on disk."""
+    kernel = numba.njit(nogil=True, error_model="numpy")(function)
+    keep(kernel)
+    return cast(Callable[P, R], kernel)

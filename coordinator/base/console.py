@@ -1,0 +1,42 @@
+"""How commands talk: answers on stdout, everything else on stderr.
+
+Decides: where text goes.  Must not know: what is said.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import msgspec
+from rich.console import Console
+
+from coordinator.base.errors import InputError
+from protocol.host_clock import time_of_day
+
+errors = Console(stderr=True, soft_wrap=True, highlight=False, emoji=False)
+answers = Console(soft_wrap=True, highlight=False, emoji=False)
+
+
+def answer_json(value: object) -> None:
+    """Write one JSON object on a line of its own to stdout, at once."""
+    sys.stdout.write(msgspec.json.encode(value).decode() + "\n")
+    sys.stdout.flush()
+
+
+def tell(text: str, style: str = "") -> None:
+    """Write a line for people to stderr."""
+    errors.print(text, style=style, markup=False)
+
+
+def tell_now(text: str, style: str = "") -> None:
+    """Write a line for people to stderr, with the time of day: for commands that run for long."""
+    tell(f"{time_of_day()} {text}", style)
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file; InputError in one line when that cannot be done."""
+    try:
+        path.write_bytes(content)
+    except OSError as error:
+        raise InputError([f"{path}: {error.strerror}"]) from None

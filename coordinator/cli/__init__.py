@@ -1,0 +1,4 @@
+"""The commands: options, exit codes, which shell is started.
+
+A new command is a function in the module of its group and nothing else.
+"""

@@ -1,0 +1,72 @@
+"""The command that tells what is in a log or a plan: info.
+
+Decides: options, and where black boxes are looked for.  Heavy modules are imported when needed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from coordinator.base.console import answer_json, answers, tell
+from coordinator.base.errors import InputError
+from coordinator.cli.plan_commands import Json, Source
+
+if TYPE_CHECKING:
+    from coordinator.findings.true_course import TrueCourse
+    from coordinator.log.records import Log
+
+commands = typer.Typer()
+
+
+@commands.command()
+def info(
+    source: Source,
+    blackbox: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Folder of black boxes ROBOT.csv; by default the log's, or blackbox in it.",
+            exists=True,
+            file_okay=False,
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Tell what happened: epochs, waits, faults, latencies, traffic; of a plan, who waits and why.
+
+    With the robots' black boxes: true arrivals, distances between robots and from their plans.
+
+    Example: splinefleet info runs/demo/run.mcap --json
+    """
+    from coordinator.findings.info import summarise
+    from coordinator.findings.info_table import render
+    from coordinator.findings.plan_facts import summarise_plan
+    from coordinator.log.log_file import read_log, readable_logs_before
+    from coordinator.plan.plan_file import read
+
+    if source.suffix == ".json":
+        summary = summarise_plan(read(source))
+    else:
+        log = read_log(source)
+        boxes = _boxes_of(log, source.parent, blackbox)
+        summary = summarise(log, boxes, readable_logs_before(log))
+    if as_json:
+        answer_json(summary)
+    else:
+        answers.print(render(summary))
+
+
+def _boxes_of(log: Log, beside: Path, asked: Path | None) -> dict[str, TrueCourse]:
+    """Return a log's black boxes; one that was not asked for and cannot be read is told of only."""
+    from coordinator.findings.info import courses_of
+
+    try:
+        return courses_of(log, [asked] if asked else [beside / "blackbox", beside])
+    except InputError as error:
+        if asked:
+            raise
+        tell(f"without black boxes: {error}")
+        return {}

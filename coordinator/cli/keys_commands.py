@@ -1,0 +1,275 @@
+"""The commands about keys: keys init, robot, observer, operator, coordinator, router, revoke, show.
+
+Decides: options and exit codes.
+"""
+
+from __future__ import annotations
+
+import datetime
+import ipaddress
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from coordinator.base.console import answer_json, answers, tell, write_file
+from coordinator.base.errors import InputError
+from coordinator.cli.plan_commands import Json, writable
+from protocol.badge import ROLES, Role
+from protocol.endpoint import endpoint_of
+from protocol.key_files import WARNING, own_place, read_key_files
+from protocol.keys import NAME, NAME_IN_WORDS
+
+if TYPE_CHECKING:
+    from coordinator.security.certificate_register import Issued
+
+commands = typer.Typer()
+keys_commands = typer.Typer(
+    help="Make, revoke and show the keys of a fleet: docs/keys.md.", no_args_is_help=True
+)
+commands.add_typer(keys_commands, name="keys")
+
+_USUAL: Final = Path("keys")
+_HOST: Final = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]{0,251}[A-Za-z0-9])?")
+
+Keys = Annotated[Path, typer.Option("--keys", metavar="DIR", help="The folder of `keys init`.")]
+Days = Annotated[int, typer.Option(min=1, max=3650, help="Days until it expires.")]
+Names = Annotated[list[str], typer.Argument(metavar="NAME...", help="One or several.")]
+Hosts = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--host",
+        help="Name or address under which the coordinator is reached, besides this machine's own; "
+        "repeatable.",
+    ),
+]
+
+
+@keys_commands.command()
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make.")] = _USUAL,
+    host: Hosts = None,
+    days: Days = 365,
+) -> None:
+    """Make a fleet's authority, and keys for its coordinator, an observer and an operator.
+
+    Example: splinefleet keys init keys --host hall-3.local --host 192.168.7.2
+    """
+    from coordinator.security.key_store import KeyStore
+
+    hosts = _hosts(host)
+    store = KeyStore(folder)
+    store.begin(_now())
+    made = store.issue("coordinator", ["coordinator"], _now(), days, hosts)
+    for role in ("observer", "operator"):
+        made += store.issue(role, [role], _now(), days)
+    _tell_made(folder, made)
+    tell(f"{folder / 'authority'} makes more keys: keep it to yourself, no run needs it")
+
+
+@keys_commands.command()
+def robot(names: Names, keys: Keys = _USUAL, days: Days = 365) -> None:
+    """Make the keys of robots; each is given its own folder and nothing else.
+
+    Example: splinefleet keys robot R1 R2 R3 --keys keys
+    """
+    _issue("robot", names, keys, days)
+
+
+@keys_commands.command()
+def observer(names: Names, keys: Keys = _USUAL, days: Days = 365) -> None:
+    """Make the keys of those who only listen: record, view.
+
+    Example: splinefleet keys observer office
+    """
+    _issue("observer", names, keys, days)
+
+
+@keys_commands.command()
+def operator(names: Names, keys: Keys = _USUAL, days: Days = 365) -> None:
+    """Make the keys of operators, who let robots in again: admit.
+
+    Example: splinefleet keys operator shift-1
+    """
+    _issue("operator", names, keys, days)
+
+
+@keys_commands.command()
+def coordinator(keys: Keys = _USUAL, host: Hosts = None, days: Days = 365) -> None:
+    """Make the coordinator's next key, when the one before expires or its hosts have changed.
+
+    Example: splinefleet keys coordinator --host hall-3.local
+    """
+    _issue("coordinator", ["coordinator"], keys, days, _hosts(host))
+
+
+@keys_commands.command()
+def router(
+    scenarios: Annotated[
+        list[Path],
+        typer.Argument(metavar="SCENARIO...", help="Of all fleets that meet at the router."),
+    ],
+    keys: Keys = _USUAL,
+    host: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Name or address where the router is reached: makes its next key; repeatable."
+        ),
+    ] = None,
+    days: Days = 365,
+    listen: Annotated[str, typer.Option(help="Where it listens.")] = "tls/0.0.0.0:7447",
+    files: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Its folder on its host; by default where it is here."),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="FILE.json5", callback=writable(".json5"))
+    ] = Path("router.json5"),
+) -> None:
+    """Write zenohd's configuration, anew after each key made or revoked and each new robot.
+
+    Example: splinefleet keys router hall.toml yard.toml --host router.local
+    """
+    from coordinator.scenario_files.scenario_reader import read_scenario
+    from coordinator.security.key_store import KeyStore
+    from coordinator.security.router_file import meeting_fleets, router_file
+
+    endpoint_of(listen, locked=True)
+    fleets = meeting_fleets([read_scenario(scenario) for scenario in scenarios])
+    register = KeyStore(keys).register()
+    if host:
+        _issue("router", ["router"], keys, days, _hosts(host))
+    elif "router" not in register.names("router"):
+        raise InputError([f"{keys}: holds no router's key; --host NAME, where it is reached"])
+    own = read_key_files(keys, "router")
+    now = _now()
+    warnings = [own.warning(now)]
+    warnings += register.keyless((name for robots in fleets.values() for name in robots), now)
+    for warning in filter(None, warnings):
+        tell(warning)
+    write_file(output, router_file(listen, own.moved_to(files), fleets, register.valid(now)))
+    tell(f"wrote {output}; it counts when the router starts with it")
+
+
+@keys_commands.command()
+def revoke(
+    who: Annotated[str, typer.Argument(metavar="WHO", help="A robot, or observer/NAME and so on.")],
+    keys: Keys = _USUAL,
+    generation: Annotated[
+        int | None, typer.Option(min=1, help="Only this key of it, as `keys show` numbers them.")
+    ] = None,
+) -> None:
+    """Refuse all keys that a name has until now, from the coordinator's next start on.
+
+    Example: splinefleet keys revoke R1
+    """
+    from coordinator.security.key_store import KeyStore
+
+    role, name = _who(who)
+    store = KeyStore(keys)
+    hit = store.revoke(role, name, _now(), generation)
+    if not hit:
+        which = "" if generation is None else f" number {generation}"
+        raise InputError([f"{who}: has no key{which} that counts; splinefleet keys show tells all"])
+    for one in hit:
+        tell(f"{one.badge.who}: revoked; a coordinator that runs refuses it from its next start on")
+    if hit:
+        tell("a router refuses it when it starts with what splinefleet keys router writes then")
+
+
+@keys_commands.command()
+def show(keys: Keys = _USUAL, as_json: Json = False) -> None:
+    """Show who has keys, until when, and which are revoked.
+
+    Example: splinefleet keys show --keys keys
+    """
+    from rich.text import Text
+
+    from coordinator.base.text_table import plain_table
+    from coordinator.security.key_store import KeyStore
+
+    issued, now = KeyStore(keys).register().issued, _now()
+    if as_json:
+        answer_json([_row(one, now) for one in issued])
+        return
+    table = plain_table("role", "name", "key", "expires", "state")
+    for one in issued:
+        table.add_row(*(Text(str(cell)) for cell in _row(one, now).values()))
+    answers.print(table)
+
+
+def _row(one: Issued, now: datetime.datetime) -> dict[str, str | int]:
+    state = one.state(now)
+    if one.revoked is not None:
+        state = f"revoked {one.revoked:%Y-%m-%d}"
+    elif state == "valid" and one.expires - now <= WARNING:
+        state = f"valid, expires in {(one.expires - now).days} days"
+    return {
+        "role": one.role,
+        "name": one.name,
+        "key": one.generation,
+        "expires": f"{one.expires:%Y-%m-%d}",
+        "state": state,
+    }
+
+
+def _issue(
+    role: Role, names: list[str], folder: Path, days: int, hosts: tuple[str, ...] = ()
+) -> None:
+    from coordinator.security.key_store import KeyStore
+
+    bad = [name[:60] for name in names if not _fits(name)]
+    if bad:
+        raise InputError([f"{name!r} is no name, {NAME_IN_WORDS}" for name in bad])
+    store = KeyStore(folder)
+    _tell_made(folder, store.issue(role, dict.fromkeys(names), _now(), days, hosts))
+    for badge in store.register().valid(_now()):
+        latest = store.register().next_generation(role, badge.name) - 1
+        if badge.role == role and badge.name in names and badge.generation < latest:
+            tell(f"{badge.who}: counts as well, until it expires or is revoked")
+
+
+def _tell_made(folder: Path, made: list[Issued]) -> None:
+    for one in made:
+        place = folder / own_place(one.role, one.name)
+        tell(f"{one.badge.who}: {place}, until {one.expires:%Y-%m-%d}")
+
+
+def _who(text: str) -> tuple[Role, str]:
+    """Read whom to revoke: a robot's name, or a role and a name."""
+    head, _, rest = text.rpartition("/")
+    role = next((role for role in ROLES if role == (head or "robot")), None)
+    if role is None or not _fits(rest):
+        raise InputError([f"{text[:60]!r} is nobody; it is ROBOT, observer/NAME or operator/NAME"])
+    if role in ("coordinator", "router"):
+        text = "robots do not learn of it; make a new authority with splinefleet keys init"
+        raise InputError([f"the {role}'s key cannot be revoked: {text}"])
+    return role, rest
+
+
+def _hosts(given: list[str] | None) -> tuple[str, ...]:
+    bad = [host[:60] for host in given or [] if not _is_host(host)]
+    if bad:
+        raise InputError([f"--host: {host!r} is no name or address" for host in bad])
+    return tuple(given or ())
+
+
+def _is_host(text: str) -> bool:
+    """Tell whether this is a name or an address; what ends in a number is no name (RFC 1123)."""
+    if ":" in text or text.rpartition(".")[2].isdecimal():
+        try:
+            ipaddress.ip_address(text)
+        except ValueError:
+            return False
+        return True
+    return _HOST.fullmatch(text) is not None
+
+
+def _fits(name: str) -> bool:
+    """Tell whether a name is one that can also be a folder's."""
+    return NAME.fullmatch(name) is not None and name.strip(".") != ""
+
+
+def _now() -> datetime.datetime:
+    return datetime.datetime.now(datetime.UTC)

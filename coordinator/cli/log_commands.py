@@ -1,0 +1,187 @@
+"""The commands about logs: record, recover, export; replay is sim/cli/replay_commands.py.
+
+Decides: options and exit codes.  Heavy modules are imported when a command needs them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar
+
+import typer
+
+from coordinator.base.console import answer_json, answers, errors, tell, tell_now, write_file
+from coordinator.base.errors import InputError, PlanError
+from coordinator.cli.plan_commands import Json, LogFile, Source, Speed, within, writable
+from coordinator.exchange.vda5050 import Version
+from coordinator.service.key_option import Keys, given_keys
+from protocol.keys import NAME
+
+commands = typer.Typer()
+
+Item = TypeVar("Item")
+Force = Annotated[bool, typer.Option("--force", help="Replace a file that is there.")]
+
+
+def fleet_name(name: str | None) -> str | None:
+    """Check the name of a fleet."""
+    if name is not None and not NAME.fullmatch(name):
+        raise typer.BadParameter(f"{name[:60]!r} is no fleet's name")
+    return name
+
+
+@commands.command()
+def record(
+    connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="FILE.mcap", callback=writable(".mcap"))
+    ] = Path("beside.mcap"),
+    fleet: Annotated[
+        str | None, typer.Option(help="Fleet; without it the first heard.", callback=fleet_name)
+    ] = None,
+    wait: Annotated[
+        float, typer.Option(callback=within(0.1, 86_400.0), help="Seconds to wait for a link.")
+    ] = 10.0,
+    speed: Speed = 1.0,
+    keys: Keys = None,
+    force: Force = False,
+) -> None:
+    """Record all of a fleet's traffic, listening only, until it is over or Ctrl-C.
+
+    Example: splinefleet record --connect tcp/127.0.0.1:7447 -o beside.mcap
+    """
+    from coordinator.log.listening import Recording
+    from protocol.zenoh_transport import ZenohTransport, use_few_threads
+
+    _refuse_existing(output, force)
+    files = given_keys(keys, "observer")
+    use_few_threads()
+    why = "" if files is None else ", or this key may not listen: was it revoked?"
+    quiet = f"linked, and nothing is heard: no fleet speaks here{why}; waiting, Ctrl-C ends it"
+
+    def say_unheard(robots: Sequence[str]) -> None:
+        tell_now(f"plan not heard: {', '.join(robots)}; the recording lacks it", "yellow")
+
+    recording = Recording(
+        output, speed, replace=force, silence=lambda: tell_now(quiet), unheard=say_unheard
+    )
+    try:
+        with ZenohTransport.connect(connect, timeout_s=wait, keys=files) as transport:
+            name = recording.begin(transport, fleet)
+            tell_now(f"{name}: recording into {output}, Ctrl-C ends it")
+            recording.wait()
+    finally:
+        count = recording.close()
+        if recording.listener is not None:
+            tell_now(f"{output}: {count} messages")
+
+
+def _refuse_existing(output: Path, force: bool) -> None:
+    if output.exists() and not force:
+        raise InputError([f"--output: {output} is there already; --force replaces it"])
+
+
+def shown(items: Sequence[Item], what: str) -> Iterable[Item]:
+    """Yield the items with a progress bar for people on a terminal."""
+    from rich.progress import track
+
+    return track(items, what, console=errors, transient=True, disable=not errors.is_terminal)
+
+
+@commands.command()
+def recover(
+    log: LogFile,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="WHOLE.mcap; by default LOG-whole.mcap beside it.",
+            callback=writable(".mcap"),
+        ),
+    ] = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Make a cut or damaged log whole: every complete chunk, attachments, a proper end.
+
+    Example: splinefleet recover runs/demo/run.mcap -o whole.mcap
+    """
+    from coordinator.log.log_file import load
+    from coordinator.log.recover import make_whole
+
+    place = output or log.with_name(f"{log.stem}-whole.mcap")
+    if place.resolve() == log.resolve():
+        raise InputError([f"--output: {place} is the log itself; name another file"])
+    _refuse_existing(place, force)
+    whole = make_whole(load(log), str(log))
+    _write_at_once(place, whole.data)
+    if as_json:
+        told = whole._asdict()
+        del told["data"]
+        answer_json({"output": str(place), **told})
+        return
+    was = "was whole" if whole.complete and not whole.damage else "was not closed"
+    tell(f"{log}: {whole.damage or was}")
+    if whole.lost:
+        tell(f"{whole.lost} messages are lost whose channel was in a damaged chunk")
+    files = f"{whole.attachments} attachments"
+    answers.print(f"{place}: {whole.messages} messages in {whole.chunks} chunks and {files} kept")
+
+
+def _write_at_once(path: Path, content: bytes) -> None:
+    """Write a file so that there is either all of it or what was there before."""
+    part = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        write_file(part, content)
+        part.replace(path)
+    except OSError as error:
+        raise InputError([f"{path}: {error.strerror}"]) from None
+    finally:
+        with suppress(OSError):
+            part.unlink()
+
+
+@commands.command()
+def export(
+    source: Source,
+    to: Annotated[Literal["csv", "foxglove", "vda5050"], typer.Option(help="For which tools.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="FILE.csv, FILE.mcap, DIR", callback=writable())
+    ],
+    step: Annotated[
+        float, typer.Option(callback=within(1e-3, 1e3), help="Seconds a row or a frame.")
+    ] = 0.05,
+    order_version: Annotated[Version, typer.Option(help="Said in VDA 5050 orders.")] = "2.1.0",
+) -> None:
+    """Write the robots' motions, by the plans in a plan file or a log, for other tools.
+
+    csv: robot,t,x,y,heading,s,v.  foxglove: an MCAP for Foxglove, Lichtblick and Rerun.
+    vda5050: an order per robot into DIR, of the newest plan.
+
+    Example: splinefleet export runs/demo/run.mcap --to foxglove -o scene.mcap
+    """
+    from coordinator.cli.vda5050_commands import write_orders
+    from coordinator.exchange.motion_story import csv_lines, read_story
+
+    if source.exists() and output.exists() and source.samefile(output):
+        raise InputError([f"--output: {output} is the source itself; name another file"])
+    wanted = {"csv": ".csv", "foxglove": ".mcap"}.get(to, "")
+    if wanted and output.suffix.lower() != wanted:
+        raise InputError([f"--output: {output} does not end in {wanted}"])
+    if to == "vda5050":
+        write_orders(source, output, order_version)
+        return
+    story = read_story(source)
+    if not story.legs:
+        raise PlanError(f"{source}: no robot was sent on its way, there is no motion to export")
+    if to == "csv":
+        write_file(output, ("\n".join(csv_lines(story, step)) + "\n").encode())
+    else:
+        from coordinator.exchange.foxglove import write_scene
+
+        _write_at_once(output, write_scene(story, step, shown))
+    tell(f"wrote {output}")

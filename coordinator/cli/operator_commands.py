@@ -1,0 +1,87 @@
+"""What an operator says to a running fleet: admit.
+
+Decides: options and exit codes.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import time
+from typing import Annotated, Final
+
+import typer
+
+from coordinator.base.console import tell
+from coordinator.fleet.admit_answer import Asking
+from coordinator.service.key_option import Keys, given_keys
+from protocol import keys as places
+from protocol.codec import decode, encode
+from protocol.messages import Admit, Command, Message
+
+commands = typer.Typer()
+
+_PERIOD_S: Final = 0.2
+
+
+@commands.command()
+def admit(
+    robot: Annotated[str, typer.Argument(help="The robot to take in.")],
+    connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
+    fleet: Annotated[str | None, typer.Option(help="Fleet; without it the first heard.")] = None,
+    wait: Annotated[
+        float, typer.Option(min=0.5, max=600.0, help="Seconds to wait for the fleet to take it in.")
+    ] = 20.0,
+    keys: Keys = None,
+) -> None:
+    """Let a robot take part again: the fleet freezes and is planned anew with it.
+
+    One that was started again, or that was lost and is heard again.
+
+    Exit code 1 when it cannot be taken in, or the fleet does not begin a new epoch in time.
+
+    Example: splinefleet admit R3 --connect tcp/127.0.0.1:7447
+    """
+    from protocol.zenoh_transport import ZenohTransport
+
+    heard: queue.SimpleQueue[tuple[str, Message]] = queue.SimpleQueue()
+    boot = int.from_bytes(os.urandom(4))
+
+    def hear(key: str, payload: bytes, _sent_ns: int | None) -> None:
+        place = places.split(key)
+        message = decode(place[1], payload) if place is not None else None
+        if place is not None and message is not None:
+            heard.put((place[0], message))
+
+    for option, given in (("ROBOT", robot), ("--fleet", fleet)):
+        if given is not None and not places.NAME.fullmatch(given):
+            what = f"{given[:60]!r} is not {places.NAME_IN_WORDS}"
+            raise typer.BadParameter(what, param_hint=option)
+    files = given_keys(keys, "operator")
+    asking = Asking(robot, boot)
+    with ZenohTransport.connect(connect, timeout_s=wait, keys=files) as transport:
+        transport.subscribe(places.command(fleet or "*"), hear)
+        transport.subscribe(places.plan(fleet or "*", robot), hear)
+        deadline, due = time.monotonic() + wait, 0.0
+        while (now := time.monotonic()) < deadline:
+            try:
+                name, message = heard.get(timeout=_PERIOD_S)
+            except queue.Empty:
+                continue
+            if fleet is None and isinstance(message, Command):
+                fleet = name
+            if name != fleet:
+                continue  # another fleet on the same router
+            asking.hear(message)
+            if asking.answer:
+                break
+            if now >= due:
+                asking.asked()
+                transport.put(places.admit(name, robot), encode(Admit(boot)))
+                due = now + _PERIOD_S
+    if asking.admitted:
+        tell(f"{fleet}: {asking.answer}")
+        return
+    late = f"no new epoch with {robot} within {wait:g} s; is it back, the fleet under way?"
+    tell(asking.answer or late, "red")
+    raise typer.Exit(1)

@@ -1,0 +1,289 @@
+"""The coordinator's commands: plan, verify, coordinator, plot.
+
+Decides: options and exit codes.  Heavy modules are imported when a command needs them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import msgspec
+import typer
+
+from coordinator.base.console import answer_json, answers, tell, write_file
+from coordinator.base.errors import InputError
+from coordinator.service.key_option import Insecure, Keys
+
+if TYPE_CHECKING:
+    from coordinator.plan.document import PlanDocument
+
+commands = typer.Typer()
+
+ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")]
+PlanFile = Annotated[Path, typer.Argument(help="Plan file, as `plan -o` writes it.")]
+LogFile = Annotated[Path, typer.Argument(help="Log of a run, MCAP.")]
+Source = Annotated[Path, typer.Argument(help="Log of a run, MCAP, or plan file.")]
+Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
+
+
+def within(least: float, most: float = math.inf) -> Callable[[float], float]:
+    """Return an option's check: a finite number from `least` to `most`, told with its value."""
+
+    def check(value: float) -> float:
+        if not (math.isfinite(value) and least <= value <= most):
+            high = f" to {most:g}" if most < math.inf else ""
+            raise typer.BadParameter(f"{value} is not a finite number from {least:g}{high}")
+        return value
+
+    return check
+
+
+def one_of(*known: str) -> Callable[[list[str] | None], list[str] | None]:
+    """Return an option's check: every one of its values is known."""
+
+    def check(names: list[str] | None) -> list[str] | None:
+        if unknown := [name for name in names or [] if name not in known]:
+            raise typer.BadParameter(f"{', '.join(unknown)} is not one of {', '.join(known)}")
+        return names
+
+    return check
+
+
+def writable(*suffixes: str) -> Callable[[Path | None], Path | None]:
+    """Return an option's check: a file of one of the suffixes (any, without) in a folder there."""
+
+    def check(path: Path | None) -> Path | None:
+        if path is None:
+            return None
+        if suffixes and path.suffix.lower() not in suffixes:
+            raise typer.BadParameter(f"{path} does not end in {' or '.join(suffixes)}")
+        if not path.parent.is_dir():
+            raise typer.BadParameter(f"{path}: there is no folder {path.parent}")
+        return path
+
+    return check
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder unless it is there; InputError in one line when that cannot be done."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError([f"{folder}: {error.strerror}, a folder is needed here"]) from None
+
+
+def newest_plan(source: Path, what_for: str) -> PlanDocument:
+    """Read a plan file, or the plan of a log's last epoch; of several epochs that is told."""
+    from coordinator.exchange.motion_story import documents_of
+    from coordinator.findings.plans_from_messages import plans_said
+    from coordinator.log.log_file import read_log
+    from coordinator.plan.plan_file import read
+
+    if source.suffix != ".mcap":
+        return read(source)
+    log = read_log(source)
+    documents = documents_of(log)
+    said = plans_said(log, documents)
+    documents |= said
+    if not documents:
+        raise InputError([f"{source}: holds no plan, there is nothing {what_for}"])
+    last = max(documents)
+    if len(documents) > 1:
+        tell(f"{source}: the plan of epoch {last}, the last of {len(documents)} that it holds")
+    if last in said:
+        for note in said[last].notes:
+            tell(f"{source}: {note}")
+    return documents[last]
+
+
+Speed = Annotated[
+    float, typer.Option(callback=within(0.01, 1000.0), help="Times real time, 0.01 to 1000.")
+]
+Effort = Annotated[int, typer.Option(min=0, max=100_000, help="Rounds of improvement.")]
+
+
+@commands.command()
+def plan(
+    scenario: ScenarioFile,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="FILE.json", callback=writable(".json")),
+    ] = None,
+    csv: Annotated[
+        Path | None,
+        typer.Option(help="The motions as rows over time, FILE.csv.", callback=writable(".csv")),
+    ] = None,
+    step: Annotated[
+        float, typer.Option(callback=within(1e-4, 1e3), help="Seconds a CSV row.")
+    ] = 0.02,
+    policy: Annotated[Literal["safe", "paper"] | None, typer.Option(help="How to wait.")] = None,
+    effort: Effort = 20,
+    as_json: Json = False,
+) -> None:
+    """Plan a scenario, prove the plan, write it.
+
+    Example: splinefleet plan examples/paper_five.toml -o plan.json --csv plan.csv
+    """
+    from coordinator.findings.plan_table import render
+    from coordinator.plan.plan_file import to_json
+    from coordinator.plan.trajectory import csv_rows
+    from coordinator.scenario_files.scenario_reader import read_scenario
+    from coordinator.service.planning import plan_here
+
+    asked = read_scenario(scenario)
+    if policy is not None:
+        asked = msgspec.structs.replace(asked, policy=policy)
+    if as_json:
+        for note in asked.workspace.notes:
+            tell(note)
+    document = plan_here(asked, effort)
+    if output is not None:
+        write_file(output, to_json(document))
+    if csv is not None:
+        write_file(csv, ("\n".join(csv_rows(document, step)) + "\n").encode())
+    if as_json:
+        answer_json(document)
+    else:
+        answers.print(render(document))
+        for written in (output, csv):
+            if written is not None:
+                tell(f"wrote {written}")
+    if document.proof is None or not document.proof.holds:
+        tell("the proof does not hold; this plan is for study and is never sent to robots")
+        raise typer.Exit(1)
+
+
+@commands.command()
+def verify(
+    plan: PlanFile,
+    scenario: Annotated[Path | None, typer.Option(help="Prove against this scenario.")] = None,
+    allow_unproven: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Accept a file that says too little to prove this: clearance or limits.",
+            callback=one_of("clearance", "limits"),
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Prove a plan again, from its file alone.
+
+    Exit code 1 when something does not hold, or cannot be looked at and is not allowed by name.
+
+    Example: splinefleet verify plan.json --scenario examples/paper_five.toml
+    """
+    from coordinator.base.errors import InputError
+    from coordinator.findings.plan_table import render_proof
+    from coordinator.plan.plan_file import read
+    from coordinator.proof.verify import prove_document
+    from coordinator.scenario_files.scenario_reader import read_scenario
+
+    document, site = read(plan), None if scenario is None else read_scenario(scenario)
+    try:
+        proof = prove_document(document, site)
+    except InputError as error:
+        named = [problem.replace("plan:", f"{plan}:", 1) for problem in error.problems]
+        raise InputError(named) from None
+    if as_json:
+        answer_json(proof)
+    else:
+        answers.print(render_proof(proof))
+    missing = [name for name in proof.unproven if name not in (allow_unproven or [])]
+    for name in missing:
+        tell(
+            f"{plan}: {name} is not proven: the file does not say enough; --scenario FILE does, "
+            f"--allow-unproven {name} accepts it"
+        )
+    if missing or not proof.holds:
+        raise typer.Exit(1)
+
+
+@commands.command()
+def coordinator(
+    scenario: ScenarioFile,
+    listen: Annotated[
+        str | None, typer.Option(help="tcp/HOST:PORT; by default tcp/127.0.0.1:7447.")
+    ] = None,
+    connect: Annotated[
+        str | None, typer.Option(help="tcp/HOST:PORT of a router, in place of --listen.")
+    ] = None,
+    keys: Keys = None,
+    insecure: Insecure = False,
+    log: Annotated[
+        Path | None, typer.Option(help="Record everything into this file.", callback=writable())
+    ] = None,
+    resume: Annotated[Path | None, typer.Option(help="Go on from this log.")] = None,
+    plan_out: Annotated[
+        Path | None, typer.Option(help="Write plan.json here.", callback=writable(".json"))
+    ] = None,
+    speed: Speed = 1.0,
+    effort: Effort = 20,
+    wait: Annotated[
+        float, typer.Option(callback=within(0.1), help="Seconds to wait for all robots.")
+    ] = 60.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Events as JSON lines.")] = False,
+) -> None:
+    """Run the coordinator alone; robots connect to it, or all of them to a router.
+
+    Example: splinefleet coordinator site.toml --listen tcp/127.0.0.1:7447 --log run.mcap
+    """
+    from coordinator.scenario_files.scenario_reader import read_scenario
+    from coordinator.service.launch import Coordinator
+    from coordinator.service.meeting_place import meeting_place
+
+    place = meeting_place(listen, connect, keys, insecure)
+    asked = read_scenario(scenario)
+    runner = Coordinator(asked, effort=effort, speed=speed, events=as_json)
+    raise typer.Exit(runner.run(place, log, plan_out, wait, resume, keys))
+
+
+@commands.command()
+def plot(
+    source: Annotated[Path, typer.Argument(help="Plan file or log.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="FILE.svg, .png or .html.", callback=writable())
+    ],
+    robots: Annotated[str, typer.Option(help="R1,R3: only these in full, the others faint.")] = "",
+    detail: Annotated[
+        bool | None,
+        typer.Option(
+            "--detail/--no-detail",
+            help="Control polygons and curvature combs; by default for 8 robots or fewer.",
+        ),
+    ] = None,
+) -> None:
+    """Draw the floor with paths, crossings and stops, and the distance-time diagram.
+
+    Around the obstacles stand their outlines grown by radius + margin: no centre goes inside.
+    Of a log it is the last epoch's plan.
+    An .html file is the page of `splinefleet view`: it plays the plan or the log.
+
+    Example: splinefleet plot plan.json -o plan.svg --robots R1,R3
+    """
+    from coordinator.view.server import read_scene
+
+    if output.suffix.lower() == ".html":
+        from coordinator.view.page import page_of
+
+        scene = read_scene(source)
+        for note in scene.notes:
+            tell(f"{source}: {note}")
+        write_file(output, page_of(scene).encode())
+        tell(f"wrote {output}")
+        return
+    from coordinator.view.figure import draw_plan
+    from coordinator.view.figure_left import left_behind
+    from coordinator.view.figure_view import View
+
+    document = newest_plan(source, "to draw")
+    chosen = tuple(name.strip() for name in robots.split(",") if name.strip())
+    view = View(chosen, detail)
+    if source.suffix == ".mcap":
+        scene = read_scene(source)
+        fleet = tuple(robot.id for robot in scene.robots)
+        view = View(chosen, detail, fleet, left_behind(scene))
+    draw_plan(document, output, view)
+    tell(f"wrote {output}")

@@ -1,0 +1,117 @@
+"""The commands about VDA 5050: import; and the part of export that writes orders.
+
+Decides: options, files, exit codes.  Heavy modules are imported when a command needs them.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import typer
+
+from coordinator.base.console import tell, write_file
+from coordinator.base.errors import InputError
+from coordinator.cli.plan_commands import make_folder, newest_plan, within, writable
+from coordinator.exchange.vda5050 import Version
+
+if TYPE_CHECKING:
+    from coordinator.exchange.vda5050_reading import Ordered
+
+commands = typer.Typer()
+imports = typer.Typer(no_args_is_help=True, help="Make a scenario from what other tools write.")
+commands.add_typer(imports, name="import")
+
+
+@imports.command("vda5050")
+def import_vda5050(
+    orders: Annotated[list[Path], typer.Argument(help="Orders, a JSON file each.")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", help="FILE.toml or FILE.json", callback=writable(".toml", ".json")
+        ),
+    ],
+    like: Annotated[
+        Path | None,
+        typer.Option(help="Scenario with the floor, and robots of these names with their limits."),
+    ] = None,
+    radius: Annotated[
+        float,
+        typer.Option(callback=within(1e-3, 1e3), help="Metres, of robots not known otherwise."),
+    ] = 0.3,
+    max_speed: Annotated[
+        float, typer.Option(callback=within(1e-3, 999.0), help="In m/s, where orders say none.")
+    ] = 0.5,
+    rounding: Annotated[
+        float, typer.Option(callback=within(0.0, 1.0), help="Metres that corners may be cut by.")
+    ] = 0.02,
+) -> None:
+    """Read VDA 5050 orders as given paths of a scenario: schedule somebody else's paths.
+
+    Example: splinefleet import vda5050 orders/*.json --like hall.toml -o theirs.toml
+    """
+    from coordinator.exchange.vda5050_reading import Assumed, scenario_of
+    from coordinator.scenario_files.scenario_reader import read_scenario, scenario_to_json
+    from coordinator.scenario_files.toml_writer import scenario_to_toml
+
+    asked = None if like is None else read_scenario(like)
+    found = _read_all(orders)
+    made = scenario_of(found, _name(output), Assumed(radius, max_speed, rounding), asked)
+    for robot in made.robots:
+        if robot.path is not None and robot.path.rounding > 0.0:
+            tell(
+                f"{robot.id}: the path has corners, they are cut by up to {robot.path.rounding:g} m"
+            )
+    if output.suffix.lower() == ".json":
+        write_file(output, scenario_to_json(made))
+    else:
+        write_file(output, scenario_to_toml(made, "Paths from VDA 5050 orders"))
+    tell(f"wrote {output}")
+
+
+def _read_all(files: list[Path]) -> list[Ordered]:
+    """Read all orders; InputError with every problem of all of them."""
+    from coordinator.exchange.vda5050_reading import read_order
+
+    problems: list[str] = []
+    found = []
+    for file in files:
+        try:
+            order = read_order(file.read_bytes(), str(file), problems)
+        except OSError as error:
+            problems.append(f"{file}: {error.strerror}")
+            continue
+        if order is not None:
+            found.append((file, order))
+    names = Counter(order.robot for _, order in found)
+    problems += dict.fromkeys(
+        f"{file}: serialNumber: {order.robot} has {names[order.robot]} orders, give one a robot"
+        for file, order in found
+        if names[order.robot] > 1
+    )
+    if problems:
+        raise InputError(problems)
+    return [order for _, order in found]
+
+
+def _name(output: Path) -> str:
+    from coordinator.scenario_files.scenario_reader import default_name
+
+    return default_name(str(output))
+
+
+def write_orders(source: Path, folder: Path, version: Version) -> None:
+    """Write the orders of a plan file, or of the newest plan in a log, into a folder."""
+    from coordinator.exchange.vda5050_orders import orders_of
+
+    now = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    orders = orders_of(newest_plan(source, "to order"), now, version)
+    make_folder(folder)
+    for robot, order in orders.items():
+        text = msgspec.json.format(msgspec.json.encode(order), indent=1)
+        write_file(folder / f"{robot}.json", text + b"\n")
+    tell(f"wrote {len(orders)} orders into {folder}")

@@ -1,0 +1,208 @@
+"""What is certain about a curve: the hulls and boxes it stays in, polylines with proven error.
+
+Decides: how far a curve may be from what stands for it, and where an arc length is, to a given
+tolerance.  Must not know: floors, robots or what the bounds are for.
+
+Two facts carry everything.  With positive weights a curve is a convex combination of its control
+points, so a Bezier piece lies in the hull of its own.  And the share of the inner control points
+in it is at most m W / (m W + (1 - m) e), with m = 1 - 2^(1 - degree), W the largest inner and e
+the least outer weight (3/4 for a polynomial cubic): by that factor the piece is nearer to its
+chord than the farthest control point is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from coordinator.base.compiled import compiled
+from coordinator.curves.knots import bezier_pieces
+from coordinator.curves.nurbs import Array, Nurbs
+
+_ROUNDING: Final = 1e-12
+"""Share of the largest coordinate that every bound holds back for rounding."""
+
+_DEPTH: Final = 16
+_STEPS: Final = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """A curve as m pieces, end to end.
+
+    u (m + 1,): the parameters where pieces end.  corners (m, degree + 1, 2) [m]: a piece runs from
+    its first corner to its last, in the convex hull of all its corners.  deviation (m,) [m]: no
+    point of a piece is farther than this from the chord between its ends, and no point of the
+    chord farther from the piece.
+    """
+
+    u: Array
+    corners: Array
+    deviation: Array
+
+    @property
+    def points(self) -> Array:
+        """The ends of the pieces on the curve, (m + 1, 2) [m]."""
+        return np.concatenate((self.corners[:, 0], self.corners[-1:, -1]))
+
+    @property
+    def lengths(self) -> tuple[float, float]:
+        """Least and greatest length [m] that the curve can have: its chords', its polygons'."""
+        chords = np.hypot(*np.diff(self.points, axis=0).T)
+        polygons = np.hypot(*np.diff(self.corners, axis=1).T)
+        return float(chords.sum()), float(polygons.sum())
+
+    @property
+    def bound(self) -> float:
+        """The greatest distance [m] between the curve and the polyline through `points`."""
+        return float(self.deviation.max())
+
+    @property
+    def boxes(self) -> Array:
+        """Boxes that hold the pieces: least x, y, greatest x, y, (m, 4) [m].
+
+        No side is farther out than the piece itself by more than its deviation.
+        """
+        spare = _ROUNDING * np.abs(self.corners).max()
+        chord = self.corners[:, (0, -1)]
+        wide = self.deviation[:, None]
+        low = np.maximum(chord.min(axis=1) - wide, self.corners.min(axis=1) - spare)
+        high = np.minimum(chord.max(axis=1) + wide, self.corners.max(axis=1) + spare)
+        return np.concatenate((low, high), axis=1)
+
+
+def flatten(curve: Nurbs, tolerance: float) -> Chain:
+    """Return the curve in pieces that deviate from their chords by at most `tolerance` [m].
+
+    Spans are halved until it is so (the bounds shrink to a quarter with each halving), at most 16
+    times: `bound` tells what was reached, rounding included.  Raises ValueError for a tolerance
+    below rounding, weights that are not positive, and curves of degree 0.
+    """
+    spare = _ROUNDING * float(np.abs(curve.points).max())
+    if not tolerance > 2.0 * spare:
+        raise ValueError(f"tolerance {tolerance} m is not above what rounding takes, {spare} m")
+    if curve.degree == 0 or not curve.weights.min() > 0.0:
+        raise ValueError(
+            f"degree {curve.degree} and least weight {curve.weights.min()} are not both positive"
+        )
+    borders, pieces = bezier_pieces(*curve.lifted)
+    found = _halve(borders, pieces, tolerance - spare)
+    corners = found[:, 2:].reshape(-1, curve.degree + 1, 2)
+    return Chain(np.append(found[:, 0], borders[-1]), corners, found[:, 1] + spare)
+
+
+def hulls(curve: Nurbs) -> Chain:
+    """Return one piece per knot span: the local convex hulls of the curve in Bezier form.
+
+    They are tighter than those of the degree + 1 control points of the curve itself.
+    """
+    return flatten(curve, math.inf)
+
+
+def bounds(curve: Nurbs, tolerance: float) -> Array:
+    """Return least x, y, greatest x, y of the curve, (4,) [m], each at most `tolerance` out."""
+    boxes = flatten(curve, tolerance).boxes
+    return np.concatenate((boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)))
+
+
+def parameter_of(curve: Nurbs, s: npt.ArrayLike, tolerance: float = 1e-10) -> Array:
+    """Return the parameters (m,) whose `arc_at` is s (m,) [m] to a tolerance [m]; s is clamped.
+
+    Newton's method from `parameter_at`, kept between bounds by halving.  A tolerance below
+    rounding (about 1e-15 of the length) gives what rounding allows.
+    """
+    wanted = np.clip(np.array(s, dtype=np.float64, ndmin=1), 0.0, curve.length)
+    u = curve.parameter_at(wanted)
+    low, high = np.zeros_like(u), np.full_like(u, curve.knots[-1])
+    for _ in range(_STEPS):
+        miss = curve.arc_at(u) - wanted
+        far = np.abs(miss) > tolerance
+        if not far.any():
+            break
+        low, high = np.where(miss < 0.0, u, low), np.where(miss > 0.0, u, high)
+        speed = np.maximum(np.hypot(*curve.derivatives(u, 1)[1].T), 1e-12)
+        newton = u - miss / speed
+        inside = (newton > low) & (newton < high)
+        u = np.where(far, np.where(inside, newton, 0.5 * (low + high)), u)
+    return u
+
+
+@compiled
+def _deviation(lifted: Array) -> float:
+    """Return a bound on the distance of a Bezier curve (degree + 1, 3) from its chord [m]."""
+    degree = len(lifted) - 1
+    x, y = lifted[0, 0] / lifted[0, 2], lifted[0, 1] / lifted[0, 2]
+    along = lifted[degree, 0] / lifted[degree, 2] - x
+    across = lifted[degree, 1] / lifted[degree, 2] - y
+    square = along * along + across * across
+    far = heaviest = 0.0
+    for i in range(1, degree):
+        dx, dy = lifted[i, 0] / lifted[i, 2] - x, lifted[i, 1] / lifted[i, 2] - y
+        part = (dx * along + dy * across) / square if square > 0.0 else 0.0
+        part = min(max(part, 0.0), 1.0)
+        dx, dy = dx - part * along, dy - part * across
+        far = max(far, dx * dx + dy * dy)
+        heaviest = max(heaviest, lifted[i, 2])
+    inner = (1.0 - 0.5 ** (degree - 1)) * heaviest
+    outer = 0.5 ** (degree - 1) * min(lifted[0, 2], lifted[degree, 2])
+    return float(math.sqrt(far) * inner / (inner + outer))
+
+
+@compiled
+def _cut(waiting: Array, top: int) -> None:
+    """Halve the Bezier curve waiting[top] by de Casteljau: right half there, left one above."""
+    count = waiting.shape[1]
+    for i in range(count):
+        for axis in range(3):
+            waiting[top + 1, i, axis] = waiting[top, 0, axis]
+            for j in range(count - 1 - i):
+                both = waiting[top, j, axis] + waiting[top, j + 1, axis]
+                waiting[top, j, axis] = 0.5 * both
+
+
+@compiled
+def _doubled(values: Array) -> Array:
+    """Return a copy (m, n) with room for as many rows again."""
+    wider = np.empty((2 * len(values), values.shape[1]))
+    for i in range(len(values)):
+        for j in range(values.shape[1]):
+            wider[i, j] = values[i, j]
+    return wider
+
+
+@compiled
+def _halve(borders: Array, pieces: Array, tolerance: float) -> Array:
+    """Halve Bezier curves (n, degree + 1, 3) between borders (n + 1,) until near their chords.
+
+    Returns a row per piece: where it begins, its deviation, and its corners x, y, x, y ...
+    """
+    corners = pieces.shape[1]
+    found, count = np.empty((4 * len(borders), 2 + 2 * corners)), 0
+    waiting, level = np.empty((_DEPTH + 1, corners, 3)), np.zeros(_DEPTH + 1, np.int64)
+    for span in range(len(pieces)):
+        for i in range(corners):
+            for axis in range(3):
+                waiting[0, i, axis] = pieces[span, i, axis]
+        top, begin, width = 0, borders[span], borders[span + 1] - borders[span]
+        level[0] = 0
+        while top >= 0:
+            far = _deviation(waiting[top])
+            if far > tolerance and level[top] < _DEPTH:
+                _cut(waiting, top)
+                level[top] += 1
+                level[top + 1] = level[top]
+                top += 1
+                continue
+            if count == len(found):
+                found = _doubled(found)
+            found[count, 0], found[count, 1] = begin, far
+            for i in range(corners):
+                for axis in range(2):
+                    found[count, 2 + 2 * i + axis] = waiting[top, i, axis] / waiting[top, i, 2]
+            begin += width * 0.5 ** level[top]
+            count, top = count + 1, top - 1
+    return found[:count]

@@ -1,0 +1,229 @@
+"""Where robots were over a whole log, or are in a plan: by their plans, for nobody sent positions.
+
+Decides: which plan a robot drove when, and where it came to rest.  Must not know: file formats of
+other tools (foxglove.py).
+
+Times of a story are seconds since the GO of its first epoch, as in black boxes and CSV files.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from coordinator.base.errors import InputError
+from coordinator.curves.nurbs import Array
+from coordinator.findings.braking import Said
+from coordinator.findings.info import summarise
+from coordinator.findings.info_fields import Summary
+from coordinator.findings.traffic_numbers import clock_lag
+from coordinator.log.log_file import read_log, readable_logs_before
+from coordinator.log.recorder import WALL_OFFSET
+from coordinator.log.records import Log
+from coordinator.plan import plan_file, trajectory
+from coordinator.plan.document import PlanDocument
+from coordinator.plan.wire import Driven, drive, unpack
+from protocol import codec, keys, phases
+from protocol.messages import Command, Hello, Plan, Report
+
+_UNKNOWN_RADIUS: Final = 0.15
+"""What a robot that never said its radius is drawn with [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """What one robot drove in one epoch: its plan from `start` on, its plan's time zero.
+
+    From plan time `brake` [s] on it braked at `rate` [m/s^2] (0: it stood at once) and rested.
+    """
+
+    epoch: int
+    driven: Driven
+    start: float
+    brake: float = math.inf
+    rate: float = 0.0
+
+    @property
+    def end(self) -> float:
+        """When the robot came to rest."""
+        line = self.driven.timeline
+        if self.brake >= line.finish:
+            return self.start + line.finish
+        slowing = line.v_at(self.brake) / self.rate if self.rate > 0.0 else 0.0
+        return self.start + self.brake + slowing
+
+    def sample(self, times: Array) -> Array:
+        """Return x, y [m], heading [rad], s [m], v [m/s] at times of the story, (m, 5)."""
+        line = self.driven.timeline
+        by_plan = np.minimum(times - self.start, self.brake)
+        s = np.array([line.s_at(t) for t in by_plan.tolist()])
+        v = np.array([line.v_at(t) for t in by_plan.tolist()])
+        slowing = times - self.start - by_plan
+        if self.rate > 0.0:
+            slowing = np.minimum(slowing, v / self.rate)
+            s += slowing * (v - 0.5 * self.rate * slowing)
+            v -= self.rate * slowing
+        else:
+            v[slowing > 0.0] = 0.0
+        return trajectory.at_arcs(self.driven, s, v)
+
+
+@dataclass(frozen=True, eq=False)
+class Story:
+    """All legs of all robots, in the order of their epochs; what is known besides.
+
+    `zero_ns`: when the story's time is zero, ns since 1970 (0 of a plan); `first`, `last` [s]: the
+    times that it tells of.  `summary`: what `info` says of the log.
+    """
+
+    name: str
+    legs: list[Leg]
+    documents: Mapping[int, PlanDocument]
+    zero_ns: int
+    first: float
+    last: float
+    summary: Summary | None = None
+
+    def of_robots(self) -> dict[str, list[Leg]]:
+        """Return every robot's legs."""
+        found: dict[str, list[Leg]] = {}
+        for leg in self.legs:
+            found.setdefault(leg.driven.id, []).append(leg)
+        return found
+
+
+def read_story(path: Path) -> Story:
+    """Return the story of a log (MCAP) or of a plan file; InputError when it is neither."""
+    if path.suffix == ".json":
+        return story_of_plan(plan_file.read(path))
+    return story_of_log(read_log(path))
+
+
+def story_of_plan(document: PlanDocument) -> Story:
+    """Return the story of a plan as if it were driven from time 0 on."""
+    legs = [Leg(document.epoch, one, 0.0) for one in drive(document)]
+    last = max((leg.end for leg in legs), default=0.0)
+    return Story(document.scenario, legs, {document.epoch: document}, 0, 0.0, last)
+
+
+def story_of_log(log: Log) -> Story:
+    """Return the story of a log, as far as its robots were sent on their way."""
+    heard = _Heard(log)
+    documents = documents_of(log)
+    lag_ns = clock_lag(log)
+    starts = [turn.start_ns for turn in heard.turns.values()]
+    zero_ns = (min(starts) if starts else 0) + lag_ns
+    legs = _legs(heard, _driven(heard, documents), zero_ns, lag_ns)
+    ends = [record.log_ns for record in (log.records[:1] + log.records[-1:])] or [zero_ns]
+    return Story(
+        name=log.metadata.get("fleet", ""),
+        legs=legs,
+        documents=documents,
+        zero_ns=zero_ns + int(log.metadata[WALL_OFFSET]),
+        first=(ends[0] - zero_ns) / 1e9,
+        last=(ends[-1] - zero_ns) / 1e9,
+        summary=msgspec.convert(summarise(log, before=readable_logs_before(log)), Summary),
+    )
+
+
+def csv_lines(story: Story, step: float) -> Iterator[str]:
+    """Yield CSV lines, header first: every leg from its start to its end; `step` in seconds."""
+    yield trajectory.HEADER
+    for leg in story.legs:
+        times = [leg.start + t for t in trajectory.until(step, leg.end - leg.start)]
+        yield from trajectory.rows(leg.driven.id, times, leg.sample(np.array(times)))
+
+
+def documents_of(log: Log) -> dict[int, PlanDocument]:
+    """Return the plans that a log holds, by epoch: those of the log that it goes on from too."""
+    found: dict[int, PlanDocument] = {}
+    for part in (*readable_logs_before(log), log):
+        for name, data in part.attachments.items():
+            if plan_file.is_plan_name(name):
+                try:
+                    document = plan_file.from_json(data, name)
+                except InputError:
+                    continue
+                found[document.epoch] = document
+    return dict(sorted(found.items()))
+
+
+@dataclass
+class _Turn:
+    """An epoch that got a GO: its plan's time zero, and when it ended [ns]."""
+
+    start_ns: int
+    frozen_ns: int | None = None
+
+
+@dataclass
+class _Heard:
+    """What the messages of a log say about who drove when."""
+
+    log: Log
+    turns: dict[int, _Turn] = field(default_factory=dict)
+    radii: dict[str, float] = field(default_factory=dict)
+    plans: dict[tuple[int, str], bytes] = field(default_factory=dict)
+    said: Said = field(default_factory=Said)
+
+    def __post_init__(self) -> None:
+        for record in self.log.records:
+            place = keys.split(record.key)
+            if place is None or place[1] == "alive":
+                continue
+            message = codec.decode(place[1], record.payload)
+            if isinstance(message, Command):
+                self._hear_command(message, record.log_ns)
+            elif isinstance(message, Hello) and message.radius_m > 0.0:
+                self.radii[place[2]] = message.radius_m
+            elif isinstance(message, Plan):
+                self.plans[message.epoch, place[2]] = record.payload
+            elif isinstance(message, Report):
+                self.said.take(message, place[2], record.log_ns)
+
+    def _hear_command(self, command: Command, log_ns: int) -> None:
+        if self.log.metadata.get("boot", str(command.boot)) != str(command.boot):
+            return  # of another coordinator
+        if command.phase == phases.GO:
+            self.turns.setdefault(command.epoch, _Turn(command.start_ns))
+        elif command.phase == phases.FREEZE and command.epoch in self.turns:
+            turn = self.turns[command.epoch]
+            turn.frozen_ns = log_ns if turn.frozen_ns is None else turn.frozen_ns
+
+
+def _driven(heard: _Heard, documents: Mapping[int, PlanDocument]) -> dict[int, dict[str, Driven]]:
+    """Return what every robot drove, by epoch: from the plans attached, else from the wire."""
+    found: dict[int, dict[str, Driven]] = {}
+    radii = heard.radii
+    for epoch in heard.turns:
+        if epoch in documents:
+            found[epoch] = {one.id: one for one in drive(documents[epoch])}
+            radii = radii | {name: one.radius for name, one in found[epoch].items()}
+    for (epoch, robot), payload in heard.plans.items():
+        if epoch in heard.turns and robot not in found.setdefault(epoch, {}):
+            try:
+                found[epoch][robot] = unpack(payload, radii.get(robot, _UNKNOWN_RADIUS))
+            except (ValueError, OverflowError):
+                continue
+    return found
+
+
+def _legs(
+    heard: _Heard, driven: Mapping[int, Mapping[str, Driven]], zero_ns: int, lag_ns: int
+) -> list[Leg]:
+    """Return the legs; a robot of a frozen epoch ends where it said, or was last heard of."""
+    legs = []
+    for epoch, turn in sorted(heard.turns.items()):
+        start_ns = turn.start_ns + lag_ns
+        for robot, one in driven.get(epoch, {}).items():
+            words, rate = heard.said.of(epoch, robot), one.plan.brake_mmps2 / 1000.0
+            broken = words.broken(one.timeline, rate, start_ns, turn.frozen_ns)
+            brake, rate = (math.inf, 0.0) if broken is None else broken
+            legs.append(Leg(epoch, one, (start_ns - zero_ns) / 1e9, brake, rate))
+    return legs

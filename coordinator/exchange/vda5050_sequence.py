@@ -1,0 +1,33 @@
+"""In which order the edges or nodes of a VDA 5050 order come: by their sequenceId.
+
+Decides: how a sequenceId that makes no sense is told.  Must not know: what else edges or nodes say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from coordinator.exchange.vda5050_finder import Finder
+from coordinator.scenario.checks import show
+
+Named = tuple[str, Mapping[str, Any]]
+"""An edge or node, and where it stands in its order."""
+
+
+def in_sequence(named: list[Named], found: Finder) -> list[Named]:
+    """Return edges or nodes by sequenceId, as they stand if none has one; bad ones are noted."""
+    if all(edge.get("sequenceId") is None for _, edge in named):
+        return named
+    places: dict[int, str] = {}
+    for where, edge in named:
+        number = edge.get("sequenceId")
+        if type(number) is not int or number < 0:
+            what = "is missing" if number is None else f"{show(number)} is not a whole number"
+            found.note(f"{where}.sequenceId", what)
+        elif number in places:
+            found.note(f"{where}.sequenceId", f"{number} is that of {places[number]} too")
+        else:
+            places[number] = where
+    known = {where: number for number, where in places.items()}
+    return sorted(named, key=lambda one: known.get(one[0], -1))

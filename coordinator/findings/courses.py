@@ -1,0 +1,154 @@
+"""Where a log's robots were over time, by their plans and by their black boxes, told in numbers.
+
+Decides: whose plan held when, how far from it a robot truly was, who came nearest to whom.  Must
+not know: files, how numbers are shown.  Times are seconds since the log's zero, see info.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from msgspec.structs import replace
+
+from coordinator.findings.braking import Said
+from coordinator.findings.info_fields import NearestSummary, RobotSummary
+from coordinator.findings.nearness import nearest_of_all
+from coordinator.findings.ride_samples import Array, RideSamples, ride_of_message, times_between
+from coordinator.findings.true_course import TrueCourse
+from protocol import phases
+from protocol.messages import Command, Message, NewTimes, Plan, Report
+from protocol.timing import SECOND
+
+if TYPE_CHECKING:
+    from coordinator.log.records import Record
+
+Turn = tuple[int, int]
+"""An epoch, and how often its times were changed."""
+
+_ROW: Final = 0.02
+"""Time [s] by which a row of a black box may be off: it is written once per control tick."""
+
+
+class Courses:
+    """Goes through a log beside `info`, which calls `hear` with every message that counts.
+
+    `zero_ns`: what times count from, `lag_ns`: how far the log's clock is ahead of the
+    coordinator's; `boot`: whose Commands count, "" for everybody's.
+    """
+
+    def __init__(self, zero_ns: int, lag_ns: int, boot: str) -> None:
+        self._zero_ns, self._lag_ns, self._boot = zero_ns, lag_ns, boot
+        self._plans: dict[tuple[Turn, str], Plan] = {}
+        self._begins: dict[Turn, float] = {}
+        self._starts: dict[int, float] = {}
+        self._frozen: dict[int, int] = {}
+        self._said = Said()
+        self._end = 0.0
+
+    def hear(self, message: Message, robot: str, record: Record) -> None:
+        """Take in a message."""
+        now = (record.log_ns - self._zero_ns) / 1e9
+        self._end = max(self._end, now)
+        if isinstance(message, Command) and self._boot in ("", str(message.boot)):
+            self._begins.setdefault((message.epoch, 0), now)
+            if message.phase == phases.GO:
+                start_ns = message.start_ns + self._lag_ns
+                self._starts.setdefault(message.epoch, (start_ns - self._zero_ns) / 1e9)
+            elif message.phase == phases.FREEZE and self._starts:
+                self._frozen.setdefault(max(self._starts), record.log_ns)
+        elif isinstance(message, Plan):
+            self._plans.setdefault(((message.epoch, 0), robot), message)
+        elif isinstance(message, NewTimes):
+            self._take_times(message, robot, now)
+        elif isinstance(message, Report):
+            self._said.take(message, robot, record.log_ns)
+
+    def _take_times(self, times: NewTimes, robot: str, now: float) -> None:
+        plan = self._plans.get(((times.epoch, 0), robot))
+        if plan is not None:
+            parts = {name: getattr(times, name) for name in ("speeds", "profile", "stops")}
+            turn = (times.epoch, times.revision)
+            self._plans[turn, robot] = replace(plan, **parts)
+            self._begins.setdefault(turn, now)
+
+    def fill(self, robots: Mapping[str, RobotSummary], boxes: Mapping[str, TrueCourse]) -> None:
+        """Put who came how near to whom into the robots' summaries, and what only boxes know.
+
+        Distances are those of the black boxes where every robot that drove has one.
+        """
+        rides = self._rides()
+        for name, box in boxes.items():
+            if name in robots and len(box.t):
+                robots[name].true_arrival = box.arrival
+                robots[name].tracking_error = self._tracking(rides.get(name, []), box)
+        boxed = bool(rides) and all(name in boxes and len(boxes[name].t) for name in rides)
+        times = self._times([boxes[name] for name in rides] if boxed else [])
+        names = list(rides)
+        tracks = [
+            boxes[name].at(times) if boxed else self._by_plan(rides[name], times) for name in names
+        ]
+        for name, near in zip(names, nearest_of_all(times, tracks), strict=False):
+            robots[name].nearest = NearestSummary(
+                robot=names[near.other],
+                distance=round(near.distance, 4),
+                t=round(near.t, 3),
+                source="black boxes" if boxed else "plans",
+            )
+
+    def _times(self, boxes: list[TrueCourse]) -> Array:
+        """Return when to look: from the first GO to the end, none before a GO."""
+        if not self._starts:
+            return np.empty(0)
+        ends = (float(box.t[-1]) for box in boxes)
+        return times_between(min(self._starts.values()), max([self._end, *ends]))
+
+    def _rides(self) -> dict[str, list[tuple[Turn, RideSamples]]]:
+        """Return what every robot drove, in the order of the epochs and their new times."""
+        found: dict[str, list[tuple[Turn, RideSamples]]] = {}
+        for turn, robot in sorted(self._plans):
+            if turn[0] in self._starts:
+                try:
+                    ride = ride_of_message(self._plans[turn, robot])
+                except ValueError:
+                    continue
+                found.setdefault(robot, []).append((turn, self._halted(turn[0], robot, ride)))
+        return found
+
+    def _begin(self, turn: Turn) -> float:
+        """Return from when on a robot drove by a plan, or by new times."""
+        return self._starts[turn[0]] if turn[1] == 0 else self._begins[turn]
+
+    def _halted(self, epoch: int, robot: str, ride: RideSamples) -> RideSamples:
+        """Return the ride with where it ended, if that was before its plan did."""
+        start_ns = self._zero_ns + round(self._starts[epoch] * SECOND)
+        words = self._said.of(epoch, robot)
+        broken = words.broken(ride.line, ride.rate, start_ns, self._frozen.get(epoch))
+        return ride if broken is None else ride.halted(*broken)
+
+    def _by_plan(self, rides: list[tuple[Turn, RideSamples]], times: Array) -> Array:
+        """Return where the plans had a robot, (n, 2): at rest before, between and after them."""
+        places = np.empty((len(times), 2))
+        begins = [self._begin(turn) for turn, _ in rides]
+        which = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
+        for number, (turn, ride) in enumerate(rides):
+            mine = which == number
+            places[mine] = ride.places_at(ride.driven_at(times[mine] - self._starts[turn[0]]))
+        return places
+
+    def _tracking(self, rides: list[tuple[Turn, RideSamples]], box: TrueCourse) -> float | None:
+        """Return the greatest distance [m] from the plans while they held; None without any.
+
+        New times hold from when the robot keeps to them: one that stood late has taken them then.
+        """
+        worst: list[float] = []
+        held = {turn: box.timed_from(self._begins[turn]) for turn, _ in rides if turn[1]}
+        held |= {turn: at for turn, at in self._begins.items() if turn[1] == 0}
+        for turn, ride in rides:
+            later = [at for other, at in held.items() if other > turn]
+            rows = box.between(held[turn], min(later, default=math.inf))
+            if len(rows.t):
+                worst.append(rows.off(ride, self._starts[turn[0]], _ROW))
+        return round(max(worst), 6) if worst else None

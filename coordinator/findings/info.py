@@ -1,0 +1,310 @@
+"""What happened, told from a log: epochs, arrivals, waits, faults, bytes, who came near whom.
+
+Decides: how a log is summed up.  Must not know: files (log/log_file.py and true_course.py read
+them), what a plan should look like, or how the summary is shown (info_table.py).
+
+All times count in seconds from the time zero of the first epoch that got a GO, as in black boxes
+and on the page; in a log without one, from its first message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+
+from coordinator.findings.courses import Courses
+from coordinator.findings.info_fields import (
+    EpochSummary,
+    FaultSummary,
+    NewTimesSummary,
+    PhaseChange,
+    RobotSummary,
+    Summary,
+    Traffic,
+)
+from coordinator.findings.plan_facts import read_plans, take_message, take_plans
+from coordinator.findings.strangers import strangers_in
+from coordinator.findings.traffic_numbers import (
+    Numbers,
+    broadcast,
+    busiest,
+    clock_lag,
+    first_go,
+    is_question,
+)
+from coordinator.findings.true_course import TrueCourse, courses_in
+from coordinator.fleet.drop_record import drops_of, is_drops_key
+from coordinator.fleet.epoch_record import is_adoption_key, request_of
+from coordinator.fleet.link_record import LINK_GONE
+from coordinator.fleet.member import STRIKES
+from coordinator.security.denials import denial_of, is_denial_key
+from protocol import codec, keys, phases
+from protocol.messages import Command, Hello, Message, NewTimes, Pace, Plan, Refusal, Report
+from protocol.timing import REPORT_TIMEOUT
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from coordinator.log.records import Log, Record
+
+_POINT_BYTES: Final = 8
+_NO_BOXES: Final[Mapping[str, TrueCourse]] = {}
+
+
+def summarise(
+    log: Log, boxes: Mapping[str, TrueCourse] = _NO_BOXES, before: Sequence[Log] = ()
+) -> dict[str, object]:
+    """Return the summary of a log as plain data, the fields of `Summary`.
+
+    boxes: the robots' black boxes, as far as they are known; before: the logs that this one goes on
+    from, oldest first.
+    """
+    summary: dict[str, object] = msgspec.to_builtins(_Telling(log, boxes, before).summary)
+    return summary
+
+
+def courses_of(log: Log, folders: Iterable[Path]) -> dict[str, TrueCourse]:
+    """Return the black boxes of a log's robots that are in these folders."""
+    places = (keys.split(key) for key in {record.key for record in log.records})
+    robots = {place[2] for place in places if place is not None and place[1] == "report"}
+    return courses_in(folders, sorted(robots))
+
+
+class _Telling:
+    """Goes through a log once and fills in the summary."""
+
+    def __init__(self, log: Log, boxes: Mapping[str, TrueCourse], before: Sequence[Log]) -> None:
+        records = log.records
+        begin_ns = records[0].log_ns if records else 0
+        self._epochs: dict[int, EpochSummary] = {}
+        self._starts_ns: dict[int, int] = {}
+        self._phase: tuple[int, int] | None = None
+        self._faults: dict[str, int] = {}
+        self._unfit: dict[str, str] = {}
+        self._heard: dict[str, tuple[int, int]] = {}
+        self._sent: list[tuple[str, int, int]] = []
+        self._last_arrival_ns: int | None = None
+        self._late: str | None = None
+        self._ours: dict[str, tuple[int, int]] = {}
+        self._lag_ns = clock_lag(log)
+        go_ns = first_go([*before, log], self._lag_ns)
+        self._zero_ns = begin_ns if go_ns is None else go_ns
+        self._numbers = Numbers(log, self._zero_ns)
+        self._courses = Courses(self._zero_ns, self._lag_ns, log.metadata.get("boot", ""))
+        self._plans = read_plans(log.attachments)
+        self._strangers = strangers_in(log)
+        self._messages: list[tuple[str, Plan]] = []
+        self.summary = Summary(
+            fleet=log.metadata.get("fleet", ""),
+            policy=log.metadata.get("policy"),
+            tau=None,
+            duration=(records[-1].log_ns - begin_ns) / 1e9 if records else 0.0,
+            complete=log.complete,
+            damage=log.damage,
+            messages=len(records),
+            zero=None if go_ns is None else (go_ns - begin_ns) / 1e9,
+            passive=log.metadata.get("passive") == "yes",
+        )
+        for record in records:
+            self._count(record)
+        self.summary.epochs = list(self._epochs.values())
+        self._take_plans()
+        self._add_up(records[-1].log_ns if records else 0)
+        self._courses.fill(self.summary.robots, boxes)
+
+    def _add_up(self, end_ns: int) -> None:
+        """Fill in what is known at the end of the log: rates, lateness, latencies, broadcast."""
+        told = self.summary
+        for traffic in told.keys.values():
+            if told.duration > 0.0:
+                traffic.messages_per_second = traffic.messages / told.duration
+                traffic.bytes_per_second = traffic.bytes / told.duration
+        for name, robot in told.robots.items():
+            if robot.arrived is None:
+                robot.fault = self._unfit.get(name, robot.fault)
+            if robot.arrived is not None and robot.planned_finish is not None:
+                robot.late = robot.arrived - robot.planned_finish
+        self._numbers.fill(told)
+        if self._starts_ns:
+            first_ns, last_ns = min(self._starts_ns.values()), self._last_arrival_ns or end_ns
+            if self._last_arrival_ns is not None:
+                told.robot_payload_bytes_per_second = busiest(self._sent, first_ns, last_ns)
+            seconds = max(last_ns - first_ns, 0) / 1e9
+            told.broadcast = broadcast(told, self._ours, seconds)
+
+    def _take_plans(self) -> None:
+        """Take what plans say, from the attachments, or from the messages where there are none."""
+        told = self.summary
+        starts = {epoch: self._seconds(start_ns) for epoch, start_ns in self._starts_ns.items()}
+        take_plans(told, self._plans, starts)
+        if self._plans:
+            told.tau = self._plans[0].tau
+            told.policy = told.policy or self._plans[0].policy
+            return
+        for robot, plan in self._messages:
+            told.tau = plan.tau_ns / 1e9
+            if plan.epoch in starts or not starts:
+                take_message(plan, self._robot(robot), starts.get(plan.epoch, 0.0))
+
+    def _seconds(self, time_ns: int) -> float:
+        return (time_ns - self._zero_ns) / 1e9
+
+    def _robot(self, name: str) -> RobotSummary:
+        return self.summary.robots.setdefault(name, RobotSummary())
+
+    def _count(self, record: Record) -> None:
+        size = len(record.payload)
+        traffic = self.summary.keys.setdefault(record.key, Traffic())
+        traffic.messages += 1
+        traffic.bytes += size
+        if is_drops_key(record.key):
+            self.summary.dropped |= drops_of(record.payload) or {}
+        if is_adoption_key(record.key):
+            self._tell_unfit(record)
+        address = keys.split(record.key)
+        if address is None:
+            self._count_stranger(record)
+            return
+        fleet, kind, robot = address
+        self.summary.fleet = self.summary.fleet or fleet
+        if fleet != self.summary.fleet:
+            return
+        if robot in self._strangers:
+            self._tell_refused(kind, robot, record)
+            return
+        if kind == "alive":
+            self._tell_link(robot, record.payload != LINK_GONE, record.log_ns)
+            return
+        message = codec.decode(kind, record.payload)
+        if message is None:
+            self.summary.bad_messages += 1
+            return
+        count, total = self._ours.get(kind, (0, 0))
+        self._ours[kind] = (count + 1, total + size)
+        if isinstance(message, Hello | Report | Pace) or is_question(message):
+            self._robot(robot).bytes_sent += size
+            self._sent.append((robot, record.log_ns, size))
+        else:
+            self.summary.largest_message_to_robot_bytes = max(
+                self.summary.largest_message_to_robot_bytes, size
+            )
+        self._numbers.hear(message, robot, record)
+        self._courses.hear(message, robot, record)
+        self._tell(message, robot, record)
+
+    def _tell_refused(self, kind: str, robot: str, record: Record) -> None:
+        """Tell why somebody who is no robot of the fleet was refused, and nothing else of it."""
+        message = codec.decode(kind, record.payload)
+        if isinstance(message, Refusal):
+            self._tell_fault(record.log_ns, robot, message.reason, "refusal")
+        self.summary.bad_messages += message is None and kind != "alive"
+
+    def _count_stranger(self, record: Record) -> None:
+        """Tell of a refused link; count what is on the fleet's keys without being a message."""
+        denial = denial_of(record.payload) if is_denial_key(record.key) else None
+        if denial is not None:
+            self._tell_fault(record.log_ns, "", denial.text, "denied")
+        if self.summary.fleet and record.key.startswith(f"{keys.ROOT}/{self.summary.fleet}/"):
+            self.summary.positions_on_wire += 1
+
+    def _tell(self, message: Message, robot: str, record: Record) -> None:
+        if isinstance(message, Command):
+            self._tell_command(message, record.log_ns)
+        elif isinstance(message, Report):
+            self._tell_report(message, robot, record.log_ns)
+        elif isinstance(message, Plan):
+            size = len(record.payload)
+            told = self._robot(robot)
+            told.plan_bytes = max(told.plan_bytes, size)
+            told.control_points = len(message.points) // _POINT_BYTES
+            self._messages.append((robot, message))
+            self.summary.largest_plan_bytes = max(self.summary.largest_plan_bytes, size)
+        elif isinstance(message, NewTimes):
+            self._tell_new_times(message, robot, record.log_ns)
+        elif isinstance(message, Pace) and message.stood_us is not None:
+            self._late = robot
+        elif isinstance(message, Refusal):
+            self._tell_fault(record.log_ns, robot, message.reason, "refusal")
+
+    def _tell_command(self, command: Command, log_ns: int) -> None:
+        if self._phase == (command.epoch, command.phase):
+            return
+        self._phase = (command.epoch, command.phase)
+        epoch = self._epochs.setdefault(command.epoch, EpochSummary(command.epoch))
+        name = phases.COMMAND_NAMES[command.phase]
+        epoch.phases.append(PhaseChange(self._seconds(log_ns), name))
+        epoch.ended = self._ending(epoch, command.phase)
+        if command.phase == phases.GO:
+            self._starts_ns.setdefault(command.epoch, command.start_ns + self._lag_ns)
+            epoch.start = self._seconds(self._starts_ns[command.epoch])
+        if command.phase == phases.FREEZE and not self._numbers.stopped_nobody:
+            self._tell_silence(log_ns)
+            self._tell_fault(log_ns, "", "the fleet was told to freeze", "freeze")
+
+    def _tell_new_times(self, message: NewTimes, robot: str, log_ns: int) -> None:
+        """Tell of new times once for all robots that get them, however often they are sent."""
+        told = self._epochs.setdefault(message.epoch, EpochSummary(message.epoch)).new_times
+        if not told or told[-1].revision < message.revision:
+            told.append(NewTimesSummary(self._seconds(log_ns), message.revision, self._late))
+        if told[-1].revision == message.revision and robot not in told[-1].robots:
+            told[-1].robots.append(robot)
+
+    def _ending(self, epoch: EpochSummary, phase: int) -> str:
+        """Return how an epoch ends in a phase."""
+        if phase == phases.FREEZE:
+            return "arrived" if self._numbers.stopped_nobody else "frozen"
+        if phase == phases.OVER:
+            return "over" if epoch.start is not None else "nobody goes"
+        return "running"
+
+    def _tell_unfit(self, record: Record) -> None:
+        """Tell of robots that a new epoch leaves where they stand because they failed too often."""
+        request = request_of(record.payload)
+        for one in request.told if request is not None else ():
+            if one.state != "unfit":
+                self._unfit.pop(one.robot, None)
+            elif one.robot not in self._unfit:
+                self._unfit[one.robot] = f"left where it stands: it has failed in {STRIKES} epochs"
+                self._tell_fault(record.log_ns, one.robot, self._unfit[one.robot], "unfit")
+
+    def _tell_silence(self, log_ns: int) -> None:
+        """Tell which robots had not been heard for too long when the fleet was frozen."""
+        for robot, (heard_ns, phase) in self._heard.items():
+            known = self._robot(robot).fault is not None
+            if not known and phase != phases.DONE and log_ns - heard_ns > REPORT_TIMEOUT:
+                self._robot(robot).fault = "fell silent"
+                self._tell_fault(log_ns, robot, "fell silent", "silence")
+
+    def _tell_link(self, robot: str, alive: bool, log_ns: int) -> None:
+        """Tell of a link that is gone while the fleet is under way."""
+        if not alive and self._phase is not None and self._phase[1] != phases.OVER:
+            told = self._robot(robot)
+            if told.arrived is None:
+                told.fault = "lost its link"
+                self._numbers.link_lost(robot, log_ns)
+                self._tell_fault(log_ns, robot, told.fault, "link")
+
+    def _tell_report(self, report: Report, robot: str, log_ns: int) -> None:
+        told = self._robot(robot)
+        told.reports += 1
+        self._heard[robot] = (log_ns, report.phase)
+        if report.rest is not None and report.phase in (phases.MOVING, phases.BRAKING):
+            self.summary.positions_on_wire += 1
+        if report.fault != self._faults.get(robot, phases.NO_FAULT):
+            self._faults[robot] = report.fault
+            told.fault = (
+                phases.fault_name(report.fault) if report.fault != phases.NO_FAULT else None
+            )
+            if told.fault is not None and report.phase != phases.IDLE:
+                self._tell_fault(log_ns, robot, told.fault, "report")
+        if report.phase != phases.DONE or report.epoch not in self._starts_ns:
+            return
+        epoch = self._epochs[report.epoch]
+        if robot not in epoch.arrivals:
+            told.arrived = epoch.arrivals[robot] = self._seconds(log_ns)
+            self._last_arrival_ns = log_ns
+
+    def _tell_fault(self, log_ns: int, robot: str, fault: str, kind: str) -> None:
+        self.summary.faults.append(FaultSummary(self._seconds(log_ns), robot, fault, kind))

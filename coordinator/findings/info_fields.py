@@ -1,0 +1,199 @@
+"""What is told about a log or a plan: the fields of `splinefleet info`.
+
+Decides: the fields.  Must not know: logs or messages (info.py), or tables (info_table.py).
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from coordinator.findings.wait_summary import WaitSummary
+from coordinator.plan.document import Proof
+
+
+class Traffic(msgspec.Struct):
+    """What went over one key; payload bytes; the rates are over the whole log."""
+
+    messages: int = 0
+    bytes: int = 0
+    messages_per_second: float = 0.0
+    bytes_per_second: float = 0.0
+
+
+class PhaseChange(msgspec.Struct):
+    """From `t` [s] on the Command stated this phase."""
+
+    t: float
+    phase: str
+
+
+class NewTimesSummary(msgspec.Struct):
+    """New times within an epoch, first sent at `t` [s]: who was late, and whose times changed.
+
+    `late`: null where the log does not tell.
+    """
+
+    t: float
+    revision: int
+    late: str | None
+    robots: list[str] = []
+
+
+class EpochSummary(msgspec.Struct):
+    """One epoch: its plan's time zero `start` [s], null if it never got a GO; arrivals [s].
+
+    `ended`: "over"; "frozen", on the way; "arrived", all that had a part in it, though others of
+    the fleet had not; "nobody goes", without a GO; "running" at the end of the log.
+    """
+
+    epoch: int
+    start: float | None = None
+    phases: list[PhaseChange] = []
+    arrivals: dict[str, float] = {}
+    new_times: list[NewTimesSummary] = []
+    ended: str = "running"
+
+
+class StopSummary(msgspec.Struct):
+    """A planned rest at arc length s [m] until `depart` [s]."""
+
+    s: float
+    depart: float
+    yields_to: str
+
+
+class NearestSummary(msgspec.Struct, frozen=True):
+    """The robot that came nearest to one: the distance of their centres [m], and when [s].
+
+    `source`: "black boxes", or "plans" where not every robot's is known.
+    """
+
+    robot: str
+    distance: float
+    t: float
+    source: str
+
+
+class RobotSummary(msgspec.Struct):
+    """One robot: its plan, the last one with a GO that names it; the rest from the wire; times [s].
+
+    `late`: heard of as arrived so long after the plan's finish, which is up to a report period
+    more than it was.  `reports_lost`: gaps in its sequence numbers.  `true_arrival` and
+    `tracking_error` [m], the greatest distance from its plans, are from its black box.
+    """
+
+    plan_bytes: int = 0
+    control_points: int = 0
+    planned_start: float | None = None
+    planned_finish: float | None = None
+    stops: list[StopSummary] = []
+    arrived: float | None = None
+    true_arrival: float | None = None
+    late: float | None = None
+    tracking_error: float | None = None
+    nearest: NearestSummary | None = None
+    reports: int = 0
+    reports_lost: int = 0
+    reports_doubled: int = 0
+    bytes_sent: int = 0
+    fault: str | None = None
+
+
+class FaultSummary(msgspec.Struct):
+    """Something that went wrong, or a freeze of robots that were under way (kind "freeze").
+
+    Other kinds: "report", of a robot; "silence"; "link", gone; "refusal"; "unfit", left behind.
+    """
+
+    t: float
+    robot: str
+    fault: str
+    kind: str
+
+
+class Percentiles(msgspec.Struct, frozen=True):
+    """How long something took [s]: half of `count` times at most `median`, and so on."""
+
+    count: int
+    median: float
+    p90: float
+    p99: float
+    most: float
+
+
+class FreezeSummary(msgspec.Struct):
+    """A freeze at `t` [s] and how long it took; null: not in the log.
+
+    `notice`: from the first sign of a fault in the log to FREEZE, null when silence was the sign;
+    `silence`: for how long the most silent robot had not been heard; `rest`: from FREEZE to the
+    report by which every robot that still spoke was at rest; `go`: from FREEZE to the next GO.
+    """
+
+    t: float
+    epoch: int
+    notice: float | None = None
+    silence: float | None = None
+    rest: float | None = None
+    go: float | None = None
+
+
+class Broadcast(msgspec.Struct, frozen=True):
+    """Beside what this fleet sent in all: the same one telling every position to every robot.
+
+    Deliveries and their payload, as if each robot sent `position_bytes` to each other one `rate`
+    times a second, `seconds` long: from the first GO to the last arrival.  A Command counts once
+    for each robot that it reaches.
+    """
+
+    robots: int
+    seconds: float
+    rate: float
+    position_bytes: int
+    messages: int
+    bytes: int
+    our_messages: int
+    our_bytes: int
+
+
+class Summary(msgspec.Struct):
+    """The whole; `duration` [s] of the log, `tau` [s] of its first plan.
+
+    All times count from GO of the first epoch, which is `zero` [s] after the log's first message
+    (before it, in the log of a resumed coordinator); null without a GO: from the first message.
+    `source`: "log" or "plan"; of a plan nothing but its own fields is known.  `waits`: of every
+    epoch's plan, `proof`: of the last one.
+    `bad_messages`: payloads on the fleet's keys that no receiver accepts.  `dropped`: messages that
+    are not in the log, by cause.  `damage`: where the file is not as it was written.  `passive`:
+    recorded by one who only listened.  `latencies`: command_age and report_age, from the stamp of
+    the coordinator's session to the recording; command_gap, from one Command to the next; the
+    freezes' parts.  `lost_messages`: gaps in the sequence numbers of Reports and Commands.
+    `robot_payload_bytes_per_second`: of the busiest robot, from the first GO to the last arrival,
+    null when there was none.
+    """
+
+    fleet: str
+    policy: str | None
+    tau: float | None
+    duration: float
+    complete: bool
+    damage: str
+    messages: int
+    zero: float | None = None
+    source: str = "log"
+    passive: bool = False
+    bad_messages: int = 0
+    dropped: dict[str, int] = {}
+    lost_messages: int = 0
+    positions_on_wire: int = 0
+    largest_plan_bytes: int = 0
+    largest_message_to_robot_bytes: int = 0
+    robot_payload_bytes_per_second: float | None = None
+    epochs: list[EpochSummary] = []
+    robots: dict[str, RobotSummary] = {}
+    faults: list[FaultSummary] = []
+    freezes: list[FreezeSummary] = []
+    latencies: dict[str, Percentiles] = {}
+    broadcast: Broadcast | None = None
+    waits: list[WaitSummary] = []
+    proof: Proof | None = None
+    keys: dict[str, Traffic] = {}

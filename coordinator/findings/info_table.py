@@ -1,0 +1,238 @@
+"""The summary of a log or a plan as tables for people.
+
+Decides: what a person sees first.  Must not know: logs or messages, only the summary's fields.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from textwrap import fill
+
+import msgspec
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from coordinator.base.text_table import plain_table
+from coordinator.findings.info_fields import (
+    Broadcast,
+    EpochSummary,
+    FreezeSummary,
+    Percentiles,
+    RobotSummary,
+    Summary,
+)
+from coordinator.findings.plan_table import render_proof
+from coordinator.findings.wait_table import waits_table
+from protocol.keys import ROOT
+
+
+def render(summary: dict[str, object]) -> RenderableType:
+    """Return the tables for what `info.summarise` or `info.summarise_plan` returned."""
+    told = msgspec.convert(summary, Summary)
+    planned = told.source == "plan"
+    parts: list[RenderableType] = [_plan_headline(told) if planned else _headline(told)]
+    if told.epochs:
+        parts.append(_epochs(told.epochs))
+        parts += [Text(line) for line in _new_times(told.epochs)]
+    if told.robots:
+        parts.append(_robots(told.robots, driven=not planned))
+        parts.append(_arrivals(told.robots, driven=not planned))
+        parts += [Text(line) for line in _sources(told)]
+    if told.waits:
+        parts.append(waits_table(told.waits))
+    if told.faults:
+        parts.append(_faults(told))
+    if told.freezes:
+        parts.append(_freezes(told.freezes))
+    if told.latencies:
+        parts.append(_latencies(told.latencies))
+    if told.keys:
+        parts.append(_keys(told))
+    if told.broadcast is not None and told.broadcast.robots > 1:
+        parts.append(_broadcast(told.broadcast))
+    if planned and told.proof is not None:
+        parts.append(render_proof(told.proof))
+    return Group(*parts)
+
+
+def _plan_headline(told: Summary) -> Table:
+    return _grid(
+        ("plan for", told.fleet),
+        ("policy", told.policy or "-"),
+        ("tau", _seconds(told.tau)),
+        ("largest plan", f"{told.largest_plan_bytes} bytes"),
+    )
+
+
+def _headline(told: Summary) -> Table:
+    state = "closed" if told.complete else "not closed: the coordinator was killed or still runs"
+    rate = told.robot_payload_bytes_per_second
+    table = _grid(
+        ("fleet", told.fleet),
+        ("policy", told.policy or "-"),
+        ("tau", _seconds(told.tau)),
+        ("log", f"{told.duration:.2f} s, {state}"),
+        ("times", _zero(told.zero)),
+        ("messages", f"{told.messages}, of them {told.bad_messages} bad"),
+        ("dropped", _dropped(told.dropped)),
+        ("lost on the way", f"{told.lost_messages}, by gaps in their numbers"),
+        ("positions on the wire", str(told.positions_on_wire)),
+        ("largest plan", f"{told.largest_plan_bytes} bytes"),
+        ("largest message to a robot", f"{told.largest_message_to_robot_bytes} bytes"),
+        ("busiest robot sent", "-" if rate is None else f"{rate:.1f} bytes/s"),
+    )
+    if told.damage:
+        table.add_row("damage", Text(told.damage, style="bold red"))
+    return table
+
+
+def _dropped(dropped: dict[str, int]) -> str:
+    """Say how many messages are not in the log, and why."""
+    causes = "; ".join(f"{count} {cause}" for cause, count in sorted(dropped.items()))
+    return f"{sum(dropped.values())}: {causes}" if dropped else "none"
+
+
+def _zero(zero: float | None) -> str:
+    """Say what times count from."""
+    if zero is None:
+        return "in s from the log's first message; there was no GO"
+    place = f"{zero:.2f} s into the log" if zero >= 0.0 else f"{-zero:.2f} s before the log begins"
+    return f"in s from the first GO, {place}"
+
+
+def _sources(told: Summary) -> Iterator[str]:
+    """Say where distances are from, and what is not known without black boxes."""
+    sources = {robot.nearest.source for robot in told.robots.values() if robot.nearest}
+    if sources:
+        yield f"distances of centres by the {sources.pop()}"
+    if told.source == "log" and not any(r.true_arrival for r in told.robots.values()):
+        yield "true arrivals and distances from the plan need black boxes: --blackbox FOLDER"
+
+
+def _grid(*rows: tuple[str, str]) -> Table:
+    table = Table.grid(padding=(0, 2))
+    for name, value in rows:
+        table.add_row(name, Text(value))
+    return table
+
+
+def _epochs(epochs: list[EpochSummary]) -> Table:
+    table = plain_table("epoch", "GO at", "phases", "arrived", "ended", title="epochs")
+    for epoch in epochs:
+        changes = ", ".join(f"{change.phase} {change.t:.2f}" for change in epoch.phases)
+        arrived = str(len(epoch.arrivals))
+        table.add_row(str(epoch.epoch), _seconds(epoch.start), changes, arrived, epoch.ended)
+    return table
+
+
+def _new_times(epochs: list[EpochSummary]) -> Iterator[str]:
+    """Say when times were changed within an epoch, for whose sake, and whose."""
+    for epoch in epochs:
+        for changed in epoch.new_times:
+            late = f"{changed.late} is late" if changed.late else "somebody is late"
+            told = f"epoch {epoch.epoch}: at {changed.t:.2f} s {late}, new times for "
+            yield fill(told + ", ".join(changed.robots), 80, subsequent_indent="  ")
+
+
+def _robots(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
+    """Return the robots with their plans; those of a plan alone have not sent anything."""
+    names = [*("robot", "plan B", "points", "stops"), *(("sent B", "fault") if driven else ())]
+    table = plain_table(*names, title="robots")
+    for name, robot in sorted(robots.items()):
+        stops = [
+            f"s {stop.s:.2f} m until {stop.depart:.2f} s"
+            + (f" for {stop.yields_to}" if stop.yields_to else "")
+            for stop in robot.stops
+        ]
+        cells: list[str | Text] = [
+            Text(name),
+            str(robot.plan_bytes),
+            str(robot.control_points),
+            Text("\n".join(stops) or "-"),
+            str(robot.bytes_sent),
+            Text(robot.fault or "-"),
+        ]
+        table.add_row(*cells[: len(names)])
+    return table
+
+
+def _arrivals(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
+    """Return when the robots arrived, how well they kept to their plans, and who came near them."""
+    known = ("heard s", "late s", "true s", "off plan mm") if driven else ()
+    names = ["robot", "planned s", *known, "nearest", "m", "at s"]
+    table = plain_table(*names, title="arrivals, and who came nearest")
+    for name, robot in sorted(robots.items()):
+        off = None if robot.tracking_error is None else 1000.0 * robot.tracking_error
+        heard = [robot.arrived, robot.late, robot.true_arrival]
+        cells = [_number(robot.planned_finish)]
+        if driven:
+            cells += [*map(_number, heard), "-" if off is None else f"{off:.1f}"]
+        near = robot.nearest
+        others = (
+            ("-", "-", "-")
+            if near is None
+            else (near.robot, f"{near.distance:.3f}", _number(near.t))
+        )
+        table.add_row(Text(name), *cells, *map(Text, others))
+    return table
+
+
+def _faults(told: Summary) -> Table:
+    table = plain_table("at", "robot", "what", "kind", title="faults and freezes")
+    for fault in told.faults:
+        table.add_row(_seconds(fault.t), Text(fault.robot or "-"), Text(fault.fault), fault.kind)
+    return table
+
+
+def _freezes(freezes: list[FreezeSummary]) -> Table:
+    table = plain_table(
+        "at", "epoch", "noticed for", "silent for", "all at rest", "next GO", title="freezes"
+    )
+    for freeze in freezes:
+        times = (freeze.notice, freeze.silence, freeze.rest, freeze.go)
+        cells = [_seconds(time) for time in times]
+        table.add_row(_seconds(freeze.t), str(freeze.epoch), *cells)
+    return table
+
+
+def _latencies(latencies: dict[str, Percentiles]) -> Table:
+    table = plain_table("what", "times", "median", "90 %", "99 %", "most", title="latencies, ms")
+    for name, told in sorted(latencies.items()):
+        cells = (f"{1000.0 * time:.1f}" for time in (told.median, told.p90, told.p99, told.most))
+        table.add_row(name.replace("_", " "), str(told.count), *cells)
+    return table
+
+
+def _keys(told: Summary) -> Table:
+    root = f"{ROOT}/{told.fleet}/"
+    table = plain_table(
+        "key", "messages", "bytes", "messages/s", "bytes/s", title=f"keys, ours below {root}"
+    )
+    for key, traffic in sorted(told.keys.items()):
+        table.add_row(
+            Text(key.removeprefix(root)),
+            str(traffic.messages),
+            str(traffic.bytes),
+            f"{traffic.messages_per_second:.1f}",
+            f"{traffic.bytes_per_second:.1f}",
+        )
+    return table
+
+
+def _broadcast(told: Broadcast) -> Text:
+    """Return the line beside what a broadcasting fleet would have sent."""
+    ours = f"{told.our_messages:,} messages, {told.our_bytes:,} bytes were delivered in all"
+    theirs = (
+        f"{told.robots} robots broadcasting positions at {told.rate:g} Hz for "
+        f"{told.seconds:.1f} s: {told.messages:,} messages, {told.bytes:,} bytes"
+    )
+    return Text(f"{ours};\n{fill(theirs, 80)}")
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def _seconds(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f} s"

@@ -1,0 +1,109 @@
+"""What plans say of a summary's robots: their times and stops, their waits, the proof.
+
+Decides: which of several plans a robot is told by: the last one that was sent on its way.  Must not
+know: files, what happened on the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import msgspec
+
+from coordinator.base.errors import InputError
+from coordinator.findings.info_fields import NearestSummary, RobotSummary, StopSummary, Summary
+from coordinator.findings.nearness import nearest_of_all
+from coordinator.findings.ride_samples import ride_of_plan, times_between
+from coordinator.findings.wait_summary import waits_of
+from coordinator.plan import plan_file
+from coordinator.plan.document import PlanDocument
+from protocol.messages import Plan
+from protocol.plan_parts import unpack_plan
+from protocol.timeline import Timeline
+
+
+def summarise_plan(document: PlanDocument) -> dict[str, object]:
+    """Return the summary of a plan that nobody has driven, the fields of `Summary` too."""
+    summary = Summary(
+        fleet=document.scenario,
+        policy=document.policy,
+        tau=document.tau,
+        duration=0.0,
+        complete=True,
+        damage="",
+        messages=0,
+        source="plan",
+    )
+    take_plans(summary, [document], {})
+    for robot in document.robots:
+        told = summary.robots[robot.id]
+        told.plan_bytes = robot.wire_bytes
+        told.control_points = len(robot.path.control_points)
+    summary.largest_plan_bytes = max((robot.wire_bytes for robot in document.robots), default=0)
+    _tell_nearest(summary, document)
+    told_all: dict[str, object] = msgspec.to_builtins(summary)
+    return told_all
+
+
+def read_plans(attachments: Mapping[str, bytes]) -> list[PlanDocument]:
+    """Return the plans among a log's attachments, by epoch; one that is spoilt is passed over.
+
+    Of an epoch whose times were changed it is the last one.
+    """
+    documents: dict[int, PlanDocument] = {}
+    for name, data in attachments.items():
+        if plan_file.is_plan_name(name):
+            try:
+                document = plan_file.from_json(data, name)
+            except InputError:
+                continue
+            documents[document.epoch] = document
+    return [documents[epoch] for epoch in sorted(documents)]
+
+
+def take_plans(
+    summary: Summary, documents: list[PlanDocument], starts: Mapping[int, float]
+) -> None:
+    """Take each robot's times and stops from the plans, their waits and the last one's proof.
+
+    starts: when each epoch's plan began [s], of those that went; without any, times are the plans'.
+    """
+    for document in documents:
+        summary.waits += waits_of(document)
+        summary.proof = document.proof
+        if starts and document.epoch not in starts:
+            continue
+        zero = starts.get(document.epoch, 0.0)
+        for robot in document.robots:
+            told = summary.robots.setdefault(robot.id, RobotSummary())
+            told.planned_start = zero + robot.start_time
+            told.planned_finish = zero + robot.finish_time
+            told.stops = [
+                StopSummary(stop.s, zero + stop.depart, stop.yields_to) for stop in robot.stops
+            ]
+
+
+def take_message(plan: Plan, told: RobotSummary, zero: float) -> None:
+    """Take a robot's times and stops from its message, where no plan is attached."""
+    motion = unpack_plan(plan).motion
+    try:
+        told.planned_finish = zero + Timeline(*motion).finish
+    except ValueError:
+        return
+    rests = list(zip(*motion[2:], strict=True))
+    told.planned_start = zero + next((depart for s, depart in rests if s <= 0.0), 0.0)
+    told.stops = [StopSummary(s, zero + depart, "") for s, depart in rests if s > 0.0]
+
+
+def _tell_nearest(summary: Summary, document: PlanDocument) -> None:
+    """Tell who is to come how near to whom."""
+    try:
+        rides = [ride_of_plan(robot) for robot in document.robots]
+    except ValueError:
+        return
+    times = times_between(0.0, max((ride.line.finish for ride in rides), default=0.0))
+    tracks = [ride.places_at(ride.arcs_at(times)) for ride in rides]
+    for robot, near in zip(document.robots, nearest_of_all(times, tracks), strict=False):
+        summary.robots[robot.id].nearest = NearestSummary(
+            document.robots[near.other].id, round(near.distance, 4), round(near.t, 3), "plans"
+        )

@@ -1,0 +1,157 @@
+"""Plans as they were said: put together from the messages, where nobody has them in a file.
+
+Decides: how a plan reads that is known from Plan and NewTimes messages alone.  Must not know:
+links, pictures.  Floor, proof and crossings are not on the wire, nor why robots wait: the latter is
+found from the plans (wait_guesses.py).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from typing import Final
+
+import msgspec
+
+from coordinator.findings.wait_guesses import with_reasons
+from coordinator.log.records import Log
+from coordinator.plan.document import Limits, PlanDocument, RobotPlan, Stop
+from coordinator.plan.wire import path_of, unpack
+from coordinator.scenario.margin import margin_for
+from protocol import keys
+from protocol.codec import decode, encode, seal
+from protocol.messages import Hello, Message, NewTimes, Plan, Report
+from protocol.plan_parts import unpack_plan
+from protocol.timing import SECOND
+
+RADIUS: Final = 0.15
+"""Radius [m] of a robot that did not say its own."""
+
+FROM_MESSAGES: Final = (
+    "epoch {epoch}: the plan as the messages have it, without floor, crossings and proof"
+)
+
+
+class SaidPlans:
+    """Adds what is said to the documents by epoch; `known` tells floor and radii."""
+
+    def __init__(self, documents: dict[int, PlanDocument], known: PlanDocument | None) -> None:
+        self._documents = documents
+        self._known = known
+        self._plans: dict[tuple[int, str], Plan] = {}
+        self.radius = {} if known is None else {robot.id: robot.radius for robot in known.robots}
+
+    def take(self, message: Message, robot: str, fleet: str) -> bool:
+        """Take in a message of a fleet about a robot; tell whether a document has changed."""
+        if isinstance(message, Plan):
+            return self._take_plan(message, fleet)
+        if isinstance(message, NewTimes):
+            return self._take_times(message, robot, fleet)
+        if isinstance(message, Hello) and message.radius_m > 0.0:
+            self.radius[robot] = message.radius_m
+        return False
+
+    def _take_plan(self, plan: Plan, fleet: str, anew: bool = False) -> bool:
+        """Add a robot's plan to its epoch's document; a plan that is no plan is passed over."""
+        document = self._documents.get(plan.epoch, _document(plan, fleet, self._known))
+        self._plans.setdefault((plan.epoch, plan.robot), plan)
+        if not anew and any(robot.id == plan.robot for robot in document.robots):
+            return False
+        try:
+            robot = _robot_plan(plan, self.radius.get(plan.robot, RADIUS))
+        except (ValueError, msgspec.MsgspecError, IndexError):
+            return False
+        others = [one for one in document.robots if one.id != plan.robot]
+        robots = sorted([*others, robot], key=lambda one: one.id)
+        self._documents[plan.epoch] = msgspec.structs.replace(document, robots=robots)
+        return True
+
+    def _take_times(self, times: NewTimes, robot: str, fleet: str) -> bool:
+        """Give a plan that is known other times."""
+        plan = self._plans.get((times.epoch, robot))
+        if plan is None or plan.boot != times.boot:
+            return False
+        parts = {name: getattr(times, name) for name in ("speeds", "profile", "stops")}
+        return self._take_plan(seal(msgspec.structs.replace(plan, **parts)), fleet, anew=True)
+
+
+def plans_said(
+    log: Log, attached: Collection[int] = (), known: PlanDocument | None = None
+) -> dict[int, PlanDocument]:
+    """Return the plans that the messages of a log tell, by epoch, but for those `attached`.
+
+    `notes` of a plan name the robots that drove by one which was sent before the log began.
+    """
+    fleet = log.metadata.get("fleet", "")
+    found: dict[int, PlanDocument] = {}
+    said = SaidPlans(found, known)
+    drivers: dict[int, set[str]] = {}
+    for record in log.records:
+        place = keys.split(record.key)
+        if place is None or place[0] != fleet or place[1] not in ("hello", "plan", "report"):
+            continue
+        message = decode(place[1], record.payload)
+        if isinstance(message, Report):
+            drivers.setdefault(message.epoch, set()).add(place[2])
+        elif message is not None and getattr(message, "epoch", None) not in attached:
+            said.take(message, place[2], fleet)
+    return {
+        epoch: _with_notes(with_reasons(document), drivers.get(epoch, set()))
+        for epoch, document in sorted(found.items())
+    }
+
+
+def _with_notes(document: PlanDocument, drivers: Collection[str]) -> PlanDocument:
+    """Return a plan that says what it does not hold."""
+    notes = [FROM_MESSAGES.format(epoch=document.epoch)]
+    missing = sorted(set(drivers) - {robot.id for robot in document.robots})
+    if missing:
+        notes.append(
+            f"epoch {document.epoch}: {', '.join(missing)} cannot be drawn, its plan was not heard"
+        )
+    return msgspec.structs.replace(document, notes=notes)
+
+
+def _document(plan: Plan, fleet: str, known: PlanDocument | None) -> PlanDocument:
+    """Return an epoch's document without robots."""
+    return PlanDocument(
+        scenario=fleet,
+        epoch=plan.epoch,
+        policy="safe",
+        tau=plan.tau_ns / SECOND,
+        margin=margin_for(plan.track_mm),
+        robots=[],
+        workspace=None if known is None else known.workspace,
+    )
+
+
+def _robot_plan(plan: Plan, radius: float) -> RobotPlan:
+    """Return a robot's part of a plan as a file would have it; ValueError when it is none."""
+    driven = unpack(encode(plan), radius)
+    profile_s, profile_v, stop_s, departs = unpack_plan(plan).motion
+    rows = list(zip(stop_s, driven.timeline.arrivals, departs, strict=True))
+    late = rows[0][2] if rows and rows[0][0] <= 0.0 else 0.0
+    return RobotPlan(
+        id=plan.robot,
+        radius=radius,
+        start_time=max(late, 0.0),
+        finish_time=driven.timeline.finish,
+        length=driven.timeline.length,
+        path=path_of(driven.curve),
+        profile=list(zip(profile_s, profile_v, strict=True)),
+        stops=[
+            Stop(s=s, arrive=arrive, depart=max(depart, arrive))
+            for s, arrive, depart in rows
+            if s > 0.0
+        ],
+        wire_bytes=0,
+        limits=_limits(plan, max(profile_v)),
+    )
+
+
+def _limits(plan: Plan, speed: float) -> Limits | None:
+    """Return what a plan's message says that a robot can do: how it brakes, if not at once."""
+    if not plan.brake_mmps2:
+        return None
+    accel = math.nextafter(plan.brake_mmps2 / 1000.0, math.inf)  # so that it packs to the same
+    return Limits(max_speed=speed, max_accel=accel)

@@ -1,0 +1,136 @@
+"""One robot's part in one epoch as numbers over time, quickly: for what is told of logs.
+
+Decides: how finely a path is sampled.  Must not know: logs, messages' bytes, the planner and its
+compiled kernels, whose loading takes longer than a log is read.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from coordinator.plan.document import RobotPlan
+from protocol.messages import Plan
+from protocol.plan_parts import unpack_plan
+from protocol.timeline import Timeline
+from protocol.timing import SECOND
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+_STEP: Final = 0.02
+_MOST_TIMES: Final = 2_000
+
+_SAMPLES: Final = 2_000
+_PER_KNOT: Final = 20
+"""A path is sampled at so many places at least, and so many for each knot."""
+
+
+@dataclass(frozen=True, eq=False)
+class RideSamples:
+    """A path as a polyline and the motion along it; plan times [s], arc lengths [m].
+
+    arcs (m,), places (m, 2): the path.  late [s]: how far behind its plan it may be.  From plan
+    time `brake` on it braked at `rate` [m/s^2] (0: it stood at once) and rested.
+    """
+
+    line: Timeline
+    arcs: Array
+    places: Array
+    late: float
+    rate: float
+    brake: float = math.inf
+
+    def halted(self, brake: float, rate: float) -> RideSamples:
+        """Return the ride as one that was broken off."""
+        return replace(self, brake=brake, rate=rate)
+
+    def arcs_at(self, times: Array) -> Array:
+        """Return where along its path the plan has the robot at plan times (n,)."""
+        line = self.line
+        t0, t1 = np.array(line.t0), np.array(line.t1)
+        leg = np.maximum(np.searchsorted(t0, times, side="right") - 1, 0)
+        long = t1 - t0
+        rates = (np.array(line.v1) - np.array(line.v0)) / long
+        passed = np.clip(times - t0[leg], 0.0, long[leg])
+        by_leg = np.array(line.v0)[leg] + 0.5 * rates[leg] * passed
+        return np.asarray(np.array(line.s0)[leg] + passed * by_leg)
+
+    def driven_at(self, times: Array) -> Array:
+        """Return how far along its path the robot was at plan times (n,), its braking included."""
+        s = self.arcs_at(np.minimum(times, self.brake))
+        if math.isfinite(self.brake) and self.rate > 0.0:
+            speed = self.line.v_at(self.brake)
+            slowing = np.clip(times - self.brake, 0.0, speed / self.rate)
+            s = s + slowing * (speed - 0.5 * self.rate * slowing)
+        return s
+
+    def places_at(self, s: Array) -> Array:
+        """Return the places (n, 2) at arc lengths (n,)."""
+        return np.column_stack([np.interp(s, self.arcs, self.places[:, i]) for i in (0, 1)])
+
+
+def times_between(begin: float, end: float) -> Array:
+    """Return the times at which robots are looked at from `begin` to `end` [s]."""
+    count = min(2 + int(max(end - begin, 0.0) / _STEP), _MOST_TIMES)
+    return np.linspace(begin, max(end, begin + _STEP), count)
+
+
+def ride_of_message(plan: Plan) -> RideSamples:
+    """Return what a Plan message makes a robot drive; ValueError when it makes no sense."""
+    late_ns, _, _, brake_mmps2, _ = unpack_plan(plan).rules
+    return _ride(
+        unpack_plan(plan).path, unpack_plan(plan).motion, late_ns / SECOND, brake_mmps2 / 1000.0
+    )
+
+
+def ride_of_plan(robot: RobotPlan) -> RideSamples:
+    """Return what a plan document makes a robot drive; ValueError when it makes no sense."""
+    path = robot.path
+    xs, ys = zip(*path.control_points, strict=True)
+    rests = [(stop.s, stop.depart) for stop in robot.stops]
+    if robot.start_time > 0.0:
+        rests.insert(0, (0.0, robot.start_time))
+    motion = (
+        [s for s, _ in robot.profile],
+        [v for _, v in robot.profile],
+        [s for s, _ in rests],
+        [depart for _, depart in rests],
+    )
+    return _ride((path.degree, path.knots, xs, ys, path.weights), motion, 0.0, 0.0)
+
+
+def _ride(
+    path: tuple[int, Sequence[float], Sequence[float], Sequence[float], Sequence[float]],
+    motion: tuple[list[float], list[float], list[float], list[float]],
+    late: float,
+    rate: float,
+) -> RideSamples:
+    line = Timeline(*motion)
+    degree, knots, xs, ys, weights = path
+    if len(xs) <= degree or len(knots) != len(xs) + degree + 1 or not knots[-1] > knots[0]:
+        raise ValueError("the path is no curve")
+    places = _places(degree, np.array(knots), np.column_stack((xs, ys)), np.array(weights))
+    arcs = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))))
+    if not (np.isfinite(arcs).all() and arcs[-1] > 0.0):
+        raise ValueError("the path has no length")
+    return RideSamples(line, arcs * (line.length / arcs[-1]), places, late, rate)
+
+
+def _places(degree: int, knots: Array, points: Array, weights: Array) -> Array:
+    """Return the curve sampled, its knots included, (m, 2); de Boor's algorithm on all at once."""
+    count = max(_SAMPLES, _PER_KNOT * len(knots))
+    u = np.union1d(np.linspace(knots[0], knots[-1], count), knots)
+    span = np.clip(np.searchsorted(knots, u, side="right") - 1, degree, len(points) - 1)
+    lifted = np.column_stack((points * weights[:, None], weights))
+    rows = lifted[span[:, None] + np.arange(-degree, 1)]
+    for level in range(1, degree + 1):
+        for j in range(degree, level - 1, -1):
+            low = knots[span - degree + j]
+            high = knots[span + j - level + 1]
+            part = ((u - low) / (high - low))[:, None]
+            rows[:, j] = (1.0 - part) * rows[:, j - 1] + part * rows[:, j]
+    return np.asarray(rows[:, degree, :2] / rows[:, degree, 2:])

@@ -1,0 +1,54 @@
+"""Who spoke on a fleet's keys without being one of its robots.
+
+Decides: whose words are no robot's of the fleet.  Must not know: what they said besides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from protocol import keys
+from protocol.codec import decode
+from protocol.messages import Plan, Refusal, Report
+
+if TYPE_CHECKING:
+    from coordinator.log.records import Log
+
+
+def strangers_in(log: Log) -> set[str]:
+    """Return names that are not the scenario's; without one, of who was refused and never drove."""
+    robots = _robots_of(log.attachments)
+    spoke, refused, drove = set(), set(), set()
+    for record in log.records:
+        place = keys.split(record.key)
+        if place is None or not place[2]:
+            continue
+        spoke.add(place[2])
+        if robots or place[1] not in ("plan", "report"):
+            continue
+        message = decode(place[1], record.payload)
+        if isinstance(message, Refusal):
+            refused.add(place[2])
+        elif isinstance(message, Plan) or (isinstance(message, Report) and message.epoch > 0):
+            drove.add(place[2])
+    return spoke - robots if robots else refused - drove
+
+
+class _Named(msgspec.Struct):
+    id: str
+
+
+class _Fleet(msgspec.Struct):
+    robots: list[_Named]
+
+
+def _robots_of(attachments: Mapping[str, bytes]) -> set[str]:
+    """Return the names of a fleet's robots from its scenario; none when a log does not hold it."""
+    try:
+        fleet = msgspec.json.decode(attachments.get("scenario.json", b""), type=_Fleet)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return set()
+    return {robot.id for robot in fleet.robots}

@@ -1,0 +1,157 @@
+"""A robot's black box as numbers: where it truly was, and how far that is from a plan.
+
+Decides: what counts as tracking error; as sim/judging/judge.py does, which is exact where this
+samples. Must not know: logs, messages.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from coordinator.base.errors import InputError
+from coordinator.findings.ride_samples import Array, RideSamples
+from protocol.phases import DONE, MOVING, PHASE_NAMES
+
+_COLUMNS: Final = "t,x,y,heading,s,phase,estimate"
+_OLDER: Final = "t,x,y,heading,s,phase"
+"""Boxes of programs that wrote no estimate are read too."""
+
+_PHASE: Final = 5
+_PARTS: Final = 12
+"""A robot under way is compared with so many places between where it should be and is late."""
+
+_ALIKE: Final = 1e-4
+"""Places of a robot that brakes or rests are compared once per so many metres."""
+
+_TIMED: Final = (PHASE_NAMES[MOVING], PHASE_NAMES[DONE])
+
+
+@dataclass(frozen=True, eq=False)
+class TrueCourse:
+    """Rows of a black box: t (n,) [s since the first GO], places (n, 2) [m], timed (n,).
+
+    timed: whether the robot kept to its time-table then.  arrival: when it was first done.
+    """
+
+    t: Array
+    places: Array
+    timed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+    arrival: float | None
+
+    def at(self, times: Array) -> Array:
+        """Return the places (m, 2) at times (m,): straight between rows, at rest outside."""
+        return np.column_stack([np.interp(times, self.t, self.places[:, i]) for i in (0, 1)])
+
+    def between(self, begin: float, end: float) -> TrueCourse:
+        """Return the rows from `begin` to before `end`."""
+        kept = (self.t >= begin) & (self.t < end)
+        return TrueCourse(self.t[kept], self.places[kept], self.timed[kept], self.arrival)
+
+    def timed_from(self, since: float) -> float:
+        """Return when the robot first kept to a time-table from a time on [s]; inf if never."""
+        rows = self.t[(self.t >= since) & self.timed]
+        return float(rows[0]) if len(rows) else math.inf
+
+    def off(self, ride: RideSamples, start: float, row: float) -> float:
+        """Return the greatest distance [m] from a plan whose time zero is `start`.
+
+        Of a robot under way: from where the plan has it between its share of lateness ago and now.
+        Of one that gave its time-table up: from all places that the plan has had it at.
+        row [s]: by how much a row's time may be off.
+        """
+        now = ride.arcs_at(self.t - start + row)
+        ago = ride.arcs_at(self.t - start - ride.late - row)
+        worst = 0.0
+        if self.timed.any():
+            kept = self.timed
+            worst = _off_stretches(ride, self.places[kept], ago[kept], now[kept])
+        for index in _unlike(self.places, ~self.timed):
+            last = int(np.searchsorted(ride.arcs, now[index])) + 1
+            line = ride.places[: max(last, 2)]
+            worst = max(worst, float(_off(line[:-1], line[1:], self.places[index]).min()))
+        return worst
+
+
+def read_course(path: Path) -> TrueCourse:
+    """Read a black box; a last line cut short is left out.  InputError naming file and line."""
+    try:
+        lines = path.read_text().splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError([f"{path}: {error}"]) from None
+    if not lines or lines[0] not in (_COLUMNS, _OLDER):
+        raise InputError([f"{path}: line 1: the columns are not {_COLUMNS}"])
+    rows, commas = lines[1:], lines[0].count(",")
+    if rows and rows[-1].count(",") != commas:
+        rows.pop()
+    for number, line in enumerate(rows, start=2):
+        if line.count(",") != commas:
+            raise InputError([f"{path}: line {number}: is no row of a black box"])
+    phases = [line.split(",")[_PHASE] for line in rows]
+    table = _numbers(path, rows)
+    if not np.isfinite(table).all() or np.any(np.diff(table[:, 0]) < 0.0):
+        raise InputError([f"{path}: its times do not run on, or a number is not finite"])
+    done = next((i for i, phase in enumerate(phases) if phase == PHASE_NAMES[DONE]), None)
+    arrival = None if done is None else round(float(table[done, 0]), 3)
+    timed = np.array([phase in _TIMED for phase in phases], dtype=np.bool_)
+    return TrueCourse(table[:, 0], table[:, 1:], timed, arrival)
+
+
+def _numbers(path: Path, rows: list[str]) -> Array:
+    """Return t, x, y of rows, (n, 3); InputError naming the line that has none."""
+    if not rows:
+        return np.empty((0, 3))
+    try:
+        return np.loadtxt(rows, delimiter=",", usecols=(0, 1, 2), ndmin=2, comments=None)
+    except ValueError as error:
+        at = re.search(r"row (\d+)", str(error))
+        line = f"line {int(at[1]) + 2}: " if at else ""
+        raise InputError([f"{path}: {line}is no row of a black box"]) from None
+
+
+def courses_in(folders: Iterable[Path], robots: Iterable[str]) -> dict[str, TrueCourse]:
+    """Read the robots' black boxes `ROBOT.csv`, each from the first folder that has it."""
+    folders = list(folders)
+    found = {}
+    for robot in robots:
+        for path in (folder / f"{robot}.csv" for folder in folders):
+            if path.is_file():
+                found[robot] = read_course(path)
+                break
+    return found
+
+
+def _unlike(
+    places: Array, chosen: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
+    """Return the last of each run of rows that hardly differ in place, of those chosen."""
+    rows = np.flatnonzero(chosen)
+    cells = np.floor(places[rows] / _ALIKE)
+    changes = np.any(np.diff(cells, axis=0) != 0.0, axis=1) if len(rows) else np.empty(0, bool)
+    return rows[np.append(changes, True)] if len(rows) else rows
+
+
+def _off_stretches(ride: RideSamples, places: Array, low: Array, high: Array) -> float:
+    """Return the greatest distance [m] of places (n, 2) from stretches of a path, one for each."""
+    nearest = np.full(len(places), np.inf)
+    before = ride.places_at(low)
+    for part in range(1, _PARTS + 1):
+        after = ride.places_at(low + (high - low) * (part / _PARTS))
+        nearest = np.minimum(nearest, _off(before, after, places))
+        before = after
+    return float(nearest.max())
+
+
+def _off(before: Array, after: Array, places: Array) -> Array:
+    """Return the distances (n,) of places from straight pieces, (n, 2) or one of either."""
+    leg, to_place = after - before, places - before
+    square = np.maximum(np.einsum("ij,ij->i", leg, leg), 1e-18)
+    share = np.clip(np.einsum("ij,ij->i", leg, to_place) / square, 0.0, 1.0)
+    miss = to_place - share[:, None] * leg
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", miss, miss)))

@@ -1,0 +1,307 @@
+"""The fleet core: a state machine from messages and time to messages.  Pure.
+
+In prose: HOLD until every robot that has a part in the epoch is armed; then GO at a common start
+time.  While GO, a robot that falls silent, reports a fault or stops, or misses the task deadline,
+turns the phase to FREEZE; for one that is late the others may get new times instead (`take_times`).
+A frozen fleet that rests is planned anew (`adopt`): the next epoch, in HOLD.  When all have arrived
+the phase is OVER.  The Command of every tick states the phase anew, so a lost message changes
+nothing, nor does an event that a phase does not list.
+
+Decides: what is said to whom, and when the fleet goes, freezes and ends.  Must not know: clocks
+(`now_ns` is an argument), Zenoh, files, paths.  The same inputs give the same bytes: replay relies
+on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from coordinator.fleet.delay import Delay
+from coordinator.fleet.epoch_times import EpochTimes
+from coordinator.fleet.events import Outgoing, Part
+from coordinator.fleet.failures import Failing, on_the_way, sets_out, that_do_not_arm
+from coordinator.fleet.greeting import Door
+from coordinator.fleet.link_record import LINK_GONE, LINK_UP, router_key
+from coordinator.fleet.member import Member
+from coordinator.fleet.phases import (
+    FREEZE_PATIENCE,
+    RESUME_PATIENCE,
+)
+from coordinator.fleet.router_link import RouterLink
+from coordinator.fleet.state import FleetState
+from coordinator.schedule.lateness import Lateness
+from protocol import keys
+from protocol.codec import decode, encode
+from protocol.messages import Admit, Clock, Command, Hello, Pace, Report
+from protocol.phases import (
+    DONE,
+    FREEZE,
+    GO,
+    HOLD,
+    OVER,
+    fault_name,
+)
+
+
+class Fleet(FleetState):
+    """The coordinator's side of a fleet; all times in ns on the coordinator's clock."""
+
+    def __init__(
+        self,
+        name: str,
+        boot: int,
+        members: list[Member],
+        times: EpochTimes,
+        delay: Delay | None = None,
+    ) -> None:
+        super().__init__(name, boot, members, times, delay or Delay())
+        self.bad_messages = 0
+        self._door = Door(name, self.members, self.incidents)
+
+    def hear(self, key: str, payload: bytes, now_ns: int) -> list[Outgoing]:
+        """Take in what arrived on a key and return what to send; bad bytes are counted."""
+        if key == router_key(self.name):
+            self._hear_router(payload == LINK_UP, now_ns)
+            return []
+        place = keys.split(key)
+        if place is None or place[0] != self.name or place[1] == "plan":
+            self.bad_messages += 1
+            return []
+        _, kind, robot = place
+        if kind == "alive":
+            return self._hear_gone(robot, now_ns) if payload == LINK_GONE else []
+        self._router.note(now_ns)
+        message = decode(kind, payload)
+        if isinstance(message, Hello):
+            return self._hear_hello(robot, message, now_ns)
+        if isinstance(message, Report):
+            return self._hear_report(robot, message, now_ns)
+        if isinstance(message, Pace):
+            return self._hear_pace(robot, message, now_ns)
+        if isinstance(message, Clock) and message.received_ns is None:
+            return self._answer_clock(robot, message, now_ns)
+        if isinstance(message, Command):
+            return self._hear_other(message, now_ns)
+        if isinstance(message, Admit):
+            return self._hear_admit(robot, message, now_ns)
+        self.bad_messages += 1
+        return []
+
+    def tick(self, now_ns: int) -> list[Outgoing]:
+        """Look at the time, and say every COMMAND_PERIOD what should be.
+
+        Nothing is said while robots move that have yet to be heard since the coordinator was away.
+        """
+        moving = [m.id for m in self.members.planned if self.phase == GO and m.phase != DONE]
+        was_away = self._absence.look(now_ns, moving)
+        if self.phase == HOLD:
+            self._muster(now_ns, was_away)
+        elif self.phase == GO:
+            self._watch(now_ns, was_away)
+        elif self.phase == FREEZE:
+            self._settle(now_ns, was_away)
+        elif self.phase == OVER:
+            self._farewells += 1
+        if self.phase == GO and self._absence.doubted:
+            return []
+        late = [self.members[name] for name in sorted(self._delay.missing)]
+        return [
+            self._command(now_ns),
+            *(Outgoing(keys.plan(self.name, m.id), m.times) for m in late),
+        ]
+
+    def adopt(
+        self, epoch: int, parts: Mapping[str, Part], duration_ns: int, now_ns: int
+    ) -> list[Outgoing]:
+        """Begin the next epoch with these robots' parts; the others stay where they stand."""
+        self.epoch = epoch
+        self.times.begin(epoch, duration_ns)
+        self._delay.begin_epoch()
+        self.members.assign(parts)
+        self._turn("planned" if parts else "none can go", now_ns)
+        return [self._command(now_ns)]
+
+    def late(self) -> Lateness | None:
+        """Return what new times are wanted for and were not asked for yet."""
+        return self._delay.request() if self.phase == GO else None
+
+    def take_times(
+        self, late: Lateness, times: Mapping[str, bytes], duration_ns: int, now_ns: int
+    ) -> list[Outgoing] | None:
+        """Tell these robots their new times (NewTimes messages); freeze if there are none.
+
+        None when they are no longer waited for.
+        """
+        if self.phase != GO or not self._delay.awaits(late):
+            return None
+        if not times:
+            what = "is late, and there are no new times"
+            self._give_up([Failing(self.members[late.robot], what, strike=True)], now_ns)
+            return [self._command(now_ns)]
+        self.times.duration_ns = duration_ns
+        self._delay.tell(times, self.times)
+        for name, message in times.items():
+            self.members[name].times, self.members[name].revision = message, self.revision
+        told = ", ".join(sorted(times))
+        self._tell(now_ns, "late", late.robot, f"new times for {told}: {late.robot} is late")
+        return [Outgoing(keys.plan(self.name, name), times[name]) for name in sorted(times)]
+
+    def take_over(self, boot: int, last_ns: int, now_ns: int) -> None:
+        """Go on in place of a coordinator that was last sure to be alive at `last_ns`.
+
+        The fleet freezes, by its leases or because it is told to, and says where it stands; all
+        robots are given time to speak.
+        """
+        self.boot, self._sequence, self.epoch = boot, 0, self.next_epoch + 1
+        self.superseded, self._router, self.is_resumed = False, RouterLink(), True
+        self._not_gone = 0 if self.times.has_gone else self.times.epoch
+        if self._not_gone:
+            self.first_epoch = self.epoch
+        for member in self.members.values():
+            member.gone = False
+        self.phase, self._changed_ns = FREEZE, now_ns
+        self._absence.look(now_ns, ())
+        self._delay.drop()
+        self.times.lose_sight(last_ns)
+        self._patient_until_ns = now_ns + RESUME_PATIENCE
+        self._tell(now_ns, "phase", "", "goes on from a log: FREEZE")
+
+    def _hear_hello(self, robot: str, hello: Hello, now_ns: int) -> list[Outgoing]:
+        has_gone = self.phase != HOLD and (self.times.has_gone or self.phase == OVER)
+        begun = has_gone or self.epoch != self.first_epoch
+        answer = self._door.hear(robot, hello, begun, now_ns)
+        if answer is None or isinstance(answer, Outgoing):
+            return [answer] if answer else []
+        return self._send_plan(answer, now_ns)
+
+    def _hear_admit(self, robot: str, admit: Admit, now_ns: int) -> list[Outgoing]:
+        """Freeze the fleet to take a robot in that has come back, or that is heard again.
+
+        A fleet that is frozen makes its next plan with all that have a part and are heard.
+        """
+        member = self.members.get(robot)
+        if self.phase == FREEZE and member is not None and member.is_under_way(now_ns):
+            return []
+        answer = self._door.admit(robot, admit.boot, now_ns)
+        if not answer or isinstance(answer, Outgoing):
+            return [answer] if answer else []
+        self._turn("admitted", now_ns)
+        return [self._command(now_ns)]
+
+    def _hear_report(self, robot: str, report: Report, now_ns: int) -> list[Outgoing]:
+        member = self.members.get(robot)
+        if member is None:
+            return []
+        if report.rest is not None and not 1 <= report.rest.epoch <= self.times.epoch:
+            self.bad_messages += 1  # A place on a path that is not known is not believed.
+            if member.boot is not None:
+                self.outrun(f"{robot} rests on a path of epoch {report.rest.epoch}", now_ns)
+            return []
+        if 0 < report.epoch == self._not_gone and report.boot == member.boot and sets_out(report):
+            self.outrun(f"{robot} has set out in epoch {report.epoch}", now_ns)
+        was = (member.phase, member.fault)
+        stale = self._absence.is_stale(now_ns) or self._router.is_stale(now_ns)
+        was_unheard = member.is_unheard(now_ns)
+        if not member.hear(report, now_ns, stale):
+            return []
+        if was_unheard:
+            self._door.tell_heard_again(member, now_ns)
+        if not stale:
+            self._absence.doubted.discard(robot)
+        if (member.phase, member.fault) != was:
+            self._tell(now_ns, "report", robot, member.describe())
+        if self.phase == GO and member.planned and member.has_stopped(self.epoch):
+            return self._hear_stopped(member, now_ns)
+        if self.phase == HOLD and member.epoch != self.epoch:
+            return self._send_plan(member, now_ns)
+        return []
+
+    def _hear_stopped(self, member: Member, now_ns: int) -> list[Outgoing]:
+        """Freeze the fleet for a robot that has stopped, unless it is late and that is borne."""
+        if self._delay.bears(member, now_ns):
+            return []
+        if self._delay.begin(member, self.times, now_ns):
+            self._tell(now_ns, "late", member.id, f"{member.id} is late; the others go on")
+            return []
+        member.strike(self.epoch)
+        self._fail(member, f"{member.id} stopped: {fault_name(member.fault)}", now_ns)
+        return [self._command(now_ns)]
+
+    def _hear_pace(self, robot: str, pace: Pace, now_ns: int) -> list[Outgoing]:
+        member = self.members.get(robot)
+        if member is not None and member.boot == pace.boot and self.phase == GO:
+            name = self._delay.robot
+            if self._delay.hear(member, pace, self.times, now_ns):
+                self._tell(now_ns, "late", name, f"{name} goes on later, and all know")
+        return []
+
+    def _hear_gone(self, robot: str, now_ns: int) -> list[Outgoing]:
+        """Take note that the link to a robot is gone; one that has a part is lost at once."""
+        member = self.members.get(robot)
+        if member is None or member.boot is None:
+            return []
+        member.gone = True
+        member.admission.leave()
+        under_way = self.phase == GO or self.epoch != self.first_epoch
+        if under_way and member.planned and not member.finished and not member.lost:
+            self._give_up([Failing(member, "has lost its link", lost=True)], now_ns)
+            return [self._command(now_ns)]
+        return []
+
+    def _hear_other(self, command: Command, now_ns: int) -> list[Outgoing]:
+        """Give way to another coordinator of this fleet whose epoch, then boot id, is higher."""
+        if command.boot != self.boot and (command.epoch, command.boot) > (self.epoch, self.boot):
+            if not self.superseded:
+                self._tell(now_ns, "superseded", "", "another coordinator leads this fleet now")
+            self.superseded = True
+        return []
+
+    def _answer_clock(self, robot: str, clock: Clock, now_ns: int) -> list[Outgoing]:
+        if robot not in self.members:
+            return []
+        answer = Clock(clock.boot, clock.sent_ns, now_ns, now_ns)
+        return [Outgoing(keys.clock(self.name, robot), encode(answer))]
+
+    def _muster(self, now_ns: int, was_away: bool) -> None:
+        """Go when all are armed; in a later epoch nobody is waited for who fails to arm."""
+        if not self.missing(now_ns):
+            self._turn("all armed", now_ns)
+        elif self.epoch != self.first_epoch and not was_away:
+            members = [m for m in self.members.planned if not self._is_back(m, now_ns)]
+            self._give_up(that_do_not_arm(members, self.epoch, self._changed_ns, now_ns), now_ns)
+
+    def _watch(self, now_ns: int, was_away: bool) -> None:
+        """See who is lost or late while the fleet moves, and whether everybody has arrived."""
+        moving = [m for m in self.members.planned if m.phase != DONE]
+        if not moving:
+            self._turn("all done" if self.members.has_arrived else "some can go on", now_ns)
+            return
+
+        def spared(member: Member) -> bool:
+            return was_away or self._absence.spares(member.id, member.timeout_ns, now_ns)
+
+        start, deadline = self.times.start_ns, self.times.deadline_ns
+        self._give_up(on_the_way(moving, spared, start, deadline, now_ns), now_ns)
+        if self._delay.is_over(now_ns):
+            what, member = "new times did not come through", self.members[self._delay.robot]
+            self._give_up([Failing(member, f"is late, and {what}", strike=True)], now_ns)
+
+    def _settle(self, now_ns: int, was_away: bool) -> None:
+        """See who is lost in a fleet that freezes."""
+        if was_away or now_ns < self._patient_until_ns:
+            return
+        patience = self.times.settling_ns + FREEZE_PATIENCE
+        waited = now_ns - self._changed_ns > patience
+        for member in self.members.values():
+            if self._is_back(member, now_ns):
+                continue
+            member.admission.look(member.timeout_ns, patience if waited else None, now_ns)
+            if not member.finished:
+                if member.is_silent(now_ns) and not member.lost:
+                    what = "has lost its link" if member.gone else "has fallen silent"
+                    self._give_up([Failing(member, what, lost=True)], now_ns)
+                member.lost |= waited and member.planned and not member.is_at_rest()
+
+    def _is_back(self, member: Member, now_ns: int) -> bool:
+        """Tell whether the coordinator is back for too short a time to call a robot silent."""
+        return self._absence.is_recent(member.timeout_ns, now_ns)

@@ -1,0 +1,53 @@
+"""Places that robots which have come back cannot stand at.
+
+Decides: whose word for its place is not believed.  Must not know: what becomes of those robots.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+import shapely
+
+from coordinator.fleet.replanning_input import Site
+from coordinator.fleet.rest_places import Standing
+from coordinator.scenario.floor import Floor
+from coordinator.scenario.model import Pose
+
+
+def doubtful(site: Site, told: Iterable[Standing]) -> dict[str, str]:
+    """Return the robots of a site that say they stand in another robot or a solid thing, and why.
+
+    A place may be wrong by the margin, and of whoever is lost nobody knows the place.
+    """
+    said = {one.robot: one.place for one in told if one.place is not None}
+    if not said:
+        return {}
+    stand = {robot.id: (robot.start[:2], robot.radius) for robot in site.scenario.robots}
+    for one in site.aside:
+        if len(one.places) == 1:
+            x, y = one.places[0].tolist()
+            stand[one.robot.id] = ((x, y), one.robot.radius)
+    floor = Floor(site.scenario.workspace.boundary, site.scenario.workspace.obstacles)
+    found = {}
+    for name, place in said.items():
+        radius = stand[name][1] - site.scenario.margin
+        there = [
+            other
+            for other, (centre, needs) in stand.items()
+            if other != name and math.dist(place[:2], centre) < radius + needs
+        ]
+        if there or _gap(floor, place) < radius:
+            x, y, _ = place
+            outside = not floor.outline.covers(shapely.Point(x, y))
+            what = (
+                f"{there[0]} does" if there else "no floor is" if outside else "something solid is"
+            )
+            found[name] = f"it says that it stands at ({x:.2f}, {y:.2f}), where {what}"
+    return found
+
+
+def _gap(floor: Floor, place: Pose) -> float:
+    return floor.gap(np.array([place[:2], place[:2]]))

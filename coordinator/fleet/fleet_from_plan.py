@@ -1,0 +1,83 @@
+"""A fleet core made from a proven plan document.
+
+Decides: that a plan without a proof never becomes a fleet.
+"""
+
+from __future__ import annotations
+
+import math
+
+from coordinator.base.errors import PlanError
+from coordinator.fleet.core import Fleet
+from coordinator.fleet.delay import Delay
+from coordinator.fleet.epoch_times import EpochTimes
+from coordinator.fleet.events import Part
+from coordinator.fleet.member import Member
+from coordinator.plan.document import PlanDocument, RobotPlan
+from coordinator.plan.fault_budget import budget_for
+from coordinator.plan.wire import pack, pack_times
+from coordinator.scenario.link_times import link_times
+from protocol.timing import SECOND
+
+
+def muster(document: PlanDocument, boot: int) -> Fleet:
+    """Return the fleet core for a plan; PlanError when the plan is not proven.
+
+    `boot` is the coordinator's boot id, 32 random bits.
+    """
+    parts, times = parts_of(document, boot), link_times(document.link)
+    members = [
+        Member(
+            id=robot.id,
+            radius=robot.radius,
+            speed=parts[robot.id].speed,
+            plan=parts[robot.id].plan,
+            accel=_brakes(robot),
+            timeout_ns=times.report_timeout_ns,
+        )
+        for robot in document.robots
+    ]
+    finish = max(robot.finish_time for robot in document.robots)
+    budget = budget_for([r.limits for r in document.robots if r.limits], document.link)
+    settling = budget.lease + budget.travel + budget.brake + budget.clocks
+    behind = budget.late + budget.travel
+    return Fleet(
+        document.scenario,
+        boot,
+        members,
+        EpochTimes(
+            document.epoch,
+            round(finish * SECOND),
+            round(settling * SECOND),
+            round(behind * SECOND),
+        ),
+        Delay(round(document.tau * SECOND), round(budget.travel * SECOND)),
+    )
+
+
+def parts_of(document: PlanDocument, boot: int) -> dict[str, Part]:
+    """Return what each robot of a proven plan is to be sent; PlanError when it is not proven."""
+    if document.proof is None or not document.proof.holds:
+        raise PlanError("a plan whose proof does not hold is not sent to robots")
+    return {
+        robot.id: Part(pack(document, robot, boot), max(v for _, v in robot.profile))
+        for robot in document.robots
+    }
+
+
+def times_of(document: PlanDocument, driven: PlanDocument, boot: int) -> dict[str, bytes]:
+    """Return the NewTimes messages of a proven plan that changes the times of the one driven."""
+    parts = parts_of(document, boot)
+    was = {robot.id: robot for robot in driven.robots}
+    return {
+        robot.id: pack_times(parts[robot.id].plan, document.revision)
+        for robot in document.robots
+        if robot != was[robot.id]
+    }
+
+
+def _brakes(robot: RobotPlan) -> float:
+    """Return the brakes that a plan counts on [m/s^2]; 0 where it does not tell."""
+    if robot.limits is None:
+        return 0.0
+    return math.inf if robot.limits.max_accel is None else robot.limits.max_accel

@@ -1,0 +1,230 @@
+"""What the coordinator knows of one robot: who it is, what it said last, and when.
+
+Decides: when a robot counts as armed, lost, fit or at rest.  Must not know: the other robots.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import msgspec
+
+from coordinator.fleet.admission import Admission
+from coordinator.fleet.rest_places import Standing, State
+from protocol.messages import Hello, Report
+from protocol.phases import (
+    ARMED,
+    BRAKING,
+    DONE,
+    FROZEN,
+    IDLE,
+    LEASE_OUT,
+    MOVING,
+    NO_FAULT,
+    PHASE_NAMES,
+    fault_name,
+)
+from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
+
+PLAN_PERIOD: Final = COMMAND_PERIOD
+
+STRIKES: Final = 3
+"""A robot that has ended so many epochs by a fault of its own is left where it stands."""
+
+BOOTS: Final = 64
+"""Of so many processes under one name it is remembered what they said."""
+
+
+@dataclass
+class Member:
+    """One robot of the fleet, as heard; boot None means that it has not been accepted yet.
+
+    `planned`: it has a part in this epoch; `sent_epoch`: the last one in which it may have moved.
+    `finished`: it has been at its goal.  `rest`: where it last said that it rests, None as long as
+    it may have moved since.
+    `stays`: why it got no part in this epoch though it could have had one, in words.
+    """
+
+    id: str
+    radius: float
+    speed: float
+    """The speed that its plan needs [m/s]."""
+    plan: bytes
+    accel: float = 0.0
+    """The brakes that its plan and its tau count on [m/s^2]; inf: it stops at once."""
+    timeout_ns: int = REPORT_TIMEOUT
+    planned: bool = True
+    boot: int | None = None
+    heard_ns: int = 0
+    kept_ns: int = 0
+    """When it last said that it keeps to its plan: it was hardly behind, and can only have moved on
+    since; one that brakes may have stood for long."""
+    sequence: int = -1
+    sent_epoch: int = 0
+    epoch: int = 0
+    phase: int = IDLE
+    fault: int = 0
+    times: bytes = b""
+    revision: int = 0
+    """The newest NewTimes message of this epoch, and its number."""
+    plan_sent_ns: int | None = None
+    done_ns: int | None = None
+    lost: bool = False
+    gone: bool = False
+    finished: bool = False
+    struck: set[int] = field(default_factory=set)
+    """The epochs that it has ended by a fault of its own."""
+    rest: Standing | None = None
+    admission: Admission = field(default_factory=Admission)
+    stays: str = ""
+    hellos: dict[int, int] = field(default_factory=dict)
+    """The newest Hello's number of each process that has said one, the last ones last."""
+
+    @property
+    def rest_s(self) -> float | None:
+        """Where on its path the robot rests [m], if it has said so."""
+        return None if self.rest is None else self.rest.s
+
+    def has_heard(self, hello: Hello) -> bool:
+        """Take note of a Hello; tell whether it, or a later one of its process, came before."""
+        newest = self.hellos.pop(hello.boot, 0)
+        self.hellos[hello.boot] = max(newest, hello.sequence)
+        if len(self.hellos) > BOOTS:
+            del self.hellos[next(iter(self.hellos))]
+        return 0 < hello.sequence <= newest
+
+    def knock(self, hello: Hello, now_ns: int) -> None:
+        """Take note that a robot of this name has come back; an operator may admit it."""
+        self.admission.knock(hello, now_ns)
+        if self.admission.is_awaited and hello.place is not None:
+            x, y, heading = (number / 1000.0 for number in hello.place)
+            self.accept(hello, now_ns)
+            self.finished = self.planned = False
+            self.stays = ""
+            self.kept_ns, self.sent_epoch = now_ns, 0
+            self.struck.clear()
+            self.admission.take_in()
+            self.rest = Standing(robot=self.id, state="rests", epoch=0, place=(x, y, heading))
+
+    def accept(self, hello: Hello, now_ns: int) -> None:
+        """Take a robot in, forgetting what an earlier process of that name said."""
+        self.heard_ns, self.lost, self.gone = now_ns, False, False
+        if hello.boot == self.boot:
+            return
+        self.boot, self.sequence, self.epoch, self.phase, self.fault = hello.boot, -1, 0, IDLE, 0
+        self.plan_sent_ns = self.done_ns = None
+
+    def set_out(self, epoch: int, now_ns: int) -> None:
+        """Be sent on its way: where it rested before says nothing any more."""
+        self.sent_epoch, self.rest, self.kept_ns = epoch, None, now_ns
+
+    def take_part(self, plan: bytes, speed: float) -> None:
+        """Get a part in a new epoch."""
+        self.planned, self.plan, self.speed, self.revision = True, plan, speed, 0
+        self.plan_sent_ns = self.rest = None
+
+    def plan_due(self, now_ns: int) -> bool:
+        """Tell whether to send the plan now, which then counts as done."""
+        just_sent = self.plan_sent_ns is not None and now_ns - self.plan_sent_ns < PLAN_PERIOD
+        if not self.planned or just_sent:
+            return False
+        self.plan_sent_ns = now_ns
+        return True
+
+    def hear(self, report: Report, now_ns: int, stale: bool = False) -> bool:
+        """Take a report in; False when it is not this robot's newest.
+
+        A stale one has waited while the coordinator was away: nobody knows since when.
+        """
+        if report.boot != self.boot or report.sequence <= self.sequence:
+            return False
+        if not stale:
+            self.heard_ns = now_ns
+        if report.phase == MOVING and not stale:
+            self.kept_ns = now_ns
+        self.sequence, self.lost, self.gone = report.sequence, False, False
+        if self.phase == DONE and report.phase == FROZEN:
+            self.finished, self.done_ns = False, None  # It was pushed off its goal.
+        self.epoch, self.phase, self.fault = report.epoch, report.phase, report.fault
+        if report.rest is not None and report.rest.epoch >= self.sent_epoch:
+            self.rest = Standing(
+                robot=self.id,
+                state="rests",
+                epoch=report.rest.epoch,
+                s=report.rest.s_m,
+                off=report.rest.off_mm / 1000.0,
+                turn=report.rest.turn_mrad / 1000.0,
+                beyond=report.rest.beyond_mm / 1000.0,
+            )
+        if report.phase == DONE:
+            self.finished = True
+            self.done_ns = now_ns if self.done_ns is None else self.done_ns
+        return True
+
+    def describe(self) -> str:
+        """Say what the robot does, in words."""
+        text = f"{self.id} is {PHASE_NAMES[self.phase]}"
+        return f"{text}: {fault_name(self.fault)}" if self.fault else text
+
+    def strike(self, epoch: int) -> None:
+        """Note that the robot ends an epoch by its fault; the coordinator's silence is none."""
+        if self.fault not in (NO_FAULT, LEASE_OUT):
+            self.struck.add(epoch)
+
+    @property
+    def is_fit(self) -> bool:
+        """Tell whether the robot has not failed too often to be sent on its way again."""
+        return len(self.struck) < STRIKES
+
+    def is_silent(self, now_ns: int) -> bool:
+        """Tell whether nothing has been heard for too long, or the link to the robot is gone."""
+        return self.gone or now_ns - self.heard_ns > self.timeout_ns
+
+    def is_under_way(self, now_ns: int) -> bool:
+        """Tell whether the robot has a part in this epoch, has not arrived, and is heard."""
+        return self.planned and not self.finished and not self.is_silent(now_ns)
+
+    def is_unheard(self, now_ns: int) -> bool:
+        """Tell whether the robot is lost because nothing is heard of it."""
+        return self.lost and self.is_silent(now_ns)
+
+    def is_armed(self, epoch: int, now_ns: int) -> bool:
+        """Tell whether the robot stands ready with this epoch's plan."""
+        return self.phase == ARMED and self.epoch == epoch and not self.is_silent(now_ns)
+
+    def has_not_set_out(self, start_ns: int, now_ns: int) -> bool:
+        """Tell whether the robot speaks but has not gone with the others: it does not hear."""
+        return self.phase in (IDLE, ARMED) and now_ns > start_ns + self.timeout_ns
+
+    def has_stopped(self, epoch: int) -> bool:
+        """Tell whether the robot has given up its time-table of this epoch."""
+        if self.epoch not in (0, epoch):
+            return False
+        return self.phase in (BRAKING, FROZEN) or (self.phase != MOVING and self.fault != 0)
+
+    def is_at_rest(self) -> bool:
+        """Tell whether it is known where the robot stands for good."""
+        return self.finished or self.rest is not None
+
+    def standing(self, epoch: int, since_ns: int, until_ns: int) -> Standing:
+        """Return what is known of where the robot is.
+
+        Of one that has not said where it rests: it does so on this epoch's path, where its plan has
+        it between these plan times; at the start if they are one.
+        """
+        if self.finished:
+            return Standing(robot=self.id, state="arrived", epoch=epoch)
+        state: State = "lost" if self.lost else "rests" if self.is_fit else "unfit"
+        rest = self.rest
+        if rest is None and since_ns == until_ns:
+            rest = Standing(robot=self.id, state=state, epoch=epoch, s=0.0)
+        if rest is not None:
+            return msgspec.structs.replace(rest, state=state)
+        return Standing(
+            robot=self.id,
+            state="lost",
+            epoch=epoch,
+            since=since_ns / SECOND,
+            until=until_ns / SECOND,
+        )

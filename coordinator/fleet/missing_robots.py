@@ -1,0 +1,88 @@
+"""Whom a fleet that stands still waits for, and why, in words.
+
+Decides: what is told, and when: once a fleet has waited for PATIENCE, and again when that has
+changed, at most once in PATIENCE.  Must not know: consoles, what the fleet then does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+from coordinator.fleet.core import Fleet
+from coordinator.fleet.member import Member
+from protocol.phases import COMMAND_NAMES, FREEZE, HOLD, IDLE, PHASE_NAMES, fault_name
+from protocol.timing import SECOND
+
+PATIENCE: Final = SECOND
+
+_NAMED: Final = 10
+"""Of more robots that are missing for the same reason only so many are named."""
+
+
+class RollCall:
+    """Watches one fleet; `news` is called after every tick."""
+
+    def __init__(self) -> None:
+        self._state = (-1, -1)
+        self._due_ns = 0
+        self._said = ""
+
+    def news(self, fleet: Fleet, now_ns: int) -> str:
+        """Return a sentence about who is waited for; empty when there is nothing new to tell."""
+        if self._state != (fleet.epoch, fleet.phase):
+            self._state = (fleet.epoch, fleet.phase)
+            self._due_ns, self._said = now_ns + PATIENCE, ""
+        if now_ns < self._due_ns:
+            return ""
+        missing = missing_in_words(fleet, now_ns)
+        if missing == self._said:
+            return ""
+        self._due_ns, self._said = now_ns + PATIENCE, missing
+        return f"{COMMAND_NAMES[fleet.phase]}, waiting for {missing}" if missing else ""
+
+
+def missing_in_words(fleet: Fleet, now_ns: int) -> str:
+    """Say who is missing, those with the same reason together; empty when nobody is."""
+    reasons: dict[str, list[str]] = {}
+    for member, why in _missing(fleet, now_ns):
+        reasons.setdefault(why, []).append(member.id)
+    return "; ".join(f"{_list(names)}: {why}" for why, names in reasons.items())
+
+
+def _missing(fleet: Fleet, now_ns: int) -> Iterable[tuple[Member, str]]:
+    for member in fleet.members.values():
+        if fleet.phase == HOLD and member.planned and not member.is_armed(fleet.epoch, now_ns):
+            yield member, _why_not_armed(member, fleet.epoch, now_ns)
+        elif fleet.phase == FREEZE and member.admission.is_awaited:
+            yield member, "admitted, has not said where it stands"
+        elif fleet.phase == FREEZE and member.planned and not (member.lost or member.is_at_rest()):
+            yield member, _why_unheard(member, now_ns) or "has not said where it rests"
+
+
+def _why_not_armed(member: Member, epoch: int, now_ns: int) -> str:
+    """Say why a robot that has a part in the epoch is not armed with its plan."""
+    unheard = _why_unheard(member, now_ns)
+    if unheard:
+        return unheard
+    if member.fault:
+        return f"has said hello but does not arm, {fault_name(member.fault)}"
+    if member.epoch != epoch:
+        return "has said hello but does not hold its plan yet"
+    if member.phase == IDLE:
+        return "holds its plan but is not armed yet"
+    return f"is {PHASE_NAMES[member.phase]}"
+
+
+def _why_unheard(member: Member, now_ns: int) -> str:
+    """Say that a robot is not heard; empty when it is."""
+    if member.boot is None:
+        return "has not said hello"
+    if member.gone:
+        return "its link is gone"
+    return "has fallen silent" if member.is_silent(now_ns) else ""
+
+
+def _list(names: list[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more

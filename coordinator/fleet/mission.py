@@ -1,0 +1,133 @@
+"""A fleet's epochs one after another: the fleet core, the site as it is known, the plans so far.
+
+Decides: when a fleet is planned anew and which plan it gets.  Must not know: clocks, links, files;
+`solve` takes long and changes nothing, so that a shell may run it beside the fleet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+from coordinator.fleet.epoch_record import Request
+from coordinator.fleet.events import Incident, Outgoing
+from coordinator.fleet.fleet_from_plan import muster, parts_of, times_of
+from coordinator.fleet.recovery import Planner, Recovery, recover
+from coordinator.fleet.replanning_input import Site
+from coordinator.fleet.rest_places import Standing
+from coordinator.plan.document import PlanDocument
+from coordinator.plan.wire import drive
+from coordinator.planning.retiming import retime
+from coordinator.scenario.model import Scenario
+from coordinator.schedule.lateness import Lateness
+from protocol.timing import SECOND
+
+MOST_EPOCHS: Final = 200
+"""A fleet that still does not arrive is given up."""
+
+_NEAR: Final = 0.05
+"""How much farther [m] than its plan a robot may take itself to be."""
+
+
+class Mission:
+    """One scenario from its first plan to the end; `planner` plans the later epochs."""
+
+    def __init__(
+        self, scenario: Scenario, document: PlanDocument, boot: int, planner: Planner
+    ) -> None:
+        self.site = Site(scenario)
+        self.documents = {document.epoch: document}
+        self.fleet = muster(document, boot)
+        self._planner = planner
+        self._wanted: Request | None = None
+
+    @property
+    def document(self) -> PlanDocument:
+        """The newest plan."""
+        return self.documents[max(self.documents)]
+
+    def request(self, now_ns: int) -> Request | None:
+        """Return a plan that is wanted and was not asked for yet."""
+        if not self.fleet.is_settled(now_ns):
+            return None
+        wanted = Request(self.fleet.next_epoch, tuple(self.fleet.standings()))
+        if self.fleet.is_resumed and (robot := self._outran(wanted.told)):
+            self.fleet.outrun(f"{robot} rests farther along its path than it could be", now_ns)
+        if wanted == self._wanted or self.fleet.superseded:
+            return None
+        self._wanted = wanted
+        return wanted
+
+    def solve(self, request: Request) -> Recovery:
+        """Return the plan that was asked for; pure, may take seconds."""
+        if request.epoch > MOST_EPOCHS:
+            return Recovery(self.site, None, (f"given up after {MOST_EPOCHS} epochs",))
+        return recover(self.site, self.documents, request.told, request.epoch, self._planner)
+
+    def _outran(self, told: Iterable[Standing]) -> str:
+        """Name a robot that rests where it cannot have come by when the fleet froze, if any does.
+
+        Where one that is lost may stand is then not known either.
+        """
+        times = self.fleet.times
+        if not times.has_gone or times.epoch not in self.documents:
+            return ""
+        until = (times.until_ns - times.zero_ns) / SECOND
+        rides = {ride.id: ride for ride in drive(self.documents[times.epoch])}
+        for one in told:
+            if one.s is not None and one.epoch == times.epoch and one.robot in rides:
+                reached = rides[one.robot].timeline.s_at(max(until, 0.0))
+                if one.s > reached + self.site.scenario.margin + _NEAR:
+                    return one.robot
+        return ""
+
+    def late(self) -> Lateness | None:
+        """Return what new times are wanted for and were not asked for yet."""
+        return self.fleet.late()
+
+    def retime(self, late: Lateness) -> PlanDocument | None:
+        """Return the newest plan with new times, None if there are none; pure, takes a while."""
+        return retime(self.site.scenario, self.document, late)
+
+    def take_times(
+        self, late: Lateness, document: PlanDocument | None, now_ns: int
+    ) -> list[Outgoing] | None:
+        """Go on with new times, or freeze without; None when they are no longer waited for."""
+        driven, boot = self.document, self.fleet.boot
+        times = {} if document is None else times_of(document, driven, boot)
+        finish = max(robot.finish_time for robot in (document or driven).robots)
+        messages = self.fleet.take_times(late, times, round(finish * SECOND), now_ns)
+        if messages is not None and document is not None:
+            self.documents[document.epoch] = document
+        return messages
+
+    def take_over(self, boot: int, last_ns: int, now_ns: int) -> None:
+        """Go on with another boot id, in place of a coordinator that was alive at `last_ns`."""
+        self._wanted = None
+        self.fleet.take_over(boot, last_ns, now_ns)
+
+    def adopt(self, request: Request, recovery: Recovery, now_ns: int) -> list[Outgoing] | None:
+        """Begin the next epoch; None when the fleet is no longer as it was when it was asked.
+
+        It may be so again later: a plan that came at the wrong moment is asked for anew.
+        """
+        wanted, self._wanted = self._wanted, None
+        asked = Request(self.fleet.next_epoch, tuple(self.fleet.standings()))
+        if request != wanted or asked != request or not self.fleet.is_settled(now_ns):
+            return None
+        for sentence in recovery.said:
+            self.fleet.incidents.append(Incident(now_ns, "stays", "", sentence))
+        for member in self.fleet.members.values():
+            member.stays = recovery.stays.get(member.id, "")
+            if member.id in recovery.doubted:
+                member.rest = None
+        self.site = recovery.site
+        for one in self.site.aside:
+            self.fleet.members[one.robot.id].finished |= one.why == "arrived"
+        if recovery.document is None:
+            return self.fleet.adopt(request.epoch, {}, 0, now_ns)
+        document = recovery.document
+        self.documents[document.epoch] = document
+        finish = max(robot.finish_time for robot in document.robots)
+        parts = parts_of(document, self.fleet.boot)
+        return self.fleet.adopt(document.epoch, parts, round(finish * SECOND), now_ns)

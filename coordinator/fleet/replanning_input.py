@@ -1,0 +1,267 @@
+"""What a new plan starts from: the floor with everybody who stands on it, and who is to drive.
+
+Robots that are planned for start where they rest.  One with a given path drives the rest of it; off
+it, it finds its own way to the same goal.  Robots that are not stand aside: at their goals,
+lost, not fit, or closed in; they are obstacles over all places where they may stand.
+
+Decides: where robots stand, and what of a scenario is left to do.  Must not know: how plans are
+found, phases.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field
+from dataclasses import replace as changed
+from typing import Final, Literal
+
+import numpy as np
+import shapely
+from msgspec.structs import replace
+
+from coordinator.curves.knots import piece
+from coordinator.curves.nurbs import Array
+from coordinator.fleet.rest_places import Standing
+from coordinator.paths.given_path import path_of
+from coordinator.plan.document import PlanDocument
+from coordinator.plan.wire import Driven, drive
+from coordinator.scenario.margin import track_mm_for
+from coordinator.scenario.model import Point, Pose, Robot, Scenario
+
+Why = Literal["arrived", "lost", "unfit", "closed in"]
+
+_CORNERS: Final = 64
+"""Corners of a disc; they stand outside of it by 0.12 % of the radius."""
+
+_STEP: Final = 0.02
+"""A stretch on which a robot may stand is followed in steps of this [m]."""
+
+_ON_PATH: Final = 0.75
+"""A robot that would start within this share of its track tolerance off its path is taken to stand
+on it.
+
+It arms within a little more; what it is off is in the margin that the others keep.
+"""
+
+_TOLD: Final = 1.25e-3
+"""A place that a robot tells may be out by less [m]: it is rounded to millimetres, and one up to
+_THERE short of the goal is taken for the goal.  That is in the margin, too."""
+
+_PER_TURN: Final = 0.037
+"""How far [m] a robot comes off its path for each radian that it starts turned from it."""
+
+_TURNING: Final = 0.1
+"""A via point needs so much room [m] beside it: paths turn there."""
+
+_THERE: Final = 1e-3
+"""A robot nearer to its goal than this [m] is at it; one short of it by what it may start off its
+path counts as arrived, for the way that is left is too short to drive."""
+
+
+@dataclass(frozen=True, eq=False)
+class Aside:
+    """A robot that is not planned for: why, the places (n, 2) [m] it may stand at, its pose.
+
+    `pose` is None where it is not known well enough to drive on from.
+    """
+
+    robot: Robot
+    why: Why
+    places: Array
+    pose: Pose | None
+
+    def disc(self) -> tuple[Point, ...]:
+        """Return the polygon that holds the robot wherever it may stand."""
+        angles = np.arange(_CORNERS) * (math.tau / _CORNERS)
+        radius = self.robot.radius / math.cos(math.pi / _CORNERS)
+        disc = radius * np.column_stack((np.cos(angles), np.sin(angles)))
+        discs = self.places[:, None] + disc
+        pairs = np.concatenate((discs, np.roll(discs, -1, axis=0)), axis=1)[
+            : max(len(discs) - 1, 1)
+        ]
+        whole = shapely.union_all(shapely.convex_hull(shapely.multipoints(pairs)))
+        ring = shapely.get_coordinates(shapely.orient_polygons(whole).exterior)[:-1]
+        return tuple((float(x), float(y)) for x, y in ring)
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """The robots of a fleet: those to plan for, in a scenario, and those that stand aside."""
+
+    scenario: Scenario
+    aside: tuple[Aside, ...] = field(default=())
+
+    def planned(self) -> Scenario:
+        """Return the scenario to plan: those aside are obstacles."""
+        floor = self.scenario.workspace
+        discs = tuple(one.disc() for one in self.aside)
+        return replace(self.scenario, workspace=replace(floor, obstacles=floor.obstacles + discs))
+
+    def without(self, robot: str) -> Site:
+        """Return the site with a robot put aside where it starts: its way is closed."""
+        (one,) = (r for r in self.scenario.robots if r.id == robot)
+        rest = tuple(r for r in self.scenario.robots if r.id != robot)
+        here = np.array([one.start[:2]])
+        stays = Aside(one, "closed in", here, one.start)
+        return Site(replace(self.scenario, robots=rest), (*self.aside, stays))
+
+    def not_passing(self, robot: str, closed: Container[Point]) -> Site:
+        """Return the site with a robot that does not pass these via points."""
+        robots = []
+        for one in self.scenario.robots:
+            left = tuple(place for place in one.via if one.id != robot or place not in closed)
+            robots.append(replace(one, via=left))
+        return Site(replace(self.scenario, robots=tuple(robots)), self.aside)
+
+    def on_given_path(self, robot: str) -> bool:
+        """Tell whether a robot that is planned for has a given path."""
+        return any(r.id == robot and r.path is not None for r in self.scenario.robots)
+
+    def off_given_path(self, robot: str) -> Site:
+        """Return the site with a robot that finds its own way to the end of its given path."""
+        robots = (replace(r, path=None) if r.id == robot else r for r in self.scenario.robots)
+        return Site(replace(self.scenario, robots=tuple(robots)), self.aside)
+
+
+def next_site(site: Site, documents: Mapping[int, PlanDocument], told: Sequence[Standing]) -> Site:
+    """Return the site after the fleet has come to rest.
+
+    documents: the plans by epoch, whose paths the standings refer to.  Robots of the site's
+    scenario that nothing is told of keep their starts; robots aside stay aside unless something is
+    told of them, and those closed in are to drive again.
+    """
+    known = {standing.robot: standing for standing in told}
+    driven: dict[int, dict[str, Driven]] = {}
+    for epoch in {standing.epoch for standing in told} & set(documents):
+        driven[epoch] = {one.id: one for one in drive(documents[epoch])}
+    robots: list[Robot] = []
+    aside: list[Aside] = []
+    before = {one.robot.id: one for one in site.aside}
+    everybody = [*site.scenario.robots, *(one.robot for one in site.aside)]
+    for robot in sorted(everybody, key=lambda robot: robot.id):
+        was, standing = before.get(robot.id), known.get(robot.id)
+        found = _stands(robot, was, standing, driven, site.scenario.margin)
+        if isinstance(found, Robot):
+            robots.append(found)
+        else:
+            aside.append(found)
+    return Site(replace(site.scenario, robots=tuple(robots)), tuple(aside))
+
+
+def passable(site: Site) -> tuple[Site, list[str]]:
+    """Return the site without the via points that somebody aside makes impassable, and say so."""
+    said: list[str] = []
+    robots = []
+    for robot in site.scenario.robots:
+        room = robot.radius + site.scenario.margin + _TURNING
+        left = []
+        for place in robot.via:
+            here = shapely.Point(place)
+            by = [a for a in site.aside if shapely.Polygon(a.disc()).distance(here) <= room]
+            if by:
+                where = f"({place[0]:.2f}, {place[1]:.2f})"
+                said.append(f"{robot.id} does not pass {where}: {by[0].robot.id} stands there")
+            else:
+                left.append(place)
+        robots.append(replace(robot, via=tuple(left)))
+    return Site(replace(site.scenario, robots=tuple(robots)), site.aside), said
+
+
+def _stands(
+    robot: Robot,
+    was: Aside | None,
+    standing: Standing | None,
+    driven: Mapping[int, Mapping[str, Driven]],
+    margin: float,
+) -> Robot | Aside:
+    """Return a robot with its new start, or as one that stands aside."""
+    if standing is not None and standing.place is not None:
+        return _comes_back(robot, standing, standing.place, margin)
+    if standing is None or (was is not None and was.why == "arrived"):
+        if was is None or was.why != "closed in" or was.pose is None:
+            return robot if was is None else was
+        return replace(was.robot, start=was.pose)
+    if standing.state == "arrived":
+        return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
+    ride = driven.get(standing.epoch, {}).get(robot.id)
+    if ride is None:
+        known = was or Aside(robot, "lost", np.array([robot.start[:2]]), None)
+        return changed(known, why="lost") if standing.state == "lost" else known
+    if standing.s is None:
+        return Aside(robot, "lost", _stretch(ride, standing), None)
+    s = min(standing.s, ride.curve.length)
+    pose = _pose(ride, s, standing, margin)
+    if standing.state != "rests":
+        why: Why = "lost" if standing.state == "lost" else "unfit"
+        return Aside(robot, why, np.array([pose[:2]]), pose)
+    if _is_on_path(standing, margin, max(ride.curve.length - s - _THERE, 0.0)):
+        return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
+    path = None
+    if robot.path is not None and _is_on_path(standing, margin):
+        u = float(ride.curve.parameter_at([s])[0])
+        path = path_of(piece(ride.curve, u, float(ride.curve.knots[-1])))
+    return replace(robot, start=pose, via=_ahead(ride, robot.via, s), path=path)
+
+
+def _comes_back(robot: Robot, standing: Standing, place: Pose, margin: float) -> Robot | Aside:
+    """Return a robot that says its place, wherever it was before; it may say that of its goal."""
+    if standing.state == "lost":
+        return Aside(robot, "lost", np.array([place[:2]]), place)
+    if math.dist(place[:2], robot.goal[:2]) <= max(_on_path(margin), _THERE):
+        return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
+    return replace(robot, start=place, via=(), path=None)
+
+
+def _stretch(ride: Driven, standing: Standing) -> Array:
+    """Return where a robot may stand of which only times are known, (n, 2) [m]."""
+    low = ride.timeline.s_at(max(standing.since, 0.0))
+    high = max(ride.timeline.s_at(max(standing.until, 0.0)), low)
+    return ride.curve.at_arc(np.linspace(low, high, 2 + math.ceil((high - low) / _STEP)))
+
+
+def _pose(ride: Driven, s: float, standing: Standing, margin: float) -> tuple[float, float, float]:
+    """Return where a robot rests and which way it faces: on its path, unless it is off it."""
+    if _is_on_path(standing, margin):
+        return pose_beside(ride, s)
+    return pose_beside(ride, s, standing.off, standing.beyond, standing.turn)
+
+
+def pose_beside(
+    ride: Driven, s: float, off: float = 0.0, beyond: float = 0.0, turn: float = 0.0
+) -> tuple[float, float, float]:
+    """Return x, y [m] and heading [rad] of one `off` [m] left of its path at s [m].
+
+    It is `beyond` [m] ahead of that place and turned from the path by `turn` [rad].
+    """
+    places, first = ride.curve.derivatives(ride.curve.parameter_at([s]), 1)
+    x, y = places[0].tolist()
+    heading = math.atan2(first[0, 1], first[0, 0])
+    x += beyond * math.cos(heading) - off * math.sin(heading)
+    y += beyond * math.sin(heading) + off * math.cos(heading)
+    return x, y, math.remainder(heading + turn, math.tau)
+
+
+def _is_on_path(standing: Standing, margin: float, short: float = 0.0) -> bool:
+    """Tell whether a robot may start as if it stood on its path; `short` [m] of a place on it."""
+    off = abs(standing.off) + abs(standing.beyond)
+    return short + off + _PER_TURN * abs(standing.turn) <= _on_path(margin)
+
+
+def _on_path(margin: float) -> float:
+    """Return how far [m] off its path a robot is taken to stand on it."""
+    track = track_mm_for(margin) / 1000.0
+    return min(_ON_PATH * track, track - _TOLD)
+
+
+def _ahead(ride: Driven, via: Sequence[Point], s: float) -> tuple[Point, ...]:
+    """Return the via points that a robot has yet to pass, in order."""
+    if not via:
+        return ()
+    arcs = np.linspace(0.0, ride.curve.length, 2 + math.ceil(ride.curve.length / _STEP))
+    places, passed, left = ride.curve.at_arc(arcs), 0, []
+    for place in via:
+        passed += int(np.argmin(np.hypot(*(places[passed:] - place).T)))
+        if arcs[passed] > s:
+            left.append(place)
+    return tuple(left)

@@ -1,0 +1,130 @@
+"""The ground prepared for one reach: where a disc's centre may go straight, and its shortest way.
+
+One ground serves every robot of the same radius; what its vertices see is found when first asked
+for and kept.
+
+Decides: what counts as free (touching is, going in is not) and how places are looked up.  Must not
+know: robots, curves or times.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from coordinator.curves.nurbs import Array
+from coordinator.ground.distance_kernels import Solid, keeping
+from coordinator.ground.grid_kernels import cells_of
+from coordinator.ground.growth import TURN_STEP, Indices, Rings, grow
+from coordinator.ground.shortest_way_kernels import search
+from coordinator.ground.visibility_kernels import Sight, corners_within, sees
+
+_SLACK: Final = 1e-6
+"""Blocked ground is smaller than the grown obstacles by this [m]: touching them is allowed."""
+
+_EDGES_PER_CELL: Final = 0.5
+_MOST_CELLS: Final = 1_000_000
+_SEEN_PER_TURN: Final = 64
+"""Room for this many visible vertices per vertex, on average; what is beyond is not kept."""
+
+_FIRST_PLACES: Final = 1000
+"""Places that the first search of a way may go through."""
+
+_MOST_SAGITTA: Final = 0.05
+"""Gaps are told up to this much more [m] than the reach."""
+
+
+class Ground:
+    """Free ground for a centre that keeps `reach` [m] from all that is solid.
+
+    Ways turn at vertices that lie farther out by `room` [m].
+    """
+
+    def __init__(self, rings: Rings, reach: float, room: float = 0.0) -> None:
+        self.reach = reach
+        self.rings = rings
+        blocking, turning = grow(rings, reach - _SLACK), grow(rings, reach + room)
+        self.frame = _frame(blocking.edges, turning.turns)
+        bare = Solid(reach - 2.0 * _SLACK, np.empty((0, 3)), *self.solid_edges)
+        # What lies within the reach of something else can never be turned at.
+        free = keeping(turning.turns, turning.turns, np.zeros(len(turning.turns)), bare)
+        self.turns = turning.turns[free]
+        first, items = cells_of(blocking.edges, 0.0, self.frame)
+        count = len(self.turns)
+        rows = np.full((count + 1, 2), -1)
+        rows[-1] = 0
+        pool = np.zeros(min(count * count, max(_SEEN_PER_TURN * count, 4096)), np.int64)
+        self.sight = Sight(
+            turns=self.turns,
+            before=turning.before[free],
+            after=turning.after[free],
+            rows=rows,
+            pool=pool,
+            edges=blocking.edges,
+            owners=blocking.owners,
+            beyond=blocking.beyond,
+            corners=rings.corners,
+            reach=reach - _SLACK,
+            room=room,
+            first=first,
+            items=items,
+            frame=self.frame,
+        )
+
+    def clear(self, start: Array, end: Array) -> bool:
+        """Tell whether the straight line between two places (2,) [m] is free."""
+        spared = self._spared(np.stack((start, end)))
+        return sees(start[0], start[1], end[0], end[1], self.sight, spared)
+
+    def shortest_way(
+        self, start: Array, goal: Array, discs: Array, longest: float = math.inf
+    ) -> Array | None:
+        """Return the vertices (n, 2) [m] of the shortest way, at most `longest` [m]; else None.
+
+        start, goal (2,) [m] are its first and last; discs (k, 3) [m]: x, y, radius of places to
+        keep out of.  Looked for from both ends in turn, with growing effort: a place that is shut
+        in is found out from there.
+        """
+        ends = np.stack((start, goal))
+        if np.array_equal(start, goal):
+            return ends
+        most, spared = _FIRST_PLACES, self._spared(ends)
+        while True:
+            for step in (1, -1):
+                way = search(ends[::step], most, longest, discs, self.sight, spared)
+                if len(way) == 0:
+                    return None
+                if not math.isnan(way[0, 0]):
+                    return way[::step]
+            most *= 4
+
+    @cached_property
+    def solid_edges(self) -> tuple[Array, Indices, Indices, Array]:
+        """The edges of what is solid, not grown, in a grid that tells gaps up to the reach."""
+        corners = self.rings.corners
+        edges = np.concatenate((corners, corners[self.rings.following]), axis=1)
+        first, items = cells_of(edges, self.reach + _MOST_SAGITTA, self.frame)
+        return edges, first, items, self.frame
+
+    def _spared(self, places: Array) -> Indices:
+        """Return the corners whose tangent polygon, but not whose arc, holds one of the places.
+
+        There the arc itself decides what is free, or a robot could not leave.
+        """
+        far = self.reach / math.cos(0.5 * TURN_STEP)
+        return corners_within(places, self.rings.corners, far)
+
+
+def _frame(edges: Array, turns: Array) -> Array:
+    """Return the grid's x0, y0, cell size [m], columns and rows."""
+    ends = np.concatenate((edges[:, :2], edges[:, 2:], turns))
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    wide, tall = (high - low).tolist()
+    cells = min(max(len(edges) / _EDGES_PER_CELL, 16.0), _MOST_CELLS)
+    size = max(math.sqrt(wide * tall / cells), max(wide, tall) / 2000.0, 1e-6)
+    x0, y0 = (low - 0.01 * size).tolist()
+    columns, rows = math.ceil(wide / size + 0.02), math.ceil(tall / size + 0.02)
+    return np.array((x0, y0, size, max(columns, 1), max(rows, 1)), dtype=np.float64)

@@ -1,0 +1,154 @@
+"""Compiled: how near lines come to solid edges and round places.
+
+Decides: distances.  Must not know: what a line or an edge stands for.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from coordinator.base.compiled import compiled
+from coordinator.curves.nurbs import Array
+from coordinator.ground.grid_kernels import point_gap
+from coordinator.ground.growth import Indices
+
+
+class Solid(NamedTuple):
+    """What to keep off: `need` [m] from edges (m, 4), none of discs (k, 3); a grid of the edges.
+
+    The grid (grid_kernels.py) lists in each cell the edges that come within the greatest need.
+    """
+
+    need: float
+    discs: Array
+    edges: Array
+    first: Indices
+    items: Indices
+    frame: Array
+
+
+@compiled
+def _segment_gap(
+    px: float, py: float, qx: float, qy: float, ax: float, ay: float, bx: float, by: float
+) -> float:
+    """Return the distance between the segments p-q and a-b."""
+    dx, dy, ex, ey = qx - px, qy - py, bx - ax, by - ay
+    if (dx * (ay - py) - dy * (ax - px)) * (dx * (by - py) - dy * (bx - px)) < 0.0 and (
+        ex * (py - ay) - ey * (px - ax)
+    ) * (ex * (qy - ay) - ey * (qx - ax)) < 0.0:
+        return 0.0
+    return min(
+        point_gap(px, py, ax, ay, bx, by),
+        point_gap(qx, qy, ax, ay, bx, by),
+        point_gap(ax, ay, px, py, qx, qy),
+        point_gap(bx, by, px, py, qx, qy),
+    )
+
+
+@compiled
+def keeps(
+    px: float, py: float, qx: float, qy: float, extra: float,
+    need: float, discs: Array, edges: Array, first: Indices, items: Indices, frame: Array,
+) -> bool:  # fmt: skip
+    """Tell whether p-q stays `need + extra` from edges and `extra` outside of discs.
+
+    Takes a Solid apart: unpacking it for every line would take longer than the line does.
+    """
+    low_x, high_x, low_y, high_y = min(px, qx), max(px, qx), min(py, qy), max(py, qy)
+    for k in range(len(discs)):
+        x, y, radius = discs[k, 0], discs[k, 1], discs[k, 2] + extra
+        if (
+            low_x - x < radius
+            and x - high_x < radius
+            and low_y - y < radius
+            and (y - high_y < radius and point_gap(x, y, px, py, qx, qy) < radius)
+        ):
+            return False
+    x0, y0, size = frame[0], frame[1], frame[2]
+    columns, rows = int(frame[3]), int(frame[4])
+    pieces = 1 + int(math.hypot(qx - px, qy - py) / size)
+    for piece in range(pieces):
+        ax, ay = px + (qx - px) * piece / pieces, py + (qy - py) * piece / pieces
+        bx, by = px + (qx - px) * (piece + 1) / pieces, py + (qy - py) * (piece + 1) / pieces
+        c0 = min(max(int((min(ax, bx) - x0) / size), 0), columns - 1)
+        c1 = min(max(int((max(ax, bx) - x0) / size), 0), columns - 1)
+        r0 = min(max(int((min(ay, by) - y0) / size), 0), rows - 1)
+        r1 = min(max(int((max(ay, by) - y0) / size), 0), rows - 1)
+        for r in range(r0, r1 + 1):
+            for c in range(c0, c1 + 1):
+                cell = r * columns + c
+                for i in range(first[cell], first[cell + 1]):
+                    k = items[i]
+                    gap = _segment_gap(
+                        ax, ay, bx, by, edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+                    )
+                    if gap < need + extra:
+                        return False
+    return True
+
+
+@compiled
+def keeping(starts: Array, ends: Array, extra: Array, solid: Solid) -> npt.NDArray[np.bool_]:
+    """Tell for each line (k, 2)-(k, 2) whether it keeps the need and its own `extra` (k,) [m]."""
+    found = np.empty(len(starts), dtype=np.bool_)
+    need, discs, edges, first, items, frame = solid
+    for k in range(len(starts)):
+        found[k] = keeps(
+            starts[k, 0], starts[k, 1], ends[k, 0], ends[k, 1], extra[k],
+            need, discs, edges, first, items, frame,
+        )  # fmt: skip
+    return found
+
+
+@compiled
+def crossing(way: Array, discs: Array) -> npt.NDArray[np.bool_]:
+    """Tell for each leg of a way (n + 1, 2) and each disc (k, 3) whether the leg enters it."""
+    found = np.zeros((len(way) - 1, len(discs)), dtype=np.bool_)
+    for i in range(len(way) - 1):
+        ax, ay, bx, by = way[i, 0], way[i, 1], way[i + 1, 0], way[i + 1, 1]
+        x0, x1, y0, y1 = min(ax, bx), max(ax, bx), min(ay, by), max(ay, by)
+        for k in range(len(discs)):
+            x, y, radius = discs[k, 0], discs[k, 1], discs[k, 2]
+            if x0 - x < radius and x - x1 < radius and y0 - y < radius and y - y1 < radius:
+                found[i, k] = point_gap(x, y, ax, ay, bx, by) < radius
+    return found
+
+
+@compiled
+def entered(way: Array, discs: Array) -> npt.NDArray[np.bool_]:
+    """Tell for each disc (k, 3) whether a way (n, 2) enters it."""
+    found = np.zeros(len(discs), dtype=np.bool_)
+    x0, x1, y0, y1 = way[:, 0].min(), way[:, 0].max(), way[:, 1].min(), way[:, 1].max()
+    for k in range(len(discs)):
+        x, y, radius = discs[k, 0], discs[k, 1], discs[k, 2]
+        if x0 - x >= radius or x - x1 >= radius or y0 - y >= radius or y - y1 >= radius:
+            continue
+        for i in range(len(way) - 1):
+            ax, ay, bx, by = way[i, 0], way[i, 1], way[i + 1, 0], way[i + 1, 1]
+            if (
+                min(ax, bx) - x < radius
+                and x - max(ax, bx) < radius
+                and min(ay, by) - y < radius
+                and y - max(ay, by) < radius
+                and point_gap(x, y, ax, ay, bx, by) < radius
+            ):
+                found[k] = True
+                break
+    return found
+
+
+@compiled
+def nearest_of(places: Array, others: Array) -> Array:
+    """Return the distance (n,) [m] from each place (n, 2) to the nearest of others (k, 2)."""
+    found = np.empty(len(places))
+    for i in range(len(places)):
+        least = math.inf
+        for k in range(len(others)):
+            dx, dy = places[i, 0] - others[k, 0], places[i, 1] - others[k, 1]
+            least = min(least, dx * dx + dy * dy)
+        found[i] = math.sqrt(least)
+    return found

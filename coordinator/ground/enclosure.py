@@ -1,0 +1,105 @@
+"""Why there is no way: what closes a robot in, and how small it would have to be to get out.
+
+Decides: the words.  Must not know: how ways are found.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+import shapely
+
+from coordinator.base.errors import PlanError
+from coordinator.curves.nurbs import Array
+from coordinator.ground.free_space import NO_DISCS, Space
+from coordinator.ground.grown_floor import GrownFloor
+from coordinator.ground.growth import TURN_STEP
+from coordinator.scenario.model import MapPart, Robot
+from coordinator.scenario.obstacle_names import obstacle_name
+
+_NAMED: Final = 4
+_LEAST: Final = 1e-3
+"""A smaller radius [m] is no advice: scenarios refuse it."""
+
+
+class NoWayError(PlanError):
+    """There is no way from start to goal (2,) [m] in a space; words are found when it is told."""
+
+    def __init__(self, space: Space, start: Array, goal: Array) -> None:
+        super().__init__("no way")
+        self.space, self.start, self.goal = space, start, goal
+
+
+def explain(
+    error: NoWayError, floor: GrownFloor, robot: Robot, margin: float, part: MapPart | None = None
+) -> PlanError:
+    """Return the error with what closes the robot in, and what would help.
+
+    `part`: which of the floor's obstacles a map brought.
+    """
+    space, start, goal = error.space, error.start, error.goal
+    reach = space.ground.reach
+    pieces = floor.free(reach)
+    rooms = [_around(pieces, place) for place in (start, goal)]
+    shut = [room for room in rooms if room is not None]
+    if len(shut) == 2 and shut[0] is not shut[1]:
+        closing = _names_near(floor, min(shut, key=shapely.area), reach, part)
+        more = f" and {len(closing) - _NAMED} more" if len(closing) > _NAMED else ""
+        by = " and ".join(closing[:_NAMED]) + more + " close it in"
+    elif len(shut) == 2 and len(space.discs):
+        by = "other robots' places close it in"
+    else:
+        by = "it does not fit between what stands there"
+        for x, y in (start, goal):
+            if not shapely.intersects_xy(floor.outline, x, y):
+                by = f"({x:.2f}, {y:.2f}) is off the floor"
+    return PlanError(
+        f"no way from ({start[0]:.2f}, {start[1]:.2f}) to ({goal[0]:.2f}, {goal[1]:.2f}) for "
+        f"radius {robot.radius:.6g} m + margin {margin:.6g} m: {by}"
+        f"{_what_helps(error, floor, robot.radius, margin)}"
+    )
+
+
+def _around(pieces: list[shapely.Geometry], place: Array) -> shapely.Geometry | None:
+    """Return the piece of free ground that a place lies in, or at."""
+    if not pieces:
+        return None
+    apart = shapely.distance(pieces, shapely.Point(place))
+    nearest = int(np.argmin(apart))
+    return pieces[nearest] if apart[nearest] < 1e-2 else None
+
+
+def _names_near(
+    floor: GrownFloor, area: shapely.Geometry, reach: float, part: MapPart | None
+) -> list[str]:
+    """Name the obstacles (and the floor's edge) that bound a piece of free ground."""
+    most = reach * 1.1 + 0.01
+    shapely.prepare(area)
+    near = np.flatnonzero(shapely.dwithin(area, floor.obstacles, most)).tolist()
+    names = [
+        obstacle_name(f"obstacle {index}", index, floor.obstacles[index], area, part)
+        for index in near
+    ]
+    if shapely.dwithin(area, floor.outline.exterior, most):
+        names.append("the floor's edge")
+    return names
+
+
+def _what_helps(error: NoWayError, floor: GrownFloor, radius: float, margin: float) -> str:
+    """Return the largest radius for which a way is found, in whole millimetres."""
+    ground, ends = error.space.ground, (error.start, error.goal)
+    # Graphs are seldom needed, and importing them takes as long as planning a small fleet.
+    from coordinator.ground.widest_passage import widest_reach
+
+    widest = widest_reach(ground.rings, *ends, ground.reach)
+    if widest is None:
+        return "; other starts or goals would help"
+    for share in (1.0, math.cos(0.5 * TURN_STEP)):
+        fits = math.floor(1e3 * (min(share * widest - margin, radius - _LEAST) + 1e-9)) / 1e3
+        if fits < _LEAST:
+            break
+        if floor.fresh_ground(fits + margin).shortest_way(*ends, NO_DISCS) is not None:
+            return f"; a radius of {fits:.3f} m would pass"
+    return "; another goal or fewer obstacles would help"

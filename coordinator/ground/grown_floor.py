@@ -1,0 +1,49 @@
+"""A floor with its configuration spaces: where the centre of a disc of a given reach may be.
+
+Decides: which configuration spaces are kept, and what closes a piece of free ground in.  Must not
+know: curves, times or which robot asks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import shapely
+
+from coordinator.ground.configuration_space import Ground
+from coordinator.ground.growth import Rings
+from coordinator.scenario.floor import Floor
+from coordinator.scenario.model import Point
+
+_QUARTER: Final = 16
+"""Segments that a quarter of a round corner has where grown obstacles are shown or named."""
+
+
+class GrownFloor(Floor):
+    """A floor with a configuration space for each reach that was asked for."""
+
+    def __init__(self, boundary: Sequence[Point], obstacles: Sequence[Sequence[Point]]) -> None:
+        super().__init__(boundary, obstacles)
+        self._rings = Rings.of(obstacles, np.array(boundary))
+        self._grounds: dict[tuple[float, float], Ground] = {}
+
+    def ground(self, reach: float, room: float = 0.0) -> Ground:
+        """Return the ground for a centre that keeps `reach` [m] from solid things.
+
+        Its ways turn at corners farther out by `room` [m].
+        """
+        key = (round(reach, 9), round(room, 9))
+        if key not in self._grounds:
+            self._grounds[key] = Ground(self._rings, *key)
+        return self._grounds[key]
+
+    def fresh_ground(self, reach: float) -> Ground:
+        """Return ground that is not kept, for a reach [m] that is asked for once."""
+        return Ground(self._rings, reach)
+
+    def free(self, reach: float) -> list[shapely.Geometry]:
+        """Return the connected pieces where a centre keeps `reach` [m] from solid things."""
+        grown = shapely.buffer(self.solid.geometries, reach, quad_segs=_QUARTER)
+        return list(shapely.get_parts(shapely.difference(self.outline, shapely.union_all(grown))))

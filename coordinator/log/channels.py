@@ -1,0 +1,98 @@
+"""How the keys of a log are described: the encoding and the JSON Schema of what stands on them.
+
+Decides: which channel bytes belong to.  Bytes that are no message of their key get a plain channel
+beside the described one, so that whoever decodes a log by its schemas never meets them.  Must not
+know: how a log is written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Final, NamedTuple
+
+import msgspec
+
+from coordinator.fleet.drop_record import drops_of, is_drops_key
+from coordinator.fleet.epoch_record import Request, is_adoption_key, request_of
+from coordinator.fleet.link_record import LINK_GONE, LINK_UP, is_router_key
+from coordinator.fleet.tick_record import QUIET, is_quiet_key
+from coordinator.schedule.lateness import Lateness, is_lateness_key, lateness_of
+from coordinator.security.denials import Denial, denial_of, is_denial_key
+from protocol import keys
+from protocol.codec import KINDS, decode
+from protocol.schema import json_schema, schema_name
+
+
+class Description(NamedTuple):
+    """What stands on a key; `fits` tells whether bytes do.  An empty name is no schema."""
+
+    encoding: str
+    fits: Callable[[bytes], bool]
+    name: str = ""
+    schema: bytes = b""
+
+
+def _anything(_payload: bytes) -> bool:
+    return True
+
+
+PLAIN: Final = Description("application/octet-stream", _anything)
+"""Bytes of which nothing is known."""
+
+_LINK: Final = Description(
+    "msgpack",
+    (LINK_UP, LINK_GONE).__contains__,
+    "splinefleet.Link",
+    msgspec.json.encode({"title": "link", "description": "up or gone", "type": "boolean"}),
+)
+_QUIET: Final = Description(
+    "json", QUIET.__eq__, "splinefleet.Quiet", msgspec.json.encode({"type": "null"})
+)
+
+
+def describe(key: str) -> Description:
+    """Return what stands on a key, PLAIN when it is none of ours."""
+    if is_adoption_key(key):
+        schema = msgspec.json.encode(msgspec.json.schema(Request))
+        return Description("json", _is_request, "splinefleet.Epoch", schema)
+    if is_lateness_key(key):
+        schema = msgspec.json.encode(msgspec.json.schema(Lateness))
+        return Description("json", _is_lateness, "splinefleet.Lateness", schema)
+    if is_denial_key(key):
+        schema = msgspec.json.encode(msgspec.json.schema(Denial))
+        return Description("json", _is_denial, "splinefleet.Denial", schema)
+    if is_quiet_key(key):
+        return _QUIET
+    if is_router_key(key):
+        return _LINK
+    if is_drops_key(key):
+        schema = msgspec.json.encode(msgspec.json.schema(dict[str, int]))
+        return Description("json", _is_drops, "splinefleet.Dropped", schema)
+    ours = keys.split(key)
+    kind = "" if ours is None else ours[1]
+    if kind == "alive":
+        return _LINK
+    if kind not in KINDS:
+        return PLAIN
+    return Description("msgpack", partial(_is_message, kind), schema_name(kind), json_schema(kind))
+
+
+def _is_message(kind: str, payload: bytes) -> bool:
+    return decode(kind, payload) is not None
+
+
+def _is_lateness(payload: bytes) -> bool:
+    return lateness_of(payload) is not None
+
+
+def _is_denial(payload: bytes) -> bool:
+    return denial_of(payload) is not None
+
+
+def _is_request(payload: bytes) -> bool:
+    return request_of(payload) is not None
+
+
+def _is_drops(payload: bytes) -> bool:
+    return drops_of(payload) is not None

@@ -1,0 +1,66 @@
+"""How a log of the coordinator begins: what is said of the run, and its first files.
+
+Decides: what a later coordinator and `replay --check` need to run the log again.  Must not know:
+how it is written.
+"""
+
+from __future__ import annotations
+
+import platform
+from importlib.metadata import version
+from typing import Final
+
+from coordinator.log.log_file import RESUMED
+from coordinator.log.recorder import Attachment
+from coordinator.plan.document import PlanDocument
+from coordinator.plan.plan_file import plan_name, to_json
+from coordinator.scenario.model import Scenario
+from coordinator.scenario_files.scenario_reader import scenario_to_json
+from protocol.messages import PROTOCOL_VERSION
+
+WRITTEN_BY: Final = "splinefleet"
+"""The key in a log's metadata, and the name of the package, whose version wrote the log."""
+
+_VERSIONED: Final = (
+    WRITTEN_BY,
+    "eclipse-zenoh",
+    "mcap",
+    "msgspec",
+    "numpy",
+    "scipy",
+    "shapely",
+)
+
+Head = tuple[dict[str, str], list[Attachment]]
+"""Metadata and attachments."""
+
+
+def first_head(
+    scenario: Scenario, document: PlanDocument, *, boot: int, effort: int, speed: float = 1.0
+) -> Head:
+    """Return the head of a run's first log."""
+    metadata = {
+        "fleet": document.scenario,
+        "policy": document.policy,
+        "boot": str(boot),
+        "effort": str(effort),
+        "speed": str(speed),
+        "protocol": str(PROTOCOL_VERSION),
+        "python": platform.python_version(),
+        **{name: version(name) for name in _VERSIONED},
+    }
+    whole = Attachment("scenario.json", "application/json", scenario_to_json(scenario))
+    return metadata, [whole, plan_file(document)]
+
+
+def resumed(head: Head, before: bytes, began_ns: int) -> Head:
+    """Return the head of a log that goes on from another one, `before`, since `began_ns`."""
+    metadata, (scenario, *_) = head
+    files = [scenario, Attachment(RESUMED, "application/octet-stream", before)]
+    return {**metadata, "began_ns": str(began_ns)}, files
+
+
+def plan_file(document: PlanDocument) -> Attachment:
+    """Return a plan as an attachment, named by its epoch and revision."""
+    name = plan_name(document.epoch, document.revision)
+    return Attachment(name, "application/json", to_json(document))

@@ -1,0 +1,198 @@
+"""A log read back: whole, cut short by a kill, or damaged.
+
+Decides: what of an MCAP file can still be used, and whether it is as it was written.  Must not
+know: what the messages mean.
+
+Two questions are kept apart.  A file that ends early is incomplete, and every record before its
+end counts.  A file whose bytes contradict its own checksums or structure is damaged, and the
+sentence that says so names the byte.  `recorder.py` writes every checksum of the format, so
+that in a closed log no byte can change unseen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from mcap import records as mcap_records
+from mcap.writer import MCAP0_MAGIC
+
+from coordinator.base.errors import InputError
+from coordinator.log.recorder import METADATA_NAME, WALL_OFFSET
+from coordinator.log.records import Log, Record
+from coordinator.log.soundness import Sound, is_closed, scan
+from coordinator.scenario.file_kinds import kind_of, wrong_kind
+from protocol import keys
+from protocol.timing import SECOND
+
+RESUMED: Final = "resumed.mcap"
+"""The attachment with the log that a log goes on from."""
+
+MOST_RESUMED: Final = 100
+_DAY: Final = 24 * 3600 * SECOND
+_LONGEST: Final = 31 * _DAY
+"""A log is no longer than this [ns]."""
+
+_LAST_TIME: Final = 2**62
+_MOST_OFFSET: Final = 2**63 - 1
+_NO_METADATA: Final = (
+    "its metadata are not sound: the fleet is named by its keys, times are the log's"
+)
+_MOST_NAMED: Final = 2 * MOST_RESUMED
+"""Every attachment is named where it stands and in the summary."""
+
+
+class LogScan(NamedTuple):
+    """A log's sound records, its metadata, and the state of its file as `Log` has it."""
+
+    sound: list[Sound]
+    metadata: dict[str, str]
+    complete: bool
+    damage: str
+
+
+def read_log(path: Path) -> Log:
+    """Read every message that is whole, from a closed, unfinished or damaged log.
+
+    Raises InputError when there is no such file, or it is no MCAP file, or no log of a fleet.
+    """
+    return log_from_bytes(load(path), str(path))
+
+
+def log_from_bytes(data: bytes, path: str) -> Log:
+    """Read a log as `read_log` does; `path` is what messages call it."""
+    found = scan_log(data, path)
+    attachments = {
+        record.name: record.data
+        for _, record in found.sound
+        if isinstance(record, mcap_records.Attachment)
+    }
+    records = list(_messages(found.sound, int(found.metadata[WALL_OFFSET])))
+    _check_times(records, path)
+    return Log(
+        metadata=found.metadata,
+        attachments=attachments,
+        records=records,
+        complete=found.complete,
+        damage=found.damage,
+    )
+
+
+def logs_before(log: Log, name: str = "") -> list[Log]:
+    """Return the logs that a log goes on from, oldest first; InputError when one is no log.
+
+    `name` is what messages call the log itself.
+    """
+    data = log.attachments.get(RESUMED)
+    if data is None:
+        return []
+    inner = f"{name}: {RESUMED}" if name else RESUMED
+    before = log_from_bytes(data, inner)
+    return [*logs_before(before, inner), before]
+
+
+def readable_logs_before(log: Log) -> list[Log]:
+    """Return the logs that a log goes on from, oldest first, as far as they can be read."""
+    try:
+        data = log.attachments[RESUMED]
+        before = log_from_bytes(data, RESUMED)
+    except (KeyError, InputError):
+        return []
+    return [*readable_logs_before(before), before]
+
+
+def _check_times(records: list[Record], path: str) -> None:
+    """Raise InputError for times that no fleet has."""
+    for number, record in enumerate(records):
+        if abs(record.log_ns) > _LAST_TIME or abs(record.log_ns - records[0].log_ns) > _LONGEST:
+            days = _LONGEST // _DAY
+            problem = f"message {number} on {record.key}: its time is not within {days} days"
+            raise InputError([f"{path}: {problem} of the log's first, or no time at all"])
+
+
+def scan_log(data: bytes, path: str) -> LogScan:
+    """Return what is sound of a log; InputError when this is no log of a fleet."""
+    if not data.startswith(MCAP0_MAGIC) and not is_closed(data):
+        raise _no_log(path, data)
+    if data.count(RESUMED.encode()) > _MOST_NAMED:
+        raise InputError([f"{path}: goes on from more than {MOST_RESUMED} logs, one in the other"])
+    sound, damage = scan(data)
+    metadata: dict[str, str] = {}
+    for _, record in sound:
+        if isinstance(record, mcap_records.Metadata) and record.name == METADATA_NAME:
+            metadata = record.metadata
+    if not _has_offset(metadata):
+        fleet = metadata.get("fleet") or _fleet_by_keys(sound)
+        if not fleet:
+            reason = f": {damage}" if damage else ""
+            raise InputError([f"{path}: is not the log of a fleet{reason}"])
+        metadata = {**metadata, "fleet": fleet, WALL_OFFSET: "0"}
+        damage = f"{damage}; {_NO_METADATA}" if damage else _NO_METADATA
+    return LogScan(sound, metadata, is_closed(data), damage)
+
+
+def _has_offset(metadata: dict[str, str]) -> bool:
+    """Tell whether metadata say how log times become the coordinator's clock."""
+    try:
+        return abs(int(metadata[WALL_OFFSET])) <= _MOST_OFFSET
+    except (KeyError, ValueError):
+        return False
+
+
+def _fleet_by_keys(sound: list[Sound]) -> str:
+    """Return the fleet of the first channel that is one's; empty when there is none."""
+    for _, record in sound:
+        place = keys.split(record.topic) if isinstance(record, mcap_records.Channel) else None
+        if place is not None:
+            return place[0]
+    return ""
+
+
+def check_bytes(path: Path) -> str | None:
+    """Say in one sentence where the file is damaged; None when it is sound.
+
+    Any changed byte of a closed log is found.  An unfinished log is sound as far as it goes.
+    Raises InputError when there is no such file or it never was an MCAP file.
+    """
+    return scan(load(path))[1] or None
+
+
+def is_unfinished(path: Path) -> bool:
+    """Tell whether a file is the log of a run that was not ended."""
+    data = path.read_bytes() if path.is_file() else b""
+    return data.startswith(MCAP0_MAGIC) and not is_closed(data)
+
+
+def load(path: Path) -> bytes:
+    """Return the bytes of a log; InputError when there is no such file or it is no MCAP file."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError([f"{path}: {error.strerror}"]) from None
+    if not data.startswith(MCAP0_MAGIC) and not is_closed(data):
+        raise _no_log(str(path), data)
+    return data
+
+
+def _no_log(path: str, data: bytes) -> InputError:
+    """Return the error for a file that never was a log."""
+    found = kind_of(data)
+    if found is None or found == "log":
+        return InputError([f"{path}: is not an MCAP file"])
+    return InputError([wrong_kind(path, found, "log")])
+
+
+def _messages(sound: list[Sound], wall_offset_ns: int) -> Iterator[Record]:
+    """Yield the messages; a channel lost with a damaged chunk is found again in the summary."""
+    channels = (record for _, record in sound if isinstance(record, mcap_records.Channel))
+    topics = {channel.id: channel.topic for channel in channels}
+    for offset, record in sound:
+        if isinstance(record, mcap_records.Message) and record.channel_id in topics:
+            yield Record(
+                key=topics[record.channel_id],
+                payload=record.data,
+                log_ns=record.log_time - wall_offset_ns,
+                publish_ns=record.publish_time,
+                offset=offset,
+            )

@@ -1,0 +1,155 @@
+"""A log written anew: what is sound of a cut or damaged one, or a whole one with further files.
+
+Decides: what is kept, and that a log which was made whole says so.  Must not know: files, or what
+the messages mean.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Mapping
+from typing import Final, NamedTuple
+
+from mcap import records as mcap_records
+from mcap.writer import Writer
+
+from coordinator.log.log_file import scan_log
+from coordinator.log.recorder import METADATA_NAME, Attachment, begin_file
+from coordinator.log.soundness import Sound
+
+RECOVERED: Final = "splinefleet.recovered"
+"""The metadata record that says what a log was before it was made whole."""
+
+
+class Whole(NamedTuple):
+    """A whole log's bytes, what is in it, and how it was before.
+
+    `lost`: messages that are sound, but whose channel went with a damaged chunk.
+    """
+
+    data: bytes
+    messages: int
+    chunks: int
+    attachments: int
+    lost: int
+    complete: bool
+    damage: str
+
+
+def make_whole(data: bytes, path: str) -> Whole:
+    """Return a log with every complete chunk of `data` in order, its attachments and metadata.
+
+    Messages keep their bytes, both stamps and their sequence numbers.  Raises InputError when this
+    is no log of a fleet; `path` is what messages call it.
+    """
+    log = scan_log(data, path)
+    stream = io.BytesIO()
+    copy = _Copy(begin_file(stream), log.sound)
+    for _, record in log.sound:
+        copy.add(record)
+    if log.damage or not log.complete:
+        copy.add_metadata(log.metadata)
+        before = {"closed": "yes" if log.complete else "no", "damage": log.damage}
+        copy.writer.flush()  # type: ignore[no-untyped-call]
+        copy.writer.add_metadata(RECOVERED, before)
+    copy.writer.finish()  # type: ignore[no-untyped-call]
+    return Whole(
+        data=stream.getvalue(),
+        messages=copy.messages,
+        chunks=copy.chunks,
+        attachments=copy.attachments,
+        lost=copy.lost,
+        complete=log.complete,
+        damage=log.damage,
+    )
+
+
+def with_files(data: bytes, path: str, files: Iterable[Attachment]) -> bytes | None:
+    """Return a log with further attachments at its end, and all else as it was.
+
+    None when the log was not closed or is damaged: it stays what it is.  Raises InputError when
+    this is no log of a fleet.
+    """
+    log = scan_log(data, path)
+    if log.damage or not log.complete:
+        return None
+    stream = io.BytesIO()
+    copy = _Copy(begin_file(stream), log.sound)
+    for _, record in log.sound:
+        copy.add(record)
+    copy.writer.flush()  # type: ignore[no-untyped-call]
+    for file in files:
+        copy.writer.add_attachment(0, 0, file.name, file.media_type, file.data)
+    copy.writer.finish()  # type: ignore[no-untyped-call]
+    return stream.getvalue()
+
+
+class _Copy:
+    """Writes sound records anew; channels and schemas when a message first needs them."""
+
+    def __init__(self, writer: Writer, sound: list[Sound]) -> None:
+        self.writer = writer
+        self.messages = self.chunks = self.attachments = self.lost = 0
+        self._schemas: Mapping[int, mcap_records.Schema] = {
+            record.id: record for _, record in sound if isinstance(record, mcap_records.Schema)
+        }
+        self._channels: Mapping[int, mcap_records.Channel] = {
+            record.id: record for _, record in sound if isinstance(record, mcap_records.Channel)
+        }
+        self._metadata: dict[str, str] = {}
+        self._new_schemas: dict[int, int] = {0: 0}
+        self._new_channels: dict[int, int] = {}
+
+    def add(self, record: mcap_records.McapRecord) -> None:
+        """Write a record, unless it is one of those that follow from the others."""
+        if isinstance(record, mcap_records.Message):
+            self._add_message(record)
+        elif isinstance(record, mcap_records.Chunk):
+            self.writer.flush()  # type: ignore[no-untyped-call]
+            self.chunks += 1
+        elif isinstance(record, mcap_records.Metadata):
+            self.writer.flush()  # type: ignore[no-untyped-call]
+            self.writer.add_metadata(record.name, record.metadata)
+            if record.name == METADATA_NAME:
+                self._metadata = record.metadata
+        elif isinstance(record, mcap_records.Attachment):
+            self.writer.flush()  # type: ignore[no-untyped-call]
+            self.writer.add_attachment(
+                record.create_time, record.log_time, record.name, record.media_type, record.data
+            )
+            self.attachments += 1
+
+    def add_metadata(self, metadata: dict[str, str]) -> None:
+        """Write what is taken for the log's metadata, unless that is there."""
+        if metadata != self._metadata:
+            self.writer.flush()  # type: ignore[no-untyped-call]
+            self.writer.add_metadata(METADATA_NAME, metadata)
+
+    def _add_message(self, message: mcap_records.Message) -> None:
+        channel = self._channels.get(message.channel_id)
+        if channel is None:
+            self.lost += 1
+            return
+        if channel.id not in self._new_channels:
+            self._new_channels[channel.id] = self.writer.register_channel(
+                channel.topic, channel.message_encoding, self._schema(channel), channel.metadata
+            )
+        self.writer.add_message(
+            self._new_channels[channel.id],
+            message.log_time,
+            message.data,
+            message.publish_time,
+            message.sequence,
+        )
+        self.messages += 1
+
+    def _schema(self, channel: mcap_records.Channel) -> int:
+        """Return a channel's schema in the new file; none when it is lost."""
+        schema = self._schemas.get(channel.schema_id)
+        if schema is None:
+            return 0
+        if schema.id not in self._new_schemas:
+            self._new_schemas[schema.id] = self.writer.register_schema(
+                schema.name, schema.encoding, schema.data
+            )
+        return self._new_schemas[schema.id]

@@ -1,0 +1,91 @@
+"""An MCAP file's records, whole or not: which are sound, and where the first damage is.
+
+Decides: which bytes are to be believed.  Must not know: what a log of a fleet holds (log_file.py).
+"""
+
+from __future__ import annotations
+
+import zlib
+from typing import Final
+
+from mcap import records as mcap_records
+from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC
+
+from coordinator.log.mcap_frames import FOOTER_CHECKED, MOST_RATIO, PARSERS, Frame, frames
+
+_MOST_IN_ALL: Final = 64 * 2**20
+"""A file may unpack to so many bytes, beyond what its length allows."""
+
+Sound = tuple[int, mcap_records.McapRecord]
+"""A sound record and the place in the file of the record or of the chunk around it."""
+
+
+def is_closed(data: bytes) -> bool:
+    """Tell whether the file ends as a closed one does."""
+    return len(data) > len(MCAP0_MAGIC) and data.endswith(MCAP0_MAGIC)
+
+
+def scan(data: bytes) -> tuple[list[Sound], str]:
+    """Return the sound records and where the first damage is, empty when there is none.
+
+    A chunk is followed by the records in it.  Raises nothing, whatever the bytes are.
+    """
+    sound: list[Sound] = []
+    damages: list[str] = []
+    if not data.startswith(MCAP0_MAGIC):
+        damages.append("damaged at byte 0: the file does not begin as an MCAP file does")
+    end, opcode, data_end, summary = len(MCAP0_MAGIC), 0, 0, 0
+    room = _MOST_IN_ALL + MOST_RATIO * len(data)
+    for frame in frames(data):
+        end, opcode, fault = frame.end, frame.opcode, ""
+        first = frame.records[0] if frame.records else None
+        if isinstance(first, mcap_records.Chunk):
+            room -= first.uncompressed_size
+            fault = "" if room >= 0 else "the file would unpack to more than a log holds"
+        elif isinstance(first, mcap_records.DataEnd):
+            data_end, summary = end, len(sound)
+            fault = _data_fault(data, frame, first)
+        elif isinstance(first, mcap_records.Footer):
+            fault = _summary_fault(data, frame, first, data_end)
+            summary = summary if fault else 0
+        if frame.fault or fault:
+            told = frame.fault or fault
+            damages.append(f"damaged at byte {frame.offset} ({_name(opcode)}): {told}")
+        if not fault:
+            sound.extend((frame.offset, record) for record in frame.records)
+    if opcode == Opcode.FOOTER:
+        if not MCAP0_MAGIC.startswith(data[end:]):
+            damages.append(f"damaged at byte {end}: the file does not end as an MCAP file does")
+    elif is_closed(data):
+        damages.append(f"damaged at byte {end}: no whole record follows, yet the file was closed")
+    if summary:
+        del sound[summary:]  # nothing vouches for it
+    return sound, damages[0] if damages else ""
+
+
+def _data_fault(data: bytes, frame: Frame, record: mcap_records.DataEnd) -> str:
+    """Compare the checksum over everything before; chunks and attachments have their own."""
+    if record.data_section_crc == 0:
+        return "the checksum over all bytes before it is missing"
+    if zlib.crc32(data[: frame.offset]) != record.data_section_crc:
+        return (
+            "the checksum over all bytes before it is wrong, though chunks and attachments are "
+            "sound: header, metadata or a message index was changed, or the checksum itself"
+        )
+    return ""
+
+
+def _summary_fault(data: bytes, frame: Frame, record: mcap_records.Footer, data_end: int) -> str:
+    if not data_end:
+        return "no end of the data came before it"
+    if record.summary_start != data_end:
+        return "the summary is not where it says"
+    checked = data[record.summary_start : frame.offset + FOOTER_CHECKED]
+    if zlib.crc32(checked) != record.summary_crc:
+        return f"the checksum over the summary from byte {data_end} is wrong"
+    return ""
+
+
+def _name(opcode: int) -> str:
+    return Opcode(opcode).name.lower().replace("_", " ") if opcode in PARSERS else "unknown"

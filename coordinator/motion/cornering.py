@@ -1,0 +1,54 @@
+"""How a robot takes corners: what its limits make of a bend.
+
+Decides: which radii are worth having.  Must not know: polygons and curves.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.motion.velocity_profile import least_time
+
+_EASY_RADIUS = 0.1
+"""Robots without a limit on lateral acceleration get corners of this radius [m] where they fit."""
+_WIDEST_RADIUS = 5.0
+_RESERVE = 1.05
+"""Corners are made wider by this than `min_turn_radius` asks for."""
+
+
+@dataclass(frozen=True)
+class Handling:
+    """Speed [m/s], accelerations [m/s^2] (inf: no limit) and least radius [m] of a robot.
+
+    `spent_per_corner` [m]: how much longer a way may be for the sake of one corner less.
+    """
+
+    speed: float = 1.0
+    accel: float = math.inf
+    lateral: float = math.inf
+    min_turn_radius: float = 0.0
+    spent_per_corner: float = 0.0
+
+    @property
+    def tightest(self) -> float:
+        """Radius [m] that every corner should have."""
+        return _RESERVE * self.min_turn_radius
+
+    @property
+    def easy(self) -> float:
+        """Radius [m] at which a corner costs no speed; wider ones are of no use."""
+        free = self.speed**2 / self.lateral
+        return max(min(max(free, _EASY_RADIUS), _WIDEST_RADIUS), self.tightest)
+
+    def least_time(self, curve: Nurbs) -> float:
+        """Return the least time [s] that a curve takes, from rest to rest."""
+        return least_time(curve, self.speed, self.accel, self.lateral)
+
+    def numbers(self) -> Array:
+        """Return the six numbers that ground/corner_kernels.py works with."""
+        worth = self.spent_per_corner / self.speed
+        return np.array((self.speed, self.accel, self.lateral, self.easy, self.tightest, worth))

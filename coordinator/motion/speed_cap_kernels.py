@@ -1,0 +1,121 @@
+"""Compiled: how strongly a curve bends at most between samples of it.
+
+Between two samples of a knot span the curvature stays below the chord of the samples and an arc
+whose height the second differences tell; 1 / curvature stays above its own chord once this is
+lowered by 4 k0 k1 / (k0 + k1)^2.  Where that is not precise, or where the tangent turns by more
+than the samples explain, the curve has to be looked at again.
+Decides: how closely that is.  Must not know: speeds.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from coordinator.base.compiled import compiled
+from coordinator.curves.nurbs import Array
+
+Flags = npt.NDArray[np.bool_]
+
+_CELLS_PER_SPAN: Final = 24
+
+_PIECES: Final = 4
+"""A cell that is too rough is cut into so many."""
+
+_ARC: Final = 0.25
+"""Height of the arc between two samples, per second difference: twice that of a parabola."""
+
+_ROUGH: Final = 0.01
+"""Share of a bound that may be uncertain."""
+
+_TURN: Final = 1e-3
+"""Turn [rad] that samples need not explain."""
+
+
+@compiled
+def cells(borders: Array) -> tuple[Array, Flags]:
+    """Return parameters (n,) and whether each cell (n - 1,) between them lies inside a knot span.
+
+    The last one of a span stays short of the knot, where the second derivative may jump.
+    """
+    row = _CELLS_PER_SPAN + 1
+    u = np.empty(row * (len(borders) - 1))
+    inside = np.ones(len(u) - 1, dtype=np.bool_)
+    for i in range(len(u)):
+        span, cell = divmod(i, row)
+        low, high = borders[span], borders[span + 1]
+        u[i] = low + (high - low) * cell / _CELLS_PER_SPAN
+        if cell == _CELLS_PER_SPAN:
+            u[i] = min(high - 1e-9 * (high - low), np.nextafter(high, 0.0))
+            if i < len(inside):
+                inside[i] = False
+    return u, inside
+
+
+@compiled
+def finer(u: Array, inside: Flags, rough: Flags) -> tuple[Array, Flags]:
+    """Cut the rough cells between parameters u (n,) into pieces."""
+    size = len(u) + (_PIECES - 1) * np.count_nonzero(rough)
+    fine, within = np.empty(size), np.empty(size - 1, dtype=np.bool_)
+    count = 0
+    for i in range(len(rough)):
+        pieces = _PIECES if rough[i] else 1
+        for piece in range(pieces):
+            fine[count] = u[i] + (u[i + 1] - u[i]) * piece / pieces
+            within[count] = inside[i]
+            count += 1
+    fine[count] = u[-1]
+    return fine, within
+
+
+@compiled
+def bends(first: Array, second: Array) -> tuple[Array, Array]:
+    """Return the signed curvature [1/m] where derivatives (n, 2) are known, and turns [rad].
+
+    turns (n - 1,): by how much the tangent turns between neighbours.
+    """
+    bend, turned = np.empty(len(first)), np.empty(len(first) - 1)
+    for i in range(len(first)):
+        x, y = first[i]
+        bend[i] = (x * second[i, 1] - y * second[i, 0]) / max(math.hypot(x, y), 1e-12) ** 3
+        if i > 0:
+            a, b = first[i - 1]
+            turned[i - 1] = math.atan2(a * y - b * x, a * x + b * y)
+    return bend, turned
+
+
+@compiled
+def highest_bends(
+    s: Array, bend: Array, turned: Array, inside: Flags, least: float
+) -> tuple[Array, Flags]:
+    """Return curvatures (n,), at least `least`, whose 1 / polyline stays below that of the curve.
+
+    Also tells per cell (n - 1,) whether it is too rough.
+    """
+    highest = np.maximum(np.abs(bend), least)
+    rough = np.zeros(len(inside), dtype=np.bool_)
+    for i in range(len(inside)):
+        step = s[i + 1] - s[i]
+        if not inside[i] or step <= 0.0:
+            continue
+        slope = (bend[i + 1] - bend[i]) / step
+        second = 0.0
+        for j in (i - 1, i + 1):
+            if 0 <= j < len(inside) and inside[j] and s[j + 1] > s[j]:
+                size = s[j + 1] - s[j]
+                change = abs((bend[j + 1] - bend[j]) / size - slope)
+                second = max(second, change / (size + step))
+        arc = 2.0 * _ARC * second * step * step
+        k0 = max(abs(bend[i]) + arc, least)
+        k1 = max(abs(bend[i + 1]) + arc, least)
+        lower = 4.0 * k0 * k1 / (k0 + k1) ** 2
+        unexplained = abs(turned[i] - 0.5 * step * (bend[i] + bend[i + 1]))
+        rough[i] = unexplained > step * arc + _TURN
+        if max(k0, k1) > least:
+            rough[i] |= arc > _ROUGH * max(k0, k1) or lower < 1.0 - _ROUGH
+        highest[i] = max(highest[i], k0 / lower)
+        highest[i + 1] = max(highest[i + 1], k1 / lower)
+    return highest, rough

@@ -1,0 +1,268 @@
+"""Speed along a path: the fastest under the limits, with few knots, and the times that follow.
+
+Decides: where the robot speeds up, slows down and rests.  v^2 is linear in s between knots, so
+every piece has constant acceleration (Eq. 15-18 with the true speed).  Must not know: other robots.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from coordinator.curves.interpolation_kernels import between
+from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.motion.message_room import ROOM, path_bytes, speed_bytes
+from coordinator.motion.profile_simplification_kernels import merged, reachable
+from coordinator.motion.speed_cap import cap_on
+
+_LOSSES: Final = (0.006, 0.012, 0.025, 0.05, 0.1, 0.15, 0.2, 0.25)
+"""Shares of the fastest time that may be lost for the sake of fewer knots; the later ones where a
+message has no room for more."""
+
+_RAMP: Final = 0.01
+"""Length [m] of the speed change at a bend for robots without a limit on acceleration."""
+
+_SHORTEST_RAMP: Final = 2e-5
+"""Nothing gets from rest to its speed in less [m]: float32 on the wire must tell the two apart."""
+
+_PLACE_ERROR: Final = 2e-5
+"""The sharpest bends count as if they could lie this far [m] off: float32 rounds places."""
+
+_CRAWL: Final = 0.05
+"""Share of the top v^2 below which that matters."""
+
+_SAME_PLACE: Final = 1e-6
+"""Knots nearer to each other [m] are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedLimits:
+    """What bounds the speed on one path: top v^2, acceleration (inf allowed) and slow bends.
+
+    bends: knots from 0 to the length of the highest v^2 allowed, at most `top` and nowhere steeper
+    than `ramp` allows; empty where only the top counts.
+    """
+
+    length: float
+    top: float
+    accel: float
+    bends: tuple[tuple[float, float], ...]
+
+    @property
+    def ramp(self) -> float:
+        """Acceleration [m/s^2] that is used: the limit, or a steep ramp without one."""
+        if math.isinf(self.accel):
+            return self.top / (2.0 * _RAMP)
+        return min(self.accel, self.top / (2.0 * _SHORTEST_RAMP))
+
+    @cached_property
+    def ceiling(self) -> tuple[list[float], list[float]]:
+        """Knots of the highest v^2 allowed, bends or not: s [m], v^2."""
+        knots = self.bends or ((0.0, self.top), (self.length, self.top))
+        return [s for s, _ in knots], [w for _, w in knots]
+
+    @cached_property
+    def rises(self) -> list[float]:
+        """Per knot of the ceiling: 2 a s of the place of rest from which a ramp leads up to it."""
+        return [2.0 * self.ramp * s - w for s, w in zip(*self.ceiling, strict=True)]
+
+    @cached_property
+    def falls(self) -> list[float]:
+        """Per knot of the ceiling: 2 a s of the place of rest to which a ramp leads down."""
+        return [2.0 * self.ramp * s + w for s, w in zip(*self.ceiling, strict=True)]
+
+
+def limits_on(curve: Nurbs, speed: float, accel: float, lateral: float) -> SpeedLimits:
+    """Return the limits on a curve for a planned speed [m/s] and accelerations [m/s^2].
+
+    A motion along the whole curve takes at most 1 % longer than the fastest one, unless only fewer
+    knots fit a message.
+    """
+    free = SpeedLimits(curve.length, speed * speed, accel, ())
+    if math.isinf(lateral):
+        return free
+    s, w = cap_on(curve, lateral, free.top)
+    if w.min() >= free.top:
+        return free
+    lower = np.maximum(w - 2.0 * free.ramp * _PLACE_ERROR, 0.25 * w)
+    w = np.where(w < _CRAWL * free.top, lower, w)
+    fastest = reachable(s, w, 2.0 * free.ramp, math.isfinite(accel))
+    room = ROOM - path_bytes(len(curve.points))
+    for loss in _LOSSES:
+        s, w = merged(*fastest, loss)
+        if speed_bytes(len(s), len(np.unique(w))) <= room:
+            break
+    return replace(free, bends=tuple(zip(s.tolist(), w.tolist(), strict=True)))
+
+
+def least_time(curve: Nurbs, speed: float, accel: float, lateral: float) -> float:
+    """Return the time [s] of the fastest motion along a whole curve, from rest to rest."""
+    free = SpeedLimits(curve.length, speed * speed, accel, ())
+    cap = np.array((0.0, curve.length)), np.array((free.top, free.top))
+    if math.isfinite(lateral):
+        cap = cap_on(curve, lateral, free.top)
+    s, w = reachable(*cap, 2.0 * free.ramp, math.isfinite(accel))
+    both = np.sqrt(w[:-1]) + np.sqrt(w[1:])
+    return float((2.0 * np.diff(s) / np.where(both > 0.0, both, 1.0)).sum())
+
+
+def speed_knots(limits: SpeedLimits, begin: float, end: float) -> tuple[Array, Array]:
+    """Return the fastest motion from rest at `begin` to rest at `end`: s [m] and v^2 there.
+
+    Robots without a limit on acceleration have full speed at once, at both ends too.
+    """
+    s, w = _knots_between(limits, begin, end)
+    return np.array(s), np.array(w)
+
+
+def _knots_between(
+    limits: SpeedLimits, begin: float, end: float
+) -> tuple[list[float], list[float]]:
+    places, heights = limits.ceiling
+    low, high = ramp_ends(limits, begin)[1], ramp_ends(limits, end)[0]
+    if math.isfinite(limits.accel) and low >= high:
+        middle = 0.5 * (begin + end)
+        peak = min(limits.ramp * (end - begin), _between(places, heights, middle))
+        return [begin, middle, end], [0.0, peak, 0.0]
+    inner = slice(bisect_right(places, low), bisect_left(places, high))
+    s = [low, *places[inner], high]
+    w = [_between(places, heights, low), *heights[inner], _between(places, heights, high)]
+    if math.isfinite(limits.accel):
+        s, w = [begin, *s, end], [0.0, *w, 0.0]
+    return _distinct(s, w)
+
+
+def all_ramp_ends(limits: SpeedLimits, rests: Array) -> Array:
+    """Return what `ramp_ends` does for many rests (n,), (n, 2) [m]."""
+    if math.isinf(limits.accel):
+        return np.column_stack((rests, rests))
+    rate, little, places = 2.0 * limits.ramp, 1e-9 * limits.top, np.array(limits.ceiling[0])
+    down = between(np.array(limits.falls), places, rate * rests - little)
+    up = between(np.array(limits.rises), places, rate * rests + little)
+    down = np.minimum(down, rests - _SHORTEST_RAMP)
+    return np.column_stack((down, np.maximum(up, rests + _SHORTEST_RAMP)))
+
+
+def ramp_ends(limits: SpeedLimits, rest: float) -> tuple[float, float]:
+    """Return where [m] the ramp down to a rest leaves the ceiling, and where the one up meets it.
+
+    The ceiling is nowhere steeper than the ramps, so each meets it once.
+    """
+    if math.isinf(limits.accel):
+        return rest, rest
+    # A little late and early: where it is as steep, they leave it at the end of that edge.
+    rate, little, places = 2.0 * limits.ramp, 1e-9 * limits.top, limits.ceiling[0]
+    down = _between(limits.falls, places, rate * rest - little)
+    up = _between(limits.rises, places, rate * rest + little)
+    return min(down, rest - _SHORTEST_RAMP), max(up, rest + _SHORTEST_RAMP)
+
+
+def _between(known: list[float], values: list[float], at: float) -> float:
+    """Return the value at a place among known ones, linear between; known ones increase."""
+    k = bisect_left(known, at, 1, len(known) - 1)
+    part = (at - known[k - 1]) / (known[k] - known[k - 1])
+    return values[k - 1] + min(max(part, 0.0), 1.0) * (values[k] - values[k - 1])
+
+
+def _distinct(s: list[float], w: list[float]) -> tuple[list[float], list[float]]:
+    """Merge knots at the same place, keeping the lower speed, and drop those on a line."""
+    kept_s, kept_w = s[:1], w[:1]
+    same = 1e-9 * max(w)
+    for here, height in zip(s[1:], w[1:], strict=True):
+        if here - kept_s[-1] < _SAME_PLACE:
+            kept_w[-1] = min(kept_w[-1], height)
+            continue
+        if len(kept_s) > 1:
+            rise = (height - kept_w[-2]) / (here - kept_s[-2])
+            if abs(kept_w[-2] + rise * (kept_s[-1] - kept_s[-2]) - kept_w[-1]) < same:
+                kept_s.pop()
+                kept_w.pop()
+        kept_s.append(here)
+        kept_w.append(height)
+    kept_s[-1] = s[-1]
+    return kept_s, kept_w
+
+
+@dataclass(frozen=True)
+class Wait:
+    """A rest at arc length s [m] until plan time `depart` [s], for the robot `owner`'s sake.
+
+    `zone` is the conflict zone that it waits for; both are -1 for a rest that nobody asks for.
+    """
+
+    s: float
+    depart: float
+    owner: int
+    zone: int = -1
+
+
+class Motion:
+    """A whole motion with its waits: when the robot reaches and leaves each place."""
+
+    def __init__(self, limits: SpeedLimits, waits: list[Wait]) -> None:
+        self.limits = limits
+        self.waits = waits
+        self.arrivals: list[float] = []
+        places = [wait.s for wait in waits if wait.s > 0.0]
+        borders = [0.0, *places, limits.length]
+        departs = {wait.s: wait.depart for wait in waits}
+        knots_s: list[float] = []
+        knots_w: list[float] = []
+        knots_t: list[float] = []
+        now = 0.0
+        for begin, end in pairwise(borders):
+            self.arrivals.append(now)
+            now = max(now, departs.get(begin, 0.0))
+            leg_s, leg_w = _knots_between(limits, begin, end)
+            knots_s += leg_s
+            knots_w += leg_w
+            knots_t.append(now)
+            for (s0, s1), (w0, w1) in zip(pairwise(leg_s), pairwise(leg_w), strict=True):
+                now += 2.0 * (s1 - s0) / (math.sqrt(w0) + math.sqrt(w1))
+                knots_t.append(now)
+        self.finish = now
+        self.knots_s, self.knots_w = np.array(knots_s), np.array(knots_w)
+        self.knots_t = np.array(knots_t)
+
+    def place_at(self, time: float) -> float:
+        """Return where the robot is at a plan time [s], as arc length [m]; 0 before its start."""
+        at = int(np.searchsorted(self.knots_t, time, side="right")) - 1
+        if at < 0 or at + 1 == len(self.knots_t):
+            return 0.0 if at < 0 else self.limits.length
+        s, after = self.knots_s[at : at + 2].tolist()
+        if after <= s:
+            return float(s)
+        t0, t1 = self.knots_t[at : at + 2].tolist()
+        v0, v1 = np.sqrt(self.knots_w[at : at + 2]).tolist()
+        passed = time - t0
+        return float(s + passed * (v0 + 0.5 * (v1 - v0) / (t1 - t0) * passed))
+
+    @property
+    def start_time(self) -> float:
+        """Plan time [s] at which the robot leaves its start."""
+        return float(self.knots_t[0])
+
+    def reached(self, s: Array) -> Array:
+        """Return when the robot first stands at s (m,) [s]; -inf at its start."""
+        leg = np.clip(np.searchsorted(self.knots_s, s, side="left") - 1, 0, None)
+        return np.where(s <= 0.0, -np.inf, self._time(leg, s))
+
+    def left(self, s: Array) -> Array:
+        """Return when the robot last stands at s (m,) [s]; +inf at its goal."""
+        last = len(self.knots_s) - 2
+        leg = np.clip(np.searchsorted(self.knots_s, s, side="right") - 1, 0, last)
+        return np.where(s >= self.limits.length, np.inf, self._time(leg, s))
+
+    def _time(self, leg: np.ndarray[tuple[int, ...], np.dtype[np.intp]], s: Array) -> Array:
+        s0, s1 = self.knots_s[leg], self.knots_s[leg + 1]
+        w0, w1 = self.knots_w[leg], self.knots_w[leg + 1]
+        passed = np.clip(s - s0, 0.0, s1 - s0)
+        here = np.sqrt(np.maximum(w0 + passed / np.maximum(s1 - s0, 1e-12) * (w1 - w0), 0.0))
+        both = np.sqrt(w0) + here
+        return np.asarray(self.knots_t[leg] + 2.0 * passed / np.where(both > 0.0, both, 1.0))

@@ -1,0 +1,176 @@
+"""Which leads to try first at the ends of a path that has headings.
+
+Every pair of leads is judged by the time that the whole way would take: its length, and what is
+lost by turning slowly at its ends.  The way between is taken to be the one that a robot without
+headings would go, from where a lead can see it.
+
+Decides: the order of trial.  Must not know: which leads there are, and curves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import product
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from coordinator.base.errors import PlanError
+from coordinator.curves.nurbs import Array
+from coordinator.ground.corner_kernels import STRAIGHT, radius_of, turn_between, width_for
+from coordinator.ground.free_space import Space
+from coordinator.motion.cornering import Handling
+from coordinator.paths.end_headings import STEP, Lead, leads
+from coordinator.scenario.model import Robot
+
+COMFORTABLE: Final = 0.25
+"""Turns of this radius, as a share of the robot's, are wide enough where none is asked for."""
+
+_SHARPEST: Final = math.radians(100.0)
+"""A lead that turns by more [rad] at its end gets two turns there (sharp_turns.py)."""
+
+_BLUNTED: Final = 4.0
+"""Length of what it becomes, per metre of the radius that its turns then have."""
+
+_BEHIND: Final = -0.1
+"""A turn around a circle may go this far [rad] beyond what is ahead."""
+
+_UNSEEN: Final = 2.0
+"""A place that a lead does not see counts as so many times as far."""
+
+_RESERVE: Final = 1.15
+"""Turns are foreseen this much wider than they should be."""
+
+_SEEN: Final = 5
+"""Vertices of the way that a lead looks for, and the last."""
+
+_KEPT: Final = 3
+"""Leads straight on, to the left and to the right each that are tried at one end."""
+
+_ROOMY: Final = 2
+"""The longest of the other leads straight on that are tried too."""
+
+_NO_RADIUS: Final = 1e-6
+"""Turns on the spot count as turns of this radius [m]."""
+
+_NONE: Final = Lead([], (0.0, 0.0), 0.0, 0.0, 0.0)
+
+Leads = tuple[list[Array], list[Array]]
+
+
+class _Joined(NamedTuple):
+    """A lead, the time [s] of the whole way with it, and what its turns lack [m]."""
+
+    lead: Lead
+    time: float
+    tight: float
+
+
+def choices(robot: Robot, space: Space, handling: Handling) -> list[Leads]:
+    """Return leads at start and goal, each in the order of driving, the most promising first.
+
+    Raises PlanError when there is no room to move along a heading.
+    """
+    if len(robot.start) < 3 and len(robot.goal) < 3:
+        return [([], [])]
+    begin, end = np.array(robot.start[:2]), np.array(robot.goal[:2])
+    way = space.shortest_way(begin, np.array(robot.via[0]) if robot.via else end)
+    back = way[::-1] if way is not None else None
+    if robot.via:
+        back = space.shortest_way(end, np.array(robot.via[-1]))
+    if way is None or back is None:
+        return [([], [])]
+    first = _joined(robot, robot.start, way, space, handling)
+    if not robot.via:
+        back = _met(back, first)
+    last = _joined(robot, _reversed(robot.goal), back, space, handling)
+    if not robot.via and len(robot.start) == len(robot.goal) == 3:
+        first = _joined(robot, robot.start, _met(way, last), space, handling)
+    pairs = sorted(product(first, last), key=_lacks_and_takes)
+    return [(a.lead.vertices, b.lead.vertices[::-1]) for a, b in pairs]
+
+
+def _met(way: Array, others: Sequence[_Joined]) -> Array:
+    """Return a way (n, 2) to the last vertex of the most promising lead at its other end."""
+    best = min(others, key=lambda one: (one.tight, one.time))
+    return way if not best.lead.vertices else np.concatenate((way[:-1], [best.lead.last]))
+
+
+def _lacks_and_takes(pair: tuple[_Joined, _Joined]) -> tuple[float, float]:
+    """Return what the turns of two leads lack [m], and how long [s] both take, but for the way."""
+    a, b = pair
+    return a.tight + b.tight, a.time + b.time
+
+
+def _joined(
+    robot: Robot, pose: Sequence[float], way: Array, space: Space, handling: Handling
+) -> list[_Joined]:
+    """Return the leads of one end that promise most; way (n, 2) [m]: from there, freely."""
+    rest = np.append(np.cumsum(np.hypot(*np.diff(way, axis=0).T)[::-1])[::-1], 0.0)
+    if len(pose) < 3:
+        return [_Joined(_NONE, float(rest[0]) / handling.speed, 0.0)]
+    ahead, rest = way[1:], rest[1:]
+    if len(ahead) > _SEEN + 1:
+        ahead = np.concatenate((ahead[:_SEEN], ahead[-1:]))
+        rest = np.append(rest[:_SEEN], 0.0)
+    found = leads(robot, pose, ahead, space)
+    if not found:
+        raise PlanError(
+            f"no room to move along heading {pose[2]:.2f} rad at ({pose[0]:.2f}, {pose[1]:.2f})"
+        )
+    ends = np.array([lead.last for lead in found])
+    seen = space.keeping(np.repeat(ends, len(ahead), axis=0), np.tile(ahead, (len(found), 1)))
+    gaps = np.hypot(*(ends[:, None] - ahead).transpose(2, 0, 1))
+    seen = seen.reshape(gaps.shape)
+    left = np.where(seen, 1.0, _UNSEEN) * gaps + rest
+    comfort = max(handling.tightest, _RESERVE * COMFORTABLE * robot.radius)
+    joined = [
+        _judged(lead, ahead[k].tolist(), float(left[i, k]), bool(seen[i, k]), comfort, handling)
+        for i, (lead, k) in enumerate(zip(found, left.argmin(axis=1).tolist(), strict=True))
+    ]
+    joined.sort(key=lambda one: (one.tight, one.time))
+    straight, *turning = ([one for one in joined if one.lead.side == side] for side in (0, 1, -1))
+    # What is blunted may need all the room that there is.
+    roomy = sorted(straight[_KEPT:], key=lambda one: -one.lead.length)[:_ROOMY]
+    return [*straight[:_KEPT], *roomy, *(one for side in turning for one in side[:_KEPT])]
+
+
+def _judged(
+    lead: Lead, ahead: list[float], left: float, seen: bool, comfort: float, handling: Handling
+) -> _Joined:
+    """Judge a lead that goes on to the place ahead (2,); `left` [m]: how far it is from its end."""
+    x, y = ahead[0] - lead.last[0], ahead[1] - lead.last[1]
+    turn = turn_between(math.cos(lead.heading), math.sin(lead.heading), x, y)
+    length, radius = lead.length, lead.radius
+    ahead_of_it = lead.side == 0 or _BEHIND <= lead.side * turn <= STEP + 0.02
+    doubt = 0 if seen and ahead_of_it else 1 if ahead_of_it else 2
+    if STRAIGHT < abs(turn) < _SHARPEST:
+        wide = min(lead.width, 0.5 * math.hypot(x, y), width_for(handling.easy, turn))
+        radius = min(radius, radius_of(wide, turn))
+    elif abs(turn) >= _SHARPEST:
+        doubt = max(doubt, 1)
+        radius = min(radius, handling.easy, radius_of(lead.width, 0.5 * math.pi))
+        left += _BLUNTED * radius
+        length += _BLUNTED * radius
+    time = (lead.length + left) / handling.speed + _lost(length, radius, handling)
+    return _Joined(lead, time, doubt * comfort if doubt else max(comfort - radius, 0.0))
+
+
+def _lost(length: float, radius: float, handling: Handling) -> float:
+    """Return the time [s] lost against full speed by turning over a length [m] next to a rest.
+
+    Covering it from rest at v at most takes length / v + v / (2 a), then (V - v) / a to full speed.
+    """
+    full, accel = handling.speed, handling.accel
+    slow = min(
+        full, math.sqrt(handling.lateral * max(radius, _NO_RADIUS)), math.sqrt(2.0 * accel * length)
+    )
+    slow = max(slow, 1e-3 * full)
+    ramp = (slow + (full - slow) ** 2 / full - full) / (2.0 * accel)
+    return length / slow - length / full + ramp
+
+
+def _reversed(pose: Sequence[float]) -> Sequence[float]:
+    """Return a pose as seen by somebody who drives the path from its end."""
+    return pose if len(pose) < 3 else (pose[0], pose[1], pose[2] + math.pi)

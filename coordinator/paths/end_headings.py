@@ -1,0 +1,159 @@
+"""How a path may leave its start or reach its goal when it has a heading there.
+
+A lead is the few vertices next to that end: straight ahead for a while, or around a circle to the
+left or right as on a Dubins path.  From its last vertex the way goes on freely.
+
+Decides: which leads there are at one end, and which of them are clear.  Must not know: which is
+best (end_heading_choice.py), what lies between the ends, and curves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from coordinator.base.errors import CoarseError
+from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.ground.free_space import Space
+from coordinator.scenario.model import Robot
+
+STEP: Final = math.pi / 4
+"""Turn [rad] at each vertex of a circle."""
+
+END_SHARE: Final = 0.9
+"""Share of the first leg that its corner may take (ground/polygon_kernels.py)."""
+
+_STRAIGHT: Final = (0.08, 0.15, 0.3, 0.6)
+"""Straight leads [m]; others reach where the heading crosses the legs of the way."""
+
+_TINY: Final = (0.4, 0.8)
+"""The same for robots of a few centimetres, as shares of their radius.
+
+No lead is shorter than the shortest of these: float32 would turn it."""
+
+_PER_RADIUS: Final = 6.0
+"""Straight lead of robots that turn wide, per metre of min_turn_radius."""
+
+_SHARES: Final = (1.0, 0.5, 0.25)
+"""Shares of it, or of the longest of the others, that are tried."""
+
+_OFF_END: Final = 1e-3
+"""Leads end no nearer [m] to what they lead to."""
+
+_LONGEST: Final = 0.45
+"""Share of the distance to what comes next that these may take."""
+
+_MOST_STEPS: Final = 8
+_CIRCLE: Final = 1.08 / math.cos(0.5 * STEP)
+"""Half of the radius of the circle that vertices go around, per metre of the radius of turns: a
+corner that takes half of each leg has the radius circle / 2 * cos(step / 2); 8 % in reserve."""
+
+_EASY: Final = (0.6, 0.3)
+"""Robots that turn on the spot take turns of these radii, as shares of their own."""
+
+_OFF: Final = 8e-3
+"""How far [rad] a curve may be off a heading; the proof accepts a little more."""
+
+
+class Lead(NamedTuple):
+    """Vertices [m] in the order of driving away from an end, whose place is left out.
+
+    heading [rad] and length [m] are those at the last vertex, whose corner may take `width` [m] of
+    the leg there; side is 1 where it turned left to there, -1 right, 0 not at all; radius [m] that
+    of these turns.
+    """
+
+    vertices: list[Array]
+    last: tuple[float, float]
+    heading: float
+    length: float
+    width: float
+    side: int = 0
+    radius: float = math.inf
+
+
+def check_headings(robot: Robot, curve: Nurbs) -> None:
+    """Raise CoarseError where a curve's numbers are too coarse for a heading that is asked for."""
+    along = np.diff(curve.points[[0, 1, -2, -1]], axis=0)[::2]
+    for pose, (x, y) in zip((robot.start, robot.goal), along.tolist(), strict=True):
+        if len(pose) == 3 and abs(math.remainder(math.atan2(y, x) - pose[2], math.tau)) > _OFF:
+            raise CoarseError(
+                f"heading {pose[2]:.2f} rad at ({pose[0]:.2f}, {pose[1]:.2f}) needs a longer "
+                "straight way so far from the origin, where float32 numbers are coarse; more room "
+                "or an origin nearer to the site would help"
+            )
+
+
+def leads(robot: Robot, pose: Sequence[float], ahead: Array, space: Space) -> list[Lead]:
+    """Return the clear leads away from a pose with a heading.
+
+    ahead (k, 2) [m]: the places that the way would pass if there were no heading, in order.
+    """
+    found = [_straight(pose, size) for size in _sizes(robot, pose, ahead)]
+    for radius in _radii(robot):
+        for side in (1, -1):
+            found += _around(pose, radius, side)
+    place = np.array(pose[:2])
+    ends = np.array([lead.last for lead in found])
+    begins = np.array([lead.vertices[-2] if len(lead.vertices) > 1 else place for lead in found])
+    clear = space.keeping(begins, ends).tolist()
+    kept, blocked = [], None
+    for lead, free in zip(found, clear, strict=True):
+        # Turns of one circle follow each other: behind one that is not clear none is.
+        circle = (lead.side, lead.radius)
+        if not free:
+            blocked = circle
+        if free and (lead.side == 0 or circle != blocked):
+            kept.append(lead)
+    return kept
+
+
+def _sizes(robot: Robot, pose: Sequence[float], ahead: Array) -> list[float]:
+    """Return the lengths [m] of straight leads worth a trial."""
+    longest = _LONGEST * math.dist(ahead[-1], pose[:2])
+    most = min(max(_PER_RADIUS * robot.min_turn_radius, _STRAIGHT[-1]), longest)
+    sizes = [*_STRAIGHT, *(share * robot.radius for share in _TINY)]
+    shortest = min(sizes)
+    sizes = [size for size in sizes if size <= longest]
+    sizes += [share * most for share in _SHARES]
+    dx, dy = math.cos(pose[2]), math.sin(pose[2])
+    way = [(x - pose[0], y - pose[1]) for x, y in ahead.tolist()]
+    for (ax, ay), (bx, by) in pairwise(way):
+        across = dx * (by - ay) - dy * (bx - ax)
+        if abs(across) > 1e-9:
+            sizes.append((ax * (by - ay) - ay * (bx - ax)) / across)
+    sizes += [dx * x + dy * y for x, y in way]
+    sizes = [size for size in dict.fromkeys(sizes) if size >= shortest]
+    # What the way ends at may be a via point, which is moved out: a lead to there would turn.
+    return [size for size in sizes if math.dist((size * dx, size * dy), way[-1]) > _OFF_END]
+
+
+def _straight(pose: Sequence[float], size: float) -> Lead:
+    last = pose[0] + size * math.cos(pose[2]), pose[1] + size * math.sin(pose[2])
+    return Lead([np.array(last)], last, pose[2], size, END_SHARE * size)
+
+
+def _radii(robot: Robot) -> list[float]:
+    """Return the radii [m] of turns worth a trial."""
+    easy = [share * robot.radius for share in _EASY]
+    return [size for size in easy if size > robot.min_turn_radius] + (
+        [robot.min_turn_radius] if robot.min_turn_radius > 0.0 else []
+    )
+
+
+def _around(pose: Sequence[float], radius: float, side: int) -> Iterator[Lead]:
+    """Yield leads with more and more vertices around a circle; side: 1 turns left, -1 right."""
+    leg = 4.0 * _CIRCLE * radius * math.tan(0.5 * STEP)
+    heading, length = pose[2], 0.5 * leg / END_SHARE
+    x, y = pose[0] + length * math.cos(heading), pose[1] + length * math.sin(heading)
+    vertices = [np.array((x, y))]
+    yield Lead(vertices, (x, y), heading, length, 0.5 * leg, side, radius)
+    for _ in range(_MOST_STEPS):
+        heading += side * STEP
+        x, y, length = x + leg * math.cos(heading), y + leg * math.sin(heading), length + leg
+        vertices = [*vertices, np.array((x, y))]
+        yield Lead(vertices, (x, y), heading, length, 0.5 * leg, side, radius)

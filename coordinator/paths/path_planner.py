@@ -1,0 +1,297 @@
+"""One path per robot: around obstacles, off the places of other robots, smooth.
+
+Decides: the way each robot takes, alone.  Must not know: times and who goes first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import contextmanager, suppress
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from msgspec.structs import replace
+
+from coordinator.base.errors import CoarseError, PlanError, TurnError
+from coordinator.curves.bounds import flatten
+from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.ground.distance_kernels import entered, nearest_of
+from coordinator.ground.enclosure import NoWayError, explain
+from coordinator.ground.free_space import DISC_TOLERANCE, NO_DISCS, Space
+from coordinator.ground.grown_floor import GrownFloor
+from coordinator.motion.cornering import Handling
+from coordinator.paths.end_heading_choice import COMFORTABLE, Leads, choices
+from coordinator.paths.end_headings import check_headings
+from coordinator.paths.given_path import given_curve
+from coordinator.paths.refit import with_goal, with_via
+from coordinator.paths.smoothing import least_radius, smooth
+from coordinator.paths.spline_fit import Fit, Flags
+from coordinator.scenario.model import Point, Robot, Scenario
+
+_TOUCH: Final = 0.0005
+"""Ways keep this much more [m] than needed: float32 and chords may take half of it."""
+
+_FLUSH: Final = 2e-6
+"""What float32 takes [m] from a robot that stands exactly as near as it may."""
+
+_ROOM_PER_RADIUS: Final = 2.2
+"""Reach around corners that robots turn at, per metre of min_turn_radius."""
+
+_ENOUGH: Final = 2
+"""Paths from which the quickest is taken, once one of them has turns that are wide enough."""
+
+_MOST_TIGHT: Final = 8
+"""Paths from which the widest is taken, if none has."""
+
+_MOST_TRIED: Final = 24
+"""Pairs of leads that are tried: where these do not fit it is the room that is missing."""
+
+_PLACE_ROOM: Final = 0.015
+"""Other robots' places are passed this much farther off [m] than needed: a conflict zone may be a
+little larger than the conflict, and must not reach from a place to a path that keeps off it."""
+
+_NEAR: Final = 1.015
+"""A place may be kept off up to this near to this robot's own, as a share of the disc."""
+
+_PART: Final = 50
+"""Robots that an executor gets at a time, at least: every part prepares its own ground."""
+
+_MOST_PARTS: Final = 4
+
+
+def find_paths(
+    finder: Pathfinder, executor: Executor | None = None, indices: Sequence[int] | None = None
+) -> list[Nurbs]:
+    """Return the paths of all robots (or of some, by index); the same whatever the executor.
+
+    Raises PlanError for the first robot that has no way.
+    """
+    chosen = range(len(finder.scenario.robots)) if indices is None else indices
+    parts = min(-(-len(chosen) // _PART), _MOST_PARTS)
+    if executor is None or parts < 2:
+        return [finder.path(index) for index in chosen]
+    shares = [array.tolist() for array in np.array_split(np.array(chosen), parts)]
+    waiting = [executor.submit(_paths_of, finder.scenario, share) for share in shares]
+    return [path for share in waiting for path in share.result()]
+
+
+def _paths_of(scenario: Scenario, indices: Sequence[int]) -> list[Nurbs]:
+    return find_paths(Pathfinder(scenario), None, indices)
+
+
+class Pathfinder:
+    """Finds the robots' paths on one floor."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        workspace = scenario.workspace
+        self.floor = GrownFloor(workspace.boundary, workspace.obstacles)
+        self._starts = np.array([robot.start[:2] for robot in scenario.robots])
+        self._goals = np.array([robot.goal[:2] for robot in scenario.robots])
+        self._radii = np.array([robot.radius for robot in scenario.robots])
+
+    def path(self, index: int, detours: Array = NO_DISCS, refuge: Point | None = None) -> Nurbs:
+        """Return robot `index`'s path; it keeps off other robots' starts and goals if it can.
+
+        `detours` (k, 3) [m]: further places to keep off, x, y, radius; `refuge`: a place to pass
+        before all via points.  Raises PlanError when there is no way.  A path that was given stays
+        as it is, or is told to be impossible.
+        """
+        robot = self.scenario.robots[index]
+        if robot.path is not None:
+            if len(detours) or refuge is not None:
+                raise PlanError(f"{robot.id}: keeps the path that it was given")
+            with _named(robot):
+                return given_curve(robot, robot.path, self.scenario.margin, self.floor)
+        return self.fit(index, detours, refuge).curve
+
+    def fit(self, index: int, detours: Array = NO_DISCS, refuge: Point | None = None) -> Fit:
+        """Return robot `index`'s path as `path` does, with the polygon it was made from."""
+        robot = self.scenario.robots[index]
+        if refuge is not None:
+            robot = replace(robot, via=(refuge, *robot.via))
+        worst: PlanError | None = None
+        for places in self._places(robot, index):
+            discs = np.concatenate((places, detours))
+            for room, touch in _rooms(robot):
+                try:
+                    return self._fit_among(robot, self._space(robot, discs, room, touch))
+                except TurnError as error:
+                    if not isinstance(worst, TurnError) or error.radius > worst.radius:
+                        worst = error
+                except PlanError as error:
+                    worst = worst if isinstance(worst, (TurnError, CoarseError)) else error
+        if isinstance(worst, NoWayError):
+            part = self.scenario.workspace.from_map
+            worst = explain(worst, self.floor, robot, self.scenario.margin, part)
+        raise PlanError(f"{robot.id}: {worst}")
+
+    def led_through(self, index: int, found: Fit, via: Point) -> Fit:
+        """Return robot `index`'s path led through one more place, changed only near it.
+
+        Knots and control points elsewhere stay what they are.  Raises PlanError when no smooth way
+        leads through the place.
+        """
+        robot = self.scenario.robots[index]
+        changed = replace(robot, via=(*robot.via, via))
+        with _named(robot):
+            space = self._space(changed, next(self._places(changed, index)))
+            return with_via(found, np.array(via), space, self.handling(robot), _headed(robot))
+
+    def led_to(self, index: int, found: Fit, goal: Point) -> Fit:
+        """Return robot `index`'s path with another goal, the same up to where it has to leave it.
+
+        Raises PlanError when no smooth way leads to the goal.
+        """
+        robot = self.scenario.robots[index]
+        changed = replace(robot, goal=goal)
+        headed = _headed(robot)[0]
+        with _named(robot):
+            space = self._space(changed, next(self._places(changed, index)))
+            return with_goal(found, np.array(goal), space, self.handling(robot), headed)
+
+    def crossed_places(self, index: int, curve: Nurbs) -> list[str]:
+        """Say which starts and goals of other robots a path crosses: these order the two robots."""
+        robot = self.scenario.robots[index]
+        need = self._radii + robot.radius + self.scenario.margin
+        line = flatten(curve, _TOUCH).points
+        said = []
+        for name, places in (("start", self._starts), ("goal", self._goals)):
+            hit = entered(line, np.column_stack((places, need)))
+            hit[index] = False
+            said += [
+                f"{robot.id}'s path crosses {self.scenario.robots[other].id}'s {name}"
+                for other in np.flatnonzero(hit).tolist()
+            ]
+        return said
+
+    def handling(self, robot: Robot) -> Handling:
+        """Return how a robot takes corners on its plan."""
+        return Handling(
+            speed=self.scenario.planned_speed(robot),
+            accel=robot.max_accel,
+            lateral=robot.max_lateral_accel,
+            min_turn_radius=robot.min_turn_radius,
+        )
+
+    def _fit_among(self, robot: Robot, space: Space) -> Fit:
+        """Return the quickest of the first paths with turns that are wide enough, else the widest.
+
+        Raises the error that got farthest when there is none.
+        """
+        handling, headed = self.handling(robot), _headed(robot)
+        worst: PlanError | None = None
+        made: list[tuple[float, float, Fit]] = []
+        for ends in choices(robot, space, handling)[:_MOST_TRIED]:
+            try:
+                polygon, exact = self._polygon(robot, space, ends)
+                found = smooth(polygon, exact, space, handling, headed)
+                check_headings(robot, found.curve)
+            except TurnError as error:
+                if not isinstance(worst, TurnError) or error.radius > worst.radius:
+                    worst = error
+                continue
+            except PlanError as error:
+                worst = worst or error
+                continue
+            if not any(headed):
+                return found
+            tight = max(COMFORTABLE * robot.radius - least_radius(found), 0.0)
+            made.append((tight, handling.least_time(found.curve), found))
+            if len(made) >= (_ENOUGH if any(one[0] == 0.0 for one in made) else _MOST_TIGHT):
+                break
+        if made:
+            return min(made, key=lambda one: one[:2])[2]
+        raise worst or PlanError("there is no room to turn")
+
+    def _space(self, robot: Robot, discs: Array, room: float = 0.0, most: float = _TOUCH) -> Space:
+        reach = robot.radius + self.scenario.margin
+        spares = self.floor.distance(_anchors(robot)) - reach
+        if spares.min() < -_FLUSH:
+            x, y = _anchors(robot)[int(np.argmin(spares))]
+            raise PlanError(f"({x:.2f}, {y:.2f}) is nearer than {reach:g} m to something solid")
+        spare = float(spares.min()) - _FLUSH
+        touch = min(max(spare, 0.0), most)
+        ground = self.floor.ground(reach + touch, room)
+        return Space(ground, reach + 0.5 * touch - _FLUSH, 0.4 * touch, discs)
+
+    def _places(self, robot: Robot, index: int) -> Iterator[Array]:
+        """Yield sets of other robots' places (k, 3) to keep off, the fullest first.
+
+        Given up is what the way among obstacles alone crosses: starts, else goals, else both.
+        """
+        need = self._radii + robot.radius + self.scenario.margin
+        anchors = _anchors(robot)
+        possible = []
+        for places in (self._starts, self._goals):
+            reach = np.minimum(need + _PLACE_ROOM, nearest_of(places, anchors) / _NEAR)
+            chosen = reach > need + 2.0 * _TOUCH
+            chosen[index] = False
+            possible.append(np.column_stack((places[chosen], reach[chosen])))
+        yield np.concatenate(possible)
+        way = self._way_alone(robot)
+        if way is None:
+            return
+        crossed = [entered(way, discs - (0.0, 0.0, DISC_TOLERANCE)) for discs in possible]
+        (starts, goals), (over_start, over_goal) = possible, crossed
+        if over_start.any():
+            yield np.concatenate((starts[~over_start], goals))
+        if over_goal.any():
+            yield np.concatenate((starts, goals[~over_goal]))
+        if over_start.any() and over_goal.any():
+            yield np.concatenate((starts[~over_start], goals[~over_goal]))
+        yield NO_DISCS
+
+    def _way_alone(self, robot: Robot) -> Array | None:
+        """Return the way (n, 2) among obstacles alone; None when there is none."""
+        for touch in (_TOUCH, 0.0):
+            with suppress(PlanError):
+                return self._polygon(robot, self._space(robot, NO_DISCS, most=touch), ([], []))[0]
+        return None
+
+    def _polygon(self, robot: Robot, space: Space, ends: Leads) -> tuple[Array, Flags]:
+        """Return the control polygon (n, 2) and which vertices are passed exactly."""
+        begin, *via, end = _anchors(robot)
+        anchors = [begin, *ends[0], *via, *ends[1], end]
+        led = len(ends[0]), len(anchors) - 1 - len(ends[1])
+        vertices, exact = [anchors[0]], [True]
+        for i, (start, goal) in enumerate(pairwise(anchors)):
+            led_here = i < led[0] or i >= led[1]
+            way = np.stack((start, goal)) if led_here else space.shortest_way(start, goal)
+            if way is None:
+                raise NoWayError(space, start, goal)
+            vertices += list(way[1:])
+            exact += [False] * (len(way) - 2) + [any(goal is point for point in via)]
+        exact[-1] = True
+        return np.array(vertices), np.array(exact)
+
+
+@contextmanager
+def _named(robot: Robot) -> Iterator[None]:
+    """Put the robot's name before what goes wrong."""
+    try:
+        yield
+    except PlanError as error:
+        raise PlanError(f"{robot.id}: {error}") from None
+
+
+def _anchors(robot: Robot) -> Array:
+    """Return the places (n, 2) [m] that a robot has to pass: start, via points, goal."""
+    return np.array([robot.start[:2], *robot.via, robot.goal[:2]])
+
+
+def _headed(robot: Robot) -> tuple[bool, bool]:
+    """Tell whether a robot's start and goal have headings."""
+    return len(robot.start) == 3, len(robot.goal) == 3
+
+
+def _rooms(robot: Robot) -> list[tuple[float, float]]:
+    """Return what to try: room [m] for rounding corners, and how much more than needed to keep [m].
+
+    Robots that turn wide want more room first; a passage may be just as wide as the robot needs.
+    """
+    wide = _ROOM_PER_RADIUS * robot.min_turn_radius - robot.radius
+    rooms = (wide, 0.5 * wide, 0.0) if wide > 0.02 else (0.0,)
+    return [*((room, _TOUCH) for room in rooms), (0.0, 0.0)]

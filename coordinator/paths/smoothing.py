@@ -1,0 +1,179 @@
+"""From a control polygon to a cubic curve: straight where the way is straight, C2 at corners.
+
+Vertices of one obstacle's corner become one corner where there is room; corners move out as far as
+that helps travel time; each is then rounded as widely as it stays clear (ground/polygon_kernels.py,
+spline_fit.py).
+
+Decides: the corners and their half-widths.  Must not know: where the polygon comes from, other
+robots' times.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from coordinator.base.errors import PlanError, TurnError
+from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.ground.corner_kernels import NARROWEST, STRAIGHT
+from coordinator.ground.free_space import Space
+from coordinator.ground.polygon_kernels import merge, push, widths
+from coordinator.motion.cornering import Handling
+from coordinator.motion.message_room import ROOM, path_bytes
+from coordinator.paths.sharp_turns import blunt
+from coordinator.paths.spline_fit import Fit, Flags, fit, lengths_along
+
+_SHRINK: Final = 0.75
+_PUSH_SHARE: Final = 0.006
+"""Pushing all corners out may lengthen the way by this share."""
+_LONGEST: Final = 1.02
+"""Longer curves than this, against the polygon, are made again without moving corners."""
+_SPENT_PER_CORNER: Final = (0.02, 0.1, 0.5, 2.0)
+"""Lengths [m] that a corner less may cost, tried in turn, where a path has too many."""
+_SPEEDS_PER_PATH: Final = 0.5
+"""Bytes of speed knots to expect for each byte of a path on which bends are slow."""
+
+
+def smooth(
+    polygon: Array,
+    exact: Flags,
+    space: Space,
+    handling: Handling,
+    headed: tuple[bool, bool] = (False, False),
+) -> Fit:
+    """Return the cubic curve along a polygon (n, 2) [m], with the numbers of the wire (float32).
+
+    exact (n,): vertices that the curve passes exactly; the others are cut.  `headed`: whether the
+    directions of the first and of the last leg are asked for.  Raises PlanError when a turn does
+    not fit, TurnError when it is tighter than the robot can turn.
+
+    A way with so many corners that it would not fit a message gets fewer, at the price of length.
+    """
+    space = space.near(polygon)
+    found = _smoothed(polygon, exact, space, handling, headed)
+    for spent in _SPENT_PER_CORNER:
+        if _fits(found.curve, handling):
+            break
+        with suppress(PlanError):
+            thrifty = replace(handling, spent_per_corner=spent)
+            fewer = _smoothed(polygon, exact, space, thrifty, headed)
+            found = min(found, fewer, key=lambda fit: len(fit.curve.points))
+    return found
+
+
+def _fits(curve: Nurbs, handling: Handling) -> bool:
+    """Tell whether a message has room for a curve and, if bends are slow, for the speeds on it."""
+    speeds = 0.0 if math.isinf(handling.lateral) else _SPEEDS_PER_PATH
+    return path_bytes(len(curve.points)) * (1.0 + speeds) <= ROOM
+
+
+def _smoothed(
+    polygon: Array, exact: Flags, space: Space, handling: Handling, headed: tuple[bool, bool]
+) -> Fit:
+    """Return the curve along a polygon near which the space is known, as `smooth` does."""
+    polygon, exact = _without_straight(polygon, exact, headed)
+    blunted, passed = blunt(polygon, exact, space, headed[1], handling.easy)
+    if blunted is not polygon:
+        polygon, exact = _without_straight(blunted, passed, headed)
+    begin, end = 1 + headed[0], len(polygon) - 1 - headed[1]
+    numbers = handling.numbers()
+    wider, passed = merge(polygon, exact, begin, end, numbers, space.solid)
+    end -= len(polygon) - len(wider)
+    budget = _PUSH_SHARE * float(lengths_along(polygon)[-1]) / max(end - begin, 1)
+    wider = push(wider, passed, begin, end, budget, numbers, space.solid)
+    found = _rounded(wider, passed, space, handling)
+    too_long = found.curve.length > _LONGEST * lengths_along(polygon)[-1]
+    if too_long and handling.spent_per_corner == 0.0:
+        with suppress(TurnError):
+            return _turnable(_rounded(polygon, exact, space, handling), handling)
+    return _turnable(found, handling)
+
+
+def _rounded(polygon: Array, exact: Flags, space: Space, handling: Handling) -> Fit:
+    """Round the corners of a polygon, narrower ones where the curve is not proven clear."""
+    wide = widths(polygon, exact, handling.numbers(), space.solid)
+    while True:
+        found = fit(polygon, exact, wide)
+        hit = space.obstructed(found.curve)
+        if len(hit) == 0:
+            return found
+        wide = _narrower(found, hit)
+
+
+def _without_straight(
+    polygon: Array, exact: Flags, headed: tuple[bool, bool]
+) -> tuple[Array, Flags]:
+    """Drop doubled vertices and those at which the way does not turn.
+
+    Exact vertices and the ends of headed legs stay: a turn beyond them must not reach past them.
+    """
+    legs = np.diff(polygon, axis=0)
+    keep = np.append(True, np.hypot(legs[:, 0], legs[:, 1]) >= STRAIGHT)
+    exact = exact.copy()
+    group = np.cumsum(keep) - 1
+    polygon, exact = polygon[keep], np.bincount(group, weights=exact) > 0.0
+    legs = np.diff(polygon, axis=0)
+    cross = legs[:-1, 0] * legs[1:, 1] - legs[:-1, 1] * legs[1:, 0]
+    turns = np.abs(np.arctan2(cross, np.einsum("ij,ij->i", legs[:-1], legs[1:])))
+    keep = exact | np.concatenate(([True], turns > STRAIGHT, [True]))
+    keep[1] |= headed[0]
+    keep[-2] |= headed[1]
+    return polygon[keep], exact[keep]
+
+
+def _narrower(found: Fit, hit: Array) -> Array:
+    """Return narrower corners nearest to the parameters where the curve is not clear.
+
+    So are exact vertices at the ends of a leg that is not: it lies where they are moved out to.
+    """
+    wide = found.widths.copy()
+    corners = np.flatnonzero(wide > 0.0)
+    if len(corners) == 0:
+        raise _blocked(found.curve, hit)
+    nearest = corners[np.unique(np.argmin(np.abs(found.at[corners, None] - hit), axis=0))]
+    ends = np.clip(np.searchsorted(found.at, hit)[:, None] - (1, 0), 0, len(wide) - 1).ravel()
+    nearest = np.union1d(nearest, ends[found.exact[ends] & (wide[ends] > 0.0)])
+    if np.all(wide[nearest] <= NARROWEST):
+        raise _blocked(found.curve, hit)
+    wide[nearest] = np.maximum(_SHRINK * wide[nearest], np.minimum(NARROWEST, wide[nearest]))
+    return wide
+
+
+def _blocked(curve: Nurbs, hit: Array) -> PlanError:
+    x, y = curve.evaluate(hit[:1])[0]
+    return PlanError(f"no smooth way past ({x:.2f}, {y:.2f}); more room there would help")
+
+
+def least_radius(found: Fit) -> float:
+    """Return the least radius [m] that the curve has at its corners; infinite without any."""
+    corners = np.flatnonzero(found.widths > 0.0)
+    if len(corners) == 0:
+        return math.inf
+    offsets = np.linspace(-1.0, 1.0, 9)
+    u = (found.at[corners, None] + found.widths[corners, None] * offsets).ravel()
+    return 1.0 / max(float(np.abs(found.curve.curvature(u)).max()), 1e-9)
+
+
+def _turnable(found: Fit, handling: Handling) -> Fit:
+    """Return the fit; raises TurnError when it is tighter than the robot can turn."""
+    corners = np.flatnonzero(found.widths > 0.0)
+    if handling.min_turn_radius <= 0.0 or len(corners) == 0:
+        return found
+    offsets = np.linspace(-1.0, 1.0, 33)
+    u = (found.at[corners, None] + found.widths[corners, None] * offsets).ravel()
+    bend = np.abs(found.curve.curvature(u))
+    worst = int(np.argmax(bend))
+    if bend[worst] * handling.min_turn_radius > 1.001:
+        x, y = found.curve.evaluate(u[worst])[0]
+        radius = 1.0 / float(bend[worst])
+        raise TurnError(
+            f"the best turn found at ({x:.2f}, {y:.2f}) has a radius of {radius:.3f} m, "
+            f"min_turn_radius is {handling.min_turn_radius} m; more room or another heading would "
+            "help",
+            radius,
+        )
+    return found

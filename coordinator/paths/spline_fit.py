@@ -1,0 +1,142 @@
+"""A cubic spline along a polygon, and the numbers it came from.
+
+The curve is the variation-diminishing spline (Schoenberg) of the polygon, taken as a piecewise
+linear function of the parameter: control points are the polygon at the Greville abscissae.  With
+the knots a - d, a, a + d around a vertex at parameter a, the second derivative is a hat over that
+stretch and zero elsewhere: straight where the polygon is straight, C2 everywhere.
+
+Decides: knots and control points.  Must not know: what is clear, and how widths are chosen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from coordinator.curves.nurbs import Array, Nurbs, nurbs
+from coordinator.ground.corner_kernels import STRAIGHT
+
+Flags = npt.NDArray[np.bool_]
+
+_APART: Final = 1e-5
+"""Knots are farther apart than this, and than so many steps of the float32 control points: nearer
+ones would fall together, and the curve would stand still in its parameter."""
+_STEPS_APART: Final = 4.0
+
+_OFF: Final = 0.004
+"""Float32 may turn the direction at an end by so much [rad]; else the control point next to the
+end is moved along its leg, by so many steps at most."""
+_MOST_STEPS: Final = 400
+_ROUNDS: Final = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A curve with its polygon: vertices (n, 2) [m], their parameters and half-widths (n,).
+
+    The ends have no width.  `exact` (n,): vertices that the curve passes; `bent` (n, 2) is the
+    polygon with these moved out, which the control points lie on.
+    """
+
+    vertices: Array
+    bent: Array
+    exact: Flags
+    at: Array
+    widths: Array
+    curve: Nurbs
+
+
+def fit(vertices: Array, exact: Flags, widths: Array) -> Fit:
+    """Return the curve along a polygon (n, 2) [m] by arc length; widths (n,) [m]."""
+    bent, at = vertices, lengths_along(vertices)
+    for _ in range(_ROUNDS if exact[1:-1].any() else 0):
+        further = bent_out(vertices, bent, exact, at, widths)
+        if np.array_equal(further, bent):
+            break
+        bent, at = further, lengths_along(further)
+    return fit_at(vertices, bent, exact, at, widths)
+
+
+def fit_at(vertices: Array, bent: Array, exact: Flags, at: Array, widths: Array) -> Fit:
+    """Return the curve along a polygon `bent` (n, 2) whose vertices have given parameters (n,)."""
+    widths = _apart(at, widths)
+    turns = np.flatnonzero(np.hypot(*_jumps(bent, at).T) > STRAIGHT)
+    center, width = at[turns], widths[turns]
+    inner = np.sort(np.concatenate((center - width, center, center + width)))
+    step = float(np.spacing(np.float32(np.abs(bent).max())))
+    inner = _spread(inner, at, max(_APART, _STEPS_APART * step))
+    knots = np.concatenate((np.full(4, at[0]), inner, np.full(4, at[-1])))
+    greville = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3.0
+    points = np.column_stack([np.interp(greville, at, bent[:, axis]) for axis in (0, 1)])
+    points[0], points[-1] = vertices[0], vertices[-1]
+    points[1] = _aimed(points[:3], bent[1] - bent[0], step)
+    points[-2] = _aimed(points[:-4:-1], bent[-2] - bent[-1], step)
+    curve = nurbs(3, knots.astype(np.float32), points.astype(np.float32))
+    return Fit(vertices, bent, exact, at, widths, curve)
+
+
+def _spread(inner: Array, at: Array, apart: float) -> Array:
+    """Return inner knots without those nearer than `apart` to one before, or thrice to an end."""
+    inside = (inner > at[0] + 3.0 * apart) & (inner < at[-1] - 3.0 * apart)
+    inner = inner[inside]
+    if np.all(np.diff(inner) > apart):
+        return inner
+    kept: list[float] = []
+    for knot in inner.tolist():
+        if not kept or knot > kept[-1] + apart:
+            kept.append(knot)
+    return np.array(kept)
+
+
+def _aimed(points: Array, leg: Array, step: float) -> Array:
+    """Return the second of the control points (3, 2) at an end, along its leg in float32 too.
+
+    `step` [m]: how far float32 numbers are apart there.
+    """
+    along = leg / max(float(np.hypot(*leg)), 1e-12)
+    near, far = ((points[1:] - points[0]) @ along).tolist()
+    if near * _OFF > 1.5 * step:
+        return np.asarray(points[1])
+    sizes = np.append(near, np.arange(near, min(far, near + _MOST_STEPS * step), step))
+    tried = points[0] + sizes[:, None] * along
+    ways = tried.astype(np.float32).astype(np.float64) - points[0].astype(np.float32)
+    turned = np.abs(np.arctan2(along[0] * ways[:, 1] - along[1] * ways[:, 0], ways @ along))
+    good = turned <= _OFF
+    return np.asarray(tried[int(good.argmax() if good.any() else turned.argmin())])
+
+
+def lengths_along(vertices: Array) -> Array:
+    """Return the arc lengths (n,) [m] of a polygon's vertices (n, 2) [m]."""
+    legs = np.diff(vertices, axis=0)
+    return np.append(0.0, np.cumsum(np.hypot(legs[:, 0], legs[:, 1])))
+
+
+def bent_out(vertices: Array, bent: Array, exact: Flags, at: Array, widths: Array) -> Array:
+    """Move exact vertices out by the cut d / 6 * (t1 - t0), so that the curve passes them."""
+    moved = vertices.copy()
+    inner = np.flatnonzero(exact[1:-1]) + 1
+    width = _apart(at, widths)[inner]
+    moved[inner] -= _jumps(bent, at)[inner] * (width / 6.0)[:, None]
+    return moved
+
+
+def _jumps(vertices: Array, at: Array) -> Array:
+    """Return the change of dC/du (n, 2) at each vertex of the polygon; zero at the ends."""
+    slopes = np.diff(vertices, axis=0) / np.maximum(np.diff(at), 1e-12)[:, None]
+    jumps = np.zeros_like(vertices)
+    jumps[1:-1] = np.diff(slopes, axis=0)
+    return jumps
+
+
+def _apart(at: Array, widths: Array) -> Array:
+    """Return widths that fit: neighbours share a leg, the first and last keep off the ends."""
+    legs = np.diff(at)
+    kept = widths.copy()
+    both = kept[:-1] + kept[1:]
+    share = np.minimum(legs / np.maximum(both, 1e-12), 1.0)
+    kept[:-1] = np.minimum(kept[:-1], widths[:-1] * share)
+    kept[1:] = np.minimum(kept[1:], widths[1:] * share)
+    return kept

@@ -1,0 +1,47 @@
+"""Compiled: the robot's table of arc lengths, measured as protocol/curve.py measures it.
+
+Decides: nothing; a test holds the two together.  Must not know: messages.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coordinator.base.compiled import compiled
+from coordinator.curves.nurbs_kernels import Array, measure
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+
+
+@compiled
+def robot_table(borders: Array, powers: Array, cells: int) -> tuple[Array, Array, Array]:
+    """Return borders u of cells, so many to a span, the arc lengths s there, and du/ds there.
+
+    The robot keeps the latter as float32.  borders and powers are those of `series`.  Gauss
+    quadrature with 5 nodes a cell; cells without length are left out.
+    """
+    size = cells * len(powers) + 1
+    u, s, slope = np.zeros(size), np.zeros(size), np.empty(size)
+    offsets, work = np.empty(len(_NODES) + 1), np.empty((6, len(_NODES) + 1))
+    count, grown = 0, True
+    for span in range(len(powers)):
+        step = (borders[span + 1] - borders[span]) / cells
+        middle = borders[span] + 0.5 * (borders[span + 1] - borders[span])
+        for cell in range(cells):
+            u0 = borders[span] + cell * step
+            u1 = borders[span + 1] if cell == cells - 1 else u0 + step
+            offsets[:-1] = 0.5 * (u0 + u1) + 0.5 * (u1 - u0) * _NODES - middle
+            offsets[-1] = u0 - middle
+            measure(powers[span], offsets, work)
+            if grown:
+                slope[count] = np.float32(1.0 / max(work[0, -1], 1e-9))
+            length = 0.5 * (u1 - u0) * np.sum(_WEIGHTS * work[0, :-1])
+            grown = length > 0.0
+            if grown:
+                count += 1
+                u[count], s[count] = u1, s[count - 1] + length
+    if grown:
+        offsets[-1] = 0.5 * (borders[-1] - borders[-2])
+        measure(powers[-1], offsets, work)
+        slope[count] = np.float32(1.0 / max(work[0, -1], 1e-9))
+    return u[: count + 1], s[: count + 1], slope[: count + 1]

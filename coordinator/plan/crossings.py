@@ -1,0 +1,105 @@
+"""Where paths meet: the points at which they cross or touch, by arc length on both.
+
+Crossings explain a plan; safety rests on the zones.  Stretches on top of each other have no
+crossing points, they are zones.  Decides: what a meeting tells.  Must not know: widths or times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from coordinator.curves.intersections import intersection_tables
+from coordinator.curves.nurbs import Array, Nurbs
+
+_SAME: Final = 1e-6
+"""Curves nearer than this [m] run on top of each other: float32 tells no finer."""
+
+_PART: Final = 5000
+"""Pairs that an executor gets at a time, unless they are fewer altogether."""
+
+_FEWEST: Final = 500
+"""Pairs that are worth an executor."""
+
+_MOST_PARTS: Final = 8
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """One crossing point [m] and its arc length on both curves [m]."""
+
+    x: float
+    y: float
+    s_a: float
+    s_b: float
+
+
+def find_crossings(a: Nurbs, b: Nurbs) -> list[Meeting]:
+    """Return where two curves meet in points, in order along a; ValueError as for all pairs."""
+    return find_all_crossings([a, b], [(0, 1)])[0]
+
+
+def find_all_crossings(curves: Sequence[Nurbs], pairs: npt.ArrayLike) -> list[list[Meeting]]:
+    """Return where curves meet, for pairs (m, 2) of their indices, in order along the first."""
+    wanted = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    found: list[list[Meeting]] = [[] for _ in wanted]
+    for pair, *row in crossing_table(curves, wanted).tolist():
+        found[int(pair)].append(Meeting(*row))
+    return found
+
+
+def crossing_table(
+    curves: Sequence[Nurbs], pairs: npt.NDArray[np.int64], executor: Executor | None = None
+) -> Array:
+    """Return a row (pair, x, y, s_a, s_b) [m] for each place where a pair (m, 2) of curves meets.
+
+    In order of the pairs and along their first curves.  Many pairs go to the executor in parts.
+    Raises ValueError as intersections.find_all_intersections does.
+    """
+    return CrossingSearch(curves, pairs, executor).result()
+
+
+class CrossingSearch:
+    """A crossing table that the executor is at work on, while its user does something else."""
+
+    def __init__(
+        self, curves: Sequence[Nurbs], pairs: npt.NDArray[np.int64], executor: Executor | None
+    ) -> None:
+        self.curves, self.pairs = tuple(curves), pairs
+        self._parts = np.array_split(pairs, min(max(len(pairs) // _PART, 1), _MOST_PARTS))
+        self._found: list[Future[Array]] = []
+        if executor is not None and len(pairs) >= _FEWEST:
+            self._found = [executor.submit(_table, self.curves, part) for part in self._parts]
+
+    def result(self) -> Array:
+        """Return the table as crossing_table has it; waits for it, and raises as that does."""
+        if not self._found:
+            return _table(self.curves, self.pairs)
+        tables = [future.result() for future in self._found]
+        for table, begin in zip(
+            tables, np.cumsum([0, *map(len, self._parts)]).tolist(), strict=False
+        ):
+            table[:, 0] += begin
+        return np.concatenate(tables)
+
+
+def _table(curves: Sequence[Nurbs], pairs: npt.NDArray[np.int64]) -> Array:
+    points = intersection_tables(curves, pairs, _SAME)[0]
+    whose = pairs[points[:, 0].astype(np.int64)]
+    s_a, s_b = (_arcs(curves, whose[:, side], points[:, 1 + side]) for side in (0, 1))
+    return np.column_stack((points[:, 0], points[:, 3:], s_a, s_b))
+
+
+def _arcs(curves: Sequence[Nurbs], whose: npt.NDArray[np.int64], u: Array) -> Array:
+    """Return arc lengths (m,) at parameters u (m,), each on its own curve, one call per curve."""
+    arcs = np.empty_like(u)
+    order = np.argsort(whose, kind="stable")
+    borders = np.flatnonzero(np.diff(whose[order])) + 1
+    for its in np.split(order, borders) if len(order) else []:
+        arcs[its] = curves[whose[its[0]]].arc_at(u[its])
+    return arcs

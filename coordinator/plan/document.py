@@ -1,0 +1,162 @@
+"""The plan document: everything that is known about one epoch's plan, as written to plan.json.
+
+Decides: the document's fields.  All path, profile and stop numbers are the float32 values of the
+wire.  Must not know: how a plan is found (planning/planner.py) or proven (proof/tau_safety.py);
+wire.py turns it into messages.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import msgspec
+
+from coordinator.scenario.model import Link, Point, Policy, Robot
+
+FORMAT: Final = "splinefleet.plan/1"
+
+
+class Path(msgspec.Struct, frozen=True, kw_only=True):
+    """A clamped NURBS curve: len(knots) = len(control_points) + degree + 1; points in metres."""
+
+    degree: int
+    knots: list[float]
+    control_points: list[Point]
+    weights: list[float]
+
+
+class Stop(msgspec.Struct, frozen=True, kw_only=True):
+    """At rest at arc length s [m] from `arrive` to `depart` [s], for another robot's sake."""
+
+    s: float
+    arrive: float
+    depart: float
+    yields_to: str = ""
+
+
+class Limits(msgspec.Struct, frozen=True, kw_only=True):
+    """What the robot can do: [m/s], [m/s^2] (null: no limit), [m]."""
+
+    max_speed: float
+    max_accel: float | None = None
+    max_lateral_accel: float | None = None
+    min_turn_radius: float = 0.0
+
+    @classmethod
+    def of(cls, robot: Robot) -> Limits:
+        """Return a scenario robot's limits."""
+        lateral = robot.max_lateral_accel
+        return cls(
+            max_speed=robot.max_speed,
+            max_accel=None if math.isinf(robot.max_accel) else robot.max_accel,
+            max_lateral_accel=None if math.isinf(lateral) else lateral,
+            min_turn_radius=robot.min_turn_radius,
+        )
+
+
+class RobotPlan(msgspec.Struct, frozen=True, kw_only=True):
+    """One robot's part: path, speed knots [s, v] and stops; times in seconds of plan time."""
+
+    id: str
+    radius: float
+    start_time: float
+    finish_time: float
+    length: float
+    path: Path
+    profile: list[tuple[float, float]]
+    stops: list[Stop]
+    wire_bytes: int
+    start_yields_to: str = ""
+    limits: Limits | None = None
+
+
+class Crossing(msgspec.Struct, frozen=True, kw_only=True):
+    """A point where two paths meet, and what the schedule says about it."""
+
+    a: str
+    b: str
+    x: float
+    y: float
+    s_a: float
+    s_b: float
+    t_a: float
+    t_b: float
+    verdict: str
+
+
+class Reason(msgspec.Struct, frozen=True, kw_only=True):
+    """Why a robot waits at arc length s [m] for `wait` seconds: who has to pass a zone first.
+
+    zone, their_zone [m]: where the zone begins and ends on its own path and on the other's.
+    `otherwise` [s]: how much later the two would arrive in all if this robot passed it first; null
+    when it cannot, or was not `tried`: in large fleets only the longest waits are.
+    """
+
+    robot: str
+    s: float
+    wait: float
+    yields_to: str
+    zone: tuple[float, float]
+    their_zone: tuple[float, float]
+    otherwise: float | None = None
+    tried: bool = False
+
+
+class Proof(msgspec.Struct, frozen=True, kw_only=True):
+    """What the proof found; distances between centres [m], clearance beyond the radius [m].
+
+    `least_separation` is the least distance of any two centres; `least_slack` the least distance
+    beyond what its pair needs, r_i + r_j + margin: negative when they come too near.  `tightest`
+    says which pair has the latter, when and where.
+
+    `unproven` names what could not be looked at: "clearance" without a floor, "limits" when a
+    robot's are not known.
+    """
+
+    holds: bool
+    pairs: int
+    least_separation: float | None
+    least_clearance: float | None
+    survives: list[str]
+    tightest: str = ""
+    failures: list[str] = []
+    unproven: list[str] = []
+    least_slack: float | None = None
+
+
+class Floor(msgspec.Struct, frozen=True, kw_only=True):
+    """The floor that the clearance was proven on, so that a plan file stands alone."""
+
+    boundary: list[Point]
+    obstacles: list[list[Point]] = []
+
+
+class PlanDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """The whole plan of one epoch; `tau` [s], `margin` [m].
+
+    `revision` counts how often its times were changed while it was driven.
+    """
+
+    format: str = FORMAT
+    scenario: str
+    epoch: int
+    policy: Policy
+    tau: float
+    margin: float
+    link: Link = Link()
+    robots: list[RobotPlan]
+    crossings: list[Crossing] = []
+    waits: list[Reason] = []
+    proof: Proof | None = None
+    timing: dict[str, float] = {}
+    workspace: Floor | None = None
+    notes: list[str] = []
+    revision: int = 0
+
+    def robot(self, robot_id: str) -> RobotPlan:
+        """Return one robot's plan; KeyError when there is none of that name."""
+        for robot in self.robots:
+            if robot.id == robot_id:
+                return robot
+        raise KeyError(robot_id)

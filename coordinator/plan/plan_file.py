@@ -1,0 +1,61 @@
+"""plan.json: a plan document written to JSON, read back and checked.
+
+Decides: the file's encoding and what is said about one that cannot be read.  Must not know: what
+the values of a plan may be (checks.py, references.py).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from coordinator.base.errors import InputError
+from coordinator.plan.checks import find_problems
+from coordinator.plan.document import FORMAT, PlanDocument
+from coordinator.plan.references import find_wrong_names
+from coordinator.scenario.file_kinds import kind_of, wrong_kind
+
+
+def plan_name(epoch: int, revision: int = 0) -> str:
+    """Return the name under which a plan is attached to a log."""
+    return f"plan-{epoch}.json" if revision == 0 else f"plan-{epoch}-{revision}.json"
+
+
+def is_plan_name(name: str) -> bool:
+    """Tell whether an attachment of this name is a plan; of an epoch the last one counts."""
+    return name.startswith("plan-") and name.endswith(".json")
+
+
+def to_json(document: PlanDocument) -> bytes:
+    """Return the document as indented JSON."""
+    return msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n"
+
+
+def from_json(text: bytes, name: str = "plan") -> PlanDocument:
+    """Parse and check plan.json; raises InputError naming the file and every bad field."""
+    try:
+        document = msgspec.json.decode(text, type=PlanDocument)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise InputError([f"{name}: {error}"]) from None
+    if document.format != FORMAT:
+        raise InputError([f"{name}: format is {document.format!r}, this reads {FORMAT!r}"])
+    problems = find_problems(document) + find_wrong_names(document)
+    if problems:
+        raise InputError([f"{name}: {problem}" for problem in problems])
+    return document
+
+
+def read(path: Path) -> PlanDocument:
+    """Read a plan file; raises InputError when it cannot be read or understood."""
+    try:
+        text = path.read_bytes()
+    except OSError as error:
+        raise InputError([f"{path}: {error.strerror}"]) from None
+    try:
+        return from_json(text, str(path))
+    except InputError:
+        found = kind_of(text)
+        if found is None or found == "plan":
+            raise
+        raise InputError([wrong_kind(str(path), found, "plan")]) from None

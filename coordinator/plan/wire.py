@@ -1,0 +1,236 @@
+"""Between the plan document and the bytes that robots get.
+
+Decides: how a RobotPlan becomes a Plan message and how a Plan message reads back.  The proof takes
+what `unpack` returns, so it holds for the bytes.  Must not know: how plans are found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from coordinator.base.errors import InputError
+from coordinator.curves.bounds import Chain, flatten
+from coordinator.curves.nurbs import Array, Nurbs, nurbs
+from coordinator.curves.nurbs_kernels import parameters_at, series
+from coordinator.plan.arc_length_kernels import robot_table
+from coordinator.plan.document import Path, PlanDocument, RobotPlan
+from coordinator.scenario.link_times import link_times
+from coordinator.scenario.margin import ARC_ERROR, track_mm_for
+from protocol.codec import decode, encode, seal
+from protocol.curve import Curve, cells_per_span
+from protocol.messages import NewTimes, Plan
+from protocol.packing import pack_floats, pack_points, pack_profile, pack_stops
+from protocol.plan_parts import unpack_plan
+from protocol.timeline import Timeline
+from protocol.timing import MILLISECOND, SECOND
+
+_WEIGHT_RATIO: Final = 100.0
+_PLACES: Final = 200
+"""Places on a curve that are compared at least."""
+
+_ARC_SHARE: Final = 1e-4
+"""How far the length may be from the true one, besides: a share of it."""
+
+FLAT: Final = 2e-4
+"""Curves are flattened this finely [m]."""
+
+_FINER: Final = 5
+"""So often they are flattened four times as finely where bends leave their length open."""
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What a robot makes of the bytes it gets: curve, motion and the message itself.
+
+    chain: the curve as a polyline with a proven deviation of at most FLAT.
+    arc_error [m]: how far the curve's table of arc lengths is out, measured where a cubic piece
+    per cell is worst, in the middle of cells, and between.
+    """
+
+    id: str
+    radius: float
+    curve: Nurbs
+    timeline: Timeline
+    plan: Plan
+    chain: Chain
+    arc_error: float
+
+
+def pack(document: PlanDocument, robot: RobotPlan, boot: int = 0) -> bytes:
+    """Return the Plan message of one robot; OversizeError when it is too long to send."""
+    limits = robot.limits
+    accel = limits.max_accel if limits is not None else None
+    stops = [(stop.s, round(stop.depart * SECOND)) for stop in robot.stops]
+    if robot.start_time > 0.0:
+        stops.insert(0, (0.0, round(robot.start_time * SECOND)))
+    rests = {stop.s for stop in robot.stops} if accel is not None else set()
+    speeds, profile = pack_profile([(s, v) for s, v in robot.profile if s not in rests])
+    path, times = robot.path, link_times(document.link)
+    plan = Plan(
+        epoch=document.epoch,
+        boot=boot,
+        robot=robot.id,
+        tau_ns=round(document.tau * SECOND),
+        track_mm=min(track_mm_for(document.margin), 65_535),
+        brake_mmps2=0 if accel is None else max(1, min(math.floor(1000.0 * accel), 2**32 - 1)),
+        degree=path.degree,
+        points=pack_points(path.control_points),
+        knots=pack_floats(path.knots[path.degree + 1 : len(path.knots) - path.degree]),
+        weights=pack_floats([] if all(w == 1.0 for w in path.weights) else path.weights),
+        speeds=speeds,
+        profile=profile,
+        stops=pack_stops(stops),
+        checksum=0,
+        lease_ms=times.lease_ns // MILLISECOND,
+        clock_ms=times.clock_error_ns // MILLISECOND,
+    )
+    return encode(seal(plan))
+
+
+def pack_times(payload: bytes, revision: int) -> bytes:
+    """Return the NewTimes message with the times of a Plan message."""
+    plan = decode("plan", payload)
+    assert isinstance(plan, Plan)
+    times = NewTimes(
+        epoch=plan.epoch,
+        boot=plan.boot,
+        revision=revision,
+        brake_mmps2=plan.brake_mmps2,
+        speeds=plan.speeds,
+        profile=plan.profile,
+        stops=plan.stops,
+        checksum=0,
+    )
+    return encode(seal(times))
+
+
+def unpack(payload: bytes, radius: float) -> Driven:
+    """Read a Plan message as the robot does; ValueError when a robot would not accept it."""
+    plan = decode("plan", payload)
+    if not isinstance(plan, Plan):
+        raise ValueError("the message is not an acceptable plan")
+    parts = unpack_plan(plan)
+    degree, knots, xs, ys, weights = parts.path
+    curve = nurbs(degree, knots, np.column_stack((xs, ys)), weights)
+    robot, timeline = _RobotCurve(curve), Timeline(*parts.motion)
+    if abs(timeline.length - robot.length) > 1e-4 + 1e-6 * robot.length:
+        raise ValueError(
+            f"the speed profile ends at {timeline.length:.4f} m, the curve at {robot.length:.4f} m"
+        )
+    chain = flatten(curve, FLAT)
+    error = _arc_error(robot.table, curve, chain)
+    return Driven(plan.robot, radius, curve, timeline, plan, chain, error)
+
+
+class _RobotCurve(Curve):
+    """The robot's own curve with its checks, but for the table of arc lengths, that is compiled.
+
+    table: borders u of the cells, arc lengths s there, and du/ds there.
+    """
+
+    def __init__(self, curve: Nurbs) -> None:
+        self._same = curve
+        xs, ys = curve.points.T.tolist()
+        super().__init__(curve.degree, curve.knots.tolist(), xs, ys, curve.weights.tolist())
+
+    def _measure(self) -> None:
+        self.table = measured(self._same)
+        self._cell_s = self.table[1].tolist()
+
+
+def measured(curve: Nurbs) -> tuple[Array, Array, Array]:
+    """Return the robot's table of arc lengths: borders u of cells, s [m] and du/ds there."""
+    borders, powers = series(*curve.lifted)
+    return robot_table(borders, powers, cells_per_span(len(powers)))
+
+
+def _arc_error(table: tuple[Array, Array, Array], curve: Nurbs, chain: Chain) -> float:
+    """Return how far [m] the curve's table of arc lengths is out, found inside of its cells.
+
+    Raises ValueError when it is not good enough to rely on.  Wild weights or knots hide most of a
+    curve between the quadrature's nodes.  The robot's table and ours and their quadratures (5 and 8
+    nodes) have to agree, and the length with what is certain of it.
+    """
+    if curve.weights.max() > _WEIGHT_RATIO * curve.weights.min():
+        raise ValueError(f"weights differ by more than {_WEIGHT_RATIO} times")
+    parts = max(2, math.ceil(_PLACES / len(table[1])))
+    inner = np.arange(1, parts) / parts
+    s = (table[1][:-1, None] + np.diff(table[1])[:, None] * inner).ravel()
+    u = curve.parameter_at(s)
+    places = curve.evaluate(u)
+    apart = np.hypot(*(places - curve.evaluate(parameters_at(*table, s))).T)
+    errors = np.abs(curve.arc_at(u) - s)
+    both = np.maximum(apart, errors)
+    if not both.max() <= ARC_ERROR:
+        raise _uncertain(float(both.max()), places[int(both.argmax())])
+    _check_length(curve, chain)
+    return float(errors.max())
+
+
+def _check_length(curve: Nurbs, chain: Chain) -> None:
+    """Raise ValueError unless the length is certain to be right to 0.25 mm and 0.1 mm per metre.
+
+    The true one lies between the chords' and the control polygons'.  Both are off by what the curve
+    turns, so they are made finer until they decide.
+    """
+    allowed = ARC_ERROR + _ARC_SHARE * curve.length
+    for finer in range(_FINER + 1):
+        chain = flatten(curve, FLAT / 4.0**finer) if finer else chain
+        least, most = chain.lengths
+        unsure = max(most - curve.length, curve.length - least)
+        if unsure <= allowed:
+            return
+        if most - least < 0.1 * allowed:
+            break
+    measured = np.diff(curve.arc_at(chain.u))
+    chords = np.hypot(*np.diff(chain.points, axis=0).T)
+    worst = int(np.abs(measured - chords).argmax())
+    raise _uncertain(unsure, chain.points[worst])
+
+
+def _uncertain(size: float, place: Array) -> ValueError:
+    """Return the error for arc lengths that may be out by a size [m] near a place."""
+    return ValueError(
+        f"arc length along the curve is uncertain by {1e3 * size:.2g} mm "
+        f"near ({place[0]:.2f}, {place[1]:.2f})"
+    )
+
+
+def drive(document: PlanDocument) -> list[Driven]:
+    """Return what every robot of a document makes of its bytes; InputError naming the robot."""
+    driven, problems = [], []
+    for robot in document.robots:
+        try:
+            driven.append(unpack(pack(document, robot), robot.radius))
+        except (ValueError, OverflowError, msgspec.MsgspecError, IndexError) as error:
+            problems.append(f"plan: robots[{robot.id}]: {error}")
+    if problems:
+        raise InputError(problems)
+    return driven
+
+
+def path_of(curve: Nurbs) -> Path:
+    """Return a curve as the document has it."""
+    return Path(
+        degree=curve.degree,
+        knots=curve.knots.tolist(),
+        control_points=[(x, y) for x, y in curve.points.tolist()],
+        weights=curve.weights.tolist(),
+    )
+
+
+def float32(values: Sequence[float]) -> list[float]:
+    """Round numbers to the nearest float32."""
+    return [float(value) for value in np.asarray(values, dtype=np.float32)]
+
+
+def float32_below(value: float) -> float:
+    """Return the largest float32 that is not above a value."""
+    near = np.float32(value)
+    return float(near if float(near) <= value else np.nextafter(near, np.float32(-np.inf)))

@@ -1,0 +1,290 @@
+"""From a scenario to a proven plan: paths, zones, schedule, wire bytes, proof, in this order.
+
+Decides: the order of the stages, and that nothing leaves without its proof.  Must not know: files,
+clocks (a timer is an argument) or links.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
+from itertools import islice, pairwise
+
+import numpy as np
+from msgspec.structs import replace
+
+from coordinator.base.errors import InputError, PlanError
+from coordinator.curves.chords import chords_of
+from coordinator.curves.nurbs import Nurbs
+from coordinator.ground.tight_places import near_places
+from coordinator.motion.velocity_profile import Motion, limits_on
+from coordinator.paths.path_planner import Pathfinder, find_paths
+from coordinator.plan.checks import LONGEST_PLAN, LONGEST_TAU
+from coordinator.plan.crossings import CrossingSearch
+from coordinator.plan.document import Limits, PlanDocument, Reason
+from coordinator.plan.drafting import make_document
+from coordinator.plan.fault_budget import budget_for, resolve_tau
+from coordinator.proof.verify import prove_document
+from coordinator.scenario.model import Scenario
+from coordinator.schedule import paper_policy
+from coordinator.schedule.detours import blocking_pairs, lanes, refuges, say_ring, say_stuck
+from coordinator.schedule.junctions import FEW, Junctions
+from coordinator.schedule.precedence import ring_of, stuck_pairs
+from coordinator.schedule.priority_order import Deadlock, find_schedule
+from coordinator.schedule.rerouting import latest_robots, quicker_by, with_reasons
+from coordinator.schedule.track import Track
+from coordinator.schedule.wait_owners import with_owners
+from coordinator.schedule.wait_reasons import explain_waits, unkept_priorities
+
+DEFAULT_EFFORT = 20
+LATER_EFFORT = 4
+"""Later epochs are searched no longer, and no other ways around are tried (_EFFORT_PER_WAY): the
+whole fleet stands meanwhile, and more would cost it about as much time as it gains."""
+
+_NEED_PAD = 0.0005
+_TAU_PAD = 0.002
+"""The schedule keeps this much more [m], [s] than needed, for what rounding to the wire costs;
+less distance where robots stand nearer than that (ground/tight_places.py)."""
+
+_EFFORT_PER_WAY = 5
+_WAYS = 2
+_MOST_BESIDE_TO_SAVE = 1000
+_MOST_WAYS = 60
+"""Another way is tried for one robot per so much effort, and so many ways for each, beside so many
+places at most; not in larger fleets, where looking for conflicts again takes long."""
+
+Timer = Callable[[], float]
+
+
+def plan_scenario(
+    scenario: Scenario,
+    *,
+    effort: int = DEFAULT_EFFORT,
+    epoch: int = 1,
+    timer: Timer = lambda: 0.0,
+    executor: Executor | None = None,
+) -> PlanDocument:
+    """Return the plan of a scenario with its proof; epochs after 1 get LATER_EFFORT at most.
+
+    Paths and zones of large fleets are found in parts by the executor: threads, processes, a
+    cluster; the plan is the same whatever it is.  `timing` is by the timer [s], without one 0.
+
+    Policy "safe": raises PlanError when no plan is found; what is returned is proven.
+    Policy "paper": the proof may fail; the document says so and must not be driven.
+    """
+    limits = [Limits.of(robot) for robot in scenario.robots]
+    tau = resolve_tau(scenario.tau, budget_for(limits, scenario.link))
+    stages = _Stages(scenario, tau, executor)
+    marks = [timer()]
+    for stage in (stages.find_paths, stages.find_zones):
+        stage()
+        marks.append(timer())
+    motions = stages.schedule(effort if epoch == 1 else min(effort, LATER_EFFORT))
+    _check_times(scenario, tau, motions)
+    marks.append(timer())
+    document = make_document(
+        scenario, stages.paths, motions, tau, epoch, stages.say(), stages.crossings()
+    )
+    waits = [] if scenario.policy == "paper" else stages.explain(motions)
+    marks.append(timer())
+    notes = [*unkept_priorities(scenario.robots, waits), *document.notes]
+    document = replace(document, waits=waits, notes=notes)
+    try:
+        proof = prove_document(document, scenario)
+    except InputError as error:
+        raise PlanError("a path cannot be sent: " + "; ".join(error.problems)) from None
+    marks.append(timer())
+    names = ("paths", "zones", "schedule", "document", "proof")
+    timing = {n: round(b - a, 4) for n, (a, b) in zip(names, pairwise(marks), strict=True)}
+    if scenario.policy == "safe" and not proof.holds:
+        raise PlanError("the plan found does not pass its proof: " + "; ".join(proof.failures))
+    return replace(document, proof=proof, timing=timing)
+
+
+def _check_times(scenario: Scenario, tau: float, motions: Sequence[Motion]) -> None:
+    """Raise PlanError naming the robot that makes a plan too long to send or to prove."""
+    if tau > LONGEST_TAU:
+        slowest = max(scenario.robots, key=lambda robot: robot.max_speed / robot.max_accel)
+        raise PlanError(
+            f"{slowest.id} brakes for {slowest.max_speed / slowest.max_accel:.0f} s, so tau is "
+            f"{tau:.0f} s, at most {LONGEST_TAU:.0f} s are possible; a larger max_accel or a tau "
+            "by hand would help"
+        )
+    for robot, motion in zip(scenario.robots, motions, strict=True):
+        if motion.finish > LONGEST_PLAN:
+            raise PlanError(
+                f"{robot.id} arrives after {motion.finish:.0f} s, a plan lasts at most "
+                f"{LONGEST_PLAN:.0f} s; more speed or a nearer goal would help"
+            )
+
+
+def _arrivals(motions: Sequence[Motion]) -> float:
+    """Return the sum of arrivals [s]."""
+    return sum(motion.finish for motion in motions)
+
+
+class _Stages:
+    """The stages of one planning run and what they hand on."""
+
+    def __init__(self, scenario: Scenario, tau: float, executor: Executor | None) -> None:
+        self.scenario = scenario
+        self.executor = executor
+        self.tau = tau
+        self.pathfinder = Pathfinder(scenario)
+        self.near = near_places(scenario, _NEED_PAD)
+        self.paths: list[Nurbs] = []
+        self.tracks: list[Track] = []
+        self.notes: list[str] = []
+        self.junctions: Junctions
+        self._crossings: CrossingSearch
+
+    def find_paths(self) -> None:
+        """Find every robot's path, alone."""
+        self.paths = find_paths(self.pathfinder, self.executor)
+
+    def find_zones(self) -> None:
+        """Find where the robots conflict on these paths."""
+        self.tracks = [self._track(index, path) for index, path in enumerate(self.paths)]
+        self.junctions = self._meet(self.tracks)
+        self._crossings = self._look_for_crossings()
+
+    def schedule(self, effort: int) -> list[Motion]:
+        """Return the robots' motions; reroutes robots as long as no order works."""
+        scenario = self.scenario
+        if scenario.policy == "paper":
+            limits = [track.limits for track in self.tracks]
+            return paper_policy.schedule(scenario, self.paths, limits, self.tau)
+        priorities = [robot.priority for robot in scenario.robots]
+        rerouted: set[tuple[int, int]] = set()
+        while True:
+            pairs = stuck_pairs(self.junctions)
+            if not pairs:
+                result = find_schedule(self.junctions, priorities, effort)
+                if not isinstance(result, Deadlock):
+                    improved = self._improved(result, priorities, effort)
+                    return with_owners(self.junctions, improved)
+                pairs = blocking_pairs(self.junctions, result)
+            solved = [self._reroute(pair, rerouted) for pair in pairs]
+            if not any(solved):
+                ring = ring_of(self.junctions)
+                if len(ring) > 2 and self._block_each_other(ring):
+                    raise say_ring(scenario, self.junctions, ring)
+                for pair in pairs:
+                    if self._block_each_other(pair):
+                        raise say_stuck(scenario, self.junctions, pair)
+                raise say_stuck(scenario, self.junctions, pairs[0], among_others=True)
+
+    def _improved(self, motions: list[Motion], priorities: list[int], effort: int) -> list[Motion]:
+        """Let robots go around where that is quicker; few are then ordered once more."""
+        before = self.junctions
+        count = len(motions)
+        if count <= _MOST_WAYS:
+            motions = self._go_around(motions, effort // _EFFORT_PER_WAY)
+        if self.junctions is before:
+            return motions
+        motions = with_reasons(self.junctions, motions)
+        if count > FEW:
+            return motions
+        again = find_schedule(self.junctions, priorities, effort)
+        if isinstance(again, Deadlock) or _arrivals(again) > _arrivals(motions):
+            return motions
+        return again
+
+    def _go_around(self, motions: list[Motion], tries: int) -> list[Motion]:
+        """Give robots that wait long another way where that is quicker; tries are counted."""
+        for mover, other in latest_robots(self.junctions, motions)[:tries]:
+            beside = lanes(self.scenario, mover, other, self.paths[other], _MOST_BESIDE_TO_SAVE)
+            for discs in islice(beside, _WAYS):
+                with suppress(PlanError):
+                    path = self.pathfinder.path(mover, discs)
+                    track = self._track(mover, path)
+                    better = quicker_by(self.junctions, motions, mover, track)
+                    if better is None:
+                        continue
+                    saved = motions[mover].finish - better[1][mover].finish
+                    self.junctions, motions = better
+                    self.paths[mover], self.tracks[mover] = path, track
+                    names = [self.scenario.robots[index].id for index in (mover, other)]
+                    self.notes.append(
+                        f"{names[0]} goes around {names[1]}'s path: {saved:.1f} s earlier than "
+                        "by waiting"
+                    )
+                    break
+        return motions
+
+    def crossings(self) -> CrossingSearch:
+        """Return where the paths cross; they are looked for anew when paths were changed."""
+        if self._crossings.curves != tuple(self.paths):
+            self._crossings = self._look_for_crossings()
+        return self._crossings
+
+    def _look_for_crossings(self) -> CrossingSearch:
+        """Begin to look where robots that come near each other cross, during the schedule."""
+        zones = self.junctions.zones
+        pairs = np.unique(np.column_stack((zones.a, zones.b)), axis=0)
+        return CrossingSearch(self.paths, pairs, self.executor)
+
+    def explain(self, motions: Sequence[Motion]) -> list[Reason]:
+        """Return why the robots wait."""
+        return explain_waits(self.junctions, motions, [r.id for r in self.scenario.robots])
+
+    def say(self) -> list[str]:
+        """Return what the plan's reader should know: maps, reroutes, places that paths cross."""
+        crossed = [
+            sentence
+            for index, path in enumerate(self.paths)
+            for sentence in self.pathfinder.crossed_places(index, path)
+        ]
+        return [*self.scenario.workspace.notes, *self.notes, *crossed]
+
+    def _reroute(self, pair: tuple[int, int], rerouted: set[tuple[int, int]]) -> bool:
+        """Give one of a pair another way; tell whether the two can then pass each other."""
+        for mover, other in (pair, pair[::-1]):
+            if (mover, other) in rerouted:
+                continue
+            rerouted.add((mover, other))
+            for path, how in self._other_ways(mover, other):
+                if self._pass_each_other(mover, other, path):
+                    self._take(mover, path)
+                    names = [self.scenario.robots[index].id for index in (mover, other)]
+                    self.notes.append(f"{names[0]} {how} {names[1]}'s path to let it pass")
+                    return True
+        return False
+
+    def _other_ways(self, mover: int, other: int) -> Iterator[tuple[Nurbs, str]]:
+        """Yield paths that leave room for another robot: beside its path, then by a refuge."""
+        theirs, finder = self.paths[other], self.pathfinder
+        for discs in lanes(self.scenario, mover, other, theirs):
+            with suppress(PlanError):
+                if len(discs):
+                    yield finder.path(mover, discs), "keeps beside"
+        for refuge in refuges(self.scenario, finder.floor, mover, other, theirs):
+            with suppress(PlanError):
+                yield finder.path(mover, refuge=refuge), "steps aside from"
+
+    def _pass_each_other(self, mover: int, other: int, path: Nurbs) -> bool:
+        pair = self._meet([self._track(mover, path), self.tracks[other]], (mover, other))
+        return not isinstance(find_schedule(pair, (0, 0), effort=0), Deadlock)
+
+    def _block_each_other(self, indices: Sequence[int]) -> bool:
+        """Tell whether these robots find no order even without all others."""
+        alone = self._meet([self.tracks[index] for index in indices], tuple(indices))
+        return isinstance(find_schedule(alone, [0] * len(indices), effort=0), Deadlock)
+
+    def _take(self, index: int, path: Nurbs) -> None:
+        self.paths[index], self.tracks[index] = path, self._track(index, path)
+        self.junctions = self.junctions.with_track(index, self.tracks[index])
+
+    def _track(self, index: int, path: Nurbs) -> Track:
+        robot = self.scenario.robots[index]
+        speed = self.scenario.planned_speed(robot)
+        limits = limits_on(path, speed, robot.max_accel, robot.max_lateral_accel)
+        return Track(limits, chords_of(path, self.near.errors[index]))
+
+    def _meet(self, tracks: list[Track], indices: tuple[int, ...] | None = None) -> Junctions:
+        robots = self.scenario.robots
+        chosen = range(len(robots)) if indices is None else indices
+        radii = [robots[i].radius - self.near.less[i] for i in chosen]
+        margin = self.scenario.margin + _NEED_PAD
+        return Junctions(tracks, radii, margin, self.tau + _TAU_PAD, self.executor)

@@ -1,0 +1,96 @@
+"""The proof that a motion keeps its robot's limits: speed, acceleration, bends.
+
+Decides: what counts as kept.  Must not know: other robots, or how motions are planned.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from coordinator.curves.knots import bezier_pieces
+from coordinator.curves.nurbs import Array
+from coordinator.curves.nurbs_kernels import arc_table, series
+from coordinator.plan.document import Limits
+from coordinator.plan.wire import Driven
+from coordinator.proof.limit_kernels import too_sharp
+
+_CORNER: Final = 0.01
+"""Directions that differ by more [rad] where spans meet make a corner."""
+
+_SPEED: Final = 1.0001
+_ACCEL: Final = 1.01
+_LATERAL: Final = 1.02
+_TURN: Final = 1.01
+"""By these factors a limit may be exceeded, for what rounding to the wire costs."""
+
+
+def limit_failures(driven: Driven, limits: Limits) -> list[str]:
+    """Return how a motion breaks the robot's limits, one sentence each; 1 or 2 % are tolerated.
+
+    Nothing is sampled: speed and acceleration are those of the legs, bends are proven between all
+    places (limit_kernels.py).
+    """
+    line, failures = driven.timeline, []
+    v0, v1 = np.array(line.v0), np.array(line.v1)
+    if max(v0.max(), v1.max()) > limits.max_speed * _SPEED:
+        failures.append(f"{driven.id} drives faster than {limits.max_speed} m/s")
+    length = np.array(line.s1) - np.array(line.s0) + 1e-5
+    rate = np.abs(v1**2 - v0**2) / (2.0 * length)
+    if limits.max_accel is not None:
+        if rate.max() > limits.max_accel * _ACCEL:
+            failures.append(f"{driven.id} changes speed faster than {limits.max_accel} m/s^2")
+        if v0[0] > 1e-6 or v1[-1] > 1e-6:
+            failures.append(f"{driven.id} does not begin and end at rest")
+    return failures + _bend_failures(driven, limits)
+
+
+def _corner_failures(driven: Driven) -> list[str]:
+    """Return the corners of a curve: borders of spans with other directions on both sides."""
+    borders, pieces = bezier_pieces(*driven.curve.lifted)
+    corners = pieces[:, :, :2] / pieces[:, :, 2:]
+    inner = zip(borders[1:-1].tolist(), corners[:-1], corners[1:], strict=True)
+    failures = []
+    for u, before, after in inner:
+        if np.count_nonzero(driven.curve.knots == u) < driven.curve.degree:
+            continue
+        into, onward = _direction(before[::-1]), _direction(after)
+        if np.dot(-into, onward) < math.cos(_CORNER):
+            s = float(driven.curve.arc_at([u])[0])
+            failures.append(f"{driven.id}'s way has a corner at {s:.2f} m")
+    return failures
+
+
+def _direction(corners: Array) -> Array:
+    """Return the unit direction in which a piece leaves its first corner; zeros if it has none."""
+    legs = corners - corners[0]
+    sizes = np.hypot(legs[:, 0], legs[:, 1])
+    far = np.flatnonzero(sizes > 1e-6)
+    return legs[far[0]] / sizes[far[0]] if len(far) else np.zeros(2)
+
+
+def _bend_failures(driven: Driven, limits: Limits) -> list[str]:
+    """Return which bends are too sharp for the robot, or for its speed there."""
+    if limits.max_lateral_accel is None and not limits.min_turn_radius > 0.0:
+        return []
+    line, failures = driven.timeline, _corner_failures(driven)
+    borders, powers = series(*driven.curve.lifted)
+    shape = (borders, powers, *arc_table(borders, powers))
+    knots = np.array([*line.s0, line.length])
+    if limits.max_lateral_accel is not None:
+        squares = np.square(np.column_stack((line.v0, line.v1))).ravel()
+        most = limits.max_lateral_accel * _LATERAL
+        at = too_sharp(*shape, knots, squares, most)
+        if at >= 0.0:
+            failures.append(
+                f"{driven.id} takes a bend above {limits.max_lateral_accel} m/s^2 at {at:.2f} m"
+            )
+    if limits.min_turn_radius > 0.0:
+        at = too_sharp(*shape, knots, np.ones(2 * len(line.s0)), _TURN / limits.min_turn_radius)
+        if at >= 0.0:
+            failures.append(
+                f"{driven.id} turns tighter than {limits.min_turn_radius} m at {at:.2f} m"
+            )
+    return failures

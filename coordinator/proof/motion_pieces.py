@@ -1,0 +1,154 @@
+"""Where robots are over time, as straight pieces driven at constant speed with a proven deviation.
+
+A piece stands for the robot between two moments of one leg of its motion.  Between two places that
+are a way of length l and a straight line of length c apart, the curve stays within
+sqrt(l^2 - c^2) / 2 of that line, for it runs in the ellipse with these foci, and l - c along it;
+an acceleration a moves the robot by at most a t^2 / 8 along its way in the time t of the piece.
+Nothing is taken from samples alone but `Driven.arc_error`.
+
+Decides: how a motion becomes pieces.  Must not know: other robots, zones or schedules.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from coordinator.curves.nurbs import Array
+from coordinator.plan.wire import Driven
+
+Indices = npt.NDArray[np.int64]
+
+_ROUNDING: Final = 1e-9
+"""Ways may be measured this much [m] too short."""
+
+_ARC_ERRORS: Final = 2.5
+"""Arc errors by which a place may be off: one at an end, one between, and some for measuring."""
+
+_ROUNDS: Final = 24
+_MOST_PARTS: Final = 64.0
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Motions of robots in m pieces, sorted by robot, then time.
+
+    rows (m, 7): from when [s] to when, from x, y [m] to x, y, deviation [m]: no farther than this
+    is the robot from where it would be at constant speed.  robot (m,), leg (m,): indices.
+    """
+
+    rows: Array
+    robot: Indices
+    leg: Indices
+
+    def pick(self, which: Indices) -> Pieces:
+        """Return some of the pieces."""
+        return Pieces(self.rows[which], self.robot[which], self.leg[which])
+
+
+class Flights:
+    """The motions of a whole fleet: c_i(t) of design section 1, from plan time 0 to the last end.
+
+    Earlier a robot stands at its start, later at its goal: other times repeat these places.
+    """
+
+    def __init__(self, driven: Sequence[Driven]) -> None:
+        self.driven = driven
+        self.finish = 1.0 + max(one.timeline.finish for one in driven)
+        parts = [_legs(one, self.finish) for one in driven]
+        self._legs = np.concatenate(parts)
+        self._robot = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+        self._noise = _ARC_ERRORS * np.array([one.arc_error for one in driven])
+
+    def pieces(self, tolerance: float) -> Pieces:
+        """Return all motions in pieces that deviate by at most `tolerance` [m], rounding apart."""
+        legs = np.arange(len(self._legs))
+        ends = self._nodes(np.repeat(legs, 2), self._legs[:, :2].ravel())
+        return self.split(self._pieces(ends, legs, np.arange(0, 2 * len(legs), 2)), tolerance)[0]
+
+    def split(self, pieces: Pieces, tolerance: float) -> tuple[Pieces, Indices]:
+        """Return finer pieces, and for each (m,) the index of that which it is a part of.
+
+        They deviate by at most `tolerance` [m] and _ARC_ERRORS of the robot.
+        """
+        origin = np.arange(len(pieces.rows))
+        for _ in range(_ROUNDS):
+            excess = (pieces.rows[:, 6] - self._noise[pieces.robot]) / tolerance
+            rough = np.flatnonzero(excess > 1.0)
+            if not len(rough):
+                break
+            parts = np.ones(len(excess), dtype=np.int64)
+            parts[rough] = np.clip(np.ceil(1.1 * np.sqrt(excess[rough])), 2.0, _MOST_PARTS)
+            owner = np.repeat(np.arange(len(parts)), parts)
+            finer = pieces.pick(owner)
+            changed = self._cut(pieces.pick(rough), parts[rough])
+            finer.rows[parts[owner] > 1] = changed.rows
+            pieces, origin = finer, origin[owner]
+        return pieces, origin
+
+    def _arcs(self, leg: Indices, time: Array) -> Array:
+        """Return arc lengths (m,) [m] at times (m,) [s] of legs (m,)."""
+        begin, end, s, v, rate = self._legs[leg].T
+        passed = np.clip(time, begin, end) - begin
+        return np.asarray(s + passed * (v + 0.5 * rate * passed))
+
+    def _nodes(self, leg: Indices, time: Array) -> Array:
+        """Return time, x, y and the true arc length at times (m,) of legs (m,), sorted: (m, 4)."""
+        robot = self._robot[leg]
+        s = self._arcs(leg, time)
+        nodes = np.empty((len(time), 4))
+        nodes[:, 0] = time
+        borders = np.searchsorted(robot, np.arange(len(self.driven) + 1))
+        for index, (first, end) in enumerate(pairwise(borders.tolist())):
+            if first < end:
+                curve = self.driven[index].curve
+                u = curve.parameter_at(s[first:end])
+                nodes[first:end, 1:3] = curve.evaluate(u)
+                nodes[first:end, 3] = curve.arc_at(u)
+        return nodes
+
+    def _cut(self, pieces: Pieces, parts: Indices) -> Pieces:
+        """Return pieces cut into so many parts each, equal in time."""
+        owner = np.repeat(np.arange(len(parts)), parts + 1)
+        last = np.cumsum(parts + 1) - 1
+        step = np.arange(len(owner)) - (last - parts)[owner]
+        begin, end = pieces.rows[owner, 0], pieces.rows[owner, 1]
+        time = begin + (end - begin) * (step / parts[owner])
+        time[last] = pieces.rows[:, 1]
+        nodes = self._nodes(pieces.leg[owner], time)
+        inner = np.flatnonzero(step < parts[owner])
+        return self._pieces(nodes, pieces.leg[owner[inner]], inner)
+
+    def _pieces(self, nodes: Array, leg: Indices, first: Indices) -> Pieces:
+        """Return the pieces from nodes `first` (m,) to the next ones, with their deviation."""
+        begin, end = nodes[first], nodes[first + 1]
+        moves, rate = self._legs[leg, 3:].any(axis=1), self._legs[leg, 4]
+        straight = np.hypot(end[:, 1] - begin[:, 1], end[:, 2] - begin[:, 2])
+        excess = np.maximum(end[:, 3] - begin[:, 3] - straight, 0.0) + _ROUNDING
+        curved = np.hypot(0.5 * np.sqrt(excess * (2.0 * straight + excess)), excess)
+        duration = end[:, 0] - begin[:, 0]
+        robot = self._robot[leg]
+        uneven = 0.125 * np.abs(rate) * duration * duration + self._noise[robot]
+        deviation = np.where(moves, curved + uneven, 0.0)
+        rows = np.column_stack((begin[:, 0], end[:, 0], begin[:, 1:3], end[:, 1:3], deviation))
+        return Pieces(rows, robot, leg)
+
+
+def _legs(driven: Driven, finish: float) -> Array:
+    """Return when each leg or rest begins and ends [s], with which s, v and acceleration."""
+    line = driven.timeline
+    t0, t1, s0 = np.array(line.t0), np.array(line.t1), np.array(line.s0)
+    v0, v1 = np.array(line.v0), np.array(line.v1)
+    driving = np.column_stack((t0, t1, s0, v0, (v1 - v0) / (t1 - t0)))
+    still = np.zeros(len(t0))
+    since = np.concatenate(([0.0], t1[:-1]))
+    resting = np.column_stack((since, t0, s0, still, still))
+    legs = np.stack((resting, driving), axis=1).reshape(-1, 5)
+    parked = (line.finish, finish, line.length, 0.0, 0.0)
+    legs = np.vstack((legs, parked))
+    return legs[legs[:, 0] < legs[:, 1]]

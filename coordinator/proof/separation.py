@@ -1,0 +1,160 @@
+"""The least distance of moving robots over all times no more than tau apart.
+
+Motions are straight pieces with a proven deviation (motion_pieces.py).  Coarse pieces of all robots
+are swept through space and time for pairs that may have the least slack; these alone are cut finer
+and compared again, until the deviation is below what is asked for.  Slack is the distance of two
+centres less what the pair has to keep.
+
+Decides: how near robots come by their wire bytes, to margin.RESOLUTION.  Must not know: what is
+near enough (tau_safety.py), zones or schedules.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from coordinator.curves.nurbs import Array
+from coordinator.plan.wire import Driven
+from coordinator.proof.motion_pieces import Flights, Pieces
+from coordinator.proof.separation_kernels import Indices, finer_pairs, near_pairs
+
+_COARSE: Final = 2e-2
+_FINER: Final = (1e-3, 5e-5)
+"""Deviations [m] of pieces; four of the last are below margin.RESOLUTION, arc errors included."""
+
+_REACH: Final = 0.1
+"""The first guess [m] of how near the nearest pair comes beyond its need; then four times more."""
+
+_BLOCK: Final = 4.0
+_MOST_BLOCKS: Final = 2000
+"""Time is swept in blocks of so many seconds, or in so many blocks when it is long."""
+
+
+@dataclass(frozen=True)
+class Closest:
+    """The least slack [m], the distance there [m], whose (indices), when [s] and where [m].
+
+    certain: the true least slack lies between this and `slack`, margin.RESOLUTION below it at most
+    unless places by arc length are uncertain by more than micrometres.
+    """
+
+    slack: float
+    certain: float
+    distance: float
+    a: int
+    b: int
+    t_a: float
+    t_b: float
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidates:
+    """Pairs (m, 2) of pieces (indices), and what separation_kernels.py says of them (m, 4)."""
+
+    pieces: Pieces
+    pairs: Indices
+    found: Array
+
+    @property
+    def robots(self) -> Indices:
+        """Whose pieces they are, (m, 2), the smaller index first."""
+        return self.pieces.robot[self.pairs]
+
+    def pick(self, which: Indices) -> _Candidates:
+        return _Candidates(self.pieces, self.pairs[which], self.found[which])
+
+
+class Separation:
+    """How near robots of a fleet come to each other, with all times tau [s] apart or less."""
+
+    def __init__(self, driven: Sequence[Driven], tau: float) -> None:
+        self._flights = Flights(driven)
+        self._tau = tau
+        self._pieces = self._flights.pieces(_COARSE)
+        self._first = np.searchsorted(self._pieces.robot, np.arange(len(driven) + 1))
+        self._block = max(_BLOCK, self._flights.finish / _MOST_BLOCKS)
+
+    def least(self, keep: Array, reach: float = _REACH) -> Closest | None:
+        """Return the least slack of all pairs; None for fewer than two robots.
+
+        A pair has to keep the sum of its robots' `keep` (n,) [m].  `reach` [m]: a guess of the
+        least slack, better too large.
+        """
+        if len(keep) < 2:
+            return None
+        while True:
+            candidates = self._near(keep, reach, each=False)
+            if len(candidates.pairs):
+                finest = self._refined(candidates, keep, math.inf, each=False)
+                return self._worst(finest, keep, each=False)[0]
+            reach = 4.0 * max(reach, _REACH)
+
+    def below(self, keep: Array, limit: float) -> list[Closest]:
+        """Return the least slack of every pair for which it is below a limit [m], least first."""
+        candidates = self._refined(self._near(keep, limit, each=True), keep, limit, each=True)
+        worst = [one for one in self._worst(candidates, keep, each=True) if one.slack < limit]
+        return sorted(worst, key=lambda one: one.slack)
+
+    def _near(self, keep: Array, limit: float, each: bool) -> _Candidates:
+        pairs, found = near_pairs(
+            self._pieces.rows, self._first, keep, self._tau, self._block, limit, each
+        )
+        _, distinct = np.unique(pairs[:, 0] * len(self._pieces.rows) + pairs[:, 1], True)
+        return _Candidates(self._pieces, pairs[distinct], found[distinct])
+
+    def _refined(
+        self, candidates: _Candidates, keep: Array, limit: float, each: bool
+    ) -> _Candidates:
+        """Return candidates among the finest pieces; `each`: of every pair of robots."""
+        for tolerance in _FINER:
+            group = self._groups(candidates, each)
+            least = np.full(group.max(initial=-1) + 1, limit)
+            np.minimum.at(least, group, candidates.found[:, 1])
+            promising = np.flatnonzero(candidates.found[:, 0] <= least[group])
+            used, pairs = np.unique(candidates.pairs[promising], return_inverse=True)
+            finer, origin = self._flights.split(candidates.pieces.pick(used), tolerance)
+            needs = keep[candidates.robots[promising]].sum(axis=1)
+            parts = np.searchsorted(origin, np.arange(len(used) + 1))
+            limits = least[group[promising]]
+            found = finer_pairs(finer.rows, pairs.reshape(-1, 2), parts, needs, self._tau, limits)
+            candidates = _Candidates(finer, *found)
+        return candidates
+
+    def _groups(self, candidates: _Candidates, each: bool) -> Indices:
+        """Return which of them compete for the least slack, as numbers (m,) from 0."""
+        if not each:
+            return np.zeros(len(candidates.pairs), dtype=np.int64)
+        a, b = candidates.robots.T
+        return np.unique(a * len(self._flights.driven) + b, return_inverse=True)[1]
+
+    def _worst(self, candidates: _Candidates, keep: Array, each: bool) -> list[Closest]:
+        """Return the least slack of all, or of each pair of robots."""
+        group, (low, high, t_a, t_b) = self._groups(candidates, each), candidates.found.T
+        order = np.lexsort((high, group))
+        firsts = order[np.unique(group[order], return_index=True)[1]]
+        certain = np.full(len(firsts), math.inf)
+        np.minimum.at(certain, group, low)
+        robots, rows = candidates.robots, candidates.pieces.rows
+        closest = []
+        for row in firsts.tolist():
+            a, b = robots[row].tolist()
+            p, q = rows[candidates.pairs[row]]
+            x, y = 0.5 * (_place(p, t_a[row]) + _place(q, t_b[row]))
+            slack, least = float(high[row]), float(certain[group[row]])
+            distance = slack + float(keep[a] + keep[b])
+            when = (float(t_a[row]), float(t_b[row]))
+            closest.append(Closest(slack, least, distance, a, b, *when, float(x), float(y)))
+        return closest
+
+
+def _place(piece: Array, time: float) -> Array:
+    """Return the place (2,) [m] on a piece at a time [s]."""
+    part = (time - piece[0]) / (piece[1] - piece[0])
+    return np.asarray(piece[2:4] + part * (piece[4:6] - piece[2:4]))

@@ -1,0 +1,229 @@
+"""The proof of a plan document: from the file alone, or against a scenario.
+
+Decides: what a document is proven against.  The proof itself is tau_safety.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from msgspec.structs import replace
+
+from coordinator.base.errors import InputError
+from coordinator.curves.nurbs import Array
+from coordinator.plan.checks import LENGTH_TOLERANCE, LONGEST_PLAN
+from coordinator.plan.document import Limits, PlanDocument, Proof, RobotPlan
+from coordinator.plan.fault_budget import budget_for, resolve_tau
+from coordinator.plan.wire import Driven, drive
+from coordinator.proof.tau_safety import prove
+from coordinator.scenario.floor import Floor
+from coordinator.scenario.margin import TOLERANCE
+from coordinator.scenario.model import Robot, Scenario
+
+_HEADING: Final = 1e-2
+"""How far [rad] a heading may be off."""
+
+_TIME_TOLERANCE: Final = 1e-2
+"""How far [s] a time in the file may be from that of the wire bytes."""
+
+_SAME: Final = 1e-9
+"""Terms [s], [m] that differ by less are the same."""
+
+_RESERVED: Final = 1.0001
+"""By this factor a planned speed may be above what the reserve leaves."""
+
+_LIMITS: Final = (
+    ("max_speed", "m/s"),
+    ("max_accel", "m/s^2"),
+    ("max_lateral_accel", "m/s^2"),
+    ("min_turn_radius", "m"),
+)
+
+_PLAN_ROUNDING: Final = 1.0
+"""A plan may last this much [s] longer on the wire than it was planned for."""
+
+
+def prove_document(document: PlanDocument, scenario: Scenario | None = None) -> Proof:
+    """Prove a document from its wire bytes.
+
+    With a scenario its floor, limits, radii, tau, margin and link count, and the document has to
+    say the same of them: what robots are told comes from there.  Raises InputError when a robot
+    would not accept its message, or would drive too long.
+    """
+    driven = drive(document)
+    _check_durations(driven)
+    told = [
+        failure
+        for robot, one in zip(document.robots, driven, strict=True)
+        for failure in _disagreements(robot, one)
+    ]
+    if scenario is not None:
+        proof = _prove_against(document, driven, scenario)
+    else:
+        proof = _prove_alone(document, driven)
+    return _with_failures(proof, told)
+
+
+def _check_durations(driven: list[Driven]) -> None:
+    """Raise InputError for motions that would take the proof's memory."""
+    problems = [
+        f"plan: robots[{one.id}]: lasts {one.timeline.finish:g} s on the wire, "
+        f"allowed is up to {LONGEST_PLAN:g} s"
+        for one in driven
+        if not one.timeline.finish <= LONGEST_PLAN + _PLAN_ROUNDING
+    ]
+    if problems:
+        raise InputError(problems)
+
+
+def _disagreements(robot: RobotPlan, driven: Driven) -> list[str]:
+    """Return where the file says something else than the wire bytes, one sentence each."""
+    line = driven.timeline
+    arrivals = line.arrivals[1:] if robot.start_time > 0.0 else line.arrivals
+    pairs = [
+        ("length", robot.length, line.length, "m", LENGTH_TOLERANCE),
+        ("finish_time", robot.finish_time, line.finish, "s", _TIME_TOLERANCE),
+    ]
+    pairs += [
+        (f"stops[{i}].arrive", stop.arrive, arrival, "s", _TIME_TOLERANCE)
+        for i, (stop, arrival) in enumerate(zip(robot.stops, arrivals, strict=True))
+    ]
+    return [
+        f"{robot.id}'s {name} is {said:.6g} {unit} in the file, {found:.6g} {unit} on the wire"
+        for name, said, found, unit, tolerance in pairs
+        if not abs(said - found) <= tolerance
+    ]
+
+
+def _with_failures(proof: Proof, failures: list[str]) -> Proof:
+    """Return the proof with more failures in front."""
+    if not failures:
+        return proof
+    return replace(proof, holds=False, survives=[], failures=failures + proof.failures)
+
+
+def _prove_alone(document: PlanDocument, driven: list[Driven]) -> Proof:
+    floor = document.workspace
+    known = [robot.limits for robot in document.robots if robot.limits is not None]
+    all_known = len(known) == len(document.robots)
+    proof = prove(
+        driven,
+        document.tau,
+        document.margin,
+        None if floor is None else Floor(floor.boundary, floor.obstacles).gap,
+        [robot.limits for robot in document.robots],
+        budget_for(known, document.link) if all_known else None,
+    )
+    missing = {"clearance": floor is None, "limits": not all_known}
+    return replace(proof, unproven=[name for name, absent in missing.items() if absent])
+
+
+def _prove_against(document: PlanDocument, driven: list[Driven], scenario: Scenario) -> Proof:
+    robots = {robot.id: robot for robot in scenario.robots}
+    failures = []
+    for one in driven:
+        robot = robots.get(one.id)
+        if robot is None:
+            failures.append(f"{one.id} is not in the scenario")
+            continue
+        if one.radius < robot.radius:
+            failures.append(f"{one.id} is planned with radius {one.radius} m, has {robot.radius} m")
+        failures += _misses(one, robot)
+        failures += _hurries(one, scenario.planned_speed(robot))
+    planned = {one.id for one in driven}
+    failures += [f"{name} has no plan" for name in robots if name not in planned]
+    limits = [Limits.of(robot) for robot in scenario.robots]
+    budget = budget_for(limits, scenario.link)
+    tau, margin = resolve_tau(scenario.tau, budget), scenario.margin
+    failures += _other_terms(document, scenario, tau)
+    floor = Floor(scenario.workspace.boundary, scenario.workspace.obstacles)
+    known = [Limits.of(robots[d.id]) if d.id in robots else None for d in driven]
+    proof = prove(driven, tau, margin, floor.gap, known, budget)
+    return _with_failures(proof, failures)
+
+
+def _other_terms(document: PlanDocument, scenario: Scenario, tau: float) -> list[str]:
+    """Return which terms of a plan are not the scenario's; tau [s] is what the scenario asks for.
+
+    Robots go by these: tau is how late they may be, the margin how far off their paths, the link
+    how long they bear silence, max_accel how they brake.  Those that turn wider than they have to
+    keep what is asked.
+    """
+    asked = [
+        (name, getattr(document, name), value, unit)
+        for name, value, unit in (("tau", tau, " s"), ("margin", scenario.margin, " m"))
+    ]
+    failures = [
+        f"the plan's {name} is {said:.9g}{unit}, the scenario asks for {value:.9g}{unit}"
+        for name, said, value, unit in asked
+        if abs(said - value) > _SAME
+    ]
+    failures += [
+        f"the plan's link.{name} is {said:g}{unit}, the scenario's is {value:g}{unit}"
+        for name, unit in (("delay", " s"), ("loss", ""))
+        if (said := getattr(document.link, name)) != (value := getattr(scenario.link, name))
+    ]
+    known = {robot.id: Limits.of(robot) for robot in scenario.robots}
+    for robot in document.robots:
+        if robot.id in known:
+            failures += _other_limits(robot, known[robot.id])
+    return failures
+
+
+def _other_limits(robot: RobotPlan, limits: Limits) -> Iterator[str]:
+    """Yield which limits of a robot's plan are not its own."""
+    if robot.limits is None:
+        if limits.max_accel is not None:
+            yield _other_limit(robot, "max_accel", None, limits.max_accel, "m/s^2")
+        return
+    for name, unit in _LIMITS:
+        said, value = getattr(robot.limits, name), getattr(limits, name)
+        if said != value and not (name == "min_turn_radius" and said > value):
+            yield _other_limit(robot, name, said, value, unit)
+
+
+def _other_limit(
+    robot: RobotPlan, name: str, said: float | None, value: float | None, unit: str
+) -> str:
+    told, asked = ("none" if one is None else f"{one:g} {unit}" for one in (said, value))
+    return f"{robot.id}'s limits.{name} is {told}, the scenario's is {asked}"
+
+
+def _hurries(driven: Driven, fastest: float) -> Iterator[str]:
+    """Yield that a robot has less speed [m/s] in reserve than the scenario keeps back."""
+    most = max(driven.timeline.v0 + driven.timeline.v1)
+    if most > fastest * _RESERVED:
+        yield (
+            f"{driven.id} is planned at up to {most:.6g} m/s, {fastest:.6g} m/s are left by "
+            "speed_reserve"
+        )
+
+
+def _misses(driven: Driven, robot: Robot) -> list[str]:
+    """Return which of the places and headings that a scenario asks for a path does not have."""
+    points, first = driven.curve.derivatives([0.0, driven.curve.knots[-1]], 1)
+    failures = []
+    for name, index, pose in (("start", 0, robot.start), ("goal", -1, robot.goal)):
+        if np.hypot(*(points[index] - pose[:2])) > TOLERANCE:
+            failures.append(f"{driven.id}'s {name} is not the scenario's")
+        if len(pose) == 3:
+            along = first[index] / np.hypot(*first[index])
+            if along @ (math.cos(pose[2]), math.sin(pose[2])) < math.cos(_HEADING):
+                failures.append(f"{driven.id}'s heading at its {name} is not the scenario's")
+    failures += [
+        f"{driven.id} does not pass ({place[0]}, {place[1]})"
+        for place in robot.via
+        if _distance(np.array(place), driven.chain.points) > TOLERANCE + driven.chain.bound
+    ]
+    return failures
+
+
+def _distance(place: Array, line: Array) -> float:
+    """Return the distance [m] of a place (2,) from a polyline (n, 2)."""
+    begin, way = line[:-1], np.diff(line, axis=0)
+    square = np.maximum(np.einsum("ij,ij->i", way, way), 1e-300)
+    part = np.clip(np.einsum("ij,ij->i", place - begin, way) / square, 0.0, 1.0)
+    return float(np.hypot(*(begin + part[:, None] * way - place).T).min())

@@ -1,0 +1,60 @@
+"""The floor of a scenario as geometry: how far places and lines are from anything solid.
+
+Decides: what is solid: every obstacle and all that lies beyond the floor's boundary.  A shared edge
+and a touching corner block.  Must not know: robots, curves, times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from coordinator.curves.nurbs import Array
+from coordinator.scenario.model import Point
+
+
+class Floor:
+    """The outline of the floor and the obstacles on it, exactly as given."""
+
+    def __init__(self, boundary: Sequence[Point], obstacles: Sequence[Sequence[Point]]) -> None:
+        self.outline = Polygon(boundary)
+        self.obstacles = [Polygon(corners) for corners in obstacles]
+
+    @cached_property
+    def solid(self) -> shapely.STRtree:
+        """The obstacles, and what lies outside of the floor, to look things up in."""
+        x0, y0, x1, y1 = self.outline.bounds
+        far = 1.0 + max(x1 - x0, y1 - y0)
+        frame = shapely.box(x0 - far, y0 - far, x1 + far, y1 + far)
+        outside = shapely.get_parts(shapely.difference(frame, self.outline))
+        return shapely.STRtree([*self.obstacles, *outside])
+
+    @cached_property
+    def _edges(self) -> shapely.Geometry:
+        """The edges of the floor and of all obstacles."""
+        edges = shapely.multilinestrings(shapely.get_rings([self.outline, *self.obstacles]))
+        shapely.prepare(edges)
+        return edges
+
+    def _is_open(self, place: shapely.Point) -> bool:
+        """Tell whether a place is on the floor and in no obstacle."""
+        solid = self.solid.query(place, predicate="intersects")
+        return bool(shapely.intersects(self.outline, place)) and not len(solid)
+
+    def distance(self, points: Array) -> Array:
+        """Return the distances [m], (n,), from points (n, 2) to the nearest solid thing."""
+        places = shapely.points(points)
+        found = self.solid.query_nearest(places, return_distance=True, all_matches=False)
+        return np.asarray(found[1])
+
+    def gap(self, line: Array) -> float:
+        """Return the distance [m] from a polyline (n, 2) to the nearest solid thing; 0 within.
+
+        A line that meets no edge lies where its first point does.
+        """
+        apart = float(shapely.distance(self._edges, shapely.linestrings(line)))
+        return apart if apart > 0.0 and self._is_open(shapely.Point(line[0])) else 0.0

@@ -1,0 +1,111 @@
+"""What a user asks for: a floor, robots with starts and goals, and how safe to be.
+
+Decides: the fields, their units and defaults.  Must not know: files
+(scenario_files/scenario_reader.py reads and checks them) or plans.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import msgspec
+
+Point = tuple[float, float]
+Pose = tuple[float, float] | tuple[float, float, float]
+Policy = Literal["safe", "paper"]
+
+
+class GivenPath(msgspec.Struct, frozen=True, kw_only=True):
+    """A NURBS curve [m] that a robot is to drive as it is: somebody else's path.
+
+    knots: clamped, len(control_points) + degree + 1 of them, in any unit; () is uniform.
+    weights: positive; () is 1 for all.  rounding [m]: corners, where the curve turns on the spot,
+    may be cut by up to so much; 0 keeps them, and few robots can drive them.
+    """
+
+    degree: int
+    control_points: tuple[Point, ...]
+    knots: tuple[float, ...] = ()
+    weights: tuple[float, ...] = ()
+    rounding: float = 0.0
+
+
+class Robot(msgspec.Struct, frozen=True, kw_only=True):
+    """One robot: lengths [m], speeds [m/s], accelerations [m/s^2], headings [rad].
+
+    One with a path has it in place of via points; it starts at the first control point and its
+    goal is the last.
+    """
+
+    id: str
+    start: Pose
+    goal: Pose
+    radius: float
+    max_speed: float
+    via: tuple[Point, ...] = ()
+    max_accel: float
+    """Default: max_speed within 1 s; inf starts and stops at once."""
+    max_lateral_accel: float
+    """Default: max_accel."""
+    min_turn_radius: float = 0.0
+    priority: int = 0
+    path: GivenPath | None = None
+
+    @property
+    def end_fields(self) -> tuple[str, str]:
+        """Return the fields of a scenario file that say where the robot starts and ends."""
+        if self.path is None:
+            return "start", "goal"
+        return "path.control_points[0]", f"path.control_points[{len(self.path.control_points) - 1}]"
+
+
+class MapPart(msgspec.Struct, frozen=True, kw_only=True):
+    """Obstacles that a map brought: all from index `first` on; `file` is its name."""
+
+    file: str
+    first: int
+
+
+class Workspace(msgspec.Struct, frozen=True, kw_only=True):
+    """The floor: its outline (counter-clockwise corners [m]) and what stands on it."""
+
+    boundary: tuple[Point, ...]
+    obstacles: tuple[tuple[Point, ...], ...] = ()
+    notes: tuple[str, ...] = ()
+    """What the report should say about the map that the polygons come from."""
+    from_map: MapPart | None = None
+
+
+class Link(msgspec.Struct, frozen=True, kw_only=True):
+    """What the link between robots and coordinator may do: one way `delay` [s], share of `loss`."""
+
+    delay: float = 0.0
+    loss: float = 0.0
+
+
+class Scenario(msgspec.Struct, frozen=True, kw_only=True):
+    """A checked scenario; `tau` is in seconds or "auto" for the fault budget."""
+
+    name: str
+    workspace: Workspace
+    robots: tuple[Robot, ...]
+    tau: float | Literal["auto"] = "auto"
+    margin: float = 0.05
+    policy: Policy = "safe"
+    stop_time: float = 2.0
+    speed_reserve: float = 0.05
+    link: Link = Link()
+
+    def need(self, a: Robot, b: Robot) -> float:
+        """Return the least distance [m] between the centres of two robots."""
+        return a.radius + b.radius + self.margin
+
+    def planned_speed(self, robot: Robot) -> float:
+        """Return the speed [m/s] that plans may use: the limit less the reserve."""
+        return robot.max_speed * (1.0 - self.speed_reserve)
+
+
+def starts_at_once(robot: Robot) -> bool:
+    """Tell whether the robot reaches any speed in no time, as the paper's robots do."""
+    return math.isinf(robot.max_accel)

@@ -1,0 +1,112 @@
+"""One table of a scenario file: checked values out, problems noted under the full name of a field.
+
+Decides: how a value of a file is taken and how a wrong one is told.  Must not know: which keys a
+scenario has (scenario_reader.py, workspace_reader.py).  A value found wrong is noted once and
+becomes NaN or empty, of which later checks say nothing more: one mistake, one line.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from coordinator.scenario.checks import COORDINATE, HEADING, Quantity, key_name, show
+from protocol.keys import NAME, NAME_IN_WORDS
+
+SHAPES: Final = {2: "[x, y]", 3: "[x, y, heading]", 4: "[x0, y0, x1, y1]"}
+
+
+class Table:
+    """One table of the file; hands out checked values and notes problems under its field name."""
+
+    def __init__(
+        self,
+        value: object,
+        where: str,
+        known: Sequence[str],
+        required: Sequence[str],
+        problems: list[str],
+    ) -> None:
+        self.where = where
+        self.problems = problems
+        self.values: Mapping[str, object] = {}
+        self.excused = set(known)
+        if not isinstance(value, dict):
+            problems.append(f"{where or 'file'}: {show(value)} is not a table")
+            return
+        self.values = {key: value[key] for key in known if key in value}
+        self.excused = set()
+        for key in [key for key in value if key not in known]:
+            nearest = difflib.get_close_matches(key[:40], known, n=1, cutoff=0.0)[0]
+            self.note(key, f"unknown key, the nearest known one is {nearest}")
+            self.excused.update(difflib.get_close_matches(key[:40], known, n=1))
+        for key in required:
+            if key not in self.values and key not in self.excused:
+                self.note(key, "is missing")
+
+    def field(self, key: str) -> str:
+        """Return the full name of a field."""
+        return f"{self.where}.{key_name(key)}" if self.where else key_name(key)
+
+    def note(self, key: str, problem: str) -> None:
+        """Add a problem with a field."""
+        self.problems.append(f"{self.field(key)}: {problem}")
+
+    def numbers(self, quantities: Mapping[str, Quantity]) -> dict[str, Any]:
+        """Return the numbers that are given; NaN for a bad one."""
+        numbers: dict[str, Any] = {}
+        for key in [key for key in quantities if key in self.values]:
+            value: Any = self.values[key]
+            problem = quantities[key].complaint(value)
+            if problem:
+                self.note(key, problem)
+            numbers[key] = math.nan if problem else value if value == "auto" else float(value)
+        return numbers
+
+    def name(self, key: str, default: str = "") -> str:
+        """Return a name fit for the wire's keys; the default when it is absent or bad."""
+        value = self.values.get(key)
+        if isinstance(value, str) and NAME.fullmatch(value):
+            return value
+        if key in self.values:
+            self.note(key, f"{show(value)} is not a name of {NAME_IN_WORDS}")
+        return default
+
+    def text(self, key: str) -> str:
+        """Return a text; an empty one when it is absent or bad."""
+        value = self.values.get(key, "")
+        if isinstance(value, str) and (value or key not in self.values):
+            return value
+        self.note(key, f"{show(value)} is not a text in quotes")
+        return ""
+
+    def items(self, key: str, what: str) -> list[object]:
+        """Return a list; an empty one when it is absent or bad."""
+        value = self.values.get(key, [])
+        if isinstance(value, list):
+            return value
+        self.note(key, f"{show(value)} is not a list of {what}")
+        return []
+
+    def place(self, key: str, *sizes: int) -> tuple[float, ...]:
+        """Return the place that stands here, of one of the sizes; NaN when absent or bad."""
+        if key not in self.values:
+            return (math.nan,) * sizes[0]
+        return read_place(self.values[key], self.field(key), sizes, self.problems)
+
+
+def read_place(
+    value: object, where: str, sizes: Sequence[int], problems: list[str]
+) -> tuple[float, ...]:
+    """Return [x, y], [x, y, heading] or [x0, y0, x1, y1], checked; all NaN when it is bad."""
+    bad = (math.nan,) * sizes[0]
+    if not isinstance(value, list) or len(value) not in sizes:
+        allowed = " or ".join(SHAPES[size] for size in sizes)
+        problems.append(f"{where}: {show(value)} is not {allowed}")
+        return bad
+    quantities = [HEADING if i == 2 and len(value) == 3 else COORDINATE for i in range(len(value))]
+    complaints = [q.complaint(number) for q, number in zip(quantities, value, strict=True)]
+    problems += [f"{where}[{i}]: {text}" for i, text in enumerate(complaints) if text]
+    return bad if any(complaints) else tuple(float(number) for number in value)

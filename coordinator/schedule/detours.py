@@ -1,0 +1,167 @@
+"""When no order works: somebody has to bend.
+
+Finds pairs of robots that can pass each other in neither order (two that swap places on a line),
+and gives one of them a path that keeps off the other's, beside it like a passing lane.
+Decides: who takes another way.  Must not know: how orders are searched (priority_order.py).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from coordinator.base.errors import PlanError
+from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.ground.grown_floor import GrownFloor
+from coordinator.scenario.model import Point, Scenario
+from coordinator.schedule.junctions import Junctions
+from coordinator.schedule.priority_order import Deadlock
+
+_LANE_ROOM = 0.01
+_SPACING = 0.25
+_MOST_BESIDE = 2000
+_PITCH = 0.2
+_GRID_POINTS = 20_000
+_REFUGE_ROOM = 0.1
+_REFUGES = 6
+_STRETCHES = ((0.0, 1.0), (0.25, 0.75), (0.6, 1.0), (0.0, 0.4), (0.75, 1.0), (0.0, 0.25))
+"""Parts of another robot's path to keep beside of, as shares of its length."""
+
+
+def blocking_pairs(junctions: Junctions, deadlock: Deadlock) -> list[tuple[int, int]]:
+    """Return the loser of a deadlock with each winner that it meets, the last one first."""
+    loser, near = deadlock.loser, set(junctions.near(deadlock.loser))
+    return [
+        (min(loser, other), max(loser, other))
+        for other in reversed(deadlock.winners)
+        if other in near
+    ]
+
+
+def lanes(
+    scenario: Scenario, mover: int, other: int, path: Nurbs, most: int = _MOST_BESIDE
+) -> Iterator[Array]:
+    """Yield sets of places for `mover` to keep off, so that it passes `other` on its path.
+
+    Each is (k, 3) [m]: x, y, radius.  First the whole path, then parts of it: where one leaves no
+    way another may, and beside an end of the path a robot can step aside before a door.  Sets of
+    more than `most` places are left out: a way around them takes their number's third power.
+    """
+    robot = scenario.robots[mover]
+    reach = scenario.need(robot, scenario.robots[other]) + _LANE_ROOM
+    anchors = np.array([robot.start[:2], *robot.via, robot.goal[:2]])
+    for low, high in _STRETCHES:
+        count = 2 + int((high - low) * path.length / (_SPACING * reach))
+        if count > most:
+            continue
+        centers = path.at_arc(np.linspace(low, high, count) * path.length)
+        apart = np.hypot(*(centers[:, None, :] - anchors).transpose(2, 0, 1)).min(axis=1)
+        beside = centers[apart > 1.15 * reach]
+        yield np.column_stack((beside, np.full(len(beside), reach)))
+
+
+def refuges(
+    scenario: Scenario, floor: GrownFloor, mover: int, other: int, path: Nurbs
+) -> Iterator[Point]:
+    """Yield places where `mover` can wait clear of `other` on its path, the shortest way first.
+
+    Looked for on a grid; no two are near each other.
+    """
+    robot = scenario.robots[mover]
+    need = scenario.need(robot, scenario.robots[other]) + _LANE_ROOM
+    x0, y0, x1, y1 = floor.outline.bounds
+    pitch = max(_PITCH, math.sqrt((x1 - x0) * (y1 - y0) / _GRID_POINTS))
+    grid = np.stack(np.meshgrid(np.arange(x0, x1, pitch), np.arange(y0, y1, pitch)), axis=-1)
+    spots = grid.reshape(-1, 2)
+    spots = spots[floor.distance(spots) > robot.radius + scenario.margin + _LANE_ROOM]
+    places = np.linspace(0.0, path.length, 2 + int(path.length / 0.05))
+    way = shapely.linestrings(path.at_arc(places))
+    shapely.prepare(way)
+    spots = spots[shapely.distance(way, shapely.points(spots)) > need + _REFUGE_ROOM]
+    detour = np.hypot(*(spots - robot.start[:2]).T) + np.hypot(*(spots - robot.goal[:2]).T)
+    taken: list[Array] = []
+    for spot in spots[np.argsort(detour, kind="stable")]:
+        if all(np.hypot(*(spot - place)) > 2.0 * need for place in taken):
+            taken.append(spot)
+            yield float(spot[0]), float(spot[1])
+        if len(taken) == _REFUGES:
+            return
+
+
+def say_stuck(
+    scenario: Scenario, junctions: Junctions, pair: tuple[int, int], *, among_others: bool = False
+) -> PlanError:
+    """Return the error that says who blocks whom, where, and what would help.
+
+    `among_others`: without them the two could pass each other.
+    """
+    (a, b), (one, two) = pair, (scenario.robots[index] for index in pair)
+    first = _places_on(scenario, junctions, a, b, "start")
+    first += _places_on(scenario, junctions, b, a, "goal")
+    last = _places_on(scenario, junctions, b, a, "start")
+    last += _places_on(scenario, junctions, a, b, "goal")
+    facts = [*first, *last]
+    listed = ", ".join(fact.said for fact in facts)
+    if among_others:
+        said = f"no order was found in which {one.id} and {two.id} both arrive among all others"
+        said += f": {listed}" if facts else ""
+    elif first and last:
+        said = f"{one.id} and {two.id} block each other whoever goes first: {listed}"
+    else:
+        near = f"{one.id} and {two.id} come near each other on their ways"
+        said = f"no order was found in which {one.id} and {two.id} both arrive: {listed or near}"
+    return _no_way_around(scenario, pair, said, facts)
+
+
+def say_ring(scenario: Scenario, junctions: Junctions, ring: Sequence[int]) -> PlanError:
+    """Return the error for robots of which each has to go before the next, in a ring."""
+    facts: list[_PlaceOnWay] = []
+    for me, other in zip(ring, [*ring[1:], ring[0]], strict=True):
+        starts = _places_on(scenario, junctions, me, other, "start")
+        goals = _places_on(scenario, junctions, other, me, "goal")
+        facts += (starts or goals)[:1]
+    names = ", ".join(scenario.robots[index].id for index in ring)
+    said = f"{names} block each other in a ring: {', '.join(fact.said for fact in facts)}"
+    return _no_way_around(scenario, ring, said, facts)
+
+
+class _PlaceOnWay(NamedTuple):
+    """A robot's start or goal that lies on another's way."""
+
+    said: str
+    whose_way: str
+
+
+def _no_way_around(
+    scenario: Scenario, indices: Sequence[int], said: str, facts: Sequence[_PlaceOnWay]
+) -> PlanError:
+    """Return the error with what would help; given paths are kept as they are.
+
+    Blamed is on whose way the last of the places lies: the others were there before it.
+    """
+    helps = "A wider passage, a via point or another goal"
+    if all(scenario.robots[index].path is not None for index in indices):
+        helps = "Another path for one of them"
+    blames = facts[-1].whose_way if facts else scenario.robots[indices[-1]].id
+    return PlanError(f"{said}; no way around was found. {helps} would help", blames)
+
+
+def _places_on(
+    scenario: Scenario, junctions: Junctions, me: int, other: int, name: str
+) -> list[_PlaceOnWay]:
+    """Say whether my start (or my goal) lies on another robot's way, as their zones have it."""
+    zones = junctions.zones
+    low = np.where(zones.a == me, zones.extent[:, 0], zones.extent[:, 2])
+    high = np.where(zones.a == me, zones.extent[:, 1], zones.extent[:, 3])
+    both = ((zones.a == me) & (zones.b == other)) | ((zones.a == other) & (zones.b == me))
+    holds = low <= 0.0 if name == "start" else high >= junctions.lengths()[me]
+    if not (both & holds).any():
+        return []
+    robot, theirs = scenario.robots[me], scenario.robots[other].id
+    x, y = (robot.start if name == "start" else robot.goal)[:2]
+    said = f"{robot.id}'s {name} ({x:.2f}, {y:.2f}) lies on {theirs}'s way"
+    return [_PlaceOnWay(said, theirs)]

@@ -1,0 +1,266 @@
+"""All tracks of a fleet, the conflict zones between them, and where each robot may wait.
+
+What is found for the search is found once, and by threads before it is asked for, if there are
+some.  Decides: where a robot may wait: shortly before a zone.  Must not know: who goes first
+(priority_order.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from copy import copy
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from coordinator.schedule.conflict_zones import Indices, Zones, find_zones
+from coordinator.schedule.forbidden_interval_kernels import Known, Rows
+from coordinator.schedule.track import CELL, Track
+from coordinator.schedule.waiting_kernels import Ride, times_left
+from coordinator.schedule.zone_table_kernels import robot_rows
+
+_MOST_ROWS: Final = 20_000_000
+"""So many rows, 40 bytes each, are kept; beyond that they are found again when asked for."""
+
+_FEW_ROWS: Final = 20_000
+_ENOUGH_ROWS: Final = 3_000_000
+_LONGEST_CELL: Final = 0.05
+"""Cells are half as long where that makes few rows.  They are longer, up to this [m], where that
+keeps rows below so many: in large fleets, and in those that share lanes.  A robot waits up to two
+cells' time longer at a zone for it."""
+
+FEW: Final = 8
+"""Up to this many robots are given more places to wait at, and are scheduled zone by zone."""
+
+_STEP: Final = 0.05
+"""Robots that stop and start at once may wait every so many metres [m] of a zone, if `finer`."""
+
+_PLACES: Final = 48
+"""Places at most where a robot may wait, evenly chosen: the search grows with their square."""
+
+
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """What the search for one robot's waits stands on.
+
+    rows: where its zones forbid something, in the order of `Junctions.zones_of`; known: what was
+    last found about them, written over by every search; span (zones, 2) [m]: where it enters and
+    leaves them; ride: its path with stations where it may wait; rest (stations,) [s]: the least
+    time from each to the goal.
+    """
+
+    rows: Rows
+    known: Known
+    span: npt.NDArray[np.float64]
+    ride: Ride
+    rest: npt.NDArray[np.float64]
+
+
+class Junctions:
+    """Tracks and the zones between them; needs are radii (n,) [m] and a margin [m], tau [s]."""
+
+    def __init__(
+        self,
+        tracks: Sequence[Track],
+        radii: Sequence[float],
+        margin: float,
+        tau: float,
+        executor: Executor | None = None,
+    ) -> None:
+        self.tracks = list(tracks)
+        self.radii, self.margin, self.tau = np.array(radii, dtype=np.float64), margin, tau
+        self.zones = self._find(executor)
+        self._fine = False
+        self._cell = _cell_for(self.zones)
+        self.tracks = [replace(track, cell=self._cell) for track in tracks]
+        self._approaches: dict[tuple[int, bool], Approach] = {}
+        self._rows: dict[int, tuple[Rows, Known]] = {}
+        self._coming: dict[int, Future[tuple[Rows, Known]]] = {}
+        self._kept = 0
+        self._sort()
+        if isinstance(executor, ThreadPoolExecutor) and len(tracks) > FEW:
+            self._look_ahead(executor)
+
+    def with_track(self, index: int, track: Track) -> Junctions:
+        """Return junctions in which one robot has another track; these stay what they are."""
+        fresh = copy(self)
+        fresh.tracks = list(self.tracks)
+        fresh.tracks[index] = replace(track, cell=self._cell)
+        kept = np.flatnonzero((self.zones.a != index) & (self.zones.b != index))
+        fresh.zones = _joined(_chosen(self.zones, kept), fresh._find(None, (index,)))
+        fresh._sort()
+        changed = {index, *self.near(index), *fresh.near(index)}
+        fresh._approaches = {k: v for k, v in self._approaches.items() if k[0] not in changed}
+        fresh._rows = {k: v for k, v in self._rows.items() if k not in changed}
+        fresh._coming = {k: v for k, v in self._coming.items() if k not in changed}
+        fresh._kept = sum(len(rows.cell) for rows, _ in fresh._rows.values())
+        return fresh
+
+    def finer(self) -> Junctions:
+        """Return the same junctions with more places to wait at for robots that stop at once."""
+        fresh = copy(self)
+        fresh._fine, fresh._approaches = True, {}
+        return fresh
+
+    def near(self, index: int) -> tuple[int, ...]:
+        """Return the robots that a robot has zones with, in order."""
+        if index not in self._near:
+            zones = self.zones_of(index)
+            others = self.zones.a[zones] + self.zones.b[zones] - index
+            self._near[index] = tuple(np.unique(others).tolist())
+        return self._near[index]
+
+    def zones_of(self, index: int) -> Indices:
+        """Return the numbers of a robot's zones."""
+        return self._zones[self._first[index] : self._first[index + 1]]
+
+    def lengths(self) -> list[float]:
+        """Return the lengths [m] of all paths."""
+        return [track.limits.length for track in self.tracks]
+
+    def span(self, index: int, zones: Indices) -> npt.NDArray[np.float64]:
+        """Return where a robot enters and leaves some of its zones, (m, 2) [m]."""
+        mine = self.zones.a[zones] == index
+        return np.where(mine[:, None], self.zones.extent[zones, :2], self.zones.extent[zones, 2:])
+
+    def spans(self, index: int) -> npt.NDArray[np.float64]:
+        """Return where a robot enters and leaves all its zones, (zones, 2) [m]."""
+        if index not in self._spans:
+            self._spans[index] = self.span(index, self.zones_of(index))
+        return self._spans[index]
+
+    def approach(self, index: int, anywhere: bool = True) -> Approach:
+        """Return what the search for a robot's waits needs.
+
+        It may wait before every zone, inside of others too, or where it is outside of all of them.
+        """
+        key = (index, anywhere)
+        if key not in self._approaches:
+            track = self.tracks[index]
+            places = [0.0, *self._places(index, anywhere), track.limits.length]
+            ride = track.ride(places)
+            self._approaches[key] = Approach(
+                *self.rows_of(index), self.spans(index), ride, times_left(ride)
+            )
+        return self._approaches[key]
+
+    def approach_from(self, index: int, begin: float, beyond: float, anywhere: bool) -> Approach:
+        """Return the approach of a robot at rest at `begin`, which may stop again beyond [m].
+
+        What its zones forbid up to where it rests is past.
+        """
+        track, (rows, known) = self.tracks[index], self.rows_of(index)
+        nearest = max(begin + track.cell, beyond)
+        places = [s for s in self._places(index, anywhere) if s > nearest]
+        places = [begin, *places, track.limits.length]
+        ride = track.ride(places)
+        return Approach(rows, known, self.spans(index), ride, times_left(ride))
+
+    def _places(self, index: int, anywhere: bool) -> list[float]:
+        """Return where a robot may wait [m]: half a cell before the cells of its zones."""
+        track = self.tracks[index]
+        cells = np.floor(self.spans(index) / track.cell)
+        at = np.unique(cells[:, 0]) - 1.0
+        if self._fine and anywhere and np.isinf(track.limits.accel) and len(at):
+            steps = [np.arange(low, high, _STEP / track.cell) for low, high in cells]
+            at = np.unique(np.floor(np.concatenate([at, *steps])))
+        if not anywhere:
+            begun = np.searchsorted(np.sort(cells[:, 0]), at, side="right")
+            ended = np.searchsorted(np.sort(cells[:, 1]), at, side="left")
+            at = at[begun == ended]
+        elif len(at) > _PLACES and len(self.tracks) > FEW:
+            at = at[np.linspace(0, len(at) - 1, _PLACES).astype(int)]
+        return [float(s) for s in (at[at > 0.0] + 0.5) * track.cell]
+
+    def rows_of(self, index: int) -> tuple[Rows, Known]:
+        """Return a robot's zones as rows, and room for what they forbid."""
+        if index not in self._rows:
+            if self._kept > _MOST_ROWS:
+                self._rows.clear()
+                self._approaches.clear()
+                self._kept = 0
+            coming = self._coming.pop(index, None)
+            if coming is None or coming.cancel():
+                self._rows[index] = self._find_rows(index)
+            else:
+                self._rows[index] = coming.result()
+            self._kept += len(self._rows[index][0].cell)
+        return self._rows[index]
+
+    def _look_ahead(self, threads: ThreadPoolExecutor) -> None:
+        """Let threads find the rows of all robots, if so many are kept; others share no memory."""
+        if _whole(self.zones) / self._cell < _MOST_ROWS:
+            for index in range(len(self.tracks)):
+                self._coming[index] = threads.submit(self._find_rows, index)
+
+    def _find_rows(self, index: int) -> tuple[Rows, Known]:
+        zones, track, mine = self.zones, self.tracks[index], self.zones_of(index)
+        others = zones.a[mine] + zones.b[mine] - index
+        reach = self.radii[index] + self.radii[others] + self.margin
+        reach += self._errors[index] + self._errors[others]
+        span = self.spans(index)
+        room = int((span[:, 1] - span[:, 0]).sum() / track.cell) + 4 * len(mine)
+        first, rows = robot_rows(
+            index, mine, others, zones.first, zones.pairs, *self._chords, reach, track.cell, room
+        )
+        cell = np.minimum(rows[:, 0].astype(np.int64), track.cells - 1)
+        begin, end = np.empty((2, len(cell)))
+        entered, passed = np.empty((2, len(mine)))
+        known = Known(begin, end, entered, passed, np.zeros(len(mine), np.int64))
+        low, high = rows[:, 1].copy(), rows[:, 2].copy()
+        return Rows(first, cell, low, high, others, span[:, 0].copy()), known
+
+    def _find(self, executor: Executor | None, among: Sequence[int] | None = None) -> Zones:
+        chords = [track.chords for track in self.tracks]
+        return find_zones(chords, self.radii, self.margin, executor, among)
+
+    def _sort(self) -> None:
+        """Sort the zones by robots, and lay the chords of all robots one after another."""
+        self._near: dict[int, tuple[int, ...]] = {}
+        self._spans: dict[int, npt.NDArray[np.float64]] = {}
+        chords = [track.chords for track in self.tracks]
+        self._errors = np.array([path.error for path in chords])
+        self._chords = (
+            np.cumsum([0, *(len(path.s) for path in chords)]),
+            np.concatenate([path.s for path in chords]),
+            np.concatenate([path.points for path in chords]),
+        )
+        robots = np.concatenate((self.zones.a, self.zones.b))
+        order = np.argsort(robots, kind="stable")
+        self._zones = order % max(len(self.zones.a), 1)
+        self._first = np.searchsorted(robots[order], np.arange(len(self.tracks) + 1))
+
+
+def _cell_for(zones: Zones) -> float:
+    """Return how long cells are [m]: as long as makes few enough rows of all zones."""
+    whole = _whole(zones)
+    finest = 0.5 * CELL if whole < _FEW_ROWS * CELL else CELL
+    return min(max(finest, whole / _ENOUGH_ROWS), _LONGEST_CELL)
+
+
+def _whole(zones: Zones) -> float:
+    """Return how far [m] robots go within zones."""
+    return float((zones.extent[:, 1::2] - zones.extent[:, ::2]).sum())
+
+
+def _chosen(zones: Zones, kept: Indices) -> Zones:
+    """Return some of the zones, by increasing number."""
+    sizes = np.diff(zones.first)[kept]
+    first = np.append(0, np.cumsum(sizes))
+    at = np.arange(first[-1]) + np.repeat(zones.first[kept] - first[:-1], sizes)
+    return Zones(zones.a[kept], zones.b[kept], zones.extent[kept], first, zones.pairs[at])
+
+
+def _joined(one: Zones, two: Zones) -> Zones:
+    """Return the zones of both, in order."""
+    both = Zones(
+        np.concatenate((one.a, two.a)),
+        np.concatenate((one.b, two.b)),
+        np.concatenate((one.extent, two.extent)),
+        np.concatenate((one.first, one.first[-1] + two.first[1:])),
+        np.concatenate((one.pairs, two.pairs)),
+    )
+    return _chosen(both, np.lexsort((both.b, both.a)))

@@ -1,0 +1,158 @@
+"""Better orders: robots taken out and put back otherwise, as long as that lowers the delays.
+
+Large neighbourhood search (Shaw 1998) by counted rounds.  Decides: whom it takes out, and what
+stays.  Must not know: how one robot waits (safe_intervals.py), how the first order was found.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+from typing import Final
+
+from coordinator.motion.velocity_profile import Motion
+from coordinator.schedule.conflict_search import ConflictSearch
+from coordinator.schedule.junctions import Junctions
+from coordinator.schedule.safe_intervals import earliest_motion
+from coordinator.schedule.timetable import Motions
+
+_LARGEST: Final = 6
+"""So many robots at most are taken out in one round."""
+
+_PAIR_NODES: Final = 4
+"""Nodes that are searched for two robots of which one waits for the other."""
+
+_SETTLING: Final = 3
+"""So often at most everybody is looked at again in the end."""
+
+_GAIN: Final = 1e-6
+
+
+def delays(junctions: Junctions, motions: Sequence[Motion]) -> list[float]:
+    """Return what each robot arrives later than alone [s]."""
+    return [m.finish - t.alone for m, t in zip(motions, junctions.tracks, strict=True)]
+
+
+class Improvement:
+    """Takes robots out and puts them back in other orders, as long as that lowers the delays."""
+
+    def __init__(
+        self,
+        junctions: Junctions,
+        motions: Motions,
+        order: Sequence[int],
+        priorities: Sequence[int],
+    ) -> None:
+        self.junctions, self.motions, self.priorities = junctions, motions, priorities
+        self.rounds = random.Random(len(order))
+        ranks = [priorities[index] for index in order]
+        self.by_priority = ranks == sorted(ranks, reverse=True)
+        self.delay = delays(junctions, motions.all())
+        self.failed: set[tuple[bytes, tuple[int, ...]]] = set()
+
+    def run(self, rounds: int) -> None:
+        """Try so many rounds, or until nobody is late."""
+        for _ in range(rounds):
+            late = [index for index, delay in enumerate(self.delay) if delay > _GAIN]
+            if not late:
+                return
+            self._try(self._neighbourhood(late))
+
+    def _may(self, index: int, motion: Motion) -> bool:
+        """Tell whether a robot waits for nobody of lower priority, if that is to be kept."""
+        owners = (wait.owner for wait in motion.waits if wait.owner >= 0)
+        mine = self.priorities[index]
+        return not self.by_priority or all(self.priorities[owner] >= mine for owner in owners)
+
+    def turn_round(self, count: int) -> None:
+        """Look at so many waits, the longest first: the two robots in any order, zone by zone."""
+        if any(self.priorities):
+            return
+        waits = [
+            (wait.depart - (before.depart if before else 0.0), index, wait.owner)
+            for index, motion in enumerate(self.motions.all())
+            for before, wait in zip((None, *motion.waits), motion.waits, strict=False)
+            if wait.owner >= 0
+        ]
+        for _, *pair in sorted(waits, reverse=True)[:count]:
+            bound = sum(self.delay[index] for index in pair)
+            if ConflictSearch(self.junctions, self.motions, pair).run(bound, _PAIR_NODES):
+                for index in pair:
+                    motion = self.motions.found[index]
+                    assert motion is not None
+                    self.delay[index] = motion.finish - self.junctions.tracks[index].alone
+
+    def settle(self) -> None:
+        """Plan robots again whom others have left behind: they may wait less, and know for whom."""
+        for _ in range(_SETTLING):
+            serial = self.motions.table.serial
+            behind = [
+                index
+                for index, motion in enumerate(self.motions.all())
+                if any(w.owner >= 0 and serial[w.owner] > serial[index] for w in motion.waits)
+            ]
+            for index in behind:
+                self._plan_again(index)
+            if not behind:
+                return
+
+    def _plan_again(self, index: int) -> None:
+        """Give a robot its earliest motion among all others, if that is no later."""
+        old, serial = self.motions.found[index], int(self.motions.table.serial[index])
+        assert old is not None
+        self.motions.put(index, None)
+        motion = earliest_motion(self.junctions, self.motions, index, latest=old.finish + _GAIN)
+        if motion is None or not self._may(index, motion):
+            self.motions.put(index, old, serial)
+        else:
+            self.motions.put(index, motion)
+            self.delay[index] = motion.finish - self.junctions.tracks[index].alone
+
+    def _neighbourhood(self, late: list[int]) -> list[int]:
+        """Return robots to take out: a late one, whom it waits for, and who else is near."""
+        weights = [self.delay[index] for index in late]
+        seed = self.rounds.choices(late, weights)[0]
+        motion = self.motions.found[seed]
+        assert motion is not None
+        owners = {wait.owner for wait in motion.waits if wait.owner >= 0}
+        near = [index for index in self.junctions.near(seed) if index not in owners]
+        others = sorted(owners) + self.rounds.sample(near, min(len(near), 2))
+        self.rounds.shuffle(others)
+        return [seed, *others[: self.rounds.randint(1, _LARGEST - 1)]]
+
+    def _try(self, chosen: list[int]) -> None:
+        """Put robots back in another order, each once a state; undo it if that is no better."""
+        serials = self.motions.table.serial
+        before = [(index, self.motions.found[index], int(serials[index])) for index in chosen]
+        was = sum(self.delay[index] for index in chosen)
+        if self.rounds.random() < 0.5:
+            self.rounds.shuffle(chosen)
+        if self.by_priority:
+            chosen.sort(key=lambda index: -self.priorities[index])
+        trial = (serials.tobytes(), tuple(chosen))
+        if trial in self.failed:
+            return
+        self.failed.add(trial)
+        for index in chosen:
+            self.motions.put(index, None)
+        now, fresh = 0.0, {}
+        for index in chosen:
+            alone = self.junctions.tracks[index].alone
+            motion = earliest_motion(
+                self.junctions,
+                self.motions,
+                index,
+                latest=alone + was - now - _GAIN,
+                anywhere=False,
+            )
+            if motion is None or not self._may(index, motion):
+                break
+            fresh[index] = motion.finish - alone
+            now += fresh[index]
+            self.motions.put(index, motion)
+        else:
+            for index, delay in fresh.items():
+                self.delay[index] = delay
+            return
+        for index, old, serial in before:
+            self.motions.put(index, old, serial)

@@ -1,0 +1,163 @@
+"""Who goes first: an order of the robots in which everybody arrives, improved by counted rounds.
+
+Robots are given their motions one after another, each among those that have one, so the waits can
+never form a circle.  Then that is improved (neighbourhood_search.py).
+
+Decides: the first order, and what is done where none works.  Must not know: how one robot waits
+(safe_intervals.py), floors.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from coordinator.motion.velocity_profile import Motion
+from coordinator.schedule.conflict_search import ConflictSearch
+from coordinator.schedule.junctions import FEW, Junctions
+from coordinator.schedule.neighbourhood_search import Improvement, delays
+from coordinator.schedule.precedence import first_order, ring_of
+from coordinator.schedule.safe_intervals import earliest_motion
+from coordinator.schedule.timetable import Motions
+
+Order = tuple[int, ...]
+
+_EXHAUSTIVE: Final = 5
+"""Up to this many robots every order is tried before giving up."""
+
+_TRIES: Final = 4
+"""Orders tried per robot before giving up."""
+
+_ROUNDS: Final = 5
+_ROUNDS_AFTER: Final = 1
+"""Neighbourhoods that are tried per unit of effort; fewer after all orders in zones were.  They
+find little then: a robot that gets through first is not always best for the others."""
+
+_WORTH: Final = 0.5
+_WORTH_SHARE: Final = 0.1
+"""What more stops have to gain of the delays, [s] and as a share."""
+
+_RING: Final = 300
+_LARGEST_RING: Final = 24
+"""Nodes that are searched for motions of robots that no order works for, if they are so few."""
+
+_NODES: Final = 15
+"""Nodes that are searched per unit of effort, zone by zone, where robots are few."""
+
+
+@dataclass(frozen=True)
+class Deadlock:
+    """Robot `loser` found no motion behind the robots `winners`."""
+
+    loser: int
+    winners: Order
+
+
+def place_in_order(junctions: Junctions, order: Sequence[int]) -> Motions | Deadlock:
+    """Give the robots of an order their motions one after another."""
+    motions = Motions(junctions.lengths())
+    for place, index in enumerate(order):
+        motion = earliest_motion(junctions, motions, index)
+        if motion is None:
+            return Deadlock(index, tuple(order[:place]))
+        motions.put(index, motion)
+    return motions
+
+
+def find_schedule(
+    junctions: Junctions, priorities: Sequence[int], effort: int
+) -> list[Motion] | Deadlock:
+    """Return motions for all robots, or the deadlock that was met last.
+
+    Higher priorities go first as long as an order with them exists.  `effort` counts rounds of
+    improvement after the first order that works, by the _ROUNDS.
+    """
+    found = _first_that_works(junctions, first_order(junctions, priorities))
+    if isinstance(found, Deadlock):
+        turned = _zone_by_zone(junctions, first_order(junctions, priorities))
+        if turned is None:
+            return found
+        found = turned
+    order, motions = found
+    delay = delays(junctions, motions.all())
+    complete = False
+    if 1 < len(order) <= FEW and effort > 0 and not any(priorities):
+        search = ConflictSearch(junctions, motions, order)
+        search.run(sum(delay), _NODES * effort)
+        late = sum(delays(junctions, motions.all()))
+        # More places to wait at make more stops: they have to be worth it.
+        bound = late - max(_WORTH, _WORTH_SHARE * late)
+        if bound > 0.0:
+            finer = ConflictSearch(junctions.finer(), motions, order)
+            if finer.run(bound, _NODES * effort):
+                junctions, search = finer.junctions, finer
+        complete = search.complete
+    improvement = Improvement(junctions, motions, order, priorities)
+    improvement.run((_ROUNDS_AFTER if complete else _ROUNDS) * effort)
+    improvement.turn_round(effort)
+    improvement.settle()
+    return motions.all()
+
+
+def _first_that_works(
+    junctions: Junctions, order: Sequence[int]
+) -> tuple[Order, Motions] | Deadlock:
+    """Try orders until one works: the loser moves ahead of those that blocked it."""
+    tried: set[Order] = set()
+    first = trial = tuple(order)
+    result = place_in_order(junctions, trial)
+    for _ in range(_TRIES * len(first)):
+        if isinstance(result, Motions):
+            return trial, result
+        tried.add(trial)
+        trial = _promoted(trial, result.loser, tried, junctions)
+        if trial in tried:
+            break
+        result = place_in_order(junctions, trial)
+    if isinstance(result, Motions):
+        return trial, result
+    if len(first) <= _EXHAUSTIVE:
+        for trial in itertools.permutations(first):
+            if trial not in tried:
+                other = place_in_order(junctions, trial)
+                if isinstance(other, Motions):
+                    return trial, other
+    return result
+
+
+def _zone_by_zone(junctions: Junctions, order: Sequence[int]) -> tuple[Order, Motions] | None:
+    """Find motions where no order of whole robots works, such as for a ring that turns by one.
+
+    Looks at all robots where they are few, else at those of a ring; the others come after them.
+    Robots of a dense ring must leave their starts at once, and wait on the way.
+    """
+    motions = Motions(junctions.lengths())
+    chosen = list(order) if len(order) <= FEW else ring_of(junctions)
+    if len(chosen) > _LARGEST_RING or not any(
+        ConflictSearch(junctions, motions, chosen, leave_by).run(math.inf, _RING)
+        for leave_by in (math.inf, 0.0)
+    ):
+        return None
+    rest = [index for index in order if index not in chosen]
+    for index in rest:
+        motion = earliest_motion(junctions, motions, index)
+        if motion is None:
+            return None
+        motions.put(index, motion)
+    return (*chosen, *rest), motions
+
+
+def _promoted(order: Order, loser: int, tried: set[Order], junctions: Junctions) -> Order:
+    """Move the loser ahead: first of the nearest robot that it meets, then of all."""
+    at = order.index(loser)
+    without = order[:at] + order[at + 1 :]
+    near = set(junctions.near(loser))
+    for position in range(at - 1, -1, -1):
+        if order[position] in near:
+            trial = (*without[:position], loser, *without[position:])
+            if trial not in tried:
+                return trial
+    return (loser, *without)

@@ -1,0 +1,136 @@
+"""One robot among others whose motions are known: the earliest motion with waits.
+
+Decides: where and until when one robot waits.  Must not know: who should go first
+(priority_order.py).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from coordinator.motion.velocity_profile import Motion, Wait
+from coordinator.schedule.conflict_zones import Indices
+from coordinator.schedule.forbidden_interval_kernels import BOTH, FIRST, forbid
+from coordinator.schedule.junctions import FEW, Approach, Junctions
+from coordinator.schedule.safe_interval_kernels import search, search_among
+from coordinator.schedule.timetable import Motions
+from coordinator.schedule.waiting_kernels import PLACE, Bans
+
+
+@dataclass(frozen=True)
+class Begun:
+    """What of a motion under way stays: its rests before the last one, and that one at s [m].
+
+    The robot leaves it from `release` to `leave_by` [s], and may stop again beyond a place [m].
+    """
+
+    waits: tuple[Wait, ...]
+    s: float
+    release: float
+    leave_by: float
+    beyond: float
+
+
+_EARLIER = 0.02
+"""Waiting in a zone that others have yet to pass has to be quicker by this [s]."""
+
+
+def earliest_motion(
+    junctions: Junctions,
+    motions: Motions,
+    index: int,
+    modes: Indices | None = None,
+    release: float = 0.0,
+    latest: float = math.inf,
+    anywhere: bool = True,
+    leave_by: float = math.inf,
+) -> Motion | None:
+    """Return the motion with which a robot arrives first among those that have one; None if none.
+
+    It waits where that is harmless, outside of zones that others have yet to pass; anywhere if
+    there is no other way, or if that is quicker and robots are few.  modes (m,): what each of its
+    zones asks, as in forbidden_interval_kernels.py; it leaves its start from `release` to
+    `leave_by` [s], and has to arrive before `latest` [s].
+    """
+    few = len(junctions.tracks) <= FEW
+    arrival, waits = math.inf, list[Wait]()
+    for polite in (True, False) if anywhere else (True,):
+        if arrival == math.inf or few:
+            approach = junctions.approach(index, few or not polite)
+            other = _waits(junctions, motions, index, approach, modes, release, polite, leave_by)
+            if other[0] < arrival - _EARLIER:
+                arrival, waits = other
+            if arrival < release + float(approach.rest[0]) + _EARLIER:
+                break  # whatever it may wait at, nothing is so much earlier
+    return Motion(junctions.tracks[index].limits, waits) if arrival < latest else None
+
+
+def _waits(
+    junctions: Junctions,
+    motions: Motions,
+    index: int,
+    approach: Approach,
+    modes: Indices | None,
+    release: float,
+    polite: bool,
+    leave_by: float,
+) -> tuple[float, list[Wait]]:
+    """Return when the robot arrives [s], infinite if never, and its waits."""
+    rows = approach.rows
+    if modes is None:
+        modes = np.where(motions.placed[rows.other], BOTH, FIRST)
+    rests, arrival = search_among(
+        rows,
+        approach.known,
+        approach.span,
+        approach.ride,
+        approach.rest,
+        modes,
+        motions.table,
+        junctions.tau,
+        release,
+        polite,
+        leave_by,
+    )
+    return float(arrival), _as_waits(junctions, index, approach, rests)
+
+
+def rest_of_motion(
+    junctions: Junctions, motions: Motions, index: int, begun: Begun, modes: Indices
+) -> Motion | None:
+    """Return the motion that ends a begun one first, with what its zones ask; None if none."""
+    for polite in (True, False):
+        approach = junctions.approach_from(index, begun.s, begun.beyond, anywhere=not polite)
+        track, rows, known = junctions.tracks[index], approach.rows, approach.known
+        low, high = forbid(rows, modes, motions.table, track.elapsed, junctions.tau, known)
+        past = rows.cell <= track.cell_at(begun.s)
+        begin = np.where(past, math.inf, known.begin)
+        bans = Bans(rows.first, rows.cell, begin, known.end, low, high, approach.span)
+        times = (begun.release, polite, begun.leave_by)
+        rests, arrival = search(approach.ride, bans, approach.rest, *times)
+        if arrival < math.inf:
+            found = _as_waits(junctions, index, approach, rests)
+            if begun.s > 0.0 and (not found or found[0].s > begun.s):
+                depart = float(rests[0, 1])
+                found.insert(0, Wait(begun.s, depart, -1))
+            return Motion(track.limits, [*begun.waits, *found])
+    return None
+
+
+def _as_waits(
+    junctions: Junctions, index: int, approach: Approach, rests: npt.NDArray[np.float64]
+) -> list[Wait]:
+    """Return what the search found, without rests that nothing asks for."""
+    waits: list[Wait] = []
+    zones, other = junctions.zones_of(index), approach.rows.other
+    for station, depart, zone in rests.tolist():
+        s, k = float(approach.ride.stations[int(station), PLACE]), int(zone)
+        owner = (int(other[k]), int(zones[k])) if k >= 0 else (-1, -1)
+        at_rest = s > 0.0 and not approach.ride.at_once
+        if at_rest or k >= 0 or (s <= 0.0 and depart > 0.0):
+            waits.append(Wait(s, depart, *owner))
+    return waits

@@ -1,0 +1,82 @@
+"""Whom each wait is for, once all motions are known.
+
+The search for a robot's waits names whoever forbids the last moment of a wait; who forces most of
+it, at the zone before which the robot stands, may be another one.
+
+Decides: which robot and which zone a wait is told by.  Must not know: how waits are found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from coordinator.curves.nurbs import Array
+from coordinator.motion.velocity_profile import Motion, Wait
+from coordinator.schedule.conflict_zones import Indices
+from coordinator.schedule.forbidden_interval_kernels import BOTH, forbid
+from coordinator.schedule.junctions import Junctions
+from coordinator.schedule.timetable import Motions
+from coordinator.schedule.waiting_kernels import Bans, forbidden
+
+_MOST: Final = 0.5
+"""A zone that forbids this share of a wait explains it."""
+
+
+def with_owners(junctions: Junctions, motions: Sequence[Motion]) -> list[Motion]:
+    """Return the same motions, each wait with the robot and the zone that force it.
+
+    That is the first zone ahead which forbids half of the wait or more: for one farther ahead the
+    robot could wait farther ahead.  Where there is none: the zone that forbids most.
+    """
+    table = Motions(junctions.lengths())
+    for index, motion in enumerate(motions):
+        table.put(index, motion)
+    return [
+        _owned(junctions, table, index, motion)
+        if any(wait.owner >= 0 for wait in motion.waits)
+        else motion
+        for index, motion in enumerate(motions)
+    ]
+
+
+def _owned(junctions: Junctions, table: Motions, index: int, motion: Motion) -> Motion:
+    """Return a robot's motion, its waits named by what forbids their departures."""
+    track, (rows, known) = junctions.tracks[index], junctions.rows_of(index)
+    mine = junctions.zones_of(index)
+    span = junctions.spans(index)
+    modes = np.full(len(rows.other), BOTH)
+    low, high = forbid(rows, modes, table.table, track.elapsed, junctions.tau, known)
+    bans = Bans(rows.first, rows.cell, known.begin, known.end, low, high, span)
+    places = [0.0, *(wait.s for wait in motion.waits if wait.s > 0.0), track.limits.length]
+    ride = track.ride(places)
+    size = len(rows.cell) + len(mine) + 1
+    begins, ends, owners = np.empty(size), np.empty(size), np.empty(size, np.int64)
+    at_start = motion.waits[0].s <= 0.0
+    arrivals = motion.arrivals[0 if at_start else 1 :]
+    waits: list[Wait] = []
+    for p, (wait, arrival) in enumerate(zip(motion.waits, arrivals, strict=True), not at_start):
+        count = forbidden(ride, bans, p, p + 1, begins, ends, owners)
+        k = -1
+        if wait.owner >= 0 and wait.depart > arrival:
+            closed = np.column_stack((begins, ends))[:count].clip(arrival, wait.depart)
+            k = _forcing(closed, owners[:count], span, _MOST * (wait.depart - arrival))
+        waits.append(wait if k < 0 else replace(wait, owner=int(rows.other[k]), zone=int(mine[k])))
+    return Motion(motion.limits, waits)
+
+
+def _forcing(closed: Array, owners: Indices, span: Array, enough: float) -> int:
+    """Return which zone forces a wait, -1 if none is known to.
+
+    closed (n, 2) [s]: departures within the wait that zone owners (n,) forbids; span (zones, 2)
+    [m]: where the robot enters and leaves each zone; `enough` [s] explains the wait.
+    """
+    shares = np.bincount(owners, closed[:, 1] - closed[:, 0], len(span))
+    forcing = np.flatnonzero(shares >= enough)
+    if len(forcing):
+        return int(forcing[np.argmin(span[forcing, 0])])
+    most = int(np.argmax(shares))
+    return most if shares[most] > 0.0 else -1

@@ -1,0 +1,126 @@
+"""The register of a fleet's certificates: what was made, until when it counts, what was revoked.
+
+Decides: which certificates count.  Must not know: files, how certificates are made.
+
+A generation is never used twice, so a certificate that was revoked stays refused when its name
+gets another.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterable
+from typing import Final
+
+import msgspec
+
+from coordinator.base.errors import InputError
+from protocol.badge import Badge, Role, badge_of
+
+FORMAT: Final = "splinefleet.keys/1"
+
+
+class Issued(msgspec.Struct, frozen=True):
+    """One certificate; times are UTC, the serial number in hexadecimal digits."""
+
+    role: Role
+    name: str
+    generation: int
+    serial: str
+    expires: datetime.datetime
+    revoked: datetime.datetime | None = None
+
+    @property
+    def badge(self) -> Badge:
+        """Return whom it speaks for."""
+        return Badge(self.role, self.name, self.generation)
+
+    def state(self, now: datetime.datetime) -> str:
+        """Return valid, expired or revoked."""
+        if self.revoked is not None:
+            return "revoked"
+        return "valid" if now <= self.expires else "expired"
+
+
+class Register(msgspec.Struct, frozen=True):
+    """All certificates of a fleet's authority, in the order in which they were made."""
+
+    format: str
+    issued: tuple[Issued, ...]
+
+    def next_generation(self, role: Role, name: str) -> int:
+        """Return the number of the next certificate of this role and name."""
+        return 1 + max((one.generation for one in self._of(role, name)), default=0)
+
+    def added(self, one: Issued) -> Register:
+        """Return the register with one more; ValueError when it is there already."""
+        if any(other.badge == one.badge for other in self.issued):
+            raise ValueError(f"{one.badge.common_name} is in the register already")
+        return msgspec.structs.replace(self, issued=(*self.issued, one))
+
+    def revoked(
+        self, role: Role, name: str, now: datetime.datetime, generation: int | None = None
+    ) -> tuple[Register, list[Issued]]:
+        """Return the register with a name's certificates revoked (or one of them), and which.
+
+        Those that were revoked before keep their time and are not told again.
+        """
+        hit = [
+            one
+            for one in self._of(role, name)
+            if one.revoked is None and generation in (None, one.generation)
+        ]
+        issued = tuple(
+            msgspec.structs.replace(one, revoked=now) if one in hit else one for one in self.issued
+        )
+        return msgspec.structs.replace(self, issued=issued), hit
+
+    def valid(self, now: datetime.datetime) -> list[Badge]:
+        """Return whom the certificates speak for that count now."""
+        return [one.badge for one in self.issued if one.state(now) == "valid"]
+
+    def keyless(self, robots: Iterable[str], now: datetime.datetime) -> list[str]:
+        """Return what is to be told of robots without a certificate that counts now."""
+        known = {badge.name for badge in self.valid(now) if badge.role == "robot"}
+        return [
+            f"{robot}: has no key that counts and is not heard; splinefleet keys robot {robot}"
+            for robot in robots
+            if robot not in known
+        ]
+
+    def names(self, role: Role) -> set[str]:
+        """Return all names of a role that ever had a certificate."""
+        return {one.name for one in self.issued if one.role == role}
+
+    def expired_at(self, end: datetime.datetime) -> Issued | None:
+        """Return the certificate that ended in this second, if there is just one."""
+        found = [one for one in self.issued if abs((one.expires - end).total_seconds()) < 1.0]
+        return found[0] if len(found) == 1 else None
+
+    def _of(self, role: Role, name: str) -> list[Issued]:
+        return [one for one in self.issued if (one.role, one.name) == (role, name)]
+
+
+def register_to_json(register: Register) -> bytes:
+    """Return the register as a file for people and programs."""
+    return msgspec.json.format(msgspec.json.encode(register), indent=1) + b"\n"
+
+
+def register_of(content: bytes, where: str) -> Register:
+    """Read a register; InputError when it is none."""
+    try:
+        register = msgspec.json.decode(content, type=Register)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise InputError([f"{where}: is no register of keys: {error}"]) from None
+    if register.format != FORMAT:
+        raise InputError([f"{where}: format {register.format[:40]!r}, {FORMAT!r} is known"])
+    if any(one.expires.tzinfo is None for one in register.issued):
+        raise InputError([f"{where}: an end without a time zone; it ends in Z"])
+    known: set[Badge] = set()
+    for badge in (one.badge for one in register.issued):
+        if badge_of(badge.common_name) != badge:
+            raise InputError([f"{where}: {badge.common_name[:60]!r} is no key's name"])
+        if badge in known:
+            raise InputError([f"{where}: {badge.who} stands there twice"])
+        known.add(badge)
+    return register

@@ -1,0 +1,107 @@
+"""The coordinator's gate: who of a scenario's fleet is let in, and who was refused.
+
+Decides: which certificates count for this run.  What each may do is protocol/access.py; how the
+link asks for certificates is protocol/zenoh_transport.py.
+
+Without keys there is no gate: anybody who reaches the endpoint is heard.
+"""
+
+from __future__ import annotations
+
+import datetime
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any, Final
+
+from coordinator.security.certificate_register import Register
+from coordinator.security.denials import DULL, LOG_FILTER, Denial, Denials, in_words
+from coordinator.security.key_store import KeyStore
+from coordinator.security.zenoh_log import ZenohLog
+from protocol.access import access_control, player_rights, rights_of
+from protocol.badge import Badge, badge_of
+from protocol.key_files import KeyFiles, read_key_files
+from protocol.zenoh_transport import ZenohTransport
+
+_REMEMBERED: Final = 1_000
+"""Sessions whose common names are kept: what they were denied is read a moment later."""
+
+
+def _now() -> datetime.datetime:
+    return datetime.datetime.now(datetime.UTC)
+
+
+def player_access(folder: Path) -> dict[str, Any]:
+    """Return the access control of whoever plays a log: observers may listen, nobody else."""
+    badges = KeyStore(folder).register().valid(_now())
+    pairs = ((badge, player_rights(badge)) for badge in badges)
+    return access_control((badge, right) for badge, right in pairs if right is not None)
+
+
+class Gate:
+    """Opens a fleet's link; InputError and TransportError in one line when the keys are not fit."""
+
+    def __init__(self, folder: Path, fleet: str, robots: Iterable[str]) -> None:
+        now = _now()
+        self._register: Register = KeyStore(folder).register()
+        self.files: KeyFiles = read_key_files(folder, "coordinator")
+        self._robots = tuple(robots)
+        badges = self._register.valid(now)
+        pairs = ((badge, rights_of(fleet, self._robots, badge)) for badge in badges)
+        allowed = [(badge, right) for badge, right in pairs if right is not None]
+        self._access = access_control(allowed)
+        self._allowed = {badge.common_name for badge, _ in allowed}
+        self._names: dict[str, str] = {}
+        self._links: SimpleQueue[tuple[str, str, str, bool]] = SimpleQueue()
+        self._denials = Denials(self._name_of, self._ended)
+        self._log: ZenohLog | None = None
+        self.warnings = [*filter(None, (self.files.warning(), KeyStore(folder).warning()))]
+        self.warnings += self._register.keyless(self._robots, now)
+
+    def listen(self, endpoint: str) -> ZenohTransport:
+        """Open the coordinator's session; who may do what stays as it is now while it is open."""
+        self._log = ZenohLog(LOG_FILTER, DULL)
+        transport = ZenohTransport.listen(endpoint, self.files, self._access)
+        transport.watch_links(lambda *news: self._links.put(news))
+        return transport
+
+    def news(self) -> list[Denial]:
+        """Return what is to be told of refusals since the last time."""
+        found = []
+        while True:
+            try:
+                session, name, address, is_up = self._links.get_nowait()
+            except Empty:
+                break
+            if is_up:
+                self._names[session] = name
+                if len(self._names) > _REMEMBERED:
+                    del self._names[next(iter(self._names))]
+            if is_up and name not in self._allowed:
+                who = f"{in_words(name)}, from {address.rpartition(':')[0]}"
+                found.append((who, self._why(badge_of(name))))
+        lines = [] if self._log is None else self._log.lines()
+        now_s = time.monotonic()
+        return self._denials.note(found, now_s) + self._denials.read(lines, now_s)
+
+    def close(self) -> None:
+        """End the reading of refusals; after the session."""
+        if self._log is not None:
+            self._log.close()
+
+    def _name_of(self, session: str) -> str:
+        return self._names.get(session, "")
+
+    def _ended(self, end: datetime.datetime) -> str:
+        one = self._register.expired_at(end)
+        return "" if one is None else one.badge.who
+
+    def _why(self, badge: Badge | None) -> str:
+        """Return why a certificate that the authority has signed has no rights here."""
+        for one in self._register.issued:
+            if badge == one.badge:
+                if one.revoked is not None:
+                    return "its key was revoked"
+                return "it has no part in this fleet"
+        return "its key is not in the register"

@@ -1,0 +1,72 @@
+"""The configuration of a router for fleets with keys, as zenohd reads it (JSON5).
+
+Decides: which fleets may meet at one router, and what the file looks like.  Who may do what is
+protocol/access.py, how the link is locked protocol/zenoh_transport.py.  Must not know: the
+register, where the file is kept.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any
+
+from coordinator.base.errors import InputError
+from coordinator.scenario.model import Scenario
+from protocol.access import access_control, router_rights
+from protocol.badge import Badge
+from protocol.key_files import KeyFiles
+from protocol.zenoh_transport import router_settings
+
+
+def meeting_fleets(scenarios: Iterable[Scenario]) -> dict[str, list[str]]:
+    """Return each fleet's robots; scenarios of one name are of one fleet.
+
+    Raises InputError when a name is in two fleets: its key would speak in both.
+    """
+    homes: dict[str, str] = {}
+    fleets: dict[str, list[str]] = {}
+    problems: dict[str, None] = {}
+    for scenario in scenarios:
+        robots = fleets.setdefault(scenario.name, [])
+        for robot in (one.id for one in scenario.robots):
+            home = homes.setdefault(robot, scenario.name)
+            if home != scenario.name:
+                both = f"is in the fleets {home} and {scenario.name}"
+                problems[f"{robot}: {both}; at one router a name, and its key, is in one"] = None
+            elif robot not in robots:
+                robots.append(robot)
+    if problems:
+        raise InputError(list(problems))
+    return fleets
+
+
+def router_file(
+    endpoint: str, files: KeyFiles, fleets: Mapping[str, Collection[str]], badges: Iterable[Badge]
+) -> bytes:
+    """Return the configuration, the router's `files` named by absolute paths.
+
+    Of the badges, those whose certificates count, each may do what its role may in its fleet.
+    """
+    pairs = ((badge, router_rights(fleets, badge)) for badge in badges)
+    access = access_control((badge, right) for badge, right in pairs if right is not None)
+    settings = _nested(router_settings(endpoint, files, access))
+    head = (
+        f"// zenohd --config THIS_FILE, for {'the fleet' if len(fleets) == 1 else 'the fleets'} "
+        f"{', '.join(fleets)}.\n"
+        "// Written by `splinefleet keys router`: when a key was made or revoked, a robot\n"
+        "// added, write it anew and restart the router.  Who is not named here may do nothing.\n"
+    )
+    return (head + json.dumps(settings, indent=2) + "\n").encode()
+
+
+def _nested(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings that are named by paths as objects within objects."""
+    whole: dict[str, Any] = {}
+    for path, value in settings.items():
+        *parts, last = path.split("/")
+        inner = whole
+        for part in parts:
+            inner = inner.setdefault(part, {})
+        inner[last] = value
+    return whole

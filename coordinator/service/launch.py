@@ -1,0 +1,267 @@
+"""One coordinator from start to end: plan, listen, log, run, tell what happened.
+
+Decides: the order of these steps, and that the log is closed whatever happens.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Final
+
+from coordinator.base.console import answer_json, tell_now, write_file
+from coordinator.base.errors import InputError
+from coordinator.fleet.core import Fleet
+from coordinator.fleet.member import STRIKES
+from coordinator.fleet.missing_robots import RollCall
+from coordinator.fleet.mission import Mission
+from coordinator.fleet.phases import GO_LEAD
+from coordinator.log.head import first_head, resumed
+from coordinator.log.log_file import is_unfinished, load, log_from_bytes
+from coordinator.log.recorder import Recorder
+from coordinator.plan.document import PlanDocument
+from coordinator.plan.plan_file import plan_name, to_json
+from coordinator.scenario.changes import Change, changes
+from coordinator.scenario.model import Scenario
+from coordinator.security.denials import denial_key, denial_record
+from coordinator.security.link_admission import Gate
+from coordinator.service.coordinator_service import Service
+from coordinator.service.meeting_place import MeetingPlace
+from coordinator.service.planning import plan_here
+from coordinator.service.replay import go_on, scenario_of
+from coordinator.view.live_table import FleetTable
+from protocol.host_clock import host_clock_ns
+from protocol.phases import PHASE_NAMES
+from protocol.shared_clock import announce_clock
+
+_WITHOUT: Final = {
+    "lost": "it is lost, not heard any more",
+    "unfit": f"it has failed in {STRIKES} epochs",
+}
+"""Why a robot is left where it stands; one that has no way is told with what closes it."""
+
+
+class Coordinator:
+    """Runs the fleet of one scenario; `speed` makes its clock run that many times faster."""
+
+    def __init__(self, scenario: Scenario, *, effort: int, speed: float, events: bool) -> None:
+        self.scenario = scenario
+        self.effort = effort
+        self.speed = speed
+        self._events = events
+        self._told = 0
+        self._roll_call = RollCall()
+        self._aside: dict[str, str] = {}
+        self._before, self._began_ns = b"", 0
+        self._gate: Gate | None = None
+
+    def clock(self) -> int:
+        """Return the coordinator's time [ns]: the host's clock, times `speed`."""
+        return int(host_clock_ns() * self.speed)
+
+    def run(
+        self,
+        place: MeetingPlace,
+        log: Path | None,
+        plan_file: Path | None,
+        patience: float,
+        resume: Path | None = None,
+        keys: Path | None = None,
+    ) -> int:
+        """Run to the end and return the exit code; `resume` is the log to go on from.
+
+        With `keys`, a fleet's folder of them, only their holders are let in.
+
+        Raises InputError, PlanError and TransportError before anything moves.
+        """
+        if self.scenario.policy != "safe":
+            name, policy = self.scenario.name, self.scenario.policy
+            raise InputError([f"{name}: policy: {policy!r} is for study, only 'safe' is driven"])
+        if log is not None and resume is not None and log.resolve() == resume.resolve():
+            raise InputError([f"--log: {log} is the log to go on from; name another file"])
+        if log is not None and is_unfinished(log):
+            problem = f"--log: {log} holds a run that was not ended; --resume goes on from it"
+            raise InputError([problem])
+        if keys is not None:
+            robots = [robot.id for robot in self.scenario.robots]
+            self._gate = Gate(keys, self.scenario.name, robots)
+            for warning in self._gate.warnings:
+                self._say("warning", text=warning)
+        boot = int.from_bytes(os.urandom(4), "little")
+        mission = self._begin(boot, plan_file) if resume is None else self._go_on(boot, resume)
+        fleet, document = mission.fleet, mission.document
+        with ExitStack() as stack:
+            if self._gate is not None:
+                stack.callback(self._gate.close)
+            stack.enter_context(announce_clock(boot))
+            transport = stack.enter_context(place.open(self._gate))
+            recorder = self._recorder(log, document, boot, resume)
+            try:
+                self._say("listening", endpoint=place.endpoint, text=str(place))
+                with FleetTable(document) as table:
+                    service = Service(
+                        mission,
+                        transport,
+                        recorder,
+                        self.clock,
+                        self.speed,
+                        self._watcher(mission, table, recorder),
+                        lambda document: self._keep(document, plan_file, table),
+                        transport.has_router if place.routed else None,
+                    )
+                    arrived = asyncio.run(service.run(patience))
+                self._tell_incidents(fleet)
+                self._summarise(fleet, arrived, service.intake.dropped)
+            finally:
+                recorder.close()
+        return 0 if arrived else 1
+
+    def _begin(self, boot: int, plan_file: Path | None) -> Mission:
+        document = plan_here(self.scenario, self.effort)
+        if plan_file is not None:
+            write_file(plan_file, to_json(document))
+        return Mission(self.scenario, document, boot, self._plan_again)
+
+    def _go_on(self, boot: int, resume: Path) -> Mission:
+        """Return the mission of the log of a coordinator that has died."""
+        self._began_ns = self.clock()
+        try:
+            self._before = load(resume)
+            log = log_from_bytes(self._before, str(resume))
+            mission = go_on(log, boot, self._began_ns)
+        except InputError as error:
+            raise InputError([f"--resume: {problem}" for problem in error.problems]) from None
+        if mission.fleet.name != self.scenario.name:
+            raise InputError([f"--resume: {resume} is the log of fleet {mission.fleet.name}"])
+        planned = scenario_of(log)
+        if changed := changes(planned, self.scenario):
+            raise InputError([_changed(resume, change) for change in changed])
+        self.scenario = planned  # Its robots in their order: replay plans with it again.
+        speed = log.metadata.get("speed", str(self.speed))
+        if speed != str(self.speed):
+            raise InputError([f"--resume: {resume} is the log of a fleet at --speed {speed[:40]}"])
+        if not self._events:
+            self._told = len(mission.fleet.incidents) - 1
+        self._aside = {one.robot.id: one.why for one in mission.site.aside}
+        return mission
+
+    def _plan_again(self, scenario: Scenario, epoch: int) -> PlanDocument:
+        return plan_here(scenario, self.effort, epoch)
+
+    def _keep(self, document: PlanDocument, first: Path | None, table: FleetTable) -> None:
+        """Write a later epoch's plan beside the first one's, tell of it, show progress by it."""
+        table.follow(document)
+        if first is not None:
+            name = plan_name(document.epoch, document.revision).removeprefix("plan")
+            file = first.with_name(f"{first.stem}{Path(name).stem}{first.suffix}")
+            try:
+                write_file(file, to_json(document))
+            except InputError as error:  # Robots wait for this plan, or are on their way.
+                self._say("warning", text=str(error))
+        text = f"epoch {document.epoch}: {len(document.robots)} robots go on"
+        if document.revision:
+            text = f"epoch {document.epoch}: new times, the {document.revision}. time"
+        self._say("planned", text=text)
+
+    def _recorder(
+        self, log: Path | None, document: PlanDocument, boot: int, resume: Path | None
+    ) -> Recorder:
+        head = first_head(self.scenario, document, boot=boot, effort=self.effort, speed=self.speed)
+        metadata, attachments = (
+            head if resume is None else resumed(head, self._before, self._began_ns)
+        )
+        path = log if log is not None else Path(os.devnull)
+        offset = time.time_ns() - self.clock()
+        return Recorder(path, metadata=metadata, wall_offset_ns=offset, attachments=attachments)
+
+    def _watcher(
+        self, mission: Mission, table: FleetTable, recorder: Recorder
+    ) -> Callable[[Fleet, int], None]:
+        def watch(fleet: Fleet, now_ns: int) -> None:
+            self._tell_denials(recorder, now_ns)
+            self._tell_incidents(fleet)
+            self._tell_aside(mission)
+            waiting = self._roll_call.news(fleet, now_ns)
+            if waiting:
+                self._say("waiting", text=waiting)
+            table.watch(fleet, now_ns)
+
+        return watch
+
+    def _tell_incidents(self, fleet: Fleet) -> None:
+        """Tell what has happened since the last time."""
+        for incident in fleet.incidents[self._told :]:
+            self._say(
+                incident.kind,
+                robot=incident.robot,
+                text=incident.text,
+                now_ns=incident.now_ns,
+                start_ns=fleet.times.start_ns,
+            )
+        self._told = len(fleet.incidents)
+
+    def _tell_denials(self, recorder: Recorder, now_ns: int) -> None:
+        """Tell whom the gate has refused, and write it into the log."""
+        for denial in [] if self._gate is None else self._gate.news():
+            recorder.record(denial_key(self.scenario.name), denial_record(denial), now_ns)
+            self._say("denied", who=denial.who, cause=denial.cause, text=denial.text)
+
+    def _tell_aside(self, mission: Mission) -> None:
+        """Tell of robots that a new epoch goes on without, unless it was said why they stay."""
+        aside: dict[str, str] = {one.robot.id: one.why for one in mission.site.aside}
+        for robot, why in aside.items():
+            is_told = bool(mission.fleet.members[robot].stays) or self._aside.get(robot) == why
+            if why in _WITHOUT and not is_told:
+                text = f"{robot} has no part in the next epoch: {_WITHOUT[why]}"
+                self._say("aside", robot=robot, text=text)
+        self._aside = aside
+
+    def _say(self, event: str, **facts: object) -> None:
+        if self._events:
+            answer_json({"event": event, **facts})
+        elif event == "listening":
+            tell_now(f"{self.scenario.name}: {facts['text']}")
+        elif event != "report":
+            tell_now(str(facts["text"]))
+
+    def _summarise(self, fleet: Fleet, arrived: bool, dropped: Mapping[str, int]) -> None:
+        """Tell how every robot ended; times count from the first GO, as everywhere."""
+        gone = (one for one in fleet.incidents if (one.kind, one.text) == ("phase", "GO"))
+        zero_ns = next((one.now_ns + GO_LEAD for one in gone), 0)
+        robots = [
+            {
+                "id": member.id,
+                "phase": "lost" if member.lost else PHASE_NAMES[member.phase],
+                "arrived": None
+                if member.done_ns is None
+                else round((member.done_ns - zero_ns) / 1e9, 3),
+                "rest_s": member.rest_s,
+            }
+            for member in fleet.members.values()
+        ]
+        if self._events:
+            counts = {"bad_messages": fleet.bad_messages, "dropped": dropped}
+            answer_json({"event": "summary", "arrived": arrived, "robots": robots, **counts})
+            return
+        for robot in robots:
+            when = robot["arrived"]
+            text = (
+                f"arrived {when} s after the first GO"
+                if when is not None
+                else f"ended {robot['phase']}"
+            )
+            tell_now(f"{robot['id']}: {text}")
+        if dropped:
+            tell_now(
+                "dropped: " + ", ".join(f"{count} {cause}" for cause, count in dropped.items())
+            )
+
+
+def _changed(log: Path, change: Change) -> str:
+    """Say what the log's plan was made with and the scenario asks for now."""
+    before, now = ("none" if one is None else one for one in (change.before, change.after))
+    return f"--resume: {log} was planned with {change.field} {before}, the scenario has {now} now"

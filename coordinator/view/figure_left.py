@@ -1,0 +1,26 @@
+"""Who of a fleet has stayed behind, and where: what a picture of a later epoch's plan names.
+
+Decides: where a robot stands that has no part in the last epoch.  Must not know: axes, files.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coordinator.view.figure_view import Left
+from coordinator.view.scene import Scene
+
+
+def left_behind(scene: Scene) -> tuple[Left, ...]:
+    """Return the robots aside in the scene's last epoch, each where its last ride has left it."""
+    aside = scene.epochs[-1].aside if scene.epochs else []
+    found = []
+    for one in aside:
+        rides = [ride for epoch in scene.epochs for ride in epoch.rides if ride.robot == one.robot]
+        if rides:
+            s, x, y = (np.array(column) for column in rides[-1].path)
+            rest = s[-1] if rides[-1].halt is None else rides[-1].halt[3]
+            place = float(np.interp(rest, s, x)), float(np.interp(rest, s, y))
+            body = scene.robots[one.robot]
+            found.append(Left(body.id, one.why, place, body.radius))
+    return tuple(found)

@@ -1,0 +1,190 @@
+"""The distance-time diagram: a lane per robot, in it how far along its path the robot is.
+
+Behind its curve lies, for every wait, what the robot waited for forbids: where and when the waiting
+one would be too near to it (figure_forbidden.py).
+
+Decides: the lanes and what is drawn into them.  Must not know: the floor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from coordinator.curves.nurbs import Array
+from coordinator.plan.document import PlanDocument
+from coordinator.view.figure_forbidden import Forbidden, forbidden
+from coordinator.view.figure_robots import Pictured, font_size
+
+_FULL: Final = 0.78
+"""Height of a lane's curve at the goal, in lanes."""
+_FEW: Final = 12
+"""Up to so many robots, crossings are shown in the lanes."""
+_LOWEST: Final = 12.0
+"""In lanes lower than this [pt] nobody would see what forces a wait."""
+_LIGHT: Final = 0.33
+"""Opacity of what is forbidden."""
+
+
+def draw_times(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) -> None:
+    """Draw every robot's way over time, with its waits and for whom it waits."""
+    count = len(robots)
+    end = max(robot.plan.finish_time for robot in robots.values())
+    axes.set(xlim=(0.0, end), ylim=(-float(count), 0.0), yticks=[])
+    axes.grid(axis="x", color="#e3e6ea", lw=0.6)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=9, length=3)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    width, height = 72.0 * axes.bbox.width / figure.dpi, 72.0 * axes.bbox.height / figure.dpi
+    size = min(1.15 * font_size(count), 10.0, 0.85 * height / count)
+    roomy = height / count >= _LOWEST
+    axes.set_xlabel(_legend(document, count, roomy), size=8.5, linespacing=1.4)
+    regions = _regions(document, robots if roomy else {})
+    for index, robot in enumerate(robots.values()):
+        found = regions.get(robot.id, [])
+        lane = _Lane(axes, robot, found, -index - 1.0, end, width / end, height / count, size)
+        lane.draw_way()
+        lane.draw_regions()
+        for pause in robot.pauses:
+            owner = robots.get(pause[3])
+            lane.draw_pause(pause, robot.ink if owner is None else owner.ink)
+    if count <= _FEW:
+        _draw_crossings(axes, document, robots)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lane:
+    """One robot's lane: where its base is, and the scales of its axes."""
+
+    axes: Axes
+    robot: Pictured
+    regions: list[tuple[Forbidden, str]]
+    """What forces the robot's waits, and in which colour it is shaded."""
+    base: float
+    end: float
+    second: float
+    """Width of a second [pt]."""
+    tall: float
+    """Height of a lane [pt]."""
+    size: float
+
+    def draw_way(self) -> None:
+        """Draw the robot's name, its way over time, and when it arrives."""
+        plan, colour, end = self.robot.plan, self.robot.colour, self.end
+        marks = [plan.start_time, plan.finish_time]
+        times = np.unique(np.append(np.linspace(0.0, end, 300), marks))
+        height = self._height(self.robot.progress(times))
+        moving = times <= plan.finish_time
+        self.axes.axhline(self.base, color="#c9cdd3", lw=0.5, zorder=1)
+        self.axes.fill_between(times, self.base, height, color=colour, alpha=0.13, lw=0, zorder=2)
+        thick = min(1.7, 0.2 * self.size)
+        self.axes.plot(times[moving], height[moving], color=colour, lw=thick, zorder=4)
+        self.axes.plot(times[~moving], height[~moving], color=colour, lw=0.7, alpha=0.5, zorder=4)
+        style: dict[str, Any] = {"color": self.robot.ink, "size": self.size, "va": "center"}
+        middle = self.base + 0.5 * _FULL
+        self.axes.text(-0.01 * end, middle, self.robot.id, ha="right", weight="bold", **style)
+        arrival = f"{plan.length:.1f} m, {plan.finish_time:.1f} s"
+        self.axes.text(1.01 * end, middle, arrival, ha="left", **style)
+
+    def draw_regions(self) -> None:
+        """Shade what forces the robot's waits."""
+        style: dict[str, Any] = {"lw": 0, "alpha": _LIGHT, "zorder": 3, "gid": "forbidden"}
+        for region, colour in self.regions:
+            begin, end = (np.clip(t, 0.0, self.end) for t in (region.begin, region.end))
+            self.axes.fill_betweenx(self._height(region.s), begin, end, fc=colour, **style)
+
+    def draw_pause(self, pause: tuple[float, float, float, str], ink: str) -> None:
+        """Draw one wait as a thick plateau, and say beside it who is let pass.
+
+        The curve never comes down, so left of the departure there is room above it; a text that is
+        too long for that stands above what the curve reaches below it, and both above what is
+        shaded.  Where the lane above is too near, the text stands below, where there is room right
+        of the arrival.
+        """
+        s, since, until, owner = pause
+        height = float(self._height(np.array(s)))
+        thick = min(4.5, 0.2 * self.tall)
+        line = [height, height]
+        self.axes.plot([since, until], line, color=self.robot.colour, lw=thick, zorder=5)
+        text = f"{until - since:.1f} s for {owner}" if owner else f"{until - since:.1f} s"
+        size = 0.9 * self.size
+        width = 0.58 * size * len(text) / self.second
+        roomy = self.tall > 2.6 * size
+        if not roomy and (until - since < width or self.tall < 1.7 * size):
+            return
+        style: dict[str, Any] = {"textcoords": "offset points", "size": size, "color": ink}
+        away = 0.5 * thick + 1.0
+        right = max(until, width)
+        top = float(self._height(self.robot.progress(np.array([right])))[0])
+        if (top - self.base) * self.tall + away + size > self.tall and since + width < self.end:
+            offset = (1.0, -away)
+            self.axes.annotate(
+                text, (since, height), offset, ha="left", va="top", zorder=7, **style
+            )
+            return
+        shift = -3.0 if right == until else 3.0
+        height = height if right == until else top
+        height = self._above_regions(right - width, right, height, (away + size) / self.tall)
+        self.axes.annotate(
+            text, (right, height), (shift, away), ha="right", va="bottom", zorder=7, **style
+        )
+
+    def _above_regions(self, left: float, right: float, height: float, room: float) -> float:
+        """Return a height for a text of so much room above what is shaded, if it fits the lane."""
+        raised = height
+        for region, _ in self.regions:
+            levels = self._height(region.s[(region.begin < right) & (region.end > left)])
+            if len(levels) and levels.min() < raised + room and levels.max() > raised:
+                raised = float(levels.max())
+        return raised if raised + room <= self.base + 1.0 else height
+
+    def _height(self, s: Array) -> Array:
+        """Return the heights in the diagram of arc lengths [m]."""
+        return _height(self.base, self.robot, s)
+
+
+def _legend(document: PlanDocument, count: int, roomy: bool) -> str:
+    """Return what is written below the diagram: time, and what there is in the lanes."""
+    told = ["a lane: from start to goal"]
+    if roomy and document.waits:
+        told.append("shaded: forbidden by whom it waits for")
+    if count <= _FEW and document.crossings:
+        told.append("dots: crossings")
+    return f"plan time [s]\n{';  '.join(told)}"
+
+
+def _regions(
+    document: PlanDocument, robots: dict[str, Pictured]
+) -> dict[str, list[tuple[Forbidden, str]]]:
+    """Return what forces each robot's waits, and the colour of who is let pass."""
+    found: dict[str, list[tuple[Forbidden, str]]] = {name: [] for name in robots}
+    for reason in document.waits:
+        robot, other = robots.get(reason.robot), robots.get(reason.yields_to)
+        if robot is not None and other is not None and robot is not other:
+            region = forbidden(robot.driven, other.driven, reason, document)
+            found[robot.id].append((region, other.colour))
+    return found
+
+
+def _height(base: float, robot: Pictured, s: Array) -> Array:
+    """Return the heights of arc lengths [m] in a lane that stands on `base`."""
+    return np.asarray(base + _FULL * s / robot.driven.timeline.length)
+
+
+def _draw_crossings(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) -> None:
+    """Put a dot in both lanes where a crossing is passed, in the colour of the other robot."""
+    names = list(robots)
+    for crossing in document.crossings:
+        for me, other, time, s in (
+            (crossing.a, crossing.b, crossing.t_a, crossing.s_a),
+            (crossing.b, crossing.a, crossing.t_b, crossing.s_b),
+        ):
+            if me in robots and other in robots:
+                height = _height(-names.index(me) - 1.0, robots[me], np.array(s))
+                colour = robots[other].colour
+                axes.plot(time, height, "o", mfc=colour, mec="white", mew=0.8, ms=6.0, zorder=6)

@@ -1,0 +1,66 @@
+"""Which robots a picture shows, and how much of each.
+
+Decides: who is drawn in detail, plainly or faintly, and by which place a robot has its colour.
+Must not know: what that looks like.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from coordinator.base.errors import InputError
+
+Manner = Literal["detailed", "plain", "faint"]
+
+_FEW: Final = 8
+"""Control polygons and combs of more robots would bury the floor."""
+
+
+@dataclass(frozen=True)
+class Left:
+    """A robot of the fleet without a part in the plan, why, and where it stands [m]."""
+
+    id: str
+    why: str
+    place: tuple[float, float]
+    radius: float
+
+
+@dataclass(frozen=True)
+class View:
+    """What is asked of a picture.
+
+    robots: ids that are shown in full, the others are hinted at; none: all of them.
+    detail: whether those get control polygon and curvature comb; None: when they are few.
+    fleet: ids of all robots of the fleet, each of which has its colour by its place among them;
+    none: those of the plan.  left: who has stayed behind.
+    """
+
+    robots: tuple[str, ...] = ()
+    detail: bool | None = None
+    fleet: tuple[str, ...] = ()
+    left: tuple[Left, ...] = ()
+
+    def places(self, ids: Sequence[str]) -> dict[str, int]:
+        """Return the place of every robot that is drawn, which decides its colour."""
+        names = dict.fromkeys([*self.fleet, *ids, *(one.id for one in self.left)])
+        return {name: place for place, name in enumerate(names)}
+
+    def manners(self, ids: Sequence[str]) -> dict[str, Manner]:
+        """Return how each robot is drawn; InputError for every name that is no robot's."""
+        unknown = [name for name in self.robots if name not in ids]
+        if unknown:
+            raise InputError([_unknown(name, ids) for name in unknown])
+        chosen = self.robots or tuple(ids)
+        detail = len(set(chosen)) <= _FEW if self.detail is None else self.detail
+        full: Manner = "detailed" if detail else "plain"
+        return {name: full if name in chosen else "faint" for name in ids}
+
+
+def _unknown(name: str, ids: Sequence[str]) -> str:
+    near = difflib.get_close_matches(name[:60], ids, n=1, cutoff=0.0)
+    nearest = f", the nearest name is {near[0]!r}" if near else ""
+    return f"--robots: the plan has no robot {name[:60]!r}{nearest}"

@@ -1,0 +1,190 @@
+"""What a bystander knows of a running fleet: plans as sent, Commands, Reports, the fleet's time.
+
+Decides: when something new is known.  Must not know: links, threads, the page, or how plans are put
+together from messages (findings/plans_from_messages.py).  Why robots wait is not on the wire: it is
+found from the plans of an epoch that has begun (findings/wait_guesses.py), or known from the plan
+file.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import msgspec
+
+from coordinator.findings.info_fields import FaultSummary
+from coordinator.findings.plans_from_messages import SaidPlans
+from coordinator.findings.wait_guesses import with_reasons
+from coordinator.log.unheard_plans import UnheardPlans
+from coordinator.plan.document import PlanDocument
+from coordinator.scenario.link_times import link_times
+from coordinator.view.scene import Scene
+from coordinator.view.scene_log import Course, scene_of_course
+from protocol import keys
+from protocol.codec import decode
+from protocol.messages import Clock, Command, Message, Plan, Report
+from protocol.phases import CLOCK_UNSURE, FAULT_NAMES, IDLE, NO_FAULT, OVER
+from protocol.timing import LEASE, SECOND
+
+_SURE: Final = 2.0
+"""The fleet's clock is compared with ours over this many seconds before its speed is told."""
+
+
+class FleetTime(msgspec.Struct, frozen=True):
+    """Seconds since the first GO, and how many pass in one of ours."""
+
+    now: float
+    speed: float
+
+
+class LastWord(msgspec.Struct, frozen=True):
+    """How long ago [s] the last Command was heard, and how long robots bear silence.
+
+    over: whether it said that all is over.
+    """
+
+    age: float
+    lease: float
+    over: bool
+
+
+class LiveCourse:
+    """The course of a fleet, heard message by message; `now` is our clock in seconds."""
+
+    def __init__(self, fleet: str | None, document: PlanDocument | None) -> None:
+        self.fleet = fleet
+        self._course = Course()
+        self._stand: tuple[int, int, tuple[str, ...]] | None = None
+        self._faults: dict[str, int] = {}
+        self._first: tuple[int, float] | None = None
+        self._latest: tuple[int, float] = (0, 0.0)
+        self._word: tuple[float, int] | None = None
+        self._lease = LEASE / SECOND
+        self._floor = document
+        self._said = SaidPlans(self._course.plans, document)
+        self._explained: dict[int, int] = {}
+        self.unheard = UnheardPlans(0 if document is None else document.epoch)
+        if document is not None:
+            self._course.plans[document.epoch] = document
+            self._course.whole.add(document.epoch)
+            self._lease = link_times(document.link).lease_ns / SECOND
+
+    def hear(self, key: str, payload: bytes, now: float) -> bool:
+        """Take in what was said on a key; tell whether a page would look different."""
+        place = keys.split(key)
+        if place is None or place[0] != (self.fleet or place[0]) or place[1] in ("alive", "admit"):
+            return False
+        self.fleet = place[0]
+        message = decode(place[1], payload)
+        if isinstance(message, Clock) and message.answered_ns is not None:
+            self._set_clock(message.answered_ns, now)
+        return message is not None and self._take(message, place[2], now)
+
+    def scene(self) -> Scene:
+        """Return the scene of what is known; an empty one before the first plan."""
+        if not self._course.plans:
+            return _nothing(self.fleet or "")
+        self._explain()
+        return msgspec.structs.replace(scene_of_course(self._course), name=self.fleet or "")
+
+    def _explain(self) -> None:
+        """Find out why robots wait in epochs that have begun, once for the plans heard so far."""
+        plans = self._course.plans
+        for epoch in set(self._course.starts) & set(plans):
+            count = len(plans[epoch].robots)
+            if plans[epoch] is not self._floor and self._explained.get(epoch) != count:
+                plans[epoch] = with_reasons(plans[epoch])
+                self._explained[epoch] = count
+
+    def clock(self, now: float) -> FleetTime | None:
+        """Return the fleet's time; None before its first GO or before its clock was heard."""
+        if self._first is None or not self._course.starts:
+            return None
+        zero = min(self._course.starts.values())
+        speed = self._speed()
+        passed = (self._latest[0] - zero) / SECOND + speed * (now - self._latest[1])
+        return FleetTime(round(passed, 3), round(speed, 3))
+
+    def word(self, now: float) -> LastWord | None:
+        """Return how old the coordinator's last word is; None before its first."""
+        if self._word is None:
+            return None
+        at, phase = self._word
+        return LastWord(round(max(now - at, 0.0), 3), self._lease, phase == OVER)
+
+    def _take(self, message: Message, robot: str, now: float) -> bool:
+        """Take in a message of the fleet."""
+        before = self.unheard.robots
+        self.unheard.take(message, robot)
+        changed = self.unheard.robots != before
+        return self._take_in(message, robot, now) or changed
+
+    def _take_in(self, message: Message, robot: str, now: float) -> bool:
+        course = self._course
+        if isinstance(message, Command):
+            self._word = (now, message.phase)
+            course.take_command(message, self._now_ns(now))
+            stand = (message.epoch, message.phase, self._reasons(message.epoch))
+            changed = self._stand != stand
+            self._stand = stand
+            return changed
+        if isinstance(message, Report):
+            return self._take_report(message, robot, now)
+        if isinstance(message, Plan):
+            self._lease = message.lease_ms / 1000.0
+        return self._said.take(message, robot, self.fleet or "")
+
+    def _reasons(self, epoch: int) -> tuple[str, ...]:
+        """Return why robots that are known have no part in an epoch, as far as messages tell."""
+        plans = self._course.plans
+        if epoch not in plans:
+            return ()
+        names = {robot.id for document in plans.values() for robot in document.robots}
+        aside = names - {robot.id for robot in plans[epoch].robots}
+        return tuple(self._course.why_aside(epoch, name) for name in sorted(aside))
+
+    def _take_report(self, report: Report, robot: str, now: float) -> bool:
+        course, now_ns = self._course, self._now_ns(now)
+        stops = course.said.take(report, robot, now_ns)
+        learning = report.phase == IDLE and report.fault == CLOCK_UNSURE  # as each does at first
+        fault = NO_FAULT if learning else report.fault
+        changed = fault != self._faults.get(robot, NO_FAULT)
+        self._faults[robot] = fault
+        if changed and fault != NO_FAULT:
+            name = FAULT_NAMES[fault] if fault < len(FAULT_NAMES) else "a fault"
+            course.faults.append((now_ns, FaultSummary(0.0, robot, name, "report")))
+        return changed or stops
+
+    def _set_clock(self, answered_ns: int, now: float) -> None:
+        self._first = self._first or (answered_ns, now)
+        if answered_ns >= self._latest[0]:
+            self._latest = (answered_ns, now)
+
+    def _speed(self) -> float:
+        """Return how many of the fleet's seconds pass in one of ours."""
+        if self._first is None or self._latest[1] - self._first[1] < _SURE:
+            return 1.0
+        passed = (self._latest[0] - self._first[0]) / SECOND
+        return passed / (self._latest[1] - self._first[1])
+
+    def _now_ns(self, now: float) -> int:
+        """Return the fleet's time [ns]; before its clock was heard that of the last Command."""
+        if self._first is None:
+            return self._course.last
+        return self._latest[0] + round(self._speed() * (now - self._latest[1]) * SECOND)
+
+
+def _nothing(fleet: str) -> Scene:
+    return Scene(
+        name=fleet,
+        policy="safe",
+        tau=0.0,
+        margin=0.0,
+        proven=None,
+        source="live",
+        end=1.0,
+        boundary=[],
+        obstacles=[],
+        robots=[],
+        epochs=[],
+    )

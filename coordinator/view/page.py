@@ -1,0 +1,59 @@
+"""A scene as one self-contained page: the files of page_files/ and the data put together.
+
+Decides: the order of the parts, and that nothing outside of the page is ever asked for.  Must not
+know: how the page looks (page_files/page.css) or what it does (page_files/*.js).
+"""
+
+from __future__ import annotations
+
+import html
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from coordinator.view.scene import Scene
+
+_PARTS: Final = Path(__file__).with_name("page_files")
+_SCRIPTS: Final = (
+    "motion.js",
+    "look.js",
+    "lens.js",
+    "ground.js",
+    "floor.js",
+    "diagram.js",
+    "lists.js",
+    "hand.js",
+    "word.js",
+    "page.js",
+)
+_POLICY: Final = (
+    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; "
+    "connect-src {connect}"
+)
+
+
+def page_of(scene: Scene, live: bool = False) -> str:
+    """Return the page as HTML; a live one follows /events of the server that it comes from."""
+    parts = {
+        "title": html.escape(scene.name),
+        "policy": _POLICY.format(connect="'self'" if live else "'none'"),
+        "live": "true" if live else "false",
+        "style": _part("page.css"),
+        "scene": scene_json(scene).replace("<", "\\u003c"),
+        "script": "\n".join(_part(name) for name in _SCRIPTS),
+    }
+    pieces = []
+    for piece in _part("index.html").split("{{"):
+        name, mark, rest = piece.partition("}}")
+        pieces.append(parts[name] + rest if mark else piece)
+    return "".join(pieces)
+
+
+def scene_json(scene: Scene) -> str:
+    """Return a scene as the page reads it."""
+    return msgspec.json.encode(scene).decode()
+
+
+def _part(name: str) -> str:
+    return (_PARTS / name).read_text(encoding="utf-8")

@@ -1,0 +1,264 @@
+"""The scene of a log: its epochs one after another, what went wrong, and who stayed behind.
+
+Decides: when an epoch is shown, and who stayed behind.  Where a robot is that has left its plan is
+told by findings/braking.py.  Must not know: files, black boxes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+
+from coordinator.base.errors import InputError
+from coordinator.findings.braking import Said
+from coordinator.findings.info import summarise
+from coordinator.findings.info_fields import FaultSummary, Summary
+from coordinator.findings.plans_from_messages import RADIUS, plans_said
+from coordinator.findings.traffic_numbers import clock_lag
+from coordinator.fleet.epoch_record import adoption_key, request_of
+from coordinator.fleet.rest_places import Standing
+from coordinator.plan.document import PlanDocument
+from coordinator.plan.plan_file import from_json, is_plan_name
+from coordinator.plan.wire import Driven, drive
+from coordinator.view.scene import Aside, Epoch, Halt, Mark, Scene
+from coordinator.view.scene_plan import index_of, rides_of, rounded_points, scene_from, zones_of
+from protocol import keys
+from protocol.codec import decode
+from protocol.messages import Command, Report
+from protocol.phases import DONE, FREEZE, GO, OVER
+from protocol.timing import SECOND
+
+if TYPE_CHECKING:
+    from coordinator.log.records import Log, Record
+
+_WHY: Final = {"arrived": "arrived", "lost": "lost", "unfit": "not fit", "rests": "no way"}
+_NS: Final = 1 / SECOND
+_LOST: Final = 2 * SECOND
+"""A robot that has a part no more, and was not heard for so long [ns], is taken to be lost."""
+
+
+class Course:
+    """The facts of one or more logs of the same fleet, in order; times in ns.
+
+    whole: the epochs whose plans are known from a file.  Plans put together from messages may lack
+    robots whose messages were not heard.
+    """
+
+    def __init__(self) -> None:
+        self.plans: dict[int, PlanDocument] = {}
+        self.whole: set[int] = set()
+        self.begins: dict[int, int] = {}
+        self.starts: dict[int, int] = {}
+        self.frozen: dict[int, int] = {}
+        self.over: int | None = None
+        self.last = 0
+        self.said = Said()
+        self.told: dict[int, tuple[Standing, ...]] = {}
+        self.faults: list[tuple[int, FaultSummary]] = []
+        self.late: list[tuple[int, str]] = []
+        self.notes: list[str] = []
+
+    def take(self, log: Log, name: str) -> None:
+        """Take in a log; InputError when a plan in it cannot be read."""
+        for file, content in log.attachments.items():
+            if is_plan_name(file):
+                document = from_json(content, f"{name}: {file}")
+                self.plans[document.epoch] = document
+                self.whole.add(document.epoch)
+        said = plans_said(log, self.plans, self.plans[min(self.plans)] if self.plans else None)
+        self.plans |= said
+        self.notes += [note for document in said.values() for note in document.notes]
+        lag_ns = clock_lag(log)
+        fleet = log.metadata.get("fleet", "")
+        for record in log.records:
+            self._take(record, fleet, lag_ns)
+        if log.records:
+            told = msgspec.convert(summarise(log), Summary)
+            zero = log.records[0].log_ns - lag_ns + round((told.zero or 0.0) * SECOND)
+            self.faults += [(zero + round(fault.t * SECOND), fault) for fault in told.faults]
+            self.late += [
+                (zero + round(changed.t * SECOND), changed.late or "a robot")
+                for epoch in told.epochs
+                for changed in epoch.new_times
+            ]
+
+    def take_command(self, command: Command, now_ns: int) -> None:
+        """Take in what the coordinator stated at a time.
+
+        One that goes on from a log freezes, under a new epoch's number, the last that started.
+        """
+        self.last = max(self.last, now_ns)
+        if command.phase == FREEZE:
+            self.frozen.setdefault(max(self.starts, default=command.epoch), now_ns)
+            return
+        self.begins.setdefault(command.epoch, now_ns)
+        if command.phase == GO:
+            self.starts.setdefault(command.epoch, command.start_ns)
+        elif command.phase == OVER and self.over is None:
+            self.over = now_ns
+
+    def is_done(self, epoch: int, robot: str) -> bool:
+        """Tell whether a robot has said that it arrived in an epoch."""
+        return self.said.of(epoch, robot).phase == DONE
+
+    def unheard(self) -> set[str]:
+        """Return the robots that drove in an epoch whose plan for them was not heard."""
+        return {
+            name
+            for epoch, document in self.plans.items()
+            for name in self.said.who(epoch) - {robot.id for robot in document.robots}
+            if epoch not in self.whole
+        }
+
+    def why_aside(self, epoch: int, robot: str) -> str:
+        """Tell why a robot has no part in an epoch's plan, as far as messages tell."""
+        if epoch not in self.whole and robot in self.said.who(epoch):
+            return "plan not heard"
+        if robot in self.said.done():
+            return "arrived"
+        last_ns = self.said.last_ns(robot)
+        return "lost" if last_ns is None or self.last - last_ns > _LOST else "no way"
+
+    def _take(self, record: Record, fleet: str, lag_ns: int) -> None:
+        now_ns = record.log_ns - lag_ns
+        if record.key == adoption_key(fleet):
+            request = request_of(record.payload)
+            if request is not None:
+                self.told[request.epoch] = request.told
+            return
+        place = keys.split(record.key)
+        if place is None or place[0] != fleet:
+            return
+        self.last = max(self.last, now_ns)
+        message = decode(place[1], record.payload) if place[1] in ("command", "report") else None
+        if isinstance(message, Command):
+            self.take_command(message, now_ns)
+        elif isinstance(message, Report):
+            self.said.take(message, place[2], now_ns)
+
+
+def scene_of_logs(logs: Sequence[tuple[str, Log]]) -> Scene:
+    """Return the scene of a log, or of several that went on from each other, in order.
+
+    logs: (name for messages, log).  Raises InputError when there is no plan in them.
+    """
+    course = Course()
+    for name, log in logs:
+        course.take(log, name)
+    if not course.plans:
+        raise InputError([f"{logs[-1][0]}: holds no plan, there is nothing to draw"])
+    return msgspec.structs.replace(scene_of_course(course), notes=course.notes)
+
+
+def scene_of_course(course: Course) -> Scene:
+    """Return the scene of what is known so far; there is at least one plan."""
+    zero = min(course.starts.values(), default=min(course.begins.values(), default=0))
+    documents = [document for _, document in sorted(course.plans.items())]
+    others = dict.fromkeys(sorted(course.unheard()), RADIUS)
+    index = index_of(documents, others)
+    epochs = [
+        _epoch(course, document, documents[0], index, zero)
+        for document in documents
+        if not course.begins or document.epoch in course.begins
+    ]
+    end = (course.last - zero) * _NS
+    scene = scene_from(documents, epochs, "log", max(end, 1.0), others)
+    return msgspec.structs.replace(scene, marks=list(_marks(course, epochs, zero, list(index))))
+
+
+def _epoch(
+    course: Course,
+    document: PlanDocument,
+    first: PlanDocument,
+    index: Mapping[str, int],
+    zero: int,
+) -> Epoch:
+    number = document.epoch
+    begin = (course.begins.get(number, zero) - zero) * _NS
+    start = (course.starts[number] - zero) * _NS if number in course.starts else begin
+    frozen = (course.frozen[number] - zero) * _NS if number in course.frozen else None
+    driven = drive(document)
+    halts = {}
+    for one in driven:
+        halt = _halt(course, number, one)
+        if halt is not None:
+            halts[one.id] = halt
+    known = 0 if first.workspace is None else len(first.workspace.obstacles)
+    floor = document.workspace
+    return Epoch(
+        epoch=number,
+        begin=round(min(begin, start), 4),
+        start=round(start, 4),
+        started=number in course.starts,
+        frozen=None if frozen is None else round(frozen, 4),
+        arrived=all(course.is_done(number, robot.id) for robot in document.robots),
+        rides=rides_of(document, index, halts, driven),
+        aside=_aside(course, document, index),
+        keep_out=[]
+        if floor is None or document is first
+        else [rounded_points(corners) for corners in floor.obstacles[known:]],
+        zones=zones_of(document, index),
+    )
+
+
+def _aside(course: Course, document: PlanDocument, index: Mapping[str, int]) -> list[Aside]:
+    """Return the robots that a plan leaves out, with the last that was told of them."""
+    taking_part = {robot.id for robot in document.robots}
+    why: dict[str, str] = {}
+    for epoch, told in sorted(course.told.items()):
+        if epoch <= document.epoch:
+            why |= {standing.robot: _WHY[standing.state] for standing in told}
+    return [
+        Aside(robot=place, why=why.get(name) or course.why_aside(document.epoch, name))
+        for name, place in index.items()
+        if name not in taking_part
+    ]
+
+
+def _halt(course: Course, epoch: int, one: Driven) -> Halt | None:
+    """Return where a robot left its plan for good; plan times [s], arc lengths [m]."""
+    if epoch not in course.starts:
+        return None
+    line, rate = one.timeline, one.plan.brake_mmps2 / 1000.0
+    words = course.said.of(epoch, one.id)
+    broken = words.broken(line, rate, course.starts[epoch], course.frozen.get(epoch))
+    if broken is None:
+        return None
+    now, place = broken.brake, line.s_at(broken.brake)
+    slowing = line.v_at(now) / broken.rate if broken.rate > 0.0 else 0.0
+    rest = place + 0.5 * slowing * line.v_at(now)
+    return (round(now, 5), round(now + slowing, 5), round(place, 5), round(rest, 5))
+
+
+def _marks(
+    course: Course, epochs: Sequence[Epoch], zero: int, names: Sequence[str]
+) -> Iterator[Mark]:
+    """Yield what happened, in order of time; a fault stands before the freeze that it led to."""
+    marks = [
+        Mark(t=epoch.start, kind="go", text=f"epoch {epoch.epoch}: {len(epoch.rides)} robots go")
+        for epoch in epochs
+        if epoch.epoch in course.starts
+    ]
+    arrived = {epoch.epoch for epoch in epochs if epoch.arrived}
+    done = course.said.done()
+    left = ", ".join(name for name in names if name not in done)
+    for number, at in course.frozen.items():
+        kind, text = "freeze", "all are told to freeze"
+        if number in arrived:
+            without = f", without {left}" if left else ""
+            kind, text = "over", f"all on their way have arrived{without}"
+        marks.append(Mark(t=round((at - zero) * _NS, 3), kind=kind, text=text))
+    marks += [
+        Mark(t=round((at - zero) * _NS, 3), kind="fault", text=f"{fault.robot} {fault.fault}")
+        for at, fault in course.faults
+        if fault.kind != "freeze"
+    ]
+    marks += [
+        Mark(t=round((at - zero) * _NS, 3), kind="late", text=f"{robot} is late, new times")
+        for at, robot in course.late
+    ]
+    if course.over is not None:
+        marks.append(Mark(t=round((course.over - zero) * _NS, 3), kind="over", text="over"))
+    yield from sorted(marks, key=lambda mark: (round(mark.t, 1), mark.kind))

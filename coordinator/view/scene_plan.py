@@ -1,0 +1,208 @@
+"""The scene of a plan: what the robots make of their bytes, as polylines and legs.
+
+Decides: how exactly motions are told (1 mm), and which zones are.  Must not know: logs
+(scene_log.py), HTML (page.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.plan.document import Crossing, PlanDocument, Reason, RobotPlan
+from coordinator.plan.wire import Driven, drive
+from coordinator.scenario.model import Point
+from coordinator.view.scene import Body, Epoch, Halt, Leg, Ride, Scene, Wait, Zone
+from protocol.timeline import Timeline
+
+ACCURACY: Final = 4e-4
+"""A path's polyline is nowhere farther [m] from the curve at the same arc length; then rounded."""
+
+_DIGITS: Final = 4
+_FINE_DIGITS: Final = 5
+_SHORTEST: Final = 1e-3
+"""Pieces [m] are not halved below this."""
+
+_AFTERWARDS: Final = 1.0
+"""The page goes on for so long [s] after the last arrival."""
+
+
+def scene_of_plan(document: PlanDocument) -> Scene:
+    """Return the scene of a plan as planned; InputError when a robot would refuse its message."""
+    index = index_of([document])
+    epoch = Epoch(
+        epoch=document.epoch,
+        begin=0.0,
+        start=0.0,
+        rides=rides_of(document, index),
+        zones=zones_of(document, index),
+    )
+    last = max((robot.finish_time for robot in document.robots), default=0.0)
+    return scene_from([document], [epoch], "plan", last + _AFTERWARDS)
+
+
+def index_of(documents: Sequence[PlanDocument], others: Iterable[str] = ()) -> dict[str, int]:
+    """Return the index of every robot that a document names, in order of appearance, and others."""
+    names = dict.fromkeys(robot.id for document in documents for robot in document.robots)
+    names |= dict.fromkeys(others)
+    return {name: place for place, name in enumerate(names)}
+
+
+def scene_from(
+    documents: Sequence[PlanDocument],
+    epochs: list[Epoch],
+    source: str,
+    end: float,
+    others: Mapping[str, float] = MappingProxyType({}),
+) -> Scene:
+    """Return a scene without marks and ghosts; the first document has the floor and the terms.
+
+    The last one says whether the newest plan is proven.
+
+    others: robots that no document names, with their radii [m].
+    """
+    first = documents[0]
+    floor = first.workspace
+    radius = {robot.id: robot.radius for document in documents for robot in document.robots}
+    radius = {**others, **radius}
+    proof = documents[-1].proof
+    return Scene(
+        name=first.scenario,
+        policy=first.policy,
+        tau=round(first.tau, _DIGITS),
+        margin=round(first.margin, _DIGITS),
+        proven=None if proof is None else proof.holds,
+        source=source,
+        end=round(end, _DIGITS),
+        boundary=[] if floor is None else floor.boundary,
+        obstacles=[] if floor is None else floor.obstacles,
+        robots=[Body(id=name, radius=radius[name]) for name in index_of(documents, others)],
+        epochs=epochs,
+    )
+
+
+def rides_of(
+    document: PlanDocument,
+    index: Mapping[str, int],
+    halts: Mapping[str, Halt] | None = None,
+    driven: Sequence[Driven] | None = None,
+) -> list[Ride]:
+    """Return the motions of a document, from the bytes that the robots get.
+
+    `driven`: what `drive` returned for the document, if that is known already.
+    """
+    left = {} if halts is None else halts
+    return [
+        Ride(
+            robot=index[robot.id],
+            path=_columns(polyline(one.curve)),
+            legs=_legs(one.timeline),
+            waits=_waits(robot, index),
+            halt=left.get(robot.id),
+            brake=one.plan.brake_mmps2 / 1000.0,
+        )
+        for robot, one in zip(document.robots, driven or drive(document), strict=True)
+    ]
+
+
+def polyline(curve: Nurbs) -> Array:
+    """Return arc lengths, x and y (n, 3) [m] of points that straight lines join well enough.
+
+    Between two of them the curve at any arc length is within ACCURACY of the line at the same.
+    """
+    s = np.unique(np.clip(curve.arc_at(np.unique(curve.knots)), 0.0, curve.length))
+    parts = np.arange(1, 8) / 8.0
+    while True:
+        ends, sizes = curve.at_arc(s), np.diff(s)
+        inner = s[:-1, None] + sizes[:, None] * parts
+        line = ends[:-1, None] + np.diff(ends, axis=0)[:, None] * parts[:, None]
+        off = curve.at_arc(inner.ravel()).reshape(line.shape) - line
+        coarse = np.hypot(off[..., 0], off[..., 1]).max(axis=1) > ACCURACY
+        coarse &= sizes > _SHORTEST
+        if not coarse.any():
+            return np.column_stack((s, ends))
+        s = np.sort(np.concatenate((s, inner[coarse, 3])))
+
+
+def zones_of(document: PlanDocument, index: Mapping[str, int]) -> list[Zone]:
+    """Return what forces somebody to wait, and the crossings that nobody waits at.
+
+    A crossing's zone is taken to reach as far along both paths as the two have to keep apart:
+    farther where paths cross flatly, which is an illustration; the proof is proof/tau_safety.py.
+    """
+    zones = [_forced(reason, index) for reason in document.waits]
+    radius = {robot.id: robot.radius for robot in document.robots}
+    length = {robot.id: robot.length for robot in document.robots}
+    for crossing in document.crossings:
+        if not any(_covers(zone, crossing, index) for zone in zones[: len(document.waits)]):
+            need = radius[crossing.a] + radius[crossing.b] + document.margin
+            zones.append(
+                Zone(
+                    a=index[crossing.a],
+                    b=index[crossing.b],
+                    on_a=_around(crossing.s_a, need, length[crossing.a]),
+                    on_b=_around(crossing.s_b, need, length[crossing.b]),
+                    forces=False,
+                )
+            )
+    return zones
+
+
+def rounded_points(points: Sequence[Point]) -> list[Point]:
+    """Return a polygon with the page's digits."""
+    return [(round(x, _DIGITS), round(y, _DIGITS)) for x, y in points]
+
+
+def _forced(reason: Reason, index: Mapping[str, int]) -> Zone:
+    return Zone(
+        a=index[reason.robot],
+        b=index[reason.yields_to],
+        on_a=(round(reason.zone[0], _DIGITS), round(reason.zone[1], _DIGITS)),
+        on_b=(round(reason.their_zone[0], _DIGITS), round(reason.their_zone[1], _DIGITS)),
+        forces=True,
+    )
+
+
+def _covers(zone: Zone, crossing: Crossing, index: Mapping[str, int]) -> bool:
+    """Tell whether a crossing lies in a zone."""
+    a, b, s_a, s_b = index[crossing.a], index[crossing.b], crossing.s_a, crossing.s_b
+    if (zone.a, zone.b) == (b, a):
+        s_a, s_b = s_b, s_a
+    elif (zone.a, zone.b) != (a, b):
+        return False
+    return zone.on_a[0] <= s_a <= zone.on_a[1] and zone.on_b[0] <= s_b <= zone.on_b[1]
+
+
+def _around(s: float, need: float, length: float) -> tuple[float, float]:
+    return round(max(s - need, 0.0), _DIGITS), round(min(s + need, length), _DIGITS)
+
+
+def _columns(points: Array) -> tuple[list[float], list[float], list[float]]:
+    s, x, y = np.round(points, _DIGITS).T.tolist()
+    return s, x, y
+
+
+def _legs(line: Timeline) -> list[Leg]:
+    columns = (line.t0, line.t1, line.s0, line.s1, line.v0, line.v1)
+    rows = np.round(np.array(columns), _FINE_DIGITS).T.tolist()
+    return [(a, b, c, d, e, f) for a, b, c, d, e, f in rows]
+
+
+def _waits(robot: RobotPlan, index: Mapping[str, int]) -> list[Wait]:
+    """Return a robot's waits, the late start included."""
+    found = [(stop.s, stop.arrive, stop.depart, stop.yields_to) for stop in robot.stops]
+    if robot.start_time > 0.0:
+        found.insert(0, (0.0, 0.0, robot.start_time, robot.start_yields_to))
+    return [
+        Wait(
+            s=round(s, _DIGITS),
+            since=round(since, _DIGITS),
+            until=round(until, _DIGITS),
+            lets=index.get(owner, -1),
+        )
+        for s, since, until, owner in found
+    ]

@@ -1,0 +1,139 @@
+"""The page's shell: files made into a scene, and a server for the one person who looks.
+
+Decides: what is read, and that nobody but this machine is answered.  Must not know: what is on the
+page.  Only the standard library's http.server, a thread a request.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from coordinator.base.errors import InputError
+from coordinator.log.blackbox_attachments import unpacked
+from coordinator.log.log_file import RESUMED, log_from_bytes, read_log
+from coordinator.log.records import Log
+from coordinator.plan.plan_file import read
+from coordinator.view.scene import Scene
+from coordinator.view.scene_log import scene_of_logs
+from coordinator.view.scene_plan import scene_of_plan
+from coordinator.view.true_tracks import ghosts_of, read_ghosts
+
+HOST: Final = "127.0.0.1"
+_HOSTS: Final = (HOST, "localhost")
+
+Events = Callable[[], Iterator[tuple[str, str]]]
+"""Yields (event, data in one line) for as long as somebody listens; ("", "") to keep alive."""
+
+
+def read_scene(source: Path) -> Scene:
+    """Return the scene of a log, with the black boxes in it or beside it, or of a plan.
+
+    Raises InputError when the file is neither.
+    """
+    if source.suffix != ".mcap":
+        return scene_of_plan(read(source))
+    log = read_log(source)
+    scene = scene_of_logs(_with_those_before(str(source), log))
+    try:
+        boxes = unpacked(log.attachments)
+        if boxes:
+            ghosts = ghosts_of(boxes, scene.robots, f"{source}: ")
+        else:
+            ghosts = read_ghosts(source.parent / "blackbox", scene.robots)
+    except InputError as error:
+        left_out = [f"without black boxes: {problem}" for problem in error.problems]
+        return msgspec.structs.replace(scene, notes=[*scene.notes, *left_out])
+    return msgspec.structs.replace(scene, ghosts=ghosts)
+
+
+def _with_those_before(name: str, log: Log) -> list[tuple[str, Log]]:
+    """Return a log behind those that it went on from."""
+    before = log.attachments.get(RESUMED)
+    if before is None:
+        return [(name, log)]
+    inner = f"{name}: {RESUMED}"
+    return [*_with_those_before(inner, log_from_bytes(before, inner)), (name, log)]
+
+
+@contextmanager
+def served(page: Callable[[], str], port: int = 0, events: Events | None = None) -> Iterator[str]:
+    """Serve a page on this machine and yield its address; port 0 takes a free one.
+
+    Raises InputError when the port is taken.
+    """
+
+    class Handler(_Handler):
+        make_page = staticmethod(page)
+        make_events = None if events is None else staticmethod(events)
+
+    try:
+        server = ThreadingHTTPServer((HOST, port), Handler)
+    except (OSError, OverflowError) as error:
+        raise InputError([f"--port: {port}: {getattr(error, 'strerror', None) or error}"]) from None
+    server.daemon_threads = True
+    thread = threading.Thread(target=server.serve_forever, args=(0.1,), daemon=True)
+    thread.start()
+    try:
+        yield f"http://{HOST}:{server.server_address[1]}/"
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers with the page at /, with server-sent events at /events, with 404 elsewhere."""
+
+    protocol_version = "HTTP/1.1"
+    server_version = "splinefleet"
+    sys_version = ""
+    make_page: Callable[[], str]
+    make_events: Events | None = None
+
+    def do_GET(self) -> None:
+        """Answer a request."""
+        host = self.headers.get("Host", "").rpartition(":")[0]
+        path = self.path.partition("?")[0]
+        if host not in _HOSTS:  # a name that somebody else lets point here is not for this page
+            self._answer(HTTPStatus.FORBIDDEN, "text/plain", b"this machine only\n")
+        elif path == "/":
+            self._answer(HTTPStatus.OK, "text/html", self.make_page().encode())
+        elif path == "/events" and self.make_events is not None:
+            self._stream(self.make_events())
+        else:
+            self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"there is one page only\n")
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing about requests."""
+
+    def _answer(self, status: HTTPStatus, kind: str, body: bytes) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", f"{kind}; charset=utf-8")
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.end_headers()
+        self.wfile.write(body)
+
+    def _stream(self, events: Iterator[tuple[str, str]]) -> None:
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Type", "text/event-stream; charset=utf-8")
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("Connection", "close")
+        self.end_headers()
+        self.close_connection = True
+        try:
+            for event, data in events:
+                text = f"event: {event}\ndata: {data}\n\n" if event else ": still here\n\n"
+                self.wfile.write(text.encode())
+                self.wfile.flush()
+        except (BrokenPipeError, ConnectionResetError):
+            return

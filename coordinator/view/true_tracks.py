@@ -1,0 +1,85 @@
+"""Black boxes as ghosts: where the robots truly were, thinned to what an eye can see.
+
+Decides: which rows are needed.  Must not know: plans; what a black box may hold in full is
+sim/judging/blackbox.py.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from coordinator.base.errors import InputError
+from coordinator.curves.nurbs import Array
+from coordinator.view.scene import Body, Ghost
+
+_SEEN: Final = 0.002
+"""Between the rows that are kept a robot is shown within this [m] of where it was."""
+
+
+def read_ghosts(folder: Path, robots: Sequence[Body]) -> list[Ghost]:
+    """Return the ghosts of the robots that have a black box `<robot>.csv` in a folder.
+
+    Raises InputError naming a file that is no black box.
+    """
+    texts = {}
+    for robot in robots:
+        path = folder / f"{robot.id}.csv"
+        if path.is_file():
+            try:
+                texts[robot.id] = path.read_text()
+            except (OSError, UnicodeDecodeError) as error:
+                raise InputError([f"{path}: {error}"]) from None
+    return ghosts_of(texts, robots, f"{folder}/")
+
+
+def ghosts_of(texts: Mapping[str, str], robots: Sequence[Body], where: str) -> list[Ghost]:
+    """Return the ghosts of the robots whose black boxes' texts are given, by robot.
+
+    Raises InputError naming one that is none, behind `where`.
+    """
+    ghosts = []
+    for place, robot in enumerate(robots):
+        if robot.id in texts:
+            rows = _rows(texts[robot.id], f"{where}{robot.id}.csv")
+            t, x, y = np.round(rows[_needed(rows)], 3).T.tolist()
+            ghosts.append(Ghost(robot=place, t=t, x=x, y=y))
+    return ghosts
+
+
+def _rows(text: str, path: str) -> Array:
+    """Return the rows t, x, y (n, 3); a last line that was cut short is left out."""
+    rows = list(csv.reader(text.splitlines()))
+    if not rows or rows[0][:3] != ["t", "x", "y"]:
+        raise InputError([f"{path}: line 1: the columns do not begin with t,x,y"])
+    whole = [row[:3] for row in rows[1:] if len(row) == len(rows[0])]
+    try:
+        table = np.array(whole, dtype=np.float64).reshape(-1, 3)
+    except ValueError:
+        raise InputError([f"{path}: holds rows that are not numbers"]) from None
+    if not np.isfinite(table).all():
+        raise InputError([f"{path}: holds numbers that are not finite"])
+    return table
+
+
+def _needed(rows: Array) -> npt.NDArray[np.intp]:
+    """Return the rows (m,) that straight motion between them needs: Douglas and Peucker in time."""
+    keep, open_pieces = {0, len(rows) - 1}, [(0, len(rows) - 1)]
+    while open_pieces:
+        first, last = open_pieces.pop()
+        if last - first < 2:
+            continue
+        t, places = rows[first : last + 1, 0], rows[first : last + 1, 1:]
+        part = (t - t[0]) / max(float(t[-1] - t[0]), 1e-9)
+        off = places - places[0] - part[:, None] * (places[-1] - places[0])
+        apart = np.hypot(off[:, 0], off[:, 1])
+        worst = int(np.argmax(apart))
+        if apart[worst] > _SEEN:
+            keep.add(first + worst)
+            open_pieces += [(first, first + worst), (first + worst, last)]
+    return np.array(sorted(keep & set(range(len(rows)))), dtype=np.intp)

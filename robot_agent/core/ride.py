@@ -1,0 +1,260 @@
+"""A plan being driven: where on it the robot is, whether it keeps up, how fast to go on.
+
+Decides: speed and reach of every order to the driver, lateness, arrival, rest.  Must not know:
+phases, messages, clocks: `time` is plan time in seconds.  Firmware: `math` and the shared numbers.
+"""
+
+from math import inf, sqrt
+
+from protocol.curve import Curve
+from protocol.phases import LATE, NO_FAULT, OFF_PATH
+from protocol.timeline import Timeline
+from protocol.timing import SECOND
+from robot_agent.core.steering import PathFollower
+
+ARRIVAL_SLACK = 1e-3
+"""How near [m] to its goal a robot has arrived."""
+
+LATE_SHARE = 0.2
+"""Share of the track tolerance that a robot may seem behind and be in time: measures have noise."""
+
+ARRIVAL_SHARE = 0.8
+"""When its time is over, a robot has arrived within this share of the track tolerance: the rest is
+left for noise, which must not make it seem pushed off."""
+
+TURN_SHARE = 0.9
+"""A robot that would start farther off its path than this share of its tolerance turns first."""
+
+LATE_TIME = 0.05
+LATE_TIME_SHARE = 0.2
+"""A robot is late that has seemed so for this long [s], or this share of how late it may be: of
+hundreds of noisy measures at a stop one lies far off.  That is part of how late it may be."""
+
+HOLD_OUT = 0.05
+"""For how long [s] an order to the driver lasts should the next tick not come."""
+
+REST_TIME = 0.1
+REST_SLACK = 3e-3
+"""A robot ordered to stand that has not moved by REST_SLACK [m] for REST_TIME [s] rests."""
+
+PACE_TIME = 0.1
+"""How fast a robot truly goes is measured over so long [s] or longer."""
+
+CATCH_UP_RATE = 10.0
+"""Of what a robot lags behind, so much is made up per second: a body that is slow to change its
+speed, and a place with noise, must not make it swing about its plan."""
+
+QUICK_CATCH_UP_RATE = 25.0
+QUICK_CATCH_UP_SHARE = 0.5
+"""The same of a robot that starts and stops at once, and at most this share of it in one period:
+its plan comes to a stop at full speed, where it must not creep up on its place for long."""
+
+CATCH_UP_BRAKE = 0.15
+"""A robot that catches up relies on braking this share harder than its plan does.  So it comes to
+be on time without getting ahead, even where the plan brakes."""
+
+_SPARE_SPEED = 1.05
+
+
+class Ride:
+    """One plan and the robot on it.
+
+    The track tolerance holds for all that the robot is off its plan: beside the path or past its
+    ends, and ahead of the plan or farther behind than its share of tau allows, added up.
+
+    `rules`: late [ns], lease [ns], track [mm], brake [mm/s^2, 0 stops at once], clock error [ns].
+    `path`: the arguments of Curve.  `motion`: the arguments of Timeline.  Raises ValueError when
+    these make no plan.  The order to the driver is left in speed [m/s], curvature [rad/m] and
+    distance [m].
+    """
+
+    def __init__(
+        self,
+        epoch: int,
+        rules: tuple[int, int, int, int, int],
+        path: tuple[int, list[float], list[float], list[float], list[float]],
+        motion: tuple[list[float], list[float], list[float], list[float]],
+        max_speed: float,
+        period: float,
+    ) -> None:
+        late_ns, self.lease_ns, track_mm, brake_mmps2, self.clock_error_ns = rules
+        self.epoch = epoch
+        self.late = late_ns / SECOND
+        self.track = track_mm / 1000.0
+        self.speed = self.curvature = self.distance = 0.0
+        self._brake = brake_mmps2 / 1000.0 or inf
+        self._period = period
+        self._catch_up = CATCH_UP_RATE
+        if self._brake == inf:
+            quick = min(QUICK_CATCH_UP_RATE, QUICK_CATCH_UP_SHARE / period)
+            self._catch_up = max(CATCH_UP_RATE, quick)
+        curve = Curve(*path)
+        self.follower = PathFollower(curve)
+        self._timeline = Timeline(*motion)
+        if abs(self._timeline.length - curve.length) > ARRIVAL_SLACK:
+            raise ValueError(
+                f"the motion ends at {self._timeline.length} m, the path at {curve.length} m"
+            )
+        self._slack = max(ARRIVAL_SLACK, LATE_SHARE * self.track)
+        self._limit = max_speed or _SPARE_SPEED * max(motion[1])
+        self._brake_speed = 0.0
+        self._brake_from = -inf
+        self._rest_from = inf
+        self._rest_x = self._rest_y = 0.0
+        self._stuck_from = self._behind_from = inf
+        self._stood_s = inf
+        self._late_time = min(LATE_TIME, LATE_TIME_SHARE * self.late)
+        self._stuck_s = -inf
+        self._pace = inf
+        self._pace_time, self._pace_s = -inf, 0.0
+
+    def take_times(
+        self,
+        motion: tuple[list[float], list[float], list[float], list[float]],
+        time: float,
+    ) -> bool:
+        """Take other times for the same path; False, and no change, if they do not fit.
+
+        They must not have the robot behind where it is.
+        """
+        try:
+            timeline = Timeline(*motion)
+        except (ValueError, ArithmeticError, IndexError):
+            return False
+        longer = abs(timeline.length - self._timeline.length)
+        if longer > ARRIVAL_SLACK or self.follower.s > timeline.s_at(time) + self._bearable():
+            return False
+        self._timeline = timeline
+        self._behind_from = inf
+        return True
+
+    def planned_at(self, s: float) -> float:
+        """Return the plan time [s] that has the robot at arc length s [m]."""
+        return self._timeline.time_at(s)
+
+    def missed(self, time: float) -> bool:
+        """Tell whether the plan is farther ahead than its share of tau allows."""
+        return not self.follower.s >= self._timeline.s_at(time - self.late) - self._bearable()
+
+    def seems_late(self) -> bool:
+        """Tell whether the robot was behind at the last tick, be it for good or for once."""
+        return self._behind_from < inf
+
+    def stands_at_start(self, x: float, y: float, heading: float) -> tuple[bool, int, float]:
+        """Tell whether the robot may start from a pose; else its fault, or what to turn [rad]."""
+        if self.follower.misplacement(x, y, heading) <= TURN_SHARE * self.track:
+            return True, NO_FAULT, 0.0
+        off, turn = self.follower.turn_at_start(x, y, heading)
+        if off <= TURN_SHARE * self.track:
+            return False, NO_FAULT, turn
+        return False, OFF_PATH, 0.0
+
+    def is_off(self) -> bool:
+        """Tell whether the robot is off its path, beside it or beyond its ends."""
+        return not self.follower.off <= self.track
+
+    def trouble(self, time: float) -> int:
+        """Return the fault that ends the ride now, or NO_FAULT."""
+        ahead = self.follower.s - self._timeline.s_at(time)
+        if not self.follower.off + max(ahead, 0.0) <= self.track:
+            return OFF_PATH
+        return LATE if self._is_late(time) else NO_FAULT
+
+    def arrived(self, time: float) -> bool:
+        """Tell whether the plan is over and the robot at its goal.
+
+        Within ARRIVAL_SHARE is near enough once it has had its share of tau to come closer, but
+        for the time that being late takes: one that slips as it arrives is not there yet.
+        """
+        left, over = self._timeline.length - self.follower.s, time - self._timeline.finish
+        if over >= self.late - self._late_time:
+            return left + self.follower.off <= ARRIVAL_SHARE * self.track
+        return over >= 0.0 and left <= ARRIVAL_SLACK and self.follower.off <= self._slack
+
+    def at_goal(self) -> bool:
+        """Tell whether the robot is where the plan ends."""
+        left = self._timeline.length - self.follower.s
+        return left <= ARRIVAL_SLACK and not self.is_off()
+
+    def has_left(self, goal: bool) -> bool:
+        """Tell whether a robot was pushed off its goal, or off the place where it has stood.
+
+        One that still brakes has left its path at most.
+        """
+        rest, moved = self._timeline.length if goal else self._stood_s, 0.0
+        if rest < inf:
+            moved = abs(rest - self.follower.s)
+        return not self.follower.off + moved <= self.track
+
+    def keep_to_plan(self, time: float) -> None:
+        """Order the plan's speed until the next tick, and a part of what the robot lags behind.
+
+        The distance ends where the plan will be after HOLD_OUT: a late tick overshoots no stop.
+        """
+        timeline, s = self._timeline, self.follower.s
+        planned = timeline.s_at(time)
+        if not abs(s - self._stuck_s) <= REST_SLACK:
+            self._stuck_from, self._stuck_s = time, s
+        passed = time - self._pace_time
+        if passed >= PACE_TIME:
+            self._pace = (s - self._pace_s) / passed if passed < 1.0 else inf
+            self._pace_time, self._pace_s = time, s
+        speed = (timeline.s_at(time + self._period) - planned) / self._period
+        lag = planned - s
+        more = lag * self._catch_up
+        if lag > 0.0:
+            more = min(more, sqrt(2.0 * CATCH_UP_BRAKE * self._brake * lag))
+        self.speed = min(max(speed + more, 0.0), self._limit)
+        self._reach(timeline.s_at(time + HOLD_OUT) - s)
+
+    def begin_to_brake(self, time: float) -> None:
+        """Brake from the last order's speed on, or from how fast the robot truly goes.
+
+        One that has not moved is ordered to stand.  The speed that was seen is old by as much as it
+        took to see it: meanwhile the robot may have sped up.
+        """
+        stuck = time - self._stuck_from >= REST_TIME
+        seen = max(self._pace, 0.0) + 2.0 * PACE_TIME * self._brake
+        self._brake_speed = 0.0 if stuck else min(self.speed, seen)
+        self._brake_from = time
+        self._rest_from = self._stood_s = inf
+
+    def keep_braking(self, time: float) -> None:
+        """Order less speed, evenly; a braking robot stands wherever the plan does."""
+        passed = max(time - self._brake_from, 1e-9)
+        self.speed = max(self._brake_speed - self._brake * passed, 0.0)
+        room = self._timeline.s_at(time + HOLD_OUT) - self.follower.s
+        self._reach(min(room, self.speed * HOLD_OUT))
+
+    def rests(self, time: float, x: float, y: float) -> bool:
+        """Tell whether the robot has come to rest; to be asked every tick while it brakes."""
+        moved = not abs(x - self._rest_x) + abs(y - self._rest_y) <= REST_SLACK
+        if self.speed > 0.0 or moved or self._rest_from == inf:
+            self._rest_from, self._rest_x, self._rest_y = time, x, y
+        return time - self._rest_from >= REST_TIME
+
+    def stand(self) -> None:
+        """Order to hold, and find where on the path that is."""
+        self.follower.find()
+        self._stood_s = self.follower.s
+        self.hold()
+
+    def hold(self) -> None:
+        """Order to stand until the next tick."""
+        self.speed = self.curvature = self.distance = 0.0
+
+    def _is_late(self, time: float) -> bool:
+        """Tell whether the plan is ahead for good; to be asked every tick while the robot moves."""
+        if not self.missed(time + self._late_time):
+            self._behind_from = inf
+            return False
+        self._behind_from = min(self._behind_from, time)
+        return time - self._behind_from >= self._late_time
+
+    def _bearable(self) -> float:
+        """Return by how much [m] the robot may seem behind: no more than its path leaves."""
+        return min(self._slack, self.track - self.follower.off)
+
+    def _reach(self, distance: float) -> None:
+        self.distance = max(distance, 0.0)
+        self.curvature = self.follower.curvature(self.speed * self._period)

@@ -1,0 +1,226 @@
+"""One run of a campaign in virtual time: what is drawn from its seed, and what came of it.
+
+Decides: what a run is made of, and when it counts as a violation.  Must not know: options,
+processes, files.  The same arguments give the same outcome.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import msgspec
+from msgspec.structs import replace
+
+from coordinator.plan.document import PlanDocument
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario.model import Link, Scenario
+from protocol.phases import COMMAND_NAMES
+from protocol.timing import MILLISECOND, SECOND
+from sim.campaigns.latencies import Latencies, latencies
+from sim.campaigns.truth import Touch, arrived, excused, obstacle_touches, touches
+from sim.world.fault_script import USUAL, draw_faults, write_fault
+from sim.world.fault_text import Fault
+from sim.world.memory_transport import DROP_NOTICE_NS, MemoryNetwork
+from sim.world.run_logs import RunLogs
+from sim.world.virtual_fleet import USUAL_FLAWS, World
+
+LINKS: Final = (Link(delay=0.005), Link(delay=0.1, loss=0.1), Link(delay=0.3, loss=0.3))
+"""Every seed gets one of these: a plan is made for each, not for each seed."""
+
+_OVERTAKING: Final = 0.1
+"""Shares of messages that are doubled and that are held back; half as often on the best link."""
+
+_PATIENCE: Final = 300.0
+_AFTERMATH: Final = 1.0
+_SLOW_NOTICE: Final = 10 * SECOND
+"""How long the link of a robot that has lost its power counts as up."""
+
+_PLANNING: Final = (50 * MILLISECOND, 3 * SECOND)
+_PERIODS: Final = (10 * MILLISECOND, *3 * (20 * MILLISECOND,))
+"""Between two ticks of a robot: mostly 50 Hz, as slow as a control loop should be."""
+
+_NEEDS: Final = {
+    "corrupt": (),
+    "coordinator-hang": ("coordinator",),
+    "coordinator-restart": ("coordinator",),
+}
+"""Which entries of proof.survives promise that nobody touches under a fault; others: stop."""
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a campaign is to be like: kinds of faults, links at most so bad, tau (None: auto).
+
+    `freezes` is for tests alone, see World.
+    """
+
+    kinds: tuple[str, ...] = USUAL
+    loss: float = LINKS[-1].loss
+    delay: float = LINKS[-1].delay
+    tau: float | None = None
+    freezes: bool = True
+
+
+class Outcome(msgspec.Struct, frozen=True):
+    """What came of one run; `violations` in words, none when all is well.
+
+    `excused`: who was not expected to arrive, and why; `said`: what the fleet told of these;
+    `anyway`: how many of them arrived all the same.
+    """
+
+    seed: int
+    faults: tuple[str, ...]
+    violations: tuple[str, ...]
+    over: bool
+    touches: tuple[Touch, ...]
+    stuck: tuple[str, ...]
+    arrived: int
+    expected: int
+    excused: dict[str, str]
+    said: tuple[str, ...]
+    epochs: int
+    seconds: float
+    latencies: Latencies
+    anyway: int = 0
+    obstacle_touches: tuple[Touch, ...] = ()
+
+
+def run_seed(
+    scenario: Scenario,
+    seed: int,
+    wish: Wish = Wish(),
+    faults: Sequence[Fault] | None = None,
+    folder: Path | None = None,
+) -> Outcome:
+    """Draw what the seed says, faults too unless they are given, and run it; logs into `folder`.
+
+    Raises PlanError when the scenario has no plan.
+    """
+    link = Random(f"link {seed}").choice(LINKS)
+    link = Link(delay=min(link.delay, wish.delay), loss=min(link.loss, wish.loss))
+    planned, document = plan_for(scenario, link, wish.tau)
+    if faults is None:
+        names = [robot.id for robot in document.robots]
+        finish = max(robot.finish_time for robot in document.robots)
+        faults = draw_faults(Random(f"faults {seed}"), names, finish, wish.kinds)
+    return run_one(planned, document, seed, faults, freezes=wish.freezes, folder=folder)
+
+
+@functools.lru_cache(maxsize=16)
+def plan_for(scenario: Scenario, link: Link, tau: float | None) -> tuple[Scenario, PlanDocument]:
+    """Return the scenario on this link with its plan; tau None is the whole fault budget."""
+    asked = replace(scenario, link=link, tau="auto" if tau is None else tau)
+    return asked, plan_scenario(asked)
+
+
+def run_one(
+    scenario: Scenario,
+    document: PlanDocument,
+    seed: int,
+    faults: Sequence[Fault],
+    *,
+    freezes: bool = True,
+    folder: Path | None = None,
+) -> Outcome:
+    """Run a planned fleet with these faults; link, clocks and bodies are drawn from the seed.
+
+    Its logs go into `folder`; a coordinator that is to be restarted needs one to go on from.
+    """
+    with ExitStack() as stack:
+        if folder is None and any(fault.kind == "coordinator-restart" for fault in faults):
+            folder = Path(stack.enter_context(TemporaryDirectory()))
+        logs = None if folder is None else stack.enter_context(closing(RunLogs(folder)))
+        world = make_world(scenario, document, seed, faults, freezes=freezes, logs=logs)
+        over, over_ns = run_world(world, document, freezes=freezes)
+    boxes = world.blackboxes()
+    found = touches(document, boxes, faults)
+    with_obstacles = obstacle_touches(document, boxes, faults)
+    excuses = excused(world, over_ns)
+    there = arrived(world, document, boxes)
+    expected = [robot.id for robot in document.robots if robot.id not in excuses]
+    stuck = [name for name in expected if name not in there]
+    violations = [] if over else [f"not over, {COMMAND_NAMES[world.fleet.phase]} at the end"]
+    violations += [f"{name} has not arrived" for name in stuck]
+    violations += [touch.text() for touch in with_obstacles]
+    if is_promised(document, faults):
+        violations += [touch.text() for touch in found]
+    return Outcome(
+        seed=seed,
+        faults=tuple(write_fault(fault) for fault in faults),
+        violations=tuple(violations),
+        over=over,
+        touches=tuple(found),
+        stuck=tuple(stuck),
+        arrived=len(set(expected) & there),
+        expected=len(expected),
+        excused=excuses,
+        said=tuple(one.text for one in world.fleet.incidents if one.kind in ("stays", "fault")),
+        epochs=world.fleet.epoch,
+        seconds=round((over_ns - world.began_ns) / SECOND, 3),
+        latencies=latencies(world, boxes),
+        anyway=len(set(excuses) & there),
+        obstacle_touches=tuple(with_obstacles),
+    )
+
+
+def run_world(world: World, document: PlanDocument, *, freezes: bool = True) -> tuple[bool, int]:
+    """Let a world run to its end; tells whether the fleet was over, and since when [ns].
+
+    It is over when it says so first: a coordinator that hangs says farewell to the end of it.
+    """
+    finish = max(robot.finish_time for robot in document.robots)
+    longest = _PATIENCE + 3.0 * finish * (1 + len(world.faults)) if freezes else 1.5 * finish
+    world.run(longest)
+    over = world.fleet.is_finished
+    said = (one.now_ns for one in world.fleet.incidents if one.kind == "phase")
+    over_ns = max(said, default=world.now_ns) if over else world.now_ns
+    world.go_on(_AFTERMATH)
+    return over, over_ns
+
+
+def make_world(
+    scenario: Scenario,
+    document: PlanDocument,
+    seed: int,
+    faults: Sequence[Fault],
+    *,
+    freezes: bool = True,
+    logs: RunLogs | None = None,
+) -> World:
+    """Return a world on the scenario's link, with clocks, bodies and planning times drawn."""
+    dice = Random(f"world {seed}")
+    link = scenario.link
+    overtaking = _OVERTAKING if link.loss > 0.0 else 0.5 * _OVERTAKING
+    network = MemoryNetwork(
+        seed,
+        loss=link.loss,
+        delay_ns=(0, round(link.delay * SECOND)),
+        doubling=overtaking,
+        reordering=overtaking,
+        drop_notice_ns=dice.choice((DROP_NOTICE_NS, _SLOW_NOTICE)),
+    )
+    return World(
+        scenario,
+        document,
+        network,
+        seed=dice.randrange(1 << 32),
+        faults=faults,
+        flaws=USUAL_FLAWS,
+        planning_ns=dice.randint(*_PLANNING),
+        period_ns=dice.choice(_PERIODS),
+        freezes=freezes,
+        logs=logs,
+    )
+
+
+def is_promised(document: PlanDocument, faults: Sequence[Fault]) -> bool:
+    """Tell whether the plan claims that nobody touches under these faults."""
+    needs = {need for fault in faults for need in _NEEDS.get(fault.kind, ("stop",))}
+    return document.proof is not None and {"late", *needs} <= set(document.proof.survives)

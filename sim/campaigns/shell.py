@@ -1,0 +1,108 @@
+"""A campaign as a person asks for it: progress, shrinking, and commands that show failures again.
+
+Decides: what is shrunk and how a run is asked for again.  Must not know: what a run is made of.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rich.progress import Progress
+
+from coordinator.base.console import errors
+from coordinator.scenario.model import Link, Scenario
+from sim.campaigns.answer import Answer, Violation, add_up
+from sim.campaigns.campaign import LINKS, Outcome, Wish, plan_for
+from sim.campaigns.pool import attempt, run_all
+from sim.campaigns.shrink import shrink
+from sim.world.fault_script import USUAL, read_faults, write_fault
+from sim.world.fault_text import Fault
+
+NO_FAULT: Final = "none"
+"""Stands for an empty list of faults."""
+
+MOST_SHRUNK: Final = 3
+"""So many violations are shrunk; shrinking takes many runs."""
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A scenario from a file, what is drawn, and faults that are given instead of drawn ones."""
+
+    scenario: Scenario
+    file: Path
+    wish: Wish
+    faults: Sequence[Fault] | None = None
+
+    def run(self, seeds: Sequence[int], jobs: int) -> Answer:
+        """Run all seeds; PlanError when the scenario has no plan."""
+        worst = LINKS[-1]
+        link = Link(delay=min(worst.delay, self.wish.delay), loss=min(worst.loss, self.wish.loss))
+        plan_for(self.scenario, link, self.wish.tau)
+        outcomes: list[Outcome] = []
+        violations: list[Violation] = []
+        with Progress(console=errors, transient=True) as progress:
+            task = progress.add_task("runs", total=len(seeds))
+            jobs = min(jobs, len(seeds))
+            found = run_all(self.scenario, seeds, self.wish, self.faults, jobs)
+            with closing(found):
+                for outcome in found:
+                    outcomes.append(outcome)
+                    progress.advance(task)
+                    if outcome.violations:
+                        violations.append(self._violation(outcome, len(violations) < MOST_SHRUNK))
+        return add_up(outcomes, violations)
+
+    def _violation(self, outcome: Outcome, shrunk: bool) -> Violation:
+        faults = None
+        if shrunk and outcome.faults:
+            names = [robot.id for robot in self.scenario.robots]
+            faults = shrink(
+                read_faults(outcome.faults, names),
+                lambda fewer: bool(
+                    attempt(self.scenario, outcome.seed, self.wish, fewer).violations
+                ),
+            )
+        return Violation(outcome.seed, self.command(outcome.seed, faults), outcome.violations)
+
+    @classmethod
+    def asked(
+        cls, scenario: Scenario, file: Path, wish: Wish, texts: Sequence[str] | None
+    ) -> Campaign:
+        """Return the campaign with the faults of these texts; InputError in a line each."""
+        names = [robot.id for robot in scenario.robots]
+        given = [text for text in texts or () if text != NO_FAULT]
+        faults = read_faults(given, names)
+        return cls(scenario, file, wish, faults if texts else None)
+
+    def command(self, seed: int, faults: Sequence[Fault] | None = None) -> str:
+        """Return the command that runs one seed again, with these faults or its own."""
+        words = [
+            "splinefleet",
+            "campaign",
+            str(self.file),
+            "--seeds",
+            "1",
+            "--from-seed",
+            str(seed),
+        ]
+        if faults is None:
+            faults = self.faults
+        if faults is None and self.wish.kinds != USUAL:
+            words += ["--faults", ",".join(self.wish.kinds)]
+        if faults is not None:
+            for text in [write_fault(fault) for fault in faults] or [NO_FAULT]:
+                words += ["--fault", text]
+        for option, value, usual in (
+            ("--loss", self.wish.loss, LINKS[-1].loss),
+            ("--delay-ms", 1000.0 * self.wish.delay, 1000.0 * LINKS[-1].delay),
+            ("--tau", self.wish.tau, None),
+        ):
+            if value != usual:
+                words += [option, f"{value:g}"]
+        return shlex.join(words)

@@ -1,0 +1,169 @@
+"""What truly happened in a run of many epochs: who touched, who arrived, who could not.
+
+Decides: what counts as a touch (true centres nearer than r_i + r_j, a centre nearer than r_i to
+something solid, exact between rows) and whom nobody can expect at the goal.  Must not know: how
+faults are drawn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Final
+
+import msgspec
+import numpy as np
+from msgspec.structs import replace
+
+from coordinator.fleet.replanning_input import Site
+from coordinator.plan.document import PlanDocument
+from coordinator.scenario.model import Workspace
+from protocol.phases import DONE
+from protocol.timing import SECOND
+from sim.floors.free_space import free_space
+from sim.judging.blackbox import BlackBox
+from sim.judging.clearance import SolidGround
+from sim.judging.judge import least_separation
+from sim.world.fault_text import Fault
+from sim.world.virtual_fleet import World
+
+_OWN: Final = ("hang", "slow", "stall", "skid", "driver-error", "clock-pause", "clock-jump")
+"""Faults that a robot may be given up for."""
+
+_NOISE: Final = 0.005
+"""What measured places may add [m] to the tolerance at a goal."""
+
+_SPARE: Final = 0.02
+"""A way that leaves less room [m] than this beyond the need counts as none."""
+
+SOLID: Final = "something solid"
+"""What a robot touches that is no robot: an obstacle, or the edge of the floor."""
+
+_RETURN: Final = 5.0
+"""A robot whose fault ended less than this [s] before the end had no time to come back."""
+
+
+class Touch(msgspec.Struct, frozen=True):
+    """Two robots whose centres were nearer [m] than their radii allow, and when [s since GO].
+
+    Or a robot `a` whose centre was nearer to `b`, SOLID, than its radius.
+    """
+
+    a: str
+    b: str
+    separation: float
+    least: float
+    t: float
+
+    def text(self) -> str:
+        """Say it in a sentence."""
+        near = f"{self.separation:.4f} m apart, {self.least:.3f} m are needed"
+        return f"{self.a} and {self.b} touch at {self.t:.2f} s: {near}"
+
+
+def touches(
+    document: PlanDocument, boxes: Mapping[str, BlackBox], faults: Sequence[Fault] = ()
+) -> list[Touch]:
+    """Return the pairs that touched, at their nearest.
+
+    A body that slides may come nearer by what it slides: no plan can prevent that.
+    """
+    slides = _slides(faults)
+    found = []
+    for a, b in combinations(document.robots, 2):
+        one, other = boxes[a.id], boxes[b.id]
+        least = a.radius + b.radius - slides.get(a.id, 0.0) - slides.get(b.id, 0.0)
+        if not _come_near(one, other, least):
+            continue
+        separation, t = least_separation(one, other)
+        if separation < least:
+            found.append(Touch(a.id, b.id, separation, least, t))
+    return found
+
+
+def obstacle_touches(
+    document: PlanDocument, boxes: Mapping[str, BlackBox], faults: Sequence[Fault] = ()
+) -> list[Touch]:
+    """Return the robots that touched something solid, each at its nearest, but for slides."""
+    floor, slides, found = document.workspace, _slides(faults), []
+    if floor is None:
+        return []
+    solid = SolidGround(floor.boundary, floor.obstacles)
+    for robot in document.robots:
+        if not len(boxes[robot.id].t):
+            continue
+        least = robot.radius - slides.get(robot.id, 0.0)
+        separation, t = solid.nearest(boxes[robot.id])
+        if separation < least:
+            found.append(Touch(robot.id, SOLID, separation, least, t))
+    return found
+
+
+def _slides(faults: Sequence[Fault]) -> dict[str, float]:
+    """Return how far [m] faults make robots slide."""
+    slides: dict[str, float] = {}
+    for fault in faults:
+        if fault.kind == "skid":
+            slides[fault.robot] = slides.get(fault.robot, 0.0) + abs(fault.value)
+    return slides
+
+
+def _come_near(a: BlackBox, b: BlackBox, least: float) -> bool:
+    """Tell whether the boxes around two robots' ways come near each other."""
+    if not len(a.t) or not len(b.t):
+        return False
+    low = np.maximum(a.places.min(axis=0), b.places.min(axis=0))
+    high = np.minimum(a.places.max(axis=0), b.places.max(axis=0))
+    return bool(np.all(low - high < least))
+
+
+def arrived(world: World, document: PlanDocument, boxes: Mapping[str, BlackBox]) -> set[str]:
+    """Return the robots that are held to be at their goals and truly are."""
+    held = {one.robot.id for one in world.mission.site.aside if one.why == "arrived"}
+    held |= {name for name, member in world.fleet.members.items() if member.finished}
+    held |= {name for name, one in world.robots.items() if one.service.agent.phase == DONE}
+    there = set()
+    for robot in document.robots:
+        goal = robot.path.control_points[-1]
+        place = boxes[robot.id].places[-1] if len(boxes[robot.id].t) else (math.nan, math.nan)
+        if robot.id in held and math.dist(place, goal) <= 0.5 * document.margin + _NOISE:
+            there.add(robot.id)
+    return there
+
+
+def excused(world: World, over_ns: int) -> dict[str, str]:
+    """Return the robots that nobody can expect at their goals, and why."""
+    closed = _closed_in(world.mission.site)
+    failed = {one.fault.robot for one in world.struck if one.fault.kind in _OWN}
+    why = dict.fromkeys(closed, "closed in")
+    for name, member in world.fleet.members.items():
+        if not member.is_fit and name in failed:
+            why[name] = "unfit"
+    for one in world.struck:
+        fault = one.fault
+        if fault.kind == "kill":
+            why[fault.robot] = "killed"
+        elif fault.kind in ("hang", "stall", "cut", "clock-pause"):
+            ends = one.now_ns + (fault.value + _RETURN) * SECOND
+            if ends > over_ns:
+                why[fault.robot] = fault.kind
+    return {name: reason for name, reason in why.items() if name in world.robots}
+
+
+def _closed_in(site: Site) -> list[str]:
+    """Return the robots that the fleet left where they stood and that truly have no way.
+
+    Others aside are solid wherever they may stand; via points are not asked for.
+    """
+    closed = []
+    for one in site.aside:
+        if one.why == "closed in" and one.pose is not None:
+            discs = tuple(other.disc() for other in site.aside if other is not one)
+            floor = site.scenario.workspace
+            around: Workspace = replace(floor, obstacles=floor.obstacles + discs)
+            reach = one.robot.radius + site.scenario.margin + _SPARE
+            here, there = free_space(around, reach).at(np.array([one.pose[:2], one.robot.goal[:2]]))
+            if here != there or here < 0:
+                closed.append(one.robot.id)
+    return closed

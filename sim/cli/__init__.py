@@ -1,0 +1,1 @@
+"""The commands that run, judge and try whole fleets, and replay logs."""

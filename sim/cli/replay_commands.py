@@ -1,0 +1,180 @@
+"""The command that lets a log happen again: in time, in the core, or from a moment on otherwise.
+
+Decides: options and exit codes.  It stands in sim/ because a log that goes on needs a world.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import Annotated, Final, NamedTuple
+
+import typer
+
+from coordinator.base.console import answer_json, answers, tell
+from coordinator.cli.log_commands import shown
+from coordinator.cli.plan_commands import Json, LogFile, Speed, make_folder, within
+from coordinator.service.key_option import Insecure, given_keys, where_to_listen
+from protocol.keys import NAME
+from sim.world.fault_script import fault_help
+
+commands = typer.Typer()
+
+_LINGER_S: Final = 0.2
+"""What was put last is still on its way; a session that closes may take it along."""
+
+
+def key_pattern(pattern: str) -> str:
+    """Check a key pattern before any work."""
+    from coordinator.log.playback import key_filter
+
+    try:
+        key_filter(pattern)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
+    return pattern
+
+
+def key_prefix(prefix: str) -> str:
+    """Check what is to be put before keys."""
+    if prefix and not all(NAME.fullmatch(part) for part in prefix.split("/")):
+        raise typer.BadParameter(f"{prefix!r} is no prefix of keys; one looks like replay/one")
+    return prefix
+
+
+@commands.command()
+def replay(
+    log: LogFile,
+    check: Annotated[bool, typer.Option("--check", help="Run the log again, compare.")] = False,
+    speed: Speed = 1.0,
+    listen: Annotated[
+        str | None, typer.Option(help="tcp/HOST:PORT, by default tcp/127.0.0.1:7447.")
+    ] = None,
+    since: Annotated[
+        float, typer.Option("--from", callback=within(0.0), help="Seconds into the log.")
+    ] = 0.0,
+    to: Annotated[float | None, typer.Option(min=0.0, help="Seconds into the log.")] = None,
+    keys: Annotated[
+        str, typer.Option(callback=key_pattern, help="Only these; * is a part, ** any number.")
+    ] = "**",
+    prefix: Annotated[
+        str, typer.Option(callback=key_prefix, help="Put before every key, with a slash.")
+    ] = "",
+    wait_listener: Annotated[
+        float, typer.Option(callback=within(0.0, 86_400.0), help="Seconds to wait for a listener.")
+    ] = 0.0,
+    until: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="Go on in virtual time from so many seconds after GO."),
+    ] = None,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(metavar="SPEC", help=f"With --until, repeatable: {fault_help()}."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="With --until: folder of the new run.")] = None,
+    seed: Annotated[int, typer.Option(help="With --until: chances of link and clocks.")] = 0,
+    key_folder: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="The fleet's keys: only observers may listen, over TLS."),
+    ] = None,
+    insecure: Insecure = False,
+    as_json: Json = False,
+) -> None:
+    """Publish a log's traffic again in time; check that it comes out again; go on otherwise.
+
+    Without a listener after --wait-listener seconds nothing is played, exit code 1.
+
+    Example: splinefleet replay runs/demo/run.mcap --until 8 --fault kill:R3@9 --out runs/what-if
+    """
+    if check and until is not None:
+        raise typer.BadParameter("not together with --check", param_hint="--until")
+    if until is None:
+        for option, given in (("--fault", fault), ("--out", out)):
+            if given:
+                raise typer.BadParameter("needs --until", param_hint=option)
+    if check:
+        _check(log, as_json)
+    elif until is not None:
+        _carry_on(log, until, fault or [], out, seed, as_json)
+    else:
+        endpoint = where_to_listen(listen, key_folder, insecure)
+        asked = Playing(endpoint, speed, since, to, keys, prefix, wait_listener, key_folder)
+        _play(log, asked, as_json)
+
+
+class Playing(NamedTuple):
+    """What is played of a log, and to whom: the options of `replay`."""
+
+    listen: str
+    speed: float
+    since: float
+    to: float | None
+    keys: str
+    prefix: str
+    wait_listener: float
+    key_folder: Path | None
+
+
+def _play(log: Path, asked: Playing, as_json: bool) -> None:
+    from coordinator.log.log_file import read_log
+    from coordinator.log.playback import Wish, cues, play
+    from coordinator.security.link_admission import player_access
+    from protocol.zenoh_transport import ZenohTransport
+
+    since, to, prefix, patience = asked.since, asked.to, asked.prefix, asked.wait_listener
+    if to is not None and not since <= to:
+        raise typer.BadParameter(f"{to:g} s is before --from {since:g}", param_hint="--to")
+    recorded = read_log(log)
+    if recorded.damage:
+        tell(f"{log}: {recorded.damage}; what is whole is played")
+    found = cues(recorded, Wish(since, math.inf if to is None else to, asked.keys, prefix))
+    own = given_keys(asked.key_folder, "coordinator")
+    access = None if asked.key_folder is None else player_access(asked.key_folder)
+    with ZenohTransport.listen(asked.listen, own, access) as transport:
+        if patience > 0.0:
+            tell(f"waiting for a listener on {asked.listen}")
+            if not transport.wait_for_listener(f"{prefix}/**" if prefix else "**", patience):
+                tell(f"nobody listens after {patience:g} s; nothing was played", "red")
+                raise typer.Exit(1)
+        tell(f"playing {len(found)} messages on {asked.listen}")
+        begin = time.monotonic()
+
+        def wait_until(seconds: float) -> None:
+            time.sleep(max(0.0, begin + seconds - time.monotonic()))
+
+        count = play(shown(found, "playing"), transport.put, wait_until, asked.speed)
+        time.sleep(_LINGER_S)
+    if as_json:
+        answer_json({"messages": count})
+
+
+def _carry_on(
+    log: Path, until: float, faults: list[str], out: Path | None, seed: int, as_json: bool
+) -> None:
+    from sim.processes.conclusion import conclude
+    from sim.what_if.shell import carry_on
+
+    folder = out or Path("runs") / f"what-if-{time.strftime('%Y%m%d-%H%M%S')}"
+    make_folder(folder / "blackbox")
+    name, arrived = carry_on(log, until, folder, faults, seed)
+    conclude(folder, name, 0 if arrived else 1, as_json)
+
+
+def _check(log: Path, as_json: bool) -> None:
+    from coordinator.log.log_file import check_bytes, read_log
+    from coordinator.service.replay import Check, check_log
+
+    damage, recorded = check_bytes(log), read_log(log)
+    if recorded.metadata.get("passive") == "yes":
+        damage = damage or "was recorded from beside; only the coordinator's own log can be checked"
+    result = Check(0, 0, damage) if damage else check_log(recorded)
+    if as_json:
+        answer_json(result._asdict())
+    elif not result.difference:
+        answers.print(f"{result.plans} plans and {result.commands} commands: every byte agrees")
+    if result.note:
+        tell(f"{log}: {result.note}")
+    if result.difference:
+        tell(f"{log}: {result.difference}")
+        raise typer.Exit(1)

@@ -1,0 +1,227 @@
+"""The commands that make scenarios, run, judge and try whole fleets here.
+
+Decides: options and exit codes.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import time
+from pathlib import Path
+from typing import Annotated, cast, get_args
+
+import typer
+
+from coordinator.base.console import answer_json, answers, tell, write_file
+from coordinator.cli.plan_commands import within, writable
+from coordinator.service.key_option import Keys
+from sim.floors.layout import Kind, Size
+from sim.world.fault_script import fault_help as script_help
+from sim.world.fault_text import fault_help
+
+commands = typer.Typer()
+
+
+def known(kind: str) -> str:
+    """Check that there is such a kind of floor; the answer names the nearest and lists all."""
+    kinds = get_args(Kind)
+    if kind not in kinds:
+        (nearest,) = difflib.get_close_matches(kind[:40].lower(), kinds, n=1, cutoff=0.0)
+        raise typer.BadParameter(
+            f"{kind[:60]!r} is no kind of floor, the nearest is {nearest}; "
+            f"known are {', '.join(kinds)}"
+        )
+    return kind
+
+
+@commands.command()
+def scenario(
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help=", ".join(get_args(Kind)) + ".", callback=known)
+    ],
+    robots: Annotated[int, typer.Option(help="How many robots.")] = 17,
+    seed: Annotated[int, typer.Option(help="Another seed, another scenario.")] = 1,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="FILE.toml or FILE.json; else stdout.",
+            callback=writable(".toml", ".json"),
+        ),
+    ] = None,
+    size: Annotated[
+        Size | None, typer.Option(metavar="W H", help="Width and height of the floor, metres.")
+    ] = None,
+    obstacles: Annotated[int | None, typer.Option(min=0, help="How many obstacles.")] = None,
+    headings: Annotated[bool, typer.Option("--headings", help="Headings at both ends.")] = False,
+    vias: Annotated[int, typer.Option(min=0, max=20, help="Via points a robot.")] = 0,
+    mixed: Annotated[bool, typer.Option("--mixed", help="Unequal radii and speeds.")] = False,
+) -> None:
+    """Make a scenario file: a floor of some kind with robots that have somewhere to go.
+
+    Example: splinefleet scenario warehouse --robots 17 --seed 3 -o hall.toml
+    """
+    from coordinator.scenario_files.scenario_reader import scenario_to_json
+    from coordinator.scenario_files.toml_writer import scenario_to_toml
+    from sim.floors.generator import generate
+
+    made = generate(
+        cast(Kind, kind),
+        robots,
+        seed,
+        size,
+        obstacles=obstacles,
+        headings=headings,
+        vias=vias,
+        mixed=mixed,
+    )
+    options = [f"--robots {robots} --seed {seed}"]
+    options += [f"--size {size[0]:g} {size[1]:g}"] if size else []
+    options += [] if obstacles is None else [f"--obstacles {obstacles}"]
+    options += ["--headings"] if headings else []
+    options += [f"--vias {vias}"] if vias else []
+    options += ["--mixed"] if mixed else []
+    command = f"splinefleet scenario {kind} {' '.join(options)}"
+    if output is None:
+        typer.echo(scenario_to_toml(made, f"Made by: {command}"), nl=False)
+    elif output.suffix.lower() == ".json":
+        write_file(output, scenario_to_json(made))
+    else:
+        write_file(output, scenario_to_toml(made, f"Made by: {command}"))
+    if output is not None:
+        many = f"{len(made.robots)} robots, {len(made.workspace.obstacles)} obstacles"
+        tell(f"wrote {output}: {made.name}, {many}")
+
+
+@commands.command()
+def run(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the run; replaces an earlier run of the same fleet."),
+    ] = None,
+    speed: Annotated[
+        float,
+        typer.Option(callback=within(0.1, 20.0), help="Times real time; late robots stop."),
+    ] = 1.0,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(metavar="SPEC", help=f"At SECONDS after GO, repeatable: {fault_help()}."),
+    ] = None,
+    effort: Annotated[int, typer.Option(min=0, max=100_000, help="Improvement rounds.")] = 20,
+    connect: Annotated[
+        str | None, typer.Option(help="tcp/HOST:PORT of a router at which all meet.")
+    ] = None,
+    keys: Keys = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace the run of another fleet too.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Run a fleet: one coordinator and one process per robot, on this machine.
+
+    Example: splinefleet run examples/paper_five.toml --fault kill:R3@8
+    """
+    from coordinator.scenario_files.scenario_reader import read_scenario
+    from sim.processes.conclusion import conclude
+    from sim.processes.local_fleet import LocalFleet
+    from sim.processes.run_folder import RunFolder
+    from sim.world.fault_text import parse_faults
+
+    asked = read_scenario(scenario)
+    faults = parse_faults(fault or [], [robot.id for robot in asked.robots])
+    folder = out or Path("runs") / f"{asked.name}-{time.strftime('%Y%m%d-%H%M%S')}"
+    place = RunFolder(folder, asked.name, force=force)
+    fleet = LocalFleet(
+        asked, folder, speed=speed, effort=effort, faults=faults, router=connect, keys=keys
+    )
+    try:
+        outcome = fleet.run()
+    except KeyboardInterrupt:
+        if fleet.has_started:
+            tell(f"interrupted; {folder} holds what was recorded")
+        raise
+    finally:
+        if not fleet.has_started:
+            place.leave_nothing()
+    if not outcome.started:
+        raise typer.Exit(outcome.code or 1)
+    conclude(folder, asked.name, outcome.code, as_json)
+
+
+@commands.command()
+def judge(
+    source: Annotated[Path, typer.Argument(help="Folder of a run, or its log.")],
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Tell from the black boxes what truly happened: who touched what, arrivals, tracking error.
+
+    The folder holds plan.json or the coordinator's log (run.mcap, run-2.mcap, ...), which has the
+    plans in it, and ROBOT.csv or blackbox/ROBOT.csv of every robot.  A log stands for its folder.
+
+    Example: splinefleet judge runs/demo
+    """
+    from sim.judging.judge import judge as judge_run
+    from sim.processes.summary import render_verdict
+
+    verdict = judge_run(source)
+    if as_json:
+        answer_json(verdict)
+    else:
+        answers.print(render_verdict(verdict))
+    if not verdict.is_good():
+        raise typer.Exit(1)
+
+
+@commands.command()
+def campaign(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
+    seeds: Annotated[int, typer.Option(min=1, help="How many runs.")] = 100,
+    from_seed: Annotated[int, typer.Option(min=0, help="The first one's seed.")] = 0,
+    faults: Annotated[
+        str | None, typer.Option(metavar="KINDS", help="Draw only these, a comma list.")
+    ] = None,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(metavar="SPEC", help=f"Only these (or none), repeatable: {script_help()}."),
+    ] = None,
+    loss: Annotated[float, typer.Option(callback=within(0.0, 0.3), help="At most.")] = 0.3,
+    delay_ms: Annotated[float, typer.Option(callback=within(0.0, 300.0), help="At most.")] = 300.0,
+    tau: Annotated[
+        float | None,
+        typer.Option(
+            help="Seconds, not the fault budget: tests proof.survives.",
+            callback=lambda value: value if value is None else within(0.0, 60.0)(value),
+        ),
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes; default: one per core.")] = (
+        os.cpu_count() or 1
+    ),
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Run a fleet many times in virtual time, on links and with faults that the seeds decide.
+
+    Example: splinefleet campaign examples/paper_five.toml --seeds 100
+    """
+    from coordinator.scenario_files.scenario_reader import read_scenario
+    from sim.campaigns.answer import render, say
+    from sim.campaigns.campaign import Wish
+    from sim.campaigns.shell import Campaign
+    from sim.world.fault_script import USUAL, known_kinds
+
+    if faults is not None and fault:
+        raise typer.BadParameter("not together with --faults", param_hint="--fault")
+    kinds = known_kinds(faults) if faults else USUAL
+    wish = Wish(kinds, loss, delay_ms / 1000.0, tau)
+    asked = Campaign.asked(read_scenario(scenario), scenario, wish, fault)
+    answer = asked.run(range(from_seed, from_seed + seeds), jobs)
+    if as_json:
+        answer_json(answer)
+    else:
+        answers.print(render(answer))
+        for violation in answer.violations:
+            answers.print(say(violation), markup=False)
+    if answer.violations:
+        raise typer.Exit(1)

@@ -1,0 +1,102 @@
+"""Reading the robots' black boxes: where each robot truly was, and what it took the time for.
+
+Decides: what a black box file may hold.  Must not know: plans.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from coordinator.base.errors import InputError
+from coordinator.curves.nurbs import Array
+
+COLUMNS: Final = ("t", "x", "y", "heading", "s", "phase", "estimate")
+_OLDER: Final = COLUMNS[:-1]
+"""Boxes of programs that wrote no estimate are read too."""
+
+
+@dataclass(frozen=True, eq=False)
+class BlackBox:
+    """One robot's recording: t (n,) [s since GO], places (n, 2) [m], s (n,) [m], phases (n).
+
+    estimates (n,) [s]: the robot's own estimate of the time t, nan where none is known.  Where none
+    is known at all, t may be that estimate itself.
+    """
+
+    t: Array
+    places: Array
+    s: Array
+    phases: tuple[str, ...]
+    estimates: Array | None = None
+
+    def at(self, time: Array) -> Array:
+        """Return the places (m, 2) at times (m,): linear between rows, at rest outside of them."""
+        return np.column_stack([np.interp(time, self.t, self.places[:, i]) for i in (0, 1)])
+
+    def between(self, begin: float, end: float, zero: float) -> BlackBox:
+        """Return the rows from `begin` to before `end`, with times counted from `zero`."""
+        kept = (self.t >= begin) & (self.t < end)
+        phases = tuple(p for p, keep in zip(self.phases, kept.tolist(), strict=True) if keep)
+        estimates = None if self.estimates is None else self.estimates[kept] - zero
+        return BlackBox(self.t[kept] - zero, self.places[kept], self.s[kept], phases, estimates)
+
+    def clock_error(self) -> float | None:
+        """Return the greatest error [s] of the robot's estimates of the time; None if unknown."""
+        if self.estimates is None or np.isnan(self.estimates).all():
+            return None
+        return float(np.nanmax(np.abs(self.estimates - self.t)))
+
+
+def read_blackbox(path: Path) -> BlackBox:
+    """Read a black box; a last line cut short by a kill is left out.
+
+    Raises InputError naming the file and the line.
+    """
+    try:
+        text = path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError([f"{path}: {error}"]) from None
+    table, phases = parse_blackbox(text, str(path))
+    return BlackBox(table[:, 0], table[:, 1:3], table[:, 4], phases, table[:, 5])
+
+
+def parse_blackbox(text: str, path: str) -> tuple[Array, tuple[str, ...]]:
+    """Return the numbers of a black box's rows and their phases; a last row cut short is left out.
+
+    The numbers are (n, 6): t, x, y, heading, s, estimate; the last is nan where there is none.
+    Raises InputError naming the line of `path`.
+    """
+    rows = list(csv.reader(text.splitlines()))
+    if not rows or tuple(rows[0]) not in (COLUMNS, _OLDER):
+        raise InputError([f"{path}: line 1: the columns are not {','.join(COLUMNS)}"])
+    if len(rows) > 1 and not text.endswith("\n"):
+        rows.pop()  # Cut short: what is left of its last number would be taken for all of it.
+    numbers, phases = [], []
+    for line, row in enumerate(rows[1:], start=2):
+        try:
+            if len(row) != len(rows[0]):
+                raise ValueError
+            numbers.append(_numbers(row))
+        except ValueError:
+            raise InputError(
+                [f"{path}: line {line}: is not a row of numbers and a phase"]
+            ) from None
+        phases.append(row[5])
+    table = np.array(numbers).reshape(-1, 6)
+    if np.any(np.diff(table[:, 0]) < 0.0):
+        raise InputError([f"{path}: time runs backwards"])
+    return table, tuple(phases)
+
+
+def _numbers(row: list[str]) -> list[float]:
+    """Return t, x, y, heading, s and the estimate of a row; ValueError when one is not finite."""
+    known = [float(value) for value in (*row[:5], *filter(None, row[6:]))]
+    if not np.isfinite(known).all():
+        raise ValueError
+    return [*known, math.nan][:6]

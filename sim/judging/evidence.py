@@ -1,0 +1,142 @@
+"""What a run has left behind: its plans, when each began, and the robots' black boxes.
+
+Decides: where in a folder these are looked for, so that programs started one by one are judged as a
+run is.  Must not know: what is a collision.
+
+A folder holds `plan.json` or a log of the coordinator (`run.mcap`, `run-2.mcap`, ..., or one other
+`*.mcap`), and the black box of every robot: `blackbox/ROBOT.csv` or `ROBOT.csv`.  A log by itself
+stands for its folder with no other log in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from coordinator.base.errors import InputError
+from coordinator.log.log_file import logs_before, read_log
+from coordinator.log.records import Log
+from coordinator.plan.document import PlanDocument
+from coordinator.plan.plan_file import from_json, plan_name, read
+from protocol import keys
+from protocol.codec import decode
+from protocol.messages import Command, NewTimes
+from protocol.phases import GO
+from protocol.timing import SECOND
+from sim.judging.blackbox import BlackBox, read_blackbox
+
+
+class Epoch(NamedTuple):
+    """A plan, when robots were first told of it and when it started [s since the first GO].
+
+    One with new times for the epoch before starts when that did.
+    """
+
+    document: PlanDocument
+    begin: float
+    start: float
+
+
+class Evidence(NamedTuple):
+    """The first plan, the epochs after it as the logs tell them, and the black boxes by robot."""
+
+    document: PlanDocument
+    later: list[Epoch]
+    boxes: dict[str, BlackBox]
+
+
+class _Told(NamedTuple):
+    """What logs tell: plans by name; when epoch and revision were first told, epochs' zero [ns]."""
+
+    plans: dict[str, bytes]
+    begins: dict[tuple[int, int], int]
+    starts: dict[int, int]
+
+
+def gather(source: Path) -> Evidence:
+    """Return what a folder, or a log and its folder, holds.
+
+    Raises InputError when there is no plan, no black box of a robot, or a file cannot be read.
+    """
+    folder = source if source.is_dir() else source.parent
+    told = _told(_logs(source))
+    document = _first_plan(folder, source, told.plans)
+    return Evidence(document, _later(told), _boxes(folder, document))
+
+
+def _logs(source: Path) -> list[Log]:
+    """Return the logs in order, those that a log was gone on from before it."""
+    if not source.is_dir():
+        log = read_log(source)
+        return [*logs_before(log), log]
+    paths = sorted(source.glob("run*.mcap"), key=lambda path: (len(path.name), path.name))
+    paths = paths or sorted(source.glob("*.mcap"))[:1]
+    newest = [read_log(path) for path in paths]
+    return [one for log in newest for one in (*logs_before(log), log)]
+
+
+def _told(logs: Sequence[Log]) -> _Told:
+    told = _Told({}, {}, {})
+    for log in logs:
+        told.plans.update(log.attachments)
+        for record in log.records:
+            place = keys.split(record.key)
+            message = None if place is None else decode(place[1], record.payload)
+            if isinstance(message, NewTimes):
+                told.begins.setdefault((message.epoch, message.revision), record.log_ns)
+            if isinstance(message, Command):
+                told.begins.setdefault((message.epoch, 0), record.log_ns)
+                if message.phase == GO:
+                    told.starts.setdefault(message.epoch, message.start_ns)
+    return told
+
+
+def _first_plan(folder: Path, source: Path, plans: Mapping[str, bytes]) -> PlanDocument:
+    """Return the plan of the first epoch, from its file or a log's attachment."""
+    if source.is_dir() and (folder / "plan.json").exists():
+        return read(folder / "plan.json")
+    if "plan-1.json" in plans:
+        return from_json(plans["plan-1.json"], f"{source}: plan-1.json")
+    wanted = "plan.json, or a log that the coordinator wrote (--log run.mcap)"
+    raise InputError([f"{source}: holds no plan; `judge` needs {wanted}"])
+
+
+def _later(told: _Told) -> list[Epoch]:
+    """Return the plans after the first whose epochs started, in the order of their times."""
+    first = min(told.starts, default=0)
+    return [
+        Epoch(
+            from_json(told.plans[name], name),
+            (begin_ns - told.starts[first]) / SECOND,
+            (told.starts[epoch] - told.starts[first]) / SECOND,
+        )
+        for (epoch, revision), begin_ns in sorted(told.begins.items())
+        if (epoch, revision) != (first, 0) and epoch in told.starts
+        if (name := plan_name(epoch, revision)) in told.plans
+    ]
+
+
+def _boxes(folder: Path, document: PlanDocument) -> dict[str, BlackBox]:
+    """Read the black boxes; all problems are told at once, robots without one on one line."""
+    boxes: dict[str, BlackBox] = {}
+    missing: list[str] = []
+    problems: list[str] = []
+    for robot in document.robots:
+        places = [folder / "blackbox" / f"{robot.id}.csv", folder / f"{robot.id}.csv"]
+        found = next((place for place in places if place.exists()), None)
+        if found is None:
+            missing.append(robot.id)
+            continue
+        try:
+            boxes[robot.id] = read_blackbox(found)
+        except InputError as error:
+            problems += error.problems
+    if missing:
+        one = missing[0]
+        wanted = f"{folder}/{one}.csv or {folder}/blackbox/{one}.csv"
+        how = f"`splinefleet agent {one} --blackbox {one}.csv` writes one"
+        problems.insert(0, f"no black box of {', '.join(missing)}: there is no {wanted}; {how}")
+    if problems:
+        raise InputError(problems)
+    return boxes

@@ -1,0 +1,282 @@
+"""Ground truth after a run: did anybody touch, did everybody arrive, how well was the plan kept.
+
+Between two rows of a black box a robot is taken to move straight; least distances are exact for
+that motion, not sampled.
+Decides: what counts as a collision (centres nearer than r_i + r_j, a centre nearer than r_i to
+something solid) and as tracking error.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from coordinator.curves.nurbs import Array
+from coordinator.plan.document import PlanDocument
+from coordinator.plan.fault_budget import share_for_lateness
+from coordinator.plan.wire import Driven, drive
+from protocol.phases import DONE, FROZEN, IDLE, MOVING, PHASE_NAMES
+from sim.judging.blackbox import BlackBox
+from sim.judging.clearance import SolidGround
+from sim.judging.evidence import Epoch, gather
+
+_GRID: Final = 0.001
+_SLACK: Final = 0.02
+"""Time [s] by which a black box row may be off: it is written once per control tick."""
+
+_AT_REST: Final = tuple(PHASE_NAMES[phase] for phase in (FROZEN, IDLE))
+_TIMED: Final = tuple(PHASE_NAMES[phase] for phase in (MOVING, DONE))
+
+
+class PairVerdict(msgspec.Struct, frozen=True):
+    """The least true centre distance of two robots [m] and when [s]."""
+
+    a: str
+    b: str
+    separation: float
+    t: float
+
+
+class RobotVerdict(msgspec.Struct, frozen=True):
+    """How one robot ended; arrival time [s], tracking error [m] and lateness [s] at their worst.
+
+    clock_error [s]: how wrong the robot's own estimate of the time was at most; None when its black
+    box cannot tell, which has times of another machine's clock then, or of an unknown one.
+    least_clearance [m]: least distance between its disc and anything solid, negative where they
+    overlapped; None when the floor is not known.
+    """
+
+    id: str
+    arrived: bool
+    t: float | None
+    tracking_error: float
+    lateness: float
+    fault: str
+    clock_error: float | None = None
+    least_clearance: float | None = None
+
+
+class Verdict(msgspec.Struct, frozen=True):
+    """The judge's answer, in the contract's form.
+
+    collisions: pairs of robots that touched; collisions_with_obstacles: robots that touched an
+    obstacle or the edge of the floor, None when the floor is not known.
+    """
+
+    collisions: int
+    least_separation: float | None
+    pairs: list[PairVerdict]
+    robots: list[RobotVerdict]
+    collisions_with_obstacles: int | None = None
+    least_clearance: float | None = None
+
+    def is_good(self) -> bool:
+        """Tell whether everybody arrived and nobody touched anything, as far as that is known."""
+        touched = self.collisions or self.collisions_with_obstacles
+        return not touched and all(robot.arrived for robot in self.robots)
+
+
+def judge(source: Path) -> Verdict:
+    """Judge a run's folder or log; InputError when its plan or a black box is missing.
+
+    The plans of later epochs are held against what the robots did when there is a log, which tells
+    when each began.
+    """
+    found = gather(source)
+    return judge_boxes(found.document, found.boxes, found.later)
+
+
+def judge_boxes(
+    document: PlanDocument, boxes: Mapping[str, BlackBox], later: Sequence[Epoch] = ()
+) -> Verdict:
+    """Judge black boxes against a plan and those of later epochs, in order.
+
+    A robot that never moved stands at its start.
+    """
+    epochs = [Epoch(document, -math.inf, 0.0), *later]
+    rides = [{one.id: one for one in drive(epoch.document)} for epoch in epochs]
+    whole = {name: _from_start(rides[0][name], box) for name, box in boxes.items()}
+    pairs, collisions = [], 0
+    for a, b in combinations(document.robots, 2):
+        separation, t = least_separation(whole[a.id], whole[b.id])
+        pairs.append(PairVerdict(a.id, b.id, round(separation, 6), round(t, 3)))
+        collisions += separation < a.radius + b.radius
+    end = max((float(box.t[-1]) for box in whole.values()), default=0.0)
+    clearances = _clearances(document, whole)
+    touching = sum(clearance < 0.0 for clearance in clearances.values())
+    return Verdict(
+        collisions=collisions,
+        least_separation=min((pair.separation for pair in pairs), default=None),
+        pairs=pairs,
+        robots=[
+            _judge_robot(
+                document,
+                _legs(epochs, rides, robot.id, whole[robot.id]),
+                whole[robot.id],
+                end,
+                clearances.get(robot.id),
+            )
+            for robot in document.robots
+        ],
+        collisions_with_obstacles=touching if clearances else None,
+        least_clearance=min(clearances.values(), default=None),
+    )
+
+
+def least_separation(a: BlackBox, b: BlackBox) -> tuple[float, float]:
+    """Return the least distance [m] of two robots and when [s], exact between rows."""
+    time = np.union1d(a.t, b.t)
+    apart = a.at(time) - b.at(time)
+    if len(time) == 1:
+        return float(np.hypot(*apart[0])), float(time[0])
+    step = np.diff(apart, axis=0)
+    square = np.einsum("ij,ij->i", step, step)
+    towards = -np.einsum("ij,ij->i", apart[:-1], step)
+    part = np.clip(towards / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
+    nearest = apart[:-1] + part[:, None] * step
+    distance = np.hypot(nearest[:, 0], nearest[:, 1])
+    at = int(np.argmin(distance))
+    return float(distance[at]), float(time[at] + part[at] * (time[at + 1] - time[at]))
+
+
+def _clearances(document: PlanDocument, boxes: Mapping[str, BlackBox]) -> dict[str, float]:
+    """Return each robot's least distance [m] from anything solid; empty without a floor."""
+    floor = document.workspace
+    if floor is None:
+        return {}
+    solid = SolidGround(floor.boundary, floor.obstacles)
+    return {
+        robot.id: round(solid.nearest(boxes[robot.id])[0] - robot.radius, 6) + 0.0
+        for robot in document.robots
+    }
+
+
+def _from_start(driven: Driven, box: BlackBox) -> BlackBox:
+    """Return the box with a first row at the planned start when it holds none."""
+    if len(box.t):
+        return box
+    start = driven.curve.at_arc([0.0])
+    return BlackBox(np.zeros(1), start, np.zeros(1), (PHASE_NAMES[0],))
+
+
+def _legs(
+    epochs: Sequence[Epoch], rides: Sequence[Mapping[str, Driven]], name: str, box: BlackBox
+) -> list[tuple[Driven, BlackBox]]:
+    """Return the plans that a robot drove, each with what it did until the next epoch began.
+
+    New times count from when it keeps to a plan: one that stood late has taken them then.
+    """
+    begins = [
+        _keeps_to_plan(box, epoch.begin) if epoch.document.revision else epoch.begin
+        for epoch in epochs
+    ]
+    return [
+        (ride[name], box.between(begin, end, epoch.start))
+        for epoch, begin, end, ride in zip(
+            epochs, begins, [*begins[1:], math.inf], rides, strict=True
+        )
+        if name in ride
+    ]
+
+
+def _keeps_to_plan(box: BlackBox, since: float) -> float:
+    """Return when a robot first keeps to a plan from a time on [s]; infinite if it never does."""
+    rows = zip(box.t.tolist(), box.phases, strict=True)
+    return next((t for t, phase in rows if t >= since and phase in _TIMED), math.inf)
+
+
+def _judge_robot(
+    document: PlanDocument,
+    legs: Sequence[tuple[Driven, BlackBox]],
+    whole: BlackBox,
+    end: float,
+    clearance: float | None,
+) -> RobotVerdict:
+    """Judge one robot: the whole of what it did, and each leg against its plan.
+
+    One that froze within the tolerance of its goal has arrived: no plan takes it any farther, and
+    in a later epoch, which goes without it, it is idle there.
+    """
+    tolerance, driven, box = 0.5 * document.margin, legs[0][0], whole
+    goal = driven.curve.at_arc([driven.curve.length])[0]
+    near = np.hypot(*(box.places - goal).T) <= tolerance
+    done = [t for t, phase in zip(box.t, box.phases, strict=True) if phase == PHASE_NAMES[DONE]]
+    there = int(np.argmax(np.logical_and.accumulate(near[::-1])[::-1]))
+    rests = near[-1] and box.phases[-1] in _AT_REST and _AT_REST[0] in box.phases[there:]
+    if not done and rests:
+        done = box.t[there:].tolist()
+    late = share_for_lateness(document.tau) + _SLACK
+    fault = ""
+    if not done:
+        ended = float(box.t[-1])
+        silent = box.phases[-1] == PHASE_NAMES[MOVING] and ended < end - 0.5
+        fault = f"recording ends at {ended:.2f} s" if silent else f"ended {box.phases[-1]}"
+    return RobotVerdict(
+        id=driven.id,
+        arrived=bool(done) and bool(near[-1]),
+        t=round(float(done[0]), 3) if done else None,
+        tracking_error=round(max(tracking_error(d, part, late) for d, part in legs), 6),
+        lateness=round(max(_lateness(d, part) for d, part in legs), 3),
+        fault=fault,
+        clock_error=None if (error := whole.clock_error()) is None else round(error, 6),
+        least_clearance=clearance,
+    )
+
+
+def tracking_error(driven: Driven, box: BlackBox, late: float) -> float:
+    """Return the greatest distance [m] from the plan.
+
+    For a robot under way: to the places that the plan has it at between `late` [s] ago and now.
+    For one that gave up its time-table: to all places that the plan has had it at so far.
+    """
+    count = 2 + int(driven.curve.length / _GRID)
+    arcs = np.linspace(0.0, driven.curve.length, count)
+    line = driven.curve.at_arc(arcs)
+    now = np.array([driven.timeline.s_at(t + _SLACK) for t in box.t])
+    ago = np.array([driven.timeline.s_at(t - late) for t in box.t])
+    timed = np.array([phase in _TIMED for phase in box.phases])
+    low = np.searchsorted(arcs, np.where(timed, ago, 0.0), side="right") - 1
+    high = np.searchsorted(arcs, now, side="left")
+    worst = 0.0
+    for place, first, last in zip(box.places, low.tolist(), high.tolist(), strict=True):
+        worst = max(worst, _distance(line[first : last + 2], place))
+    return worst
+
+
+def _distance(line: Array, place: Array) -> float:
+    """Return the distance [m] from a place to a polyline (n, 2)."""
+    if len(line) < 2:
+        return float(np.hypot(*(line[0] - place)))
+    legs, to_place = np.diff(line, axis=0), place - line[:-1]
+    square = np.maximum(np.einsum("ij,ij->i", legs, legs), 1e-18)
+    part = np.clip(np.einsum("ij,ij->i", legs, to_place) / square, 0.0, 1.0)
+    miss = to_place - part[:, None] * legs
+    return float(np.sqrt(np.einsum("ij,ij->i", miss, miss).min()))
+
+
+def _lateness(driven: Driven, box: BlackBox) -> float:
+    """Return how long [s] the robot was behind its plan at most while under way."""
+    legs = driven.timeline
+    knots_t = np.column_stack((legs.t0, legs.t1)).ravel()
+    knots_s = np.column_stack((legs.s0, legs.s1)).ravel()
+    fine_t = np.linspace(0.0, legs.finish, 2 + int(legs.finish / 0.01))
+    fine_t = np.union1d(fine_t, knots_t)
+    fine_s = np.maximum.accumulate([legs.s_at(t) for t in fine_t])
+    moving = [phase == PHASE_NAMES[MOVING] for phase in box.phases]
+    if not any(moving) or len(knots_s) == 0:
+        return 0.0
+    reached = np.minimum(box.s[moving] + 1e-4, driven.curve.length)
+    due = np.interp(reached, *_latest(fine_s, fine_t))
+    return float(max(0.0, np.max(np.minimum(box.t[moving], legs.finish) - due)))
+
+
+def _latest(s: Array, t: Array) -> tuple[Array, Array]:
+    """Return strictly increasing s with the last time at each: waiting is not lateness."""
+    last = np.append(np.diff(s) > 1e-9, True)
+    return s[last], t[last]

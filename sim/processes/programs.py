@@ -1,0 +1,71 @@
+"""The command lines of the programs of a run on this machine.
+
+Decides: which options they are started with.  Must not know: processes, when they are started.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Final
+
+from coordinator.scenario.model import Robot
+from protocol.key_files import KeyFiles, read_key_files
+
+_COMMAND: Final = (sys.executable, "-m", "splinefleet")
+_GIVE_UP_S: Final = 30.0
+"""A robot whose fleet has vanished, this program included, ends after so long [s]."""
+
+
+class Programs:
+    """What a run in `folder` of a fleet starts; with `keys`, their folder, links are locked."""
+
+    def __init__(
+        self, folder: Path, fleet: str, speed: float, effort: int, keys: Path | None
+    ) -> None:
+        self._folder = folder
+        self._fleet = fleet
+        self._effort = effort
+        self._keys = keys
+        self._both = [f"--speed={speed}", *([] if keys is None else [f"--keys={keys}"])]
+
+    def endpoint(self, port: int) -> str:
+        """Return the endpoint of a port of this machine."""
+        return f"{'tcp' if self._keys is None else 'tls'}/127.0.0.1:{port}"
+
+    def keys_of(self, robot: str) -> KeyFiles | None:
+        """Return a robot's keys, if the run has any; TransportError when they are not fit."""
+        return None if self._keys is None else read_key_files(self._keys, "robot", robot)
+
+    def coordinator(self, *options: str) -> list[str]:
+        """Return the command of a coordinator that tells what happens as JSON lines.
+
+        One of the options says where it meets its robots.
+        """
+        return [
+            *_COMMAND,
+            "coordinator",
+            str(self._folder / "scenario.json"),
+            *options,
+            *self._both,
+            f"--effort={self._effort}",
+            "--json",
+        ]
+
+    def agent(self, robot: Robot, endpoint: str, faulty: bool) -> list[str]:
+        """Return the command of a robot that reaches its coordinator at an endpoint."""
+        return [
+            *_COMMAND,
+            "agent",
+            robot.id,
+            f"--connect={endpoint}",
+            f"--fleet={self._fleet}",
+            f"--radius={robot.radius}",
+            f"--max-speed={robot.max_speed}",
+            f"--max-accel={robot.max_accel}",
+            f"--blackbox={self._folder / 'blackbox' / f'{robot.id}.csv'}",
+            *self._both,
+            f"--give-up={_GIVE_UP_S}",
+            *(["--driver=sim.processes.faulty_body:FaultyBody"] if faulty else []),
+            "--quiet",
+        ]

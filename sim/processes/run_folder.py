@@ -1,0 +1,87 @@
+"""The folder of a run: whose run it holds, and what a new run takes away.
+
+Decides: what may be replaced, and what a run that was refused leaves, which is nothing.  Must not
+know: processes, or what is in the files but for the fleet's name.
+"""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from coordinator.base.errors import InputError
+from coordinator.cli.plan_commands import make_folder
+
+_OF_A_RUN: Final = ("run*.mcap", "plan*.*", "summary.json", "blackbox/*.csv*", "faults/*.txt")
+"""What an earlier run may have left in the folder; two runs must not mix."""
+
+_NAMED_IN: Final = (("scenario.json", "name"), ("plan.json", "scenario"))
+_PARTS: Final = ("blackbox", "faults")
+
+
+def clear_folder(folder: Path) -> None:
+    """Take away what an earlier run left in a run's folder, and make the one of black boxes."""
+    (folder / "blackbox").mkdir(parents=True, exist_ok=True)
+    _take_away(folder)
+    _drop_empty(folder / "faults")
+
+
+def drop_starts(folder: Path) -> None:
+    """Take away what only a robot that is started again would need: the run is over."""
+    for start in folder.glob("blackbox/*.csv.start"):
+        start.unlink()
+
+
+def fleet_of(folder: Path) -> str | None:
+    """Return the name of the fleet whose run a folder holds; None when there is none."""
+    for file, key in _NAMED_IN:
+        with suppress(OSError, ValueError, RecursionError):
+            found = json.loads((folder / file).read_bytes())
+            if isinstance(found, dict) and isinstance(found.get(key), str):
+                return str(found[key])
+    return None
+
+
+class RunFolder:
+    """A folder that a run of `fleet` is about to fill."""
+
+    def __init__(self, path: Path, fleet: str, *, force: bool) -> None:
+        """Make the folder; InputError when it holds the run of another fleet and not `force`."""
+        if path.exists() and not path.is_dir():
+            raise InputError([f"--out: {path} is no folder"])
+        other = fleet_of(path)
+        if other not in (None, fleet) and not force:
+            raise InputError(
+                [f"--out: {path} holds a run of fleet {other[:60]!r}; --force replaces it"]
+            )
+        self._path = path
+        self._new = [one for one in (path, *path.parents) if not one.exists()]
+        scenario = path / "scenario.json"
+        self._scenario = scenario.read_bytes() if scenario.is_file() else None
+        make_folder(path / "blackbox")
+
+    def leave_nothing(self) -> None:
+        """Take away what a run has made that was refused before a robot drove."""
+        _take_away(self._path)
+        scenario = self._path / "scenario.json"
+        if self._scenario is None:
+            scenario.unlink(missing_ok=True)
+        else:
+            scenario.write_bytes(self._scenario)
+        for part in _PARTS:
+            _drop_empty(self._path / part)
+        for made in self._new:
+            _drop_empty(made)
+
+
+def _take_away(folder: Path) -> None:
+    for pattern in _OF_A_RUN:
+        for old in folder.glob(pattern):
+            old.unlink()
+
+
+def _drop_empty(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()

@@ -1,0 +1,1 @@
+"""A recorded run continued in virtual time from a moment of its log."""

@@ -1,0 +1,101 @@
+"""The shell of a what-if: a log read, a run gone on with, a folder as any run leaves it.
+
+Decides: which files there are, and where black boxes are looked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+
+from coordinator.base.console import write_file
+from coordinator.base.errors import InputError
+from coordinator.log.blackbox_attachments import unpacked
+from coordinator.log.log_file import read_log
+from coordinator.log.records import Log
+from coordinator.plan.plan_file import is_plan_name
+from robot_agent.blackbox import HEADER
+from sim.campaigns.campaign import run_world
+from sim.judging.blackbox import parse_blackbox
+from sim.processes.run_folder import clear_folder
+from sim.what_if.continuation import logs_for, world_of
+from sim.what_if.history import History, read_history
+from sim.world.fault_script import read_faults
+from sim.world.fault_text import Fault
+from sim.world.inhabitant import Inhabitant, Row
+
+
+def carry_on(
+    log: Path, until: float, folder: Path, texts: Sequence[str], seed: int
+) -> tuple[str, bool]:
+    """Go on from a log at `until` [s since the first GO] and fill a run's folder.
+
+    Returns the fleet's name and whether every robot is held to have arrived.  Raises InputError
+    for a log that cannot be gone on from, faults that make no sense, and the log's own folder.
+    """
+    if folder.resolve() == log.parent.resolve():
+        raise InputError([f"--out: {folder} is the folder of the log; name another"])
+    history = read_history(log, until)
+    faults = _faults(texts, history, until)
+    boxes = _boxes(log, history.logs[-1], until)
+    first = history.logs[0].attachments
+    clear_folder(folder)
+    for name, file in (("scenario.json", "scenario.json"), ("plan-1.json", "plan.json")):
+        write_file(folder / file, first[name])
+    with closing(logs_for(history, folder)) as logs:
+        world = world_of(history, logs, boxes, faults, seed)
+        run_world(world, world.mission.documents[min(world.mission.documents)])
+    for written in sorted(folder.glob("run*.mcap")):
+        for name, content in read_log(written).attachments.items():
+            if is_plan_name(name) and name != "plan-1.json":
+                write_file(folder / name, content)
+    for name, robot in world.robots.items():
+        told = [row for row in _written(robot) if row[0] > until or not boxes.get(name)]
+        write_file(folder / "blackbox" / f"{name}.csv", _text([*boxes.get(name, []), *told]))
+    return world.fleet.name, world.fleet.members.has_arrived
+
+
+def _faults(texts: Sequence[str], history: History, until: float) -> list[Fault]:
+    names = sorted(history.robots)
+    faults = read_faults(texts, names)
+    early = [text for text, fault in zip(texts, faults, strict=True) if fault.time < until]
+    if early:
+        raise InputError([f"--fault {text}: is before --until {until:g} s" for text in early])
+    return faults
+
+
+def _boxes(path: Path, log: Log, until: float) -> dict[str, list[Row]]:
+    """Return the rows of black boxes up to a moment, of those in the log or else beside it."""
+    texts = unpacked(log.attachments)
+    if not texts:
+        beside = sorted((path.parent / "blackbox").glob("*.csv"))
+        texts = {file.stem: file.read_text("ascii", "replace") for file in beside}
+    found = {}
+    for name, text in texts.items():
+        table, phases = parse_blackbox(text, f"blackbox/{name}.csv")
+        rows = zip(table.tolist(), phases, strict=True)
+        found[name] = [
+            (*numbers, phase, None if math.isnan(estimate) else estimate)
+            for (*numbers, estimate), phase in rows
+            if numbers[0] <= until
+        ]
+    return found
+
+
+def _written(robot: Inhabitant) -> list[Row]:
+    """Return a robot's rows; a program that is dead or hangs writes none once its body rests."""
+    rows = robot.rows
+    if (robot.dead or robot.hung) and len(rows) > 1 and rows[-1][1:6] == rows[-2][1:6]:
+        return rows[:-1]
+    return rows
+
+
+def _text(rows: Sequence[Row]) -> bytes:
+    lines = (",".join(_word(value) for value in row) for row in rows)
+    return (HEADER + "".join(f"{line}\n" for line in lines)).encode("ascii")
+
+
+def _word(value: float | str | None) -> str:
+    return f"{value:.6f}" if isinstance(value, float) else value or ""

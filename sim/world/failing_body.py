@@ -1,0 +1,68 @@
+"""A simulated base that fails on order.
+
+Decides: how slow, stalled and slipping wheels and dead electronics look to a robot's program.  Must
+not know: when a fault is due, who orders it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from robot_agent.driver import DriverError, Pose
+from sim.world.body import SimulatedBody
+
+SKID_TIME: Final = 0.2
+"""For how long [s] a body slides."""
+
+
+class FailingBody(SimulatedBody):
+    """A SimulatedBody that slows down, stalls, slips or fails altogether, on order."""
+
+    _stalled = _failing = False
+    _slide_left = _slide_speed = _slide_heading = 0.0
+
+    def slow(self, share: float) -> None:
+        """Roll from now on this share of what is ordered."""
+        self._gain *= share
+
+    def stall(self, stalled: bool) -> None:
+        """Stand still whatever is ordered, or no longer."""
+        self._stalled = stalled
+        if stalled:
+            self.stop()
+
+    def skid(self, metres: float) -> None:
+        """Slide within SKID_TIME to where the left is now, whatever the wheels do."""
+        self._slide_left, self._slide_speed = metres, abs(metres) / SKID_TIME
+        self._slide_heading = self.heading
+
+    def fail(self) -> None:
+        """Raise DriverError when next asked for the pose, once."""
+        self._failing = True
+
+    def pose(self) -> Pose | None:
+        """Return the measured pose; DriverError when a failure is due."""
+        if self._failing:
+            self._failing = False
+            raise DriverError("the base does not answer")
+        return super().pose()
+
+    def turn(self, angle_rad: float) -> None:
+        """Take an order to turn, unless stalled."""
+        super().turn(0.0 if self._stalled else angle_rad)
+
+    def drive(self, speed_mps: float, curvature_radpm: float, distance_m: float) -> None:
+        """Take an order, unless stalled."""
+        super().drive(0.0 if self._stalled else speed_mps, curvature_radpm, distance_m)
+
+    def step(self, now_ns: int) -> None:
+        """Let time pass, sliding if that is due."""
+        before = now_ns if self._now_ns is None else self._now_ns
+        super().step(now_ns)
+        if self._slide_left:
+            way = min(abs(self._slide_left), self._slide_speed * max(now_ns - before, 0) / 1e9)
+            way = math.copysign(way, self._slide_left)
+            self._slide_left -= way
+            self.x -= way * math.sin(self._slide_heading)
+            self.y += way * math.cos(self._slide_heading)

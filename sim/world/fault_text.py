@@ -1,0 +1,159 @@
+"""Faults for real processes, as asked for on the command line.
+
+Decides: what a fault text means, and which acts it takes at which times [s since GO of the first
+epoch].  KIND:ROBOT@SECONDS[:NUMBER] for a robot, coordinator-KIND@SECONDS[:NUMBER] for the
+coordinator.  Must not know: processes, links, files.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
+
+from coordinator.base.errors import InputError
+
+Act = Literal["kill", "stop", "body", "cut", "heal", "babble", "resume"]
+"""What is done to a robot or the coordinator; `body` is a line in the script of its driver."""
+
+_LONGEST: Final = 1e6
+_COORDINATOR: Final = "coordinator-"
+_FORM: Final = re.compile(
+    r"(?P<kind>[a-z-]+)(:(?P<robot>[^@:]+))?@(?P<time>-?\d+(\.\d+)?)(:(?P<value>-?\d+(\.\d+)?))?"
+)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of fault: what it does, its first act, and the act that ends it.
+
+    `number` names what may follow the time, "" when nothing may; `default` is used without it
+    (None: it has to be given).  The ending comes `value` seconds after the first act.
+    """
+
+    does: str
+    act: Act
+    number: str = ""
+    default: float | None = 0.0
+    least: float = 0.0
+    most: float = _LONGEST
+    ending: Act | None = None
+
+
+KINDS: Final = {
+    "kill": Kind("the process ends at once", "kill"),
+    "hang": Kind("the process stands still", "stop"),
+    "slow": Kind("wheels turn at SHARE of what is ordered", "body", "SHARE", None, most=1.0),
+    "stall": Kind("the base stands still, without SECONDS for ever", "body", "SECONDS", math.inf),
+    "skid": Kind(
+        "the body slides METRES (0.1) to its left in 0.2 s", "body", "METRES", 0.1, -10.0, 10.0
+    ),
+    "cut": Kind("no network for SECONDS", "cut", "SECONDS", None, ending="heal"),
+    "clock-step": Kind(
+        "the wall clock jumps: nothing is expected to happen",
+        "body",
+        "SECONDS",
+        None,
+        -1e9,
+        1e9,
+    ),
+    "corrupt": Kind("random bytes on its keys for SECONDS (3)", "babble", "SECONDS", 3.0),
+    "coordinator-kill": Kind("it ends at once", "kill"),
+    "coordinator-hang": Kind("it stands still, after 5 s it ends", "stop", "", 5.0, ending="kill"),
+    "coordinator-restart": Kind(
+        "it ends at once and SECONDS (3) later resumes", "kill", "SECONDS", 3.0, ending="resume"
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault of one kind at a time [s since GO]; robot "" is the coordinator."""
+
+    kind: str
+    robot: str
+    time: float
+    value: float = 0.0
+
+    @property
+    def act(self) -> Act:
+        """What is done first."""
+        return KINDS[self.kind].act
+
+
+class Strike(NamedTuple):
+    """One act of a fault: when [s since GO] and what; `first` tells that the fault begins."""
+
+    time: float
+    act: Act
+    fault: Fault
+    first: bool
+
+
+def parse_faults(texts: Sequence[str], robots: Sequence[str]) -> list[Fault]:
+    """Read fault texts, in order of time; InputError with a line per text that is wrong."""
+    faults, problems = [], []
+    for text in texts:
+        problem = _problem(text, robots)
+        if problem:
+            problems.append(f"--fault {text}: {problem}")
+        else:
+            faults.append(_fault(text))
+    if problems:
+        raise InputError(problems)
+    return sorted(faults, key=lambda fault: fault.time)
+
+
+def strikes_of(faults: Iterable[Fault]) -> list[Strike]:
+    """Return the acts of all faults in order of time."""
+    strikes = []
+    for fault in faults:
+        strikes.append(Strike(fault.time, fault.act, fault, first=True))
+        ending = KINDS[fault.kind].ending
+        if ending is not None:
+            strikes.append(Strike(fault.time + fault.value, ending, fault, first=False))
+    return sorted(strikes, key=lambda strike: strike.time)
+
+
+def fault_help() -> str:
+    """Return what may be asked for, for the help of a command."""
+    return "; ".join(f"{form_of(name)} ({kind.does})" for name, kind in KINDS.items())
+
+
+def form_of(name: str) -> str:
+    """Return how a fault of this kind is written."""
+    kind = KINDS[name]
+    whose = "" if name.startswith(_COORDINATOR) else ":ROBOT"
+    number = f":{kind.number}" if kind.default is None else f"[:{kind.number}]"
+    return f"{name}{whose}@SECONDS{number if kind.number else ''}"
+
+
+def _problem(text: str, robots: Sequence[str]) -> str:
+    """Return what is wrong with a fault text, or nothing."""
+    found = _FORM.fullmatch(text)
+    name = found["kind"] if found else text.split(":")[0].split("@")[0]
+    kind = KINDS.get(name)
+    if kind is None:
+        return f"{name!r} is none of {', '.join(KINDS)}"
+    if found is None or (found["robot"] is None) != name.startswith(_COORDINATOR):
+        return f"is not of the form {form_of(name)}"
+    given = found["value"]
+    if (given is not None and not kind.number) or (given is None and kind.default is None):
+        return f"is not of the form {form_of(name)}"
+    if found["time"].startswith("-"):
+        return f"{found['time']} s is before the first GO; the time is 0 or more"
+    if found["robot"] is not None and found["robot"] not in robots:
+        return f"no robot {found['robot']}; there are {', '.join(robots)}"
+    if given is not None and not kind.least <= float(given) <= kind.most:
+        return f"{kind.number} {given} is not within {kind.least:g} to {kind.most:g}"
+    return ""
+
+
+def _fault(text: str) -> Fault:
+    found = _FORM.fullmatch(text)
+    assert found is not None
+    value = KINDS[found["kind"]].default if found["value"] is None else float(found["value"])
+    assert value is not None
+    return Fault(found["kind"], found["robot"] or "", float(found["time"]), value)

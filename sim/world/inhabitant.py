@@ -1,0 +1,92 @@
+"""One robot of a world in virtual time: its service, its body, its own clock, what it truly did.
+
+Decides: what reaches a robot that is dead or hangs, and what is written down of it.  Must not know:
+other robots, and when a fault is due (virtual_fleet.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from protocol.phases import PHASE_NAMES
+from protocol.timing import MILLISECOND, SECOND
+from robot_agent.driver import DriverError
+from robot_agent.service import RobotService
+from sim.judging.blackbox import BlackBox
+from sim.world.failing_body import FailingBody
+from sim.world.robot_clock import RobotClock
+
+Row = tuple[float, float, float, float, float, str, float | None]
+"""t, x, y, heading, s, phase, estimate: as in a black box file, None for what is not known."""
+
+_SAME_ERROR: Final = MILLISECOND / SECOND
+"""Clock errors that differ by less [s] count as the same."""
+
+
+@dataclass(eq=False)
+class Inhabitant:
+    """A robot; `clock` is its own, as its program reads it.
+
+    rows: what its black box holds, t being virtual time [s since the first GO].  While a robot
+    stands and its clock error stays the same, the first and the last row are kept.
+    """
+
+    service: RobotService
+    body: FailingBody
+    own_clock: RobotClock
+    clock: Callable[[], int]
+    dead: bool = False
+    hung: bool = False
+    rows: list[Row] = field(default_factory=list)
+
+    def tick(self) -> None:
+        """Let one control period pass; without a program the motors stop by their watchdog."""
+        own_ns = self.clock()
+        if self.dead or self.hung:
+            self.body.step(own_ns)
+            return
+        try:
+            self.service.tick(own_ns)
+        except DriverError as error:
+            self.body.stop()
+            self.service.rescue(error, own_ns)
+
+    def note(self, now_ns: int, began_ns: int) -> None:
+        """Write down where the body truly is; the first GO was at `began_ns` of virtual time."""
+        pose, agent = self.body.true_pose(), self.service.agent
+        if pose is None:
+            return
+        s = agent.ride.follower.s if agent.ride is not None else 0.0
+        t, rows = (now_ns - began_ns) / SECOND, self.rows
+        row = (t, *pose, s, PHASE_NAMES[agent.phase], self._estimate(began_ns))
+        if len(rows) > 1 and _is_alike(rows[-1], row) and _is_alike(rows[-2], row):
+            rows.pop()
+        rows.append(row)
+
+    def _estimate(self, began_ns: int) -> float | None:
+        """Return the robot's estimate of the time t; a program that is dead or hangs has none."""
+        if self.dead or self.hung:
+            return None
+        estimate_ns = self.service.coordinator_time(self.clock())
+        return None if estimate_ns is None else (estimate_ns - began_ns) / SECOND
+
+    def blackbox(self) -> BlackBox:
+        """Return what the robot truly did."""
+        numbers = np.array([row[:5] for row in self.rows]).reshape(-1, 5)
+        phases = tuple(row[5] for row in self.rows)
+        estimates = np.array([row[6] for row in self.rows], dtype=np.float64)
+        return BlackBox(numbers[:, 0], numbers[:, 1:3], numbers[:, 4], phases, estimates)
+
+
+def _is_alike(before: Row, row: Row) -> bool:
+    """Tell whether two rows differ in nothing but their times."""
+    if before[1:6] != row[1:6]:
+        return False
+    one, other = before[6], row[6]
+    if one is None or other is None:
+        return one is other
+    return abs((one - before[0]) - (other - row[0])) < _SAME_ERROR

@@ -1,0 +1,271 @@
+"""A fleet in virtual time: unmodified fleet core and robot services on the in-memory link.
+
+Decides: the order in which virtual time reaches everybody, and how fleet, robots and link are put
+together; what faults do is in strikes.py.  Nothing here waits: time jumps from one event to the
+next, a minute of a fleet takes a fraction of a second, and the same seed gives the same run.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Final, NamedTuple
+
+from coordinator.fleet.core import Fleet
+from coordinator.fleet.mission import Mission
+from coordinator.log.head import first_head
+from coordinator.plan.document import PlanDocument, RobotPlan
+from coordinator.planning.planner import DEFAULT_EFFORT, plan_scenario
+from coordinator.scenario.model import Scenario
+from protocol.phases import GO
+from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
+from robot_agent.driver import Pose
+from robot_agent.loop import PERIOD_NS
+from robot_agent.service import Robot, RobotService
+from robot_agent.steady_clock import SteadyClock
+from sim.judging.blackbox import BlackBox
+from sim.world.agenda import Action, Agenda
+from sim.world.failing_body import FailingBody
+from sim.world.fault_text import Fault
+from sim.world.inhabitant import Inhabitant
+from sim.world.memory_transport import MemoryNetwork
+from sim.world.robot_clock import RobotClock
+from sim.world.run_logs import RunLogs
+from sim.world.strikes import CoordinatorStrikes, Strikes, Struck
+from sim.world.virtual_service import VirtualService
+
+_STAGGER: Final = 3 * MILLISECOND
+_BOOT: Final = 7
+_COORDINATOR: Final = "coordinator"
+
+PLANNING: Final = 300 * MILLISECOND
+"""How long a plan takes to be found, in virtual time."""
+
+
+@dataclass(frozen=True)
+class Flaws:
+    """How far clocks and bodies may be off; drawn for every robot, either way.
+
+    drift_ppm: of clocks; gain: of wheels, as a share; noise [m]: of measured places, from 0.
+    """
+
+    drift_ppm: int = 0
+    gain: float = 0.0
+    noise: float = 0.0
+
+
+NO_FLAWS: Final = Flaws()
+USUAL_FLAWS: Final = Flaws(drift_ppm=45, gain=0.01, noise=0.001)
+
+
+class Past(NamedTuple):
+    """Where a world goes on from: what its coordinator knows, and when virtual time begins [ns].
+
+    began_ns: the first GO; boots: of the robots, where they are known.
+    """
+
+    mission: Mission
+    begin_ns: int
+    began_ns: int
+    boots: Mapping[str, int]
+
+
+class World:
+    """A proven plan, its robots, a link and what goes wrong, at times counted from the first GO.
+
+    `freezes` is for tests alone: without it every FREEZE says GO instead, and nothing is planned.
+    `effort`: of all plans, the first one's too, as `logs` tell; the caller closes them.
+    A world with a `past` has a coordinator that says nothing before `take_over`, and logs that are
+    open.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        document: PlanDocument,
+        network: MemoryNetwork,
+        *,
+        seed: int = 0,
+        faults: Sequence[Fault] = (),
+        flaws: Flaws = NO_FLAWS,
+        planning_ns: int = PLANNING,
+        period_ns: int = PERIOD_NS,
+        freezes: bool = True,
+        effort: int = DEFAULT_EFFORT,
+        logs: RunLogs | None = None,
+        past: Past | None = None,
+    ) -> None:
+        if past is None:
+            mission = Mission(scenario, document, _BOOT, partial(_plan, effort))
+            past = Past(mission, SECOND, 0, {})
+            if logs is not None:
+                logs.begin(first_head(scenario, document, boot=_BOOT, effort=effort))
+        self.began_ns = past.began_ns
+        self.struck: list[Struck] = []
+        self._period_ns = period_ns
+        self.faults = tuple(faults)
+        self.agenda = Agenda(past.begin_ns)
+        self._network = network
+        self.coordinator = VirtualService(
+            past.mission, network, lambda: self.now_ns, planning_ns, logs=logs, freezes=freezes
+        )
+        if not past.began_ns:
+            self.coordinator.begin()
+        chance = random.Random(seed)
+        self.robots = {
+            robot.id: self._inhabitant(robot, past.boots.get(robot.id, boot), flaws, chance)
+            for boot, robot in enumerate(document.robots, start=1)
+        }
+        self._strikes = Strikes(
+            self.agenda, network, self.robots, self.fleet.name, self._coordinator_strikes()
+        )
+        self.agenda.at(self.now_ns + COMMAND_PERIOD, self._tick_fleet)
+        for index, robot in enumerate(self.robots.values()):
+            self.agenda.at(self.now_ns + index * _STAGGER % period_ns, self._ticker(robot))
+
+    @property
+    def mission(self) -> Mission:
+        """What the coordinator knows."""
+        return self.coordinator.mission
+
+    @property
+    def fleet(self) -> Fleet:
+        """The fleet core."""
+        return self.coordinator.fleet
+
+    @property
+    def now_ns(self) -> int:
+        """Virtual time, which is the coordinator's [ns]."""
+        return self.agenda.now_ns
+
+    def run(self, seconds: float) -> None:
+        """Let time pass until the fleet is finished, at most `seconds`."""
+        end_ns = self.now_ns + round(seconds * SECOND)
+        while self.now_ns < end_ns and not self.fleet.is_finished:
+            self.step()
+
+    def go_on(self, seconds: float) -> None:
+        """Let time pass whatever the fleet's state."""
+        end_ns = self.now_ns + round(seconds * SECOND)
+        while self.now_ns < end_ns:
+            self.step()
+
+    def step(self) -> None:
+        """Jump to the next event: a delivery, a tick, a fault or the end of one."""
+        due_ns, arriving_ns = self.agenda.next_ns(), self._network.next_due_ns()
+        if arriving_ns is not None and arriving_ns < due_ns:
+            due_ns = arriving_ns
+        self.agenda.now_ns = max(due_ns, self.now_ns)
+        self._network.advance(self.now_ns)
+        if not self._strikes.coordinator_hangs:
+            self.coordinator.take_arrivals()
+        self.agenda.happen()
+
+    def strike(self, fault: Fault) -> None:
+        """Let a fault happen now."""
+        self._note_strike(fault)
+        self._strikes.strike(fault)
+
+    def take_over(self) -> None:
+        """Let the coordinator of a world with a past go on from now; faults strike in time."""
+        self.coordinator.begin()
+        self._expect_faults()
+
+    def renew(self, name: str, boot: int, place: Pose | None) -> None:
+        """Start a robot's program again; it believes to stand at `place`, where its body is put."""
+        robot = self.robots[name]
+        if not robot.dead:
+            self._network.drop(name)
+        robot.dead = robot.hung = False
+        robot.body.stop()
+        if place is not None:
+            robot.body.place(*place)
+        robot.service = self._service(
+            name, robot.service.robot.radius, robot.body, boot, robot.clock
+        )
+
+    def blackboxes(self) -> dict[str, BlackBox]:
+        """Return what every robot truly did."""
+        return {name: robot.blackbox() for name, robot in self.robots.items()}
+
+    def _inhabitant(
+        self, plan: RobotPlan, boot: int, flaws: Flaws, chance: random.Random
+    ) -> Inhabitant:
+        accel = plan.limits.max_accel if plan.limits is not None else None
+        ahead_ns = chance.randrange(-SECOND, SECOND)
+        body = FailingBody(
+            math.inf if accel is None else accel,
+            wheel_gain=1.0 + chance.uniform(-flaws.gain, flaws.gain),
+            noise=chance.uniform(0.0, flaws.noise),
+            seed=boot,
+            clock=lambda: self.now_ns,
+        )
+        drift_ppm = chance.randint(-flaws.drift_ppm, flaws.drift_ppm)
+        own_clock = RobotClock(lambda: self.now_ns, ahead_ns, drift_ppm)
+        clock = SteadyClock(own_clock)
+        service = self._service(plan.id, plan.radius, body, boot, clock)
+        return Inhabitant(service, body, own_clock, clock)
+
+    def _service(
+        self, name: str, radius: float, body: FailingBody, boot: int, clock: Callable[[], int]
+    ) -> RobotService:
+        return RobotService(
+            Robot(name, radius),
+            self._network.session(name),
+            body,
+            self.fleet.name,
+            boot=boot,
+            clock=clock,
+            period_ns=self._period_ns,
+        )
+
+    def _ticker(self, robot: Inhabitant) -> Action:
+        def tick() -> int:
+            robot.tick()
+            if self.began_ns and self.now_ns >= self.began_ns:
+                robot.note(self.now_ns, self.began_ns)
+            return self.now_ns + self._period_ns
+
+        return tick
+
+    def _tick_fleet(self) -> int:
+        if not self._strikes.coordinator_hangs:
+            self._look()
+        return self.now_ns + COMMAND_PERIOD
+
+    def _look(self) -> None:
+        """Let the coordinator look at the time; from its first GO on faults strike."""
+        self.coordinator.look()
+        if self.fleet.phase == GO and not self.began_ns:
+            self.began_ns = self.fleet.times.start_ns
+            self._expect_faults()
+
+    def _expect_faults(self) -> None:
+        for fault in self.faults:
+            due_ns = self.began_ns + round(fault.time * SECOND)
+            self.agenda.once(due_ns, partial(self.strike, fault))
+
+    def _note_strike(self, fault: Fault) -> None:
+        robot = self.robots.get(fault.robot)
+        fleet = self.fleet
+        works = robot is not None and not (robot.dead or robot.hung)
+        has_part = works and fleet.members[fault.robot].planned
+        phase = robot.service.agent.phase if robot is not None and has_part else -1
+        self.struck.append(Struck(fault, self.now_ns, fleet.phase, phase, fleet.epoch))
+
+    def _coordinator_strikes(self) -> CoordinatorStrikes:
+        return CoordinatorStrikes(
+            self._coordinator_back, self.coordinator.die, self.coordinator.come_back
+        )
+
+    def _coordinator_back(self) -> None:
+        """Look at the time first, then at what has arrived meanwhile, as the service does."""
+        self._look()
+        self.coordinator.take_arrivals()
+
+
+def _plan(effort: int, scenario: Scenario, epoch: int) -> PlanDocument:
+    return plan_scenario(scenario, effort=effort, epoch=epoch)

@@ -1,0 +1,69 @@
+"""What becomes of asking for a robot to be admitted."""
+
+import pytest
+
+from coordinator.fleet.admit_answer import Asking
+from protocol.messages import Command, Plan, Refusal
+from protocol.phases import FREEZE, GO, HOLD, OVER
+
+BOOT = 77
+
+
+def command(phase, epoch):
+    return Command(boot=1, sequence=1, epoch=epoch, phase=phase, start_ns=0)
+
+
+def plan(epoch):
+    return Plan(epoch, 1, "R2", 10**9, 20, 500, 1, b"", b"", b"", b"", b"", b"", 0)
+
+
+def asked(*messages):
+    asking = Asking("R2", BOOT)
+    asking.hear(command(GO, 1))
+    asking.asked()
+    for message in messages:
+        assert not asking.answer
+        asking.hear(message)
+    return asking
+
+
+@pytest.mark.parametrize("phase", [HOLD, GO])
+def test_a_robot_is_admitted_when_the_epoch_after_the_freeze_has_a_plan_for_it(phase):
+    asking = asked(plan(1), command(GO, 1), command(FREEZE, 1), plan(2), command(phase, 2))
+    assert asking.admitted
+    assert asking.answer.startswith("epoch 2")
+    late = asked(command(FREEZE, 1), command(HOLD, 2), plan(2), command(phase, 2))
+    assert late.admitted
+
+
+def test_a_robot_without_a_part_in_two_epochs_after_freezes_is_not_admitted():
+    first = (command(FREEZE, 1), command(HOLD, 2), command(GO, 2), command(GO, 2))
+    asking = asked(plan(1), *first, command(FREEZE, 2), command(HOLD, 3), command(GO, 3))
+    assert not asking.admitted
+    assert asking.answer == "epoch 3 goes on without R2, its coordinator says why"
+
+
+def test_a_freeze_for_another_robot_decides_nothing():
+    freeze = (command(FREEZE, 1), command(HOLD, 2), command(GO, 2))
+    asking = asked(*freeze, command(FREEZE, 2), plan(3), command(HOLD, 3))
+    assert asking.admitted
+
+
+def test_a_fleet_that_is_over_admits_nobody():
+    asking = asked(command(FREEZE, 1), command(OVER, 2))
+    assert not asking.admitted
+    assert asking.answer == "the fleet is over, without R2"
+
+
+def test_who_asks_is_refused_by_an_answer_to_it_alone():
+    assert not asked(Refusal(BOOT + 1, "not this one")).answer
+    asking = asked(Refusal(BOOT, "R2 is under way"))
+    assert not asking.admitted
+    assert asking.answer == "R2 is under way"
+
+
+def test_who_asks_in_vain_is_told_before_the_others_go_on():
+    vain = Refusal(BOOT, "R2 was waited for")
+    asking = asked(command(FREEZE, 1), command(HOLD, 2), vain)
+    assert not asking.admitted
+    assert asking.answer == "R2 was waited for"

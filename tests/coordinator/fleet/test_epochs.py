@@ -1,0 +1,291 @@
+"""The fleet core from one epoch to the next, by hand-made messages."""
+
+from __future__ import annotations
+
+import pytest
+
+from coordinator.fleet.link_record import LINK_GONE, LINK_UP
+from coordinator.fleet.member import STRIKES
+from coordinator.fleet.phases import ARM_PATIENCE
+from protocol import keys
+from protocol.codec import decode, encode
+from protocol.messages import Command, Plan, Report, Rest
+from protocol.phases import (
+    ARMED,
+    BRAKING,
+    DONE,
+    FREEZE,
+    FROZEN,
+    GO,
+    HOLD,
+    IDLE,
+    LATE,
+    LEASE_OUT,
+    MOVING,
+    OFF_PATH,
+    OVER,
+)
+from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
+from tests.coordinator.fleet.fleet_floor import (
+    DURATION,
+    NAMES,
+    PARTS,
+    Floor,
+    adopt,
+    frozen_but,
+    state_of,
+)
+
+
+def test_a_frozen_fleet_tells_where_its_robots_stand():
+    floor = frozen_but("R2", finished=("R3",))
+    told = {standing.robot: standing for standing in floor.fleet.standings()}
+    assert (told["R1"].state, told["R1"].s, told["R1"].epoch) == ("rests", 1.25, 1)
+    assert (told["R2"].state, told["R2"].s) == ("lost", None)
+    assert told["R3"].state == "arrived"
+    heard = floor.fleet.members["R2"].heard_ns - floor.fleet.times.start_ns
+    assert told["R2"].since < heard / SECOND < told["R2"].until
+
+
+def test_the_next_epoch_holds_sends_its_plans_and_goes_when_its_robots_are_armed():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    assert (floor.commands[-1].phase, floor.commands[-1].epoch) == (HOLD, 2)
+    for name in ("R1", "R3"):
+        (sent,) = floor.report(name, IDLE, epoch=0)
+        assert sent.payload == PARTS[name].plan
+        floor.report(name, ARMED, epoch=2)
+    floor.tick()
+    assert (floor.commands[-1].phase, floor.commands[-1].epoch) == (GO, 2)
+    for name in ("R1", "R3"):
+        floor.report(name, DONE, epoch=2)
+    floor.tick()
+    assert floor.commands[-1].phase == FREEZE
+    assert state_of(floor) == {"R1": "arrived", "R3": "arrived"}
+    adopt(floor)
+    assert floor.commands[-1].phase == OVER
+    assert not floor.fleet.members.has_arrived
+
+
+def test_a_robot_lost_while_a_later_epoch_arms_freezes_the_fleet_at_the_new_starts():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    floor.report("R1", ARMED, epoch=2)
+    floor.hear(keys.report("hall", "R3"), Report(1, next(floor.sequence), 0, IDLE))
+    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 1):
+        floor.report("R1", ARMED, epoch=2)
+        floor.tick()
+    assert floor.commands[-1].phase == FREEZE
+    assert floor.fleet.is_settled(floor.now + COMMAND_PERIOD)
+    told = {standing.robot: standing for standing in floor.fleet.standings()}
+    assert (told["R3"].state, told["R3"].s, told["R3"].epoch) == ("lost", 0.0, 2)
+    assert (told["R1"].state, told["R1"].s, told["R1"].epoch) == ("rests", 0.0, 2)
+
+
+def test_a_robot_that_does_not_arm_in_later_epochs_is_not_fit_after_some_tries():
+    floor = frozen_but("R2")
+    for epoch in range(2, 2 + STRIKES):
+        floor.fleet.adopt(epoch, {n: PARTS[n] for n in ("R1", "R3")}, DURATION, floor.now)
+        for _ in range(ARM_PATIENCE // COMMAND_PERIOD + 2):
+            floor.report("R1", ARMED, epoch=epoch)
+            floor.report("R3", IDLE, epoch=0, fault=LATE)
+            floor.tick()
+        assert floor.commands[-1].phase == FREEZE
+    assert state_of(floor) == {"R1": "rests", "R3": "unfit"}
+
+
+@pytest.mark.parametrize(("fault", "state"), [(LATE, "unfit"), (LEASE_OUT, "rests")])
+def test_a_robot_that_fails_by_itself_in_some_epochs_is_not_sent_again(fault, state):
+    floor = Floor().go()
+    for epoch in range(1, 1 + STRIKES):
+        floor.report("R2", BRAKING, epoch=epoch, fault=fault)
+        for name in NAMES:
+            floor.report(name, FROZEN, epoch=epoch, s_m=0.5)
+        if epoch < STRIKES:
+            floor.fleet.adopt(epoch + 1, PARTS, DURATION, floor.now)
+            floor.everybody(ARMED, epoch=epoch + 1)
+            floor.tick()
+            floor.everybody(MOVING, epoch=epoch + 1)
+    assert state_of(floor) == {"R1": "rests", "R2": state, "R3": "rests"}
+
+
+def test_a_lost_robot_that_speaks_again_is_asked_where_it_rests_and_told_of():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    floor.report("R2", FROZEN)
+    floor.tick()
+    assert floor.commands[-1].wanted == ("R2",)
+    assert "R2" not in state_of(floor)
+    floor.hear(keys.report("hall", "R2"), Report(1, next(floor.sequence), 0, IDLE, 0, Rest(3.5, 1)))
+    floor.tick()
+    assert floor.commands[-1].wanted == ()
+    assert state_of(floor)["R2"] == "rests"
+
+
+def test_a_link_that_is_gone_freezes_a_moving_fleet_at_once_but_not_one_that_gathers():
+    floor = Floor()
+    floor.hello("R1")
+    assert floor.fleet.hear(keys.alive("hall", "R1"), LINK_GONE, floor.now) == []
+    floor = Floor().go()
+    (sent,) = floor.fleet.hear(keys.alive("hall", "R2"), LINK_GONE, floor.now)
+    assert decode("command", sent.payload).phase == FREEZE
+    assert floor.fleet.members["R2"].lost
+    assert floor.fleet.hear(keys.alive("hall", "R3"), LINK_UP, floor.now) == []
+
+
+@pytest.mark.parametrize(
+    ("boot", "epoch", "gives_way"),
+    [(99, 1, True), (5, 1, False), (5, 2, True), (99, 0, False), (77, 5, False)],
+)
+def test_of_two_coordinators_the_higher_epoch_then_boot_id_wins(boot, epoch, gives_way):
+    floor = Floor().go()
+    command = encode(Command(boot, 1, epoch, GO, 0))
+    floor.fleet.hear(keys.command("hall"), command, floor.now)
+    assert floor.fleet.superseded == gives_way
+    assert ("another coordinator" in floor.fleet.incidents[-1].text) == gives_way
+
+
+def test_no_plan_goes_to_a_robot_that_has_no_part():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    sent = floor.hello("R2")
+    assert not any(isinstance(decode("plan", o.payload), Plan) for o in sent)
+    assert all(PARTS["R2"].plan != o.payload for o in sent)
+
+
+def test_where_a_robot_rested_in_an_earlier_epoch_says_nothing_once_it_was_sent_on():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    late = Report(1, next(floor.sequence), 0, IDLE, 0, Rest(1.25, 1))
+    floor.hear(keys.report("hall", "R1"), late)
+    for name in ("R1", "R3"):
+        floor.report(name, ARMED, epoch=2)
+    floor.tick()
+    assert floor.commands[-1].phase == GO
+    floor.hear(keys.report("hall", "R1"), Report(1, next(floor.sequence), 2, MOVING, 0, Rest(1, 1)))
+    floor.report("R3", BRAKING, epoch=2, fault=LATE)
+    floor.tick()
+    assert not floor.fleet.is_settled(floor.now)
+    floor.report("R1", FROZEN, epoch=2, s_m=0.75)
+    floor.report("R3", FROZEN, epoch=2, s_m=0.5)
+    told = {standing.robot: standing for standing in floor.fleet.standings()}
+    assert (told["R1"].epoch, told["R1"].s) == (2, 0.75)
+
+
+def test_a_robot_lost_while_it_brakes_may_stand_where_it_last_kept_to_its_plan():
+    floor = Floor().go()
+    kept = floor.now
+    for _ in range(9):
+        floor.tick()
+        floor.report("R1", MOVING)
+        floor.report("R3", MOVING)
+        floor.report("R2", BRAKING, fault=LATE)
+    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
+        floor.report("R1", FROZEN, s_m=1.0)
+        floor.report("R3", FROZEN, s_m=1.0)
+        floor.tick()
+    told = {standing.robot: standing for standing in floor.fleet.standings()}
+    assert told["R2"].state == "lost"
+    assert told["R2"].since <= (kept - floor.fleet.times.start_ns) / SECOND
+
+
+@pytest.mark.parametrize("epoch", [0, 2, 4_000_000_000])
+def test_a_place_on_a_path_that_is_not_known_is_not_believed(epoch):
+    floor = Floor().go()
+    forged = Report(1, next(floor.sequence), 1, FROZEN, 0, Rest(1.0, epoch))
+    assert floor.hear(keys.report("hall", "R1"), forged) == []
+    assert floor.fleet.members["R1"].rest is None
+    assert floor.fleet.bad_messages == 1
+
+
+def test_a_fault_without_a_name_is_told_by_its_number():
+    floor = Floor().go()
+    floor.report("R2", BRAKING, fault=7)
+    assert any("fault 7" in incident.text for incident in floor.fleet.incidents)
+
+
+def test_a_coordinator_that_goes_on_takes_an_epoch_above_all_and_ends_where_one_is_missing():
+    floor = Floor().go()
+    floor.fleet.superseded = True
+    for boot, epoch in ((78, 3), (79, 4)):
+        floor.fleet.take_over(boot, floor.now, floor.now)
+        floor.tick()
+        assert (floor.commands[-1].boot, floor.commands[-1].epoch) == (boot, epoch)
+    assert not floor.fleet.superseded
+    floor.hear(keys.report("hall", "R1"), Report(1, 999, 5, FROZEN, 0, Rest(1.0, 5)))
+    assert floor.fleet.superseded
+
+
+def test_nobody_waits_in_a_later_epoch_for_a_robot_that_died_while_the_coordinator_was_away():
+    floor = Floor().go()
+    floor.now += REPORT_TIMEOUT + 4 * COMMAND_PERIOD
+    floor.tick(0)
+    while floor.fleet.phase == GO:
+        floor.tick()
+        floor.report("R1", MOVING)
+        floor.report("R3", MOVING)
+    for name in ("R1", "R3"):
+        floor.report(name, FROZEN, s_m=1.25)
+    adopt(floor, "R1", "R3")
+    for name in ("R1", "R3"):
+        floor.report(name, ARMED, epoch=2)
+    floor.tick()
+    assert (floor.fleet.phase, floor.commands[-1].phase) == (GO, GO)
+
+
+@pytest.mark.parametrize("phase", [FROZEN, ARMED])
+def test_nobody_is_called_lost_who_had_no_time_to_be_heard_since_the_coordinator_was_away(phase):
+    floor = frozen_but("R2")
+    if phase == ARMED:
+        adopt(floor, "R1", "R3")
+    floor.now += 5 * SECOND
+    floor.tick(0)
+    floor.tick()
+    assert not any(floor.fleet.members[robot].lost for robot in ("R1", "R3"))
+    for robot in ("R1", "R3"):
+        floor.report(robot, phase, epoch=1 if phase == FROZEN else 2)
+    floor.tick()
+    assert floor.commands[-1].phase == (FREEZE if phase == FROZEN else GO)
+    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
+        floor.tick()
+    assert floor.fleet.members["R1"].lost
+
+
+def test_a_robot_that_arms_and_does_not_set_out_three_times_is_left_where_it_stands():
+    floor = Floor().go()
+    for epoch in range(1, STRIKES + 1):
+        while floor.fleet.phase == GO:
+            floor.report("R1", MOVING, epoch=epoch)
+            floor.report("R2", ARMED, epoch=epoch)
+            floor.report("R3", MOVING, epoch=epoch)
+            floor.tick()
+        assert floor.fleet.incidents[-2].text == "R2 has not set out"
+        floor.everybody(FROZEN, epoch=epoch, s_m=0.5)
+        floor.tick()
+        assert floor.fleet.is_settled(floor.now)
+        assert state_of(floor)["R2"] == ("rests" if epoch < STRIKES else "unfit")
+        floor.take(floor.fleet.adopt(epoch + 1, PARTS, DURATION, floor.now))
+        floor.everybody(ARMED, epoch=epoch + 1)
+        floor.tick()
+
+
+@pytest.mark.parametrize("news", ["gone", "silent"])
+def test_a_robot_without_a_part_that_dies_is_not_counted_on(news):
+    floor = frozen_but("R2")
+    adopt(floor, "R1")
+    floor.report("R1", ARMED, epoch=2)
+    floor.report("R3", FROZEN, s_m=1.25)
+    floor.tick()
+    if news == "gone":
+        floor.fleet.hear(keys.alive("hall", "R3"), LINK_GONE, floor.now)
+    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
+        floor.report("R1", MOVING, epoch=2)
+        floor.tick()
+    assert floor.fleet.phase == GO
+    assert state_of(floor)["R3"] == "rests"
+    floor.report("R1", BRAKING, epoch=2, fault=OFF_PATH)
+    floor.report("R1", FROZEN, epoch=2, s_m=0.5)
+    floor.tick()
+    floor.tick()
+    assert floor.fleet.is_settled(floor.now)
+    assert state_of(floor) == {"R1": "rests", "R3": "lost"}

@@ -1,0 +1,54 @@
+"""Kernels are compiled or loaded before anything is timed, not in the middle of a plan."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+_ROOT = Path(__file__).resolve().parents[3]
+
+_PLANS = """
+from pathlib import Path
+from coordinator.planning.warm import load_kernels, compile_rest
+
+load_kernels()
+seen = set()
+
+import coordinator.base.compiled
+from numba.core.dispatcher import Dispatcher
+
+compiled = Dispatcher.compile
+
+
+def told(self, signature):
+    seen.add(self.py_func.__name__)
+    return compiled(self, signature)
+
+
+Dispatcher.compile = told
+
+from coordinator.planning.planner import plan_scenario
+from coordinator.planning.retiming import retime
+from coordinator.schedule.lateness import Lateness
+from coordinator.scenario_files.scenario_reader import read_scenario
+
+scenario = read_scenario(Path("examples/paper_five.toml"))
+plan_scenario(scenario)
+print(sorted(seen))
+compile_rest()
+seen.clear()
+for name in ("paper_five_real", "u_trap", "circle_swap", "map_ros", "map_movingai", "map_dxf"):
+    scenario = read_scenario(Path(f"examples/{name}.toml"))
+    document = plan_scenario(scenario)
+    retime(scenario, document, Lateness(scenario.robots[0].id, 1.0, 2.0))
+print(sorted(seen))
+"""
+
+
+def test_no_kernel_is_left_for_plans_to_compile():
+    run = subprocess.run(
+        [sys.executable, "-c", _PLANS], cwd=_ROOT, capture_output=True, text=True, timeout=300
+    )
+    assert run.stderr == ""
+    assert run.stdout.split("\n")[:2] == ["[]", "[]"]

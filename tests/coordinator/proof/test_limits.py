@@ -1,0 +1,77 @@
+"""Bends are proven between all places: narrow peaks are found, and nothing else is refused."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from coordinator.curves.nurbs import nurbs
+from coordinator.curves.nurbs_kernels import arc_table, series
+from coordinator.plan.document import Limits
+from coordinator.proof.limit_kernels import too_sharp
+from coordinator.proof.limits import limit_failures
+from protocol.timeline import Timeline
+from tests.coordinator.curves.random_curves import random_curve
+
+
+def sharpest(curve, knots_s, squares, count=200_000):
+    """The greatest v^2 times curvature by dense sampling of places."""
+    s = np.unique(np.concatenate((np.linspace(0.0, curve.length, count), knots_s)))
+    leg = np.clip(np.searchsorted(knots_s, s, side="right") - 1, 0, len(knots_s) - 2)
+    part = (s - knots_s[leg]) / np.diff(knots_s)[leg]
+    first, last = squares[2 * leg], squares[2 * leg + 1]
+    bend = np.abs(curve.curvature(curve.parameter_at(s)))
+    return float(np.max((first + np.clip(part, 0.0, 1.0) * (last - first)) * bend))
+
+
+def asked(curve, knots_s, squares, most):
+    borders, powers = series(*curve.lifted)
+    return too_sharp(borders, powers, *arc_table(borders, powers), knots_s, squares, most)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_limit_is_proven_above_the_sharpest_place_and_refused_below_it(seed):
+    dice = np.random.default_rng(seed)
+    curve = random_curve(dice)
+    knots_s = np.linspace(0.0, curve.length, 5)
+    squares = dice.uniform(0.1, 1.0, 8)
+    most = sharpest(curve, knots_s, squares)
+    assert asked(curve, knots_s, squares, 1.001 * most) == -1.0
+    at = asked(curve, knots_s, squares, 0.999 * most)
+    assert 0.0 <= at <= curve.length
+
+
+def test_a_peak_of_millimetres_is_found():
+    points = [(0, 0), (1, 0), (1.98, 0), (2, 0.01), (2.02, 0), (3, 0), (4, 0)]
+    curve = nurbs(3, [0, 0, 0, 0, 0.496, 0.5, 0.504, 1, 1, 1, 1], points)
+    ends, ones = np.array([0.0, curve.length]), np.ones(2)
+    most = float(np.abs(curve.curvature(np.linspace(0.0, 1.0, 100_001))).max())
+    assert asked(curve, ends, ones, 0.999 * most) == pytest.approx(0.5 * curve.length, abs=0.1)
+    assert asked(curve, ends, ones, 1.001 * most) == -1.0
+
+
+def test_a_straight_line_is_never_too_sharp():
+    curve = nurbs(3, [0, 0, 0, 0, 1, 1, 1, 1], [(1, 1), (2, 2), (3, 3), (5, 5)])
+    assert asked(curve, np.array([0.0, curve.length]), np.full(2, 100.0), 1e-6) == -1.0
+
+
+CORNERS = {
+    "a right angle of degree 1": (1, [0, 0, 1, 2, 2], [(0, 0), (5, 0), (5, 5)]),
+    "a reversal": (1, [0, 0, 1, 2, 2], [(0, 0), (5, 0), (0, 0.001)]),
+    "a cubic with a threefold knot": (
+        3,
+        [0, 0, 0, 0, 1, 1, 1, 2, 2, 2, 2],
+        [(0, 0), (2, 0), (4, 0), (5, 0), (5, 1), (5, 3), (5, 5)],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CORNERS)
+def test_corners_where_spans_meet_are_refused(name):
+    degree, knots, points = CORNERS[name]
+    curve = nurbs(degree, knots, points)
+    length = curve.length
+    line = Timeline([0.0, 0.5, length - 0.5, length], [0.0, 0.8, 0.8, 0.0], [], [])
+    driven = SimpleNamespace(id="A", curve=curve, timeline=line)
+    limits = Limits(max_speed=1.0, max_accel=1.0, max_lateral_accel=1.0)
+    assert any("corner" in said for said in limit_failures(driven, limits))

@@ -1,0 +1,34 @@
+"""Other ways around for robots that wait long."""
+
+from coordinator.plan.plan_file import to_json
+from coordinator.planning.planner import plan_scenario
+from sim.floors.generator import generate
+from tests.oracle_dense import closest
+from tests.oracles import tracks
+
+
+def late(document):
+    return sum(robot.finish_time for robot in document.robots)
+
+
+def test_a_robot_goes_around_where_that_is_quicker_than_waiting():
+    scenario = generate("grid", 15, 2)
+    waiting, going = plan_scenario(scenario, effort=4), plan_scenario(scenario, effort=20)
+    said = [note for note in going.notes if "goes around" in note]
+    assert said
+    assert not any("goes around" in note for note in waiting.notes)
+    assert late(going) < late(waiting) - len(said)
+    worst = closest(tracks(to_json(going)), going.tau, going.margin)
+    assert worst.slack > -1e-3
+
+
+def test_every_wait_has_its_reason_after_others_have_gone_around():
+    document = plan_scenario(generate("open", 12, 3))
+    assert any("goes around" in note for note in document.notes)
+    explained = {(reason.robot, round(reason.s, 3)) for reason in document.waits}
+    for robot in document.robots:
+        for stop in robot.stops:
+            if stop.depart > stop.arrive + 0.01:
+                assert (robot.id, round(stop.s, 3)) in explained
+        if robot.start_time > 0.01:
+            assert (robot.id, 0.0) in explained

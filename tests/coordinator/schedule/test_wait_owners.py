@@ -1,0 +1,36 @@
+"""For whom a robot waits: against plans in which it does not."""
+
+from pathlib import Path
+
+import pytest
+
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario_files.scenario_reader import read_scenario
+from sim.floors.generator import generate
+from tests.oracle_waits import rests, share
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+
+
+def test_a_wait_before_one_robots_zone_is_not_told_by_a_later_one_that_forces_it_too():
+    """R1 stands 1 cm before R2's zone; R4, 9 m ahead, forbids most of that wait as well."""
+    document = plan_scenario(read_scenario(EXAMPLES / "paper_five_real.toml"))
+    assert [(robot, other) for robot, _, other, _ in rests(document)] == [("R1", "R2")]
+    told = document.waits[0]
+    assert told.zone[0] - told.s < 0.05
+    assert share(document, *rests(document)[0]) > 0.9
+
+
+@pytest.mark.parametrize(
+    ("kind", "robots", "seed"),
+    [("circle", 8, 3), ("warehouse", 12, 5), ("open", 9, 2), ("corridors", 10, 4)],
+)
+def test_who_is_named_forces_half_of_a_wait_or_nobody_forces_more(kind, robots, seed):
+    document = plan_scenario(generate(kind, robots, seed), effort=3)
+    long = [rest for rest in rests(document) if rest[3] > 0.2 and rest[2]]
+    assert long
+    for name, number, other, lasts in long:
+        named = share(document, name, number, other, lasts)
+        if named < 0.4:
+            others = {robot.id for robot in document.robots} - {name, other}
+            assert named >= max(share(document, name, number, one, lasts) for one in others) - 0.1

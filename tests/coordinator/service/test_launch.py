@@ -1,0 +1,68 @@
+"""What the coordinator's command tells people besides the fleet's own incidents."""
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from coordinator.fleet.events import Incident
+from coordinator.fleet.mission import Mission
+from coordinator.fleet.phases import GO_LEAD
+from coordinator.fleet.replanning_input import Aside, Site
+from coordinator.planning.planner import plan_scenario
+from coordinator.service import launch
+from coordinator.service.launch import Coordinator
+from coordinator.view.live_table import FleetTable
+from protocol.timing import SECOND
+from tests.scenarios import a_robot, a_scenario
+
+HALL = a_scenario([a_robot("R1", (1.0, 1.0), (9.0, 7.0)), a_robot("R2", (1.0, 7.0), (9.0, 1.0))])
+
+
+@pytest.fixture
+def told(monkeypatch):
+    lines = []
+    monkeypatch.setattr(launch, "tell_now", lines.append)
+    return lines
+
+
+@pytest.mark.parametrize(
+    ("why", "said"),
+    [
+        ("lost", ["R2 has no part in the next epoch: it is lost, not heard any more"]),
+        ("unfit", ["R2 has no part in the next epoch: it has failed in 3 epochs"]),
+        ("arrived", []),
+        ("closed in", []),
+    ],
+)
+def test_a_robot_that_an_epoch_goes_on_without_is_told_once_with_the_reason(told, why, said):
+    mission = Mission(HALL, plan_scenario(HALL, effort=0), 9, lambda *_: None)
+    coordinator = Coordinator(HALL, effort=0, speed=1.0, events=False)
+    one, two = mission.site.scenario.robots
+    aside = Aside(two, why, np.array([two.start[:2]]), None)
+    mission.site = Site(replace(mission.site.scenario, robots=(one,)), (aside,))
+    coordinator._tell_aside(mission)
+    coordinator._tell_aside(mission)
+    assert told == said
+
+
+def test_arrivals_count_from_the_first_go_whatever_epoch_they_were_in(told):
+    mission = Mission(HALL, plan_scenario(HALL, effort=0), 9, lambda *_: None)
+    fleet, coordinator = mission.fleet, Coordinator(HALL, effort=0, speed=1.0, events=False)
+    fleet.incidents += [
+        Incident(seconds * SECOND, "phase", "", phase)
+        for seconds, phase in ((5, "HOLD"), (6, "GO"), (9, "FREEZE"), (10, "HOLD"), (11, "GO"))
+    ]
+    fleet.start_ns = 11 * SECOND + GO_LEAD
+    fleet.members["R1"].done_ns = 20 * SECOND + GO_LEAD
+    coordinator._summarise(fleet, False, {})
+    assert told == ["R1: arrived 14.0 s after the first GO", "R2: ended idle"]
+
+
+def test_a_later_plan_that_cannot_be_written_ends_no_fleet(told, tmp_path):
+    document = replace(plan_scenario(HALL, effort=0), epoch=2)
+    coordinator = Coordinator(HALL, effort=0, speed=1.0, events=False)
+    coordinator._keep(document, tmp_path / "gone" / "plan.json", FleetTable(document))
+    assert told == [
+        f"{tmp_path}/gone/plan-2.json: No such file or directory",
+        "epoch 2: 2 robots go on",
+    ]

@@ -1,0 +1,271 @@
+"""Going on from the log of a coordinator that died, wherever its log ends."""
+
+import asyncio
+import random
+
+import pytest
+
+from coordinator.base.errors import InputError
+from coordinator.fleet.mission import Mission
+from coordinator.fleet.phases import RESUME_PATIENCE
+from coordinator.log.log_file import RESUMED, log_from_bytes, read_log
+from coordinator.log.recorder import Attachment, Recorder
+from coordinator.plan.plan_file import to_json
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario_files.scenario_reader import parse_scenario, scenario_to_json
+from coordinator.service.coordinator_service import Service
+from coordinator.service.launch import Coordinator
+from coordinator.service.replay import check_log, go_on
+from protocol import keys
+from protocol.codec import decode, encode
+from protocol.messages import Command, Hello, Report, Rest
+from protocol.phases import (
+    ARMED,
+    BRAKING,
+    DONE,
+    FREEZE,
+    FROZEN,
+    GO,
+    HOLD,
+    IDLE,
+    LATE,
+    LEASE_OUT,
+    MOVING,
+    OVER,
+)
+from protocol.timing import MILLISECOND, SECOND
+from tests.coordinator.service.test_coordinator_service import SCENARIO, Clock, Hand
+
+EFFORT = 3
+CUTS = 120
+
+
+class DyingHand(Hand):
+    """A robot that freezes, says where it rests, and goes on in the next epoch."""
+
+    def respond(self, command):
+        """Arm, drive, fail at the twelfth Command, say where it rests; from then on arrive."""
+        if command.sequence == 1:
+            self.say(keys.hello("one", "R1"), Hello(1, 5))
+        fails = command.epoch == 1 and command.sequence >= 12
+        phase = {HOLD: ARMED, GO: FROZEN if fails else MOVING, FREEZE: FROZEN}
+        if command.epoch > 1 and command.phase == GO and command.sequence % 9 == 0:
+            phase[GO] = DONE
+        rest = Rest(0.5, command.epoch) if command.phase == FREEZE else None
+        told = phase.get(command.phase, DONE)
+        report = Report(5, next(self.sequence), command.epoch, told, LATE * fails, rest)
+        self.say(keys.report("one", "R1"), report)
+
+
+def planner(scenario, epoch):
+    return plan_scenario(scenario, effort=EFFORT, epoch=epoch)
+
+
+@pytest.fixture(scope="module")
+def story(tmp_path_factory):
+    """The bytes of a log in which a robot fails, is planned anew, and drives on."""
+    path = tmp_path_factory.mktemp("log") / "run.mcap"
+    scenario = parse_scenario(SCENARIO, "one.toml")
+    document = planner(scenario, 1)
+    recorder = Recorder(
+        path,
+        metadata={
+            "fleet": "one",
+            "policy": "safe",
+            "boot": "9",
+            "effort": str(EFFORT),
+            "speed": "1.0",
+        },
+        wall_offset_ns=10**18,
+        attachments=[
+            Attachment("scenario.json", "application/json", scenario_to_json(scenario)),
+            Attachment("plan-1.json", "application/json", to_json(document)),
+        ],
+    )
+    hand = DyingHand()
+    mission = Mission(scenario, document, 9, planner)
+    service = Service(mission, hand, recorder, Clock(10 * MILLISECOND), speed=100.0)
+
+    async def run():
+        try:
+            async with asyncio.timeout(3.0):
+                await service.run(60.0)
+        except TimeoutError:
+            return
+
+    asyncio.run(run())
+    recorder.close()
+    return path.read_bytes()
+
+
+def test_the_story_has_a_second_epoch_that_went(story):
+    log = log_from_bytes(story, "run.mcap")
+    told = [decode("command", r.payload) for r in log.records if r.key == keys.command("one")]
+    assert {(m.epoch, m.phase) for m in told} >= {(1, GO), (1, FREEZE), (2, HOLD), (2, GO)}
+    assert check_log(log).difference == ""
+
+
+def test_wherever_the_log_ends_the_next_epoch_is_above_all_that_a_robot_was_told(story):
+    chance, resumed = random.Random(5), 0
+    for _ in range(CUTS):
+        try:
+            log = log_from_bytes(story[: chance.randrange(len(story))], "run.mcap")
+        except InputError:
+            continue  # Cut within the first bytes, before anything was said.
+        if not log.records:
+            continue
+        told = [m for r in log.records if isinstance(m := decode("command", r.payload), Command)]
+        if told and told[-1].phase == OVER:
+            with pytest.raises(InputError, match="has ended"):
+                go_on(log, 77, log.records[-1].log_ns + SECOND)
+            continue
+        resumed += 1
+        fleet = go_on(log, 77, log.records[-1].log_ns + SECOND).fleet
+        highest = max((m.epoch for m in told), default=0)
+        (sent,) = fleet.tick(log.records[-1].log_ns + SECOND)
+        command = decode("command", sent.payload)
+        assert (command.boot, command.phase) == (77, FREEZE)
+        assert command.epoch > highest
+        assert fleet.members["R1"].boot in (None, 5)
+    assert resumed > CUTS / 4
+
+
+def test_a_robot_that_moved_is_asked_where_it_rests_and_planned_from_there(story):
+    log = log_from_bytes(story, "run.mcap")
+    at = next(
+        i
+        for i, r in enumerate(log.records)
+        if r.key == keys.command("one") and decode("command", r.payload).phase == GO
+    )
+    del log.records[at + 4 :]
+    now = log.records[-1].log_ns + SECOND
+    mission = go_on(log, 77, now)
+    fleet = mission.fleet
+    fleet.tick(now)
+    assert mission.request(now + SECOND) is None
+    key = keys.report("one", "R1")
+    fleet.hear(key, encode(Report(5, 10_000, 1, FROZEN, 1)), now)
+    (sent,) = fleet.tick(now + SECOND // 10)
+    assert decode("command", sent.payload).wanted == ("R1",)
+    fleet.hear(key, encode(Report(5, 10_001, 1, FROZEN, 1, Rest(0.75, 1))), now)
+    fleet.tick(now + SECOND // 5)
+    request = mission.request(now + SECOND // 5)
+    assert request.epoch == 3
+    assert request.told[0].s == 0.75
+    assert mission.solve(request).document.epoch == 3
+
+
+def cut(story, phase, more):
+    """A log that ends so many records after the first Command of a phase."""
+    log = log_from_bytes(story, "run.mcap")
+    said = ((i, decode("command", r.payload)) for i, r in enumerate(log.records))
+    at = next(i for i, m in said if isinstance(m, Command) and m.phase == phase)
+    del log.records[at + more :]
+    return log, log.records[-1].log_ns + SECOND
+
+
+def test_a_robot_that_rests_where_it_cannot_be_by_the_log_shows_that_it_is_not_the_newest(story):
+    for s, is_newest in ((0.75, True), (2.5, False)):
+        log, now = cut(story, GO, 4)
+        mission = go_on(log, 77, now)
+        mission.fleet.tick(now)
+        rests = Report(5, 10_000, 1, FROZEN, 1, Rest(s, 1))
+        mission.fleet.hear(keys.report("one", "R1"), encode(rests), now)
+        mission.fleet.tick(now + SECOND // 5)
+        before = len(mission.fleet.incidents)
+        assert (mission.request(now + SECOND // 5) is not None) == is_newest
+        assert mission.fleet.superseded != is_newest
+        told = [one.text for one in mission.fleet.incidents[before:]]
+        farther = "R1 rests farther along its path than it could be"
+        assert told == [f"{farther}, which the log does not hold; is it the newest?"] * (
+            not is_newest
+        )
+
+
+@pytest.mark.parametrize(
+    ("phase", "fault", "is_newest"),
+    [
+        (ARMED, 0, True),
+        (IDLE, 0, True),
+        (FROZEN, 0, True),
+        (MOVING, 0, False),
+        (BRAKING, LEASE_OUT, False),
+        (FROZEN, LEASE_OUT, False),
+        (FROZEN, LATE, False),
+        (DONE, 0, False),
+    ],
+)
+def test_a_robot_that_has_set_out_though_the_log_holds_no_go_ends_the_going_on(
+    story, phase, fault, is_newest
+):
+    log, now = cut(story, HOLD, 3)
+    mission = go_on(log, 77, now)
+    fleet = mission.fleet
+    fleet.tick(now)
+    assert mission.request(now + SECOND // 5) is None
+    key = keys.report("one", "R1")
+    fleet.hear(key, encode(Report(6, 10_000, 1, MOVING, 0)), now + 1)
+    assert not fleet.superseded
+    fleet.hear(key, encode(Report(5, 10_000, 1, phase, fault)), now + 1)
+    assert fleet.superseded != is_newest
+    for ms in (100, 200, 300):
+        fleet.tick(now + ms * MILLISECOND)
+        fleet.hear(key, encode(Report(5, 10_000 + ms, 1, phase, fault)), now + ms * MILLISECOND)
+    assert (mission.request(now + 400 * MILLISECOND) is not None) == is_newest
+
+
+def test_a_robot_that_is_silent_is_not_waited_for_for_ever_after_a_log_without_a_go(story):
+    log, now = cut(story, HOLD, 3)
+    mission = go_on(log, 77, now)
+    assert mission.request(now + RESUME_PATIENCE - 1) is None
+    assert mission.request(now + RESUME_PATIENCE) is not None
+
+
+def test_a_log_that_has_ended_or_is_none_is_not_gone_on_from(story, tmp_path):
+    log = log_from_bytes(story, "run.mcap")
+    with pytest.raises(InputError, match="cannot be gone on from"):
+        go_on(log.__class__({}, {}, [], True, ""), 77, 0)
+    broken = tmp_path / "x.mcap"
+    broken.write_bytes(story)
+    assert RESUMED not in read_log(broken).attachments
+
+
+def test_a_log_in_which_nothing_was_said_is_told_to_hold_no_message(story):
+    log = log_from_bytes(story, "run.mcap")
+    log.records.clear()
+    with pytest.raises(InputError, match="it holds no message; nothing was under way, start anew"):
+        go_on(log, 77, SECOND)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "difference"),
+    [
+        ("tau = 0.5", "tau = 0.6", "tau 0.5, the scenario has 0.6 now"),
+        ("radius = 0.1", "radius = 0.2", "robots[R1].radius 0.1, the scenario has 0.2 now"),
+        (
+            "3.0, 3.0]",
+            "3.0, 3.0]\nobstacles = [[[1.0, 0.0], [2.0, 0.0], [2.0, 0.2]]]",
+            "workspace.obstacles none, the scenario has [[1.0,0.0],[2.0,0.0],[2.0,0.2]] now",
+        ),
+    ],
+)
+def test_a_scenario_that_differs_from_the_log_is_not_gone_on_with(
+    story, tmp_path, old, new, difference
+):
+    (tmp_path / "run.mcap").write_bytes(story[: len(story) // 4])
+    scenario = parse_scenario(SCENARIO.replace(old.encode(), new.encode()), "one.toml")
+    with pytest.raises(InputError) as caught:
+        Coordinator(scenario, effort=EFFORT, speed=1.0, events=False)._go_on(
+            9, tmp_path / "run.mcap"
+        )
+    (problem,) = caught.value.problems
+    assert problem == f"--resume: {tmp_path / 'run.mcap'} was planned with {difference}"
+
+
+def test_a_fleet_at_another_speed_is_not_gone_on_with(story, tmp_path):
+    (tmp_path / "run.mcap").write_bytes(story[: len(story) // 4])
+    scenario = parse_scenario(SCENARIO, "one.toml")
+    with pytest.raises(InputError, match=r"--resume: .* is the log of a fleet at --speed 1\.0"):
+        Coordinator(scenario, effort=EFFORT, speed=2.0, events=False)._go_on(
+            9, tmp_path / "run.mcap"
+        )

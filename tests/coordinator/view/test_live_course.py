@@ -1,0 +1,177 @@
+"""A bystander's view of a fleet: made from the messages alone."""
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from coordinator.plan.wire import pack, pack_times
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario_files.scenario_reader import read_scenario
+from coordinator.view.live_course import LiveCourse
+from coordinator.view.scene_plan import scene_of_plan
+from protocol import keys
+from protocol.codec import encode
+from protocol.messages import Clock, Command, Hello, Report, Rest
+from protocol.phases import BRAKING, CLOCK_UNSURE, FREEZE, FROZEN, GO, HOLD, IDLE, OVER
+from protocol.timing import SECOND
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+FLEET = "paper-five"
+ZERO = 1000 * SECOND
+OURS = 50.0
+"""Our clock [s] at the fleet's ZERO."""
+
+
+@cache
+def document():
+    return plan_scenario(read_scenario(EXAMPLES / "paper_five_real.toml"), effort=0)
+
+
+def tell_plans(course, t=-1.0):
+    for robot in document().robots:
+        said = Hello(version=1, boot=1, radius_m=robot.radius)
+        course.hear(keys.hello(FLEET, robot.id), encode(said), OURS + t)
+        assert course.hear(keys.plan(FLEET, robot.id), pack(document(), robot), OURS + t)
+
+
+def tell_command(course, t, phase, epoch=1):
+    start = 0 if phase == HOLD else ZERO
+    message = encode(Command(1, 1, epoch, phase, start))
+    return course.hear(keys.command(FLEET), message, OURS + t)
+
+
+def tell_time(course, t, ours):
+    stamp = ZERO + round(t * SECOND)
+    message = encode(Clock(1, 5, stamp, stamp))
+    course.hear(keys.clock(FLEET, "R1"), message, OURS + ours)
+
+
+def test_the_motions_are_those_of_the_plan_file():
+    course = LiveCourse(None, None)
+    tell_time(course, -2.0, -2.0)
+    tell_plans(course)
+    assert tell_command(course, -1.0, HOLD)
+    assert tell_command(course, -0.5, GO)
+    assert not tell_command(course, -0.4, GO)
+    scene, wanted = course.scene(), scene_of_plan(document())
+    assert scene.robots == wanted.robots
+    (epoch,) = scene.epochs
+    assert (epoch.start, epoch.frozen) == (0.0, None)
+    for ride, true in zip(epoch.rides, wanted.epochs[0].rides, strict=True):
+        assert (ride.path, ride.legs) == (true.path, true.legs)
+        assert [(wait.s, wait.until) for wait in ride.waits] == [
+            (pytest.approx(wait.s), pytest.approx(wait.until)) for wait in true.waits
+        ]
+
+
+def test_why_robots_wait_is_found_from_the_plans_once_the_epoch_has_begun():
+    course = LiveCourse(None, None)
+    tell_time(course, -2.0, -2.0)
+    tell_plans(course)
+    tell_command(course, -1.0, HOLD)
+    assert {wait.lets for ride in course.scene().epochs[0].rides for wait in ride.waits} <= {-1}
+    tell_command(course, -0.5, GO)
+    (epoch,), (wanted,) = course.scene().epochs, scene_of_plan(document()).epochs
+    told = [(ride.robot, wait.lets) for ride in epoch.rides for wait in ride.waits]
+    assert told == [(ride.robot, wait.lets) for ride in wanted.rides for wait in ride.waits]
+    assert any(lets >= 0 for _, lets in told)
+    forced = [(zone.a, zone.b) for zone in epoch.zones if zone.forces]
+    assert sorted(forced) == sorted((zone.a, zone.b) for zone in wanted.zones if zone.forces)
+
+
+def test_a_freeze_is_seen_and_where_a_robot_rests():
+    course = LiveCourse(FLEET, document())
+    tell_time(course, 0.0, 0.0)
+    tell_command(course, 0.0, GO)
+    assert tell_command(course, 4.0, FREEZE)
+    rest = encode(Report(1, 1, 1, FROZEN, 0, Rest(0.75, 1)))
+    assert course.hear(keys.report(FLEET, "R1"), rest, OURS + 4.5)
+    assert not course.hear(keys.report(FLEET, "R1"), rest, OURS + 4.7)
+    fault = encode(Report(1, 2, 1, FROZEN, 3, Rest(0.75, 1)))
+    assert course.hear(keys.report(FLEET, "R1"), fault, OURS + 4.9)
+    scene = course.scene()
+    assert scene.epochs[0].frozen == pytest.approx(4.0, abs=1e-3)
+    assert scene.epochs[0].rides[0].halt[3] == pytest.approx(0.75, abs=1e-3)
+    told = [(mark.kind, mark.text) for mark in scene.marks]
+    assert told == [
+        ("go", "epoch 1: 5 robots go"),
+        ("freeze", "all are told to freeze"),
+        ("fault", "R1 behind its plan"),
+    ]
+
+
+def test_the_fleets_time_is_told_even_when_it_runs_faster():
+    course = LiveCourse(FLEET, document())
+    assert course.clock(OURS) is None
+    tell_time(course, 0.0, 0.0)
+    tell_command(course, 0.0, GO)
+    tell_time(course, 40.0, 10.0)
+    told = course.clock(OURS + 12.0)
+    assert (told.now, told.speed) == (48.0, 4.0)
+
+
+def test_how_old_the_last_word_is_is_told_with_how_long_robots_bear_silence():
+    course = LiveCourse(FLEET, document())
+    assert course.word(OURS) is None
+    tell_command(course, 0.0, GO)
+    tell_command(course, 4.0, GO)
+    told = course.word(OURS + 4.7)
+    assert (told.age, told.lease, told.over) == (pytest.approx(0.7), 0.6, False)
+    assert course.hear(keys.report(FLEET, "R1"), encode(Report(1, 1, 1, BRAKING, 1)), OURS + 5.0)
+    assert course.word(OURS + 5.0).age == pytest.approx(1.0)
+    tell_command(course, 6.0, OVER)
+    assert course.word(OURS + 9.0).over
+
+
+def test_a_robot_that_rests_without_a_freeze_is_shown_where_it_said():
+    course = LiveCourse(FLEET, document())
+    tell_time(course, 0.0, 0.0)
+    tell_command(course, 0.0, GO)
+    rest = encode(Report(1, 1, 1, FROZEN, 1, Rest(0.75, 1)))
+    assert course.hear(keys.report(FLEET, "R1"), rest, OURS + 4.5)
+    (epoch,) = course.scene().epochs
+    assert epoch.frozen is None
+    assert [ride.halt is not None for ride in epoch.rides] == [True, False, False, False, False]
+    assert epoch.rides[0].halt[3] == pytest.approx(0.75, abs=1e-3)
+
+
+def test_a_robot_that_learns_the_time_before_the_start_has_no_fault():
+    course = LiveCourse(FLEET, document())
+    tell_time(course, -2.0, -2.0)
+    tell_command(course, -1.0, HOLD)
+    learning = encode(Report(1, 1, 1, IDLE, CLOCK_UNSURE))
+    assert not course.hear(keys.report(FLEET, "R1"), learning, OURS - 0.9)
+    tell_command(course, 0.0, GO)
+    unsure = encode(Report(1, 2, 1, BRAKING, CLOCK_UNSURE))
+    assert course.hear(keys.report(FLEET, "R1"), unsure, OURS + 3.0)
+    faults = [mark.text for mark in course.scene().marks if mark.kind == "fault"]
+    assert faults == ["R1 clock not certain"]
+
+
+def test_strangers_and_bad_bytes_change_nothing():
+    course = LiveCourse(FLEET, None)
+    assert not course.hear("other/thing", b"x", 0.0)
+    assert not course.hear(keys.command("another"), encode(Command(1, 1, 1, HOLD, 0)), 0.0)
+    for kind in (keys.plan, keys.report, keys.clock, keys.hello):
+        assert not course.hear(kind(FLEET, "R1"), b"\xc1nonsense", 0.0)
+    spoilt = bytearray(pack(document(), document().robots[0]))
+    spoilt[-9] ^= 0xFF
+    course.hear(keys.plan(FLEET, "R1"), bytes(spoilt), 0.0)
+    assert course.scene().robots == []
+
+
+def test_new_times_change_the_motion_that_is_shown():
+    course = LiveCourse(None, None)
+    tell_time(course, -2.0, -2.0)
+    tell_plans(course)
+    robot = document().robots[0]
+    later = replace(robot, start_time=robot.start_time + 2.0)
+    message = pack_times(pack(document(), later), 1)
+    assert course.hear(keys.plan(FLEET, robot.id), message, OURS)
+    tell_command(course, -0.5, GO)
+    (epoch,) = course.scene().epochs
+    assert epoch.rides[0].legs[-1][1] == pytest.approx(robot.finish_time + 2.0, abs=1e-3)
+    unknown = pack_times(pack(replace(document(), epoch=2), later), 1)
+    assert not course.hear(keys.plan(FLEET, robot.id), unknown, OURS)

@@ -1,0 +1,111 @@
+"""Which plans an agent holds, and when it arms."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from protocol.phases import (
+    ARMED,
+    BAD_PLAN,
+    CLOCK_UNSURE,
+    FROZEN,
+    GO,
+    HOLD,
+    IDLE,
+    NO_FAULT,
+    OFF_PATH,
+)
+from robot_agent.core.agent import Agent
+from sim.world.body import TURN_RATE
+from tests.robot_agent.core.phases import LENGTH, MOTION, PATH, hear_next_epoch, hear_plan, run_in
+from tests.robot_agent.core.rides import COORDINATOR, MS, RULES, SECOND, motion_along
+
+
+def test_a_robot_without_the_time_does_not_arm_and_says_so():
+    agent = Agent()
+    agent.hear_command(COORDINATOR, 1, 1, HOLD, 0, False, 0)
+    agent.hear_plan(COORDINATOR, 1, RULES, PATH, MOTION)
+    pose = agent.ride.follower.start_pose()
+    agent.tick(10 * MS, *pose)
+    assert (agent.phase, agent.fault) == (IDLE, CLOCK_UNSURE)
+    agent.hear_clock(20 * MS, 500 * MS, 500 * MS, 37 * MS)
+    agent.tick(50 * MS, *pose)
+    assert (agent.phase, agent.fault) == (IDLE, CLOCK_UNSURE)
+    agent.hear_clock(50 * MS, 530 * MS, 530 * MS, 65 * MS)
+    agent.tick(70 * MS, *pose)
+    assert (agent.phase, agent.fault) == (ARMED, NO_FAULT)
+
+
+@pytest.mark.parametrize("off", [(0.02, 0.0, 0.0), (0.0, -0.02, 0.0), (0.02, 0.0, 1.0)])
+def test_a_robot_that_stands_elsewhere_does_not_arm_until_it_is_put_right(off):
+    run = run_in(IDLE)
+    run.agent.hear_plan(COORDINATOR, 1, RULES, PATH, MOTION)
+    right = run.agent.ride.follower.start_pose()
+    run.body.place(*(a + b for a, b in zip(right, off, strict=True)))
+    run.until(run.now + 50 * MS)
+    assert (run.agent.phase, run.agent.fault) == (IDLE, OFF_PATH)
+    run.body.place(*right)
+    run.until(run.now + 50 * MS)
+    assert (run.agent.phase, run.agent.fault) == (ARMED, NO_FAULT)
+
+
+@pytest.mark.parametrize("turned", [1.0, -3.0, 0.4])
+def test_a_robot_at_its_place_that_faces_elsewhere_turns_on_the_spot_and_arms(turned):
+    run = run_in(IDLE)
+    run.agent.hear_plan(COORDINATOR, 1, RULES, PATH, MOTION)
+    x, y, heading = run.agent.ride.follower.start_pose()
+    run.body.place(x, y, heading + turned)
+    run.until(run.now + round(abs(turned) / TURN_RATE * SECOND) + 50 * MS)
+    assert (run.agent.phase, run.agent.fault) == (ARMED, NO_FAULT)
+    assert (run.body.x, run.body.y) == (x, y)
+    assert abs(math.remainder(run.body.heading - heading, math.tau)) < 0.3
+
+
+@pytest.mark.parametrize(
+    ("path", "motion"),
+    [
+        ((3, PATH[1][:-1], *PATH[2:]), MOTION),
+        ((3, PATH[1][:8] * 2, *PATH[2:]), MOTION),
+        (PATH, motion_along(LENGTH + 0.01, 0.475, 0.5)),
+        (PATH, ([], [], [], [])),
+        ((3, [0.0, 0, 0, 0, 1, 1, 1, 1, 1], *(5 * [1.0] for _ in range(3))), MOTION),
+    ],
+)
+def test_a_plan_that_makes_no_sense_is_reported_and_not_held(path, motion):
+    run = run_in(IDLE)
+    run.agent.hear_plan(COORDINATOR, 1, RULES, path, motion)
+    run.until(run.now + 50 * MS)
+    assert (run.agent.phase, run.agent.fault, run.agent.epoch) == (IDLE, BAD_PLAN, 0)
+    assert run.agent.hello_due(run.own(run.now) + SECOND)
+    hear_plan(run)
+    assert (run.agent.phase, run.agent.fault) == (ARMED, NO_FAULT)
+
+
+@pytest.mark.parametrize(("boot", "epoch"), [(COORDINATOR + 1, 1), (COORDINATOR, 2)])
+def test_a_plan_of_another_coordinator_or_epoch_is_not_held(boot, epoch):
+    run = run_in(IDLE)
+    run.agent.hear_plan(boot, epoch, RULES, PATH, MOTION)
+    assert run.agent.ride is None
+
+
+def test_a_plan_may_come_before_the_first_command_but_not_survive_a_strangers():
+    for boot, held in ((COORDINATOR, True), (COORDINATOR + 1, False)):
+        agent = Agent()
+        agent.hear_plan(COORDINATOR, 1, RULES, PATH, MOTION)
+        agent.hear_command(boot, 1, 1, HOLD, 0, False, 0)
+        assert (agent.ride is not None) == held
+
+
+def test_an_armed_robot_changes_to_another_coordinator_and_forgets_plan_and_time():
+    run = run_in(ARMED)
+    run.agent.hear_command(COORDINATOR + 1, 1, 1, GO, run.start_ns, False, run.own(run.now))
+    assert (run.agent.phase, run.agent.epoch, run.agent.clock.good) == (IDLE, 0, 0)
+
+
+def test_the_plan_of_a_spent_epoch_is_not_taken_up_again():
+    run = run_in(FROZEN)
+    hear_next_epoch(run)
+    run.agent.hear_plan(COORDINATOR, 1, RULES, PATH, MOTION)
+    assert run.agent.ride is None

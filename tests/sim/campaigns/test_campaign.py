@@ -1,0 +1,177 @@
+"""Campaigns: fleets in virtual time with random faults; nobody touches, nobody waits for ever."""
+
+import io
+import json
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+from rich.console import Console
+from typer.testing import CliRunner
+
+from coordinator.scenario.model import Link
+from coordinator.scenario_files.scenario_reader import read_scenario
+from protocol.phases import OVER
+from sim.campaigns.answer import add_up, render
+from sim.campaigns.campaign import LINKS, Wish, is_promised, make_world, plan_for, run_one, run_seed
+from sim.campaigns.pool import attempt
+from sim.campaigns.shell import Campaign
+from sim.campaigns.shrink import shrink
+from sim.cli.run_commands import commands
+from sim.floors.generator import generate
+from sim.world.fault_script import read_faults
+from sim.world.fault_text import Fault
+
+ROOT = Path(__file__).resolve().parents[3]
+PAPER = ROOT / "examples" / "paper_five.toml"
+GOOD = LINKS[0]
+
+
+@pytest.fixture(scope="module")
+def five():
+    return read_scenario(PAPER)
+
+
+@pytest.fixture(scope="module")
+def floors(five):
+    small = [generate("u-traps", 4, 1), generate("cross-town", 6, 1), generate("polygons", 5, 2)]
+    return [five, five, *small]
+
+
+@pytest.fixture(scope="module")
+def crossing():
+    return generate("warehouse", 8, 1)
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_nobody_touches_and_whoever_can_arrives(floors, seed):
+    outcome = run_seed(floors[seed % len(floors)], seed)
+    assert outcome.violations == ()
+    assert outcome.arrived == outcome.expected
+    assert all(share <= 1.0 for share in outcome.latencies.share)
+
+
+@pytest.mark.parametrize("seed", [8, 25, 31, 57])
+def test_nobody_touches_where_computers_stop_and_clocks_are_set(seed):
+    """With a filter that believes its best exchange for good these seeds collide."""
+    scenario = read_scenario(ROOT / "examples" / "paper_five_real.toml")
+    outcome = run_seed(scenario, seed, Wish(kinds=("clock-pause", "clock-jump")))
+    assert outcome.violations == ()
+    assert outcome.arrived == outcome.expected
+
+
+def test_without_faults_every_link_brings_everybody_home_in_the_first_epoch(five):
+    for seed, link in enumerate(LINKS):
+        scenario, document = plan_for(five, link, None)
+        outcome = run_one(scenario, document, seed, [])
+        assert (outcome.violations, outcome.arrived, outcome.epochs) == ((), 5, 1)
+
+
+def test_the_same_seed_gives_the_same_outcome(five):
+    assert run_seed(five, 7) == run_seed(five, 7)
+
+
+def test_with_the_safety_off_the_same_campaign_finds_collisions(crossing):
+    unsafe = Wish(tau=0.0, freezes=False)
+    outcomes = [run_seed(crossing, seed, unsafe) for seed in range(6)]
+    assert any(outcome.touches for outcome in outcomes)
+
+
+def test_a_run_that_fails_shrinks_to_fewer_faults_that_still_fail(crossing):
+    unsafe = Wish(tau=0.0, freezes=False)
+    names = [robot.id for robot in crossing.robots]
+    failing = (run_seed(crossing, seed, unsafe) for seed in range(20))
+    outcome = next(one for one in failing if one.touches and len(one.faults) > 2)
+
+    def fails(faults: list[Fault]) -> bool:
+        return bool(run_seed(crossing, outcome.seed, unsafe, faults).touches)
+
+    faults = read_faults(outcome.faults, names)
+    shrunk = shrink(faults, fails)
+    assert len(shrunk) < len(faults)
+    assert fails(shrunk)
+    assert not shrunk or not fails([])
+
+
+def test_a_plan_is_held_to_what_it_says_it_survives(five):
+    stall, late, hang = Fault("stall", "R1", 3.0, 2.0), [], Fault("coordinator-hang", "", 3.0, 2.0)
+    _, whole = plan_for(five, GOOD, None)
+    assert all(is_promised(whole, faults) for faults in ([stall], late, [hang], [stall, hang]))
+    _, short = plan_for(five, GOOD, 0.3)
+    assert short.proof.survives == ["late"]
+    assert is_promised(short, late)
+    assert not is_promised(short, [stall])
+    assert not is_promised(short, [hang])
+    _, none = plan_for(five, GOOD, 0.0)
+    assert not is_promised(none, [])
+
+
+def test_every_run_lasts_until_the_fleet_is_over_whoever_is_lost(five):
+    scenario, document = plan_for(five, GOOD, None)
+    faults = [Fault("kill", f"R{number}", 2.0 + number) for number in range(1, 5)]
+    world = make_world(scenario, document, 1, faults)
+    world.run(300.0)
+    assert world.fleet.phase == OVER
+    outcome = run_one(scenario, document, 1, faults)
+    assert (outcome.expected, outcome.arrived) == (1, 1)
+    assert set(outcome.excused.values()) == {"killed"}
+    assert outcome.anyway == 0
+
+
+def test_whose_link_comes_back_after_over_was_said_is_not_expected():
+    """A coordinator that hangs between its farewells goes on with them later."""
+    alone = generate("open", 1, 1)
+    scenario, document = plan_for(alone, GOOD, None)
+    faults = [Fault("cut", "R1", 3.0, 4.0), Fault("coordinator-hang", "", 6.6, 6.0)]
+    outcome = run_one(scenario, document, 1, faults)
+    assert outcome.over
+    assert outcome.seconds < 6.6
+    assert outcome.excused == {"R1": "cut"}
+    assert outcome.violations == ()
+
+
+def test_the_table_says_what_became_of_every_robot(five):
+    scenario, document = plan_for(five, GOOD, None)
+    finish = max(robot.finish_time for robot in document.robots)
+    early = run_one(scenario, document, 1, [Fault("kill", "R1", 3.0)])
+    late = run_one(scenario, document, 1, [Fault("kill", "R1", finish + 0.3)])
+    assert (early.anyway, late.anyway) == (0, 1)
+    answer = add_up([early, late])
+    assert (answer.robots, answer.expected, answer.anyway) == (10, 8, 1)
+    text = io.StringIO()
+    Console(file=text, width=80).print(render(answer))
+    said = " ".join(text.getvalue().split())
+    assert "robots 10" in said
+    assert "arrived 8 of 8 expected" in said
+    assert "not expected 2: 2 killed; 1 of them arrived all the same" in said
+
+
+def test_what_the_code_raises_is_a_violation(five):
+    outcome = attempt(five, 3, Wish(), [Fault("no such fault", "R1", 2.0)])
+    assert outcome.violations[0].startswith("crashed: ")
+
+
+def test_a_violation_is_told_with_a_command_that_shows_it_again(five):
+    broken = replace(five, link=Link())
+    campaign = Campaign(broken, Path("five.toml"), Wish(kinds=("kill",), loss=0.1))
+    assert campaign.command(12) == (
+        "splinefleet campaign five.toml --seeds 1 --from-seed 12 --faults kill --loss 0.1"
+    )
+    assert campaign.command(12, [Fault("hang", "R2", 3.0, 1.5)]).endswith(
+        "--from-seed 12 --fault hang:R2@3:1.5 --loss 0.1"
+    )
+    assert campaign.command(12, []).endswith("--from-seed 12 --fault none --loss 0.1")
+
+
+def test_the_command_answers_in_the_form_of_the_contract():
+    result = CliRunner().invoke(
+        commands,
+        ["campaign", str(PAPER), "--seeds", "2", "--fault", "kill:R3@8", "--jobs", "1", "--json"],
+    )
+    assert result.exit_code == 0
+    answer = json.loads(result.stdout)
+    assert (answer["runs"], answer["collisions"], answer["stuck"]) == (2, 0, 0)
+    assert answer["arrived"] == answer["expected"] == 8
+    assert answer["violations"] == []
+    assert answer["latency"]["freeze"]["count"] == 2
+    assert answer["latency"]["share"]["worst"] < 1.0

@@ -1,0 +1,103 @@
+"""Where a run's plans and black boxes are found, whoever started its programs."""
+
+import numpy as np
+import pytest
+
+from coordinator.base.errors import InputError
+from coordinator.log.recorder import Attachment, Recorder
+from coordinator.plan.plan_file import to_json
+from coordinator.planning.planner import plan_scenario
+from protocol import keys
+from protocol.codec import encode
+from protocol.messages import Command
+from protocol.phases import GO, HOLD
+from protocol.timing import SECOND
+from sim.judging.evidence import gather
+from sim.judging.judge import judge
+from tests.scenarios import a_robot, a_scenario
+
+HALL = a_scenario([a_robot("R1", (1.0, 1.0), (9.0, 7.0)), a_robot("R2", (1.0, 7.0), (1.0, 3.0))])
+HEADER = "t,x,y,heading,s,phase\n"
+
+
+@pytest.fixture(scope="module")
+def plans():
+    return {epoch: plan_scenario(HALL, effort=0, epoch=epoch) for epoch in (1, 2)}
+
+
+def attachment(name, content):
+    return Attachment(name, "application/octet-stream", content)
+
+
+def write_log(path, plans, epochs, before=None, name="f"):
+    """A log in which each epoch is in HOLD from 10 s times its number, with GO 2 s later."""
+    attached = [attachment(f"plan-{epoch}.json", to_json(plans[epoch])) for epoch in epochs]
+    if before is not None:
+        attached.append(attachment("resumed.mcap", before.read_bytes()))
+    metadata = {"fleet": name}
+    with Recorder(path, metadata=metadata, wall_offset_ns=0, attachments=attached) as log:
+        for epoch in epochs:
+            at = 10 * epoch * SECOND
+            for phase, start in ((HOLD, 0), (GO, at + 2 * SECOND)):
+                command = encode(Command(9, 2 * epoch + phase, epoch, phase, start))
+                log.record(keys.command(name), command, at)
+    return path
+
+
+def write_boxes(folder):
+    folder.mkdir(exist_ok=True)
+    for robot in HALL.robots:
+        x, y = robot.goal
+        (folder / f"{robot.id}.csv").write_text(f"{HEADER}0.0,{x},{y},0,0,done\n")
+
+
+@pytest.mark.parametrize("place", [".", "blackbox"])
+def test_programs_started_one_by_one_are_judged_from_the_logs_plan(tmp_path, plans, place):
+    log = write_log(tmp_path / "run.mcap", plans, (1, 2))
+    write_boxes(tmp_path / place)
+    for source in (tmp_path, log):
+        found = gather(source)
+        assert found.document == plans[1]
+        assert [(one.document.epoch, one.begin, one.start) for one in found.later] == [(2, 8, 10)]
+        assert sorted(found.boxes) == ["R1", "R2"]
+        assert np.array_equal(found.boxes["R1"].places, [HALL.robots[0].goal])
+    assert [robot.arrived for robot in judge(tmp_path).robots] == [True, True]
+
+
+def test_a_log_that_goes_on_from_another_tells_the_epochs_of_both(tmp_path, plans):
+    first = write_log(tmp_path / "first.mcap", plans, (1,))
+    second = write_log(tmp_path / "second.mcap", plans, (2,), before=first)
+    write_boxes(tmp_path)
+    found = gather(second)
+    assert found.document.epoch == 1
+    assert [one.document.epoch for one in found.later] == [2]
+
+
+def test_a_plan_file_is_enough_without_a_log(tmp_path, plans):
+    (tmp_path / "plan.json").write_bytes(to_json(plans[1]))
+    write_boxes(tmp_path / "blackbox")
+    assert gather(tmp_path).later == []
+
+
+def problems_of(source):
+    with pytest.raises(InputError) as caught:
+        gather(source)
+    return caught.value.problems
+
+
+def test_what_is_missing_is_told_in_one_line_with_where_it_is_looked_for(tmp_path, plans):
+    assert problems_of(tmp_path) == (
+        f"{tmp_path}: holds no plan; `judge` needs plan.json, or a log that the coordinator wrote "
+        "(--log run.mcap)",
+    )
+    write_log(tmp_path / "run.mcap", plans, (1,))
+    assert problems_of(tmp_path) == (
+        f"no black box of R1, R2: there is no {tmp_path}/R1.csv or {tmp_path}/blackbox/R1.csv; "
+        "`splinefleet agent R1 --blackbox R1.csv` writes one",
+    )
+    (tmp_path / "R1.csv").write_text("x\n")
+    told = problems_of(tmp_path)
+    assert told[0].startswith("no black box of R2:")
+    assert "R1.csv: line 1" in told[1]
+    (nowhere,) = problems_of(tmp_path / "nowhere")
+    assert nowhere == f"{tmp_path / 'nowhere'}: No such file or directory"

@@ -1,0 +1,284 @@
+"""Fleet core and robots together in virtual time, on good links and bad ones, sound and failing."""
+
+import math
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario_files.scenario_reader import parse_scenario
+from protocol.phases import FREEZE, GO, OVER
+from protocol.timing import CLOCK_ERROR, MILLISECOND, SECOND
+from sim.campaigns.truth import arrived, touches
+from sim.judging.judge import Epoch, judge_boxes
+from sim.world.fault_text import Fault
+from sim.world.memory_transport import MemoryNetwork
+from sim.world.virtual_fleet import USUAL_FLAWS, World
+
+SCENARIO = b"""
+name = "three"
+margin = 0.05
+[workspace]
+bounds = [0.0, 0.0, 5.0, 5.0]
+obstacles = [[[3.6, 3.6], [4.2, 3.6], [4.2, 4.2], [3.6, 4.2]]]
+[[robots]]
+id = "R1"
+start = [0.6, 2.0]
+goal = [4.4, 2.0]
+radius = 0.15
+max_speed = 0.6
+[[robots]]
+id = "R2"
+start = [2.0, 0.6]
+goal = [2.0, 4.4]
+radius = 0.2
+max_speed = 0.5
+[[robots]]
+id = "R3"
+start = [4.4, 4.7]
+goal = [1.0, 1.0]
+radius = 0.15
+max_speed = 0.4
+"""
+
+
+ROBOTS = ("R1", "R2", "R3")
+
+STRETCH_STEP = 0.02
+"""A stretch where a robot may stand is followed in such steps [m]."""
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return parse_scenario(SCENARIO, "three.toml")
+
+
+@pytest.fixture(scope="module")
+def document(scenario):
+    return plan_scenario(scenario)
+
+
+def good_link(seed=0):
+    return MemoryNetwork(seed, delay_ns=(MILLISECOND, 3 * MILLISECOND))
+
+
+def struck(scenario, document, *faults, seed=5):
+    """Return a world after a whole run with these faults."""
+    world = World(scenario, document, good_link(seed), seed=seed, faults=faults)
+    world.run(300.0)
+    world.go_on(1.0)
+    return world
+
+
+def incidents(world, kind):
+    return [one for one in world.fleet.incidents if one.kind == kind]
+
+
+def push(body, left, on):
+    """Put a body so far [m] to its left and ahead."""
+    body.x += on * math.cos(body.heading) - left * math.sin(body.heading)
+    body.y += on * math.sin(body.heading) + left * math.cos(body.heading)
+
+
+def first_freeze(world):
+    """Return when the fleet froze first [s since the first GO]."""
+    said = next(one for one in incidents(world, "phase") if one.text == "FREEZE")
+    return (said.now_ns - world.began_ns) / SECOND
+
+
+def last_motion(box, until):
+    moved = np.flatnonzero(np.hypot(*np.diff(box.places, axis=0).T) > 1e-6)
+    ends = [box.t[i + 1] for i in moved if box.t[i + 1] <= until]
+    return max(ends, default=0.0)
+
+
+def test_on_a_good_link_everybody_arrives_when_planned(scenario, document):
+    world = World(scenario, document, good_link(), flaws=USUAL_FLAWS)
+    world.run(120.0)
+    assert world.fleet.phase == OVER
+    verdict = judge_boxes(document, world.blackboxes())
+    assert verdict.collisions == 0
+    for robot in verdict.robots:
+        assert robot.arrived
+        assert robot.t == pytest.approx(document.robot(robot.id).finish_time, abs=0.3)
+        assert robot.tracking_error < document.margin / 2
+        assert 0.0 < robot.clock_error < CLOCK_ERROR / SECOND
+    assert verdict.collisions_with_obstacles == 0
+
+
+def test_the_same_seed_gives_the_same_run(scenario, document):
+    rows = []
+    for _ in range(2):
+        network = MemoryNetwork(3, loss=0.1, delay_ns=(0, 50 * MILLISECOND), doubling=0.1)
+        faults = [Fault("stall", "R1", 3.0, 1.0), Fault("corrupt", "R2", 2.0, 2.0)]
+        world = World(scenario, document, network, seed=3, faults=faults, flaws=USUAL_FLAWS)
+        world.run(60.0)
+        rows.append({name: robot.rows for name, robot in world.robots.items()})
+    assert rows[0] == rows[1]
+    assert len(rows[0]["R1"]) > 100
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_on_a_worse_link_than_planned_for_nobody_touches(scenario, document, seed):
+    network = MemoryNetwork(
+        seed,
+        loss=0.1 * seed,
+        delay_ns=(0, 50 * seed * MILLISECOND),
+        doubling=0.1,
+        reordering=0.1,
+    )
+    world = World(scenario, document, network, seed=seed)
+    world.run(60.0)
+    assert touches(document, world.blackboxes()) == []
+
+
+@pytest.mark.parametrize("dead", ROBOTS)
+@pytest.mark.parametrize("time", [0.5, 3.5, 7.5])
+def test_when_a_robot_dies_the_others_rest_within_tau_and_then_arrive(
+    scenario, document, dead, time
+):
+    world = struck(scenario, document, Fault("kill", dead, time))
+    boxes = world.blackboxes()
+    assert world.fleet.members[dead].lost
+    assert touches(document, boxes) == []
+    assert arrived(world, document, boxes) == set(ROBOTS) - {dead}
+    gone_again = [one.now_ns for one in incidents(world, "phase") if one.text == "GO"][1]
+    resumed = (gone_again - world.began_ns) / SECOND
+    assert 0.0 < first_freeze(world) - time < 0.3
+    for box in boxes.values():
+        assert last_motion(box, resumed) <= time + document.tau
+
+
+def test_the_black_box_of_a_dead_robot_covers_the_whole_run(scenario, document):
+    world = struck(scenario, document, Fault("kill", "R2", 2.0))
+    ends = [box.t[-1] for box in world.blackboxes().values()]
+    assert max(ends) - min(ends) < 0.02
+    assert min(ends) > 10.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        (Fault("hang", "R1", 3.0, 4.0), "R1 has fallen silent"),
+        (Fault("cut", "R1", 3.0, 4.0), "R1 has fallen silent"),
+        (Fault("skid", "R1", 3.0, 0.06), "R1 stopped: off its path"),
+        (Fault("driver-error", "R1", 3.0), "R1 stopped: driver error"),
+        (Fault("coordinator-hang", "", 3.0, 4.0), "stopped: did not hear the coordinator"),
+    ],
+)
+def test_whoever_fails_for_a_while_arrives_in_a_later_epoch(scenario, document, fault, reason):
+    world = struck(scenario, document, fault)
+    boxes = world.blackboxes()
+    assert incidents(world, "fault")[0].text.endswith(reason)
+    assert touches(document, boxes, [fault]) == []
+    assert world.fleet.phase == OVER
+    assert arrived(world, document, boxes) == set(ROBOTS)
+
+
+@pytest.mark.parametrize("seconds", [0.6, 2.0])
+def test_a_robot_held_up_for_a_while_gets_new_times_and_nobody_freezes(scenario, document, seconds):
+    world = struck(scenario, document, Fault("stall", "R1", 3.0, seconds))
+    boxes = world.blackboxes()
+    assert (world.fleet.epoch, world.fleet.revision) == (1, 1)
+    assert [one.text for one in incidents(world, "phase")] == ["GO", "OVER"]
+    assert touches(document, boxes) == []
+    assert arrived(world, document, boxes) == set(ROBOTS)
+    told = next(one for one in incidents(world, "late") if "new times" in one.text)
+    begin = (told.now_ns - world.began_ns) / SECOND
+    verdict = judge_boxes(document, boxes, [Epoch(world.mission.document, begin, 0.0)])
+    assert all(robot.tracking_error < 0.5 * document.margin for robot in verdict.robots)
+
+
+def test_a_robot_held_up_for_a_while_freezes_a_fleet_whose_tau_has_no_room(scenario):
+    short = replace(scenario, tau=1.4)
+    document = plan_scenario(short)
+    world = struck(short, document, Fault("stall", "R1", 3.0, 2.0))
+    assert incidents(world, "fault")[0].text == "R1 stopped: behind its plan"
+    assert arrived(world, document, world.blackboxes()) == set(ROBOTS)
+
+
+def test_random_bytes_on_a_robots_keys_change_nothing(scenario, document):
+    world = struck(scenario, document, Fault("corrupt", "R1", 1.0, 5.0))
+    assert world.fleet.epoch == 1
+    assert world.fleet.bad_messages > 100
+    assert arrived(world, document, world.blackboxes()) == set(ROBOTS)
+
+
+def test_a_robot_that_stays_slow_is_given_up_and_the_others_arrive(scenario, document):
+    world = struck(scenario, document, Fault("slow", "R3", 2.0, 0.5))
+    boxes = world.blackboxes()
+    assert not world.fleet.members["R3"].is_fit
+    assert touches(document, boxes) == []
+    assert arrived(world, document, boxes) == {"R1", "R2"}
+
+
+def test_a_hanging_coordinator_says_nothing_and_a_hanging_robot_hears_nothing(scenario, document):
+    faults = [Fault("coordinator-hang", "", 2.0, 3.0), Fault("hang", "R2", 3.0, 1.0)]
+    world = World(scenario, document, good_link(), faults=faults)
+    while not world.began_ns or world.now_ns < world.began_ns + 3 * SECOND:
+        world.step()
+    assert world.fleet.phase == GO
+    said, heard = len(world.fleet.incidents), world.robots["R2"].service.heard_ns
+    world.go_on(0.9)
+    assert (said, heard) == (len(world.fleet.incidents), world.robots["R2"].service.heard_ns)
+
+
+def test_without_freezing_no_robot_is_told_to_stop(scenario, document):
+    world = World(scenario, document, good_link(), faults=[Fault("kill", "R1", 2.0)], freezes=False)
+    world.run(20.0)
+    assert world.fleet.phase == FREEZE
+    assert {"R2", "R3"} <= arrived(world, document, world.blackboxes())
+
+
+def test_the_robots_say_little_under_way(scenario, document):
+    world = World(scenario, document, MemoryNetwork(0, delay_ns=(MILLISECOND, 2 * MILLISECOND)))
+    world.run(120.0)
+    seconds = max(robot.rows[-1][0] for robot in world.robots.values())
+    assert world.coordinator.bytes_heard / len(world.robots) / seconds < 100
+
+
+@pytest.mark.parametrize(("left", "on"), [(0.15, 0.0), (0.0, 0.15), (0.0, -0.15), (-0.1, 0.1)])
+def test_a_robot_that_is_pushed_off_its_goal_says_so_and_drives_back(scenario, document, left, on):
+    world = World(scenario, document, good_link())
+    while not world.fleet.members["R1"].finished:
+        world.step()
+    push(world.robots["R1"].body, left, on)
+    world.go_on(0.5)
+    assert not world.fleet.members["R1"].finished
+    world.run(120.0)
+    world.go_on(1.0)
+    assert "R1 stopped: off its path" in [one.text for one in incidents(world, "fault")]
+    assert arrived(world, document, world.blackboxes()) == set(ROBOTS)
+    assert touches(document, world.blackboxes()) == []
+
+
+@pytest.mark.parametrize("on", [-0.1, 0.1])
+def test_a_robot_that_is_pushed_along_its_path_says_so_and_drives_on(scenario, document, on):
+    world = World(scenario, document, good_link())
+    world.run(3.0)
+    push(world.robots["R1"].body, 0.0, on)
+    world.run(120.0)
+    world.go_on(1.0)
+    said = [one.text for one in incidents(world, "fault")]
+    assert said == (["R1 stopped: off its path"] if on > 0.0 else [])
+    assert arrived(world, document, world.blackboxes()) == set(ROBOTS)
+    assert touches(document, world.blackboxes()) == []
+
+
+BRIEFLY = [
+    [Fault("hang", "R1", 2.0 + 0.04 * step, 0.44), Fault("kill", "R1", 2.465 + 0.04 * step)]
+    for step in range(5)
+]
+"""R1 dies just after it woke, before it knows that it is late."""
+
+
+@pytest.mark.parametrize("faults", BRIEFLY)
+def test_a_lost_robot_is_nowhere_but_where_it_is_held_to_stand(scenario, document, faults):
+    world = World(scenario, document, good_link(), faults=faults)
+    world.run(8.0)
+    (lost,) = (one for one in world.mission.site.aside if one.robot.id == "R1")
+    body = world.robots["R1"].body
+    off = np.hypot(*(lost.places - (body.x, body.y)).T).min()
+    assert lost.why == "lost"
+    assert off < 0.5 * STRETCH_STEP + 0.002
