@@ -35,9 +35,13 @@ from coordinator.findings.traffic_numbers import (
     is_question,
 )
 from coordinator.findings.true_course import TrueCourse, courses_in
-from coordinator.fleet.drop_record import drops_of, is_drops_key
-from coordinator.fleet.epoch_record import is_adoption_key, request_of
-from coordinator.fleet.link_record import LINK_GONE
+from coordinator.fleet.log_records import (
+    LINK_GONE,
+    drops_of,
+    is_adoption_key,
+    is_drops_key,
+    request_of,
+)
 from coordinator.fleet.member import STRIKES
 from coordinator.security.denials import denial_of, is_denial_key
 from protocol import codec, keys, phases

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from coordinator.fleet.epoch_record import Request
 from coordinator.fleet.events import Incident, Outgoing
 from coordinator.fleet.fleet_from_plan import muster, parts_of, times_of
+from coordinator.fleet.log_records import Request
 from coordinator.fleet.recovery import Planner, Recovery, recover
 from coordinator.fleet.replanning_input import Site
 from coordinator.fleet.rest_places import Standing

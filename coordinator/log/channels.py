@@ -13,11 +13,21 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from coordinator.fleet.drop_record import drops_of, is_drops_key
-from coordinator.fleet.epoch_record import Request, is_adoption_key, request_of
-from coordinator.fleet.link_record import LINK_GONE, LINK_UP, is_router_key
-from coordinator.fleet.tick_record import QUIET, is_quiet_key
-from coordinator.schedule.lateness import Lateness, is_lateness_key, lateness_of
+from coordinator.fleet.log_records import (
+    LINK_GONE,
+    LINK_UP,
+    QUIET,
+    Request,
+    drops_of,
+    is_adoption_key,
+    is_drops_key,
+    is_lateness_key,
+    is_quiet_key,
+    is_router_key,
+    lateness_of,
+    request_of,
+)
+from coordinator.schedule.lateness import Lateness
 from coordinator.security.denials import Denial, denial_of, is_denial_key
 from protocol import keys
 from protocol.codec import KINDS, decode

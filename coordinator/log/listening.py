@@ -18,7 +18,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from coordinator.fleet.link_record import link_news
+from coordinator.fleet.log_records import link_record
 from coordinator.log.recorder import Recorder
 from coordinator.log.unheard_plans import UnheardPlans
 from protocol import keys
@@ -108,7 +108,7 @@ class Listener:
 
     def link_changed(self, key: str, alive: bool) -> None:
         """Record that a link is there or gone, as the coordinator's own log does."""
-        self._recorder.record(key, link_news(alive), self._clock())
+        self._recorder.record(key, link_record(alive), self._clock())
         self.links += 1
 
 

@@ -115,7 +115,7 @@ class Coordinator:
                     )
                     arrived = asyncio.run(service.run(patience))
                 self._tell_incidents(fleet)
-                self._summarise(fleet, arrived, service.intake.dropped)
+                self._summarise(fleet, arrived, service.driver.intake.dropped)
             finally:
                 recorder.close()
         return 0 if arrived else 1

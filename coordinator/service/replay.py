@@ -16,11 +16,21 @@ from typing import Final, NamedTuple
 import msgspec
 
 from coordinator.base.errors import InputError, PlanError
-from coordinator.fleet.drop_record import drops_key
-from coordinator.fleet.epoch_record import adoption_key, request_of
 from coordinator.fleet.events import Outgoing
+from coordinator.fleet.intake import Arrival
+from coordinator.fleet.log_records import (
+    LINK_UP,
+    Request,
+    adoption_key,
+    drops_key,
+    lateness_key,
+    lateness_of,
+    quiet_key,
+    request_of,
+    router_key,
+)
 from coordinator.fleet.mission import Mission
-from coordinator.fleet.tick_record import quiet_key
+from coordinator.fleet.mission_driver import Job, Journal, MissionDriver
 from coordinator.log.head import WRITTEN_BY
 from coordinator.log.log_file import RESUMED, log_from_bytes
 from coordinator.log.records import Log, Record
@@ -28,7 +38,7 @@ from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import plan_name
 from coordinator.scenario.model import Scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario
-from coordinator.schedule.lateness import lateness_key, lateness_of
+from coordinator.schedule.lateness import Lateness
 from coordinator.security.denials import denial_key
 from coordinator.service.planning import plan_here
 from protocol import keys
@@ -160,13 +170,36 @@ def _compare_documents(name: str, recorded: bytes, document: PlanDocument) -> st
     return ""
 
 
-class _Rerun:
+class _Rerun(Journal):
+    """A mission's driver over a log: what it writes down has to be what comes next in the log."""
+
     def __init__(self, mission: Mission, attachments: Mapping[str, bytes]) -> None:
-        self._mission = mission
+        self._driver = MissionDriver(mission, self, lambda _key, _payload: None)
         self._fleet = mission.fleet
         self._attachments = attachments
         self._due: deque[Outgoing] = deque()
+        self._wanted: dict[type, Job] = {}
+        self._plan_differs = ""
         self._sent: dict[str, int] = {"plan": 0, "command": 0}
+
+    def record(self, key: str, payload: bytes, now_ns: int, sent_ns: int | None = None) -> None:
+        """Take note of what comes next."""
+        del now_ns, sent_ns  # The log's own.
+        self._due.append(Outgoing(key, payload))
+
+    def keep(self, document: PlanDocument) -> None:
+        """Hold a plan against the one that is attached."""
+        name = plan_name(document.epoch, document.revision)
+        recorded = self._attachments.get(name)
+        if recorded is not None:
+            self._plan_differs = _compare_documents(name, recorded, document)
+
+    def sync(self) -> bool:
+        """Return True: the log was written."""
+        return True
+
+    def hurry(self) -> None:
+        """Nothing is written."""
 
     def compare(self, records: list[Record], complete: bool) -> Check:
         """Go through the records; a log that is complete does not end before what is due."""
@@ -182,24 +215,18 @@ class _Rerun:
         return Check(self._sent["plan"], self._sent["command"], "")
 
     def _step(self, record: Record) -> str:
-        """Feed one record to the core, or hold it against what the core sends."""
-        if record.key == adoption_key(self._fleet.name):
-            return self._adopt(record)
-        if record.key == lateness_key(self._fleet.name):
-            return self._retime(record)
-        if record.key == quiet_key(self._fleet.name):
-            self._due.extend(self._fleet.tick(record.log_ns))
-            return f"the core sends on {self._due[0].key} here" if self._due else ""
-        if record.key in (drops_key(self._fleet.name), denial_key(self._fleet.name)):
+        """Feed one record to the driver, or hold it against what the driver writes down."""
+        name = self._fleet.name
+        if record.key in (drops_key(name), denial_key(name)):
             return ""
-        place = keys.split(record.key)
-        kind = "" if place is None else place[1]
-        if not _is_sent(kind, record.payload, self._fleet.boot) or (
-            kind == "clock" and not self._due
-        ):
-            return self._hear(kind, record)
-        if not self._due and kind == "command":
-            self._due.extend(self._fleet.tick(record.log_ns))
+        kind = _kind(record.key)
+        is_sent = _is_sent(kind, record.payload, self._fleet.boot)
+        if not self._due:
+            problem = self._feed(kind, is_sent, record)
+            if problem:
+                return problem
+        elif kind and not is_sent:
+            return f"the core sends on {self._due[0].key} first, the log does not"
         if not self._due:
             return "the core sends nothing here"
         expected = self._due.popleft()
@@ -207,17 +234,34 @@ class _Rerun:
             return f"the core sends on {expected.key} instead"
         if expected.payload != record.payload:
             return _first_difference(expected.payload, record.payload)
-        if kind in self._sent:
+        if is_sent and kind in self._sent:
             self._sent[kind] += 1
         return ""
 
-    def _hear(self, kind: str, record: Record) -> str:
-        """Feed what the coordinator did not send to the core."""
-        if self._due:
-            return f"the core sends on {self._due[0].key} first, the log does not"
-        if kind == "command" and (changed := self._is_tick(record)):
-            return changed
-        self._due.extend(self._fleet.hear(record.key, record.payload, record.log_ns))
+    def _feed(self, kind: str, is_sent: bool, record: Record) -> str:
+        """Let the driver do what has led to a record; say what is wrong with that."""
+        name, now_ns = self._fleet.name, record.log_ns
+        if record.key == adoption_key(name):
+            return self._finish(Request, request_of(record.payload), now_ns)
+        if record.key == lateness_key(name):
+            return self._finish(Lateness, lateness_of(record.payload), now_ns)
+        if record.key == router_key(name):
+            self._driver.hear_router(record.payload == LINK_UP, now_ns)
+        elif record.key == quiet_key(name) or (kind == "command" and is_sent):
+            self._wanted |= {type(job.wanted): job for job in self._driver.look(now_ns)}
+        elif not is_sent:
+            changed = self._is_tick(record) if kind == "command" else ""
+            return changed or self._hear(record)
+        return ""
+
+    def _hear(self, record: Record) -> str:
+        """Let the driver hear a message, by the way of all messages."""
+        intake = self._driver.intake
+        intake.put(Arrival(record.key, record.payload, record.publish_ns))
+        arrival = intake.take(record.log_ns)
+        if arrival is None:
+            return "the coordinator does not hear this: it is not for it, or too much"
+        self._driver.hear(arrival, record.log_ns)
         return ""
 
     def _is_tick(self, record: Record) -> str:
@@ -232,33 +276,23 @@ class _Rerun:
         different = sum(a != b for a, b in zip(payload, record.payload, strict=True))
         return _first_difference(payload, record.payload) if different <= _FEW else ""
 
-    def _adopt(self, record: Record) -> str:
-        """Plan again where the log has a new epoch begin."""
-        request = self._mission.request(record.log_ns)
-        if self._due or request is None:
-            return "the core does not begin a new epoch here"
-        if request != request_of(record.payload):
+    def _finish(
+        self, kind: type[Request | Lateness], logged: Request | Lateness | None, now_ns: int
+    ) -> str:
+        """Do again what the log says was done beside the fleet, and let the driver take it."""
+        job = self._wanted.pop(kind, None)
+        if job is None or not self._driver.is_wanted(job):
+            return "the core asks for no plan and no new times here"
+        if job.wanted != logged:
             return "the robots do not stand where the log says"
-        recovery = self._mission.solve(request)
-        self._due.extend(self._mission.adopt(request, recovery, record.log_ns) or [])
-        return self._compare_plan(recovery.document)
+        self._driver.finish(job, job.work(), now_ns)
+        return self._plan_differs
 
-    def _retime(self, record: Record) -> str:
-        """Look for new times again where the log has them."""
-        late = lateness_of(record.payload)
-        if self._due or late is None or late != self._mission.late():
-            return "the core does not ask for new times here"
-        document = self._mission.retime(late)
-        self._due.extend(self._mission.take_times(late, document, record.log_ns) or [])
-        return self._compare_plan(document)
 
-    def _compare_plan(self, document: PlanDocument | None) -> str:
-        """Hold a plan against the one that is attached."""
-        if document is None:
-            return ""
-        name = plan_name(document.epoch, document.revision)
-        recorded = self._attachments.get(name)
-        return "" if recorded is None else _compare_documents(name, recorded, document)
+def _kind(key: str) -> str:
+    """Return the kind of a message's key; empty where it is a record of the coordinator's own."""
+    place = keys.split(key)
+    return "" if place is None else place[1]
 
 
 def _is_sent(kind: str, payload: bytes, boot: int) -> bool:

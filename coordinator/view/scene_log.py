@@ -17,7 +17,7 @@ from coordinator.findings.info import summarise
 from coordinator.findings.info_fields import FaultSummary, Summary
 from coordinator.findings.plans_from_messages import RADIUS, plans_said
 from coordinator.findings.traffic_numbers import clock_lag
-from coordinator.fleet.epoch_record import adoption_key, request_of
+from coordinator.fleet.log_records import adoption_key, request_of
 from coordinator.fleet.rest_places import Standing
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import from_json, is_plan_name

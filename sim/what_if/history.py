@@ -18,7 +18,7 @@ from typing import Final
 from msgspec.structs import replace
 
 from coordinator.base.errors import InputError
-from coordinator.fleet.link_record import LINK_GONE
+from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.mission import Mission
 from coordinator.log.log_file import RESUMED, log_from_bytes, read_log
 from coordinator.log.records import Log, Record

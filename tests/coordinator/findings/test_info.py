@@ -11,8 +11,7 @@ from rich.console import Console
 from coordinator.findings.info import summarise
 from coordinator.findings.info_table import render
 from coordinator.findings.plan_facts import summarise_plan
-from coordinator.fleet.epoch_record import Request, adoption_key, record_of
-from coordinator.fleet.link_record import LINK_GONE
+from coordinator.fleet.log_records import LINK_GONE, Request, adoption_key, adoption_record
 from coordinator.fleet.rest_places import Standing
 from coordinator.log.log_file import read_log, readable_logs_before
 from coordinator.log.recorder import Attachment, Recorder
@@ -357,7 +356,7 @@ def test_a_robot_that_is_left_where_it_stands_is_told_once_and_why(tmp_path):
     run = arrived_without_one()
     standing = Standing(robot="R1", state="unfit", epoch=1, s=1.0)
     for i, seconds in enumerate((4.9, 14.2)):
-        entry = (seconds, adoption_key("f"), record_of(Request(2 + i, (standing,))))
+        entry = (seconds, adoption_key("f"), adoption_record(Request(2 + i, (standing,))))
         run.insert(next(k for k, one in enumerate(run) if one[0] > seconds), entry)
     run.insert(-1, (14.3, keys.report("f", "R1"), Report(9, 9, 0, phases.IDLE)))
     told = summarise(log_of(tmp_path, run, plans=[plan_document(1), plan_document(2)]))

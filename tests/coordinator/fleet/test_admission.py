@@ -7,7 +7,7 @@ import itertools
 import pytest
 
 from coordinator.fleet.admission import ASKERS, Admission
-from coordinator.fleet.link_record import LINK_GONE
+from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.phases import FREEZE_PATIENCE
 from protocol import keys
 from protocol.codec import decode, encode

@@ -7,7 +7,7 @@ from typing import get_args
 
 import pytest
 
-from coordinator.fleet.link_record import LINK_GONE
+from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.own_outage import AWAY, DRAIN
 from coordinator.fleet.phases import (
     FAREWELLS,

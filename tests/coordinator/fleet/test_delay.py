@@ -7,7 +7,7 @@ import pytest
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.delay import TELLING, THINKING, Delay
 from coordinator.fleet.epoch_times import EpochTimes
-from coordinator.fleet.link_record import LINK_GONE
+from coordinator.fleet.log_records import LINK_GONE
 from protocol import keys
 from protocol.codec import decode, encode, seal
 from protocol.messages import NewTimes, Pace

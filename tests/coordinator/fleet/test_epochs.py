@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from coordinator.fleet.link_record import LINK_GONE, LINK_UP
+from coordinator.fleet.log_records import LINK_GONE, LINK_UP
 from coordinator.fleet.member import STRIKES
 from coordinator.fleet.phases import ARM_PATIENCE
 from protocol import keys

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from coordinator.fleet.link_record import LINK_GONE
+from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.member import STRIKES
 from protocol import keys
 from protocol.codec import decode, encode

@@ -18,7 +18,7 @@ from coordinator.fleet.intake import (
     Intake,
 )
 from coordinator.fleet.lanes import DEPTH, Bucket, Lanes, Rate
-from coordinator.fleet.link_record import LINK_GONE
+from coordinator.fleet.log_records import LINK_GONE
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import MAX_MESSAGE_BYTES, Clock, Hello, Pace, Report

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from coordinator.fleet.link_record import LINK_GONE
+from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.mission import Mission
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario

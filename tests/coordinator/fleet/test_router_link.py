@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from coordinator.fleet.link_record import LINK_GONE, LINK_UP, is_router_key, link_news, router_key
+from coordinator.fleet.log_records import LINK_GONE, LINK_UP, is_router_key, link_record, router_key
 from coordinator.fleet.own_outage import AWAY
 from coordinator.fleet.phases import RESUME_PATIENCE
 from coordinator.log.channels import describe
@@ -18,7 +18,7 @@ LONG = 20 * SECOND
 
 
 def tell(floor, up):
-    assert floor.fleet.hear(router_key("hall"), link_news(up), floor.now) == []
+    assert floor.fleet.hear(router_key("hall"), link_record(up), floor.now) == []
 
 
 def routed(under_way=True):

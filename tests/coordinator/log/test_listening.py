@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from coordinator.base.errors import InputError, LogError
 from coordinator.findings.info import summarise
-from coordinator.fleet.link_record import LINK_GONE, LINK_UP
+from coordinator.fleet.log_records import LINK_GONE, LINK_UP
 from coordinator.log import listening as record
 from coordinator.log.listening import Recording
 from coordinator.log.log_file import read_log

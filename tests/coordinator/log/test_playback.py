@@ -7,7 +7,7 @@ import pytest
 import typer
 import zenoh
 
-from coordinator.fleet.link_record import LINK_UP
+from coordinator.fleet.log_records import LINK_UP
 from coordinator.log.playback import Wish, cues, key_filter, play
 from coordinator.log.records import Log, Record
 from protocol import keys

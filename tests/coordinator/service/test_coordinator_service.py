@@ -209,5 +209,5 @@ async def test_a_flood_is_dropped_and_counted_beyond_its_bound_and_ends_nothing(
 
     asyncio.get_running_loop().call_soon(flood)
     await service.run(patience_s=60.0)
-    assert sum(service.intake.dropped.values()) > 15_000
+    assert sum(service.driver.intake.dropped.values()) > 15_000
     assert service.fleet.bad_messages > 0

@@ -12,7 +12,7 @@ import pytest
 
 from coordinator.base.errors import InputError
 from coordinator.findings.info import summarise
-from coordinator.fleet.epoch_record import Request, adoption_key, record_of
+from coordinator.fleet.log_records import Request, adoption_key, adoption_record
 from coordinator.fleet.rest_places import Standing
 from coordinator.log.records import Log, Record
 from coordinator.plan.plan_file import from_json, to_json
@@ -143,7 +143,7 @@ def two_epochs():
             told.report(4.4, robot.id, 1, FROZEN, Rest(rests[robot.id], 1))
     standing = [Standing(robot="R3", state="lost", epoch=1, since=3.3, until=4.5)]
     standing += [Standing(robot=n, state="rests", epoch=1, s=s) for n, s in rests.items()]
-    told.say(4.8, adoption_key(told.fleet), record_of(Request(2, tuple(standing))))
+    told.say(4.8, adoption_key(told.fleet), adoption_record(Request(2, tuple(standing))))
     told.command(4.8, 2, HOLD)
     told.command(5.0, 2, GO, start=5.4)
     told.report(30.0, "R1", 2, DONE)

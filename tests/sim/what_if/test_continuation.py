@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from coordinator.base.errors import InputError
 from coordinator.findings.info import summarise
-from coordinator.fleet.link_record import LINK_UP
+from coordinator.fleet.log_records import LINK_UP
 from coordinator.log.blackbox_attachments import packed
 from coordinator.log.log_file import read_log
 from coordinator.log.recorder import Attachment, Recorder

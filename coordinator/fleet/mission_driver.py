@@ -1,0 +1,244 @@
+"""Driving a mission: what is heard, looked at, planned, written down and sent, in which order.
+
+Three shells run this code: on a real link and clock (service/coordinator_service.py), in virtual
+time (sim/world/virtual_service.py), and over a log (service/replay.py).
+
+Decides: what the log gets before what is sent, when a plan is wanted and adopted, what is withheld
+while the log fails.  Must not know: links, clocks, threads, files; a shell lends it a `Journal` and
+a way to send, and does the `Job`s that it asks for.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from coordinator.fleet.core import Fleet
+from coordinator.fleet.events import Incident, Outgoing
+from coordinator.fleet.intake import Arrival, Intake
+from coordinator.fleet.log_records import (
+    NOT_RECORDED,
+    QUIET,
+    Request,
+    adoption_key,
+    adoption_record,
+    drops_key,
+    drops_record,
+    lateness_key,
+    lateness_record,
+    link_record,
+    quiet_key,
+    router_key,
+)
+from coordinator.fleet.mission import Mission
+from coordinator.fleet.recovery import Recovery
+from coordinator.plan.document import PlanDocument
+from coordinator.schedule.lateness import Lateness
+from protocol.phases import FREEZE, GO, HOLD
+from protocol.timing import MILLISECOND, SECOND
+
+_TELL_DROPS: Final = SECOND
+"""The log tells so often how many messages were dropped, while it becomes more."""
+
+_ANSWER_TIME: Final = MILLISECOND
+"""For each plan that is told again nobody is answered for so long."""
+
+
+class Journal(ABC):
+    """The log as a mission needs it."""
+
+    @property
+    def error(self) -> str | None:
+        """Why nothing is written any more, if so."""
+        return None
+
+    @property
+    def not_recorded(self) -> int:
+        """How many messages the log had no room for."""
+        return 0
+
+    @abstractmethod
+    def record(self, key: str, payload: bytes, now_ns: int, sent_ns: int | None = None) -> None:
+        """Write down what was heard or is about to be sent; `sent_ns` is the sender's stamp."""
+
+    @abstractmethod
+    def keep(self, document: PlanDocument) -> None:
+        """Attach a plan."""
+
+    @abstractmethod
+    def sync(self) -> bool:
+        """Return once everything is on the disk; False when it cannot be."""
+
+    @abstractmethod
+    def hurry(self) -> None:
+        """Write soon what there is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """Work that takes long and changes nothing: a shell does it beside the fleet.
+
+    `found` of what `work` returns goes to `MissionDriver.finish` together with the job.
+    """
+
+    wanted: Request | Lateness
+    work: Callable[[], Recovery | PlanDocument | None]
+
+
+class MissionDriver:
+    """Runs one mission for a shell; all times in ns on the coordinator's clock."""
+
+    def __init__(
+        self, mission: Mission, journal: Journal, send: Callable[[str, bytes], None]
+    ) -> None:
+        self.mission = mission
+        self.is_withheld = False
+        """A phase could not be written down, so nothing is sent any more."""
+
+        members = self.fleet.members
+        self.intake = Intake(self.fleet.name, lambda robot: members[robot].boot)
+        self._journal = journal
+        self._send = send
+        self._jobs: dict[type, Job] = {}  # by what is wanted: a plan, or new times
+        self._plans = self.fleet.plans()
+        self._answers_from_ns = 0
+        self._router_up: bool | None = None
+        self._drops: dict[str, int] = {}
+        self._drops_told_ns = 0
+        self._phase = (0, -1)
+        self._log_told = False
+
+    @property
+    def fleet(self) -> Fleet:
+        """The fleet core."""
+        return self.mission.fleet
+
+    def hear(self, arrival: Arrival, now_ns: int) -> None:
+        """Let the core hear a message that has passed the intake."""
+        told = len(self.fleet.incidents)
+        self._journal.record(arrival.key, arrival.payload, now_ns, arrival.sent_ns)
+        self._say(self.fleet.hear(arrival.key, arrival.payload, now_ns), now_ns)
+        if len(self.fleet.incidents) > told:
+            self._journal.hurry()  # Who has arrived says so before it leaves, for good.
+
+    def hear_router(self, up: bool, now_ns: int) -> None:
+        """Take note whether the router is reached that everybody meets at."""
+        if up != self._router_up:
+            self._router_up = up
+            key, news = router_key(self.fleet.name), link_record(up)
+            self._journal.record(key, news, now_ns)
+            self._say(self.fleet.hear(key, news, now_ns), now_ns)
+
+    def look(self, now_ns: int) -> list[Job]:
+        """Let the core look at the time; return the work that is wanted from now on.
+
+        A job that is wanted takes the place of an earlier one of its kind, which nobody needs any
+        more.
+        """
+        messages = self.fleet.tick(now_ns)
+        if not messages:
+            self._journal.record(quiet_key(self.fleet.name), QUIET, now_ns)
+        self._say(messages, now_ns)
+        self._look_at_log(now_ns)
+        request, late = self.mission.request(now_ns), self.mission.late()
+        jobs = []
+        if request is not None:
+            jobs.append(Job(request, lambda: self.mission.solve(request)))
+        if late is not None:
+            jobs.append(Job(late, lambda: self.mission.retime(late)))
+        self._jobs |= {type(job.wanted): job for job in jobs}
+        self._plans = self.fleet.plans()
+        return jobs
+
+    def is_wanted(self, job: Job) -> bool:
+        """Tell whether a job's outcome is still waited for."""
+        return self._jobs.get(type(job.wanted)) is job
+
+    def finish(self, job: Job, found: Recovery | PlanDocument | None, now_ns: int) -> None:
+        """Take what a job has found, unless nobody waits for it any more."""
+        if not self.is_wanted(job):
+            return
+        del self._jobs[type(job.wanted)]
+        if isinstance(job.wanted, Lateness):
+            self._take_times(job.wanted, found, now_ns)
+        else:
+            self._adopt(job.wanted, found, now_ns)
+        self._plans = self.fleet.plans()
+
+    def tell_drops(self, now_ns: int, last: bool = False) -> None:
+        """Let the log tell how many messages were dropped, now and then, and at the end."""
+        if not last and now_ns - self._drops_told_ns < _TELL_DROPS:
+            return
+        dropped = dict(self.intake.dropped)
+        if self._journal.not_recorded:
+            dropped[NOT_RECORDED] = self._journal.not_recorded
+        if dropped != self._drops:
+            self._drops, self._drops_told_ns = dropped, now_ns
+            self._journal.record(drops_key(self.fleet.name), drops_record(dropped), now_ns)
+
+    def plans_again(self, now_ns: int) -> list[tuple[str, bytes]]:
+        """Return the plans for one who has not heard them all, if not too many ask.
+
+        None that no robot may hear yet.
+        """
+        plans = self._plans
+        if self.is_withheld or now_ns < self._answers_from_ns:
+            return []
+        self._answers_from_ns = now_ns + _ANSWER_TIME * len(plans)
+        return [(plan.key, plan.payload) for plan in plans]
+
+    def nobody_goes(self, now_ns: int) -> bool:
+        """Tell whether no robot is on its way, or none has heard that it might go."""
+        phase = self.fleet.phase
+        is_still = phase == FREEZE and self.fleet.is_settled(now_ns)
+        return self.is_withheld or phase == HOLD or is_still
+
+    def _adopt(self, asked: Request, found: object, now_ns: int) -> None:
+        """Begin the next epoch, unless the log can no longer tell of it."""
+        if self._journal.error is not None or not isinstance(found, Recovery):
+            return
+        messages = self.mission.adopt(asked, found, now_ns)
+        if messages is None:
+            return
+        self._journal.record(adoption_key(self.fleet.name), adoption_record(asked), now_ns)
+        if found.document is not None:
+            self._journal.keep(found.document)
+        self._say(messages, now_ns)
+
+    def _take_times(self, asked: Lateness, found: object, now_ns: int) -> None:
+        """Tell new times once they are in the log, or freeze without them."""
+        is_logged = self._journal.sync()
+        document = found if is_logged and isinstance(found, PlanDocument) else None
+        messages = self.mission.take_times(asked, document, now_ns)
+        if messages is None:
+            return
+        self._journal.record(lateness_key(self.fleet.name), lateness_record(asked), now_ns)
+        if document is not None:
+            self._journal.keep(document)
+            if not self._journal.sync():
+                return
+        self._say(messages, now_ns)
+
+    def _look_at_log(self, now_ns: int) -> None:
+        """Tell at once, and once, that the log cannot be written any more."""
+        if self._journal.error is not None and not self._log_told:
+            self._log_told = True
+            text = f"{self._journal.error}; nobody is sent on its way any more"
+            self.fleet.incidents.append(Incident(now_ns, "log", "", text))
+
+    def _say(self, messages: list[Outgoing], now_ns: int) -> None:
+        """Write down and send; a new phase is in the log before a robot hears of it.
+
+        Plans and a GO that no log holds are not sent: who goes on from it would not know of them.
+        """
+        for message in messages:
+            self._journal.record(message.key, message.payload, now_ns)
+        if messages and self._phase != (self.fleet.epoch, self.fleet.phase):
+            self._phase = (self.fleet.epoch, self.fleet.phase)
+            is_logged = self._journal.sync()
+            self.is_withheld |= self.fleet.phase in (HOLD, GO) and not is_logged
+        if not self.is_withheld:
+            for message in messages:
+                self._send(message.key, message.payload)
