@@ -46,7 +46,7 @@ def make_driver(name: str, max_accel: float) -> Driver:
         )
     try:
         made = getattr(module, wanted)(max_accel or math.inf)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise DriverNameError(f"{name}: {_failure(error)}") from None
     if not isinstance(made, Driver):
         raise DriverNameError(f"{name} is no Driver")
@@ -58,7 +58,7 @@ def _import(name: str, load: Callable[[], ModuleType]) -> ModuleType:
         return load()
     except DriverNameError as error:
         raise DriverNameError(f"{name}: {error}") from None
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise DriverNameError(f"{name}: {_failure(error)}") from None
 
 
@@ -99,7 +99,7 @@ def _classes(module: ModuleType) -> Iterable[str]:
             yield name
 
 
-def _failure(error: Exception) -> str:
+def _failure(error: BaseException) -> str:
     """Say in which file and line an import failed, and why."""
     if isinstance(error, SyntaxError):
         file, line = error.filename, error.lineno

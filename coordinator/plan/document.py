@@ -129,7 +129,7 @@ class Floor(msgspec.Struct, frozen=True, kw_only=True):
     """The floor that the clearance was proven on, so that a plan file stands alone."""
 
     boundary: list[Point]
-    obstacles: list[list[Point]] = []
+    obstacles: list[list[Point]]
 
 
 class PlanDocument(msgspec.Struct, frozen=True, kw_only=True):

@@ -58,7 +58,7 @@ class Quantity(NamedTuple):
     """What one number may be: above `least` (or from it on), up to `most` (or below it).
 
     `word` is a string that is accepted instead; "inf" accepts the infinite number as well.
-    `why` is said after a limit that is not kept.
+    `why` is said after a limit that is not kept, `why_least` after the lower one.
     """
 
     unit: str = ""
@@ -68,6 +68,7 @@ class Quantity(NamedTuple):
     below_most: bool = False
     word: str = ""
     why: str = ""
+    why_least: str = ""
 
     def complaint(self, value: object) -> str | None:
         """Return what is wrong with a value from a file, or None."""
@@ -80,21 +81,22 @@ class Quantity(NamedTuple):
         shown = f"{show(value)} {self.unit}".rstrip()
         if value < self.least or (value == self.least and not self.from_least):
             limit = f"below {self.least:g} {self.unit}" if self.from_least else "not positive"
-            return f"{shown} is {limit}".rstrip() + self._reason()
+            return _joined(f"{shown} is {limit}".rstrip(), self.why_least or self.why)
         if value > self.most or (value == self.most and self.below_most):
             limit = "not below" if self.below_most else "above"
-            return f"{shown} is {limit} {self.most:g} {self.unit}".rstrip() + self._reason()
+            return _joined(f"{shown} is {limit} {self.most:g} {self.unit}".rstrip(), self.why)
         return None
 
-    def _reason(self) -> str:
-        return f", {self.why}" if self.why else ""
+
+def _joined(complaint: str, reason: str) -> str:
+    return f"{complaint}, {reason}" if reason else complaint
 
 
 COORDINATE: Final = Quantity("m", -FARTHEST, FARTHEST, from_least=True, why=TOO_FAR)
 HEADING: Final = Quantity("rad", least=-LARGEST, from_least=True)
 SCENARIO_QUANTITIES: Final = {
     "tau": Quantity("s", from_least=True, most=60.0, word="auto"),
-    "margin": Quantity("m", least=LEAST_MARGIN, from_least=True, why=TOO_SMALL),
+    "margin": Quantity("m", least=LEAST_MARGIN, from_least=True, why_least=TOO_SMALL),
     "stop_time": Quantity("s"),
     "speed_reserve": Quantity(from_least=True, most=1.0, below_most=True),
 }

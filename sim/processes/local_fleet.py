@@ -37,7 +37,7 @@ Process = subprocess.Popen[str]
 Event = dict[str, Any]
 
 _GOODBYE_S: Final = 5.0
-_TROUBLE: Final = ("aside", "fault", "late", "refused", "stays", "timeout", "warning")
+_TROUBLE: Final = ("aside", "back", "fault", "late", "refused", "stays", "timeout", "warning")
 """What a coordinator says that whoever started the run has to know at once."""
 
 

@@ -101,6 +101,7 @@ def test_a_driver_that_imports_what_is_not_there_says_so_and_where(folder, monke
         ("from sim.world.body import Bodi\n", "line 1: ImportError: cannot import name 'Bodi'"),
         ("x = 1\nclass Base(\n", "line 2: SyntaxError: "),
         ("x = 1\ny = zz\n", "line 2: NameError: name 'zz' is not defined"),
+        ("import sys\nsys.exit(3)\n", "line 2: SystemExit: 3"),
     ],
 )
 def test_a_driver_file_that_fails_says_at_which_line_and_why(folder, text, what):

@@ -202,6 +202,15 @@ def test_a_motion_of_years_is_refused_before_it_is_proven():
         prove_document(replace(document(), robots=[replace(robot, profile=crawl, stops=[])]))
 
 
+def test_a_floor_that_does_not_tell_its_obstacles_is_refused():
+    plan = json.loads(to_json(document()))
+    del plan["workspace"]["obstacles"]
+    with pytest.raises(
+        InputError, match=r"missing required field `obstacles` - at `\$\.workspace`"
+    ):
+        from_json(json.dumps(plan).encode())
+
+
 def test_the_proof_says_what_it_could_not_prove():
     plan = document()
     assert prove_document(plan).unproven == []

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from coordinator.log.log_file import read_log
 from coordinator.scenario import margin as shares
+from coordinator.scenario.checks import SCENARIO_QUANTITIES
 from coordinator.scenario.margin import LEAST_MARGIN, LEAST_TRACK_MM, between_robots, track_mm_for
 from coordinator.service.replay import check_log
 from robot_agent.core.ride import ARRIVAL_SLACK
@@ -63,3 +64,9 @@ def test_an_older_log_is_read_as_before(command, tmp_path, monkeypatch):
         (tmp_path / f"{robot}.csv").write_bytes(box)
     result = CliRunner().invoke(app, command)
     assert result.exit_code == 0, result.output
+
+
+def test_only_a_margin_that_is_too_small_is_told_what_shares_it_has():
+    margin = SCENARIO_QUANTITIES["margin"]
+    assert "tables of arc lengths" in margin.complaint(0.001)
+    assert margin.complaint(1e6) == "1000000.0 m is above 100000 m"

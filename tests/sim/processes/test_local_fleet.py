@@ -28,13 +28,19 @@ def test_what_an_earlier_run_left_in_the_folder_does_not_mix_with_a_new_one(tmp_
 
 def test_a_run_tells_why_its_fleet_does_not_go(tmp_path, capsys):
     fleet = LocalFleet(read_scenario(PAPER), tmp_path, speed=1.0, effort=0, faults=[])
-    said = {"warning": "R1: has no key that counts", "hello": "R2 says hello", "timeout": "gave up"}
+    said = {
+        "warning": "R1: has no key that counts",
+        "hello": "R2 says hello",
+        "back": "R3 is heard again",
+        "timeout": "gave up",
+    }
     for event, text in said.items():
         fleet._events.put((None, {"event": event, "text": text}))
     fleet._events.put((None, None))
     assert not fleet._follow()
-    first, second = capsys.readouterr().err.splitlines()
+    first, back, second = capsys.readouterr().err.splitlines()
     assert re.fullmatch(r"\d\d:\d\d:\d\d R1: has no key that counts", first)
+    assert back.endswith(" R3 is heard again")
     assert re.fullmatch(r"\d\d:\d\d:\d\d gave up", second)
 
 
