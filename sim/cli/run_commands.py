@@ -35,7 +35,7 @@ def known(kind: str) -> str:
     return kind
 
 
-@commands.command()
+@commands.command(rich_help_panel="Plan")
 def scenario(
     kind: Annotated[
         str, typer.Argument(metavar="KIND", help=", ".join(get_args(Kind)) + ".", callback=known)
@@ -95,7 +95,7 @@ def scenario(
         tell(f"wrote {output}: {made.name}, {many}")
 
 
-@commands.command()
+@commands.command(rich_help_panel="Run")
 def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
     out: Annotated[
@@ -151,7 +151,7 @@ def run(
     conclude(folder, asked.name, outcome.code, as_json)
 
 
-@commands.command()
+@commands.command(rich_help_panel="Inspect")
 def judge(
     source: Annotated[Path, typer.Argument(help="Folder of a run, or its log.")],
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
@@ -175,7 +175,7 @@ def judge(
         raise typer.Exit(1)
 
 
-@commands.command()
+@commands.command(rich_help_panel="Run")
 def campaign(
     scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
     seeds: Annotated[int, typer.Option(min=1, help="How many runs.")] = 100,
