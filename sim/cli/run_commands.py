@@ -192,7 +192,7 @@ def campaign(
     tau: Annotated[
         float | None,
         typer.Option(
-            help="Seconds, not the fault budget: tests proof.survives.",
+            help="Plan with this tau [s] in place of the sum of all faults.",
             callback=lambda value: value if value is None else within(0.0, 60.0)(value),
         ),
     ] = None,
