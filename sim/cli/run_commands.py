@@ -179,20 +179,24 @@ def judge(
 def campaign(
     scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
     seeds: Annotated[int, typer.Option(min=1, help="How many runs.")] = 100,
-    from_seed: Annotated[int, typer.Option(min=0, help="The first one's seed.")] = 0,
+    from_seed: Annotated[int, typer.Option(min=0, help="Seed of the first run.")] = 0,
     faults: Annotated[
-        str | None, typer.Option(metavar="KINDS", help="Draw only these, a comma list.")
+        str | None, typer.Option(metavar="KINDS", help="Draw only these kinds, comma-separated.")
     ] = None,
     fault: Annotated[
         list[str] | None,
         typer.Option(metavar="SPEC", help=f"Only these (or none), repeatable: {script_help()}."),
     ] = None,
-    loss: Annotated[float, typer.Option(callback=within(0.0, 0.3), help="At most.")] = 0.3,
-    delay_ms: Annotated[float, typer.Option(callback=within(0.0, 300.0), help="At most.")] = 300.0,
+    loss: Annotated[
+        float, typer.Option(callback=within(0.0, 0.3), help="Greatest share lost.")
+    ] = 0.3,
+    delay_ms: Annotated[
+        float, typer.Option(callback=within(0.0, 300.0), help="Greatest delay.")
+    ] = 300.0,
     tau: Annotated[
         float | None,
         typer.Option(
-            help="Plan with this tau [s] in place of the sum of all faults.",
+            help="Plan with this tau, in seconds, in place of the sum of all faults.",
             callback=lambda value: value if value is None else within(0.0, 60.0)(value),
         ),
     ] = None,
