@@ -9,6 +9,7 @@ from tests.test_readme import ROOT
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
+PACKAGES = ("coordinator", "sim", "protocol", "robot_agent", "tests", "benchmarks")
 PATH = r"(?:coordinator|sim|protocol|robot_agent|tests|benchmarks)/(?:[\w/-]+\.py|[\w/]+/)"
 
 
@@ -42,8 +43,13 @@ def test_the_page_says_of_every_room_what_it_decides():
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_every_path_that_a_document_names_exists(page):
-    for path in re.findall(rf"`({PATH})`", page.read_text()):
-        assert (ROOT / path).exists(), path
+    text = page.read_text()
+    for path in re.findall(rf"`({PATH})`|(?<![\w/.])({PATH}(?<=\.py))", text):
+        assert (ROOT / (path[0] or path[1])).exists(), path
+    for name in re.findall(r"`([a-z_]+\.(?:py|js))`", text):
+        assert (ROOT / name).exists() or any(
+            path for package in PACKAGES for path in (ROOT / package).rglob(name)
+        ), name
 
 
 def test_what_the_map_finds_in_a_file_is_in_it():
