@@ -27,16 +27,17 @@ if TYPE_CHECKING:
 
 _COMMANDS: Final = (
     "coordinator.cli.plan_commands",
-    "coordinator.cli.info_commands",
-    "coordinator.cli.keys_commands",
-    "coordinator.cli.log_commands",
-    "coordinator.cli.operator_commands",
     "coordinator.cli.vda5050_commands",
-    "coordinator.cli.view_commands",
     "robot_agent.commands",
+    "coordinator.cli.operator_commands",
     "sim.cli.run_commands",
+    "coordinator.cli.info_commands",
+    "coordinator.cli.view_commands",
     "sim.cli.replay_commands",
+    "coordinator.cli.log_commands",
+    "coordinator.cli.keys_commands",
 )
+"""In the order in which the help shows them, and their panels."""
 
 
 def __getattr__(name: str) -> object:

@@ -25,7 +25,7 @@ _FARTHEST: Final = 1e6
 """A robot does not stand so far [m] away."""
 
 
-@commands.command()
+@commands.command(rich_help_panel="Run")
 def agent(
     robot: Annotated[str, typer.Argument(help="The robot's name in the scenario.")],
     connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 commands = typer.Typer()
 
 
-@commands.command()
+@commands.command(rich_help_panel="Inspect")
 def info(
     source: Source,
     blackbox: Annotated[

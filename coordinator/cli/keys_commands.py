@@ -28,7 +28,7 @@ commands = typer.Typer()
 keys_commands = typer.Typer(
     help="Make, revoke and show the keys of a fleet: docs/keys.md.", no_args_is_help=True
 )
-commands.add_typer(keys_commands, name="keys")
+commands.add_typer(keys_commands, name="keys", rich_help_panel="Keys")
 
 _USUAL: Final = Path("keys")
 _HOST: Final = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]{0,251}[A-Za-z0-9])?")

@@ -33,7 +33,7 @@ def fleet_name(name: str | None) -> str | None:
     return name
 
 
-@commands.command()
+@commands.command(rich_help_panel="Operate")
 def record(
     connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
     output: Annotated[
@@ -91,7 +91,7 @@ def shown(items: Sequence[Item], what: str) -> Iterable[Item]:
     return track(items, what, console=errors, transient=True, disable=not errors.is_terminal)
 
 
-@commands.command()
+@commands.command(rich_help_panel="Inspect")
 def recover(
     log: LogFile,
     output: Annotated[
@@ -145,7 +145,7 @@ def _write_at_once(path: Path, content: bytes) -> None:
             part.unlink()
 
 
-@commands.command()
+@commands.command(rich_help_panel="Inspect")
 def export(
     source: Source,
     to: Annotated[Literal["csv", "foxglove", "vda5050"], typer.Option(help="For which tools.")],

@@ -24,7 +24,7 @@ commands = typer.Typer()
 _PERIOD_S: Final = 0.2
 
 
-@commands.command()
+@commands.command(rich_help_panel="Operate")
 def admit(
     robot: Annotated[str, typer.Argument(help="The robot to take in.")],
     connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],

@@ -105,7 +105,7 @@ Speed = Annotated[
 Effort = Annotated[int, typer.Option(min=0, max=100_000, help="Rounds of improvement.")]
 
 
-@commands.command()
+@commands.command(rich_help_panel="Plan")
 def plan(
     scenario: ScenarioFile,
     output: Annotated[
@@ -156,7 +156,7 @@ def plan(
         raise typer.Exit(1)
 
 
-@commands.command()
+@commands.command(rich_help_panel="Plan")
 def verify(
     plan: PlanFile,
     scenario: Annotated[Path | None, typer.Option(help="Prove against this scenario.")] = None,
@@ -201,7 +201,7 @@ def verify(
         raise typer.Exit(1)
 
 
-@commands.command()
+@commands.command(rich_help_panel="Run")
 def coordinator(
     scenario: ScenarioFile,
     listen: Annotated[
@@ -240,7 +240,7 @@ def coordinator(
     raise typer.Exit(runner.run(place, log, plan_out, wait, resume, keys))
 
 
-@commands.command()
+@commands.command(rich_help_panel="Plan")
 def plot(
     source: Annotated[Path, typer.Argument(help="Plan file or log.")],
     output: Annotated[

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 commands = typer.Typer()
 imports = typer.Typer(no_args_is_help=True, help="Make a scenario from what other tools write.")
-commands.add_typer(imports, name="import")
+commands.add_typer(imports, name="import", rich_help_panel="Plan")
 
 
 @imports.command("vda5050")

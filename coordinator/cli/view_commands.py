@@ -18,7 +18,7 @@ from coordinator.service.key_option import Keys, given_keys
 commands = typer.Typer()
 
 
-@commands.command()
+@commands.command(rich_help_panel="Inspect")
 def view(
     source: Annotated[
         Path | None,

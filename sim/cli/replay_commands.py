@@ -43,7 +43,7 @@ def key_prefix(prefix: str) -> str:
     return prefix
 
 
-@commands.command()
+@commands.command(rich_help_panel="Inspect")
 def replay(
     log: LogFile,
     check: Annotated[bool, typer.Option("--check", help="Run the log again, compare.")] = False,
@@ -81,7 +81,7 @@ def replay(
     insecure: Insecure = False,
     as_json: Json = False,
 ) -> None:
-    """Publish a log's traffic again in time; check that it comes out again; go on otherwise.
+    """Publish a log's traffic again, check that it comes out the same, or go on from a moment.
 
     Without a listener after --wait-listener seconds nothing is played, exit code 1.
 

@@ -35,7 +35,7 @@ def known(kind: str) -> str:
     return kind
 
 
-@commands.command()
+@commands.command(rich_help_panel="Plan")
 def scenario(
     kind: Annotated[
         str, typer.Argument(metavar="KIND", help=", ".join(get_args(Kind)) + ".", callback=known)
@@ -95,7 +95,7 @@ def scenario(
         tell(f"wrote {output}: {made.name}, {many}")
 
 
-@commands.command()
+@commands.command(rich_help_panel="Run")
 def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
     out: Annotated[
@@ -151,7 +151,7 @@ def run(
     conclude(folder, asked.name, outcome.code, as_json)
 
 
-@commands.command()
+@commands.command(rich_help_panel="Inspect")
 def judge(
     source: Annotated[Path, typer.Argument(help="Folder of a run, or its log.")],
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
@@ -175,24 +175,28 @@ def judge(
         raise typer.Exit(1)
 
 
-@commands.command()
+@commands.command(rich_help_panel="Run")
 def campaign(
     scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
     seeds: Annotated[int, typer.Option(min=1, help="How many runs.")] = 100,
-    from_seed: Annotated[int, typer.Option(min=0, help="The first one's seed.")] = 0,
+    from_seed: Annotated[int, typer.Option(min=0, help="Seed of the first run.")] = 0,
     faults: Annotated[
-        str | None, typer.Option(metavar="KINDS", help="Draw only these, a comma list.")
+        str | None, typer.Option(metavar="KINDS", help="Draw only these kinds, comma-separated.")
     ] = None,
     fault: Annotated[
         list[str] | None,
         typer.Option(metavar="SPEC", help=f"Only these (or none), repeatable: {script_help()}."),
     ] = None,
-    loss: Annotated[float, typer.Option(callback=within(0.0, 0.3), help="At most.")] = 0.3,
-    delay_ms: Annotated[float, typer.Option(callback=within(0.0, 300.0), help="At most.")] = 300.0,
+    loss: Annotated[
+        float, typer.Option(callback=within(0.0, 0.3), help="Greatest share lost.")
+    ] = 0.3,
+    delay_ms: Annotated[
+        float, typer.Option(callback=within(0.0, 300.0), help="Greatest delay.")
+    ] = 300.0,
     tau: Annotated[
         float | None,
         typer.Option(
-            help="Seconds, not the fault budget: tests proof.survives.",
+            help="Plan with this tau, in seconds, in place of the sum of all faults.",
             callback=lambda value: value if value is None else within(0.0, 60.0)(value),
         ),
     ] = None,
