@@ -20,7 +20,7 @@ from coordinator.base.errors import PlanError
 from coordinator.motion.velocity_profile import Motion, Wait, limits_on
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.plan.document import Limits, PlanDocument, Proof
-from coordinator.plan.drafting import make_document
+from coordinator.plan.drafting import draft_plan
 from coordinator.plan.fault_budget import budget_for
 from coordinator.plan.wire import Driven, drive
 from coordinator.planning.planner import plan_scenario
@@ -103,7 +103,7 @@ def _in_a_row(kind: Kind, robots: int) -> Case:
         limits = limits_on(path, speed, robot.max_accel, robot.max_lateral_accel)
         motion = Motion(limits, [Wait(0.0, BETWEEN * index, -1)] if index else [])
         alone = replace(scenario, robots=(robot,))
-        documents.append(make_document(alone, [path], [motion], tau=TAU, epoch=1, notes=[]))
+        documents.append(draft_plan(alone, [path], [motion], tau=TAU, epoch=1, notes=[]).document)
     return Case(f"{kind}, in a row", scenario, documents, TAU)
 
 

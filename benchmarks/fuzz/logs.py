@@ -24,6 +24,7 @@ from coordinator.log.log_file import log_from_bytes
 from coordinator.log.recorder import METADATA_NAME, WALL_OFFSET
 from coordinator.log.records import Log, Record
 from coordinator.log.recover import make_whole
+from coordinator.plan.wire import packed
 from coordinator.service.replay import check_log
 from coordinator.view.scene_log import scene_of_logs
 from protocol import keys
@@ -73,7 +74,7 @@ def _tell(log: Log) -> None:
 
 def _spoken() -> Iterator[tuple[int, Outgoing]]:
     """Yield what goes by while two robots drive, with the times."""
-    fleet = muster(two()[1], _BOOT)
+    fleet = muster(packed(two()[1]), _BOOT)
     sequence, now_ns = count(1), SECOND
     for phase in (None, ARMED, ARMED, MOVING, MOVING, DONE, DONE, DONE):
         for robot in fleet.members:

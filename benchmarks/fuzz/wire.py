@@ -10,6 +10,7 @@ import msgspec
 from benchmarks.fuzz.target import Target
 from benchmarks.table import ROOT
 from coordinator.fleet.fleet_from_plan import muster
+from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import read_scenario
 from protocol import keys
@@ -70,7 +71,7 @@ class _Halls:
 
     def begin(self) -> None:
         """Begin anew, so that inputs say the same whatever came before."""
-        self.fleet = muster(self.document, _BOOT)
+        self.fleet = muster(packed(self.document), _BOOT)
         self.robot = self.document.robots[0].id
         self.session.end(0)
         self.session = self.network.session("robot")

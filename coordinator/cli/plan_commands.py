@@ -139,7 +139,7 @@ def plan(
     if as_json:
         for note in asked.workspace.notes:
             tell(note)
-    document = plan_here(asked, effort)
+    document = plan_here(asked, effort).document
     if output is not None:
         write_file(output, to_json(document))
     if csv is not None:

@@ -15,17 +15,18 @@ from coordinator.fleet.events import Part
 from coordinator.fleet.member import Member
 from coordinator.plan.document import PlanDocument, RobotPlan
 from coordinator.plan.fault_budget import budget_for
-from coordinator.plan.wire import pack, pack_times
+from coordinator.plan.wire import PackedPlan, address, pack_times
 from coordinator.scenario.link_times import link_times
 from protocol.timing import SECOND
 
 
-def muster(document: PlanDocument, boot: int) -> Fleet:
+def muster(plan: PackedPlan, boot: int) -> Fleet:
     """Return the fleet core for a plan; PlanError when the plan is not proven.
 
     `boot` is the coordinator's boot id, 32 random bits.
     """
-    parts, times = parts_of(document, boot), link_times(document.link)
+    document = plan.document
+    parts, times = parts_of(plan, boot), link_times(document.link)
     members = [
         Member(
             id=robot.id,
@@ -55,19 +56,20 @@ def muster(document: PlanDocument, boot: int) -> Fleet:
     )
 
 
-def parts_of(document: PlanDocument, boot: int) -> dict[str, Part]:
+def parts_of(plan: PackedPlan, boot: int) -> dict[str, Part]:
     """Return what each robot of a proven plan is to be sent; PlanError when it is not proven."""
-    if document.proof is None or not document.proof.holds:
+    proof = plan.document.proof
+    if proof is None or not proof.holds:
         raise PlanError("a plan whose proof does not hold is not sent to robots")
     return {
-        robot.id: Part(pack(document, robot, boot), max(v for _, v in robot.profile))
-        for robot in document.robots
+        robot.id: Part(address(plan.messages[robot.id], boot), max(v for _, v in robot.profile))
+        for robot in plan.document.robots
     }
 
 
-def times_of(document: PlanDocument, driven: PlanDocument, boot: int) -> dict[str, bytes]:
+def times_of(plan: PackedPlan, driven: PlanDocument, boot: int) -> dict[str, bytes]:
     """Return the NewTimes messages of a proven plan that changes the times of the one driven."""
-    parts = parts_of(document, boot)
+    parts, document = parts_of(plan, boot), plan.document
     was = {robot.id: robot for robot in driven.robots}
     return {
         robot.id: pack_times(parts[robot.id].plan, document.revision)

@@ -16,7 +16,7 @@ from coordinator.fleet.recovery import Planner, Recovery, recover
 from coordinator.fleet.replanning_input import Site
 from coordinator.fleet.rest_places import Standing
 from coordinator.plan.document import PlanDocument
-from coordinator.plan.wire import drive
+from coordinator.plan.wire import PackedPlan, drive
 from coordinator.planning.retiming import retime
 from coordinator.scenario.model import Scenario
 from coordinator.schedule.lateness import Lateness
@@ -32,12 +32,10 @@ _NEAR: Final = 0.05
 class Mission:
     """One scenario from its first plan to the end; `planner` plans the later epochs."""
 
-    def __init__(
-        self, scenario: Scenario, document: PlanDocument, boot: int, planner: Planner
-    ) -> None:
+    def __init__(self, scenario: Scenario, plan: PackedPlan, boot: int, planner: Planner) -> None:
         self.site = Site(scenario)
-        self.documents = {document.epoch: document}
-        self.fleet = muster(document, boot)
+        self.documents = {plan.document.epoch: plan.document}
+        self.fleet = muster(plan, boot)
         self._planner = planner
         self._wanted: Request | None = None
 
@@ -85,19 +83,20 @@ class Mission:
         """Return what new times are wanted for and were not asked for yet."""
         return self.fleet.late()
 
-    def retime(self, late: Lateness) -> PlanDocument | None:
+    def retime(self, late: Lateness) -> PackedPlan | None:
         """Return the newest plan with new times, None if there are none; pure, takes a while."""
         return retime(self.site.scenario, self.document, late)
 
     def take_times(
-        self, late: Lateness, document: PlanDocument | None, now_ns: int
+        self, late: Lateness, plan: PackedPlan | None, now_ns: int
     ) -> list[Outgoing] | None:
         """Go on with new times, or freeze without; None when they are no longer waited for."""
         driven, boot = self.document, self.fleet.boot
-        times = {} if document is None else times_of(document, driven, boot)
-        finish = max(robot.finish_time for robot in (document or driven).robots)
+        times = {} if plan is None else times_of(plan, driven, boot)
+        document = driven if plan is None else plan.document
+        finish = max(robot.finish_time for robot in document.robots)
         messages = self.fleet.take_times(late, times, round(finish * SECOND), now_ns)
-        if messages is not None and document is not None:
+        if messages is not None:
             self.documents[document.epoch] = document
         return messages
 
@@ -124,10 +123,10 @@ class Mission:
         self.site = recovery.site
         for one in self.site.aside:
             self.fleet.members[one.robot.id].finished |= one.why == "arrived"
-        if recovery.document is None:
+        if recovery.plan is None:
             return self.fleet.adopt(request.epoch, {}, 0, now_ns)
-        document = recovery.document
+        document = recovery.plan.document
         self.documents[document.epoch] = document
         finish = max(robot.finish_time for robot in document.robots)
-        parts = parts_of(document, self.fleet.boot)
+        parts = parts_of(recovery.plan, self.fleet.boot)
         return self.fleet.adopt(document.epoch, parts, round(finish * SECOND), now_ns)

@@ -35,6 +35,7 @@ from coordinator.fleet.log_records import (
 from coordinator.fleet.mission import Mission
 from coordinator.fleet.recovery import Recovery
 from coordinator.plan.document import PlanDocument
+from coordinator.plan.wire import PackedPlan
 from coordinator.schedule.lateness import Lateness
 from protocol.phases import FREEZE, GO, HOLD
 from protocol.timing import MILLISECOND, SECOND
@@ -84,7 +85,7 @@ class Job:
     """
 
     wanted: Request | Lateness
-    work: Callable[[], Recovery | PlanDocument | None]
+    work: Callable[[], Recovery | PackedPlan | None]
 
 
 class MissionDriver:
@@ -156,7 +157,7 @@ class MissionDriver:
         """Tell whether a job's outcome is still waited for."""
         return self._jobs.get(type(job.wanted)) is job
 
-    def finish(self, job: Job, found: Recovery | PlanDocument | None, now_ns: int) -> None:
+    def finish(self, job: Job, found: Recovery | PackedPlan | None, now_ns: int) -> None:
         """Take what a job has found, unless nobody waits for it any more."""
         if not self.is_wanted(job):
             return
@@ -210,13 +211,13 @@ class MissionDriver:
     def _take_times(self, asked: Lateness, found: object, now_ns: int) -> None:
         """Tell new times once they are in the log, or freeze without them."""
         is_logged = self._journal.sync()
-        document = found if is_logged and isinstance(found, PlanDocument) else None
-        messages = self.mission.take_times(asked, document, now_ns)
+        plan = found if is_logged and isinstance(found, PackedPlan) else None
+        messages = self.mission.take_times(asked, plan, now_ns)
         if messages is None:
             return
         self._journal.record(lateness_key(self.fleet.name), lateness_record(asked), now_ns)
-        if document is not None:
-            self._journal.keep(document)
+        if plan is not None:
+            self._journal.keep(plan.document)
             if not self._journal.sync():
                 return
         self._say(messages, now_ns)

@@ -21,13 +21,14 @@ from coordinator.fleet.replanning_input import Site, next_site, passable
 from coordinator.fleet.rest_places import Standing
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.plan.document import PlanDocument
+from coordinator.plan.wire import PackedPlan
 from coordinator.scenario.model import Point, Robot, Scenario
 
 _GENTLE: Final = 0.05
 """Least radius of turns [m]: robots that stop anywhere face anywhere, and via points may ask for
 needles that a robot which turns on the spot could drive in theory."""
 
-Planner = Callable[[Scenario, int], PlanDocument]
+Planner = Callable[[Scenario, int], PackedPlan]
 """Plans a scenario for an epoch; raises PlanError."""
 
 
@@ -40,10 +41,15 @@ class Recovery:
     """
 
     site: Site
-    document: PlanDocument | None
+    plan: PackedPlan | None
     said: tuple[str, ...]
     stays: Mapping[str, str] = field(default_factory=dict)
     doubted: tuple[str, ...] = ()
+
+    @property
+    def document(self) -> PlanDocument | None:
+        """The plan's document."""
+        return None if self.plan is None else self.plan.document
 
 
 def recover(
@@ -113,7 +119,7 @@ def _with_those_that_can(
     return Recovery(site, None, tuple(said), stays)
 
 
-def _plan(scenario: Scenario, epoch: int, plan: Planner) -> PlanDocument:
+def _plan(scenario: Scenario, epoch: int, plan: Planner) -> PackedPlan:
     """Plan with turns that are easy to drive, after turning on the spot if need be, or with any."""
     for asked in (_gentle(scenario), _gentle(turned(scenario)), scenario):
         with suppress(PlanError):

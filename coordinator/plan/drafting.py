@@ -1,4 +1,4 @@
-"""Paths and motions made into the plan document, with the numbers that robots will get.
+"""Paths and motions made into the plan document and its messages, which are packed here.
 
 Decides: how a motion is rounded to the wire, and what is said about each crossing.  Must not know:
 how paths and motions were found.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Sequence
 from itertools import combinations
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -19,13 +20,15 @@ from coordinator.curves.nurbs_kernels import Indices
 from coordinator.motion.velocity_profile import Motion
 from coordinator.plan.crossings import CrossingSearch
 from coordinator.plan.document import Crossing, Floor, Limits, PlanDocument, RobotPlan, Stop
-from coordinator.plan.wire import float32, float32_below, pack, path_of
+from coordinator.plan.wire import PackedPlan, address, float32, float32_below, pack, path_of
 from coordinator.scenario.model import Robot, Scenario
 from protocol.packing import OversizeError
 from protocol.timeline import Timeline
 
+_LONGEST_BOOT: Final = 2**32 - 1
 
-def make_document(
+
+def draft_plan(
     scenario: Scenario,
     paths: Sequence[Nurbs],
     motions: Sequence[Motion],
@@ -33,8 +36,8 @@ def make_document(
     epoch: int,
     notes: Sequence[str],
     crossings: CrossingSearch | None = None,
-) -> PlanDocument:
-    """Return the document without its proof; tau in seconds.
+) -> PackedPlan:
+    """Return the plan without its proof; tau in seconds.
 
     `crossings`: where the paths cross, already looked for; by default all pairs are looked at.
 
@@ -55,14 +58,15 @@ def make_document(
         notes=list(notes),
     )
     names = [robot.id for robot in scenario.robots]
-    robots = []
-    for robot, path, motion in zip(scenario.robots, paths, motions, strict=True):
-        robots.append(_robot_plan(bare, robot, path, motion, names))
+    parts = zip(scenario.robots, paths, motions, strict=True)
+    drafted = [_robot_plan(bare, *part, names) for part in parts]
+    robots = [plan for plan, _ in drafted]
     if crossings is None:
         pairs = np.array(list(combinations(range(len(robots)), 2)), dtype=np.int64).reshape(-1, 2)
         crossings = CrossingSearch(paths, pairs, None)
     said = _crossings(robots, motions, crossings.pairs, crossings.result())
-    return msgspec.structs.replace(bare, robots=robots, crossings=said)
+    document = msgspec.structs.replace(bare, robots=robots, crossings=said)
+    return PackedPlan(document, {plan.id: message for plan, message in drafted})
 
 
 def with_new_times(
@@ -71,33 +75,38 @@ def with_new_times(
     paths: Sequence[Nurbs],
     motions: Sequence[Motion],
     changed: Container[int],
-) -> PlanDocument:
-    """Return a document without its proof in which some robots have other motions.
+) -> PackedPlan:
+    """Return a plan without its proof in which some robots have other motions than in a document.
 
     Raises PlanError when a robot's times are too long for a message.
     """
     names = [robot.id for robot in document.robots]
-    plans = [
-        _robot_plan(document, *parts, names) if index in changed else document.robots[index]
+    drafted = [
+        _robot_plan(document, *parts, names)
+        if index in changed
+        else (document.robots[index], pack(document, document.robots[index]))
         for index, parts in enumerate(zip(robots, paths, motions, strict=True))
     ]
+    plans = [plan for plan, _ in drafted]
     at = {name: index for index, name in enumerate(names)}
     pairs = np.array([(at[c.a], at[c.b]) for c in document.crossings], np.int64).reshape(-1, 2)
     table = [(k, c.x, c.y, c.s_a, c.s_b) for k, c in enumerate(document.crossings)]
     said = _crossings(plans, motions, pairs, np.array(table, np.float64).reshape(-1, 5))
-    return msgspec.structs.replace(document, robots=plans, crossings=said, proof=None)
+    fresh = msgspec.structs.replace(document, robots=plans, crossings=said, proof=None)
+    return PackedPlan(fresh, {plan.id: message for plan, message in drafted})
 
 
 def _robot_plan(
     document: PlanDocument, robot: Robot, path: Nurbs, motion: Motion, names: Sequence[str]
-) -> RobotPlan:
-    """Return a robot's part with the length of its message."""
+) -> tuple[RobotPlan, bytes]:
+    """Return a robot's part and its message; the part tells how long that is at most."""
     planned = _rounded(robot, path, motion, names)
     try:
-        size = len(pack(document, planned, boot=2**32 - 1))
+        message = pack(document, planned)
+        size = len(address(message, _LONGEST_BOOT))
     except OversizeError as error:
         raise PlanError(f"{robot.id}: {error}; fewer via points would help") from None
-    return msgspec.structs.replace(planned, wire_bytes=size)
+    return msgspec.structs.replace(planned, wire_bytes=size), message
 
 
 def _rounded(robot: Robot, path: Nurbs, motion: Motion, names: Sequence[str]) -> RobotPlan:

@@ -1,15 +1,18 @@
 """Between the plan document and the bytes that robots get.
 
-Decides: how a RobotPlan becomes a Plan message and how a Plan message reads back.  The proof takes
-what `unpack` returns, so it holds for the bytes.  Must not know: how plans are found.
+A plan's messages are packed once.  The proof reads these very bytes (`unpack`); a coordinator that
+sends them fills in who it is and the checksum, and nothing else (`address`).
+
+Decides: how a RobotPlan becomes a Plan message and how a Plan message reads back.  Must not know:
+how plans are found.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeVar
 
 import msgspec
 import numpy as np
@@ -29,6 +32,8 @@ from protocol.packing import pack_floats, pack_points, pack_profile, pack_stops
 from protocol.plan_parts import unpack_plan
 from protocol.timeline import Timeline
 from protocol.timing import MILLISECOND, SECOND
+
+T = TypeVar("T")
 
 _WEIGHT_RATIO: Final = 100.0
 _PLACES: Final = 200
@@ -62,8 +67,16 @@ class Driven:
     arc_error: float
 
 
-def pack(document: PlanDocument, robot: RobotPlan, boot: int = 0) -> bytes:
-    """Return the Plan message of one robot; OversizeError when it is too long to send."""
+@dataclass(frozen=True)
+class PackedPlan:
+    """A plan document and the Plan messages made of it, by robot, that nobody sends yet."""
+
+    document: PlanDocument
+    messages: Mapping[str, bytes]
+
+
+def pack(document: PlanDocument, robot: RobotPlan) -> bytes:
+    """Return the Plan message of one robot, of a sender 0; OversizeError when it is too long."""
     limits = robot.limits
     accel = limits.max_accel if limits is not None else None
     stops = [(stop.s, round(stop.depart * SECOND)) for stop in robot.stops]
@@ -74,7 +87,7 @@ def pack(document: PlanDocument, robot: RobotPlan, boot: int = 0) -> bytes:
     path, times = robot.path, link_times(document.link)
     plan = Plan(
         epoch=document.epoch,
-        boot=boot,
+        boot=0,
         robot=robot.id,
         tau_ns=round(document.tau * SECOND),
         track_mm=min(track_mm_for(document.margin), 65_535),
@@ -91,6 +104,18 @@ def pack(document: PlanDocument, robot: RobotPlan, boot: int = 0) -> bytes:
         clock_ms=times.clock_error_ns // MILLISECOND,
     )
     return encode(seal(plan))
+
+
+def packed(document: PlanDocument) -> PackedPlan:
+    """Return a document with its messages; InputError naming the robots that have none."""
+    return PackedPlan(document, dict(_each(document.robots, lambda one: pack(document, one))))
+
+
+def address(message: bytes, boot: int) -> bytes:
+    """Return a packed Plan message as the coordinator with this boot id sends it."""
+    plan = decode("plan", message)
+    assert isinstance(plan, Plan)
+    return encode(seal(msgspec.structs.replace(plan, boot=boot)))
 
 
 def pack_times(payload: bytes, revision: int) -> bytes:
@@ -204,15 +229,26 @@ def _uncertain(size: float, place: Array) -> ValueError:
 
 def drive(document: PlanDocument) -> list[Driven]:
     """Return what every robot of a document makes of its bytes; InputError naming the robot."""
-    driven, problems = [], []
-    for robot in document.robots:
+    return unpack_all(packed(document))
+
+
+def unpack_all(plan: PackedPlan) -> list[Driven]:
+    """Return what every robot makes of its message; InputError naming those that refuse theirs."""
+    robots, messages = plan.document.robots, plan.messages
+    return [one for _, one in _each(robots, lambda one: unpack(messages[one.id], one.radius))]
+
+
+def _each(robots: Sequence[RobotPlan], make: Callable[[RobotPlan], T]) -> list[tuple[str, T]]:
+    """Return what is made of each robot; InputError with all those of which it cannot be made."""
+    made, problems = [], []
+    for robot in robots:
         try:
-            driven.append(unpack(pack(document, robot), robot.radius))
+            made.append((robot.id, make(robot)))
         except (ValueError, OverflowError, msgspec.MsgspecError, IndexError) as error:
             problems.append(f"plan: robots[{robot.id}]: {error}")
     if problems:
         raise InputError(problems)
-    return driven
+    return made
 
 
 def path_of(curve: Nurbs) -> Path:

@@ -23,9 +23,10 @@ from coordinator.paths.path_planner import Pathfinder, find_paths
 from coordinator.plan.checks import LONGEST_PLAN, LONGEST_TAU
 from coordinator.plan.crossings import CrossingSearch
 from coordinator.plan.document import Limits, PlanDocument, Reason
-from coordinator.plan.drafting import make_document
+from coordinator.plan.drafting import draft_plan
 from coordinator.plan.fault_budget import budget_for, resolve_tau
-from coordinator.proof.verify import prove_document
+from coordinator.plan.wire import PackedPlan
+from coordinator.proof.verify import prove_messages
 from coordinator.scenario.model import Scenario
 from coordinator.schedule import paper_policy
 from coordinator.schedule.detours import blocking_pairs, lanes, refuges, say_ring, say_stuck
@@ -65,10 +66,24 @@ def plan_scenario(
     timer: Timer = lambda: 0.0,
     executor: Executor | None = None,
 ) -> PlanDocument:
-    """Return the plan of a scenario with its proof; epochs after 1 get LATER_EFFORT at most.
+    """Return the document of a plan that `plan_fleet` finds, with the same arguments."""
+    plan = plan_fleet(scenario, effort=effort, epoch=epoch, timer=timer, executor=executor)
+    return plan.document
 
-    Paths and zones of large fleets are found in parts by the executor: threads, processes, a
-    cluster; the plan is the same whatever it is.  `timing` is by the timer [s], without one 0.
+
+def plan_fleet(
+    scenario: Scenario,
+    *,
+    effort: int = DEFAULT_EFFORT,
+    epoch: int = 1,
+    timer: Timer = lambda: 0.0,
+    executor: Executor | None = None,
+) -> PackedPlan:
+    """Return the plan of a scenario, proven on the messages that come with it.
+
+    Epochs after 1 get LATER_EFFORT at most.  Paths and zones of large fleets are found in parts by
+    the executor: threads, processes, a cluster; the plan is the same whatever it is.  `timing` is
+    by the timer [s], without one 0.
 
     Policy "safe": raises PlanError when no plan is found; what is returned is proven.
     Policy "paper": the proof may fail; the document says so and must not be driven.
@@ -83,15 +98,15 @@ def plan_scenario(
     motions = stages.schedule(effort if epoch == 1 else min(effort, LATER_EFFORT))
     _check_times(scenario, tau, motions)
     marks.append(timer())
-    document = make_document(
+    drafted = draft_plan(
         scenario, stages.paths, motions, tau, epoch, stages.say(), stages.crossings()
     )
     waits = [] if scenario.policy == "paper" else stages.explain(motions)
     marks.append(timer())
-    notes = [*unkept_priorities(scenario.robots, waits), *document.notes]
-    document = replace(document, waits=waits, notes=notes)
+    notes = [*unkept_priorities(scenario.robots, waits), *drafted.document.notes]
+    document = replace(drafted.document, waits=waits, notes=notes)
     try:
-        proof = prove_document(document, scenario)
+        proof = prove_messages(PackedPlan(document, drafted.messages), scenario)
     except InputError as error:
         raise PlanError("a path cannot be sent: " + "; ".join(error.problems)) from None
     marks.append(timer())
@@ -99,7 +114,7 @@ def plan_scenario(
     timing = {n: round(b - a, 4) for n, (a, b) in zip(names, pairwise(marks), strict=True)}
     if scenario.policy == "safe" and not proof.holds:
         raise PlanError("the plan found does not pass its proof: " + "; ".join(proof.failures))
-    return replace(document, proof=proof, timing=timing)
+    return PackedPlan(replace(document, proof=proof, timing=timing), drafted.messages)
 
 
 def _check_times(scenario: Scenario, tau: float, motions: Sequence[Motion]) -> None:

@@ -23,7 +23,8 @@ from coordinator.curves.nurbs import Nurbs, nurbs
 from coordinator.motion.velocity_profile import Motion, Wait, limits_on, ramp_ends
 from coordinator.plan.document import PlanDocument, RobotPlan
 from coordinator.plan.drafting import with_new_times
-from coordinator.proof.verify import prove_document
+from coordinator.plan.wire import PackedPlan
+from coordinator.proof.verify import prove_messages
 from coordinator.scenario.model import Scenario
 from coordinator.schedule.conflict_zones import Indices
 from coordinator.schedule.forbidden_interval_kernels import AFTER, BOTH, FIRST, clash, reached
@@ -48,7 +49,7 @@ _SAME_PLACE: Final = 1e-4
 """A robot that stands so near [m] to a rest of its plan stands there."""
 
 
-def retime(scenario: Scenario, document: PlanDocument, late: Lateness) -> PlanDocument | None:
+def retime(scenario: Scenario, document: PlanDocument, late: Lateness) -> PackedPlan | None:
     """Return the document with new times and their proof; None when there are none.
 
     `scenario` holds the robots of the document, `document` is the plan as it is being driven.
@@ -85,13 +86,13 @@ class _Retiming:
         self.begun = [self._begun(index) for index in range(len(self.robots))]
         self.begun[self.late] = self._stands(self.late, late.stood)
 
-    def find(self) -> PlanDocument | None:
-        """Return the document with new times, proven; None when there are none."""
+    def find(self) -> PackedPlan | None:
+        """Return the plan with new times, proven; None when there are none."""
         for look in (self._in_order, self._alone):
             changed = look()
-            document = None if changed is None else self._document(changed)
-            if document is not None:
-                return document
+            plan = None if changed is None else self._packed(changed)
+            if plan is not None:
+                return plan
         return None
 
     def _in_order(self) -> set[int] | None:
@@ -131,18 +132,19 @@ class _Retiming:
                 found.append(other)
         return found
 
-    def _document(self, changed: set[int]) -> PlanDocument | None:
-        """Return the document with these robots' motions, if its proof holds."""
+    def _packed(self, changed: set[int]) -> PackedPlan | None:
+        """Return the plan with these robots' motions, if its proof holds."""
         motions = self.motions.all()
         names = [robot.id for robot in self.robots]
         try:
             fresh = with_new_times(self.document, self.robots, self.paths, motions, changed)
             waits = explain_waits(self.junctions, motions, names, tries=False)
-            fresh = replace(fresh, waits=waits, revision=self.document.revision + 1)
-            proof = prove_document(fresh)
+            revision = self.document.revision + 1
+            document = replace(fresh.document, waits=waits, revision=revision)
+            proof = prove_messages(PackedPlan(document, fresh.messages))
         except (InputError, PlanError):
             return None
-        return replace(fresh, proof=proof) if proof.holds else None
+        return PackedPlan(replace(document, proof=proof), fresh.messages) if proof.holds else None
 
     def _motion(self, index: int) -> Motion:
         """Return the motion that a robot drives, with whom it waits for."""

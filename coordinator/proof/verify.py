@@ -17,7 +17,7 @@ from coordinator.curves.nurbs import Array
 from coordinator.plan.checks import LENGTH_TOLERANCE, LONGEST_PLAN
 from coordinator.plan.document import Limits, PlanDocument, Proof, RobotPlan
 from coordinator.plan.fault_budget import budget_for, resolve_tau
-from coordinator.plan.wire import Driven, drive
+from coordinator.plan.wire import Driven, PackedPlan, packed, unpack_all
 from coordinator.proof.tau_safety import prove
 from coordinator.scenario.floor import Floor
 from coordinator.scenario.margin import TOLERANCE
@@ -47,13 +47,21 @@ _PLAN_ROUNDING: Final = 1.0
 
 
 def prove_document(document: PlanDocument, scenario: Scenario | None = None) -> Proof:
-    """Prove a document from its wire bytes.
+    """Prove a document, from a file for instance, by the messages that are made of it.
+
+    Raises InputError as prove_messages does, and when no message can be made for a robot.
+    """
+    return prove_messages(packed(document), scenario)
+
+
+def prove_messages(plan: PackedPlan, scenario: Scenario | None = None) -> Proof:
+    """Prove a plan from its wire bytes.
 
     With a scenario its floor, limits, radii, tau, margin and link count, and the document has to
     say the same of them: what robots are told comes from there.  Raises InputError when a robot
     would not accept its message, or would drive too long.
     """
-    driven = drive(document)
+    document, driven = plan.document, unpack_all(plan)
     _check_durations(driven)
     told = [
         failure

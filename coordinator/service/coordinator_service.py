@@ -22,6 +22,7 @@ from coordinator.fleet.recovery import Recovery
 from coordinator.log.head import plan_file
 from coordinator.log.recorder import Recorder
 from coordinator.plan.document import PlanDocument
+from coordinator.plan.wire import PackedPlan
 from protocol import keys
 from protocol.phases import HOLD
 from protocol.timing import COMMAND_PERIOD, SECOND
@@ -96,7 +97,7 @@ class Service:
         self._door = threading.Lock()
         self._arrived = asyncio.Event()
         self._is_waking = False
-        self._under_way: list[tuple[Job, asyncio.Future[Recovery | PlanDocument | None]]] = []
+        self._under_way: list[tuple[Job, asyncio.Future[Recovery | PackedPlan | None]]] = []
 
     async def run(self, patience_s: float) -> bool:
         """Run until nothing is left to do; tell whether every robot has arrived.

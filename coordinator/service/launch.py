@@ -25,6 +25,7 @@ from coordinator.log.log_file import is_unfinished, load, log_from_bytes
 from coordinator.log.recorder import Recorder
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import plan_name, to_json
+from coordinator.plan.wire import PackedPlan
 from coordinator.scenario.changes import Change, changes
 from coordinator.scenario.model import Scenario
 from coordinator.security.denials import denial_key, denial_record
@@ -121,10 +122,10 @@ class Coordinator:
         return 0 if arrived else 1
 
     def _begin(self, boot: int, plan_file: Path | None) -> Mission:
-        document = plan_here(self.scenario, self.effort)
+        plan = plan_here(self.scenario, self.effort)
         if plan_file is not None:
-            write_file(plan_file, to_json(document))
-        return Mission(self.scenario, document, boot, self._plan_again)
+            write_file(plan_file, to_json(plan.document))
+        return Mission(self.scenario, plan, boot, self._plan_again)
 
     def _go_on(self, boot: int, resume: Path) -> Mission:
         """Return the mission of the log of a coordinator that has died."""
@@ -149,7 +150,7 @@ class Coordinator:
         self._aside = {one.robot.id: one.why for one in mission.site.aside}
         return mission
 
-    def _plan_again(self, scenario: Scenario, epoch: int) -> PlanDocument:
+    def _plan_again(self, scenario: Scenario, epoch: int) -> PackedPlan:
         return plan_here(scenario, self.effort, epoch)
 
     def _keep(self, document: PlanDocument, first: Path | None, table: FleetTable) -> None:

@@ -12,17 +12,17 @@ from concurrent.futures import ThreadPoolExecutor
 
 from coordinator.base.console import tell
 from coordinator.base.kernel_cache import is_filled, places, writable_place
-from coordinator.plan.document import PlanDocument
-from coordinator.planning.planner import DEFAULT_EFFORT, plan_scenario
+from coordinator.plan.wire import PackedPlan
+from coordinator.planning.planner import DEFAULT_EFFORT, plan_fleet
 from coordinator.planning.warm import compile_rest, load_kernels
 from coordinator.scenario.model import Scenario
 
 
-def plan_here(scenario: Scenario, effort: int = DEFAULT_EFFORT, epoch: int = 1) -> PlanDocument:
-    """Return the plan of a scenario; raises PlanError as planner.plan_scenario does."""
+def plan_here(scenario: Scenario, effort: int = DEFAULT_EFFORT, epoch: int = 1) -> PackedPlan:
+    """Return the plan of a scenario; raises PlanError as planner.plan_fleet does."""
     _get_kernels_ready()
     with ThreadPoolExecutor(os.cpu_count()) as executor:
-        return plan_scenario(
+        return plan_fleet(
             scenario, effort=effort, epoch=epoch, timer=time.perf_counter, executor=executor
         )
 

@@ -117,14 +117,14 @@ def _begin(log: Log) -> Mission:
     if RESUMED in log.attachments:
         return _resumed(log, boot)
     try:
-        document = plan_here(scenario, effort)
+        plan = plan_here(scenario, effort)
     except PlanError as error:
         raise _NotAgainError(f"the log's scenario cannot be planned now: {error}") from None
     recorded = log.attachments.get("plan-1.json", b"")
-    difference = _compare_documents("plan-1.json", recorded, document)
+    difference = _compare_documents("plan-1.json", recorded, plan.document)
     if difference:
         raise _NotAgainError(difference)
-    return Mission(scenario, document, boot, lambda s, epoch: plan_here(s, effort, epoch))
+    return Mission(scenario, plan, boot, lambda s, epoch: plan_here(s, effort, epoch))
 
 
 def _resumed(log: Log, boot: int) -> Mission:

@@ -18,7 +18,8 @@ from coordinator.fleet.core import Fleet
 from coordinator.fleet.mission import Mission
 from coordinator.log.head import first_head
 from coordinator.plan.document import PlanDocument, RobotPlan
-from coordinator.planning.planner import DEFAULT_EFFORT, plan_scenario
+from coordinator.plan.wire import PackedPlan, packed
+from coordinator.planning.planner import DEFAULT_EFFORT, plan_fleet
 from coordinator.scenario.model import Scenario
 from protocol.phases import GO
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
@@ -99,7 +100,7 @@ class World:
         past: Past | None = None,
     ) -> None:
         if past is None:
-            mission = Mission(scenario, document, _BOOT, partial(_plan, effort))
+            mission = Mission(scenario, packed(document), _BOOT, partial(_plan, effort))
             past = Past(mission, SECOND, 0, {})
             if logs is not None:
                 logs.begin(first_head(scenario, document, boot=_BOOT, effort=effort))
@@ -267,5 +268,5 @@ class World:
         self.coordinator.take_arrivals()
 
 
-def _plan(effort: int, scenario: Scenario, epoch: int) -> PlanDocument:
-    return plan_scenario(scenario, effort=effort, epoch=epoch)
+def _plan(effort: int, scenario: Scenario, epoch: int) -> PackedPlan:
+    return plan_fleet(scenario, effort=effort, epoch=epoch)

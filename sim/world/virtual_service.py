@@ -21,6 +21,7 @@ from coordinator.fleet.recovery import Recovery
 from coordinator.log.head import plan_file
 from coordinator.log.log_file import log_from_bytes
 from coordinator.plan.document import PlanDocument
+from coordinator.plan.wire import PackedPlan
 from coordinator.schedule.lateness import Lateness
 from coordinator.service.replay import go_on
 from protocol import keys
@@ -90,7 +91,7 @@ class VirtualService:
 
     def _drive(self, mission: Mission) -> None:
         self.driver = MissionDriver(mission, VirtualJournal(self._logs), self._put)
-        self._under_way: list[tuple[int, Job, Recovery | PlanDocument | None]] = []
+        self._under_way: list[tuple[int, Job, Recovery | PackedPlan | None]] = []
 
     def begin(self) -> None:
         """Open the link: from now on the core hears, looks and speaks."""

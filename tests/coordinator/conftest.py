@@ -10,7 +10,8 @@ from coordinator.log import recorder as recorder_module
 from coordinator.log.log_file import read_log
 from coordinator.log.recorder import Attachment, Recorder
 from coordinator.plan.plan_file import to_json
-from coordinator.planning.planner import plan_scenario
+from coordinator.plan.wire import packed
+from coordinator.planning.planner import plan_fleet, plan_scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario, scenario_to_json
 from coordinator.service import replay
 from coordinator.service.coordinator_service import Service
@@ -33,7 +34,9 @@ def recorded(tmp_path_factory):
         wall_offset_ns=10**18,
         attachments=[Attachment("scenario.json", "application/json", scenario_to_json(scenario))],
     )
-    mission = Mission(scenario, document, 9, lambda s, epoch: plan_scenario(s, 3, epoch))
+    mission = Mission(
+        scenario, packed(document), 9, lambda s, epoch: plan_fleet(s, effort=3, epoch=epoch)
+    )
     recorder.attach("plan-1.json", "application/json", to_json(document))
     service = Service(mission, Hand(), recorder, Clock(), speed=1000.0)
     with recorder:
@@ -50,7 +53,7 @@ def planned_once(monkeypatch):
     def plan_here(scenario, effort, epoch=1):
         key = (scenario_to_json(scenario), effort, epoch)
         if key not in known:
-            known[key] = plan_scenario(scenario, effort=effort, epoch=epoch)
+            known[key] = plan_fleet(scenario, effort=effort, epoch=epoch)
         return known[key]
 
     monkeypatch.setattr(replay, "plan_here", plan_here)

@@ -12,6 +12,7 @@ from coordinator.findings.wait_summary import WaitSummary, waits_of
 from coordinator.findings.wait_table import waits_table
 from coordinator.fleet.fleet_from_plan import muster
 from coordinator.plan.document import Reason
+from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_scenario
 from coordinator.view.live_table import FleetTable
 from protocol.phases import DONE, FREEZE, FROZEN, LEASE_OUT
@@ -67,7 +68,7 @@ def test_plans_waits_and_verdicts_fit():
 
 def test_the_table_of_a_running_fleet_fits():
     document = plan_scenario(HALL, effort=0)
-    fleet = muster(document, 9)
+    fleet = muster(packed(document), 9)
     for member in fleet.members.values():
         member.phase, member.fault = FROZEN, LEASE_OUT
     fleet.phase = FREEZE
@@ -76,7 +77,7 @@ def test_the_table_of_a_running_fleet_fits():
 
 def test_the_table_of_a_fleet_shows_robots_that_have_no_part_in_the_newest_plan():
     document = plan_scenario(HALL, effort=0)
-    fleet = muster(document, 9)
+    fleet = muster(packed(document), 9)
     fleet.members["R2"].phase, fleet.members["R2"].finished = DONE, True
     later = plan_scenario(msgspec.structs.replace(HALL, robots=HALL.robots[:1]), effort=0)
     table = FleetTable(document)

@@ -13,7 +13,7 @@ from coordinator.findings.true_course import read_course
 from coordinator.log.log_file import read_log
 from coordinator.log.recorder import Recorder
 from coordinator.plan.trajectory import sample
-from coordinator.plan.wire import drive, pack
+from coordinator.plan.wire import address, drive, pack
 from coordinator.planning.planner import plan_scenario
 from protocol import keys
 from protocol.codec import decode, encode
@@ -59,7 +59,7 @@ def write_run(folder, document, boxes=(), frozen=None):
             log.record(key, payload, BEGIN + round(seconds * SECOND))
 
         for robot in document.robots:
-            say(0.0, keys.plan("f", robot.id), pack(document, robot, 9))
+            say(0.0, keys.plan("f", robot.id), address(pack(document, robot), 9))
         say(0.6, keys.command("f"), Command(9, 1, 1, GO, BEGIN + SECOND))
         for number, one in enumerate(drive(document)):
             key, end = keys.report("f", one.id), one.timeline.finish

@@ -4,7 +4,7 @@ import math
 
 from coordinator.log.recorder import Attachment, Recorder
 from coordinator.plan.plan_file import to_json
-from coordinator.plan.wire import pack
+from coordinator.plan.wire import address, pack
 from coordinator.planning.planner import plan_scenario
 from protocol import keys, phases
 from protocol.codec import decode, encode
@@ -71,7 +71,7 @@ def records(document, second, rest):
     yield 0.0, command, say(1, phases.HOLD)
     for robot in document.robots:
         yield 0.1, keys.hello("test", robot.id), encode(Hello(1, 5, 0.2))
-        yield 0.2, keys.plan("test", robot.id), pack(document, robot, 9)
+        yield 0.2, keys.plan("test", robot.id), address(pack(document, robot), 9)
     yield 0.5, command, say(1, phases.GO, GO_1)
     for i in range(5):
         yield 1.5 + 0.5 * i, keys.report("test", "R2"), encode(Report(5, i, 1, phases.MOVING))
@@ -79,7 +79,7 @@ def records(document, second, rest):
     stopped = Report(5, 9, 1, phases.FROZEN, 0, Rest(rest, 1))
     yield 5.5, keys.report("test", "R1"), encode(stopped)
     yield 6.0, command, say(2, phases.HOLD)
-    yield 6.1, keys.plan("test", "R1"), pack(second, second.robots[0], 9)
+    yield 6.1, keys.plan("test", "R1"), address(pack(second, second.robots[0]), 9)
     yield 6.5, command, say(2, phases.GO, GO_2)
     yield 30.0, keys.report("test", "R1"), encode(Report(5, 10, 2, phases.DONE))
     yield 30.1, command, say(2, phases.OVER)

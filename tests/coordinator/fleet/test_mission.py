@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.mission import Mission
-from coordinator.planning.planner import plan_scenario
+from coordinator.plan.wire import packed
+from coordinator.planning.planner import plan_fleet, plan_scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario
 from protocol import keys
 from protocol.codec import encode
@@ -38,7 +39,7 @@ class Frozen:
         scenario = parse_scenario(TWO, "two.toml")
         document = plan_scenario(scenario, effort=1)
         self.mission = Mission(
-            scenario, document, 9, lambda s, epoch: plan_scenario(s, effort=1, epoch=epoch)
+            scenario, packed(document), 9, lambda s, epoch: plan_fleet(s, effort=1, epoch=epoch)
         )
         self.fleet = self.mission.fleet
         self.now, self.sequence = 5 * SECOND, 0

@@ -15,7 +15,7 @@ from coordinator.fleet.recovery import recover
 from coordinator.fleet.replanning_input import Site, next_site
 from coordinator.fleet.rest_places import Standing
 from coordinator.plan.wire import drive
-from coordinator.planning.planner import plan_scenario
+from coordinator.planning.planner import plan_fleet
 from coordinator.scenario_files.scenario_reader import parse_scenario
 
 CROSSING = b"""
@@ -45,7 +45,7 @@ max_speed = 0.5
 
 
 def plan(scenario, epoch):
-    return plan_scenario(scenario, effort=3, epoch=epoch)
+    return plan_fleet(scenario, effort=3, epoch=epoch)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def scenario():
 
 @pytest.fixture(scope="module")
 def documents(scenario):
-    return {1: plan(scenario, 1)}
+    return {1: plan(scenario, 1).document}
 
 
 def rests(robot, s, **fields):
@@ -136,7 +136,7 @@ def test_a_robot_whose_goal_is_closed_off_stays_and_is_named_and_the_rest_go_on(
     closed = replace(scenario.robots[1], goal=(7.0, 4.4))
     scenario = replace(scenario, robots=(scenario.robots[0], closed, scenario.robots[2]))
     whole = replace(scenario, robots=(scenario.robots[0], scenario.robots[2]))
-    documents = {1: plan(whole, 1)}
+    documents = {1: plan(whole, 1).document}
     told = (Standing(robot="A", state="arrived", epoch=1), rests("C", 0.4))
     found = recover(Site(scenario), documents, told, 2, plan)
     assert found.document is not None
@@ -288,7 +288,7 @@ def test_via_points_behind_a_door_that_a_dead_robot_closes_are_dropped_when_nobo
     As long as others drive it stays, for who closes the door may be heard again.
     """
     scenario = parse_scenario(ROOMS, "rooms.toml")
-    documents = {1: plan(scenario, 1)}
+    documents = {1: plan(scenario, 1).document}
     ride, robot_with_via = driven(documents, "A"), scenario.robots[1]
     inside = np.argmin(np.hypot(*(ride.curve.at_arc(np.arange(0.0, 9.0, 0.01)) - (5, 2)).T)) * 0.01
     stands = Standing(robot="A", state="unfit", epoch=1, s=float(inside))

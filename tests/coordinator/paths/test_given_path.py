@@ -16,7 +16,7 @@ from coordinator.fleet.rest_places import Standing
 from coordinator.paths.given_path import curve_of, path_of
 from coordinator.plan.plan_file import to_json
 from coordinator.plan.wire import drive
-from coordinator.planning.planner import plan_scenario
+from coordinator.planning.planner import plan_fleet, plan_scenario
 from coordinator.scenario.floor import Floor
 from coordinator.scenario.model import GivenPath
 from coordinator.scenario_files.scenario_reader import parse_scenario, scenario_to_json
@@ -276,7 +276,7 @@ def go_on(frozen, **fields):
 
 
 def plan(scenario, epoch):
-    return plan_scenario(scenario, effort=0, epoch=epoch)
+    return plan_fleet(scenario, effort=0, epoch=epoch)
 
 
 def test_after_a_freeze_a_robot_drives_the_rest_of_its_given_path(frozen):

@@ -15,7 +15,7 @@ from coordinator.findings.plan_table import render_proof
 from coordinator.log.records import Log, Record
 from coordinator.plan.document import PlanDocument, Stop
 from coordinator.plan.plan_file import from_json, to_json
-from coordinator.plan.wire import drive
+from coordinator.plan.wire import drive, packed
 from coordinator.planning.planner import plan_scenario
 from coordinator.proof.verify import prove_document
 from coordinator.scenario_files.scenario_reader import parse_scenario, scenario_to_json
@@ -293,7 +293,7 @@ def test_a_log_without_commands_is_a_difference_also_when_all_agrees():
 def test_a_log_that_was_not_closed_is_told_and_agrees():
     from coordinator.fleet.fleet_from_plan import muster
 
-    fleet = muster(document(), 9)
+    fleet = muster(packed(document()), 9)
     (sent, *_) = fleet.tick(10**9)
     assert sent.key == keys.command("test")
     records = [Record(sent.key, sent.payload, 10**9, 0, 0)]

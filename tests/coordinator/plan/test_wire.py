@@ -13,7 +13,7 @@ from coordinator.curves.nurbs import nurbs
 from coordinator.plan import wire
 from coordinator.plan.document import Path
 from coordinator.plan.plan_file import from_json, to_json
-from coordinator.plan.wire import drive, float32, float32_below, pack, unpack
+from coordinator.plan.wire import address, drive, float32, float32_below, pack, unpack
 from coordinator.planning.planner import plan_scenario
 from protocol.messages import MAX_MESSAGE_BYTES
 from tests.oracles import tracks
@@ -63,7 +63,7 @@ def test_the_robot_rests_at_every_stop_from_arrival_to_departure(document):
 
 def test_wire_bytes_is_the_size_of_the_message_and_fits(document):
     for robot in document.robots:
-        assert len(pack(document, robot, boot=2**32 - 1)) == robot.wire_bytes
+        assert len(address(pack(document, robot), 2**32 - 1)) == robot.wire_bytes
         assert robot.wire_bytes <= MAX_MESSAGE_BYTES
 
 

@@ -11,7 +11,8 @@ from coordinator.fleet.mission import Mission
 from coordinator.log.log_file import read_log
 from coordinator.log.recorder import Attachment, Recorder
 from coordinator.plan.plan_file import to_json
-from coordinator.planning.planner import plan_scenario
+from coordinator.plan.wire import packed
+from coordinator.planning.planner import plan_fleet, plan_scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario, scenario_to_json
 from coordinator.service.coordinator_service import Service
 from coordinator.service.replay import check_log
@@ -87,7 +88,9 @@ class Clock:
 
 
 def _mission(scenario, document):
-    return Mission(scenario, document, 9, lambda s, epoch: plan_scenario(s, effort=3, epoch=epoch))
+    return Mission(
+        scenario, packed(document), 9, lambda s, epoch: plan_fleet(s, effort=3, epoch=epoch)
+    )
 
 
 @pytest.fixture

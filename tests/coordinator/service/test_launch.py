@@ -8,7 +8,7 @@ from coordinator.fleet.events import Incident
 from coordinator.fleet.mission import Mission
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.fleet.replanning_input import Aside, Site
-from coordinator.planning.planner import plan_scenario
+from coordinator.planning.planner import plan_fleet, plan_scenario
 from coordinator.service import launch
 from coordinator.service.launch import Coordinator
 from coordinator.view.live_table import FleetTable
@@ -35,7 +35,7 @@ def told(monkeypatch):
     ],
 )
 def test_a_robot_that_an_epoch_goes_on_without_is_told_once_with_the_reason(told, why, said):
-    mission = Mission(HALL, plan_scenario(HALL, effort=0), 9, lambda *_: None)
+    mission = Mission(HALL, plan_fleet(HALL, effort=0), 9, lambda *_: None)
     coordinator = Coordinator(HALL, effort=0, speed=1.0, events=False)
     one, two = mission.site.scenario.robots
     aside = Aside(two, why, np.array([two.start[:2]]), None)
@@ -46,7 +46,7 @@ def test_a_robot_that_an_epoch_goes_on_without_is_told_once_with_the_reason(told
 
 
 def test_arrivals_count_from_the_first_go_whatever_epoch_they_were_in(told):
-    mission = Mission(HALL, plan_scenario(HALL, effort=0), 9, lambda *_: None)
+    mission = Mission(HALL, plan_fleet(HALL, effort=0), 9, lambda *_: None)
     fleet, coordinator = mission.fleet, Coordinator(HALL, effort=0, speed=1.0, events=False)
     fleet.incidents += [
         Incident(seconds * SECOND, "phase", "", phase)

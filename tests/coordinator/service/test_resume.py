@@ -11,7 +11,7 @@ from coordinator.fleet.phases import RESUME_PATIENCE
 from coordinator.log.log_file import RESUMED, log_from_bytes, read_log
 from coordinator.log.recorder import Attachment, Recorder
 from coordinator.plan.plan_file import to_json
-from coordinator.planning.planner import plan_scenario
+from coordinator.planning.planner import plan_fleet
 from coordinator.scenario_files.scenario_reader import parse_scenario, scenario_to_json
 from coordinator.service.coordinator_service import Service
 from coordinator.service.launch import Coordinator
@@ -58,7 +58,7 @@ class DyingHand(Hand):
 
 
 def planner(scenario, epoch):
-    return plan_scenario(scenario, effort=EFFORT, epoch=epoch)
+    return plan_fleet(scenario, effort=EFFORT, epoch=epoch)
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def story(tmp_path_factory):
     """The bytes of a log in which a robot fails, is planned anew, and drives on."""
     path = tmp_path_factory.mktemp("log") / "run.mcap"
     scenario = parse_scenario(SCENARIO, "one.toml")
-    document = planner(scenario, 1)
+    plan = planner(scenario, 1)
     recorder = Recorder(
         path,
         metadata={
@@ -79,11 +79,11 @@ def story(tmp_path_factory):
         wall_offset_ns=10**18,
         attachments=[
             Attachment("scenario.json", "application/json", scenario_to_json(scenario)),
-            Attachment("plan-1.json", "application/json", to_json(document)),
+            Attachment("plan-1.json", "application/json", to_json(plan.document)),
         ],
     )
     hand = DyingHand()
-    mission = Mission(scenario, document, 9, planner)
+    mission = Mission(scenario, plan, 9, planner)
     service = Service(mission, hand, recorder, Clock(10 * MILLISECOND), speed=100.0)
 
     async def run():
