@@ -9,8 +9,8 @@ Code lies there under a digest of what it was made from: the kernel's file, all 
 it imports, directly or not, numba's version and the processor.  numba by itself notices only
 changes of the file that a kernel is in, and takes a file with another date for another file.
 
-Decides: where kept code is read and written, and when it is out of date.  Must not know: which
-kernels there are.
+Decides: where kept code is read and written, when it is out of date, and how numba's private names
+are asked for.  Must not know: which kernels there are.
 """
 
 from __future__ import annotations
@@ -28,15 +28,25 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 import llvmlite.binding
-
-from coordinator.base.lean_numba import numba, private
+import numba
 
 _Any: TypeAlias = Any  # numba's own classes, which have no types
 
 _ROOT: Final = Path(__file__).parents[__name__.count(".")]
 _PACKAGES: Final = ("coordinator", "protocol")
+_CONFIG: Final[_Any] = numba.config
 _MODE: Final = 0o755  # whatever the umask, nobody else may put code there
 _FIRST_DEFINITION: Final = re.compile(r"^(?:@|def |class )", re.MULTILINE)
+
+
+def private(path: str) -> _Any:
+    """Return what numba.core calls by a dotted name; None where this numba does not.
+
+    Such names may change with any release, so who uses one goes without where it is not there.
+    """
+    core: _Any = numba.core
+    return functools.reduce(lambda owner, name: getattr(owner, name, None), path.split("."), core)
+
 
 _FUNCTION_CACHE: Final[_Any] = private("caching.FunctionCache")
 _IMPLEMENTATION: Final[_Any] = private("caching.CompileResultCacheImpl")
@@ -59,7 +69,7 @@ def keep(kernel: _Any) -> None:
     if _takes_ours(kernel):
         kernel._cache = KernelCache(kernel.py_func)
     elif (place := writable_place()) is not None:
-        numba.config.CACHE_DIR = str(place / _name(file))
+        _CONFIG.CACHE_DIR = str(place / _name(file))
         kernel.enable_caching()
 
 
@@ -211,7 +221,7 @@ def _name(file: Path) -> str:
 @functools.cache
 def _made_by() -> str:
     """Return which numba compiles, and for which processor."""
-    name, features = numba.config.CPU_NAME, numba.config.CPU_FEATURES
+    name, features = _CONFIG.CPU_NAME, _CONFIG.CPU_FEATURES
     if name is None:
         name = llvmlite.binding.get_host_cpu_name()
     if features is None:

@@ -49,7 +49,7 @@ print(shifted(3.0), "loaded" if hits() else "compiled")
 """
 
 _WITHOUT_NUMBAS_OWN = """
-from coordinator.base.lean_numba import numba
+import numba
 del numba.core.caching.CompileResultCacheImpl
 """
 
