@@ -17,6 +17,8 @@ import pytest
 import coordinator
 from coordinator.base import kernel_cache
 
+pytestmark = pytest.mark.processes
+
 _ROOT = Path(__file__).resolve().parents[3]
 
 _KERNELS = {
