@@ -41,7 +41,7 @@ docs: .venv/dev.stamp
 	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
 	$(BIN)/python -m compileall -q protocol coordinator robot_agent sim splinefleet.py
-	$(BIN)/python -m coordinator.planning.warm
+	$(BIN)/python -m coordinator.service.kernel_setup
 	touch $@
 
 .venv/dev.stamp: requirements-dev.lock .venv/runtime.stamp

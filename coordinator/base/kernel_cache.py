@@ -16,6 +16,7 @@ are asked for.  Must not know: which kernels there are.
 from __future__ import annotations
 
 import ast
+import fcntl
 import functools
 import hashlib
 import os
@@ -23,7 +24,7 @@ import pickle
 import re
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -57,6 +58,9 @@ _UNREADABLE: Final = (OSError, EOFError, pickle.UnpicklingError)
 _files: Final[set[Path]] = set()
 """The files whose kernels have been asked for."""
 
+_kernels: Final[set[tuple[Path, str]]] = set()
+"""The kernels themselves: a file, and how the names of all files begin that a kernel is kept in."""
+
 
 def keep(kernel: _Any) -> None:
     """Have numba look for a kernel's machine code, and keep it, in the folders named above.
@@ -64,8 +68,10 @@ def keep(kernel: _Any) -> None:
     A numba that has not the classes for that is told one folder, which it can use if it may write
     there.
     """
-    file = Path(kernel.py_func.__code__.co_filename)
+    code = kernel.py_func.__code__
+    file = Path(code.co_filename)
     _files.add(file)
+    _kernels.add((file, f"{file.stem}.{kernel.py_func.__qualname__}-{code.co_firstlineno}."))
     if _takes_ours(kernel):
         kernel._cache = KernelCache(kernel.py_func)
     elif (place := writable_place()) is not None:
@@ -86,6 +92,18 @@ def _takes_ours(kernel: _Any) -> bool:
 def is_filled() -> bool:
     """Tell whether each file whose kernels were asked for seems to have been compiled before."""
     return all(any(_holds_code(place / _name(file)) for place in places()) for file in _files)
+
+
+def count_kernels() -> tuple[int, int]:
+    """Return how many of the kernels that were asked for are kept, and how many there are."""
+    kept = {
+        code.name
+        for place in places()
+        for folder in {_name(file) for file, _ in _kernels}
+        for code in (place / folder).glob("**/*.nbc")
+    }
+    count = sum(any(name.startswith(begin) for name in kept) for _, begin in _kernels)
+    return count, len(_kernels)
 
 
 def places() -> tuple[Path, ...]:
@@ -138,11 +156,33 @@ class KernelCache:
         return None
 
     def save_overload(self, signature: _Any, code: _Any) -> None:
-        """Keep code in the first folder that takes it; the process has it in any case."""
+        """Keep code in the first folder that takes it; the process has it in any case.
+
+        numba numbers the files of a kernel by what its index tells: two processes must not do so
+        at once, or one's code would be found under the other's signature.
+        """
         for cache in self._caches:
-            with suppress(*_UNREADABLE):
+            with suppress(*_UNREADABLE), _alone_in(Path(cache.cache_path)):
                 cache.save_overload(signature, code)
                 return
+
+
+@contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Keep other processes from writing into a folder meanwhile; make it when it is missing."""
+    _make(folder)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _make(folder: Path) -> None:
+    """Make a folder of kernels and those above it; OSError when that cannot be done."""
+    folder.parent.mkdir(_MODE, parents=True, exist_ok=True)
+    folder.mkdir(_MODE, exist_ok=True)
 
 
 class _Locator:
@@ -161,8 +201,7 @@ class _Locator:
 
     def ensure_cache_path(self) -> None:
         """Make the folder; OSError when that cannot be done."""
-        self.place.mkdir(_MODE, parents=True, exist_ok=True)
-        self._folder.mkdir(_MODE, exist_ok=True)
+        _make(self._folder)
 
     def get_cache_path(self) -> str:
         """Return the folder."""
