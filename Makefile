@@ -1,17 +1,24 @@
-# make demo | test | setup | bench | docs | lock.  Everything is installed from the lock into .venv.
+# make demo | quick | test | setup | bench | docs | lock.  Everything is installed from the lock into .venv.
 PYTHON ?= python3
 BIN := .venv/bin
+BESIDE := --numprocesses auto --dist worksteal --ignore tests/system
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: demo test setup check bench docs lock clean
+.PHONY: demo quick test setup check bench docs lock clean
 
 demo: setup
 	$(BIN)/splinefleet run examples/paper_five.toml
 
 setup: .venv/runtime.stamp
 
+# The inner loop: a tenth of each sweep over seeds, and no tests that start processes.
+quick: .venv/dev.stamp check
+	$(BIN)/python -m pytest $(BESIDE) --quick
+
+# Everything; whole fleets, which are held to times, run one after another.
 test: .venv/dev.stamp check
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest $(BESIDE)
+	$(BIN)/python -m pytest tests/system
 
 check: .venv/dev.stamp
 	$(BIN)/ruff check .
@@ -34,7 +41,7 @@ docs: .venv/dev.stamp
 	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
 	$(BIN)/python -m compileall -q protocol coordinator robot_agent sim splinefleet.py
-	$(BIN)/python -m coordinator.planning.warm
+	$(BIN)/python -m coordinator.service.kernel_setup
 	touch $@
 
 .venv/dev.stamp: requirements-dev.lock .venv/runtime.stamp

@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks.fuzz.json_mutation import mutated
 from benchmarks.fuzz.table import MODULES
+from tests.sweeps import seeds
 
 CHANGED = 8
 SLOW = ("log-bytes", "log-words")
@@ -40,7 +41,7 @@ def test_a_target_takes_its_seeds_whole_cut_and_changed(name):
 
 def test_changed_json_is_the_same_for_the_same_seed_and_never_grows_without_end():
     text = b'{"a": [1, 2.5, {"b": []}], "c": "x", "d": true}'
-    for seed in range(2_000):
+    for seed in seeds(2_000):
         changed = mutated(text, seed)
         assert changed == mutated(text, seed)
         assert len(changed) < 5_000

@@ -11,6 +11,7 @@ from tests.oracle_dense import closest
 from tests.oracle_exhaustive import earliest_times, find_times
 from tests.oracle_zones import Course, find_zones
 from tests.oracles import Track, least_slack, naive_point, naive_points
+from tests.sweeps import seeds
 
 HORIZON = 1000.0
 
@@ -130,7 +131,7 @@ def every_order(courses, zones, tau):
     return min(sums, default=None)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", seeds(12))
 def test_the_optimum_is_that_of_trying_every_order(seed):
     dice = random.Random(seed)
     places = [(dice.uniform(0, 5), dice.uniform(0, 5)) for _ in range(2 * dice.choice((3, 4)))]

@@ -15,7 +15,7 @@ from benchmarks.fuzz.table import MODULES
 
 _WATCHED: Final = ["coordinator", "protocol", "robot_agent", "tomllib", "yaml", "ezdxf", "mcap"]
 _ROOT: Final = Path(__file__).parents[2]
-_COMPILING: Final = ("compiled", "kernel_cache", "lean_numba", "quick_loading")
+_COMPILING: Final = ("compiled", "kernel_cache", "quick_loading")
 
 
 def _compiled() -> list[str]:

@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar, cast
 
+import numba
+
 from coordinator.base.kernel_cache import keep
-from coordinator.base.lean_numba import numba
 from coordinator.base.quick_loading import load_quickly
 
 P = ParamSpec("P")

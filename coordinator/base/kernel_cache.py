@@ -9,13 +9,14 @@ Code lies there under a digest of what it was made from: the kernel's file, all 
 it imports, directly or not, numba's version and the processor.  numba by itself notices only
 changes of the file that a kernel is in, and takes a file with another date for another file.
 
-Decides: where kept code is read and written, and when it is out of date.  Must not know: which
-kernels there are.
+Decides: where kept code is read and written, when it is out of date, and how numba's private names
+are asked for.  Must not know: which kernels there are.
 """
 
 from __future__ import annotations
 
 import ast
+import fcntl
 import functools
 import hashlib
 import os
@@ -23,20 +24,30 @@ import pickle
 import re
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 import llvmlite.binding
-
-from coordinator.base.lean_numba import numba, private
+import numba
 
 _Any: TypeAlias = Any  # numba's own classes, which have no types
 
 _ROOT: Final = Path(__file__).parents[__name__.count(".")]
 _PACKAGES: Final = ("coordinator", "protocol")
+_CONFIG: Final[_Any] = numba.config
 _MODE: Final = 0o755  # whatever the umask, nobody else may put code there
 _FIRST_DEFINITION: Final = re.compile(r"^(?:@|def |class )", re.MULTILINE)
+
+
+def private(path: str) -> _Any:
+    """Return what numba.core calls by a dotted name; None where this numba does not.
+
+    Such names may change with any release, so who uses one goes without where it is not there.
+    """
+    core: _Any = numba.core
+    return functools.reduce(lambda owner, name: getattr(owner, name, None), path.split("."), core)
+
 
 _FUNCTION_CACHE: Final[_Any] = private("caching.FunctionCache")
 _IMPLEMENTATION: Final[_Any] = private("caching.CompileResultCacheImpl")
@@ -47,6 +58,9 @@ _UNREADABLE: Final = (OSError, EOFError, pickle.UnpicklingError)
 _files: Final[set[Path]] = set()
 """The files whose kernels have been asked for."""
 
+_kernels: Final[set[tuple[Path, str]]] = set()
+"""The kernels themselves: a file, and how the names of all files begin that a kernel is kept in."""
+
 
 def keep(kernel: _Any) -> None:
     """Have numba look for a kernel's machine code, and keep it, in the folders named above.
@@ -54,12 +68,14 @@ def keep(kernel: _Any) -> None:
     A numba that has not the classes for that is told one folder, which it can use if it may write
     there.
     """
-    file = Path(kernel.py_func.__code__.co_filename)
+    code = kernel.py_func.__code__
+    file = Path(code.co_filename)
     _files.add(file)
+    _kernels.add((file, f"{file.stem}.{kernel.py_func.__qualname__}-{code.co_firstlineno}."))
     if _takes_ours(kernel):
         kernel._cache = KernelCache(kernel.py_func)
     elif (place := writable_place()) is not None:
-        numba.config.CACHE_DIR = str(place / _name(file))
+        _CONFIG.CACHE_DIR = str(place / _name(file))
         kernel.enable_caching()
 
 
@@ -76,6 +92,18 @@ def _takes_ours(kernel: _Any) -> bool:
 def is_filled() -> bool:
     """Tell whether each file whose kernels were asked for seems to have been compiled before."""
     return all(any(_holds_code(place / _name(file)) for place in places()) for file in _files)
+
+
+def count_kernels() -> tuple[int, int]:
+    """Return how many of the kernels that were asked for are kept, and how many there are."""
+    kept = {
+        code.name
+        for place in places()
+        for folder in {_name(file) for file, _ in _kernels}
+        for code in (place / folder).glob("**/*.nbc")
+    }
+    count = sum(any(name.startswith(begin) for name in kept) for _, begin in _kernels)
+    return count, len(_kernels)
 
 
 def places() -> tuple[Path, ...]:
@@ -128,11 +156,33 @@ class KernelCache:
         return None
 
     def save_overload(self, signature: _Any, code: _Any) -> None:
-        """Keep code in the first folder that takes it; the process has it in any case."""
+        """Keep code in the first folder that takes it; the process has it in any case.
+
+        numba numbers the files of a kernel by what its index tells: two processes must not do so
+        at once, or one's code would be found under the other's signature.
+        """
         for cache in self._caches:
-            with suppress(*_UNREADABLE):
+            with suppress(*_UNREADABLE), _alone_in(Path(cache.cache_path)):
                 cache.save_overload(signature, code)
                 return
+
+
+@contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Keep other processes from writing into a folder meanwhile; make it when it is missing."""
+    _make(folder)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _make(folder: Path) -> None:
+    """Make a folder of kernels and those above it; OSError when that cannot be done."""
+    folder.parent.mkdir(_MODE, parents=True, exist_ok=True)
+    folder.mkdir(_MODE, exist_ok=True)
 
 
 class _Locator:
@@ -151,8 +201,7 @@ class _Locator:
 
     def ensure_cache_path(self) -> None:
         """Make the folder; OSError when that cannot be done."""
-        self.place.mkdir(_MODE, parents=True, exist_ok=True)
-        self._folder.mkdir(_MODE, exist_ok=True)
+        _make(self._folder)
 
     def get_cache_path(self) -> str:
         """Return the folder."""
@@ -211,7 +260,7 @@ def _name(file: Path) -> str:
 @functools.cache
 def _made_by() -> str:
     """Return which numba compiles, and for which processor."""
-    name, features = numba.config.CPU_NAME, numba.config.CPU_FEATURES
+    name, features = _CONFIG.CPU_NAME, _CONFIG.CPU_FEATURES
     if name is None:
         name = llvmlite.binding.get_host_cpu_name()
     if features is None:

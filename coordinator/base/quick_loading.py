@@ -18,7 +18,7 @@ from typing import Any, Final, TypeAlias
 
 import llvmlite.binding
 
-from coordinator.base.lean_numba import private
+from coordinator.base.kernel_cache import private
 
 _Any: TypeAlias = Any  # numba's own classes, which have no types
 _State: TypeAlias = tuple[str, str, tuple[bytes, bytes]]

@@ -25,7 +25,6 @@ from coordinator.motion.cornering import Handling
 from coordinator.paths.end_heading_choice import COMFORTABLE, Leads, choices
 from coordinator.paths.end_headings import check_headings
 from coordinator.paths.given_path import given_curve
-from coordinator.paths.refit import with_goal, with_via
 from coordinator.paths.smoothing import least_radius, smooth
 from coordinator.paths.spline_fit import Fit, Flags
 from coordinator.scenario.model import Point, Robot, Scenario
@@ -127,30 +126,6 @@ class Pathfinder:
             part = self.scenario.workspace.from_map
             worst = explain(worst, self.floor, robot, self.scenario.margin, part)
         raise PlanError(f"{robot.id}: {worst}")
-
-    def led_through(self, index: int, found: Fit, via: Point) -> Fit:
-        """Return robot `index`'s path led through one more place, changed only near it.
-
-        Knots and control points elsewhere stay what they are.  Raises PlanError when no smooth way
-        leads through the place.
-        """
-        robot = self.scenario.robots[index]
-        changed = replace(robot, via=(*robot.via, via))
-        with _named(robot):
-            space = self._space(changed, next(self._places(changed, index)))
-            return with_via(found, np.array(via), space, self.handling(robot), _headed(robot))
-
-    def led_to(self, index: int, found: Fit, goal: Point) -> Fit:
-        """Return robot `index`'s path with another goal, the same up to where it has to leave it.
-
-        Raises PlanError when no smooth way leads to the goal.
-        """
-        robot = self.scenario.robots[index]
-        changed = replace(robot, goal=goal)
-        headed = _headed(robot)[0]
-        with _named(robot):
-            space = self._space(changed, next(self._places(changed, index)))
-            return with_goal(found, np.array(goal), space, self.handling(robot), headed)
 
     def crossed_places(self, index: int, curve: Nurbs) -> list[str]:
         """Say which starts and goals of other robots a path crosses: these order the two robots."""

@@ -1,47 +1,92 @@
-"""Compile or load all kernels: `python -m coordinator.planning.warm`.
+"""Compile or load all kernels: `python -m coordinator.planning.warm [PART]`.
 
-Compiling takes about a minute, once per machine and version; loading what was compiled takes a
-fraction of a second, once per process.  Both happen here, not in the middle of a plan.
+Compiling takes more than a minute of CPU time, once per machine and version; loading what was
+compiled takes a fraction of a second, once per process.  Both happen here, not in the middle of a
+plan.  Parts have few kernels in common, so that processes can compile them at the same time.
 
-Decides: what is run to have every kernel compiled.  Must not know: results.
+Decides: what is run to have every kernel compiled.  Must not know: results, and who runs what when.
 """
 
 from __future__ import annotations
 
 import functools
+import sys
+from collections.abc import Callable
+from typing import Final
 
+from coordinator.paths.path_planner import Pathfinder, find_paths
 from coordinator.planning.planner import plan_scenario
-from coordinator.scenario.model import Point, Pose, Robot, Scenario, Workspace
+from coordinator.scenario.model import GivenPath, Point, Pose, Robot, Scenario, Workspace
 
 
 @functools.cache
 def load_kernels() -> None:
     """Compile or load the kernels of planning, by planning for a floor that needs them all."""
+    plan_scenario(_floor_with_a_wall())
+
+
+def compile_rest() -> None:
+    """Compile the kernels that few plans need: headings, new times, maps."""
+    from coordinator.planning.retiming import retime
+    from coordinator.schedule.lateness import Lateness
+
+    turning = _robot("E", (2.0, 3.0, 2.0), (8.0, 3.0, 2.0))
+    crossing = _scenario((turning, _robot("F", (5.0, 1.0), (5.0, 5.0))), ())
+    retime(crossing, plan_scenario(crossing), Lateness("F", 0.5, 1.0))
+    _compile_maps()
+
+
+def _compile_all() -> None:
+    load_kernels()
+    compile_rest()
+
+
+def _compile_paths() -> None:
+    """Compile what finds paths, and what reads maps."""
+    find_paths(Pathfinder(_floor_with_a_wall()), None)
+    _compile_maps()
+
+
+def _compile_schedules() -> None:
+    """Compile what compares paths, orders robots on them and proves the plan: no path is sought."""
+    ends: tuple[tuple[str, Point, Point], ...] = (
+        ("A", (1.0, 1.0), (9.0, 1.0)),
+        ("B", (6.0, 3.0), (9.0, 3.0)),
+        ("C", (7.5, 0.5), (7.5, 4.5)),
+    )
+    robots = tuple(
+        _robot(name, start, goal, GivenPath(degree=1, control_points=(start, goal)))
+        for name, start, goal in ends
+    )
+    plan_scenario(_scenario(robots, ()))
+
+
+def _compile_maps() -> None:
+    import numpy as np
+
+    from coordinator.curves.knots import insert_knot
+    from coordinator.curves.nurbs import nurbs
+    from coordinator.scenario_files.maps.cells import outline_cells
+
+    insert_knot(nurbs(1, [0.0, 0.0, 1.0, 1.0], [[0.0, 0.0], [1.0, 0.0]]), 0.5)
+    outline_cells(np.ones((2, 2), dtype=np.bool_), 1.0)
+
+
+PARTS: Final[dict[str, Callable[[], None]]] = {
+    "schedules": _compile_schedules,
+    "paths": _compile_paths,
+}
+"""What can be compiled by processes at the same time; some kernels are left for later."""
+
+
+def _floor_with_a_wall() -> Scenario:
     robots = (
         _robot("A", (1.0, 1.0), (9.0, 1.0)),
         _robot("B", (2.5, 6.8), (5.0, 6.8)),
         _robot("C", (6.0, 3.0), (9.0, 3.0)),
         _robot("D", (7.5, 1.5), (7.5, 4.5)),
     )
-    walls = (((3.0, 0.0), (4.0, 0.0), (4.0, 6.0), (3.0, 6.0)),)
-    plan_scenario(_scenario(robots, walls))
-
-
-def compile_rest() -> None:
-    """Compile the kernels that few plans need: headings, new times, maps."""
-    import numpy as np
-
-    from coordinator.curves.knots import insert_knot
-    from coordinator.curves.nurbs import nurbs
-    from coordinator.planning.retiming import retime
-    from coordinator.scenario_files.maps.cells import outline_cells
-    from coordinator.schedule.lateness import Lateness
-
-    turning = _robot("E", (2.0, 3.0, 2.0), (8.0, 3.0, 2.0))
-    crossing = _scenario((turning, _robot("F", (5.0, 1.0), (5.0, 5.0))), ())
-    retime(crossing, plan_scenario(crossing), Lateness("F", 0.5, 1.0))
-    insert_knot(nurbs(1, [0.0, 0.0, 1.0, 1.0], [[0.0, 0.0], [1.0, 0.0]]), 0.5)
-    outline_cells(np.ones((2, 2), dtype=np.bool_), 1.0)
+    return _scenario(robots, (((3.0, 0.0), (4.0, 0.0), (4.0, 6.0), (3.0, 6.0)),))
 
 
 def _scenario(robots: tuple[Robot, ...], walls: tuple[tuple[Point, ...], ...]) -> Scenario:
@@ -49,7 +94,7 @@ def _scenario(robots: tuple[Robot, ...], walls: tuple[tuple[Point, ...], ...]) -
     return Scenario(name="warm", workspace=floor, robots=robots, tau=0.5)
 
 
-def _robot(name: str, start: Pose, goal: Pose) -> Robot:
+def _robot(name: str, start: Pose, goal: Pose, path: GivenPath | None = None) -> Robot:
     return Robot(
         id=name,
         start=start,
@@ -58,9 +103,12 @@ def _robot(name: str, start: Pose, goal: Pose) -> Robot:
         max_speed=0.8,
         max_accel=0.8,
         max_lateral_accel=0.8,
+        path=path,
     )
 
 
 if __name__ == "__main__":
-    load_kernels()
-    compile_rest()
+    for part in sys.argv[1:]:
+        PARTS[part]()
+    if not sys.argv[1:]:
+        _compile_all()

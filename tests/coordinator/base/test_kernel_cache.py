@@ -17,6 +17,8 @@ import pytest
 import coordinator
 from coordinator.base import kernel_cache
 
+pytestmark = pytest.mark.processes
+
 _ROOT = Path(__file__).resolve().parents[3]
 
 _KERNELS = {
@@ -49,7 +51,7 @@ print(shifted(3.0), "loaded" if hits() else "compiled")
 """
 
 _WITHOUT_NUMBAS_OWN = """
-from coordinator.base.lean_numba import numba
+import numba
 del numba.core.caching.CompileResultCacheImpl
 """
 

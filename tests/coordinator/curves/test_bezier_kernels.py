@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from coordinator.curves.bezier_kernels import Pieces, boxes_apart, facing
+from tests.sweeps import seeds
 
 
 def pieces_of(*chains):
@@ -26,7 +27,7 @@ def walk(random, count):
     return np.cumsum(random.normal(0.0, 1.0, (count, 2)), axis=0) + random.uniform(-8.0, 8.0, 2)
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", seeds(60))
 def test_every_pair_of_near_boxes_is_left(seed):
     random = np.random.default_rng(seed)
     pieces = pieces_of(*(walk(random, int(random.integers(2, 40))) for _ in range(2)))

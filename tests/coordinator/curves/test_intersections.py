@@ -15,6 +15,7 @@ from coordinator.curves.intersections import (
 from coordinator.curves.knots import piece, refine, reverse
 from coordinator.curves.nurbs import Nurbs, nurbs
 from tests.oracle_polylines import differences, place, polyline_crossings
+from tests.sweeps import seeds
 
 PAIRS = 80
 """Random pairs; benchmarks.intersections.against_polylines looks at 10,000."""
@@ -85,13 +86,13 @@ def meet(a, b, **options):
 
 
 def test_random_curves_meet_where_polylines_do_and_nowhere_else():
-    pairs = [random_pair(seed) for seed in range(PAIRS)]
+    pairs = [random_pair(seed) for seed in seeds(PAIRS)]
     curves = [curve for pair in pairs for curve in pair]
-    indices = np.arange(2 * PAIRS).reshape(-1, 2)
+    indices = np.arange(len(curves)).reshape(-1, 2)
     found = find_all_intersections(curves, indices)
     wrong = {
         seed: differences(a, b, its.points, FINE)
-        for seed, ((a, b), its) in enumerate(zip(pairs, found, strict=True))
+        for seed, (a, b), its in zip(seeds(PAIRS), pairs, found, strict=True)
         if differences(a, b, its.points, CHORDS) != (0, 0)
     }
     assert set(wrong.values()) <= {(0, 0)}, wrong

@@ -23,6 +23,7 @@ from coordinator.curves.knots import (
 from coordinator.curves.nurbs import nurbs
 from tests.coordinator.curves.random_curves import any_curves, full_circle, random_curve
 from tests.oracles import naive_point
+from tests.sweeps import seeds
 
 U = np.linspace(0.0, 10.0, 201)
 shares = st.floats(0.01, 0.99)
@@ -78,7 +79,7 @@ def test_control_points_outside_the_neighbourhood_are_the_same_bits(curve, share
         np.testing.assert_array_equal(ours[span + 1 :], old[span:])
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", seeds(20))
 def test_doubling_a_knot_keeps_the_bits_of_all_but_two_control_points(seed):
     curve = random_curve(seed, count=12)
     u = float(curve.knots[7])

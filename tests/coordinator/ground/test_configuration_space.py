@@ -14,6 +14,7 @@ from coordinator.ground.grown_floor import GrownFloor
 from coordinator.ground.growth import Rings
 from tests.floors import KINDS, FloorCase, box, is_free, random_floor, random_places, solid_of
 from tests.oracles_floor import VisibilityGraph, convex_corners, grown
+from tests.sweeps import seeds
 
 BOX = box(0, 0, 10, 8)
 SLACK = 1e-6
@@ -59,7 +60,7 @@ def test_ways_on_500_floors_are_as_short_as_the_full_visibility_graphs(kind):
 
 
 @pytest.mark.parametrize("share", [0.99, 0.9999, 1.0001, 1.01])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", seeds(12))
 def test_a_door_lets_pass_what_is_narrower_and_nothing_else(seed, share):
     dice = random.Random(seed)
     reach, angle = dice.uniform(0.05, 0.6), dice.choice((0.0, dice.uniform(0.0, 6.0)))
@@ -207,7 +208,7 @@ def test_the_order_of_a_polygons_corners_does_not_matter():
 
 
 def test_a_way_there_is_as_long_as_the_way_back():
-    for seed in range(30):
+    for seed in seeds(30):
         floor = random_floor(seed)
         places = random_places(floor, 2, seed)
         if len(places) == 2:

@@ -13,6 +13,7 @@ from coordinator.ground.grown_floor import GrownFloor
 from coordinator.ground.polygon_kernels import merge, push, widths
 from coordinator.motion.cornering import Handling
 from tests.floors import SIZE, box, random_floor
+from tests.sweeps import enough, seeds
 
 WIDE = box(-50, -50, 50, 50)
 ANGLES = [5, 30, 60, 90, 100, -45]
@@ -50,7 +51,7 @@ def test_the_least_radius_is_that_of_the_rounded_corner(degrees):
 @pytest.mark.parametrize("exact", [False, True])
 def test_the_widest_rounding_is_clear_and_one_a_little_wider_is_not(exact):
     seen = {"limited": 0, "free": 0, "none": 0}
-    for seed in range(400):
+    for seed in seeds(400):
         dice, floor = random.Random(seed), random_floor(seed % 60)
         corner = np.array([dice.uniform(1, SIZE[0] - 1), dice.uniform(1, SIZE[1] - 1)])
         angle = dice.uniform(0.0, 2.0 * math.pi)
@@ -77,7 +78,7 @@ def test_the_widest_rounding_is_clear_and_one_a_little_wider_is_not(exact):
             # Halving ends within 3 %; chords are judged with a sagitta of up to d / 1400.
             wider = np.geomspace(min(1.06 * width, most), most, 20)
             assert min(slack(each) for each in wider) < 1e-3 * width
-    assert min(seen.values()) > 10
+    assert min(seen.values()) > enough(10)
 
 
 def wide_corners(polygon, exact=(), handling=None, solid=None):

@@ -13,6 +13,7 @@ from coordinator.ground.free_space import DISC_TOLERANCE, NO_DISCS, Space
 from coordinator.ground.grown_floor import GrownFloor
 from tests.floors import box, random_floor, random_places, solid_of
 from tests.oracles_floor import VisibilityGraph, convex_corners, grown
+from tests.sweeps import enough, seeds
 
 BOX = box(0, 0, 10, 8)
 SLACK = 1e-6
@@ -123,7 +124,7 @@ def test_a_leg_crosses_a_disc_when_it_comes_nearer_than_its_radius():
     assert 0 < wanted.sum() < wanted.size
 
 
-@pytest.mark.parametrize("seed", range(45))
+@pytest.mark.parametrize("seed", seeds(45))
 def test_lines_are_judged_by_their_true_distance(seed):
     floor, dice = random_floor(seed), np.random.default_rng(seed)
     discs = np.column_stack((dice.uniform(0, 8, (3, 2)), dice.uniform(0.1, 0.6, 3)))
@@ -147,7 +148,7 @@ def test_lines_are_judged_by_their_true_distance(seed):
 
 def test_a_curve_is_never_passed_that_dense_sampling_finds_too_near():
     judged = {True: 0, False: 0}
-    for seed in range(600):
+    for seed in seeds(600):
         dice, floor = np.random.default_rng(seed), random_floor(seed % 60)
         solid = solid_of(floor)
         discs = np.column_stack((dice.uniform(0, 8, (2, 2)), dice.uniform(0.1, 0.5, 2)))
@@ -165,7 +166,7 @@ def test_a_curve_is_never_passed_that_dense_sampling_finds_too_near():
         passed = len(space.obstructed(curve)) == 0
         judged[passed] += 1
         assert not (passed and near), seed
-    assert min(judged.values()) > 30
+    assert min(judged.values()) > enough(30)
 
 
 def test_what_obstructs_a_curve_is_told_by_its_parameter():

@@ -9,9 +9,10 @@ import shapely
 from coordinator.ground.growth import Rings, grow
 from tests.floors import box, random_floor, solid_of
 from tests.oracles_floor import convex_corners, grown
+from tests.sweeps import seeds
 
 FLOOR = box(0, 0, 10, 8)
-SEEDS = range(60)
+SEEDS = seeds(60)
 
 
 def outline_of(floor):

@@ -12,6 +12,7 @@ from coordinator.curves.interpolation_kernels import times_at
 from coordinator.curves.nurbs import nurbs
 from coordinator.motion.profile_simplification_kernels import merged, reachable
 from coordinator.motion.velocity_profile import Motion, Wait, limits_on, speed_knots
+from tests.sweeps import seeds
 
 LIMITS = ((0.475, 0.5, 0.5), (1.9, 2.0, 1.0), (0.5, math.inf, 0.5), (2.0, 1.0, 0.2))
 """Speed, acceleration, lateral acceleration."""
@@ -87,7 +88,7 @@ def check(curve, speed, accel, lateral):
     return len(knots_s)
 
 
-@pytest.mark.parametrize("seed", range(32))
+@pytest.mark.parametrize("seed", seeds(32))
 def test_wild_curves_are_driven_within_the_limits_and_within_1_percent_of_the_fastest(seed):
     curve = a_wild_curve(seed)
     spans = len(np.unique(curve.knots)) - 1
@@ -130,7 +131,7 @@ def test_a_sharp_spike_of_curvature_between_samples_is_found():
     assert check(curve, 1.0, 0.5, 0.3) <= 12
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", seeds(16))
 def test_what_is_lost_on_a_leg_is_never_more_than_on_the_whole_path(seed):
     curve, (speed, accel, lateral) = a_wild_curve(seed), LIMITS[seed % 2]
     limits = limits_on(curve, speed, accel, lateral)

@@ -11,6 +11,7 @@ from coordinator.curves.nurbs import nurbs
 from coordinator.motion.profile_simplification_kernels import reachable
 from coordinator.motion.velocity_profile import Motion, SpeedLimits, Wait, limits_on, speed_knots
 from protocol.timeline import Timeline
+from tests.sweeps import seeds
 
 
 def random_boxes(seed):
@@ -53,7 +54,7 @@ def dense_time(seed, begin, end, count=20000):
     return float(np.sum(2.0 * np.diff(s) / (v[:-1] + v[1:])))
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", seeds(30))
 def test_the_motion_is_as_fast_as_dense_integration(seed):
     limits = random_limits(seed)
     for begin, end in ((0.0, limits.length), (0.3 * limits.length, 0.8 * limits.length)):
@@ -62,7 +63,7 @@ def test_the_motion_is_as_fast_as_dense_integration(seed):
         assert took == pytest.approx(dense_time(seed, begin, end), rel=0.002)
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", seeds(30))
 def test_all_limits_are_kept_on_every_leg(seed):
     length, top, accel, boxes = random_boxes(seed)
     limits, dice = random_limits(seed), random.Random(seed)
@@ -79,7 +80,7 @@ def test_all_limits_are_kept_on_every_leg(seed):
             assert np.all(speed[(dense > s0) & (dense < s1)] <= slow + 1e-6)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", seeds(10))
 def test_times_increase_along_the_path_and_agree_with_small_steps(seed):
     limits = random_limits(seed)
     s, w = speed_knots(limits, 0.0, limits.length)
@@ -116,7 +117,7 @@ def test_gentle_bends_and_robots_without_a_lateral_limit_slow_nobody():
     assert limits_on(a_bend(), 50.0, 1.0, math.inf).bends == ()
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", seeds(12))
 @pytest.mark.parametrize("at_once", [False, True])
 def test_the_robots_timeline_agrees_with_the_motion(seed, at_once):
     limits, dice = random_limits(seed), random.Random(seed)

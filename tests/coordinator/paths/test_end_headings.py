@@ -8,6 +8,7 @@ import pytest
 
 from coordinator.paths.path_planner import Pathfinder
 from tests.scenarios import a_robot, a_scenario, box
+from tests.sweeps import seeds
 
 
 def curve_of(start, goal, radius, obstacles=(), size=(20.0, 20.0), **fields):
@@ -26,7 +27,7 @@ def assert_turns_and_headings(curve, start, goal, radius):
 
 @pytest.mark.parametrize("radius", [0.1, 0.3, 0.6])
 def test_any_two_poses_in_the_open_are_joined(radius):
-    for seed in range(40):
+    for seed in seeds(40):
         dice = random.Random(seed)
         poses = [
             (dice.uniform(4, 16), dice.uniform(4, 16), dice.uniform(-math.pi, math.pi))
@@ -73,7 +74,7 @@ def test_a_robot_beside_a_wall_goes_on_to_the_corner_without_a_loop(x, heading):
     assert beside_a_box((x, 1.18, heading)).length < free.length + 0.05
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", seeds(40))
 def test_a_heading_that_leads_along_the_way_costs_next_to_nothing(seed):
     dice = random.Random(seed)
     x, y = dice.uniform(3.5, 6.5), 1.26 - dice.uniform(0.005, 0.2)

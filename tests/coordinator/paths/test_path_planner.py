@@ -17,6 +17,7 @@ from coordinator.scenario.model import Robot, Scenario, Workspace
 from sim.floors.generator import generate
 from tests.floors import box, random_floor, random_places, solid_of
 from tests.scenarios import a_robot
+from tests.sweeps import seeds
 
 BOX = box(0, 0, 10, 8)
 MARGIN = 0.02
@@ -67,7 +68,7 @@ def asked_at_random(seed):
     return floor, robots
 
 
-@pytest.mark.parametrize("part", range(6))
+@pytest.mark.parametrize("part", seeds(6))
 def test_several_hundred_random_robots_get_a_sound_path_or_a_sentence(part):
     found = {"path": 0, "sentence": 0}
     for seed in range(35 * part, 35 * part + 35):
@@ -114,7 +115,7 @@ def assert_sound(curve, robot, solid, reach):
         np.testing.assert_array_equal(numbers, numbers.astype(np.float32))
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", seeds(25))
 def test_gentle_via_points_are_passed_to_a_millimetre(seed):
     dice = random.Random(seed)
     via = ((dice.uniform(3, 4), dice.uniform(1, 7)), (dice.uniform(6, 7), dice.uniform(1, 7)))

@@ -16,6 +16,7 @@ from coordinator.paths.path_planner import Pathfinder
 from coordinator.paths.smoothing import smooth
 from coordinator.scenario.model import Robot, Scenario, Workspace
 from tests.floors import KINDS, box, random_floor, random_places, solid_of
+from tests.sweeps import enough, seeds
 
 WIDE = box(-50, -50, 50, 50)
 MARGIN = 0.02
@@ -76,7 +77,7 @@ def clear_by(curve, solid, reach, count=2500):
 
 def robots_on_500_floors():
     """One robot without headings or vias on each of the floors, where there is room for two."""
-    for seed in range(510):
+    for seed in seeds(510):
         floor, dice = random_floor(seed), random.Random(seed)
         places = random_places(floor, 2, seed)
         if len(places) < 2:
@@ -107,14 +108,14 @@ def test_on_500_floors_curves_are_clear_c2_float32_and_hardly_longer_than_the_sh
             np.testing.assert_array_equal(numbers, numbers.astype(np.float32))
         np.testing.assert_allclose(curve.evaluate([0.0, curve.knots[-1]]), ends, atol=1e-6)
         ratios.append(curve.length / np.hypot(*np.diff(way, axis=0).T).sum())
-    assert len(ratios) > 450
+    assert len(ratios) > enough(450)
     assert np.median(ratios) <= 1.01
     assert max(ratios) <= 1.03
 
 
 def test_all_kinds_of_floors_take_part():
     kinds = [floor.kind for floor, _, _ in robots_on_500_floors()]
-    assert {kind for kind in KINDS if kinds.count(kind) > 20} == set(KINDS)
+    assert {kind for kind in KINDS if kinds.count(kind) > enough(20)} == set(KINDS)
 
 
 @pytest.mark.parametrize("degrees", [10, 45, 90, 99, -60])

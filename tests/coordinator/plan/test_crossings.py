@@ -8,6 +8,7 @@ import shapely
 
 from coordinator.curves.nurbs import nurbs
 from coordinator.plan.crossings import find_all_crossings, find_crossings
+from tests.sweeps import seeds
 
 
 def random_path(seed, count=8):
@@ -27,7 +28,7 @@ def by_shapely(a, b):
     return shapely.get_coordinates(shapely.intersection(*lines))
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", seeds(25))
 def test_all_crossings_are_found_and_nothing_else(seed):
     a, b = random_path(seed), random_path(seed + 1000)
     found = find_crossings(a, b)

@@ -16,8 +16,9 @@ from coordinator.proof.verify import prove_document
 from sim.floors.generator import generate
 from tests.oracles import complaints, tracks
 from tests.scenarios import a_robot, a_scenario, box, random_scenario
+from tests.sweeps import seeds
 
-SEEDS = range(36)
+SEEDS = seeds(36)
 
 
 @functools.cache

@@ -12,6 +12,7 @@ from coordinator.proof.limit_kernels import too_sharp
 from coordinator.proof.limits import limit_failures
 from protocol.timeline import Timeline
 from tests.coordinator.curves.random_curves import random_curve
+from tests.sweeps import seeds
 
 
 def sharpest(curve, knots_s, squares, count=200_000):
@@ -29,7 +30,7 @@ def asked(curve, knots_s, squares, most):
     return too_sharp(borders, powers, *arc_table(borders, powers), knots_s, squares, most)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", seeds(12))
 def test_a_limit_is_proven_above_the_sharpest_place_and_refused_below_it(seed):
     dice = np.random.default_rng(seed)
     curve = random_curve(dice)

@@ -13,6 +13,7 @@ from coordinator.proof.separation_kernels import nearest
 from coordinator.proof.tau_safety import prove_separation
 from coordinator.proof.verify import prove_document
 from coordinator.scenario.margin import RESOLUTION, TOLERANCE
+from tests.sweeps import seeds
 
 TAU = 0.7
 
@@ -142,7 +143,7 @@ def test_no_robot_is_farther_from_its_pieces_than_they_say(seed, tolerance):
         assert (np.hypot(*(true - straight).T) <= rows[:, 6] + 1e-9).all()
 
 
-@pytest.mark.parametrize("seed", range(80))
+@pytest.mark.parametrize("seed", seeds(80))
 def test_the_nearest_moment_of_two_pieces_is_that_of_a_grid(seed):
     dice = np.random.default_rng(seed)
     a, b = dice.uniform(-2.0, 2.0, (2, 7))

@@ -10,6 +10,7 @@ from coordinator.scenario.margin import LEAST_MARGIN
 from coordinator.scenario_files.scenario_reader import parse_scenario, read_scenario
 from coordinator.scenario_files.toml_writer import WIDTH, scenario_to_toml
 from tests.scenarios import a_robot, a_scenario, box, random_scenario
+from tests.sweeps import seeds
 from tests.test_readme import ROOT
 
 SPEEDS = st.floats(0.001, 999.0)
@@ -66,7 +67,7 @@ def test_any_scenario_reads_back_equal_to_the_last_bit(scenario):
     assert again(scenario) == scenario
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", seeds(10))
 def test_cluttered_scenarios_read_back_equal_but_for_notes(seed):
     scenario = random_scenario(seed)
     read = again(scenario, "two\nlines")

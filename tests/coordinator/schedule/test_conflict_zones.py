@@ -14,6 +14,7 @@ from coordinator.curves.chords import chords_of
 from coordinator.curves.nurbs import nurbs
 from coordinator.schedule.conflict_zones import find_zones
 from tests.coordinator.schedule.fleets import CELL, fleet, line, random_path, rows_of
+from tests.sweeps import seeds
 
 
 def sample(curve, count):
@@ -65,7 +66,7 @@ def check_pair(a, b, radii, margin):
     return zones, gap, need
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", seeds(12))
 def test_no_conflict_is_missed_and_nothing_a_centimetre_too_far_is_added(seed):
     check_pair(random_path(seed), random_path(seed + 100), (0.25, 0.07), 0.03)
 
@@ -86,7 +87,7 @@ def pieces(near):
     return ndimage.label(near)[1]
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", seeds(40))
 def test_zones_are_the_connected_pieces_of_a_fine_grid(seed):
     a, b = random_path(seed), random_path(seed + 300)
     zones = find_zones([chords_of(a), chords_of(b)], (0.2, 0.2), 0.0)
@@ -252,7 +253,7 @@ def test_parallel_lines_just_apart_by_the_need_have_a_zone_and_farther_ones_none
 
 
 @pytest.mark.parametrize("side", [0, 1])
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", seeds(40))
 def test_rows_of_a_goal_on_anothers_path_reach_the_goal_to_the_last_bit(seed, side):
     random = np.random.default_rng(seed)
     bend, goal = random.uniform(0.5, 2.0), random.uniform(4.0, 9.0)

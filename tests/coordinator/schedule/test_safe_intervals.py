@@ -29,6 +29,7 @@ from tests.coordinator.schedule.fleets_on_lines import (
     winding_fleet,
 )
 from tests.oracle_grid import Grid
+from tests.sweeps import seeds
 
 ROOM = 0.025
 """Cells, chords and the grid's own steps may cost so much [m]."""
@@ -98,7 +99,7 @@ def test_a_motion_is_safe_and_as_early_as_on_a_grid(curves, tau, accel, begin):
     check_against_grid(fleet, [alone(fleet.junctions.tracks[0], begin)])
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", seeds(30))
 def test_among_several_robots_a_motion_is_safe_and_as_early_as_on_a_grid(seed):
     if behind_others(seed) is not None:
         check_against_grid(*behind_others(seed))
@@ -239,7 +240,7 @@ def is_polite(fleet, motions, found):
     return True
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", seeds(30))
 def test_no_wait_where_somebody_has_yet_to_pass_unless_all_others_are_longer(seed):
     given = behind_others(seed, 3, tangled_fleet)
     if given is None or last_robot(*given) is None:

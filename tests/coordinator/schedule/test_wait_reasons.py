@@ -14,6 +14,7 @@ from tests.coordinator.schedule.fleets_on_lines import (
     random_fleet,
     tangled_fleet,
 )
+from tests.sweeps import seeds
 
 
 def in_order(fleet, order):
@@ -54,7 +55,7 @@ def test_both_ways_round_are_each_others_opposite():
     assert told[0][0].otherwise == pytest.approx(-told[1][0].otherwise, abs=2e-3)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", seeds(12))
 def test_in_a_pair_with_many_zones_no_order_of_the_two_beats_what_is_told(seed):
     """The other way round is said of one zone: the best plan that has it so is no worse."""
     fleet = tangled_fleet(seed, 2)

@@ -21,6 +21,7 @@ from sim.cli.run_commands import commands
 from sim.floors.generator import generate
 from sim.world.fault_script import read_faults
 from sim.world.fault_text import Fault
+from tests.sweeps import seeds
 
 ROOT = Path(__file__).resolve().parents[3]
 PAPER = ROOT / "examples" / "paper_five.toml"
@@ -43,7 +44,7 @@ def crossing():
     return generate("warehouse", 8, 1)
 
 
-@pytest.mark.parametrize("seed", range(50))
+@pytest.mark.parametrize("seed", seeds(50))
 def test_nobody_touches_and_whoever_can_arrives(floors, seed):
     outcome = run_seed(floors[seed % len(floors)], seed)
     assert outcome.violations == ()

@@ -1,0 +1,96 @@
+"""Compiling the planner's kernels: at set-up, which runs this module, else on first use.
+
+numba compiles in one thread at a time.  Processes of their own compile parts of the kernels into
+the same folder at once, one more what is left; this one tells how far they are.
+
+Decides: which processes compile, and what is told meanwhile.  Must not know: what kernels compute.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from coordinator.base.console import errors, tell
+from coordinator.base.kernel_cache import count_kernels, is_filled, places, writable_place
+from coordinator.planning.warm import PARTS, compile_rest, load_kernels
+
+_ROOT: Final = Path(__file__).parents[__name__.count(".")]
+_WARM: Final = (sys.executable, "-m", "coordinator.planning.warm")
+_LOOK_S: Final = 0.5
+"""How often the kernels that are compiled are counted [s]."""
+
+
+@functools.cache
+def get_kernels_ready() -> None:
+    """Load the kernels; where they have to be compiled first, say so, and compile all of them."""
+    if not is_filled():
+        tell(f"compiling the planner's kernels, {_how_often()}; this takes about a minute")
+        if writable_place() is not None and (os.cpu_count() or 1) > 1:
+            _compile_in_processes()
+        compile_rest()
+    load_kernels()
+
+
+def _how_often() -> str:
+    """Tell whether the kernels have to be compiled again next time, and why."""
+    if writable_place() is not None:
+        return "once"
+    return f"for this process alone, as {' and '.join(map(str, places()))} cannot be written"
+
+
+def _compile_in_processes() -> None:
+    """Compile all kernels into the folder; what a process that fails leaves, the caller finds."""
+    with _progress() as look:
+        for commands in ([[*_WARM, part] for part in PARTS], [_WARM]):
+            _run(commands, look)
+
+
+def _run(commands: Sequence[Sequence[str]], look: Callable[[], None]) -> None:
+    """Run commands at once, and look from time to time until all have ended."""
+    quiet = subprocess.DEVNULL
+    running = [
+        subprocess.Popen(command, cwd=_ROOT, stdin=quiet, stdout=quiet, stderr=quiet)
+        for command in commands
+    ]
+    try:
+        while any(process.poll() is None for process in running):
+            time.sleep(_LOOK_S)
+            look()
+    finally:
+        for process in running:
+            process.kill()
+            process.wait()
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[], None]]:
+    """Show how many kernels are compiled, on a terminal; what is given looks how many there are."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+    )
+
+    columns = (TextColumn("kernels"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=errors, disable=not errors.is_terminal) as bar:
+        task = bar.add_task("kernels")
+
+        def look() -> None:
+            kept, known = count_kernels()
+            bar.update(task, completed=kept, total=known)
+
+        yield look
+
+
+if __name__ == "__main__":
+    get_kernels_ready()
