@@ -1,8 +1,13 @@
-"""What the coordinator's commands can end with; each text is for the person who ran them."""
+"""What the coordinator's commands can end with: errors that carry data, and their sentences.
+
+Nobody reads a sentence back: code asks the fields.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
+from typing import Self
 
 
 class InputError(Exception):
@@ -13,22 +18,74 @@ class InputError(Exception):
         self.problems = tuple(problems)
 
 
-class PlanError(Exception):
-    """No plan exists, or none was found: who blocks whom, where, what would help.  Exit code 1.
+class PartsError(InputError):
+    """No message can be made for some `robots` of a plan, or none that they would take."""
 
-    `blames`: the robot without which there might be one, if that is known.
+    def __init__(self, problems: Sequence[str], robots: Sequence[str]) -> None:
+        super().__init__(problems)
+        self.robots = tuple(robots)
+
+
+class PlanError(Exception):
+    """No plan exists, or none was found.  Exit code 1.
+
+    reason: what is wrong, without the robot's name; helps: what would help, if that is known.
+    robot: whom it concerns, "" when it is no single one; blames: the robot without which there
+    might be a plan, the one concerned unless another is named.
+    place: where [m], if it is somewhere.
     """
 
-    def __init__(self, text: str, blames: str = "") -> None:
-        super().__init__(text)
-        self.blames = blames
+    def __init__(
+        self,
+        reason: str,
+        robot: str = "",
+        *,
+        blames: str = "",
+        place: tuple[float, float] | None = None,
+        helps: str = "",
+    ) -> None:
+        super().__init__(reason)
+        self.reason = reason
+        self.robot = robot
+        self.blames = blames or robot
+        self.place = place
+        self.helps = helps
+
+    def __str__(self) -> str:
+        """Return the error in one sentence."""
+        return f"{self.robot}: {self.sentence}" if self.robot else self.sentence
+
+    @property
+    def sentence(self) -> str:
+        """The error in words, without the name of the robot concerned."""
+        return f"{self.reason}; {self.helps} would help" if self.helps else self.reason
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Return how to copy the error, and to take it to another process: by its fields."""
+        return _with_fields, (type(self), self.args, self.__dict__)
+
+    def about(self, robot: str) -> Self:
+        """Return the error as one that concerns a robot."""
+        named = copy(self)
+        named.robot = named.blames = robot
+        return named
+
+
+def _with_fields(
+    kind: type[PlanError], args: tuple[object, ...], fields: dict[str, object]
+) -> PlanError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(fields)
+    return error
 
 
 class TurnError(PlanError):
     """A turn is tighter than the robot can make; `radius` [m] is what there is room for."""
 
-    def __init__(self, text: str, radius: float) -> None:
-        super().__init__(text)
+    def __init__(
+        self, reason: str, radius: float, place: tuple[float, float], helps: str = ""
+    ) -> None:
+        super().__init__(reason, place=place, helps=helps)
         self.radius = radius
 
 

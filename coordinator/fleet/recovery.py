@@ -6,7 +6,6 @@ same plan: replay relies on it.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -98,7 +97,7 @@ def _with_those_that_can(
         try:
             return Recovery(site, _plan(scenario, epoch, plan), tuple(said), stays)
         except PlanError as error:
-            stay = _closed_in(turned(scenario)) or _blamed(scenario, error)
+            stay = _closed_in(turned(scenario)) or {_blamed(scenario, error): error}
         for name, why in stay.items():
             closed = () if every_via else _closed_via(turned(scenario), name)
             if closed:
@@ -111,7 +110,7 @@ def _with_those_that_can(
                 said.append(f"{name} leaves the path that it was given: {why}")
                 site = site.off_given_path(name)
                 continue
-            stays[name] = why.removeprefix(f"{name}: ")
+            stays[name] = why.sentence if why.robot == name else str(why)
             said.append(f"{name} stays where it is: {stays[name]}")
             site = site.without(name)
         site, dropped = passable(site)
@@ -145,7 +144,7 @@ def turned(scenario: Scenario) -> Scenario:
     return replace(scenario, robots=robots)
 
 
-def _closed_in(scenario: Scenario) -> dict[str, str]:
+def _closed_in(scenario: Scenario) -> dict[str, PlanError]:
     """Return the robots that have no way to their goals even alone, and why."""
     finder = Pathfinder(scenario)
     closed = {}
@@ -153,7 +152,7 @@ def _closed_in(scenario: Scenario) -> dict[str, str]:
         try:
             finder.path(index)
         except PlanError as error:
-            closed[robot.id] = str(error)
+            closed[robot.id] = error
     return closed
 
 
@@ -185,9 +184,7 @@ def _has_way(scenario: Scenario, robot: Robot) -> bool:
     return True
 
 
-def _blamed(scenario: Scenario, error: PlanError) -> dict[str, str]:
-    """Return the robot that an error blames, or names last: the others were there before it."""
-    names = {robot.id for robot in scenario.robots}
-    named = [word for word in re.findall(r"[A-Za-z0-9_.-]+", str(error)) if word in names]
-    last = named[-1] if named else scenario.robots[-1].id
-    return {error.blames if error.blames in names else last: str(error)}
+def _blamed(scenario: Scenario, error: PlanError) -> str:
+    """Return the robot that an error blames, or the last one: the others were there before it."""
+    names = [robot.id for robot in scenario.robots]
+    return error.blames if error.blames in names else names[-1]

@@ -32,6 +32,24 @@ class NoWayError(PlanError):
         self.space, self.start, self.goal = space, start, goal
 
 
+class EnclosedError(PlanError):
+    """A robot has no way to a `place`; one of `radius` [m] would pass.
+
+    0 when none would, None when nothing but other starts or goals could help.
+    """
+
+    def __init__(self, reason: str, place: tuple[float, float], radius: float | None) -> None:
+        helps = "other starts or goals" if radius is None else "another goal or fewer obstacles"
+        super().__init__(reason, place=place, helps="" if radius else helps)
+        self.radius = radius
+
+    @property
+    def sentence(self) -> str:
+        """The error in words, without the name of the robot concerned."""
+        passes = f"; a radius of {self.radius:.3f} m would pass" if self.radius else ""
+        return super().sentence + passes
+
+
 def explain(
     error: NoWayError, floor: GrownFloor, robot: Robot, margin: float, part: MapPart | None = None
 ) -> PlanError:
@@ -55,10 +73,11 @@ def explain(
         for x, y in (start, goal):
             if not shapely.intersects_xy(floor.outline, x, y):
                 by = f"({x:.2f}, {y:.2f}) is off the floor"
-    return PlanError(
+    return EnclosedError(
         f"no way from ({start[0]:.2f}, {start[1]:.2f}) to ({goal[0]:.2f}, {goal[1]:.2f}) for "
-        f"radius {robot.radius:.6g} m + margin {margin:.6g} m: {by}"
-        f"{_what_helps(error, floor, robot.radius, margin)}"
+        f"radius {robot.radius:.6g} m + margin {margin:.6g} m: {by}",
+        (float(goal[0]), float(goal[1])),
+        _largest_radius(error, floor, robot.radius, margin),
     )
 
 
@@ -87,19 +106,24 @@ def _names_near(
     return names
 
 
-def _what_helps(error: NoWayError, floor: GrownFloor, radius: float, margin: float) -> str:
-    """Return the largest radius for which a way is found, in whole millimetres."""
+def _largest_radius(
+    error: NoWayError, floor: GrownFloor, radius: float, margin: float
+) -> float | None:
+    """Return the largest radius [m] for which a way is found, in whole millimetres.
+
+    0 when there is none; None when nothing but other starts or goals could help.
+    """
     ground, ends = error.space.ground, (error.start, error.goal)
     # Graphs are seldom needed, and importing them takes as long as planning a small fleet.
     from coordinator.ground.widest_passage import widest_reach
 
     widest = widest_reach(ground.rings, *ends, ground.reach)
     if widest is None:
-        return "; other starts or goals would help"
+        return None
     for share in (1.0, math.cos(0.5 * TURN_STEP)):
         fits = math.floor(1e3 * (min(share * widest - margin, radius - _LEAST) + 1e-9)) / 1e3
         if fits < _LEAST:
             break
         if floor.fresh_ground(fits + margin).shortest_way(*ends, NO_DISCS) is not None:
-            return f"; a radius of {fits:.3f} m would pass"
-    return "; another goal or fewer obstacles would help"
+            return fits
+    return 0.0

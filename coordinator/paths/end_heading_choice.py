@@ -117,7 +117,8 @@ def _joined(
     found = leads(robot, pose, ahead, space)
     if not found:
         raise PlanError(
-            f"no room to move along heading {pose[2]:.2f} rad at ({pose[0]:.2f}, {pose[1]:.2f})"
+            f"no room to move along heading {pose[2]:.2f} rad at ({pose[0]:.2f}, {pose[1]:.2f})",
+            place=(pose[0], pose[1]),
         )
     ends = np.array([lead.last for lead in found])
     seen = space.keeping(np.repeat(ends, len(ahead), axis=0), np.tile(ahead, (len(found), 1)))

@@ -83,8 +83,9 @@ def check_headings(robot: Robot, curve: Nurbs) -> None:
         if len(pose) == 3 and abs(math.remainder(math.atan2(y, x) - pose[2], math.tau)) > _OFF:
             raise CoarseError(
                 f"heading {pose[2]:.2f} rad at ({pose[0]:.2f}, {pose[1]:.2f}) needs a longer "
-                "straight way so far from the origin, where float32 numbers are coarse; more room "
-                "or an origin nearer to the site would help"
+                "straight way so far from the origin, where float32 numbers are coarse",
+                place=pose[:2],
+                helps="more room or an origin nearer to the site",
             )
 
 

@@ -101,7 +101,7 @@ class Pathfinder:
         robot = self.scenario.robots[index]
         if robot.path is not None:
             if len(detours) or refuge is not None:
-                raise PlanError(f"{robot.id}: keeps the path that it was given")
+                raise PlanError("keeps the path that it was given", robot.id)
             with _named(robot):
                 return given_curve(robot, robot.path, self.scenario.margin, self.floor)
         return self.fit(index, detours, refuge).curve
@@ -125,7 +125,8 @@ class Pathfinder:
         if isinstance(worst, NoWayError):
             part = self.scenario.workspace.from_map
             worst = explain(worst, self.floor, robot, self.scenario.margin, part)
-        raise PlanError(f"{robot.id}: {worst}")
+        assert worst is not None  # There is always some set of places to try.
+        raise worst.about(robot.id)
 
     def crossed_places(self, index: int, curve: Nurbs) -> list[str]:
         """Say which starts and goals of other robots a path crosses: these order the two robots."""
@@ -186,7 +187,10 @@ class Pathfinder:
         spares = self.floor.distance(_anchors(robot)) - reach
         if spares.min() < -_FLUSH:
             x, y = _anchors(robot)[int(np.argmin(spares))]
-            raise PlanError(f"({x:.2f}, {y:.2f}) is nearer than {reach:g} m to something solid")
+            raise PlanError(
+                f"({x:.2f}, {y:.2f}) is nearer than {reach:g} m to something solid",
+                place=(float(x), float(y)),
+            )
         spare = float(spares.min()) - _FLUSH
         touch = min(max(spare, 0.0), most)
         ground = self.floor.ground(reach + touch, room)
@@ -249,7 +253,7 @@ def _named(robot: Robot) -> Iterator[None]:
     try:
         yield
     except PlanError as error:
-        raise PlanError(f"{robot.id}: {error}") from None
+        raise error.about(robot.id) from None
 
 
 def _anchors(robot: Robot) -> Array:

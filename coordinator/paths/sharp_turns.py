@@ -71,8 +71,9 @@ def _two_turns(
             break
     if best is None:
         raise PlanError(
-            f"no room to turn round at ({here[0]:.2f}, {here[1]:.2f}); "
-            "more room there or another heading would help"
+            f"no room to turn round at ({here[0]:.2f}, {here[1]:.2f})",
+            place=(float(here[0]), float(here[1])),
+            helps="more room there or another heading",
         )
     return best
 

@@ -145,7 +145,8 @@ def _narrower(found: Fit, hit: Array) -> Array:
 
 def _blocked(curve: Nurbs, hit: Array) -> PlanError:
     x, y = curve.evaluate(hit[:1])[0]
-    return PlanError(f"no smooth way past ({x:.2f}, {y:.2f}); more room there would help")
+    place = (float(x), float(y))
+    return PlanError(f"no smooth way past ({x:.2f}, {y:.2f})", place=place, helps="more room there")
 
 
 def least_radius(found: Fit) -> float:
@@ -172,8 +173,9 @@ def _turnable(found: Fit, handling: Handling) -> Fit:
         radius = 1.0 / float(bend[worst])
         raise TurnError(
             f"the best turn found at ({x:.2f}, {y:.2f}) has a radius of {radius:.3f} m, "
-            f"min_turn_radius is {handling.min_turn_radius} m; more room or another heading would "
-            "help",
+            f"min_turn_radius is {handling.min_turn_radius} m",
             radius,
+            (float(x), float(y)),
+            "more room or another heading",
         )
     return found

@@ -105,7 +105,7 @@ def _robot_plan(
         message = pack(document, planned)
         size = len(address(message, _LONGEST_BOOT))
     except OversizeError as error:
-        raise PlanError(f"{robot.id}: {error}; fewer via points would help") from None
+        raise PlanError(str(error), robot.id, helps="fewer via points") from None
     return msgspec.structs.replace(planned, wire_bytes=size), message
 
 

@@ -17,7 +17,7 @@ from typing import Final, TypeVar
 import msgspec
 import numpy as np
 
-from coordinator.base.errors import InputError
+from coordinator.base.errors import PartsError
 from coordinator.curves.bounds import Chain, flatten
 from coordinator.curves.nurbs import Array, Nurbs, nurbs
 from coordinator.curves.nurbs_kernels import parameters_at, series
@@ -107,7 +107,7 @@ def pack(document: PlanDocument, robot: RobotPlan) -> bytes:
 
 
 def packed(document: PlanDocument) -> PackedPlan:
-    """Return a document with its messages; InputError naming the robots that have none."""
+    """Return a document with its messages; PartsError naming the robots that have none."""
     return PackedPlan(document, dict(_each(document.robots, lambda one: pack(document, one))))
 
 
@@ -228,26 +228,26 @@ def _uncertain(size: float, place: Array) -> ValueError:
 
 
 def drive(document: PlanDocument) -> list[Driven]:
-    """Return what every robot of a document makes of its bytes; InputError naming the robot."""
+    """Return what every robot of a document makes of its bytes; PartsError naming the robot."""
     return unpack_all(packed(document))
 
 
 def unpack_all(plan: PackedPlan) -> list[Driven]:
-    """Return what every robot makes of its message; InputError naming those that refuse theirs."""
+    """Return what every robot makes of its message; PartsError naming those that refuse theirs."""
     robots, messages = plan.document.robots, plan.messages
     return [one for _, one in _each(robots, lambda one: unpack(messages[one.id], one.radius))]
 
 
 def _each(robots: Sequence[RobotPlan], make: Callable[[RobotPlan], T]) -> list[tuple[str, T]]:
-    """Return what is made of each robot; InputError with all those of which it cannot be made."""
-    made, problems = [], []
+    """Return what is made of each robot; PartsError with all those of which it cannot be made."""
+    made, problems = [], {}
     for robot in robots:
         try:
             made.append((robot.id, make(robot)))
         except (ValueError, OverflowError, msgspec.MsgspecError, IndexError) as error:
-            problems.append(f"plan: robots[{robot.id}]: {error}")
+            problems[robot.id] = f"plan: robots[{robot.id}]: {error}"
     if problems:
-        raise InputError(problems)
+        raise PartsError(list(problems.values()), list(problems))
     return made
 
 

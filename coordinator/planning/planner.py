@@ -14,7 +14,7 @@ from itertools import islice, pairwise
 import numpy as np
 from msgspec.structs import replace
 
-from coordinator.base.errors import InputError, PlanError
+from coordinator.base.errors import PartsError, PlanError
 from coordinator.curves.chords import chords_of
 from coordinator.curves.nurbs import Nurbs
 from coordinator.ground.tight_places import near_places
@@ -29,10 +29,11 @@ from coordinator.plan.wire import PackedPlan
 from coordinator.proof.verify import prove_messages
 from coordinator.scenario.model import Scenario
 from coordinator.schedule import paper_policy
-from coordinator.schedule.detours import blocking_pairs, lanes, refuges, say_ring, say_stuck
+from coordinator.schedule.detours import blocking_pairs, lanes, refuges
 from coordinator.schedule.junctions import FEW, Junctions
 from coordinator.schedule.precedence import ring_of, stuck_pairs
 from coordinator.schedule.priority_order import Deadlock, find_schedule
+from coordinator.schedule.refusals import pair_error, ring_error
 from coordinator.schedule.rerouting import latest_robots, quicker_by, with_reasons
 from coordinator.schedule.track import Track
 from coordinator.schedule.wait_owners import with_owners
@@ -107,8 +108,9 @@ def plan_fleet(
     document = replace(drafted.document, waits=waits, notes=notes)
     try:
         proof = prove_messages(PackedPlan(document, drafted.messages), scenario)
-    except InputError as error:
-        raise PlanError("a path cannot be sent: " + "; ".join(error.problems)) from None
+    except PartsError as error:
+        reason = "a path cannot be sent: " + "; ".join(error.problems)
+        raise PlanError(reason, blames=error.robots[-1]) from None
     marks.append(timer())
     names = ("paths", "zones", "schedule", "document", "proof")
     timing = {n: round(b - a, 4) for n, (a, b) in zip(names, pairwise(marks), strict=True)}
@@ -123,14 +125,17 @@ def _check_times(scenario: Scenario, tau: float, motions: Sequence[Motion]) -> N
         slowest = max(scenario.robots, key=lambda robot: robot.max_speed / robot.max_accel)
         raise PlanError(
             f"{slowest.id} brakes for {slowest.max_speed / slowest.max_accel:.0f} s, so tau is "
-            f"{tau:.0f} s, at most {LONGEST_TAU:.0f} s are possible; a larger max_accel or a tau "
-            "by hand would help"
+            f"{tau:.0f} s, at most {LONGEST_TAU:.0f} s are possible",
+            blames=slowest.id,
+            helps="a larger max_accel or a tau by hand",
         )
     for robot, motion in zip(scenario.robots, motions, strict=True):
         if motion.finish > LONGEST_PLAN:
             raise PlanError(
                 f"{robot.id} arrives after {motion.finish:.0f} s, a plan lasts at most "
-                f"{LONGEST_PLAN:.0f} s; more speed or a nearer goal would help"
+                f"{LONGEST_PLAN:.0f} s",
+                blames=robot.id,
+                helps="more speed or a nearer goal",
             )
 
 
@@ -184,11 +189,11 @@ class _Stages:
             if not any(solved):
                 ring = ring_of(self.junctions)
                 if len(ring) > 2 and self._block_each_other(ring):
-                    raise say_ring(scenario, self.junctions, ring)
+                    raise ring_error(scenario, self.junctions, ring)
                 for pair in pairs:
                     if self._block_each_other(pair):
-                        raise say_stuck(scenario, self.junctions, pair)
-                raise say_stuck(scenario, self.junctions, pairs[0], among_others=True)
+                        raise pair_error(scenario, self.junctions, pair)
+                raise pair_error(scenario, self.junctions, pairs[0], among_others=True)
 
     def _improved(self, motions: list[Motion], priorities: list[int], effort: int) -> list[Motion]:
         """Let robots go around where that is quicker; few are then ordered once more."""

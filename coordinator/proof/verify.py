@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from msgspec.structs import replace
 
-from coordinator.base.errors import InputError
+from coordinator.base.errors import PartsError
 from coordinator.curves.nurbs import Array
 from coordinator.plan.checks import LENGTH_TOLERANCE, LONGEST_PLAN
 from coordinator.plan.document import Limits, PlanDocument, Proof, RobotPlan
@@ -49,7 +49,7 @@ _PLAN_ROUNDING: Final = 1.0
 def prove_document(document: PlanDocument, scenario: Scenario | None = None) -> Proof:
     """Prove a document, from a file for instance, by the messages that are made of it.
 
-    Raises InputError as prove_messages does, and when no message can be made for a robot.
+    Raises PartsError as prove_messages does, and when no message can be made for a robot.
     """
     return prove_messages(packed(document), scenario)
 
@@ -58,7 +58,7 @@ def prove_messages(plan: PackedPlan, scenario: Scenario | None = None) -> Proof:
     """Prove a plan from its wire bytes.
 
     With a scenario its floor, limits, radii, tau, margin and link count, and the document has to
-    say the same of them: what robots are told comes from there.  Raises InputError when a robot
+    say the same of them: what robots are told comes from there.  Raises PartsError when a robot
     would not accept its message, or would drive too long.
     """
     document, driven = plan.document, unpack_all(plan)
@@ -76,15 +76,15 @@ def prove_messages(plan: PackedPlan, scenario: Scenario | None = None) -> Proof:
 
 
 def _check_durations(driven: list[Driven]) -> None:
-    """Raise InputError for motions that would take the proof's memory."""
-    problems = [
-        f"plan: robots[{one.id}]: lasts {one.timeline.finish:g} s on the wire, "
+    """Raise PartsError for motions that would take the proof's memory."""
+    problems = {
+        one.id: f"plan: robots[{one.id}]: lasts {one.timeline.finish:g} s on the wire, "
         f"allowed is up to {LONGEST_PLAN:g} s"
         for one in driven
         if not one.timeline.finish <= LONGEST_PLAN + _PLAN_ROUNDING
-    ]
+    }
     if problems:
-        raise InputError(problems)
+        raise PartsError(list(problems.values()), list(problems))
 
 
 def _disagreements(robot: RobotPlan, driven: Driven) -> list[str]:

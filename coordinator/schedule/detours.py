@@ -8,13 +8,11 @@ Decides: who takes another way.  Must not know: how orders are searched (priorit
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator
 
 import numpy as np
 import shapely
 
-from coordinator.base.errors import PlanError
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.ground.grown_floor import GrownFloor
 from coordinator.scenario.model import Point, Scenario
@@ -90,78 +88,3 @@ def refuges(
             yield float(spot[0]), float(spot[1])
         if len(taken) == _REFUGES:
             return
-
-
-def say_stuck(
-    scenario: Scenario, junctions: Junctions, pair: tuple[int, int], *, among_others: bool = False
-) -> PlanError:
-    """Return the error that says who blocks whom, where, and what would help.
-
-    `among_others`: without them the two could pass each other.
-    """
-    (a, b), (one, two) = pair, (scenario.robots[index] for index in pair)
-    first = _places_on(scenario, junctions, a, b, "start")
-    first += _places_on(scenario, junctions, b, a, "goal")
-    last = _places_on(scenario, junctions, b, a, "start")
-    last += _places_on(scenario, junctions, a, b, "goal")
-    facts = [*first, *last]
-    listed = ", ".join(fact.said for fact in facts)
-    if among_others:
-        said = f"no order was found in which {one.id} and {two.id} both arrive among all others"
-        said += f": {listed}" if facts else ""
-    elif first and last:
-        said = f"{one.id} and {two.id} block each other whoever goes first: {listed}"
-    else:
-        near = f"{one.id} and {two.id} come near each other on their ways"
-        said = f"no order was found in which {one.id} and {two.id} both arrive: {listed or near}"
-    return _no_way_around(scenario, pair, said, facts)
-
-
-def say_ring(scenario: Scenario, junctions: Junctions, ring: Sequence[int]) -> PlanError:
-    """Return the error for robots of which each has to go before the next, in a ring."""
-    facts: list[_PlaceOnWay] = []
-    for me, other in zip(ring, [*ring[1:], ring[0]], strict=True):
-        starts = _places_on(scenario, junctions, me, other, "start")
-        goals = _places_on(scenario, junctions, other, me, "goal")
-        facts += (starts or goals)[:1]
-    names = ", ".join(scenario.robots[index].id for index in ring)
-    said = f"{names} block each other in a ring: {', '.join(fact.said for fact in facts)}"
-    return _no_way_around(scenario, ring, said, facts)
-
-
-class _PlaceOnWay(NamedTuple):
-    """A robot's start or goal that lies on another's way."""
-
-    said: str
-    whose_way: str
-
-
-def _no_way_around(
-    scenario: Scenario, indices: Sequence[int], said: str, facts: Sequence[_PlaceOnWay]
-) -> PlanError:
-    """Return the error with what would help; given paths are kept as they are.
-
-    Blamed is on whose way the last of the places lies: the others were there before it.
-    """
-    helps = "A wider passage, a via point or another goal"
-    if all(scenario.robots[index].path is not None for index in indices):
-        helps = "Another path for one of them"
-    blames = facts[-1].whose_way if facts else scenario.robots[indices[-1]].id
-    return PlanError(f"{said}; no way around was found. {helps} would help", blames)
-
-
-def _places_on(
-    scenario: Scenario, junctions: Junctions, me: int, other: int, name: str
-) -> list[_PlaceOnWay]:
-    """Say whether my start (or my goal) lies on another robot's way, as their zones have it."""
-    zones = junctions.zones
-    low = np.where(zones.a == me, zones.extent[:, 0], zones.extent[:, 2])
-    high = np.where(zones.a == me, zones.extent[:, 1], zones.extent[:, 3])
-    both = ((zones.a == me) & (zones.b == other)) | ((zones.a == other) & (zones.b == me))
-    holds = low <= 0.0 if name == "start" else high >= junctions.lengths()[me]
-    if not (both & holds).any():
-        return []
-    robot, theirs = scenario.robots[me], scenario.robots[other].id
-    x, y = (robot.start if name == "start" else robot.goal)[:2]
-    said = f"{robot.id}'s {name} ({x:.2f}, {y:.2f}) lies on {theirs}'s way"
-    return [_PlaceOnWay(said, theirs)]

@@ -4,7 +4,8 @@ import pytest
 
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.planning.planner import _Stages
-from coordinator.schedule.detours import lanes, say_stuck
+from coordinator.schedule.detours import lanes
+from coordinator.schedule.refusals import pair_error
 from tests.scenarios import a_robot, a_scenario
 
 
@@ -13,7 +14,7 @@ def said_of(*robots, size=(10.0, 8.0), **how):
     stages = _Stages(scenario, 0.5, None)
     stages.find_paths()
     stages.find_zones()
-    error = say_stuck(scenario, stages.junctions, (0, 1), **how)
+    error = pair_error(scenario, stages.junctions, (0, 1), **how)
     assert error.blames in {robot.id for robot in robots}
     return str(error)
 

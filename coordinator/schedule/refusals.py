@@ -1,0 +1,126 @@
+"""Why robots block each other: the error with its facts, and its sentence.
+
+Decides: who is blamed, what is said and what would help.  Must not know: how orders and other ways
+are searched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+
+from coordinator.base.errors import PlanError
+from coordinator.scenario.model import Scenario
+from coordinator.schedule.junctions import Junctions
+
+How = Literal["either order", "no order", "among others", "ring"]
+"""Two robots in either order; two for which none was found, alone or among others; a ring."""
+
+_WIDER: Final = "A wider passage, a via point or another goal"
+_OTHER_PATH: Final = "Another path for one of them"
+
+
+class PlaceOnWay(NamedTuple):
+    """A robot's start or goal at (x, y) [m] that lies on another robot's way."""
+
+    robot: str
+    end: Literal["start", "goal"]
+    x: float
+    y: float
+    on_way_of: str
+
+
+class BlockedError(PlanError):
+    """Robots block each other, by these places, and no way around was found.
+
+    Blamed is on whose way the last of the places lies: the others were there before it.
+    is_given: all of them drive paths that were given, which are kept.
+    """
+
+    def __init__(
+        self, robots: Sequence[str], how: How, places: Sequence[PlaceOnWay], is_given: bool
+    ) -> None:
+        blames = places[-1].on_way_of if places else robots[-1]
+        where = (places[-1].x, places[-1].y) if places else None
+        helps = _OTHER_PATH if is_given else _WIDER
+        super().__init__(_said(robots, how, places), blames=blames, place=where, helps=helps)
+        self.robots = tuple(robots)
+        self.how = how
+        self.places = tuple(places)
+
+    @property
+    def sentence(self) -> str:
+        """The error in words."""
+        return f"{self.reason}; no way around was found. {self.helps} would help"
+
+
+def pair_error(
+    scenario: Scenario, junctions: Junctions, pair: tuple[int, int], *, among_others: bool = False
+) -> BlockedError:
+    """Return the error for two robots that do not both arrive, in whatever order.
+
+    `among_others`: without them the two could pass each other.
+    """
+    a, b = pair
+    first = _places_on(scenario, junctions, a, b, "start")
+    first += _places_on(scenario, junctions, b, a, "goal")
+    last = _places_on(scenario, junctions, b, a, "start")
+    last += _places_on(scenario, junctions, a, b, "goal")
+    how: How = "among others" if among_others else "no order"
+    if first and last and not among_others:
+        how = "either order"
+    return _error(scenario, pair, how, [*first, *last])
+
+
+def ring_error(scenario: Scenario, junctions: Junctions, ring: Sequence[int]) -> BlockedError:
+    """Return the error for robots of which each has to go before the next, in a ring."""
+    places: list[PlaceOnWay] = []
+    for me, other in zip(ring, [*ring[1:], ring[0]], strict=True):
+        starts = _places_on(scenario, junctions, me, other, "start")
+        goals = _places_on(scenario, junctions, other, me, "goal")
+        places += (starts or goals)[:1]
+    return _error(scenario, ring, "ring", places)
+
+
+def _error(
+    scenario: Scenario, indices: Sequence[int], how: How, places: Sequence[PlaceOnWay]
+) -> BlockedError:
+    robots = [scenario.robots[index] for index in indices]
+    is_given = all(robot.path is not None for robot in robots)
+    return BlockedError([robot.id for robot in robots], how, places, is_given)
+
+
+def _said(robots: Sequence[str], how: How, places: Sequence[PlaceOnWay]) -> str:
+    """Return who blocks whom, and where."""
+    listed = ", ".join(
+        f"{one.robot}'s {one.end} ({one.x:.2f}, {one.y:.2f}) lies on {one.on_way_of}'s way"
+        for one in places
+    )
+    if how == "ring":
+        return f"{', '.join(robots)} block each other in a ring: {listed}"
+    both = f"{robots[0]} and {robots[1]}"
+    if how == "among others":
+        said = f"no order was found in which {both} both arrive among all others"
+        return f"{said}: {listed}" if places else said
+    if how == "either order":
+        return f"{both} block each other whoever goes first: {listed}"
+    near = f"{both} come near each other on their ways"
+    return f"no order was found in which {both} both arrive: {listed or near}"
+
+
+def _places_on(
+    scenario: Scenario, junctions: Junctions, me: int, other: int, end: Literal["start", "goal"]
+) -> list[PlaceOnWay]:
+    """Return my start (or my goal) if it lies on another robot's way, as their zones have it."""
+    zones = junctions.zones
+    low = np.where(zones.a == me, zones.extent[:, 0], zones.extent[:, 2])
+    high = np.where(zones.a == me, zones.extent[:, 1], zones.extent[:, 3])
+    both = ((zones.a == me) & (zones.b == other)) | ((zones.a == other) & (zones.b == me))
+    holds = low <= 0.0 if end == "start" else high >= junctions.lengths()[me]
+    if not (both & holds).any():
+        return []
+    robot, theirs = scenario.robots[me], scenario.robots[other].id
+    x, y = (robot.start if end == "start" else robot.goal)[:2]
+    return [PlaceOnWay(robot.id, end, x, y, theirs)]

@@ -1,0 +1,58 @@
+"""A refusal is data: who blocks whom, where, whom recovery blames; its sentence is made of that."""
+
+import pickle
+
+import pytest
+
+from coordinator.base.errors import PlanError
+from coordinator.ground.enclosure import EnclosedError
+from coordinator.planning.planner import plan_scenario
+from coordinator.schedule.refusals import BlockedError, PlaceOnWay
+from tests.scenarios import a_robot, a_scenario, box
+
+CORRIDOR = [box(0, 0, 10, 3.6), box(0, 4.4, 10, 8)]
+YARD = [box(6, 2, 6.3, 6), box(9.3, 2, 9.6, 6), box(6, 2, 9.6, 2.3), box(6, 5.7, 9.6, 6)]
+
+
+def refusal(robots, **floor):
+    with pytest.raises(PlanError) as caught:
+        plan_scenario(a_scenario(robots, **floor), effort=0)
+    return caught.value
+
+
+def test_two_that_swap_in_a_corridor_are_named_with_the_places_on_each_others_ways():
+    robots = [a_robot("R1", (1, 4), (9, 4)), a_robot("R2", (9, 4), (1, 4))]
+    error = refusal(robots, obstacles=CORRIDOR)
+    assert isinstance(error, BlockedError)
+    assert (error.robots, error.how, error.blames) == (("R1", "R2"), "either order", "R2")
+    assert PlaceOnWay("R1", "start", 1, 4, "R2") in error.places
+    assert error.place == (9, 4)
+    assert str(error).endswith("A wider passage, a via point or another goal would help")
+
+
+def test_a_robot_that_is_closed_in_is_blamed_with_the_radius_that_would_pass():
+    walls = [box(5, 0, 5.5, 3.85), box(5, 4.15, 5.5, 8)]
+    error = refusal([a_robot("R1", (1, 4), (9, 4))], obstacles=walls)
+    assert isinstance(error, EnclosedError)
+    assert (error.robot, error.blames, error.place) == ("R1", "R1", (9, 4))
+    assert error.radius == pytest.approx(0.1, abs=1e-3)
+    assert str(error).startswith("R1: no way from (1.00, 4.00) to (9.00, 4.00)")
+    assert not error.sentence.startswith("R1")
+
+
+def test_a_yard_without_a_gate_lets_no_radius_pass():
+    error = refusal([a_robot("R1", (1, 4), (8, 4))], obstacles=YARD)
+    assert not error.radius
+
+
+def test_a_robot_that_brakes_for_minutes_is_blamed_without_being_the_only_one_concerned():
+    slow = a_robot("R1", (1, 4), (9, 4), max_speed=1.0, max_accel=0.001)
+    error = refusal([slow, a_robot("R2", (1, 1), (9, 1))], tau="auto")
+    assert (error.robot, error.blames) == ("", "R1")
+    assert error.helps == "a larger max_accel or a tau by hand"
+
+
+def test_a_refusal_goes_from_one_process_to_another():
+    error = BlockedError(["A", "B"], "no order", [PlaceOnWay("A", "start", 1.0, 2.0, "B")], False)
+    again = pickle.loads(pickle.dumps(error))
+    assert (str(again), again.blames, again.places) == (str(error), "B", error.places)
