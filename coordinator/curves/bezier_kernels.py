@@ -20,6 +20,12 @@ from coordinator.base.compiled import compiled
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
+CHORD_X, CHORD_Y, LENGTH, LEAST_SLOPE, MOST_SLOPE, LEAST_OFFSET, MOST_OFFSET, SIZE = range(4, 12)
+"""Columns of a shape (12,), which `survey` writes, after the four of its box: the unit vector along
+the chord, the chord's length [m], least and greatest slope of the legs against the chord (infinite
+when a leg runs back), least and greatest offset from the chord [m], the larger side of the box
+[m]."""
+
 _STEPS: Final = 64
 _NO_LENGTH: Final = 1e-300
 
@@ -65,12 +71,7 @@ def place(lifted: Array, degree: int, t: float, work: Array) -> tuple[float, flo
 
 @compiled
 def survey(lifted: Array, degree: int, corners: Array, shape: Array) -> None:
-    """Write down where a piece is.
-
-    `shape`: 0-3 its box, 4-5 unit vector along its chord, 6 the chord's length, 7-8 least and
-    greatest slope of its legs against the chord (infinite when a leg runs back), 9-10 least and
-    greatest offset from the chord, 11 the larger side of the box.
-    """
+    """Write down where a piece is: its box (least x, y, greatest) and the columns named above."""
     for axis in range(2):
         shape[axis], shape[2 + axis] = math.inf, -math.inf
         for i in range(degree + 1):
@@ -80,19 +81,30 @@ def survey(lifted: Array, degree: int, corners: Array, shape: Array) -> None:
     ex, ey = corners[degree, 0] - corners[0, 0], corners[degree, 1] - corners[0, 1]
     size = math.sqrt(ex * ex + ey * ey)
     ex, ey = (ex / size, ey / size) if size > _NO_LENGTH else (1.0, 0.0)
-    shape[4], shape[5], shape[6] = ex, ey, size
-    shape[7], shape[8], shape[9], shape[10] = math.inf, -math.inf, 0.0, 0.0
+    shape[CHORD_X], shape[CHORD_Y], shape[LENGTH] = ex, ey, size
+    shape[LEAST_SLOPE], shape[MOST_SLOPE], shape[LEAST_OFFSET], shape[MOST_OFFSET] = (
+        math.inf,
+        -math.inf,
+        0.0,
+        0.0,
+    )
     for i in range(degree):
         dx, dy = corners[i + 1, 0] - corners[i, 0], corners[i + 1, 1] - corners[i, 1]
         along, across = dx * ex + dy * ey, ex * dy - ey * dx
         if along > 0.0:
-            shape[7], shape[8] = min(shape[7], across / along), max(shape[8], across / along)
+            shape[LEAST_SLOPE], shape[MOST_SLOPE] = (
+                min(shape[LEAST_SLOPE], across / along),
+                max(shape[MOST_SLOPE], across / along),
+            )
         elif along < 0.0 or across != 0.0 or size <= _NO_LENGTH:
-            shape[7], shape[8] = -math.inf, math.inf
+            shape[LEAST_SLOPE], shape[MOST_SLOPE] = -math.inf, math.inf
         dx, dy = corners[i + 1, 0] - corners[0, 0], corners[i + 1, 1] - corners[0, 1]
         offset = ex * dy - ey * dx
-        shape[9], shape[10] = min(shape[9], offset), max(shape[10], offset)
-    shape[11] = max(shape[2] - shape[0], shape[3] - shape[1])
+        shape[LEAST_OFFSET], shape[MOST_OFFSET] = (
+            min(shape[LEAST_OFFSET], offset),
+            max(shape[MOST_OFFSET], offset),
+        )
+    shape[SIZE] = max(shape[2] - shape[0], shape[3] - shape[1])
 
 
 @compiled
@@ -101,9 +113,11 @@ def beside(shape: Array, corners: Array, others: Array, degree: int, tolerance: 
     least, greatest = math.inf, -math.inf
     for i in range(degree + 1):
         dx, dy = others[i, 0] - corners[0, 0], others[i, 1] - corners[0, 1]
-        offset = shape[4] * dy - shape[5] * dx
+        offset = shape[CHORD_X] * dy - shape[CHORD_Y] * dx
         least, greatest = min(least, offset), max(greatest, offset)
-    return bool(least > shape[10] + tolerance or greatest < shape[9] - tolerance)
+    return bool(
+        least > shape[MOST_OFFSET] + tolerance or greatest < shape[LEAST_OFFSET] - tolerance
+    )
 
 
 @compiled
@@ -161,11 +175,20 @@ def _trimmed(boxes: Array, begin: int, end: int, box: Array, tolerance: float) -
 @compiled
 def cones_apart(a: Array, b: Array) -> bool:
     """Tell whether no line is parallel to a tangent of both; slopes are between -1 and 1."""
-    sense = 1.0 if a[4] * b[4] + a[5] * b[5] >= 0.0 else -1.0
-    right, left = a[4] - a[7] * a[5], a[4] - a[8] * a[5]
-    right_y, left_y = a[5] + a[7] * a[4], a[5] + a[8] * a[4]
-    its_right, its_left = sense * (b[4] - b[7] * b[5]), sense * (b[4] - b[8] * b[5])
-    its_right_y, its_left_y = sense * (b[5] + b[7] * b[4]), sense * (b[5] + b[8] * b[4])
+    sense = 1.0 if a[CHORD_X] * b[CHORD_X] + a[CHORD_Y] * b[CHORD_Y] >= 0.0 else -1.0
+    right, left = a[CHORD_X] - a[LEAST_SLOPE] * a[CHORD_Y], a[CHORD_X] - a[MOST_SLOPE] * a[CHORD_Y]
+    right_y, left_y = (
+        a[CHORD_Y] + a[LEAST_SLOPE] * a[CHORD_X],
+        a[CHORD_Y] + a[MOST_SLOPE] * a[CHORD_X],
+    )
+    its_right, its_left = (
+        sense * (b[CHORD_X] - b[LEAST_SLOPE] * b[CHORD_Y]),
+        sense * (b[CHORD_X] - b[MOST_SLOPE] * b[CHORD_Y]),
+    )
+    its_right_y, its_left_y = (
+        sense * (b[CHORD_Y] + b[LEAST_SLOPE] * b[CHORD_X]),
+        sense * (b[CHORD_Y] + b[MOST_SLOPE] * b[CHORD_X]),
+    )
     ahead = left * its_right_y - left_y * its_right
     behind = right * its_left_y - right_y * its_left
     return bool((ahead > 0.0 and behind > 0.0) or (ahead < 0.0 and behind < 0.0))
@@ -174,8 +197,11 @@ def cones_apart(a: Array, b: Array) -> bool:
 @compiled
 def rises(shape: Array, ex: float, ey: float) -> bool:
     """Tell whether all tangents of a piece clearly point along e."""
-    along, across = shape[4] * ex + shape[5] * ey, shape[4] * ey - shape[5] * ex
-    return bool(min(along + shape[7] * across, along + shape[8] * across) > 0.1)
+    along, across = (
+        shape[CHORD_X] * ex + shape[CHORD_Y] * ey,
+        shape[CHORD_X] * ey - shape[CHORD_Y] * ex,
+    )
+    return bool(min(along + shape[LEAST_SLOPE] * across, along + shape[MOST_SLOPE] * across) > 0.1)
 
 
 @compiled

@@ -22,6 +22,12 @@ from typing import Final
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.bezier_kernels import (
+    CHORD_X,
+    CHORD_Y,
+    LEAST_SLOPE,
+    LENGTH,
+    MOST_SLOPE,
+    SIZE,
     Array,
     Pieces,
     beside,
@@ -73,8 +79,8 @@ def _gap_at(
 def _alongside(desk: Desk, top: int, degrees: tuple[int, int], tolerance: float) -> int:
     """Decide two pieces by what they do along their common direction: APART, RUN or CUT."""
     a, b = desk.shape[0], desk.shape[1]
-    sense = 1.0 if a[4] * b[4] + a[5] * b[5] >= 0.0 else -1.0
-    ex, ey = a[4] + sense * b[4], a[5] + sense * b[5]
+    sense = 1.0 if a[CHORD_X] * b[CHORD_X] + a[CHORD_Y] * b[CHORD_Y] >= 0.0 else -1.0
+    ex, ey = a[CHORD_X] + sense * b[CHORD_X], a[CHORD_Y] + sense * b[CHORD_Y]
     size = math.sqrt(ex * ex + ey * ey)
     ex, ey = ex / size, ey / size
     if not (rises(a, ex, ey) and rises(b, sense * ex, sense * ey)):
@@ -140,10 +146,13 @@ def _cross(desk: Desk, top: int, degrees: tuple[int, int], tolerance: float) -> 
         x, y, dx, dy = place(a, degrees[0], s, desk.work)
         its_x, its_y, its_dx, its_dy = place(b, degrees[1], t, desk.work)
         if step == 0:
-            dx, dy = desk.shape[0, 4] * desk.shape[0, 6], desk.shape[0, 5] * desk.shape[0, 6]
+            dx, dy = (
+                desk.shape[0, CHORD_X] * desk.shape[0, LENGTH],
+                desk.shape[0, CHORD_Y] * desk.shape[0, LENGTH],
+            )
             its_dx, its_dy = (
-                desk.shape[1, 4] * desk.shape[1, 6],
-                desk.shape[1, 5] * desk.shape[1, 6],
+                desk.shape[1, CHORD_X] * desk.shape[1, LENGTH],
+                desk.shape[1, CHORD_Y] * desk.shape[1, LENGTH],
             )
         x, y = its_x - x, its_y - y
         det = dy * its_dx - dx * its_dy
@@ -176,15 +185,15 @@ def _examine(desk: Desk, top: int, degrees: tuple[int, int], tolerance: float) -
         or beside(b, q, p, degrees[0], tolerance)
     ):
         return APART
-    if top + 4 > ROOM or max(a[11], b[11]) <= 0.5 * tolerance:
+    if top + 4 > ROOM or max(a[SIZE], b[SIZE]) <= 0.5 * tolerance:
         desk.found[:] = 0.5
         return RUN if relation == STRANGERS else APART
     if relation == SAME:
-        return APART if a[8] < math.inf else CUT
-    if min(a[7], b[7]) < -1.0 or max(a[8], b[8]) > 1.0:
+        return APART if a[MOST_SLOPE] < math.inf else CUT
+    if min(a[LEAST_SLOPE], b[LEAST_SLOPE]) < -1.0 or max(a[MOST_SLOPE], b[MOST_SLOPE]) > 1.0:
         return CUT
     disjoint = cones_apart(a, b)
-    if not disjoint or abs(a[4] * b[5] - a[5] * b[4]) < _FLAT:
+    if not disjoint or abs(a[CHORD_X] * b[CHORD_Y] - a[CHORD_Y] * b[CHORD_X]) < _FLAT:
         verdict = _alongside(desk, top, degrees, tolerance)
         if verdict != CUT:
             return verdict

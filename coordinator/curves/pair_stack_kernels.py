@@ -11,7 +11,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from coordinator.base.compiled import compiled
-from coordinator.curves.bezier_kernels import Array, Indices, Pieces, halve
+from coordinator.curves.bezier_kernels import (
+    SIZE,
+    Array,
+    Indices,
+    Pieces,
+    halve,
+)
 
 STRANGERS: Final = 0
 NEIGHBOURS: Final = 1
@@ -69,7 +75,7 @@ def cut(desk: Desk, top: int, degrees: tuple[int, int]) -> int:
     relation, span = desk.relation[top], desk.spans[top].copy()
     parts = np.ones(2, np.int64)
     for side in range(2):
-        if desk.shape[side, 11] >= 0.5 * desk.shape[1 - side, 11]:
+        if desk.shape[side, SIZE] >= 0.5 * desk.shape[1 - side, SIZE]:
             parts[side] = 2
             halve(desk.lifted[top, side], degrees[side], desk.halves[side])
         else:

@@ -8,23 +8,18 @@ paths/spline_fit.py), so
     least radius             d * cos(theta / 2)^2 / (2 sin(theta / 2))
     length saved             about 7 / 30 d (1 - cos(theta))
 
-`handling` (6,) is that of a robot: speed [m/s], acceleration, lateral acceleration [m/s^2], the
-radius [m] at which a corner costs no speed, the one that every corner should have, and the time
-[s] that a corner less is worth.
-
 Decides: what a width means and costs, and how wide a corner can be.  Must not know: polygons.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from coordinator.base.compiled import compiled
-from coordinator.curves.nurbs import Array
 from coordinator.ground.distance_kernels import Solid, keeps
 
 Flags = npt.NDArray[np.bool_]
@@ -41,6 +36,21 @@ _CHORDS_PER_ROOT: Final = 12.0
 _HALVINGS: Final = 7
 _TOO_TIGHT: Final = 1e3
 """Seconds that a metre of radius short of what the robot can turn counts as."""
+
+
+class Limits(NamedTuple):
+    """How a robot takes corners: speed [m/s], acceleration, lateral acceleration [m/s^2].
+
+    `easy` [m] is the radius at which a corner costs no speed, `tightest` [m] the one that every
+    corner should have, and `worth` [s] the time that a corner less is worth.
+    """
+
+    speed: float
+    accel: float
+    lateral: float
+    easy: float
+    tightest: float
+    worth: float
 
 
 @compiled
@@ -64,19 +74,19 @@ def width_for(radius: float, turn: float) -> float:
 
 
 @compiled
-def cost_of(width: float, turn: float, handling: Array) -> float:
+def cost_of(width: float, turn: float, handling: Limits) -> float:
     """Return the time [s] that a corner costs against its polygon at full speed; may be < 0.
 
     Braking from V to the corner's speed v and back costs (V - v)^2 / (a V); the hat lets the robot
     drive at about v over a third of the corner.
     """
-    speed, accel, lateral = handling[0], handling[1], handling[2]
+    speed, accel, lateral = handling.speed, handling.accel, handling.lateral
     radius = radius_of(width, turn)
     slow = max(min(speed, math.sqrt(lateral * radius)), 1e-3 * speed)
     braking = (speed - slow) ** 2 / (accel * speed)
     inside = 2.0 / 3.0 * width * (1.0 / slow - 1.0 / speed)
     saved = 7.0 / 30.0 * width * (1.0 - math.cos(turn)) / speed
-    return float(braking + inside - saved + _TOO_TIGHT * max(handling[4] - radius, 0.0))
+    return float(braking + inside - saved + _TOO_TIGHT * max(handling.tightest - radius, 0.0))
 
 
 @compiled

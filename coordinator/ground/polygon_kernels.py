@@ -1,6 +1,6 @@
 """Compiled: where the corners of a polygon go, and how wide each is rounded.
 
-`handling` (6,) is that of a robot, as in corner_kernels.py; `solid` what it keeps clear of.
+`handling` is how the robot takes corners; `solid` what it keeps clear of.
 
 Decides: which corners become one, which move out, and their half-widths.  Must not know: curves.
 """
@@ -18,6 +18,7 @@ from coordinator.curves.nurbs import Array
 from coordinator.ground.corner_kernels import (
     NARROWEST,
     STRAIGHT,
+    Limits,
     cost_of,
     radius_of,
     turn_between,
@@ -42,7 +43,7 @@ def _trial(
     a: Array,
     c: Array,
     b: Array,
-    handling: Array,
+    handling: Limits,
     solid: Solid,
 ) -> tuple[float, bool, float]:
     """Return the time [s] from a over a corner at c to b, whether it is wide enough, its radius.
@@ -61,11 +62,11 @@ def _trial(
         and keeps(c[0], c[1], b[0], b[1], 0.0, need, discs, edges, first, items, frame)
     ):
         return math.inf, False, 0.0
-    time = (into + onward) / handling[0]
+    time = (into + onward) / handling.speed
     turn = turn_between(ix, iy, ox, oy)
     if abs(turn) < STRAIGHT:
         return time, True, math.inf
-    most = min(0.5 * into, 0.5 * onward, width_for(handling[3], turn))
+    most = min(0.5 * into, 0.5 * onward, width_for(handling.easy, turn))
     width = widest_rounding(c[0], c[1], ix, iy, ox, oy, most, False, solid)
     if width < 0.0:
         return math.inf, False, 0.0
@@ -78,7 +79,7 @@ def merge(
     exact: Flags,
     begin: int,
     end: int,
-    handling: Array,
+    handling: Limits,
     solid: Solid,
 ) -> tuple[Array, Flags]:
     """Make one corner of two neighbours that turn the same way, where that is quicker.
@@ -100,8 +101,8 @@ def merge(
             and one * two > 0.0
             and abs(one + two) <= _WIDEST_MERGED
             and (
-                handling[5] > 0.0
-                or width_for(handling[3], one) + width_for(handling[3], two) > size
+                handling.worth > 0.0
+                or width_for(handling.easy, one) + width_for(handling.easy, two) > size
             )
         )
         if better:
@@ -112,7 +113,7 @@ def merge(
             if single < math.inf:
                 pair, _, _ = _trial(a, b, c, handling, solid)
                 other, _, _ = _trial(b, c, d, handling, solid)
-                better = single < pair + other - size / handling[0] + handling[5]
+                better = single < pair + other - size / handling.speed + handling.worth
             else:
                 better = False
         if better:
@@ -132,7 +133,7 @@ def push(
     begin: int,
     end: int,
     budget: float,
-    handling: Array,
+    handling: Limits,
     solid: Solid,
 ) -> Array:
     """Move corners begin..end - 1 outwards, away from what they go around, where that saves time.
@@ -151,7 +152,7 @@ def push(
         size = math.hypot(ux, uy)
         if wide or best == math.inf or size < STRAIGHT:
             continue
-        most = budget if radius >= handling[4] else math.inf
+        most = budget if radius >= handling.tightest else math.inf
         place = np.empty(2)
         for push_by in _PUSHES:
             place[0], place[1] = c[0] + push_by * ux / size, c[1] + push_by * uy / size
@@ -188,7 +189,7 @@ def _legs_clear(way: Array, width: float, jx: float, jy: float, solid: Solid) ->
 def widths(
     polygon: Array,
     exact: Flags,
-    handling: Array,
+    handling: Limits,
     solid: Solid,
 ) -> Array:
     """Return the half-width of each vertex (n,) [m]: as wide as is clear and of use."""
@@ -204,7 +205,7 @@ def widths(
             continue
         into = legs[i - 1] * (_END_SHARE if i == 1 else 1.0)
         onward = legs[i] * (_END_SHARE if i == count - 2 else 1.0)
-        most = min(into, onward, width_for(handling[3], turn))
+        most = min(into, onward, width_for(handling.easy, turn))
         wide = widest_rounding(
             polygon[i, 0],
             polygon[i, 1],

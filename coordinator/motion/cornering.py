@@ -8,9 +8,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
-from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.curves.nurbs import Nurbs
+from coordinator.ground.corner_kernels import Limits
 from coordinator.motion.velocity_profile import least_time
 
 _EASY_RADIUS = 0.1
@@ -48,7 +47,14 @@ class Handling:
         """Return the least time [s] that a curve takes, from rest to rest."""
         return least_time(curve, self.speed, self.accel, self.lateral)
 
-    def numbers(self) -> Array:
-        """Return the six numbers that ground/corner_kernels.py works with."""
+    def numbers(self) -> Limits:
+        """Return what the kernels of corners work with."""
         worth = self.spent_per_corner / self.speed
-        return np.array((self.speed, self.accel, self.lateral, self.easy, self.tightest, worth))
+        return Limits(
+            float(self.speed),
+            float(self.accel),
+            float(self.lateral),
+            float(self.easy),
+            float(self.tightest),
+            float(worth),
+        )

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs_kernels import Array, Indices
-from coordinator.schedule.broad_phase_kernels import Grid, near_stretches, sort_up
+from coordinator.schedule.broad_phase_kernels import ROBOT, Grid, near_stretches, sort_up
 from coordinator.schedule.zone_assembly_kernels import (
     extents_of,
     join_pairs,
@@ -126,7 +126,7 @@ def zones_of(fleet: Fleet, task: tuple[int, int]) -> tuple[Indices, Array, Short
     found, pairs = np.empty((1024, 3), np.int64), np.empty((1024, 4), np.int64)
     boxes, order = np.empty((1024, 4)), np.empty(1024, np.int64)
     following, keys = np.empty(1024, np.int64), np.empty(1024, np.int64)
-    owners, base = fleet.stretches[:, 0], len(fleet.stretches)
+    owners, base = fleet.stretches[:, ROBOT], len(fleet.stretches)
     stamps, everybody = np.full(base, -1, np.int64), bool(fleet.asked.all())
     head, partners = np.full(len(fleet.half), -1, np.int64), np.empty(len(fleet.half), np.int64)
     past = int(np.searchsorted(owners, task[0]))

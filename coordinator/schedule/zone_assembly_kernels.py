@@ -19,6 +19,7 @@ import numpy as np
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs_kernels import Array, Indices
+from coordinator.schedule.broad_phase_kernels import BEGIN, END, MIDDLE_X, MIDDLE_Y, RADIUS
 from coordinator.schedule.zone_kernels import BOTTOM, LEFT, extent_of, sides_near
 
 
@@ -42,14 +43,18 @@ def near_chords(
         g, last = keys[first] // base, first
         while last < len(keys) and keys[last] < (g + 1) * base:
             last += 1
-        for i in range(stretches[g, 1], stretches[g, 2]):
+        for i in range(stretches[g, BEGIN], stretches[g, END]):
             x, y, far = middles[i, 0], middles[i, 1], middles[i, 2] + reach + 1e-9
             for k in range(first, last):
                 h = keys[k] - g * base
-                dx, dy, wide = shapes[h, 0] - x, shapes[h, 1] - y, far + shapes[h, 4]
+                dx, dy, wide = (
+                    shapes[h, MIDDLE_X] - x,
+                    shapes[h, MIDDLE_Y] - y,
+                    far + shapes[h, RADIUS],
+                )
                 if dx * dx + dy * dy > wide * wide:
                     continue
-                for j in range(stretches[h, 1], stretches[h, 2]):
+                for j in range(stretches[h, BEGIN], stretches[h, END]):
                     dx, dy, wide = middles[j, 0] - x, middles[j, 1] - y, far + middles[j, 2]
                     if dx * dx + dy * dy > wide * wide:
                         continue
