@@ -27,7 +27,7 @@ from protocol.messages import (
     Refusal,
     Report,
 )
-from protocol.packing import (
+from protocol.plan_bytes import (
     OversizeError,
     unpack_floats,
     unpack_points,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from protocol.curve import clamped_knots
 from protocol.messages import NewTimes, Plan
-from protocol.packing import unpack_floats, unpack_points, unpack_profile, unpack_stops
+from protocol.plan_bytes import unpack_floats, unpack_points, unpack_profile, unpack_stops
 from protocol.timing import MILLISECOND, SECOND, late_share
 
 Motion = tuple[list[float], list[float], list[float], list[float]]

@@ -13,7 +13,7 @@ from typing import Annotated, Final
 import typer
 
 from coordinator.base.console import tell
-from coordinator.fleet.admit_answer import Asking
+from coordinator.fleet.admit_outcome import Asking
 from coordinator.service.key_option import Keys, given_keys
 from protocol import keys as places
 from protocol.codec import decode, encode

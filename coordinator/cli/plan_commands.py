@@ -275,8 +275,8 @@ def plot(
         tell(f"wrote {output}")
         return
     from coordinator.view.figure import draw_plan
-    from coordinator.view.figure_left import left_behind
-    from coordinator.view.figure_view import View
+    from coordinator.view.figure_left_behind import left_behind
+    from coordinator.view.figure_selection import View
 
     document = newest_plan(source, "to draw")
     chosen = tuple(name.strip() for name in robots.split(",") if name.strip())

@@ -1,95 +1,193 @@
-"""A robot that has come back, and what operators ask of it.
+"""Who may join a fleet: what a robot says of itself, held against what its plan needs.
 
-Decides: whether it is at the door, since when it is waited for to say where it stands, and who
-asked for that in vain.  Must not know: what the robot did before, the fleet.
+Decides: whom to take in, whom to refuse and why, who has to wait for an operator's word.  Must not
+know: the fleet's phases, plans.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
 from typing import Final
 
-from protocol.messages import Hello
+from coordinator.fleet.events import Incident, Outgoing
+from coordinator.fleet.member import Member
+from coordinator.fleet.roster import Roster
+from protocol import keys
+from protocol.codec import encode
+from protocol.messages import PROTOCOL_VERSION, Hello, Refusal
+from protocol.phases import BRAKING, MOVING, PHASE_NAMES
 
-ASKERS: Final = 64
-"""Of so many who asked it is remembered."""
-
-_MOST_GONE: Final = 2
-"""A robot that is gone again so often while it is waited for is not waited for again."""
-
-
-@dataclass
-class Admission:
-    """One robot's coming back; who asks is known by the boot id of its Admit."""
-
-    hello: Hello | None = None
-    """The last one of a robot that has come back."""
-    heard_ns: int | None = None
-    """When it was heard; None when its link has gone since."""
-    since_ns: int | None = None
-    """Since when the robot is waited for to say where it stands; None: it is not."""
-    asked_by: dict[int, int] = field(default_factory=dict)
-    """Who asked for it the last time that it was waited for, until an epoch begins without it."""
-    in_vain: dict[int, int] = field(default_factory=dict)
-    """Who asked for it when it then did not say where it stands, or was gone again so often."""
-
-    @property
-    def is_awaited(self) -> bool:
-        """Tell whether the robot may take part as soon as it says where it stands."""
-        return self.since_ns is not None
-
-    def knock(self, hello: Hello, now_ns: int) -> None:
-        """Take note that the robot is back, which it says again and again."""
-        self.hello, self.heard_ns = hello, now_ns
-
-    def leave(self) -> None:
-        """Take note that the link to the robot is gone."""
-        self.heard_ns = None
-
-    def is_at_door(self, timeout_ns: int, now_ns: int) -> bool:
-        """Tell whether a robot that has come back is there: it is heard."""
-        return self.heard_ns is not None and now_ns - self.heard_ns <= timeout_ns
-
-    def ask(self, boot: int, now_ns: int) -> bool:
-        """Wait for the robot; tell whether that begins."""
-        begins = not self.is_awaited
-        if begins:
-            self.since_ns = now_ns
-            self.asked_by.clear()
-        _count(self.asked_by, boot)
-        return begins
-
-    def join(self, boot: int) -> bool:
-        """Take note of one more who asks for a robot that was taken in; False when nobody did."""
-        if self.asked_by:
-            _count(self.asked_by, boot)
-        return bool(self.asked_by)
-
-    def take_in(self) -> None:
-        """Wait no more: the robot has said where it stands."""
-        self.since_ns = None
-
-    def look(self, timeout_ns: int, patience_ns: int | None, now_ns: int) -> None:
-        """Give up a robot that is gone again, or does not say for so long where it stands."""
-        if self.since_ns is None:
-            return
-        is_gone = not self.is_at_door(timeout_ns, now_ns)
-        if is_gone or (patience_ns is not None and now_ns - self.since_ns > patience_ns):
-            self.since_ns = None
-            for boot in self.asked_by:
-                _count(self.in_vain, boot, 1 if is_gone else _MOST_GONE)
-
-    def refuses(self, boot: int) -> bool:
-        """Tell whether somebody has asked in vain: the fleet does not freeze for them again."""
-        return self.in_vain.get(boot, 0) >= _MOST_GONE
-
-    def end(self) -> None:
-        """Take note that an epoch begins without the robot: what was asked for is settled."""
-        self.since_ns = None
-        self.asked_by.clear()
+_REFUSALS_TOLD: Final = 100
 
 
-def _count(boots: dict[int, int], boot: int, by: int = 1) -> None:
-    boots[boot] = boots.pop(boot, 0) + by
-    if len(boots) > ASKERS:
-        del boots[next(iter(boots))]
+class Door:
+    """The door of a fleet; what is worth telling goes to `incidents`."""
+
+    def __init__(self, fleet: str, members: Roster, incidents: list[Incident]) -> None:
+        self._fleet = fleet
+        self._members = members
+        self._incidents = incidents
+        self._refused: set[tuple[str, int]] = set()
+        self._not_admitted: dict[str, str] = {}
+
+    def hear(self, robot: str, hello: Hello, begun: bool, now_ns: int) -> Member | Outgoing | None:
+        """Return the member that is in, or the refusal to send.
+
+        None for a robot that has come back into a fleet that has begun to move: it has to wait;
+        and for a Hello that is not new.
+        """
+        known = self._members.get(robot)
+        if known is not None and known.has_heard(hello):
+            return None
+        reason = self._objection(robot, hello, now_ns)
+        if reason:
+            return self._refuse(robot, hello.boot, reason, now_ns)
+        member = self._members[robot]
+        if member.boot != hello.boot:
+            if begun:
+                self._knock(member, hello, now_ns)
+                return None
+            self._tell(now_ns, "hello", robot, f"{robot} says hello")
+        was_unheard = member.is_unheard(now_ns)
+        member.accept(hello, now_ns)
+        if was_unheard:
+            self.tell_heard_again(member, now_ns)
+        return member
+
+    def tell_heard_again(self, member: Member, now_ns: int) -> None:
+        """Tell of a lost robot that its process is heard again, and what becomes of it."""
+        text = f"{member.id} is heard again; {_what_becomes_of(member)}"
+        self._tell(now_ns, "back", member.id, text)
+
+    def admit(self, robot: str, boot: int, now_ns: int) -> Outgoing | bool:
+        """Let a robot in that has come back, as soon as it says where it stands.
+
+        One that was lost and is heard again is let in where it rests on its path.  Returns whether
+        it is, or the refusal to send where asking again is of no use; `boot` is what the operator
+        said.
+        """
+        member = self._members.get(robot)
+        if member is None:
+            return self._deny(robot, boot, self._unknown(robot), now_ns)
+        admission = member.admission
+        is_heard = member.boot is not None and not member.is_silent(now_ns)
+        if is_heard or admission.hello is None or admission.hello.boot == member.boot:
+            return self._admit_again(member, boot, is_heard, now_ns)
+        if member.planned and not member.finished:
+            self._tell_denied(robot, f"{robot} is not given up yet, ask again", now_ns)
+            return False
+        if not admission.is_at_door(member.timeout_ns, now_ns):
+            self._tell_denied(robot, f"{robot} has come back and is not heard any more", now_ns)
+            return False
+        if admission.refuses(boot):
+            reason = "was waited for and did not say where it stands; does its driver know?"
+            return self._deny(robot, boot, f"{robot} {reason}", now_ns)
+        if admission.ask(boot, now_ns):
+            self._tell_admitted(robot, now_ns)
+        return True
+
+    def _admit_again(
+        self, member: Member, boot: int, is_heard: bool, now_ns: int
+    ) -> Outgoing | bool:
+        """Let a robot in whose process is the one that is known; returns what `admit` does."""
+        robot, admission = member.id, member.admission
+        if not is_heard:
+            self._tell_denied(robot, f"{robot} has not come back", now_ns)
+            return False
+        if boot in admission.asked_by or (not member.planned and admission.join(boot)):
+            return False  # What was asked for is being done.
+        if member.planned or member.finished or member.stays:
+            return self._deny(robot, boot, _why_in_already(member), now_ns)
+        if member.rest is None:
+            self._tell_denied(robot, f"{robot} has not said where it rests yet, ask again", now_ns)
+            return False
+        admission.ask(boot, now_ns)
+        admission.take_in()
+        member.struck.clear()
+        self._tell_admitted(robot, now_ns)
+        return True
+
+    def _tell_admitted(self, robot: str, now_ns: int) -> None:
+        self._not_admitted.pop(robot, None)
+        self._tell(now_ns, "admitted", robot, f"{robot} is admitted")
+
+    def _deny(self, robot: str, boot: int, reason: str, now_ns: int) -> Outgoing:
+        self._tell_denied(robot, reason, now_ns)
+        return Outgoing(keys.plan(self._fleet, robot), encode(Refusal(boot, reason[:200])))
+
+    def _tell_denied(self, robot: str, reason: str, now_ns: int) -> None:
+        """Tell why a robot is not admitted, once until that changes: operators ask often."""
+        known = self._not_admitted.get(robot)
+        if known != reason and (known is not None or len(self._not_admitted) < _REFUSALS_TOLD):
+            self._not_admitted[robot] = reason
+            self._tell(now_ns, "not admitted", robot, reason)
+
+    def _knock(self, member: Member, hello: Hello, now_ns: int) -> None:
+        known = member.admission.hello
+        if known is None or known.boot != hello.boot:
+            words = f"{member.id} is back; {_admit(member)} lets it in if it knows where it stands"
+            self._tell(now_ns, "back", member.id, words)
+        member.knock(hello, now_ns)
+
+    def _refuse(self, robot: str, boot: int, reason: str, now_ns: int) -> Outgoing:
+        """Tell a robot why it cannot join, and everybody else once."""
+        if (robot, boot) not in self._refused and len(self._refused) < _REFUSALS_TOLD:
+            self._refused.add((robot, boot))
+            self._tell(now_ns, "refused", robot, reason)
+        return Outgoing(keys.plan(self._fleet, robot), encode(Refusal(boot, reason[:200])))
+
+    def _objection(self, robot: str, hello: Hello, now_ns: int) -> str:
+        """Return why a robot cannot join, or nothing."""
+        member = self._members.get(robot)
+        if member is None:
+            return self._unknown(robot)
+        if hello.version != PROTOCOL_VERSION:
+            return (
+                f"{robot} speaks protocol version {hello.version}, "
+                f"the coordinator speaks {PROTOCOL_VERSION}"
+            )
+        if hello.radius_m > member.radius + 1e-6:
+            return f"{robot} has radius {hello.radius_m} m, the plan was made for {member.radius} m"
+        if 0.0 < hello.max_speed_mps < member.speed - 1e-6:
+            return f"{robot} reaches {hello.max_speed_mps} m/s, its plan needs {member.speed} m/s"
+        if 0.0 < hello.max_accel_mps2 < member.accel - 1e-6:
+            needed = (
+                f"{member.accel} m/s^2" if member.accel < math.inf else "one that stops at once"
+            )
+            return f"{robot} brakes with {hello.max_accel_mps2} m/s^2, its plan needs {needed}"
+        if member.boot not in (None, hello.boot) and not member.is_silent(now_ns):
+            return f"another {robot} is already in fleet {self._fleet}"
+        return ""
+
+    def _unknown(self, robot: str) -> str:
+        known = ", ".join(list(self._members)[:10])
+        return f"{robot} is not in fleet {self._fleet}, which has {known}"
+
+    def _tell(self, now_ns: int, kind: str, robot: str, text: str) -> None:
+        self._incidents.append(Incident(now_ns, kind, robot, text))
+
+
+def _admit(member: Member) -> str:
+    return f"`splinefleet admit {member.id} --connect ...`"
+
+
+def _what_becomes_of(member: Member) -> str:
+    """Say what becomes of a robot that was lost and is heard again."""
+    if member.finished:
+        return "it has arrived"
+    if member.planned:
+        return "the next plan is made with it"
+    if member.stays:
+        return f"it stays where it is: {member.stays}"
+    return f"it waits for the next epoch, which {_admit(member)} begins"
+
+
+def _why_in_already(member: Member) -> str:
+    """Say why a robot that is heard has not to be admitted."""
+    if member.phase in (MOVING, BRAKING):
+        return f"{member.id} is driving already"
+    if member.finished:
+        return f"{member.id} has arrived already"
+    if member.stays:
+        return f"{member.id} stays where it is: {member.stays}"
+    return f"{member.id} is in the fleet already, {PHASE_NAMES[member.phase]}"

@@ -16,11 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from coordinator.fleet.admission import Door
 from coordinator.fleet.delay import Delay
 from coordinator.fleet.epoch_times import EpochTimes
 from coordinator.fleet.events import Outgoing, Part
 from coordinator.fleet.failures import Failing, on_the_way, sets_out, that_do_not_arm
-from coordinator.fleet.greeting import Door
 from coordinator.fleet.log_records import LINK_GONE, LINK_UP, router_key
 from coordinator.fleet.member import Member
 from coordinator.fleet.phases import (

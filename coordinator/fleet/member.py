@@ -10,7 +10,7 @@ from typing import Final
 
 import msgspec
 
-from coordinator.fleet.admission import Admission
+from coordinator.fleet.came_back import Admission
 from coordinator.fleet.rest_places import Standing, State
 from protocol.messages import Hello, Report
 from protocol.phases import (

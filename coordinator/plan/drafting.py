@@ -22,7 +22,7 @@ from coordinator.plan.crossings import CrossingSearch
 from coordinator.plan.document import Crossing, Floor, Limits, PlanDocument, RobotPlan, Stop
 from coordinator.plan.wire import PackedPlan, address, float32, float32_below, pack, path_of
 from coordinator.scenario.model import Robot, Scenario
-from protocol.packing import OversizeError
+from protocol.plan_bytes import OversizeError
 from protocol.timeline import Timeline
 
 _LONGEST_BOOT: Final = 2**32 - 1

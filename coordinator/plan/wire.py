@@ -28,7 +28,7 @@ from coordinator.scenario.margin import ARC_ERROR, track_mm_for
 from protocol.codec import decode, encode, seal
 from protocol.curve import Curve, cells_per_span
 from protocol.messages import NewTimes, Plan
-from protocol.packing import pack_floats, pack_points, pack_profile, pack_stops
+from protocol.plan_bytes import pack_floats, pack_points, pack_profile, pack_stops
 from protocol.plan_parts import unpack_plan
 from protocol.timeline import Timeline
 from protocol.timing import MILLISECOND, SECOND

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from coordinator.base.errors import InputError
 from coordinator.plan.document import PlanDocument, Proof
 from coordinator.proof.wording import slack_of, survived
-from coordinator.view.figure_view import View
+from coordinator.view.figure_selection import View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,10 +78,10 @@ def _compose(document: PlanDocument, view: View | None) -> Figure:
     """Lay the page out from the top: headline, floor beside diagram, rows of waiting robots."""
     from matplotlib.figure import Figure
 
+    from coordinator.view.figure_distance_time import draw_times
     from coordinator.view.figure_floor import draw_floor, floor_bounds
     from coordinator.view.figure_legend import legend_style
     from coordinator.view.figure_robots import picture_robots
-    from coordinator.view.figure_times import draw_times
     from coordinator.view.figure_waits import draw_wait, explanation, longest_waits
 
     view = view or View()

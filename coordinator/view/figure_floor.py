@@ -15,12 +15,12 @@ from matplotlib.patches import Circle
 
 from coordinator.curves.nurbs import Array
 from coordinator.plan.document import Crossing, PlanDocument
-from coordinator.view.figure_comb import draw_comb, sharpest_bend
+from coordinator.view.figure_curvature_comb import draw_comb, sharpest_bend
 from coordinator.view.figure_ground import draw_ground, edge_points, reaches
 from coordinator.view.figure_labels import Labels
 from coordinator.view.figure_legend import Keys, legend_keys
 from coordinator.view.figure_robots import Pictured, font_size, style_of
-from coordinator.view.figure_view import View
+from coordinator.view.figure_selection import View
 
 _POINTS: Final = 240
 """Points along a side of the floor; labels keep off paths and walls so densely sampled."""

@@ -16,8 +16,8 @@ import numpy as np
 from coordinator.curves.nurbs import Array
 from coordinator.plan.document import PlanDocument, RobotPlan
 from coordinator.plan.wire import Driven, drive
-from coordinator.view.figure_comb import Bends, parameters
-from coordinator.view.figure_view import Manner, View
+from coordinator.view.figure_curvature_comb import Bends, parameters
+from coordinator.view.figure_selection import Manner, View
 
 _COLOURS: Final = (
     "#0072b2",

@@ -27,7 +27,7 @@ _LINGER_S: Final = 0.2
 
 def key_pattern(pattern: str) -> str:
     """Check a key pattern before any work."""
-    from coordinator.log.playback import key_filter
+    from coordinator.log.traffic_replay import key_filter
 
     try:
         key_filter(pattern)
@@ -118,7 +118,7 @@ class Playing(NamedTuple):
 
 def _play(log: Path, asked: Playing, as_json: bool) -> None:
     from coordinator.log.log_file import read_log
-    from coordinator.log.playback import Wish, cues, play
+    from coordinator.log.traffic_replay import Wish, cues, play
     from coordinator.security.link_admission import player_access
     from protocol.zenoh_transport import ZenohTransport
 

@@ -26,10 +26,10 @@ from coordinator.scenario.model import Robot, Scenario
 from coordinator.scenario_files.scenario_reader import scenario_to_json
 from protocol.endpoint import endpoint_of
 from protocol.host_clock import host_clock_ns
-from sim.processes.faulty_body import SCRIPT
 from sim.processes.programs import Programs
 from sim.processes.relay import Relay
 from sim.processes.run_folder import clear_folder, drop_starts
+from sim.processes.scripted_body import SCRIPT
 from sim.world.fault_text import Fault, Strike, strikes_of
 from sim.world.random_traffic import Babbler
 

@@ -66,6 +66,6 @@ class Programs:
             f"--blackbox={self._folder / 'blackbox' / f'{robot.id}.csv'}",
             *self._both,
             f"--give-up={_GIVE_UP_S}",
-            *(["--driver=sim.processes.faulty_body:FaultyBody"] if faulty else []),
+            *(["--driver=sim.processes.scripted_body:FaultyBody"] if faulty else []),
             "--quiet",
         ]

@@ -12,8 +12,8 @@ from protocol import keys
 from protocol.codec import decode, encode, seal
 from protocol.curve import Curve
 from protocol.messages import Clock, Command, Hello, Plan, Refusal, Report
-from protocol.packing import pack_floats, pack_points, pack_profile, pack_stops
 from protocol.phases import ARMED, DONE, DRIVER_ERROR, FREEZE, FROZEN, GO, HOLD, MOVING, OVER
+from protocol.plan_bytes import pack_floats, pack_points, pack_profile, pack_stops
 from robot_agent.blackbox import HEADER, BlackBox
 from robot_agent.driver import DriverError
 from robot_agent.service import RefusedError, Robot, run_robot

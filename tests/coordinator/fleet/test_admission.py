@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from coordinator.fleet.admission import ASKERS, Admission
+from coordinator.fleet.came_back import ASKERS, Admission
 from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.phases import FREEZE_PATIENCE
 from protocol import keys

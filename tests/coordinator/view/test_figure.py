@@ -17,7 +17,7 @@ from coordinator.view.figure import draw_plan
 from coordinator.view.figure_floor import draw_floor
 from coordinator.view.figure_labels import Labels
 from coordinator.view.figure_robots import picture_robots, style_of
-from coordinator.view.figure_view import Left, View
+from coordinator.view.figure_selection import Left, View
 from coordinator.view.figure_waits import draw_wait, longest_waits, nearest_within
 
 

@@ -11,9 +11,9 @@ from coordinator.curves.chords import chords_of
 from coordinator.plan.document import Reason
 from coordinator.plan.wire import drive
 from coordinator.planning.planner import plan_scenario
+from coordinator.view.figure_distance_time import draw_times
 from coordinator.view.figure_forbidden import first_reached, forbidden, last_left, nearer_than
 from coordinator.view.figure_robots import picture_robots
-from coordinator.view.figure_times import draw_times
 from protocol.timeline import Timeline
 from sim.floors.generator import generate
 from tests.coordinator.view.test_figure import DOCUMENT, EAST, NORTH, straight

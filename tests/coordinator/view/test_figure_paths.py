@@ -11,11 +11,11 @@ from coordinator.base.errors import InputError
 from coordinator.curves.nurbs import nurbs
 from coordinator.plan.document import Crossing, Floor, PlanDocument
 from coordinator.view.figure import draw_plan
-from coordinator.view.figure_comb import Bends, draw_comb, sharpest_bend
+from coordinator.view.figure_curvature_comb import Bends, draw_comb, sharpest_bend
 from coordinator.view.figure_floor import draw_floor
 from coordinator.view.figure_ground import draw_ground, reaches
 from coordinator.view.figure_robots import picture_robots
-from coordinator.view.figure_view import View
+from coordinator.view.figure_selection import View
 from tests.coordinator.view.test_figure import EAST, straight, words
 
 HALVES = [

@@ -19,7 +19,7 @@ from coordinator.plan.plan_file import from_json, to_json
 from coordinator.plan.wire import drive, pack
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import read_scenario
-from coordinator.view.figure_left import left_behind
+from coordinator.view.figure_left_behind import left_behind
 from coordinator.view.scene_log import scene_of_logs
 from coordinator.view.scene_plan import scene_of_plan
 from coordinator.view.true_tracks import read_ghosts

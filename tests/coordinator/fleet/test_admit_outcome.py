@@ -2,7 +2,7 @@
 
 import pytest
 
-from coordinator.fleet.admit_answer import Asking
+from coordinator.fleet.admit_outcome import Asking
 from protocol.messages import Command, Plan, Refusal
 from protocol.phases import FREEZE, GO, HOLD, OVER
 

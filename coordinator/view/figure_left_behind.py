@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coordinator.view.figure_view import Left
+from coordinator.view.figure_selection import Left
 from coordinator.view.scene import Scene
 
 

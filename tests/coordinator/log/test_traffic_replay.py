@@ -8,8 +8,8 @@ import typer
 import zenoh
 
 from coordinator.fleet.log_records import LINK_UP
-from coordinator.log.playback import Wish, cues, key_filter, play
 from coordinator.log.records import Log, Record
+from coordinator.log.traffic_replay import Wish, cues, key_filter, play
 from protocol import keys
 from protocol.zenoh_transport import ZenohTransport
 from splinefleet import app

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from robot_agent.driver import DriverError
-from sim.processes.faulty_body import LOOK_PERIOD, SCRIPT, FaultyBody
+from sim.processes.scripted_body import LOOK_PERIOD, SCRIPT, FaultyBody
 from sim.world.body import SimulatedBody
 from sim.world.failing_body import SKID_TIME
 
