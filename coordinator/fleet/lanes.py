@@ -26,7 +26,11 @@ this on one key."""
 
 
 class Rate(NamedTuple):
-    """Messages per second, and how many may pass at once after a silence."""
+    """Messages per second, and how many may pass at once after a silence.
+
+    After `at_once` messages in a row, that many may pass again `at_once` / `per_second` seconds
+    later.
+    """
 
     per_second: int
     at_once: int = DEPTH
