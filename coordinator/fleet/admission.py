@@ -1,7 +1,7 @@
-"""Who may join a fleet: what a robot says of itself, held against what its plan needs.
+"""Which robots may join a fleet: what a robot says of itself, compared with what its plan needs.
 
-Decides: whom to take in, whom to refuse and why, who has to wait for an operator's word.  Must not
-know: the fleet's phases, plans.
+Decides: which robots to accept, which to refuse and why, and which have to wait until an operator
+admits them.  Must not know: the fleet's phases, plans.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _REFUSALS_TOLD: Final = 100
 
 
 class Door:
-    """The door of a fleet; what is worth telling goes to `incidents`."""
+    """Decides about Hellos and Admits of a fleet, and appends what happened to `incidents`."""
 
     def __init__(self, fleet: str, members: Roster, incidents: list[Incident]) -> None:
         self._fleet = fleet
@@ -31,10 +31,10 @@ class Door:
         self._not_admitted: dict[str, str] = {}
 
     def hear(self, robot: str, hello: Hello, begun: bool, now_ns: int) -> Member | Outgoing | None:
-        """Return the member that is in, or the refusal to send.
+        """Return the member that is accepted, or the Refusal to send.
 
-        None for a robot that has come back into a fleet that has begun to move: it has to wait;
-        and for a Hello that is not new.
+        Return None for a Hello that is not new, and for a robot that has come back after the fleet
+        has begun to move: that robot has to wait until an operator admits it.
         """
         known = self._members.get(robot)
         if known is not None and known.has_heard(hello):
@@ -55,16 +55,16 @@ class Door:
         return member
 
     def tell_heard_again(self, member: Member, now_ns: int) -> None:
-        """Tell of a lost robot that its process is heard again, and what becomes of it."""
+        """Report that a lost robot's process is heard again, and what will happen to the robot."""
         text = f"{member.id} is heard again; {_what_becomes_of(member)}"
         self._tell(now_ns, "back", member.id, text)
 
     def admit(self, robot: str, boot: int, now_ns: int) -> Outgoing | bool:
-        """Let a robot in that has come back, as soon as it says where it stands.
+        """Admit a robot that has come back, as soon as it says where it stands.
 
-        One that was lost and is heard again is let in where it rests on its path.  Returns whether
-        it is, or the refusal to send where asking again is of no use; `boot` is what the operator
-        said.
+        A robot that was lost and is heard again is admitted where it rests on its path.  Return
+        whether the robot is admitted, or the Refusal to send if asking again is of no use.  `boot`
+        is the boot id in the operator's Admit.
         """
         member = self._members.get(robot)
         if member is None:
@@ -89,13 +89,13 @@ class Door:
     def _admit_again(
         self, member: Member, boot: int, is_heard: bool, now_ns: int
     ) -> Outgoing | bool:
-        """Let a robot in whose process is the one that is known; returns what `admit` does."""
+        """Admit a robot whose process is the accepted one; return the same as `admit`."""
         robot, admission = member.id, member.admission
         if not is_heard:
             self._tell_denied(robot, f"{robot} has not come back", now_ns)
             return False
         if boot in admission.asked_by or (not member.planned and admission.join(boot)):
-            return False  # What was asked for is being done.
+            return False  # An earlier request is being carried out.
         if member.planned or member.finished or member.stays:
             return self._deny(robot, boot, _why_in_already(member), now_ns)
         if member.rest is None:
@@ -116,7 +116,7 @@ class Door:
         return Outgoing(keys.plan(self._fleet, robot), encode(Refusal(boot, reason[:200])))
 
     def _tell_denied(self, robot: str, reason: str, now_ns: int) -> None:
-        """Tell why a robot is not admitted, once until that changes: operators ask often."""
+        """Report why a robot is not admitted, once for each reason: operators' requests repeat."""
         known = self._not_admitted.get(robot)
         if known != reason and (known is not None or len(self._not_admitted) < _REFUSALS_TOLD):
             self._not_admitted[robot] = reason
@@ -130,14 +130,14 @@ class Door:
         member.knock(hello, now_ns)
 
     def _refuse(self, robot: str, boot: int, reason: str, now_ns: int) -> Outgoing:
-        """Tell a robot why it cannot join, and everybody else once."""
+        """Return the Refusal that says why a robot cannot join; report it once as an incident."""
         if (robot, boot) not in self._refused and len(self._refused) < _REFUSALS_TOLD:
             self._refused.add((robot, boot))
             self._tell(now_ns, "refused", robot, reason)
         return Outgoing(keys.plan(self._fleet, robot), encode(Refusal(boot, reason[:200])))
 
     def _objection(self, robot: str, hello: Hello, now_ns: int) -> str:
-        """Return why a robot cannot join, or nothing."""
+        """Return why a robot cannot join, or an empty text if it can."""
         member = self._members.get(robot)
         if member is None:
             return self._unknown(robot)
@@ -152,7 +152,7 @@ class Door:
             return f"{robot} reaches {hello.max_speed_mps} m/s, its plan needs {member.speed} m/s"
         if 0.0 < hello.max_accel_mps2 < member.accel - 1e-6:
             needed = (
-                f"{member.accel} m/s^2" if member.accel < math.inf else "one that stops at once"
+                f"{member.accel} m/s^2" if member.accel < math.inf else "a robot that stops at once"
             )
             return f"{robot} brakes with {hello.max_accel_mps2} m/s^2, its plan needs {needed}"
         if member.boot not in (None, hello.boot) and not member.is_silent(now_ns):
@@ -172,7 +172,7 @@ def _admit(member: Member) -> str:
 
 
 def _what_becomes_of(member: Member) -> str:
-    """Say what becomes of a robot that was lost and is heard again."""
+    """Say what will happen to a robot that was lost and is heard again."""
     if member.finished:
         return "it has arrived"
     if member.planned:
@@ -183,7 +183,7 @@ def _what_becomes_of(member: Member) -> str:
 
 
 def _why_in_already(member: Member) -> str:
-    """Say why a robot that is heard has not to be admitted."""
+    """Say why a robot that is heard need not be admitted."""
     if member.phase in (MOVING, BRAKING):
         return f"{member.id} is driving already"
     if member.finished:

@@ -1,7 +1,7 @@
-"""What becomes of an operator's asking that a robot be admitted.
+"""The outcome of an operator's request to admit a robot.
 
-Decides: from what a fleet says, whether the robot was taken in, and what there is to tell.  Must
-not know: how to listen, how long to wait (cli/operator_commands.py).
+Decides: from a fleet's messages, whether the robot was admitted, and what to report.  Must not
+know: how to listen, how long to wait (cli/operator_commands.py).
 """
 
 from __future__ import annotations
@@ -12,14 +12,15 @@ from protocol.messages import Command, Message, Plan, Refusal
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, OVER
 
 _MOST_WITHOUT: Final = 2
-"""Who cannot be planned for must not have the fleet freeze more often."""
+"""After so many epochs without the robot the request ends, so that the fleet freezes no more."""
 
 
 class Asking:
-    """What becomes of asking for a robot to be admitted, by what its fleet says meanwhile.
+    """A request to admit a robot, with its outcome as the fleet's messages show it.
 
-    It is taken in when, after a freeze, the fleet's epoch is one that it has a plan of.
-    `answer` is what there is to tell then, or once it is known not to be; `admitted` says which.
+    The robot is admitted when, after a freeze, the fleet is in an epoch of which the robot has a
+    Plan.  `answer` is empty until the outcome is known, and then says it in words.  `admitted` is
+    true if the outcome is that the robot was admitted.
     """
 
     def __init__(self, robot: str, boot: int) -> None:
@@ -31,11 +32,11 @@ class Asking:
         self._epoch = -1
 
     def asked(self) -> None:
-        """Take note that the robot was asked for."""
+        """Record that the request was sent."""
         self._asked = True
 
     def hear(self, message: Message) -> None:
-        """Take a Command of the fleet, or what it says to the robot or to who asks for it."""
+        """Take in the fleet's Command, a Plan for the robot, or a Refusal of the request."""
         if isinstance(message, Refusal):
             if message.boot == self._boot:
                 self.answer = message.reason

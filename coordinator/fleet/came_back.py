@@ -1,7 +1,7 @@
-"""A robot that has come back, and what operators ask of it.
+"""A robot that has come back, and the operators' requests to admit it.
 
-Decides: whether it is at the door, since when it is waited for to say where it stands, and who
-asked for that in vain.  Must not know: what the robot did before, the fleet.
+Decides: whether the robot is still heard, how long the fleet has waited for it to say where it
+stands, and whose requests were in vain.  Must not know: what the robot did before, the fleet.
 """
 
 from __future__ import annotations
@@ -12,46 +12,51 @@ from typing import Final
 from protocol.messages import Hello
 
 ASKERS: Final = 64
-"""Of so many who asked it is remembered."""
+"""How many operators' requests are remembered, each by its boot id."""
 
 _MOST_GONE: Final = 2
-"""A robot that is gone again so often while it is waited for is not waited for again."""
+"""How often the fleet waits in vain for one request: the robot was gone again each time."""
 
 
 @dataclass
 class Admission:
-    """One robot's coming back; who asks is known by the boot id of its Admit."""
+    """One robot's return; a request is known by the boot id in its Admit messages."""
 
     hello: Hello | None = None
-    """The last one of a robot that has come back."""
+    """The newest Hello of a robot that has come back."""
     heard_ns: int | None = None
-    """When it was heard; None when its link has gone since."""
+    """When that Hello was heard [ns]; None if the robot's link has gone since."""
     since_ns: int | None = None
-    """Since when the robot is waited for to say where it stands; None: it is not."""
+    """Since when the fleet waits for the robot to say where it stands [ns]; None if it does not."""
     asked_by: dict[int, int] = field(default_factory=dict)
-    """Who asked for it the last time that it was waited for, until an epoch begins without it."""
+    """How often each boot id asked since the fleet last began to wait for the robot.
+
+    Cleared when an epoch begins without the robot."""
     in_vain: dict[int, int] = field(default_factory=dict)
-    """Who asked for it when it then did not say where it stands, or was gone again so often."""
+    """How often each boot id asked in vain.
+
+    It counts once when the robot was gone again, and _MOST_GONE times when the robot did not say
+    where it stands."""
 
     @property
     def is_awaited(self) -> bool:
-        """Tell whether the robot may take part as soon as it says where it stands."""
+        """Whether the robot takes part as soon as it says where it stands."""
         return self.since_ns is not None
 
     def knock(self, hello: Hello, now_ns: int) -> None:
-        """Take note that the robot is back, which it says again and again."""
+        """Record a Hello of the robot that has come back; it repeats its Hello."""
         self.hello, self.heard_ns = hello, now_ns
 
     def leave(self) -> None:
-        """Take note that the link to the robot is gone."""
+        """Record that the link to the robot is gone."""
         self.heard_ns = None
 
     def is_at_door(self, timeout_ns: int, now_ns: int) -> bool:
-        """Tell whether a robot that has come back is there: it is heard."""
+        """Return whether a robot that has come back is still heard."""
         return self.heard_ns is not None and now_ns - self.heard_ns <= timeout_ns
 
     def ask(self, boot: int, now_ns: int) -> bool:
-        """Wait for the robot; tell whether that begins."""
+        """Record a request and wait for the robot; return whether the wait begins with it."""
         begins = not self.is_awaited
         if begins:
             self.since_ns = now_ns
@@ -60,17 +65,17 @@ class Admission:
         return begins
 
     def join(self, boot: int) -> bool:
-        """Take note of one more who asks for a robot that was taken in; False when nobody did."""
+        """Record a further request for an admitted robot; return False if there was none before."""
         if self.asked_by:
             _count(self.asked_by, boot)
         return bool(self.asked_by)
 
     def take_in(self) -> None:
-        """Wait no more: the robot has said where it stands."""
+        """End the wait, because the robot has said where it stands."""
         self.since_ns = None
 
     def look(self, timeout_ns: int, patience_ns: int | None, now_ns: int) -> None:
-        """Give up a robot that is gone again, or does not say for so long where it stands."""
+        """End the wait if the robot is gone again, or has not said in time where it stands."""
         if self.since_ns is None:
             return
         is_gone = not self.is_at_door(timeout_ns, now_ns)
@@ -80,11 +85,11 @@ class Admission:
                 _count(self.in_vain, boot, 1 if is_gone else _MOST_GONE)
 
     def refuses(self, boot: int) -> bool:
-        """Tell whether somebody has asked in vain: the fleet does not freeze for them again."""
+        """Return whether a request was in vain, so that the fleet does not freeze for it again."""
         return self.in_vain.get(boot, 0) >= _MOST_GONE
 
     def end(self) -> None:
-        """Take note that an epoch begins without the robot: what was asked for is settled."""
+        """Record that an epoch begins without the robot, which settles all requests."""
         self.since_ns = None
         self.asked_by.clear()
 

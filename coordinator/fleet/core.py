@@ -1,15 +1,17 @@
 """The fleet core: a state machine from messages and time to messages.  Pure.
 
-In prose: HOLD until every robot that has a part in the epoch is armed; then GO at a common start
-time.  While GO, a robot that falls silent, reports a fault or stops, or misses the task deadline,
-turns the phase to FREEZE; for one that is late the others may get new times instead (`take_times`).
-A frozen fleet that rests is planned anew (`adopt`): the next epoch, in HOLD.  When all have arrived
-the phase is OVER.  The Command of every tick states the phase anew, so a lost message changes
-nothing, nor does an event that a phase does not list.
+The phase is HOLD until every robot that has a part in the epoch is armed; then it is GO, with a
+common start time.  In GO, the phase turns to FREEZE when a robot falls silent, reports a fault,
+stops, or misses the task deadline.  When a robot is late, the others may get new times instead
+(`take_times`).  A frozen fleet that rests is planned anew (`adopt`), and the next epoch begins in
+HOLD.  When all robots have arrived, the phase is OVER.  The Command of every tick states the phase
+anew, so a lost message changes nothing.  An event that is not listed for a phase changes nothing
+either.
 
-Decides: what is said to whom, and when the fleet goes, freezes and ends.  Must not know: clocks
-(`now_ns` is an argument), Zenoh, files, paths.  The same inputs give the same bytes: replay relies
-on it.
+The same inputs give the same bytes; replay relies on it.
+
+Decides: which messages are sent to which robot, and when the fleet goes, freezes and ends.  Must
+not know: clocks (`now_ns` is an argument), Zenoh, files, paths.
 """
 
 from __future__ import annotations
@@ -59,7 +61,7 @@ class Fleet(FleetState):
         self._door = Door(name, self.members, self.incidents)
 
     def hear(self, key: str, payload: bytes, now_ns: int) -> list[Outgoing]:
-        """Take in what arrived on a key and return what to send; bad bytes are counted."""
+        """Take in a message that arrived on a key; return what to send.  Count bad messages."""
         if key == router_key(self.name):
             self._hear_router(payload == LINK_UP, now_ns)
             return []
@@ -88,9 +90,10 @@ class Fleet(FleetState):
         return []
 
     def tick(self, now_ns: int) -> list[Outgoing]:
-        """Look at the time, and say every COMMAND_PERIOD what should be.
+        """Act on the time and return the Command; to be called every COMMAND_PERIOD.
 
-        Nothing is said while robots move that have yet to be heard since the coordinator was away.
+        Nothing is returned as long as a moving robot has not been heard again after the coordinator
+        was away.
         """
         moving = [m.id for m in self.members.planned if self.phase == GO and m.phase != DONE]
         was_away = self._absence.look(now_ns, moving)
@@ -113,7 +116,7 @@ class Fleet(FleetState):
     def adopt(
         self, epoch: int, parts: Mapping[str, Part], duration_ns: int, now_ns: int
     ) -> list[Outgoing]:
-        """Begin the next epoch with these robots' parts; the others stay where they stand."""
+        """Begin the next epoch with the parts of these robots; the others stay where they are."""
         self.epoch = epoch
         self.times.begin(epoch, duration_ns)
         self._delay.begin_epoch()
@@ -122,15 +125,15 @@ class Fleet(FleetState):
         return [self._command(now_ns)]
 
     def late(self) -> Lateness | None:
-        """Return what new times are wanted for and were not asked for yet."""
+        """Return the lateness for which new times are needed and were not requested yet."""
         return self._delay.request() if self.phase == GO else None
 
     def take_times(
         self, late: Lateness, times: Mapping[str, bytes], duration_ns: int, now_ns: int
     ) -> list[Outgoing] | None:
-        """Tell these robots their new times (NewTimes messages); freeze if there are none.
+        """Return the NewTimes messages to send to these robots; freeze if `times` is empty.
 
-        None when they are no longer waited for.
+        Return None if these new times are needed no longer.
         """
         if self.phase != GO or not self._delay.awaits(late):
             return None
@@ -147,10 +150,10 @@ class Fleet(FleetState):
         return [Outgoing(keys.plan(self.name, name), times[name]) for name in sorted(times)]
 
     def take_over(self, boot: int, last_ns: int, now_ns: int) -> None:
-        """Go on in place of a coordinator that was last sure to be alive at `last_ns`.
+        """Resume for a coordinator that died and was last known alive at `last_ns`.
 
-        The fleet freezes, by its leases or because it is told to, and says where it stands; all
-        robots are given time to speak.
+        The fleet freezes, because its leases run out or because the Command says so.  The robots
+        get RESUME_PATIENCE to say where they rest.
         """
         self.boot, self._sequence, self.epoch = boot, 0, self.next_epoch + 1
         self.superseded, self._router, self.is_resumed = False, RouterLink(), True
@@ -164,7 +167,7 @@ class Fleet(FleetState):
         self._delay.drop()
         self.times.lose_sight(last_ns)
         self._patient_until_ns = now_ns + RESUME_PATIENCE
-        self._tell(now_ns, "phase", "", "goes on from a log: FREEZE")
+        self._tell(now_ns, "phase", "", "resumed from a log: FREEZE")
 
     def _hear_hello(self, robot: str, hello: Hello, now_ns: int) -> list[Outgoing]:
         has_gone = self.phase != HOLD and (self.times.has_gone or self.phase == OVER)
@@ -175,9 +178,10 @@ class Fleet(FleetState):
         return self._send_plan(answer, now_ns)
 
     def _hear_admit(self, robot: str, admit: Admit, now_ns: int) -> list[Outgoing]:
-        """Freeze the fleet to take a robot in that has come back, or that is heard again.
+        """Freeze the fleet to admit a robot that has come back or that is heard again.
 
-        A fleet that is frozen makes its next plan with all that have a part and are heard.
+        A frozen fleet needs no such request for a robot that has a part and is heard: the next plan
+        includes it.
         """
         member = self.members.get(robot)
         if self.phase == FREEZE and member is not None and member.is_under_way(now_ns):
@@ -193,7 +197,7 @@ class Fleet(FleetState):
         if member is None:
             return []
         if report.rest is not None and not 1 <= report.rest.epoch <= self.times.epoch:
-            self.bad_messages += 1  # A place on a path that is not known is not believed.
+            self.bad_messages += 1  # The place is on a path that the coordinator does not know.
             if member.boot is not None:
                 self.outrun(f"{robot} rests on a path of epoch {report.rest.epoch}", now_ns)
             return []
@@ -217,7 +221,7 @@ class Fleet(FleetState):
         return []
 
     def _hear_stopped(self, member: Member, now_ns: int) -> list[Outgoing]:
-        """Freeze the fleet for a robot that has stopped, unless it is late and that is borne."""
+        """Freeze the fleet for a robot that has stopped, unless the others may drive on for now."""
         if self._delay.bears(member, now_ns):
             return []
         if self._delay.begin(member, self.times, now_ns):
@@ -232,11 +236,11 @@ class Fleet(FleetState):
         if member is not None and member.boot == pace.boot and self.phase == GO:
             name = self._delay.robot
             if self._delay.hear(member, pace, self.times, now_ns):
-                self._tell(now_ns, "late", name, f"{name} goes on later, and all know")
+                self._tell(now_ns, "late", name, f"{name} drives on later; all have new times")
         return []
 
     def _hear_gone(self, robot: str, now_ns: int) -> list[Outgoing]:
-        """Take note that the link to a robot is gone; one that has a part is lost at once."""
+        """Record that the link to a robot is gone; a robot under way is lost at once."""
         member = self.members.get(robot)
         if member is None or member.boot is None:
             return []
@@ -249,7 +253,7 @@ class Fleet(FleetState):
         return []
 
     def _hear_other(self, command: Command, now_ns: int) -> list[Outgoing]:
-        """Give way to another coordinator of this fleet whose epoch, then boot id, is higher."""
+        """Give way to another coordinator of this fleet if its (epoch, boot id) is greater."""
         if command.boot != self.boot and (command.epoch, command.boot) > (self.epoch, self.boot):
             if not self.superseded:
                 self._tell(now_ns, "superseded", "", "another coordinator leads this fleet now")
@@ -263,7 +267,7 @@ class Fleet(FleetState):
         return [Outgoing(keys.clock(self.name, robot), encode(answer))]
 
     def _muster(self, now_ns: int, was_away: bool) -> None:
-        """Go when all are armed; in a later epoch nobody is waited for who fails to arm."""
+        """Go when all are armed; after the first epoch, give up robots that do not arm in time."""
         if not self.missing(now_ns):
             self._turn("all armed", now_ns)
         elif self.epoch != self.first_epoch and not was_away:
@@ -271,7 +275,7 @@ class Fleet(FleetState):
             self._give_up(that_do_not_arm(members, self.epoch, self._changed_ns, now_ns), now_ns)
 
     def _watch(self, now_ns: int, was_away: bool) -> None:
-        """See who is lost or late while the fleet moves, and whether everybody has arrived."""
+        """Look for lost and late robots while the fleet moves, and end the drive if all arrived."""
         moving = [m for m in self.members.planned if m.phase != DONE]
         if not moving:
             self._turn("all done" if self.members.has_arrived else "some can go on", now_ns)
@@ -287,7 +291,7 @@ class Fleet(FleetState):
             self._give_up([Failing(member, f"is late, and {what}", strike=True)], now_ns)
 
     def _settle(self, now_ns: int, was_away: bool) -> None:
-        """See who is lost in a fleet that freezes."""
+        """Look for lost robots in a fleet that freezes."""
         if was_away or now_ns < self._patient_until_ns:
             return
         patience = self.times.settling_ns + FREEZE_PATIENCE
@@ -303,5 +307,5 @@ class Fleet(FleetState):
                 member.lost |= waited and member.planned and not member.is_at_rest()
 
     def _is_back(self, member: Member, now_ns: int) -> bool:
-        """Tell whether the coordinator is back for too short a time to call a robot silent."""
+        """Return whether the coordinator was away too recently to call a robot silent."""
         return self._absence.is_recent(member.timeout_ns, now_ns)

@@ -1,11 +1,13 @@
-"""One robot that stands because it is late, while the others go on: until when, and its new times.
+"""One robot that stands because it is late, while the others drive on until new times are found.
 
-The others may go on as long as all would still rest before their plan times differ by more than tau
-from that of the place where it stands.  Meanwhile new times are looked for; they change nothing
-before a switch, and whoever has not got them a freeze before that stops everybody.
+The others may drive on as long as a freeze would still bring all to rest before their plan times
+differ by more than tau from the plan time of the place where the late robot stands.  Meanwhile new
+times are searched.  They change nothing before a plan time, the switch.  If a robot has not
+confirmed its new times when there is just enough time left to freeze before the switch, the whole
+fleet freezes.
 
-Decides: until when that is borne, and who has yet to say that it has its new times.  Must not know:
-paths, other faults.
+Decides: until when the others may drive on, and which robots have yet to confirm their new times.
+Must not know: paths, other faults.
 """
 
 from __future__ import annotations
@@ -21,16 +23,17 @@ from protocol.phases import LATE
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 
 THINKING: Final = 300 * MILLISECOND
-"""How long new times may be looked for."""
+"""How long the search for new times may take."""
 
 TELLING: Final = 3 * COMMAND_PERIOD
-"""How long robots have to say that they have them, and twice what a message takes."""
+"""How long robots have to confirm new times, in addition to twice a message's time under way."""
 
 
 class Delay:
-    """At most one late robot at a time; `tau_ns` is the plan's, `travel_ns` what a message takes.
+    """The delay of at most one late robot at a time.
 
-    `revision` counts the new times of this epoch.
+    `tau_ns` is the plan's tau, `travel_ns` the time that a message is under way.  `revision` is how
+    often new times have replaced the times of this epoch.
     """
 
     def __init__(self, tau_ns: int = 0, travel_ns: int = 0) -> None:
@@ -45,13 +48,13 @@ class Delay:
 
     @property
     def robot(self) -> str:
-        """The late robot; empty if there is none."""
+        """The id of the late robot; empty if there is none."""
         return "" if self._member is None else self._member.id
 
     def begin(self, member: Member, times: EpochTimes, now_ns: int) -> bool:
-        """Tell whether the others may go on although this robot has stopped; once per delay.
+        """Begin a delay if the others may drive on although this robot stopped; return whether so.
 
-        Who is late again in an epoch is not just held up: it needs another path.
+        A robot gets one delay in an epoch.  One that is late again needs another path.
         """
         if self._member is not None or member.fault != LATE or member.id in self._helped:
             return False
@@ -63,20 +66,20 @@ class Delay:
         return True
 
     def bears(self, member: Member, now_ns: int) -> bool:
-        """Tell whether this robot is known to stand, and that may go on.
+        """Return whether this robot is the late one and the others may still drive on.
 
-        One that has its new times and stands again, or for another reason, is not borne.
+        They may not if it stands for another reason, or stands although it has its new times.
         """
         told = self._is_told and member.id not in self.missing
         known = self._member is member and member.fault == LATE and not told
         return known and now_ns <= self._until_ns
 
     def is_over(self, now_ns: int) -> bool:
-        """Tell whether it has lasted too long."""
+        """Return whether the delay has lasted too long."""
         return self._member is not None and now_ns > self._until_ns
 
     def hear(self, member: Member, pace: Pace, times: EpochTimes, now_ns: int) -> bool:
-        """Take what a robot says of its times; tell whether now all have their new ones."""
+        """Take in a Pace; return whether with it all robots have confirmed their new times."""
         if pace.revision != member.revision or pace.epoch != times.epoch:
             return False
         stood_ns = times.start_ns + 1000 * (pace.stood_us or 0)
@@ -96,18 +99,18 @@ class Delay:
         return True
 
     def request(self) -> Lateness | None:
-        """Return what new times are wanted for, once."""
+        """Return the lateness for which new times are needed; None if it was returned before."""
         if self._asked is None or self._is_asked:
             return None
         self._is_asked = True
         return self._asked
 
     def awaits(self, asked: Lateness) -> bool:
-        """Tell whether these new times are still waited for."""
+        """Return whether new times for this lateness are still needed."""
         return self._asked == asked and not self.missing
 
     def tell(self, robots: Iterable[str], times: EpochTimes) -> None:
-        """Have new times told to these robots; they have until a freeze before the switch."""
+        """Record that these robots are sent new times, and until when they have to confirm them."""
         assert self._asked is not None
         self.revision += 1
         self.missing, self._is_told = set(robots), True
@@ -115,13 +118,13 @@ class Delay:
         self._until_ns = times.start_ns + switch_ns - times.settling_ns
 
     def drop(self) -> None:
-        """Have no late robot."""
+        """End the delay."""
         self._member = self._asked = None
         self._is_asked = self._is_told = False
         self.missing = set()
 
     def begin_epoch(self) -> None:
-        """Begin with times that nobody has changed."""
+        """Begin an epoch, whose times were never replaced."""
         self.drop()
         self.revision = 0
         self._helped.clear()

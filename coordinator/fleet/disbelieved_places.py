@@ -1,6 +1,9 @@
-"""Places that robots which have come back cannot stand at.
+"""Check the places that robots state when they come back.
 
-Decides: whose word for its place is not believed.  Must not know: what becomes of those robots.
+A robot cannot stand inside another robot, inside a solid thing, or outside the floor.
+
+Decides: which robots' stated places are not believed.  Must not know: what the fleet does with
+those robots.
 """
 
 from __future__ import annotations
@@ -18,9 +21,10 @@ from coordinator.scenario.model import Pose
 
 
 def doubtful(site: Site, told: Iterable[Standing]) -> dict[str, str]:
-    """Return the robots of a site that say they stand in another robot or a solid thing, and why.
+    """Return the robots that cannot stand where they say, each with the reason.
 
-    A place may be wrong by the margin, and of whoever is lost nobody knows the place.
+    A stated place may be wrong by the margin.  Robots whose own place is not known are not compared
+    with.
     """
     said = {one.robot: one.place for one in told if one.place is not None}
     if not said:

@@ -1,6 +1,6 @@
-"""When an epoch went and froze, and so between which plan times its robots may stand.
+"""When an epoch started and froze, and so between which plan times its robots may stand.
 
-Decides: how long robots may still have moved.  Must not know: who they are, phases, messages.
+Decides: how long robots may still have moved.  Must not know: which robots, phases, messages.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from protocol.timing import SECOND
 class EpochTimes:
     """The times of the newest epoch that has a plan; all in ns on the coordinator's clock.
 
-    `settling_ns`: how long after FREEZE even a robot that hears nothing may still move;
-    `behind_ns`: how far behind its plan one may have been when it said that it moves.
+    `settling_ns`: how long after a FREEZE a robot may still move, even if it hears nothing.
+    `behind_ns`: how far behind its plan a robot may have been when it reported that it moves.
     """
 
     def __init__(
@@ -30,32 +30,32 @@ class EpochTimes:
         self.settling_ns, self.behind_ns = settling_ns, behind_ns
 
     def begin(self, epoch: int, duration_ns: int) -> None:
-        """Have a plan for an epoch, which has not gone."""
+        """Begin an epoch that has a plan and has not started to drive."""
         self.epoch, self.duration_ns, self.has_gone = epoch, duration_ns, False
 
     def go(self, now_ns: int) -> None:
-        """Be sent on the way: the common start is a little later."""
+        """Record the GO; the common start is GO_LEAD later."""
         self.start_ns, self.has_gone = now_ns + GO_LEAD, True
 
     def freeze(self, now_ns: int) -> None:
-        """Be told to freeze."""
+        """Record the FREEZE."""
         self.frozen_ns = now_ns
 
     def lose_sight(self, last_ns: int) -> None:
-        """Be without a coordinator, which was last sure to be there at `last_ns`."""
+        """Record that the fleet lost its coordinator, which was last known alive at `last_ns`."""
         self.frozen_ns = last_ns + UNLOGGED
 
     @property
     def deadline_ns(self) -> int:
-        """Until when everybody has to have arrived."""
+        """When all robots must have arrived."""
         return self.start_ns + self.duration_ns + TASK_GRACE
 
     @property
     def zero_ns(self) -> int:
-        """The plan's time zero for robots as far behind as they may be."""
+        """The time zero of a robot that is as far behind its plan as a robot may be."""
         return self.start_ns + self.behind_ns
 
     @property
     def until_ns(self) -> int:
-        """When all rest at last, counted so that the robots may be as far behind as they may."""
+        """When all robots rest, with `behind_ns` added as in `zero_ns`."""
         return self.frozen_ns + self.settling_ns + self.behind_ns

@@ -1,4 +1,4 @@
-"""What goes in and out of the fleet core: messages to send, incidents to tell, parts to play.
+"""What goes in and out of the fleet core: messages to send, incidents, robots' parts.
 
 Decides: their fields.
 """
@@ -18,7 +18,7 @@ class Outgoing:
 
 @dataclass(frozen=True)
 class Incident:
-    """Something worth telling: when, what kind, whose, in words."""
+    """Something worth telling people: when, of what kind, about which robot, in words."""
 
     now_ns: int
     kind: str

@@ -1,7 +1,7 @@
-"""Who fails a fleet that arms or moves: robots that are silent, late, or do not go along.
+"""Robots that fail while a fleet arms or moves: they are silent, late, or do not set out.
 
-Decides: what makes a robot fail, whether it is lost or has itself to blame; what shows that a
-robot was told to go.  Must not know: what the fleet then does.
+Decides: what makes a robot fail, whether it is lost or the fault is its own, and what shows that a
+robot heard the GO.  Must not know: what the fleet then does.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ from protocol.phases import BRAKING, DONE, FROZEN, LATE, LEASE_OUT, MOVING
 
 
 class Failing(NamedTuple):
-    """A robot and what is wrong with it; lost: it is silent; strike: it has itself to blame."""
+    """A robot and what is wrong with it.
+
+    `lost`: the robot is silent.  `strike`: the fault is its own and counts as a strike.
+    """
 
     member: Member
     what: str
@@ -27,7 +30,7 @@ class Failing(NamedTuple):
 def that_do_not_arm(
     members: Iterable[Member], epoch: int, since_ns: int, now_ns: int
 ) -> list[Failing]:
-    """Return who fails an epoch that has been waited for since a time."""
+    """Return the robots that are silent or not armed; the epoch has waited since `since_ns`."""
     found = []
     for member in members:
         if member.is_silent(now_ns):
@@ -44,7 +47,11 @@ def on_the_way(
     deadline_ns: int,
     now_ns: int,
 ) -> list[Failing]:
-    """Return who fails a fleet under way; `spared` are those to be heard anew first."""
+    """Return the robots that fail while the fleet is under way.
+
+    `spared` returns whether a robot is excepted, because the coordinator was away and has not had
+    the time to hear it again.
+    """
     found = []
     for member in moving:
         if spared(member):
@@ -59,6 +66,9 @@ def on_the_way(
 
 
 def sets_out(report: Report) -> bool:
-    """Tell whether a robot shows that it was told to go: it moves, has moved, or heard it late."""
+    """Return whether a report shows that its robot heard the GO.
+
+    It does if the robot moves, has moved, or heard the GO too late.
+    """
     stopped = report.phase == FROZEN and report.fault in (LEASE_OUT, LATE)
     return stopped or report.phase in (MOVING, BRAKING, DONE)

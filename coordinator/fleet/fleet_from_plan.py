@@ -21,7 +21,7 @@ from protocol.timing import SECOND
 
 
 def muster(plan: PackedPlan, boot: int) -> Fleet:
-    """Return the fleet core for a plan; PlanError when the plan is not proven.
+    """Return the fleet core for a plan; raise PlanError if the plan is not proven.
 
     `boot` is the coordinator's boot id, 32 random bits.
     """
@@ -57,7 +57,7 @@ def muster(plan: PackedPlan, boot: int) -> Fleet:
 
 
 def parts_of(plan: PackedPlan, boot: int) -> dict[str, Part]:
-    """Return what each robot of a proven plan is to be sent; PlanError when it is not proven."""
+    """Return each robot's part in a proven plan; raise PlanError if the plan is not proven."""
     proof = plan.document.proof
     if proof is None or not proof.holds:
         raise PlanError("a plan whose proof does not hold is not sent to robots")
@@ -68,7 +68,7 @@ def parts_of(plan: PackedPlan, boot: int) -> dict[str, Part]:
 
 
 def times_of(plan: PackedPlan, driven: PlanDocument, boot: int) -> dict[str, bytes]:
-    """Return the NewTimes messages of a proven plan that changes the times of the one driven."""
+    """Return the NewTimes messages for the robots whose times differ from the driven plan's."""
     parts, document = parts_of(plan, boot), plan.document
     was = {robot.id: robot for robot in driven.robots}
     return {
@@ -79,7 +79,7 @@ def times_of(plan: PackedPlan, driven: PlanDocument, boot: int) -> dict[str, byt
 
 
 def _brakes(robot: RobotPlan) -> float:
-    """Return the brakes that a plan counts on [m/s^2]; 0 where it does not tell."""
+    """Return the deceleration that a plan counts on [m/s^2]; 0 if the plan does not state it."""
     if robot.limits is None:
         return 0.0
     return math.inf if robot.limits.max_accel is None else robot.limits.max_accel

@@ -1,12 +1,12 @@
-"""The door of a coordinator: which of the messages that arrive the fleet core hears, and when.
+"""Which of the messages that arrive at a coordinator the fleet core hears, and when.
 
-A message that is too long, on no key of this fleet's or not for a coordinator is dropped before
-anybody looks into it.  What is left waits in lanes: for each robot of the fleet and kind of key
-one for its process that has been accepted and one for any other that speaks in its name; one for
-what a robot's keys hold that cannot be read; and one a kind for all strangers.
+A message is dropped before it is decoded if it is too long, is not on a key of this fleet, or is
+not for a coordinator.  The other messages wait in lanes.  Each robot of the fleet has two lanes for
+each kind of key, one for its accepted process and one for all other processes under its name, and
+one lane for messages that cannot be decoded.  All strangers together have one lane for each kind.
 
-Decides: what is dropped, and counts it by cause.  Must not know: threads, links, clocks, what a
-message means.
+Decides: which messages are dropped, counted by cause.  Must not know: threads, links, clocks, what
+a message means.
 """
 
 from __future__ import annotations
@@ -31,17 +31,19 @@ RATES: Final = {
     "admit": Rate(20),
     "command": Rate(50),
 }
-"""Several times what the protocol asks for; link news go with a robot's reports, in their order."""
+"""Several times what the protocol needs.
+
+News of a robot's link share the lane of its reports, so that their order is kept."""
 
 UNREADABLE_RATE: Final = Rate(50, 64)
-"""So much of what cannot be read is heard, which means counted and kept in the log."""
+"""How many messages that cannot be decoded reach the core, which counts them, and the log."""
 
 MOST_STRANGERS: Final = 1_000
-"""So many names that are not in the fleet are answered and kept in the log, and no more."""
+"""How many strangers are answered and recorded in the log; messages of further ones are dropped."""
 
 
 class Arrival(NamedTuple):
-    """What arrived, and the sender's stamp; on a key that is alive the news of its link."""
+    """A message and its sender's time stamp, or news of a robot's link on its `alive` key."""
 
     key: str
     payload: bytes
@@ -49,10 +51,10 @@ class Arrival(NamedTuple):
 
 
 class Intake:
-    """What waits for the fleet core of one fleet.
+    """The messages that wait for the fleet core of one fleet.
 
-    `boot_of` gives the boot id of a robot's accepted process, None when none was; KeyError for a
-    stranger.  `dropped`: how many messages were, by cause.
+    `boot_of` returns the boot id of a robot's accepted process, or None if no process was accepted;
+    it raises KeyError for a stranger.  `dropped` counts the dropped messages by cause.
     """
 
     def __init__(self, fleet: str, boot_of: Callable[[str], int | None]) -> None:
@@ -63,7 +65,7 @@ class Intake:
         self._lanes: Lanes[Arrival] = Lanes()
 
     def put(self, arrival: Arrival) -> bool:
-        """Let a message wait, or drop it; tell whether there is more to hear than before."""
+        """Queue a message or drop it; return whether more messages wait than before."""
         key, payload, _ = arrival
         if len(payload) > MAX_MESSAGE_BYTES:
             return self._drop(TOO_LONG)
@@ -90,7 +92,7 @@ class Intake:
         return room or self._drop(TOO_MANY)
 
     def take(self, now_ns: int) -> Arrival | None:
-        """Return the next message to hear; None when there is none for now."""
+        """Return the next message to hear; None if no message may pass now."""
         return self._lanes.take(now_ns)
 
     def _drop(self, cause: str) -> bool:

@@ -1,11 +1,11 @@
-"""Messages that wait to be heard, a lane for each sender and kind: bounded, paced, in turn.
+"""Bounded queues of incoming messages: one lane for each sender and kind, served round-robin.
 
-All messages of this protocol say what is, not what has changed, so the newest is worth most: a
-lane that is full loses its oldest, and one that brings more than its rate waits, until later, with
-its newest.  A sender's flood takes room and time from nobody but itself.
+All messages of this protocol state what is, not what has changed, so the newest is worth most.  A
+lane that is full drops its oldest message.  A lane that exceeds its rate has its newest messages
+wait.  So a sender that floods the coordinator takes space and time from no other sender.
 
-Decides: who is heard next, and what is dropped.  Must not know: what a message means, threads
-(the user holds a lock), or any clock but the `now_ns` it is given.
+Decides: which message is heard next, and which is dropped.  Must not know: what a message means,
+threads (the caller holds a lock), clocks (`now_ns` is an argument).
 """
 
 from __future__ import annotations
@@ -19,19 +19,25 @@ from protocol.timing import SECOND
 Item = TypeVar("Item")
 
 DEPTH: Final = 256
-"""So many messages of a lane may wait: more than ten times what a robot says on one subject in the
-second until it notices that its link is gone."""
+"""How many messages may wait in a lane.
+
+A robot notices within a second that its link is gone; in that second it says less than a tenth of
+this on one key."""
 
 
 class Rate(NamedTuple):
-    """Messages a second, and how many at once after a silence; a second from none to that many."""
+    """Messages per second, and how many may pass at once after a silence.
+
+    After `at_once` messages in a row, that many may pass again `at_once` / `per_second` seconds
+    later.
+    """
 
     per_second: int
     at_once: int = DEPTH
 
 
 class Bucket:
-    """A token bucket: `take` tells whether a message may pass at a time [ns]."""
+    """A token bucket: `take` returns whether a message may pass at a time [ns]."""
 
     def __init__(self, rate: Rate) -> None:
         self._period_ns = SECOND // rate.per_second
@@ -39,7 +45,7 @@ class Bucket:
         self._full_ns: int | None = None
 
     def take(self, now_ns: int) -> bool:
-        """Take a token if there is one."""
+        """Take a token; return False if there is none."""
         full_ns = now_ns if self._full_ns is None else max(self._full_ns, now_ns)
         if full_ns - now_ns > self._ahead_ns:
             return False
@@ -54,14 +60,14 @@ class _Lane(Generic[Item]):
 
 
 class Lanes(Generic[Item]):
-    """What waits, by lane; a lane is there from its first message on."""
+    """All lanes by name; a lane is created for its first item."""
 
     def __init__(self) -> None:
         self._lanes: dict[Hashable, _Lane[Item]] = {}
         self._turns: deque[_Lane[Item]] = deque()
 
     def put(self, name: Hashable, rate: Rate, item: Item) -> bool:
-        """Let an item wait in a lane; False when the lane was full and has lost its oldest."""
+        """Append an item to a lane; return False if the lane was full and dropped its oldest."""
         lane = self._lanes.get(name)
         if lane is None:
             lane = self._lanes[name] = _Lane(rate)
@@ -72,7 +78,7 @@ class Lanes(Generic[Item]):
         return has_room
 
     def take(self, now_ns: int) -> Item | None:
-        """Return the next item, of each lane that may speak in turn; None when none may."""
+        """Return the next item from the lanes in turn; None if no lane may pass one now."""
         for _ in range(len(self._turns)):
             lane = self._turns.popleft()
             if not lane.bucket.take(now_ns):

@@ -1,13 +1,13 @@
-"""What a coordinator writes into its log besides messages: the records' keys and bytes.
+"""Keys and bytes of the records that a coordinator writes into its log besides messages.
 
-None of it is ever sent.  `replay --check` runs the fleet again from these records:
+These records are never sent.  `replay --check` runs the fleet again from them:
 
-- `epoch`: a new epoch that was adopted, and where its robots stood when it was asked for;
-- `late`: for which late robot new times were looked for;
-- `quiet`: the fleet core looked at the time and had nothing to say (every other look shows by its
-  Command);
-- `router`: the coordinator's own link to a router came up or is gone.  A robot's link is told on
-  its `alive` key with the same bytes;
+- `epoch`: a new epoch was adopted; where its robots stood when its plan was requested;
+- `late`: the late robot for which new times were searched;
+- `quiet`: the fleet core was called with the time and said nothing (after every other such call
+  there is a Command in the log);
+- `router`: the coordinator's own link to a router came up or went down.  For a robot's link the
+  same bytes are recorded under the robot's `alive` key;
 - `dropped`: how many messages were dropped so far, by cause.
 
 Decides: keys and bytes.  Must not know: when something is worth a record (mission_driver.py).
@@ -28,7 +28,7 @@ QUIET: Final = b"null"
 LINK_UP: Final = msgspec.msgpack.encode(True)
 LINK_GONE: Final = msgspec.msgpack.encode(False)
 NOT_RECORDED: Final = "not recorded"
-"""The cause under which messages are counted that the log had no room for."""
+"""The cause of drop for messages for which the recorder had no space."""
 
 _UNREADABLE: Final = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
 _counts: Final = msgspec.json.Decoder(dict[str, int])
@@ -36,29 +36,29 @@ _counts: Final = msgspec.json.Decoder(dict[str, int])
 
 @dataclass(frozen=True)
 class Request:
-    """A plan that is wanted: for which epoch, and where the robots stand."""
+    """A request for a plan: its epoch, and where the robots stand."""
 
     epoch: int
     told: tuple[Standing, ...]
 
 
 def adoption_key(fleet: str) -> str:
-    """Return the key of new epochs."""
+    """Return the key of a fleet's `epoch` records."""
     return f"coordinator/{fleet}/epoch"
 
 
 def is_adoption_key(key: str) -> bool:
-    """Tell whether a fleet's new epochs stand on this key."""
+    """Return whether this is a key of `epoch` records."""
     return _is_record(key, "epoch")
 
 
 def adoption_record(request: Request) -> bytes:
-    """Return a request as JSON."""
+    """Encode a request as JSON."""
     return msgspec.json.encode(request)
 
 
 def request_of(payload: bytes) -> Request | None:
-    """Read a request back; None when these bytes are none."""
+    """Decode a request; return None if the bytes do not encode one."""
     try:
         return msgspec.json.decode(payload, type=Request)
     except _UNREADABLE:
@@ -66,22 +66,22 @@ def request_of(payload: bytes) -> Request | None:
 
 
 def lateness_key(fleet: str) -> str:
-    """Return the key of late robots."""
+    """Return the key of a fleet's `late` records."""
     return f"coordinator/{fleet}/late"
 
 
 def is_lateness_key(key: str) -> bool:
-    """Tell whether a fleet's late robots stand on this key."""
+    """Return whether this is a key of `late` records."""
     return _is_record(key, "late")
 
 
 def lateness_record(late: Lateness) -> bytes:
-    """Return a lateness as JSON."""
+    """Encode a lateness as JSON."""
     return msgspec.json.encode(late)
 
 
 def lateness_of(payload: bytes) -> Lateness | None:
-    """Read a lateness back; None when these bytes are none."""
+    """Decode a lateness; return None if the bytes do not encode one."""
     try:
         return msgspec.json.decode(payload, type=Lateness)
     except _UNREADABLE:
@@ -89,47 +89,47 @@ def lateness_of(payload: bytes) -> Lateness | None:
 
 
 def quiet_key(fleet: str) -> str:
-    """Return the key of looks without a word; its payload is QUIET."""
+    """Return the key of a fleet's `quiet` records, whose payload is QUIET."""
     return f"coordinator/{fleet}/quiet"
 
 
 def is_quiet_key(key: str) -> bool:
-    """Tell whether a fleet's quiet looks stand on this key."""
+    """Return whether this is a key of `quiet` records."""
     return _is_record(key, "quiet")
 
 
 def router_key(fleet: str) -> str:
-    """Return the key of the coordinator's own link."""
+    """Return the key of a fleet's `router` records: the coordinator's own link."""
     return f"coordinator/{fleet}/router"
 
 
 def is_router_key(key: str) -> bool:
-    """Tell whether a coordinator's own link stands on this key."""
+    """Return whether this is a key of `router` records."""
     return _is_record(key, "router")
 
 
 def link_record(alive: bool) -> bytes:
-    """Return the record of a link that is up or gone."""
+    """Return the payload that records a link as up or gone."""
     return LINK_UP if alive else LINK_GONE
 
 
 def drops_key(fleet: str) -> str:
-    """Return the key of dropped messages."""
+    """Return the key of a fleet's `dropped` records."""
     return f"coordinator/{fleet}/dropped"
 
 
 def is_drops_key(key: str) -> bool:
-    """Tell whether dropped messages stand on this key."""
+    """Return whether this is a key of `dropped` records."""
     return _is_record(key, "dropped")
 
 
 def drops_record(dropped: Mapping[str, int]) -> bytes:
-    """Return how many messages were dropped so far, by cause, as JSON."""
+    """Encode the numbers of dropped messages by cause as JSON."""
     return msgspec.json.encode(dict(sorted(dropped.items())))
 
 
 def drops_of(payload: bytes) -> dict[str, int] | None:
-    """Read such counts back; None when these bytes are none."""
+    """Decode the numbers of dropped messages; return None if the bytes do not encode them."""
     try:
         return _counts.decode(payload)
     except _UNREADABLE:

@@ -30,20 +30,22 @@ from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
 PLAN_PERIOD: Final = COMMAND_PERIOD
 
 STRIKES: Final = 3
-"""A robot that has ended so many epochs by a fault of its own is left where it stands."""
+"""A robot that has ended this many epochs by a fault of its own is left where it stands."""
 
 BOOTS: Final = 64
-"""Of so many processes under one name it is remembered what they said."""
+"""The coordinator remembers the Hellos of at most this many processes under one name."""
 
 
 @dataclass
 class Member:
-    """One robot of the fleet, as heard; boot None means that it has not been accepted yet.
+    """One robot of the fleet, as the coordinator has heard it.
 
-    `planned`: it has a part in this epoch; `sent_epoch`: the last one in which it may have moved.
-    `finished`: it has been at its goal.  `rest`: where it last said that it rests, None as long as
-    it may have moved since.
-    `stays`: why it got no part in this epoch though it could have had one, in words.
+    `boot`: the boot id of its accepted process; None before one is accepted.
+    `planned`: it has a part in this epoch.
+    `sent_epoch`: the last epoch in which it may have moved.
+    `finished`: it has reached its goal.
+    `rest`: where it last said that it rests; None if it may have moved since.
+    `stays`: why it got no part in this epoch although it could have had one, in words.
     """
 
     id: str
@@ -52,14 +54,16 @@ class Member:
     """The speed that its plan needs [m/s]."""
     plan: bytes
     accel: float = 0.0
-    """The brakes that its plan and its tau count on [m/s^2]; inf: it stops at once."""
+    """The deceleration that its plan and tau count on [m/s^2]; inf if the robot stops at once."""
     timeout_ns: int = REPORT_TIMEOUT
     planned: bool = True
     boot: int | None = None
     heard_ns: int = 0
     kept_ns: int = 0
-    """When it last said that it keeps to its plan: it was hardly behind, and can only have moved on
-    since; one that brakes may have stood for long."""
+    """When it last reported that it was following its plan [ns].
+
+    At that time it was hardly behind, and since then it can only have moved forward.  A robot that
+    reports braking may have stood still for long."""
     sequence: int = -1
     sent_epoch: int = 0
     epoch: int = 0
@@ -67,7 +71,7 @@ class Member:
     fault: int = 0
     times: bytes = b""
     revision: int = 0
-    """The newest NewTimes message of this epoch, and its number."""
+    """The number of the newest NewTimes message of this epoch, which is in `times`."""
     plan_sent_ns: int | None = None
     done_ns: int | None = None
     lost: bool = False
@@ -79,7 +83,7 @@ class Member:
     admission: Admission = field(default_factory=Admission)
     stays: str = ""
     hellos: dict[int, int] = field(default_factory=dict)
-    """The newest Hello's number of each process that has said one, the last ones last."""
+    """The sequence number of each process's newest Hello, by boot id; the latest heard is last."""
 
     @property
     def rest_s(self) -> float | None:
@@ -87,7 +91,7 @@ class Member:
         return None if self.rest is None else self.rest.s
 
     def has_heard(self, hello: Hello) -> bool:
-        """Take note of a Hello; tell whether it, or a later one of its process, came before."""
+        """Record a Hello; return whether it or a later one of its process was heard before."""
         newest = self.hellos.pop(hello.boot, 0)
         self.hellos[hello.boot] = max(newest, hello.sequence)
         if len(self.hellos) > BOOTS:
@@ -95,7 +99,7 @@ class Member:
         return 0 < hello.sequence <= newest
 
     def knock(self, hello: Hello, now_ns: int) -> None:
-        """Take note that a robot of this name has come back; an operator may admit it."""
+        """Record that a robot of this name has come back, so that an operator may admit it."""
         self.admission.knock(hello, now_ns)
         if self.admission.is_awaited and hello.place is not None:
             x, y, heading = (number / 1000.0 for number in hello.place)
@@ -108,7 +112,7 @@ class Member:
             self.rest = Standing(robot=self.id, state="rests", epoch=0, place=(x, y, heading))
 
     def accept(self, hello: Hello, now_ns: int) -> None:
-        """Take a robot in, forgetting what an earlier process of that name said."""
+        """Accept a robot's process and forget what an earlier process of that name said."""
         self.heard_ns, self.lost, self.gone = now_ns, False, False
         if hello.boot == self.boot:
             return
@@ -116,16 +120,16 @@ class Member:
         self.plan_sent_ns = self.done_ns = None
 
     def set_out(self, epoch: int, now_ns: int) -> None:
-        """Be sent on its way: where it rested before says nothing any more."""
+        """Record that the robot is sent on its way, which makes its place of rest obsolete."""
         self.sent_epoch, self.rest, self.kept_ns = epoch, None, now_ns
 
     def take_part(self, plan: bytes, speed: float) -> None:
-        """Get a part in a new epoch."""
+        """Give the robot a part in a new epoch."""
         self.planned, self.plan, self.speed, self.revision = True, plan, speed, 0
         self.plan_sent_ns = self.rest = None
 
     def plan_due(self, now_ns: int) -> bool:
-        """Tell whether to send the plan now, which then counts as done."""
+        """Return whether to send the plan now; if so, record it as sent."""
         just_sent = self.plan_sent_ns is not None and now_ns - self.plan_sent_ns < PLAN_PERIOD
         if not self.planned or just_sent:
             return False
@@ -133,9 +137,9 @@ class Member:
         return True
 
     def hear(self, report: Report, now_ns: int, stale: bool = False) -> bool:
-        """Take a report in; False when it is not this robot's newest.
+        """Take in a report; return False when it is not the newest of this robot's process.
 
-        A stale one has waited while the coordinator was away: nobody knows since when.
+        A stale report waited while the coordinator was away, for an unknown time.
         """
         if report.boot != self.boot or report.sequence <= self.sequence:
             return False
@@ -168,50 +172,54 @@ class Member:
         return f"{text}: {fault_name(self.fault)}" if self.fault else text
 
     def strike(self, epoch: int) -> None:
-        """Note that the robot ends an epoch by its fault; the coordinator's silence is none."""
+        """Record a strike if the robot ends an epoch by a fault of its own.
+
+        A lease that ran out because the coordinator was silent is not the robot's fault.
+        """
         if self.fault not in (NO_FAULT, LEASE_OUT):
             self.struck.add(epoch)
 
     @property
     def is_fit(self) -> bool:
-        """Tell whether the robot has not failed too often to be sent on its way again."""
+        """Whether the robot has fewer than STRIKES strikes, so that it may drive again."""
         return len(self.struck) < STRIKES
 
     def is_silent(self, now_ns: int) -> bool:
-        """Tell whether nothing has been heard for too long, or the link to the robot is gone."""
+        """Return whether the robot has been silent for too long or its link is gone."""
         return self.gone or now_ns - self.heard_ns > self.timeout_ns
 
     def is_under_way(self, now_ns: int) -> bool:
-        """Tell whether the robot has a part in this epoch, has not arrived, and is heard."""
+        """Return whether the robot has a part in this epoch, has not arrived, and is heard."""
         return self.planned and not self.finished and not self.is_silent(now_ns)
 
     def is_unheard(self, now_ns: int) -> bool:
-        """Tell whether the robot is lost because nothing is heard of it."""
+        """Return whether the robot is lost because nothing is heard from it."""
         return self.lost and self.is_silent(now_ns)
 
     def is_armed(self, epoch: int, now_ns: int) -> bool:
-        """Tell whether the robot stands ready with this epoch's plan."""
+        """Return whether the robot is armed with this epoch's plan, and is heard."""
         return self.phase == ARMED and self.epoch == epoch and not self.is_silent(now_ns)
 
     def has_not_set_out(self, start_ns: int, now_ns: int) -> bool:
-        """Tell whether the robot speaks but has not gone with the others: it does not hear."""
+        """Return whether the robot speaks but has not set out: it does not hear the GO."""
         return self.phase in (IDLE, ARMED) and now_ns > start_ns + self.timeout_ns
 
     def has_stopped(self, epoch: int) -> bool:
-        """Tell whether the robot has given up its time-table of this epoch."""
+        """Return whether the robot has given up its timetable of this epoch."""
         if self.epoch not in (0, epoch):
             return False
         return self.phase in (BRAKING, FROZEN) or (self.phase != MOVING and self.fault != 0)
 
     def is_at_rest(self) -> bool:
-        """Tell whether it is known where the robot stands for good."""
+        """Return whether the robot has arrived or has said where it rests."""
         return self.finished or self.rest is not None
 
     def standing(self, epoch: int, since_ns: int, until_ns: int) -> Standing:
         """Return what is known of where the robot is.
 
-        Of one that has not said where it rests: it does so on this epoch's path, where its plan has
-        it between these plan times; at the start if they are one.
+        A robot that has not said where it rests is on this epoch's path, somewhere between its
+        places at the plan times `since_ns` and `until_ns`.  If the two are equal, it is at the
+        beginning of the path.
         """
         if self.finished:
             return Standing(robot=self.id, state="arrived", epoch=epoch)

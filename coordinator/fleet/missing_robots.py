@@ -1,7 +1,7 @@
-"""Whom a fleet that stands still waits for, and why, in words.
+"""Sentences that say which robots a standing fleet waits for, and why.
 
-Decides: what is told, and when: once a fleet has waited for PATIENCE, and again when that has
-changed, at most once in PATIENCE.  Must not know: consoles, what the fleet then does.
+Decides: what is reported and when: once a fleet has waited for PATIENCE, and again when the
+sentence changes, at most once in PATIENCE.  Must not know: consoles, what the fleet then does.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from protocol.timing import SECOND
 PATIENCE: Final = SECOND
 
 _NAMED: Final = 10
-"""Of more robots that are missing for the same reason only so many are named."""
+"""How many robots that are missing for the same reason are named; the others are counted."""
 
 
 class RollCall:
@@ -29,7 +29,7 @@ class RollCall:
         self._said = ""
 
     def news(self, fleet: Fleet, now_ns: int) -> str:
-        """Return a sentence about who is waited for; empty when there is nothing new to tell."""
+        """Return a sentence about the missing robots; empty if there is nothing new to report."""
         if self._state != (fleet.epoch, fleet.phase):
             self._state = (fleet.epoch, fleet.phase)
             self._due_ns, self._said = now_ns + PATIENCE, ""
@@ -43,7 +43,7 @@ class RollCall:
 
 
 def missing_in_words(fleet: Fleet, now_ns: int) -> str:
-    """Say who is missing, those with the same reason together; empty when nobody is."""
+    """Return the missing robots, grouped by reason, as text; empty if none is missing."""
     reasons: dict[str, list[str]] = {}
     for member, why in _missing(fleet, now_ns):
         reasons.setdefault(why, []).append(member.id)
@@ -75,7 +75,7 @@ def _why_not_armed(member: Member, epoch: int, now_ns: int) -> str:
 
 
 def _why_unheard(member: Member, now_ns: int) -> str:
-    """Say that a robot is not heard; empty when it is."""
+    """Say why a robot is not heard; return an empty text if it is heard."""
     if member.boot is None:
         return "has not said hello"
     if member.gone:

@@ -1,7 +1,8 @@
 """A fleet's epochs one after another: the fleet core, the site as it is known, the plans so far.
 
-Decides: when a fleet is planned anew and which plan it gets.  Must not know: clocks, links, files;
-`solve` takes long and changes nothing, so that a shell may run it beside the fleet.
+`solve` takes long and changes nothing, so that a shell may run it in a thread beside the fleet.
+
+Decides: when a fleet is planned anew, and which plan it gets.  Must not know: clocks, links, files.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from coordinator.schedule.lateness import Lateness
 from protocol.timing import SECOND
 
 MOST_EPOCHS: Final = 200
-"""A fleet that still does not arrive is given up."""
+"""A fleet that has not arrived after this many epochs is given up."""
 
 _NEAR: Final = 0.05
-"""How much farther [m] than its plan a robot may take itself to be."""
+"""How far [m] ahead of its plan a robot may believe itself to be."""
 
 
 class Mission:
-    """One scenario from its first plan to the end; `planner` plans the later epochs."""
+    """One scenario from its first plan to the end of the fleet; `planner` plans later epochs."""
 
     def __init__(self, scenario: Scenario, plan: PackedPlan, boot: int, planner: Planner) -> None:
         self.site = Site(scenario)
@@ -45,7 +46,7 @@ class Mission:
         return self.documents[max(self.documents)]
 
     def request(self, now_ns: int) -> Request | None:
-        """Return a plan that is wanted and was not asked for yet."""
+        """Return a request for a plan if one is needed and was not requested yet."""
         if not self.fleet.is_settled(now_ns):
             return None
         wanted = Request(self.fleet.next_epoch, tuple(self.fleet.standings()))
@@ -57,15 +58,15 @@ class Mission:
         return wanted
 
     def solve(self, request: Request) -> Recovery:
-        """Return the plan that was asked for; pure, may take seconds."""
+        """Plan a requested epoch; pure, may take seconds."""
         if request.epoch > MOST_EPOCHS:
             return Recovery(self.site, None, (f"given up after {MOST_EPOCHS} epochs",))
         return recover(self.site, self.documents, request.told, request.epoch, self._planner)
 
     def _outran(self, told: Iterable[Standing]) -> str:
-        """Name a robot that rests where it cannot have come by when the fleet froze, if any does.
+        """Return the id of a robot that rests farther ahead than it can be after the freeze, or "".
 
-        Where one that is lost may stand is then not known either.
+        If there is one, it is not known either where a lost robot may stand.
         """
         times = self.fleet.times
         if not times.has_gone or times.epoch not in self.documents:
@@ -80,17 +81,17 @@ class Mission:
         return ""
 
     def late(self) -> Lateness | None:
-        """Return what new times are wanted for and were not asked for yet."""
+        """Return the lateness for which new times are needed and were not requested yet."""
         return self.fleet.late()
 
     def retime(self, late: Lateness) -> PackedPlan | None:
-        """Return the newest plan with new times, None if there are none; pure, takes a while."""
+        """Return the newest plan with new times, or None if none are found; pure, takes a while."""
         return retime(self.site.scenario, self.document, late)
 
     def take_times(
         self, late: Lateness, plan: PackedPlan | None, now_ns: int
     ) -> list[Outgoing] | None:
-        """Go on with new times, or freeze without; None when they are no longer waited for."""
+        """Send new times, or freeze if `plan` is None; return None if they are needed no longer."""
         driven, boot = self.document, self.fleet.boot
         times = {} if plan is None else times_of(plan, driven, boot)
         document = driven if plan is None else plan.document
@@ -101,14 +102,14 @@ class Mission:
         return messages
 
     def take_over(self, boot: int, last_ns: int, now_ns: int) -> None:
-        """Go on with another boot id, in place of a coordinator that was alive at `last_ns`."""
+        """Resume with another boot id for a coordinator that was last known alive at `last_ns`."""
         self._wanted = None
         self.fleet.take_over(boot, last_ns, now_ns)
 
     def adopt(self, request: Request, recovery: Recovery, now_ns: int) -> list[Outgoing] | None:
-        """Begin the next epoch; None when the fleet is no longer as it was when it was asked.
+        """Begin the next epoch; return None if the fleet has changed since the request.
 
-        It may be so again later: a plan that came at the wrong moment is asked for anew.
+        The fleet may return to the state of the request, so the plan may then be requested again.
         """
         wanted, self._wanted = self._wanted, None
         asked = Request(self.fleet.next_epoch, tuple(self.fleet.standings()))

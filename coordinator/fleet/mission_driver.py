@@ -1,11 +1,11 @@
-"""Driving a mission: what is heard, looked at, planned, written down and sent, in which order.
+"""How a mission is driven: the order in which it hears, looks at the time, plans, logs and sends.
 
 Three shells run this code: on a real link and clock (service/coordinator_service.py), in virtual
-time (sim/world/virtual_service.py), and over a log (service/replay.py).
+time (sim/world/virtual_service.py), and over a log (service/replay.py).  A shell gives it a
+`Journal` and a function that sends, and does the `Job`s that it returns.
 
-Decides: what the log gets before what is sent, when a plan is wanted and adopted, what is withheld
-while the log fails.  Must not know: links, clocks, threads, files; a shell lends it a `Journal` and
-a way to send, and does the `Job`s that it asks for.
+Decides: what is logged before which message is sent, when a plan is requested and adopted, and what
+is withheld while the log cannot be written.  Must not know: links, clocks, threads, files.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ from protocol.phases import FREEZE, GO, HOLD
 from protocol.timing import MILLISECOND, SECOND
 
 _TELL_DROPS: Final = SECOND
-"""The log tells so often how many messages were dropped, while it becomes more."""
+"""The least time between two records of how many messages were dropped."""
 
 _ANSWER_TIME: Final = MILLISECOND
-"""For each plan that is told again nobody is answered for so long."""
+"""How long, per plan in an answer, further requests for the plans stay unanswered."""
 
 
 class Journal(ABC):
@@ -52,36 +52,36 @@ class Journal(ABC):
 
     @property
     def error(self) -> str | None:
-        """Why nothing is written any more, if so."""
+        """Why nothing can be written any more; None if the log can be written."""
         return None
 
     @property
     def not_recorded(self) -> int:
-        """How many messages the log had no room for."""
+        """How many messages were not recorded because there was no space for them."""
         return 0
 
     @abstractmethod
     def record(self, key: str, payload: bytes, now_ns: int, sent_ns: int | None = None) -> None:
-        """Write down what was heard or is about to be sent; `sent_ns` is the sender's stamp."""
+        """Record a message that was heard or will be sent; `sent_ns` is the sender's time stamp."""
 
     @abstractmethod
     def keep(self, document: PlanDocument) -> None:
-        """Attach a plan."""
+        """Attach a plan to the log."""
 
     @abstractmethod
     def sync(self) -> bool:
-        """Return once everything is on the disk; False when it cannot be."""
+        """Wait until all records are on the disk; return False if they cannot be written."""
 
     @abstractmethod
     def hurry(self) -> None:
-        """Write soon what there is."""
+        """Have the records so far written soon."""
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Work that takes long and changes nothing: a shell does it beside the fleet.
+    """Work that takes long and changes nothing, which a shell does in a thread beside the fleet.
 
-    `found` of what `work` returns goes to `MissionDriver.finish` together with the job.
+    The shell passes the job and what `work` returned to `MissionDriver.finish`.
     """
 
     wanted: Request | Lateness
@@ -89,14 +89,14 @@ class Job:
 
 
 class MissionDriver:
-    """Runs one mission for a shell; all times in ns on the coordinator's clock."""
+    """Runs one mission for a shell; all times are in ns on the coordinator's clock."""
 
     def __init__(
         self, mission: Mission, journal: Journal, send: Callable[[str, bytes], None]
     ) -> None:
         self.mission = mission
         self.is_withheld = False
-        """A phase could not be written down, so nothing is sent any more."""
+        """True once a phase could not be logged: then nothing is sent any more."""
 
         members = self.fleet.members
         self.intake = Intake(self.fleet.name, lambda robot: members[robot].boot)
@@ -122,10 +122,10 @@ class MissionDriver:
         self._journal.record(arrival.key, arrival.payload, now_ns, arrival.sent_ns)
         self._say(self.fleet.hear(arrival.key, arrival.payload, now_ns), now_ns)
         if len(self.fleet.incidents) > told:
-            self._journal.hurry()  # Who has arrived says so before it leaves, for good.
+            self._journal.hurry()  # A robot that has arrived reports it once more and then leaves.
 
     def hear_router(self, up: bool, now_ns: int) -> None:
-        """Take note whether the router is reached that everybody meets at."""
+        """Record whether the router between the coordinator and its robots can be reached."""
         if up != self._router_up:
             self._router_up = up
             key, news = router_key(self.fleet.name), link_record(up)
@@ -133,10 +133,9 @@ class MissionDriver:
             self._say(self.fleet.hear(key, news, now_ns), now_ns)
 
     def look(self, now_ns: int) -> list[Job]:
-        """Let the core look at the time; return the work that is wanted from now on.
+        """Let the core look at the time; return the jobs to start now.
 
-        A job that is wanted takes the place of an earlier one of its kind, which nobody needs any
-        more.
+        A new job replaces an earlier one of its kind, whose outcome is no longer needed.
         """
         messages = self.fleet.tick(now_ns)
         if not messages:
@@ -154,11 +153,11 @@ class MissionDriver:
         return jobs
 
     def is_wanted(self, job: Job) -> bool:
-        """Tell whether a job's outcome is still waited for."""
+        """Return whether a job's outcome is still needed."""
         return self._jobs.get(type(job.wanted)) is job
 
     def finish(self, job: Job, found: Recovery | PackedPlan | None, now_ns: int) -> None:
-        """Take what a job has found, unless nobody waits for it any more."""
+        """Take in what a job has found, unless its outcome is no longer needed."""
         if not self.is_wanted(job):
             return
         del self._jobs[type(job.wanted)]
@@ -169,7 +168,7 @@ class MissionDriver:
         self._plans = self.fleet.plans()
 
     def tell_drops(self, now_ns: int, last: bool = False) -> None:
-        """Let the log tell how many messages were dropped, now and then, and at the end."""
+        """Record how many messages were dropped, at most every _TELL_DROPS and at the end."""
         if not last and now_ns - self._drops_told_ns < _TELL_DROPS:
             return
         dropped = dict(self.intake.dropped)
@@ -180,9 +179,9 @@ class MissionDriver:
             self._journal.record(drops_key(self.fleet.name), drops_record(dropped), now_ns)
 
     def plans_again(self, now_ns: int) -> list[tuple[str, bytes]]:
-        """Return the plans for one who has not heard them all, if not too many ask.
+        """Return the plans for a listener that has not heard them all, as keys and payloads.
 
-        None that no robot may hear yet.
+        The list is empty if plans were requested too often, or if the plans are withheld.
         """
         plans = self._plans
         if self.is_withheld or now_ns < self._answers_from_ns:
@@ -191,13 +190,13 @@ class MissionDriver:
         return [(plan.key, plan.payload) for plan in plans]
 
     def nobody_goes(self, now_ns: int) -> bool:
-        """Tell whether no robot is on its way, or none has heard that it might go."""
+        """Return whether no robot is on its way, because none was sent or all rest."""
         phase = self.fleet.phase
         is_still = phase == FREEZE and self.fleet.is_settled(now_ns)
         return self.is_withheld or phase == HOLD or is_still
 
     def _adopt(self, asked: Request, found: object, now_ns: int) -> None:
-        """Begin the next epoch, unless the log can no longer tell of it."""
+        """Begin the next epoch, unless it cannot be logged."""
         if self._journal.error is not None or not isinstance(found, Recovery):
             return
         messages = self.mission.adopt(asked, found, now_ns)
@@ -209,7 +208,7 @@ class MissionDriver:
         self._say(messages, now_ns)
 
     def _take_times(self, asked: Lateness, found: object, now_ns: int) -> None:
-        """Tell new times once they are in the log, or freeze without them."""
+        """Send new times once they are in the log, or freeze without them."""
         is_logged = self._journal.sync()
         plan = found if is_logged and isinstance(found, PackedPlan) else None
         messages = self.mission.take_times(asked, plan, now_ns)
@@ -223,16 +222,17 @@ class MissionDriver:
         self._say(messages, now_ns)
 
     def _look_at_log(self, now_ns: int) -> None:
-        """Tell at once, and once, that the log cannot be written any more."""
+        """Report, once, that the log cannot be written any more."""
         if self._journal.error is not None and not self._log_told:
             self._log_told = True
-            text = f"{self._journal.error}; nobody is sent on its way any more"
+            text = f"{self._journal.error}; no robot is sent on its way any more"
             self.fleet.incidents.append(Incident(now_ns, "log", "", text))
 
     def _say(self, messages: list[Outgoing], now_ns: int) -> None:
-        """Write down and send; a new phase is in the log before a robot hears of it.
+        """Log and send messages; a new phase is in the log before a robot hears of it.
 
-        Plans and a GO that no log holds are not sent: who goes on from it would not know of them.
+        Plans and a GO that are not in the log are not sent: a coordinator that resumes from the log
+        would not know of them.
         """
         for message in messages:
             self._journal.record(message.key, message.payload, now_ns)

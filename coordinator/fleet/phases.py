@@ -1,4 +1,4 @@
-"""The fleet's phases, what leads from one to the next, and how long each is borne.
+"""The fleet's phases, the events that lead from one to the next, and how long each may last.
 
 Decides: which events change a phase.  Must not know: when an event happens (core.py).
 """
@@ -11,25 +11,25 @@ from protocol.phases import FREEZE, GO, HOLD, OVER
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 
 GO_LEAD: Final = 400 * MILLISECOND
-"""From the decision to go until the common start: every robot hears of it in time."""
+"""Time from the decision to go until the common start, enough for every robot to hear of it."""
 
 TASK_GRACE: Final = 10 * SECOND
-"""A fleet that has not arrived this long after its last planned arrival has a lost robot."""
+"""Time after the last planned arrival by which all robots must have arrived."""
 
 FREEZE_PATIENCE: Final = 10 * SECOND
-"""How long a frozen robot is waited for to tell where it stands; then it is not fit."""
+"""How long the fleet waits for a frozen robot to say where it stands; then the robot is lost."""
 
 ARM_PATIENCE: Final = 10 * SECOND
-"""How long a robot is waited for to arm in a later epoch; then it is not fit."""
+"""How long the fleet waits for a robot to arm after the first epoch; then it gets a strike."""
 
 RESUME_PATIENCE: Final = 5 * SECOND
-"""How long robots have to find a coordinator that goes on from a log."""
+"""How long robots have to find a coordinator that has resumed from a log."""
 
 UNLOGGED: Final = 2 * COMMAND_PERIOD
-"""So long a coordinator may have gone on after the last record that its log kept."""
+"""How long a coordinator may have gone on after the last record in its log."""
 
 FAREWELLS: Final = 5
-"""How often OVER is said."""
+"""How many Commands with OVER are sent."""
 
 Event = Literal[
     "all armed", "robot failed", "all done", "some can go on", "planned", "none can go", "admitted"

@@ -1,7 +1,8 @@
-"""A new plan for a fleet that rests: around the lost, from where the others stand.
+"""A new plan for a fleet that rests: from where its robots stand, around those that are lost.
 
-Decides: who drives on and who stays.  Must not know: messages, clocks.  The same inputs give the
-same plan: replay relies on it.
+The same inputs give the same plan; replay relies on it.
+
+Decides: which robots drive on and which stay.  Must not know: messages, clocks.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ from coordinator.plan.wire import PackedPlan
 from coordinator.scenario.model import Point, Robot, Scenario
 
 _GENTLE: Final = 0.05
-"""Least radius of turns [m]: robots that stop anywhere face anywhere, and via points may ask for
-needles that a robot which turns on the spot could drive in theory."""
+"""The least turning radius that is tried first [m].
+
+A robot that stopped anywhere may face anywhere, and via points may force hairpins that only a robot
+which turns on the spot could drive, and that only in theory."""
 
 Planner = Callable[[Scenario, int], PackedPlan]
 """Plans a scenario for an epoch; raises PlanError."""
@@ -33,10 +36,12 @@ Planner = Callable[[Scenario, int], PackedPlan]
 
 @dataclass(frozen=True, eq=False)
 class Recovery:
-    """The site as it is now, the plan for those that can drive on (None: nobody can), in words.
+    """The site as it is now, and the plan for the robots that can drive on.
 
-    `stays`: the robots that stay where they are, and why.  `doubted`: those of them that have come
-    back and say a place which is not believed.
+    `plan`: None if no robot can drive on.
+    `said`: what was decided, in sentences.
+    `stays`: the robots that stay where they are, and why.
+    `doubted`: those of them that have come back and have stated a place where they cannot stand.
     """
 
     site: Site
@@ -58,12 +63,13 @@ def recover(
     epoch: int,
     plan: Planner,
 ) -> Recovery:
-    """Plan a fleet anew from where its robots stand, `documents` being the plans by epoch so far.
+    """Plan a fleet anew from where its robots stand; `documents` has the plans so far by epoch.
 
-    A robot that has no way, or that no order of robots lets through, stays where it is; the others
-    are planned around it.  One on a given path looks for a way of its own before that.  Only when
-    nobody can drive on are via points left out that are closed off: whoever closes them may move.
-    A robot that has come back and cannot stand where it says is taken to be where it was.
+    A robot that has no way to its goal, or for which no order of the robots works, stays where it
+    is, and the others are planned around it.  A robot on a given path tries to find a way of its
+    own before it stays.  Via points that are blocked are left out only when no robot can drive on,
+    because the robot that blocks them may move.  A robot that has come back and cannot stand where
+    it says is treated as if it were where it was before.
     """
     now = next_site(site, documents, told)
     doubts = doubtful(now, told)
@@ -79,16 +85,17 @@ def recover(
 
 
 def _unbelieved(standing: Standing) -> Standing:
-    """Return what is known of a robot whose place is not believed: nothing new."""
+    """Return the standing of a robot whose stated place is not believed: nothing new is known."""
     return Standing(robot=standing.robot, state="lost", epoch=0)
 
 
 def _with_those_that_can(
     site: Site, known: Sequence[str], epoch: int, plan: Planner, *, every_via: bool
 ) -> Recovery:
-    """Plan for as many robots as can drive on; what is `known` is said before who stays.
+    """Plan for as many robots as can drive on.
 
-    every_via: or leave out those that are closed off.
+    The sentences in `known` come first in the result's `said`.  If `every_via` is false, via points
+    that a robot cannot reach are left out.
     """
     said = list(known)
     stays: dict[str, str] = {}
@@ -119,7 +126,7 @@ def _with_those_that_can(
 
 
 def _plan(scenario: Scenario, epoch: int, plan: Planner) -> PackedPlan:
-    """Plan with turns that are easy to drive, after turning on the spot if need be, or with any."""
+    """Plan with wide turns, else with any turns; try the given start headings before free ones."""
     for asked in (_gentle(scenario), _gentle(turned(scenario)), scenario):
         with suppress(PlanError):
             return plan(asked, epoch)
@@ -127,7 +134,7 @@ def _plan(scenario: Scenario, epoch: int, plan: Planner) -> PackedPlan:
 
 
 def _gentle(scenario: Scenario) -> Scenario:
-    """Return the scenario with robots that take their turns wide."""
+    """Return the scenario with turning radii of at least _GENTLE."""
     robots = tuple(
         replace(robot, min_turn_radius=max(robot.min_turn_radius, _GENTLE))
         for robot in scenario.robots
@@ -136,7 +143,7 @@ def _gentle(scenario: Scenario) -> Scenario:
 
 
 def turned(scenario: Scenario) -> Scenario:
-    """Return the scenario with robots that turn on the spot facing anywhere at their starts."""
+    """Return the scenario with free start headings for the robots that can turn on the spot."""
     robots = tuple(
         robot if robot.min_turn_radius > 0.0 else replace(robot, start=robot.start[:2])
         for robot in scenario.robots
@@ -145,7 +152,7 @@ def turned(scenario: Scenario) -> Scenario:
 
 
 def _closed_in(scenario: Scenario) -> dict[str, PlanError]:
-    """Return the robots that have no way to their goals even alone, and why."""
+    """Return the robots that would have no way to their goals even if they were alone, and why."""
     finder = Pathfinder(scenario)
     closed = {}
     for index, robot in enumerate(scenario.robots):
@@ -157,9 +164,10 @@ def _closed_in(scenario: Scenario) -> dict[str, PlanError]:
 
 
 def _closed_via(scenario: Scenario, name: str) -> tuple[Point, ...]:
-    """Return the via points by which a robot has no way, though it has one to its goal.
+    """Return the via points that keep a robot from its goal, if it has a way without them.
 
-    Those that it cannot get to, else as few of the last as will do.
+    These are the via points that the robot cannot reach.  If it can reach each of them alone, they
+    are as few of the last via points as have to be left out.
     """
     robot = next(robot for robot in scenario.robots if robot.id == name)
     if not robot.via or _has_way(scenario, robot):
@@ -176,7 +184,7 @@ def _closed_via(scenario: Scenario, name: str) -> tuple[Point, ...]:
 
 
 def _has_way(scenario: Scenario, robot: Robot) -> bool:
-    """Tell whether a robot has a way to its goal if there were no other."""
+    """Return whether a robot would have a way to its goal if it were alone."""
     try:
         Pathfinder(replace(scenario, robots=(robot,))).path(0)
     except PlanError:
@@ -185,6 +193,6 @@ def _has_way(scenario: Scenario, robot: Robot) -> bool:
 
 
 def _blamed(scenario: Scenario, error: PlanError) -> str:
-    """Return the robot that an error blames, or the last one: the others were there before it."""
+    """Return the robot that an error blames; if it blames none, the last robot of the scenario."""
     names = [robot.id for robot in scenario.robots]
     return error.blames if error.blames in names else names[-1]

@@ -1,8 +1,9 @@
-"""What a new plan starts from: the floor with everybody who stands on it, and who is to drive.
+"""What a new plan starts from: the floor with all robots on it, and which of them are to drive.
 
-Robots that are planned for start where they rest.  One with a given path drives the rest of it; off
-it, it finds its own way to the same goal.  Robots that are not stand aside: at their goals,
-lost, not fit, or closed in; they are obstacles over all places where they may stand.
+A robot that is planned for starts where it rests.  One with a given path drives the remainder of
+that path; if it rests off the path, it finds its own way to the same goal.  A robot that is not
+planned for stands aside: it is at its goal, lost, unfit, or closed in.  It is an obstacle that
+covers all places where it may stand.
 
 Decides: where robots stand, and what of a scenario is left to do.  Must not know: how plans are
 found, phases.
@@ -32,38 +33,41 @@ from coordinator.scenario.model import Point, Pose, Robot, Scenario
 Why = Literal["arrived", "lost", "unfit", "closed in"]
 
 _CORNERS: Final = 64
-"""Corners of a disc; they stand outside of it by 0.12 % of the radius."""
+"""Corners of the polygon around a disc; they lie outside of it by 0.12 % of the radius."""
 
 _STEP: Final = 0.02
-"""A stretch on which a robot may stand is followed in steps of this [m]."""
+"""Distance between samples of a stretch of path on which a robot may stand [m]."""
 
 _ON_PATH: Final = 0.75
-"""A robot that would start within this share of its track tolerance off its path is taken to stand
-on it.
+"""A robot that is off its path by at most this share of its track tolerance starts on the path.
 
-It arms within a little more; what it is off is in the margin that the others keep.
+It arms if it is off by a little more than that.  The margin covers this distance.
 """
 
 _TOLD: Final = 1.25e-3
-"""A place that a robot tells may be out by less [m]: it is rounded to millimetres, and one up to
-_THERE short of the goal is taken for the goal.  That is in the margin, too."""
+"""A bound on the error of a place that a robot states [m].
+
+The place is rounded to millimetres, and a place up to _THERE short of the goal is taken for the
+goal.  The margin covers this error, too."""
 
 _PER_TURN: Final = 0.037
-"""How far [m] a robot comes off its path for each radian that it starts turned from it."""
+"""How far [m] a robot deviates from its path per radian that its start is turned from the path."""
 
 _TURNING: Final = 0.1
-"""A via point needs so much room [m] beside it: paths turn there."""
+"""Free space [m] that a via point needs beyond a robot's reach, because paths turn there."""
 
 _THERE: Final = 1e-3
-"""A robot nearer to its goal than this [m] is at it; one short of it by what it may start off its
-path counts as arrived, for the way that is left is too short to drive."""
+"""A robot nearer to its goal than this [m] is at its goal.
+
+A robot that is short of its goal by no more than it may be off its path counts as arrived, too:
+the rest of the path is too short to drive."""
 
 
 @dataclass(frozen=True, eq=False)
 class Aside:
-    """A robot that is not planned for: why, the places (n, 2) [m] it may stand at, its pose.
+    """A robot that is not planned for: why, the places (n, 2) [m] where it may stand, its pose.
 
-    `pose` is None where it is not known well enough to drive on from.
+    `pose` is None if it is not known well enough for the robot to start from there.
     """
 
     robot: Robot
@@ -72,7 +76,7 @@ class Aside:
     pose: Pose | None
 
     def disc(self) -> tuple[Point, ...]:
-        """Return the polygon that holds the robot wherever it may stand."""
+        """Return the polygon that contains the robot's disc at every place where it may stand."""
         angles = np.arange(_CORNERS) * (math.tau / _CORNERS)
         radius = self.robot.radius / math.cos(math.pi / _CORNERS)
         disc = radius * np.column_stack((np.cos(angles), np.sin(angles)))
@@ -87,19 +91,19 @@ class Aside:
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """The robots of a fleet: those to plan for, in a scenario, and those that stand aside."""
+    """The robots of a fleet: the scenario has those to plan for, `aside` has the others."""
 
     scenario: Scenario
     aside: tuple[Aside, ...] = field(default=())
 
     def planned(self) -> Scenario:
-        """Return the scenario to plan: those aside are obstacles."""
+        """Return the scenario to plan, in which the robots aside are obstacles."""
         floor = self.scenario.workspace
         discs = tuple(one.disc() for one in self.aside)
         return replace(self.scenario, workspace=replace(floor, obstacles=floor.obstacles + discs))
 
     def without(self, robot: str) -> Site:
-        """Return the site with a robot put aside where it starts: its way is closed."""
+        """Return the site with a robot put aside at its start, because it is closed in."""
         (one,) = (r for r in self.scenario.robots if r.id == robot)
         rest = tuple(r for r in self.scenario.robots if r.id != robot)
         here = np.array([one.start[:2]])
@@ -107,7 +111,7 @@ class Site:
         return Site(replace(self.scenario, robots=rest), (*self.aside, stays))
 
     def not_passing(self, robot: str, closed: Container[Point]) -> Site:
-        """Return the site with a robot that does not pass these via points."""
+        """Return the site without these via points of a robot."""
         robots = []
         for one in self.scenario.robots:
             left = tuple(place for place in one.via if one.id != robot or place not in closed)
@@ -115,11 +119,11 @@ class Site:
         return Site(replace(self.scenario, robots=tuple(robots)), self.aside)
 
     def on_given_path(self, robot: str) -> bool:
-        """Tell whether a robot that is planned for has a given path."""
+        """Return whether a robot that is planned for has a given path."""
         return any(r.id == robot and r.path is not None for r in self.scenario.robots)
 
     def off_given_path(self, robot: str) -> Site:
-        """Return the site with a robot that finds its own way to the end of its given path."""
+        """Return the site in which a robot finds its own way to the end of its given path."""
         robots = (replace(r, path=None) if r.id == robot else r for r in self.scenario.robots)
         return Site(replace(self.scenario, robots=tuple(robots)), self.aside)
 
@@ -127,9 +131,9 @@ class Site:
 def next_site(site: Site, documents: Mapping[int, PlanDocument], told: Sequence[Standing]) -> Site:
     """Return the site after the fleet has come to rest.
 
-    documents: the plans by epoch, whose paths the standings refer to.  Robots of the site's
-    scenario that nothing is told of keep their starts; robots aside stay aside unless something is
-    told of them, and those closed in are to drive again.
+    `documents` has the plans by epoch; the standings refer to their paths.  A robot of the site's
+    scenario without a standing keeps its start.  A robot aside without a standing stays aside,
+    unless it is closed in: then it is planned for again.
     """
     known = {standing.robot: standing for standing in told}
     driven: dict[int, dict[str, Driven]] = {}
@@ -150,7 +154,7 @@ def next_site(site: Site, documents: Mapping[int, PlanDocument], told: Sequence[
 
 
 def passable(site: Site) -> tuple[Site, list[str]]:
-    """Return the site without the via points that somebody aside makes impassable, and say so."""
+    """Drop the via points that robots aside block; return the site and a sentence for each."""
     said: list[str] = []
     robots = []
     for robot in site.scenario.robots:
@@ -175,7 +179,7 @@ def _stands(
     driven: Mapping[int, Mapping[str, Driven]],
     margin: float,
 ) -> Robot | Aside:
-    """Return a robot with its new start, or as one that stands aside."""
+    """Return a robot with its new start, or an Aside if it is not to be planned for."""
     if standing is not None and standing.place is not None:
         return _comes_back(robot, standing, standing.place, margin)
     if standing is None or (was is not None and was.why == "arrived"):
@@ -205,7 +209,7 @@ def _stands(
 
 
 def _comes_back(robot: Robot, standing: Standing, place: Pose, margin: float) -> Robot | Aside:
-    """Return a robot that says its place, wherever it was before; it may say that of its goal."""
+    """Return a robot that has come back and has stated its place, which may be its goal."""
     if standing.state == "lost":
         return Aside(robot, "lost", np.array([place[:2]]), place)
     if math.dist(place[:2], robot.goal[:2]) <= max(_on_path(margin), _THERE):
@@ -214,14 +218,14 @@ def _comes_back(robot: Robot, standing: Standing, place: Pose, margin: float) ->
 
 
 def _stretch(ride: Driven, standing: Standing) -> Array:
-    """Return where a robot may stand of which only times are known, (n, 2) [m]."""
+    """Return the places (n, 2) [m] where a robot may stand if only plan times are known."""
     low = ride.timeline.s_at(max(standing.since, 0.0))
     high = max(ride.timeline.s_at(max(standing.until, 0.0)), low)
     return ride.curve.at_arc(np.linspace(low, high, 2 + math.ceil((high - low) / _STEP)))
 
 
 def _pose(ride: Driven, s: float, standing: Standing, margin: float) -> tuple[float, float, float]:
-    """Return where a robot rests and which way it faces: on its path, unless it is off it."""
+    """Return where a robot rests [m] and its heading [rad]: on its path if it is near enough."""
     if _is_on_path(standing, margin):
         return pose_beside(ride, s)
     return pose_beside(ride, s, standing.off, standing.beyond, standing.turn)
@@ -230,9 +234,10 @@ def _pose(ride: Driven, s: float, standing: Standing, margin: float) -> tuple[fl
 def pose_beside(
     ride: Driven, s: float, off: float = 0.0, beyond: float = 0.0, turn: float = 0.0
 ) -> tuple[float, float, float]:
-    """Return x, y [m] and heading [rad] of one `off` [m] left of its path at s [m].
+    """Return x, y [m] and heading [rad] of a robot that is beside its path at arc length s [m].
 
-    It is `beyond` [m] ahead of that place and turned from the path by `turn` [rad].
+    The robot is `off` [m] to the left of that place, `beyond` [m] ahead of it, and turned from the
+    path by `turn` [rad].
     """
     places, first = ride.curve.derivatives(ride.curve.parameter_at([s]), 1)
     x, y = places[0].tolist()
@@ -243,13 +248,13 @@ def pose_beside(
 
 
 def _is_on_path(standing: Standing, margin: float, short: float = 0.0) -> bool:
-    """Tell whether a robot may start as if it stood on its path; `short` [m] of a place on it."""
+    """Return whether a robot that is `short` [m] of a place on its path may start from there."""
     off = abs(standing.off) + abs(standing.beyond)
     return short + off + _PER_TURN * abs(standing.turn) <= _on_path(margin)
 
 
 def _on_path(margin: float) -> float:
-    """Return how far [m] off its path a robot is taken to stand on it."""
+    """Return how far [m] a robot may be off its path and still start as if it stood on it."""
     track = track_mm_for(margin) / 1000.0
     return min(_ON_PATH * track, track - _TOLD)
 

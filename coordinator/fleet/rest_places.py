@@ -16,13 +16,13 @@ ABLE: Final[tuple[State, ...]] = ("rests", "arrived")
 
 
 class Standing(msgspec.Struct, frozen=True, kw_only=True):
-    """One robot: able to drive on, at its goal, not heard of, or not fit to drive.
+    """The standing of one robot: it can drive on, has arrived, is lost, or is unfit.
 
-    `epoch`: whose plan the places refer to.  A robot that said where it rests is at arc length `s`
-    [m], `off` [m] left of its path, turned by `turn` [rad] and `beyond` [m] past its end (negative:
-    before its beginning).  One that did not (s is None) is where the plan has it between the plan
-    times `since` and `until` [s].  One that has come back says its `place`: x, y [m], heading
-    [rad].
+    `epoch` is the epoch whose plan the places refer to.  A robot that said where it rests is at arc
+    length `s` [m] of its path, `off` [m] to the left of it, turned from it by `turn` [rad] and
+    `beyond` [m] past its end (negative: before its beginning).  A robot that did not say it (`s` is
+    None) is where the plan has it at some plan time from `since` to `until` [s].  A robot that has
+    come back states its `place`: x, y [m], heading [rad].
     """
 
     robot: str

@@ -1,6 +1,6 @@
-"""Everybody in the fleet: who has a part in the epoch, who is missing, who has arrived.
+"""All members of a fleet: which have a part in the epoch, are missing, or have arrived.
 
-Decides: what is true of the members together.  Must not know: the fleet's phases, what is sent.
+Decides: what holds for the members together.  Must not know: the fleet's phases, what is sent.
 """
 
 from __future__ import annotations
@@ -22,34 +22,35 @@ class Roster(dict[str, Member]):
 
     @property
     def planned(self) -> list[Member]:
-        """Those that have a part in this epoch."""
+        """The members that have a part in this epoch."""
         return [member for member in self.values() if member.planned]
 
     @property
     def has_arrived(self) -> bool:
-        """Tell whether every robot has been at its goal."""
+        """Whether every robot has reached its goal."""
         return all(member.finished for member in self.values())
 
     def is_unheard(self) -> bool:
-        """Tell whether all that are under way have fallen silent, though no link is known gone."""
+        """Return whether all robots under way are silent although no link is known to be gone."""
         under_way = [member for member in self.planned if not member.finished]
         return bool(under_way) and all(one.lost and not one.gone for one in under_way)
 
     def has_told(self, has_gone: bool) -> bool:
-        """Tell whether of all that have a part it is known where they rest, or they are lost.
+        """Return whether each robot with a part either is lost or has said where it rests.
 
-        In an epoch that has not gone it is; those that were just admitted have to say it.
+        In an epoch that has not started to drive this is known without asking, except of a robot
+        that was just admitted.
         """
         if any(member.admission.is_awaited for member in self.values()):
             return False
         return not has_gone or all(m.lost or m.is_at_rest() for m in self.planned)
 
     def unarmed(self, epoch: int, now_ns: int) -> list[str]:
-        """Name those that have a part and are not armed."""
+        """Return the ids of the robots that have a part and are not armed."""
         return [m.id for m in self.planned if not m.is_armed(epoch, now_ns)]
 
     def wanted(self, everybody: bool) -> list[str]:
-        """Name those to ask where they rest: all, or those that have no part."""
+        """Return the ids of the robots to ask where they rest: of all, or of those with no part."""
         return [
             m.id
             for m in self.values()
@@ -59,8 +60,8 @@ class Roster(dict[str, Member]):
     def assign(self, parts: Mapping[str, Part]) -> None:
         """Give these robots their parts in a new epoch.
 
-        The others have none, and are believed wherever they say that they rest: nothing that they
-        said before they last set out is under way any more.
+        The others get no part.  From now on they are believed wherever they say that they rest,
+        because no message that they sent before they last set out is still under way.
         """
         for member in self.values():
             member.planned = member.id in parts
@@ -71,11 +72,12 @@ class Roster(dict[str, Member]):
                 member.admission.end()
 
     def standings(self, epoch: int, zero_ns: int, until_ns: int, has_gone: bool) -> list[Standing]:
-        """Return where those stand that have a part in the epoch, or none but have spoken since.
+        """Return the standings of all robots that have a part or have said where they rest.
 
-        Plan time counts from `zero_ns`.  One that has not said where it rests has moved on since it
-        last kept to its plan, until `until_ns`; what it said may have waited for a coordinator that
-        was away unnoticed.  Nobody has moved in an epoch that has not gone.
+        Plan time counts from `zero_ns`.  A robot that has not said where it rests may have moved
+        from the time when it last followed its plan until `until_ns`.  Its last report may have
+        waited for a coordinator that was away and did not notice it, which AWAY allows for.  No
+        robot has moved in an epoch that has not started to drive.
         """
         found = []
         for member in self.values():

@@ -1,7 +1,7 @@
-"""What a fleet core knows: phase, epoch, members, times; how they turn, and what says so.
+"""The state of a fleet core: phase, epoch, members and times, and how they change.
 
-Decides: how a phase changes, what the router's link means for it, and what a Command holds.  Must
-not know: what is heard, when to look (core.py).
+Decides: how the phase changes, what the router's link means for it, and what a Command contains.
+Must not know: what is heard, when the time is looked at (core.py).
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ class FleetState:
         self._patient_until_ns = 0
         self.is_resumed = self.superseded = False
         self._not_gone = 0
-        """The epoch that had not gone where the log ends that is gone on from."""
+        """After a resume: the log's last epoch, if it had not started to drive; else 0."""
         self._farewells = 0
 
     @property
     def is_finished(self) -> bool:
-        """Tell whether nothing is left to do and the robots have been told."""
+        """Whether the phase is OVER and the robots have been told so often enough."""
         return self.phase == OVER and self._farewells >= FAREWELLS
 
     @property
@@ -58,12 +58,12 @@ class FleetState:
         return max(self.epoch, self.times.epoch + 1)
 
     def is_settled(self, now_ns: int) -> bool:
-        """Tell whether a frozen fleet rests: all have told where, or are lost."""
+        """Return whether a frozen fleet rests: each robot has said where, or is lost."""
         if self.phase != FREEZE or now_ns < self._changed_ns + COMMAND_PERIOD:
             return False
         if self._not_gone == self.times.epoch and now_ns < self._patient_until_ns:
             unheard = [m for m in self.members.planned if m.heard_ns < self._changed_ns]
-            if unheard:  # Somebody may know that it has.
+            if unheard:  # One of them may know that the epoch has started.
                 return False
         waits = self._router.may_be_silent(self._changed_ns, now_ns) and self.members.is_unheard()
         if waits or self._router.is_down:
@@ -71,7 +71,7 @@ class FleetState:
         return self.members.has_told(self.times.has_gone)
 
     def outrun(self, what: str, now_ns: int) -> None:
-        """Lead no more after a log that ends before what robots have done."""
+        """Stop leading if this coordinator resumed from a log that lacks what robots have done."""
         if self.is_resumed and not self.superseded:
             self._tell(
                 now_ns, "fault", "", f"{what}, which the log does not hold; is it the newest?"
@@ -79,21 +79,21 @@ class FleetState:
             self.superseded = True
 
     def standings(self) -> list[Standing]:
-        """Return where the robots stand that have a part in this epoch or have spoken since."""
+        """Return the standings of robots that have a part or have said where they rest."""
         times = self.times
         return self.members.standings(times.epoch, times.zero_ns, times.until_ns, times.has_gone)
 
     @property
     def revision(self) -> int:
-        """How often the times of this epoch were changed."""
+        """How often new times have replaced the times of this epoch."""
         return self._delay.revision
 
     def missing(self, now_ns: int) -> list[str]:
-        """Name the robots that are not armed yet."""
+        """Return the ids of the robots that are not armed yet."""
         return self.members.unarmed(self.epoch, now_ns)
 
     def _hear_router(self, up: bool, now_ns: int) -> None:
-        """Freeze when the router is gone; when it is back, wait for the robots to be heard."""
+        """Freeze when the router is gone; when it is back, give the robots time to be heard."""
         if not self._router.take(up):
             return
         self._tell(now_ns, "router", "", f"the router is {'back' if up else 'gone'}")
@@ -105,7 +105,7 @@ class FleetState:
             self._turn("robot failed", now_ns)
 
     def plans(self) -> list[Outgoing]:
-        """Return the plans of this epoch as they are sent, each followed by its newest times."""
+        """Return the Plan messages of this epoch, each followed by its newest NewTimes message."""
         planned = [(keys.plan(self.name, member.id), member) for member in self.members.planned]
         return [
             Outgoing(key, payload)
@@ -115,13 +115,13 @@ class FleetState:
         ]
 
     def _send_plan(self, member: Member, now_ns: int) -> list[Outgoing]:
-        """Send a plan, unless it has just been sent or the robot has no part."""
+        """Return a robot's Plan to send, unless it was just sent or the robot has no part."""
         if self.phase not in (HOLD, GO) or not member.plan_due(now_ns):
             return []
         return [Outgoing(keys.plan(self.name, member.id), member.plan)]
 
     def _give_up(self, failing: list[Failing], now_ns: int) -> None:
-        """Freeze the fleet for the sake of these robots."""
+        """Freeze the fleet because of these robots."""
         for member, what, lost, strike in failing:
             member.lost |= lost
             if strike:

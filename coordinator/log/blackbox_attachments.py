@@ -1,6 +1,7 @@
-"""Robots' black boxes as attachments of a log, where they were made beside it.
+"""Robots' black boxes as attachments of the log of the same run.
 
-Decides: their names and that they are packed, a tenth of their size.  Must not know: their columns.
+Decides: the attachments' names, and that they are compressed, to about a tenth of their size.  Must
+not know: the columns of a black box.
 """
 
 from __future__ import annotations
@@ -19,19 +20,19 @@ _GZIP: Final = 16 + zlib.MAX_WBITS
 
 _MOST: Final = 16 * 2**20
 _MOST_RATIO: Final = 50
-"""A black box may unpack to so many bytes, and to so many times its length beyond."""
+"""A black box may unpack to _MOST bytes plus _MOST_RATIO times its compressed length."""
 
 
 def packed(robot: str, text: bytes) -> Attachment:
-    """Return a robot's black box, CSV, as an attachment."""
+    """Return a robot's black box, a CSV text, as an attachment."""
     data = gzip.compress(text, mtime=0)
     return Attachment(f"{_FOLDER}{robot}{_ENDING}", "application/gzip", data)
 
 
 def unpacked(attachments: Mapping[str, bytes]) -> dict[str, str]:
-    """Return the black boxes of a log's attachments by robot, as text.
+    """Return the black boxes among a log's attachments by robot, as text.
 
-    Raises InputError naming an attachment that is none.
+    Raises InputError, which names the attachment, if one is not a black box.
     """
     found = {}
     for name, data in attachments.items():
@@ -45,7 +46,7 @@ def unpacked(attachments: Mapping[str, bytes]) -> dict[str, str]:
 
 
 def _unpacked(data: bytes) -> bytes:
-    """Unpack a file; ValueError when it is cut short, or would be longer than a black box is."""
+    """Decompress a file; raise ValueError if it is cut short or would become too long."""
     most = _MOST + _MOST_RATIO * len(data)
     unpacker = zlib.decompressobj(_GZIP)
     text = unpacker.decompress(data, most + 1)

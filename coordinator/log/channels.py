@@ -1,8 +1,9 @@
-"""How the keys of a log are described: the encoding and the JSON Schema of what stands on them.
+"""How the keys of a log are described: the encoding and JSON Schema of the payloads on each key.
 
-Decides: which channel bytes belong to.  Bytes that are no message of their key get a plain channel
-beside the described one, so that whoever decodes a log by its schemas never meets them.  Must not
-know: how a log is written.
+A payload that is not a valid message for its key is put on a second, plain channel with the same
+key, so that a reader that decodes a log by its schemas never gets an invalid payload.
+
+Decides: the channel of each payload.  Must not know: how a log is written.
 """
 
 from __future__ import annotations
@@ -35,7 +36,10 @@ from protocol.schema import json_schema, schema_name
 
 
 class Description(NamedTuple):
-    """What stands on a key; `fits` tells whether bytes do.  An empty name is no schema."""
+    """The payloads on a key; `fits` returns whether a payload is valid.
+
+    If `name` is empty, there is no schema.
+    """
 
     encoding: str
     fits: Callable[[bytes], bool]
@@ -48,7 +52,7 @@ def _anything(_payload: bytes) -> bool:
 
 
 PLAIN: Final = Description("application/octet-stream", _anything)
-"""Bytes of which nothing is known."""
+"""Payloads of unknown content."""
 
 _LINK: Final = Description(
     "msgpack",
@@ -62,7 +66,7 @@ _QUIET: Final = Description(
 
 
 def describe(key: str) -> Description:
-    """Return what stands on a key, PLAIN when it is none of ours."""
+    """Return the description of a key's payloads; PLAIN if the key is not one of splinefleet's."""
     if is_adoption_key(key):
         schema = msgspec.json.encode(msgspec.json.schema(Request))
         return Description("json", _is_request, "splinefleet.Epoch", schema)

@@ -1,7 +1,7 @@
-"""How a log of the coordinator begins: what is said of the run, and its first files.
+"""The head of a coordinator's log: metadata of the run, and the first attachments.
 
 Decides: what a later coordinator and `replay --check` need to run the log again.  Must not know:
-how it is written.
+how the log is written.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from coordinator.scenario_files.scenario_reader import scenario_to_json
 from protocol.messages import PROTOCOL_VERSION
 
 WRITTEN_BY: Final = "splinefleet"
-"""The key in a log's metadata, and the name of the package, whose version wrote the log."""
+"""The metadata key for the version that wrote the log; also the name of the package."""
 
 _VERSIONED: Final = (
     WRITTEN_BY,
@@ -54,7 +54,7 @@ def first_head(
 
 
 def resumed(head: Head, before: bytes, began_ns: int) -> Head:
-    """Return the head of a log that goes on from another one, `before`, since `began_ns`."""
+    """Return the head of a log that resumes another log, `before`, at `began_ns`."""
     metadata, (scenario, *_) = head
     files = [scenario, Attachment(RESUMED, "application/octet-stream", before)]
     return {**metadata, "began_ns": str(began_ns)}, files

@@ -1,10 +1,10 @@
-"""All of a fleet's traffic recorded by one who only listens, beside the coordinator.
+"""Record all traffic of a fleet with a passive listener, which puts nothing on any key.
 
-Decides: when such a recording begins and ends.  It puts nothing on any key.
+Log times are on this host's clock, which on the coordinator's host is the coordinator's clock.
+Every message has the time stamp of the coordinator's session, so the log shows how long messages
+were under way.
 
-Log times are this host's clock, which on the coordinator's host is the coordinator's.  Everything
-carries the stamp of the coordinator's session, so the log tells how long messages were on their
-way.
+Decides: when such a recording begins and ends.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from protocol.timing import SECOND
 from protocol.transport import Transport
 
 LINGER_S: Final = 1.0
-"""What robots say after the fleet is over still goes into the log, for so long."""
+"""How long after the OVER what robots say is still recorded [s]."""
 
 _LOOK_S: Final = 0.2
 _SILENT_LOOKS: Final = 25
-"""After so many looks without a word the user is told, once."""
+"""After this many looks without any message, `silence` is called, once."""
 
 _UNHEARD_LOOKS: Final = 10
-"""After so many looks at which the same plans were missing the user is told."""
+"""After this many further looks with the same plans missing, `unheard` is called."""
 
 _MOST_KEPT: Final = 100_000
-"""So many messages at most are kept before a fleet is known."""
+"""How many messages are buffered before a fleet is known."""
 
 _VERSIONED: Final = ("splinefleet", "eclipse-zenoh", "mcap", "msgspec")
 
@@ -53,10 +53,10 @@ class _Heard(NamedTuple):
 
 
 class Listener:
-    """Writes what arrives into a recorder, at the times that `clock` gives [ns].
+    """Records what arrives, with the times [ns] that `clock` returns.
 
-    `messages` and `links` count what was said, and who came and went; `over` is set when the
-    fleet's Command says OVER.
+    `messages` counts messages, and `links` counts links that came up or went down.  `over` is set
+    when the fleet's Command says OVER.
     """
 
     def __init__(self, fleet: str, recorder: Recorder, clock: Callable[[], int]) -> None:
@@ -69,20 +69,20 @@ class Listener:
         self._ask: Callable[[], None] = lambda: None
 
     def listen(self, transport: Transport, fleet: str) -> None:
-        """Subscribe to everything below the fleet's name, and to who is alive.
+        """Subscribe to all keys below the fleet's name, and to its liveliness tokens.
 
-        `**` is Zenoh's word for any number of parts.
+        In a key pattern of Zenoh, `**` stands for any number of parts.
         """
         transport.subscribe(f"{keys.ROOT}/{fleet}/**", self.hear)
         self.watch(transport, fleet)
 
     def watch(self, transport: Transport, fleet: str) -> None:
-        """Subscribe to who is alive, and ask for plans that were not heard."""
+        """Subscribe to the fleet's liveliness tokens, and ask for plans that were not heard."""
         transport.watch_alive(keys.alive(fleet, "*"), self.link_changed)
         self._ask = lambda: transport.ask(keys.plan(fleet, "*"), self.hear_answer)
 
     def hear(self, key: str, payload: bytes, sent_ns: int | None) -> None:
-        """Record a message; the transport calls this one at a time."""
+        """Record a message; the transport makes one call at a time."""
         self.take(key, payload, sent_ns, self._clock())
 
     def take(self, key: str, payload: bytes, sent_ns: int | None, now_ns: int) -> None:
@@ -100,38 +100,38 @@ class Listener:
             self.over.set()
 
     def hear_answer(self, key: str, payload: bytes, sent_ns: int | None) -> None:
-        """Record a plan that was asked for, unless it was heard meanwhile."""
+        """Record a plan that arrives as an answer, unless it was heard meanwhile."""
         place = keys.split(key)
         message = None if place is None else decode(place[1], payload)
         if place is not None and message is not None and self.unheard.is_news(message, place[2]):
             self.hear(key, payload, sent_ns)
 
     def link_changed(self, key: str, alive: bool) -> None:
-        """Record that a link is there or gone, as the coordinator's own log does."""
+        """Record that a link came up or went down, as in the coordinator's own log."""
         self._recorder.record(key, link_record(alive), self._clock())
         self.links += 1
 
 
 class _Looks:
-    """Counts looks for a word, and calls `silence` once when there was none for long."""
+    """Counts looks, and calls `silence` once if there was no message for long."""
 
     def __init__(self, silence: Callable[[], None]) -> None:
         self._silence = silence
         self._made = 0
 
     def count(self, heard: bool) -> None:
-        """Count one more look; `heard`: whether anything has been said by now."""
+        """Count one more look; `heard` is whether any message was heard until now."""
         self._made += 1
         if self._made == _SILENT_LOOKS and not heard:
             self._silence()
 
 
 class Recording:
-    """A recording into `path`, from `begin` to `close`; `speed` is the fleet's.
+    """A recording into `path`, from `begin` to `close`; `speed` is that of the fleet's clock.
 
-    A file that is there is replaced only with `replace`.  `silence` is called once when nothing
-    was heard for five seconds; `unheard` with the robots whose plans were not heard, nor told when
-    asked for, whenever there are others, and once more at the end.
+    An existing file is replaced only if `replace` is true.  `silence` is called once if nothing was
+    heard for five seconds.  `unheard` is called with the robots whose plans were neither heard nor
+    answered: whenever these robots change, and once more at the end.
     """
 
     def __init__(
@@ -152,9 +152,10 @@ class Recording:
         self._recorder: Recorder | None = None
 
     def begin(self, transport: Transport, fleet: str | None = None) -> str:
-        """Create the file and listen; return the fleet's name, which may be the first one heard.
+        """Create the file and listen; return the fleet's name.
 
-        Raises InputError when the file cannot be created.
+        If `fleet` is None, it is the first fleet that is heard.  Raises InputError if the file
+        cannot be created.
         """
         first = None if fleet is not None else FirstFleet(self._clock)
         if first is not None:
@@ -181,7 +182,7 @@ class Recording:
         return fleet
 
     def wait(self) -> None:
-        """Wait until the fleet is over, or nothing more can be written."""
+        """Wait until the fleet is over or the file cannot be written any more."""
         listener, recorder = self.listener, self._recorder
         assert listener is not None
         assert recorder is not None
@@ -198,9 +199,9 @@ class Recording:
             time.sleep(LINGER_S)
 
     def close(self) -> int:
-        """End the file; returns how many records it was given.
+        """Close the file; return how many records were passed to it.
 
-        Raises LogError when anything could not be written.
+        Raises LogError if anything could not be written.
         """
         if self._recorder is not None:
             self._recorder.close()
@@ -213,7 +214,7 @@ class Recording:
 
 
 class FirstFleet:
-    """What is said before it is known which fleet there is: the first one heard is recorded."""
+    """Finds the first fleet that is heard, and buffers all messages until then."""
 
     def __init__(self, clock: Callable[[], int]) -> None:
         self._clock = clock
@@ -224,7 +225,7 @@ class FirstFleet:
         self._gate = threading.Lock()
 
     def wait(self, transport: Transport, silence: Callable[[], None] = lambda: None) -> str:
-        """Listen to all fleets until one says a Command; return its name."""
+        """Listen to all fleets until a Command is heard; return its fleet's name."""
         transport.subscribe(f"{keys.ROOT}/**", self._hear)
         looks = _Looks(silence)
         while not self._found.wait(_LOOK_S):
@@ -232,7 +233,7 @@ class FirstFleet:
         return self._fleet
 
     def hand_over(self, listener: Listener) -> None:
-        """Give a listener all that the fleet has said, and what it will say."""
+        """Pass the fleet's buffered messages, and all later ones, to a listener."""
         with self._gate:
             for heard in self._kept:
                 self._pass_on(listener, heard)

@@ -1,12 +1,12 @@
-"""A log read back: whole, cut short by a kill, or damaged.
+"""Read a log back, whether it is complete, cut short by a kill, or damaged.
 
-Decides: what of an MCAP file can still be used, and whether it is as it was written.  Must not
-know: what the messages mean.
+"Incomplete" and "damaged" are different.  A file that ends early is incomplete, and every record
+before its end can be used.  A file whose bytes contradict its own checksums or structure is
+damaged, and the sentence that says so names the byte.  `recorder.py` writes every checksum of the
+format, so that in a closed log any changed byte is found.
 
-Two questions are kept apart.  A file that ends early is incomplete, and every record before its
-end counts.  A file whose bytes contradict its own checksums or structure is damaged, and the
-sentence that says so names the byte.  `recorder.py` writes every checksum of the format, so
-that in a closed log no byte can change unseen.
+Decides: which parts of an MCAP file can be used, and whether the file is as it was written.  Must
+not know: what the messages mean.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from protocol import keys
 from protocol.timing import SECOND
 
 RESUMED: Final = "resumed.mcap"
-"""The attachment with the log that a log goes on from."""
+"""The attachment with the log that a log resumes."""
 
 MOST_RESUMED: Final = 100
 _DAY: Final = 24 * 3600 * SECOND
 _LONGEST: Final = 31 * _DAY
-"""A log is no longer than this [ns]."""
+"""The longest time that a log may span [ns]."""
 
 _LAST_TIME: Final = 2**62
 _MOST_OFFSET: Final = 2**63 - 1
 _NO_METADATA: Final = (
-    "its metadata are not sound: the fleet is named by its keys, times are the log's"
+    "its metadata are not sound: the fleet's name is from its keys, times are the log's own"
 )
 _MOST_NAMED: Final = 2 * MOST_RESUMED
-"""Every attachment is named where it stands and in the summary."""
+"""The name of an attachment is in the file twice: in the attachment and in the summary."""
 
 
 class LogScan(NamedTuple):
@@ -53,15 +53,15 @@ class LogScan(NamedTuple):
 
 
 def read_log(path: Path) -> Log:
-    """Read every message that is whole, from a closed, unfinished or damaged log.
+    """Read every complete message of a closed, unfinished or damaged log.
 
-    Raises InputError when there is no such file, or it is no MCAP file, or no log of a fleet.
+    Raises InputError if the file does not exist, is not an MCAP file, or is not a fleet's log.
     """
     return log_from_bytes(load(path), str(path))
 
 
 def log_from_bytes(data: bytes, path: str) -> Log:
-    """Read a log as `read_log` does; `path` is what messages call it."""
+    """Read a log as `read_log` does; `path` names it in error messages."""
     found = scan_log(data, path)
     attachments = {
         record.name: record.data
@@ -80,9 +80,9 @@ def log_from_bytes(data: bytes, path: str) -> Log:
 
 
 def logs_before(log: Log, name: str = "") -> list[Log]:
-    """Return the logs that a log goes on from, oldest first; InputError when one is no log.
+    """Return the logs that a log resumes, directly and indirectly, oldest first.
 
-    `name` is what messages call the log itself.
+    Raises InputError if one of them is not a log.  `name` names the log itself in error messages.
     """
     data = log.attachments.get(RESUMED)
     if data is None:
@@ -93,7 +93,7 @@ def logs_before(log: Log, name: str = "") -> list[Log]:
 
 
 def readable_logs_before(log: Log) -> list[Log]:
-    """Return the logs that a log goes on from, oldest first, as far as they can be read."""
+    """Return the logs that a log resumes, as `logs_before`, as far back as they can be read."""
     try:
         data = log.attachments[RESUMED]
         before = log_from_bytes(data, RESUMED)
@@ -103,7 +103,7 @@ def readable_logs_before(log: Log) -> list[Log]:
 
 
 def _check_times(records: list[Record], path: str) -> None:
-    """Raise InputError for times that no fleet has."""
+    """Raise InputError if a record's time is impossible."""
     for number, record in enumerate(records):
         if abs(record.log_ns) > _LAST_TIME or abs(record.log_ns - records[0].log_ns) > _LONGEST:
             days = _LONGEST // _DAY
@@ -112,11 +112,11 @@ def _check_times(records: list[Record], path: str) -> None:
 
 
 def scan_log(data: bytes, path: str) -> LogScan:
-    """Return what is sound of a log; InputError when this is no log of a fleet."""
+    """Return the sound parts of a log; raise InputError if the data is not a fleet's log."""
     if not data.startswith(MCAP0_MAGIC) and not is_closed(data):
         raise _no_log(path, data)
     if data.count(RESUMED.encode()) > _MOST_NAMED:
-        raise InputError([f"{path}: goes on from more than {MOST_RESUMED} logs, one in the other"])
+        raise InputError([f"{path}: resumes more than {MOST_RESUMED} logs, one inside the other"])
     sound, damage = scan(data)
     metadata: dict[str, str] = {}
     for _, record in sound:
@@ -133,7 +133,7 @@ def scan_log(data: bytes, path: str) -> LogScan:
 
 
 def _has_offset(metadata: dict[str, str]) -> bool:
-    """Tell whether metadata say how log times become the coordinator's clock."""
+    """Return whether the metadata have the offset from log times to the coordinator's clock."""
     try:
         return abs(int(metadata[WALL_OFFSET])) <= _MOST_OFFSET
     except (KeyError, ValueError):
@@ -141,7 +141,7 @@ def _has_offset(metadata: dict[str, str]) -> bool:
 
 
 def _fleet_by_keys(sound: list[Sound]) -> str:
-    """Return the fleet of the first channel that is one's; empty when there is none."""
+    """Return the fleet in the first channel's key that names one; empty if none does."""
     for _, record in sound:
         place = keys.split(record.topic) if isinstance(record, mcap_records.Channel) else None
         if place is not None:
@@ -150,22 +150,22 @@ def _fleet_by_keys(sound: list[Sound]) -> str:
 
 
 def check_bytes(path: Path) -> str | None:
-    """Say in one sentence where the file is damaged; None when it is sound.
+    """Return a sentence that says where the file is damaged; None if it is sound.
 
-    Any changed byte of a closed log is found.  An unfinished log is sound as far as it goes.
-    Raises InputError when there is no such file or it never was an MCAP file.
+    Any changed byte of a closed log is found.  An unfinished log is not damaged because it ends
+    early.  Raises InputError if the file does not exist or never was an MCAP file.
     """
     return scan(load(path))[1] or None
 
 
 def is_unfinished(path: Path) -> bool:
-    """Tell whether a file is the log of a run that was not ended."""
+    """Return whether a file is a log that was not closed."""
     data = path.read_bytes() if path.is_file() else b""
     return data.startswith(MCAP0_MAGIC) and not is_closed(data)
 
 
 def load(path: Path) -> bytes:
-    """Return the bytes of a log; InputError when there is no such file or it is no MCAP file."""
+    """Return a log's bytes; raise InputError if the file does not exist or is not an MCAP file."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -176,7 +176,7 @@ def load(path: Path) -> bytes:
 
 
 def _no_log(path: str, data: bytes) -> InputError:
-    """Return the error for a file that never was a log."""
+    """Return the InputError for a file that never was a log."""
     found = kind_of(data)
     if found is None or found == "log":
         return InputError([f"{path}: is not an MCAP file"])
@@ -184,7 +184,7 @@ def _no_log(path: str, data: bytes) -> InputError:
 
 
 def _messages(sound: list[Sound], wall_offset_ns: int) -> Iterator[Record]:
-    """Yield the messages; a channel lost with a damaged chunk is found again in the summary."""
+    """Yield the messages; a channel lost in a damaged chunk is taken from the summary."""
     channels = (record for _, record in sound if isinstance(record, mcap_records.Channel))
     topics = {channel.id: channel.topic for channel in channels}
     for offset, record in sound:

@@ -1,11 +1,12 @@
-"""The records of an MCAP file, sound or not, and where the next one is behind a damaged one.
+"""Split an MCAP file into its records, sound or not, and find the next record after a damage.
 
-Decides: where records begin and end.  Must not know: what a log of a fleet holds, or which damage
-is told (soundness.py).
+A record begins with its length, and the contents of most records determine their length, too.  If
+the stated length is wrong, the record is read by its contents.  If that fails, the index of a
+closed file says where the next record begins.  If there is no index, the next chunk whose checksum
+is right is searched.
 
-A record says its length, and most say it again inside: one whose own length is wrong is read by
-what is inside.  Where that does not help the index of a closed file says where the next one begins,
-and where there is no index the next chunk that agrees with its checksum does.
+Decides: where records begin and end.  Must not know: what a log of a fleet contains, or which
+damage is reported (soundness.py).
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ _FOOTER: Final = struct.Struct("<BQQQI")
 _DATA_END_BYTES: Final = _PREFIX.size + struct.calcsize("<I")
 
 FOOTER_CHECKED: Final = struct.calcsize("<BQQQ")
-"""So many bytes of the footer record are under the summary's checksum."""
+"""How many bytes of the footer record the summary's checksum covers."""
 
 _CHUNK_SIGN: Final = b"\x04\x00\x00\x00zstd"
-"""How a chunk says how it is compressed."""
+"""The field of a chunk's record that names its compression; chunks are searched by it."""
 
 _BEFORE_SIGN: Final = _PREFIX.size + struct.calcsize("<QQQI")
-"""So many bytes of a chunk's record come before that."""
+"""The offset of that field from the beginning of the chunk's record."""
 
 _UNREADABLE: Final = (
     McapError, ValueError, OverflowError, MemoryError, RuntimeError, struct.error, ZstdError,
@@ -45,14 +46,15 @@ _UNREADABLE: Final = (
 
 _MOST_UNPACKED: Final = 2 * 2**20
 MOST_RATIO: Final = 200
-"""A chunk, and a file, may unpack to so many bytes, and to so many times its length beyond; what
-fleets say shrinks to a tenth."""
+"""A chunk may unpack to _MOST_UNPACKED bytes plus MOST_RATIO times its compressed length.
+
+Fleets' messages compress to about a tenth.  soundness.py uses the ratio for whole files."""
 
 _UNSTATED: Final = -1
-"""What zstd says of a frame whose size is not known: it is unpacked as far as its chunk says."""
+"""zstd's value for an unknown frame size; then the chunk's stated size limits the unpacking."""
 
 _MOST_READ_AGAIN: Final = 16
-"""So many times its length of a file is read at most to find the way behind damages."""
+"""The most bytes read to find records after damages, as a multiple of the file's length."""
 
 PARSERS: Final[dict[int, Callable[[ReadDataStream], mcap_records.McapRecord]]] = {
     Opcode.HEADER: mcap_records.Header.read,
@@ -74,10 +76,11 @@ _WRONG_LENGTH: Final = "its length is wrong"
 
 
 class Frame(NamedTuple):
-    """A record as it stands in the file; `records` are it and, of a chunk, those inside it.
+    """A record at its place in the file, from byte `offset` to byte `end`.
 
-    `fault` says why it is not as it was written, and is empty when it is.  One with a fault has
-    records only when they are sound nevertheless.
+    `records` has the record itself and, for a chunk, the records inside it.  `fault` says what is
+    wrong with the record, and is empty if it is sound.  A frame with a fault has records only if
+    they are sound nevertheless.
     """
 
     offset: int
@@ -88,10 +91,10 @@ class Frame(NamedTuple):
 
 
 class _Exact(io.BytesIO):
-    """Bytes that are not read beyond their end."""
+    """A stream that raises an error if it is read beyond its end."""
 
     def read(self, size: int | None = -1) -> bytes:
-        """Return so many bytes; ValueError when there are fewer."""
+        """Return `size` bytes; raise ValueError if there are fewer."""
         found = super().read(size)
         if size is not None and len(found) < size:
             raise ValueError("the record ends early")
@@ -99,13 +102,13 @@ class _Exact(io.BytesIO):
 
 
 class _DamageError(Exception):
-    """A record is not as it was written; the text says why."""
+    """A record is damaged; the text says how."""
 
 
 def frames(data: bytes) -> Iterator[Frame]:
-    """Yield the records that are whole, sound or not, up to the footer.
+    """Yield the complete records, sound or not, up to the footer.
 
-    One that cannot be where it says it ends stands for all bytes up to the next that can be read.
+    If a record's stated end cannot be right, its frame extends to the next record that can be read.
     """
     behind = _Behind(data)
     offset = len(MCAP0_MAGIC)
@@ -126,7 +129,7 @@ def frames(data: bytes) -> Iterator[Frame]:
 
 
 def _frame_at(data: bytes, offset: int) -> Frame | None:
-    """Return the record at a place; None when the file ends before it does."""
+    """Return the record that begins at a byte; None if the file ends before the record does."""
     begin = offset + _PREFIX.size
     if begin > len(data):
         return None
@@ -147,13 +150,13 @@ def _read(opcode: int, content: bytes, offset: int) -> Frame:
 
 
 def _goes_on(data: bytes, offset: int) -> bool:
-    """Tell whether a record may end here: a sound one follows, or nothing."""
+    """Return whether a record may end here: a sound record follows, or the file ends."""
     following = _frame_at(data, offset)
     return offset == len(data) or (following is not None and not following.fault)
 
 
 class _Behind:
-    """Finds what follows damage, in time that grows with the file however much is damaged."""
+    """Finds the records after damages, in time linear in the file's length."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -163,7 +166,7 @@ class _Behind:
         self._left = _MOST_READ_AGAIN * len(data)
 
     def read_by_content(self, offset: int) -> Frame | None:
-        """Return a record that is sound but for the length before it; None when it is not."""
+        """Return the record here if only its stated length is wrong; else None."""
         data, begin = self._data, offset + _PREFIX.size
         if begin > len(data) or data[offset] not in PARSERS or self._left <= 0:
             return None
@@ -183,7 +186,7 @@ class _Behind:
         return frame._replace(fault=_WRONG_LENGTH)
 
     def skip(self, offset: int) -> Frame | None:
-        """Return all up to the next place where a record begins; None when none is found."""
+        """Return a frame that ends where the next record begins; None if no record is found."""
         begin = offset + _PREFIX.size
         following = bisect_right(self._places, offset)
         if following < len(self._places):
@@ -193,10 +196,10 @@ class _Behind:
         return Frame(offset, end, self._data[offset], [], _WRONG_LENGTH)
 
     def _next_chunk(self, begin: int) -> int:
-        """Return where the next sound chunk begins; where the file ends when there is none.
+        """Return where the next sound chunk begins, or the file's length if there is none.
 
-        An attachment may be a log itself, and its chunks are not this log's: nothing is looked
-        for behind the beginning of another file.
+        An attachment may itself be a log, whose chunks do not belong to this log.  So the search
+        ends where another MCAP file begins.
         """
         data, place = self._data, begin
         if self._chunk >= begin:
@@ -214,7 +217,7 @@ class _Behind:
 
 
 def _indexed(data: bytes) -> list[int]:
-    """Return where a closed file's summary has records begin; empty when it is not sound."""
+    """Return where records begin according to a closed file's summary; empty if it is damaged."""
     footer = len(data) - len(MCAP0_MAGIC) - _FOOTER.size
     if footer < 0 or not data.endswith(MCAP0_MAGIC):
         return []
@@ -235,9 +238,9 @@ def _indexed(data: bytes) -> list[int]:
 
 
 def _parse(opcode: int, content: bytes) -> list[mcap_records.McapRecord]:
-    """Return the record and, for a chunk, those inside it.
+    """Return the record and, for a chunk, the records inside it.
 
-    Raises _DamageError or one of _UNREADABLE when it is not sound.
+    Raises _DamageError or one of _UNREADABLE if the record is damaged.
     """
     parser = PARSERS.get(opcode)
     if parser is None:
@@ -257,7 +260,7 @@ def _parse(opcode: int, content: bytes) -> list[mcap_records.McapRecord]:
 
 
 def _check_size(chunk: mcap_records.Chunk) -> None:
-    """Raise _DamageError for a chunk that would take too much memory, before it is unpacked."""
+    """Raise _DamageError if unpacking a chunk would take too much memory."""
     size, data = chunk.uncompressed_size, chunk.data
     stated = size
     if chunk.compression == "zstd":

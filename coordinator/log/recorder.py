@@ -1,13 +1,16 @@
-"""Everything on the wire into an MCAP file, as the raw bytes that went by.
+"""Write all messages into an MCAP file, as their raw bytes.
 
-Decides: how a log is laid out and when it reaches the file.  Must not know: what the messages
-mean.  The file is written by a thread of its own, so that no caller ever waits for a disk, and
-flushed so often that a killed coordinator loses at most its last 100 ms.
+A separate thread writes the file, so that no caller waits for the disk unless it asks to.  The file
+is flushed so often that a killed coordinator loses at most its last 100 ms.
 
-Layout: metadata record "splinefleet", attachments, then chunks (zstd, with CRCs) with one
-channel per key, and a plain one for bytes that are no message of it (channels.py).  log_time
-is the coordinator's clock plus `wall_offset_ns`, publish_time the sender's time stamp where there
-is one.  The order of the records is the order of the calls.
+Layout: the metadata record "splinefleet", attachments, then chunks (zstd, with CRCs).  Each key has
+a channel, and a plain second one for payloads that are not valid messages for the key
+(channels.py).  log_time is the coordinator's clock plus `wall_offset_ns`; publish_time is the
+sender's time stamp if there is one, else log_time.  The order of the records is the order of the
+calls.
+
+Decides: how a log is laid out, and when it reaches the file.  Must not know: what the messages
+mean.
 """
 
 from __future__ import annotations
@@ -30,22 +33,26 @@ from coordinator.log.channels import PLAIN, Description, describe
 
 METADATA_NAME: Final = "splinefleet"
 WALL_OFFSET: Final = "wall_offset_ns"
-"""The metadata entry that turns log times back into the coordinator's clock."""
+"""The metadata entry to subtract from log times to get the coordinator's clock."""
 
 FLUSH_PERIOD_S: Final = 0.08
-"""100 ms is what may be lost; the rest is left for the write itself."""
+"""Time between two flushes [s].
+
+At most 100 ms may be lost; the remaining 20 ms are for the write itself."""
 
 MOST_WAITING: Final = 32 * 2**20
-"""So many bytes may wait for the disk; what is beyond them is dropped, counted, told at the end."""
+"""How many bytes may wait for the disk; further messages are dropped, counted and reported."""
 
 MOST_CHANNELS: Final = 60_000
-"""A log tells so many keys apart, as many as the largest fleet has; the format has room for 65,535.
-What is on more of them, which somebody invents, is dropped and counted as well."""
+"""How many channels a log may have: enough for the keys of the largest fleet.
+
+The format allows 65,535.  Messages on further keys, which someone must have invented, are dropped
+and counted, too."""
 
 _ENTRY_BYTES: Final = 300
 
 CHUNK_BYTES: Final = 128 * 1024
-"""A larger chunk would hold the interpreter for too long when it is compressed."""
+"""The size of a chunk; compressing a larger one would block the interpreter for too long."""
 
 _LAST_STAMP: Final = 2**64 - 1
 _WRITE_ERRORS: Final = (OSError, ValueError, struct.error, McapError, ZstdError)
@@ -67,17 +74,17 @@ class _Entry(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Bytes of memory, about."""
+        """The approximate size in memory [bytes]."""
         return len(self.payload) + _ENTRY_BYTES
 
 
 class Recorder:
     """An open log.  Every method may be called from any thread; only `sync` and `close` wait.
 
-    `metadata` is written as it is, with `wall_offset_ns` [ns, wall clock less the coordinator's
-    clock] added.  Metadata and attachments are in the file when the constructor returns.  Raises
-    InputError when the file cannot be created or written, when another recorder is writing it,
-    and, without `replace`, when it is there already.
+    `metadata` is written unchanged, with an entry added for `wall_offset_ns`: wall clock minus
+    coordinator's clock [ns].  Metadata and attachments are in the file when the constructor
+    returns.  Raises InputError if the file cannot be created or written, if another recorder is
+    writing it, or if `replace` is false and the file exists.
     """
 
     def __init__(
@@ -93,7 +100,7 @@ class Recorder:
         self.error: str | None = None
         """What went wrong while writing; from then on nothing more is recorded."""
         self.dropped = 0
-        """How many messages were not recorded: too many waited for the disk, or keys were."""
+        """How many messages were not recorded: too many waited, or there were too many keys."""
         self._wall_offset_ns = wall_offset_ns
         self._gate = threading.Lock()
         self._held = 0
@@ -116,7 +123,8 @@ class Recorder:
     def record(self, key: str, payload: bytes, now_ns: int, sent_ns: int | None = None) -> None:
         """Record a message that passed at `now_ns` on the coordinator's clock.
 
-        `sent_ns` is the sender's time stamp since 1970.  After `close` or an error: no effect.
+        `sent_ns` is the sender's time stamp [ns since 1970].  A call after `close` or an error has
+        no effect.
         """
         if self.error is None and not self._closing.is_set():
             log_time = _stamp(now_ns + self._wall_offset_ns)
@@ -130,32 +138,32 @@ class Recorder:
                 self._waiting.append(entry)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Add a file to the log; it is on its way within the flush period."""
+        """Attach a file to the log; it is written within the flush period."""
         if self.error is None and not self._closing.is_set():
             self._waiting.append(Attachment(name, media_type, data))
 
     def hurry(self) -> None:
-        """Have what was recorded so far written at once; nobody waits for it."""
+        """Have everything recorded so far written at once; do not wait for it."""
         self._hurry.set()
 
     def sync(self) -> bool:
-        """Wait until everything recorded so far has reached the system, at most a second.
+        """Wait, for at most 1 s, until the operating system has everything recorded so far.
 
-        What a robot may act on for long is to be in the log before the robot hears of it.  False
-        when the log cannot be written any more.
+        What a robot may act on for long must be in the log before the robot hears of it.  Return
+        False if the log cannot be written any more.
         """
         if self.error is None and not self._closing.is_set():
             written = threading.Event()
             self._waiting.append(written)
             self._hurry.set()
-            if self.error is None:  # else nobody may be left who would set it
+            if self.error is None:  # else the writing thread may have ended and never set it
                 written.wait(1.0)
         return self.error is None
 
     def close(self) -> None:
-        """Write what is left and end the file; further calls do nothing.
+        """Write what is waiting and close the file; further calls do nothing.
 
-        Raises LogError, once, when anything since the opening could not be written, or was dropped.
+        Raises LogError, once, if anything since the opening could not be written or was dropped.
         """
         first = not self._closing.is_set()
         self._closing.set()
@@ -188,7 +196,7 @@ class Recorder:
             raise
 
     def _run(self) -> None:
-        """Write what is waiting, once in a period, until the recorder is closed."""
+        """Write what is waiting, every FLUSH_PERIOD_S, until the recorder is closed."""
         try:
             while not self._closing.is_set():
                 self._hurry.wait(FLUSH_PERIOD_S)
@@ -206,7 +214,7 @@ class Recorder:
                 raise
 
     def _give_up_waiting(self) -> None:
-        """Drop what is waiting; who waits for it goes on at once."""
+        """Drop what is waiting and release the callers of `sync`."""
         for event in self._unwritten:
             event.set()
         while self._waiting:
@@ -255,7 +263,7 @@ class Recorder:
         )
 
     def _register(self, key: str, described: Description) -> int:
-        """Register a channel, with the schema of what stands on it if there is one."""
+        """Register a channel, with the schema of its payloads if there is one."""
         if described.name not in self._schemas:
             self._schemas[described.name] = self._writer.register_schema(
                 described.name, "jsonschema", described.schema
@@ -278,7 +286,7 @@ def begin_file(stream: IO[bytes]) -> Writer:
 
 
 def _stamp(time_ns: int) -> int:
-    """Return a time that fits the format: a sender's clock may say anything."""
+    """Return a time clipped to the range of the format: a sender's clock may show anything."""
     return min(max(time_ns, 0), _LAST_STAMP)
 
 

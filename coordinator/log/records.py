@@ -1,4 +1,4 @@
-"""What a log holds, as data.
+"""The contents of a log, as data.
 
 Decides: the fields.  Must not know: the file format.
 """
@@ -9,10 +9,10 @@ import msgspec
 
 
 class Record(msgspec.Struct, frozen=True):
-    """A message as it went by.
+    """A recorded message.
 
-    `log_ns` is on the coordinator's clock, `publish_ns` is the sender's stamp [ns since 1970],
-    `offset` is the place in the file of the chunk that holds the message.
+    `log_ns` is the time of the record on the coordinator's clock, `publish_ns` the sender's time
+    stamp [ns since 1970], `offset` the byte in the file at which the message's chunk begins.
     """
 
     key: str
@@ -23,10 +23,10 @@ class Record(msgspec.Struct, frozen=True):
 
 
 class Log(msgspec.Struct, frozen=True):
-    """What a log holds, the records in the order in which they were recorded.
+    """The contents of a log; the records are in the order in which they were recorded.
 
-    `complete` tells whether the file was closed; `damage` says where its bytes are not as they
-    were written, and is empty when they are.
+    `complete` is whether the file was closed.  `damage` says where the file's bytes differ from
+    what was written; it is empty if the file is sound.
     """
 
     metadata: dict[str, str]

@@ -1,7 +1,7 @@
-"""A log written anew: what is sound of a cut or damaged one, or a whole one with further files.
+"""Rewrite a log: repair one that is cut short or damaged, or add attachments to a sound one.
 
-Decides: what is kept, and that a log which was made whole says so.  Must not know: files, or what
-the messages mean.
+Decides: which records the new log has, and that a repaired log says that it is repaired.  Must not
+know: files, what the messages mean.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ from coordinator.log.recorder import METADATA_NAME, Attachment, begin_file
 from coordinator.log.soundness import Sound
 
 RECOVERED: Final = "splinefleet.recovered"
-"""The metadata record that says what a log was before it was made whole."""
+"""The name of the metadata record that describes the log before its repair."""
 
 
 class Whole(NamedTuple):
-    """A whole log's bytes, what is in it, and how it was before.
+    """The bytes of a repaired log, the numbers of its contents, and its state before the repair.
 
-    `lost`: messages that are sound, but whose channel went with a damaged chunk.
+    `lost` counts sound messages that were left out because their channel was in a damaged chunk.
+    `complete` and `damage` describe the log before the repair.
     """
 
     data: bytes
@@ -37,10 +38,10 @@ class Whole(NamedTuple):
 
 
 def make_whole(data: bytes, path: str) -> Whole:
-    """Return a log with every complete chunk of `data` in order, its attachments and metadata.
+    """Return a closed log with all sound chunks, attachments and metadata of `data`, in order.
 
-    Messages keep their bytes, both stamps and their sequence numbers.  Raises InputError when this
-    is no log of a fleet; `path` is what messages call it.
+    Messages keep their bytes, both time stamps and their sequence numbers.  Raises InputError if
+    the data is not a fleet's log; `path` names it in error messages.
     """
     log = scan_log(data, path)
     stream = io.BytesIO()
@@ -65,10 +66,10 @@ def make_whole(data: bytes, path: str) -> Whole:
 
 
 def with_files(data: bytes, path: str, files: Iterable[Attachment]) -> bytes | None:
-    """Return a log with further attachments at its end, and all else as it was.
+    """Return a log with further attachments at its end and otherwise unchanged.
 
-    None when the log was not closed or is damaged: it stays what it is.  Raises InputError when
-    this is no log of a fleet.
+    Return None if the log was not closed or is damaged.  Raises InputError if the data is not a
+    fleet's log.
     """
     log = scan_log(data, path)
     if log.damage or not log.complete:
@@ -85,7 +86,7 @@ def with_files(data: bytes, path: str, files: Iterable[Attachment]) -> bytes | N
 
 
 class _Copy:
-    """Writes sound records anew; channels and schemas when a message first needs them."""
+    """Copies sound records; writes a channel or schema when a message first needs it."""
 
     def __init__(self, writer: Writer, sound: list[Sound]) -> None:
         self.writer = writer
@@ -101,7 +102,7 @@ class _Copy:
         self._new_channels: dict[int, int] = {}
 
     def add(self, record: mcap_records.McapRecord) -> None:
-        """Write a record, unless it is one of those that follow from the others."""
+        """Write a record, unless the writer generates it from the others."""
         if isinstance(record, mcap_records.Message):
             self._add_message(record)
         elif isinstance(record, mcap_records.Chunk):
@@ -120,7 +121,7 @@ class _Copy:
             self.attachments += 1
 
     def add_metadata(self, metadata: dict[str, str]) -> None:
-        """Write what is taken for the log's metadata, unless that is there."""
+        """Write the log's metadata, unless the same metadata were written already."""
         if metadata != self._metadata:
             self.writer.flush()  # type: ignore[no-untyped-call]
             self.writer.add_metadata(METADATA_NAME, metadata)
@@ -144,7 +145,7 @@ class _Copy:
         self.messages += 1
 
     def _schema(self, channel: mcap_records.Channel) -> int:
-        """Return a channel's schema in the new file; none when it is lost."""
+        """Return the id of a channel's schema in the new file; 0, no schema, if it is lost."""
         schema = self._schemas.get(channel.schema_id)
         if schema is None:
             return 0

@@ -1,6 +1,6 @@
-"""An MCAP file's records, whole or not: which are sound, and where the first damage is.
+"""Check an MCAP file, which may be cut short or damaged, for its sound records and first damage.
 
-Decides: which bytes are to be believed.  Must not know: what a log of a fleet holds (log_file.py).
+Decides: which bytes can be trusted.  Must not know: what a log of a fleet contains (log_file.py).
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from mcap.writer import MCAP0_MAGIC
 from coordinator.log.mcap_frames import FOOTER_CHECKED, MOST_RATIO, PARSERS, Frame, frames
 
 _MOST_IN_ALL: Final = 64 * 2**20
-"""A file may unpack to so many bytes, beyond what its length allows."""
+"""How many bytes a file may unpack to in addition to MOST_RATIO times its length."""
 
 Sound = tuple[int, mcap_records.McapRecord]
-"""A sound record and the place in the file of the record or of the chunk around it."""
+"""A sound record, and the byte at which it or the chunk around it begins."""
 
 
 def is_closed(data: bytes) -> bool:
-    """Tell whether the file ends as a closed one does."""
+    """Return whether the file ends as a closed file does."""
     return len(data) > len(MCAP0_MAGIC) and data.endswith(MCAP0_MAGIC)
 
 
 def scan(data: bytes) -> tuple[list[Sound], str]:
-    """Return the sound records and where the first damage is, empty when there is none.
+    """Return the sound records, and a text that says where the first damage is, if any.
 
-    A chunk is followed by the records in it.  Raises nothing, whatever the bytes are.
+    Each chunk is followed by the records in it.  Raises nothing, whatever the bytes are.
     """
     sound: list[Sound] = []
     damages: list[str] = []
@@ -58,14 +58,14 @@ def scan(data: bytes) -> tuple[list[Sound], str]:
         if not MCAP0_MAGIC.startswith(data[end:]):
             damages.append(f"damaged at byte {end}: the file does not end as an MCAP file does")
     elif is_closed(data):
-        damages.append(f"damaged at byte {end}: no whole record follows, yet the file was closed")
+        damages.append(f"damaged at byte {end}: no complete record follows, but the file is closed")
     if summary:
-        del sound[summary:]  # nothing vouches for it
+        del sound[summary:]  # no valid footer confirms the summary
     return sound, damages[0] if damages else ""
 
 
 def _data_fault(data: bytes, frame: Frame, record: mcap_records.DataEnd) -> str:
-    """Compare the checksum over everything before; chunks and attachments have their own."""
+    """Return what is wrong with the checksum over all bytes before this record, if anything."""
     if record.data_section_crc == 0:
         return "the checksum over all bytes before it is missing"
     if zlib.crc32(data[: frame.offset]) != record.data_section_crc:

@@ -1,7 +1,7 @@
-"""A log's traffic played again: which messages, under which keys, and when.
+"""Play a log's traffic again: which messages, under which keys, and when.
 
-Decides: what of a log was traffic, and what key patterns mean.  Must not know: links and clocks;
-`play` is given both.
+Decides: which records of a log were traffic, and what key patterns mean.  Must not know: links and
+clocks, which `play` gets as functions.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from coordinator.log.records import Log
 from protocol import keys
 
 _RECORDS = "coordinator/"
-"""Keys on which a log keeps what the coordinator did; nothing of it ever travelled."""
+"""The prefix of the coordinator's own records, which were never sent."""
 
 
 class Wish(NamedTuple):
-    """What to play: times in s from the log's first message, a key pattern, a prefix for keys."""
+    """What to play: times [s] from the log's first message, a key pattern, a prefix for keys."""
 
     since: float = 0.0
     until: float = math.inf
@@ -31,7 +31,7 @@ EVERYTHING = Wish()
 
 
 class Cue(NamedTuple):
-    """A message to be put on a key so many seconds after the beginning."""
+    """A message to put on a key `due` seconds after the beginning."""
 
     due: float
     key: str
@@ -39,9 +39,10 @@ class Cue(NamedTuple):
 
 
 def cues(log: Log, wish: Wish = EVERYTHING) -> list[Cue]:
-    """Return what is to be put, in the order of the log; ValueError when the pattern is none.
+    """Return the messages to put, in the order of the log.
 
-    The coordinator's own records and the news of links, which are no messages, are left out.
+    The coordinator's own records and news of links are left out, because they were not messages.
+    Raises ValueError if the pattern is malformed.
     """
     fits = key_filter(wish.pattern)
     prefix = f"{wish.prefix}/" if wish.prefix else ""
@@ -62,9 +63,9 @@ def play(
     wait_until: Callable[[float], None],
     speed: float = 1.0,
 ) -> int:
-    """Put messages in time; returns how many.
+    """Put each message when it is due; return their number.
 
-    wait_until(seconds since the beginning) returns when that much time has passed.
+    `wait_until` gets a time in seconds since the beginning, and returns when it has passed.
     """
     count = 0
     for cue in found:
@@ -75,7 +76,7 @@ def play(
 
 
 def key_filter(pattern: str) -> Callable[[str], bool]:
-    """Return whether a key fits a pattern of Zenoh.
+    """Return a function that returns whether a key matches a key pattern of Zenoh.
 
     `*` stands for one part of a key, `**` for any number of parts, `$*` for anything within a part.
     Raises ValueError when the pattern is malformed.
@@ -83,14 +84,14 @@ def key_filter(pattern: str) -> Callable[[str], bool]:
     parts = pattern.split("/")
     known = re.compile(r"\*\*?|(?:[^*$#?]|\$\*)+")
     if not all(known.fullmatch(part) for part in parts):
-        raise ValueError(f"{pattern!r} is no key pattern; one looks like splinefleet/*/report/**")
+        raise ValueError(f"{pattern!r} is not a key pattern, such as splinefleet/*/report/**")
     expression = "".join(_expression(part) for part in parts)
     compiled = re.compile(expression, re.DOTALL)
     return lambda key: compiled.fullmatch("/" + key) is not None
 
 
 def _expression(part: str) -> str:
-    """Return the regular expression of a slash and one part of a pattern."""
+    """Return the regular expression for a slash and one part of a pattern."""
     if part == "**":
         return "(?:/[^/]+)*"
     if part == "*":
@@ -99,6 +100,6 @@ def _expression(part: str) -> str:
 
 
 def _travelled(key: str) -> bool:
-    """Tell whether a record was a message: something that was put on its key."""
+    """Return whether a record was a message, that is, was put on its key."""
     place = keys.split(key)
     return not key.startswith(_RECORDS) and (place is None or place[1] != "alive")

@@ -1,10 +1,11 @@
-"""Which plans somebody who only listens has not heard, and when to ask for them.
+"""Which plans a passive listener has not heard, and when to ask for them.
 
-A plan is said in a burst, and a busy listener loses part of it.  A robot's reports name the epoch
-whose plan it holds, and the revision of its times: what was not heard of these is asked for.
+All plans of an epoch are sent in a burst, and a busy listener may lose some of them.  A robot's
+reports name the epoch whose plan it has, and its Pace messages the revision of its times.  The
+listener asks for plans and times that robots have and that it has not heard.
 
-Decides: whose plan is missing, which answers are news, how often to ask.  Must not know: links,
-clocks, what a plan says.
+Decides: which robots' plans are missing, which answers are new, how often to ask.  Must not know:
+links, clocks, what a plan contains.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ from typing import Final
 from protocol.messages import Command, Message, NewTimes, Pace, Plan, Report
 
 _ASK_AGAIN: Final = 0.5
-"""Answers may be lost: a question is asked again after so many seconds."""
+"""How long to wait for answers, which may be lost, before asking again [s]."""
 
 
 class UnheardPlans:
-    """The plans of the epoch under way that were not heard; times in seconds of any clock.
+    """The plans of the current epoch that were not heard; times are in seconds of any clock.
 
-    known: an epoch whose plans are known without having been heard; 0: none.
+    `known` is an epoch whose plans are known without having been heard; 0 if there is none.
     """
 
     def __init__(self, known: int = 0) -> None:
@@ -31,7 +32,7 @@ class UnheardPlans:
         self._asked = -_ASK_AGAIN
 
     def take(self, message: Message, robot: str) -> None:
-        """Take in what was said by a robot or to it; to all, when `robot` is empty."""
+        """Take in a message from or to a robot; `robot` is empty for a message to all."""
         if isinstance(message, Command):
             self._epoch = message.epoch
         elif isinstance(message, Report):
@@ -45,7 +46,7 @@ class UnheardPlans:
             self._heard[robot] = (message.epoch, message.revision)
 
     def is_news(self, message: Message, robot: str) -> bool:
-        """Tell whether an answer is what was not heard: a robot's plan, or its newest times."""
+        """Return whether an answer is new: a robot's plan or newest times that were not heard."""
         epoch, revision = self._heard.get(robot, self._known)
         if isinstance(message, Plan):
             return message.epoch > epoch
@@ -55,15 +56,15 @@ class UnheardPlans:
 
     @property
     def robots(self) -> set[str]:
-        """The robots whose plan, or newest times, was not heard."""
+        """The robots whose plan or newest times were not heard."""
         return {
             robot
-            for robot, held in list(self._held.items())  # another thread may hear meanwhile
+            for robot, held in list(self._held.items())  # another thread may call take() meanwhile
             if held[0] == self._epoch and self._heard.get(robot, self._known) < held
         }
 
     def asks(self, now: float) -> bool:
-        """Tell whether to ask now; the question then counts as asked."""
+        """Return whether to ask now; if so, record that the question was asked."""
         if not self.robots or now - self._asked < _ASK_AGAIN:
             return False
         self._asked = now

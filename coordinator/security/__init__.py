@@ -1,4 +1,4 @@
-"""Who may take part: certificates, their register, key files, and who was refused.
+"""Access control: certificates, their register, key files, and refusals.
 
-The room decides which keys count.  It must not know what messages mean.
+The room decides which keys are valid.  It must not know what messages mean.
 """

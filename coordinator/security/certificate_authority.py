@@ -1,10 +1,10 @@
-"""A fleet's certificate authority: its own certificate and those it signs.
+"""A fleet's certificate authority: its own certificate and those that it signs.
 
-Decides: what stands in a certificate.  Must not know: files, who may do what.
+Keys are on the curve P-256, which microcontrollers support, too.  Only the certificates of
+coordinators and routers are valid for TLS servers, so that no robot can pose as either.  A router's
+certificate is valid for a server only.  Only the authority's certificate may sign others.
 
-Keys are on the curve P-256, which microcontrollers know too.  Only a coordinator's and a router's
-certificate may serve a link, so that no robot can pose as either; a router's can do nothing else.
-None but the authority's may sign.
+Decides: what a certificate contains.  Must not know: files, who may do what.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from protocol.badge import Badge
 
 THIS_MACHINE: Final = ("localhost", "127.0.0.1", "::1")
-"""Where these can always be reached, besides the hosts that are named."""
+"""Names and addresses in every server certificate, in addition to the given hosts."""
 
 AUTHORITY_DAYS: Final = 3_650
 
 _EARLIER: Final = datetime.timedelta(hours=1)
-"""A certificate is valid from before it was made: a robot's clock may be behind."""
+"""How long before it is made a certificate becomes valid: a robot's clock may be slow."""
 
 
 class Pair(NamedTuple):
@@ -38,17 +38,17 @@ class Pair(NamedTuple):
 
     @property
     def expires(self) -> datetime.datetime:
-        """Return until when the certificate is valid (UTC)."""
+        """The time (UTC) until which the certificate is valid."""
         return x509.load_pem_x509_certificate(self.certificate).not_valid_after_utc
 
     @property
     def serial(self) -> str:
-        """Return the certificate's serial number, in hexadecimal digits."""
+        """The certificate's serial number, in hexadecimal digits."""
         return f"{x509.load_pem_x509_certificate(self.certificate).serial_number:x}"
 
 
 def new_authority(now: datetime.datetime, days: int = AUTHORITY_DAYS) -> Pair:
-    """Return a new authority, valid for so many days from `now` (UTC)."""
+    """Return a new authority that is valid for `days` days from `now` (UTC)."""
     key = ec.generate_private_key(ec.SECP256R1())
     name = _name(f"splinefleet authority {x509.random_serial_number():x}"[:64])
     usage = _usage(signs=True)
@@ -64,9 +64,10 @@ def new_authority(now: datetime.datetime, days: int = AUTHORITY_DAYS) -> Pair:
 def new_certificate(
     authority: Pair, badge: Badge, now: datetime.datetime, days: int, hosts: Iterable[str] = ()
 ) -> Pair:
-    """Return a certificate of the authority, valid for so many days but not beyond its own.
+    """Return a certificate signed by the authority, valid for `days` days from `now` (UTC).
 
-    `hosts` are the names and addresses under which a coordinator or a router is reached.
+    It is not valid for longer than the authority's own.  `hosts` are the names and addresses under
+    which a coordinator or a router can be reached.  Raises ValueError if the authority is damaged.
     """
     issuer = x509.load_pem_x509_certificate(authority.certificate)
     signer = serialization.load_pem_private_key(authority.private, password=None)
@@ -95,7 +96,7 @@ def new_certificate(
 
 
 def _signs(certificate: x509.Certificate) -> bool:
-    """Tell whether a certificate may sign others."""
+    """Return whether a certificate may sign others."""
     try:
         return certificate.extensions.get_extension_for_class(x509.BasicConstraints).value.ca
     except x509.ExtensionNotFound:
@@ -110,7 +111,10 @@ def _begin(
     begin: datetime.datetime,
     end: datetime.datetime,
 ) -> x509.CertificateBuilder:
-    """Return what every certificate holds; both keys are named, as strict checks want it."""
+    """Return a builder with the fields of every certificate.
+
+    It has the identifiers of both keys, because strict verifiers demand them.
+    """
     own = x509.SubjectKeyIdentifier.from_public_key(key.public_key())
     whose = x509.AuthorityKeyIdentifier.from_issuer_public_key(signer.public_key())
     return (
@@ -127,7 +131,7 @@ def _begin(
 
 
 def _usage(*, signs: bool) -> x509.KeyUsage:
-    """Return what a key is for: signing certificates, or agreeing on a link."""
+    """Return the usage of a key: to sign certificates, or to authenticate in a TLS handshake."""
     return x509.KeyUsage(
         digital_signature=not signs,
         content_commitment=False,

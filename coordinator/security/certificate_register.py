@@ -1,9 +1,9 @@
-"""The register of a fleet's certificates: what was made, until when it counts, what was revoked.
+"""The register of a fleet's certificates: which were issued, when they expire, which are revoked.
 
-Decides: which certificates count.  Must not know: files, how certificates are made.
+A generation number is never used twice for a name, so a revoked certificate stays refused when its
+name gets a new one.
 
-A generation is never used twice, so a certificate that was revoked stays refused when its name
-gets another.
+Decides: which certificates are valid.  Must not know: files, how certificates are made.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Issued(msgspec.Struct, frozen=True):
 
     @property
     def badge(self) -> Badge:
-        """Return whom it speaks for."""
+        """The party that the certificate identifies."""
         return Badge(self.role, self.name, self.generation)
 
     def state(self, now: datetime.datetime) -> str:
@@ -53,7 +53,7 @@ class Register(msgspec.Struct, frozen=True):
         return 1 + max((one.generation for one in self._of(role, name)), default=0)
 
     def added(self, one: Issued) -> Register:
-        """Return the register with one more; ValueError when it is there already."""
+        """Return the register with one more certificate; raise ValueError if it is a duplicate."""
         if any(other.badge == one.badge for other in self.issued):
             raise ValueError(f"{one.badge.common_name} is in the register already")
         return msgspec.structs.replace(self, issued=(*self.issued, one))
@@ -61,9 +61,9 @@ class Register(msgspec.Struct, frozen=True):
     def revoked(
         self, role: Role, name: str, now: datetime.datetime, generation: int | None = None
     ) -> tuple[Register, list[Issued]]:
-        """Return the register with a name's certificates revoked (or one of them), and which.
+        """Revoke a name's certificates, or one generation; return the register and those revoked.
 
-        Those that were revoked before keep their time and are not told again.
+        Certificates that were revoked before keep their time of revocation and are not returned.
         """
         hit = [
             one
@@ -76,24 +76,24 @@ class Register(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self, issued=issued), hit
 
     def valid(self, now: datetime.datetime) -> list[Badge]:
-        """Return whom the certificates speak for that count now."""
+        """Return the parties whose certificates are valid now."""
         return [one.badge for one in self.issued if one.state(now) == "valid"]
 
     def keyless(self, robots: Iterable[str], now: datetime.datetime) -> list[str]:
-        """Return what is to be told of robots without a certificate that counts now."""
+        """Return a warning for each robot without a certificate that is valid now."""
         known = {badge.name for badge in self.valid(now) if badge.role == "robot"}
         return [
-            f"{robot}: has no key that counts and is not heard; splinefleet keys robot {robot}"
+            f"{robot}: has no valid key and is not heard; splinefleet keys robot {robot}"
             for robot in robots
             if robot not in known
         ]
 
     def names(self, role: Role) -> set[str]:
-        """Return all names of a role that ever had a certificate."""
+        """Return all names in a role that ever had a certificate."""
         return {one.name for one in self.issued if one.role == role}
 
     def expired_at(self, end: datetime.datetime) -> Issued | None:
-        """Return the certificate that ended in this second, if there is just one."""
+        """Return the certificate that expires in this second; None if there is not exactly one."""
         found = [one for one in self.issued if abs((one.expires - end).total_seconds()) < 1.0]
         return found[0] if len(found) == 1 else None
 
@@ -102,25 +102,25 @@ class Register(msgspec.Struct, frozen=True):
 
 
 def register_to_json(register: Register) -> bytes:
-    """Return the register as a file for people and programs."""
+    """Return the register as the indented JSON of its file."""
     return msgspec.json.format(msgspec.json.encode(register), indent=1) + b"\n"
 
 
 def register_of(content: bytes, where: str) -> Register:
-    """Read a register; InputError when it is none."""
+    """Decode a register; raise InputError if the content is not a valid register."""
     try:
         register = msgspec.json.decode(content, type=Register)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError([f"{where}: is no register of keys: {error}"]) from None
+        raise InputError([f"{where}: is not a register of keys: {error}"]) from None
     if register.format != FORMAT:
         raise InputError([f"{where}: format {register.format[:40]!r}, {FORMAT!r} is known"])
     if any(one.expires.tzinfo is None for one in register.issued):
-        raise InputError([f"{where}: an end without a time zone; it ends in Z"])
+        raise InputError([f"{where}: an `expires` has no time zone; it must end in Z, for UTC"])
     known: set[Badge] = set()
     for badge in (one.badge for one in register.issued):
         if badge_of(badge.common_name) != badge:
-            raise InputError([f"{where}: {badge.common_name[:60]!r} is no key's name"])
+            raise InputError([f"{where}: {badge.common_name[:60]!r} is not the name of a key"])
         if badge in known:
-            raise InputError([f"{where}: {badge.who} stands there twice"])
+            raise InputError([f"{where}: {badge.who} is in it twice"])
         known.add(badge)
     return register

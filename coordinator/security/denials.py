@@ -1,12 +1,12 @@
-"""Who was refused, and why: read from Zenoh's own log, told once and then counted.
+"""Who was refused, and why: read from Zenoh's own log, reported once and then counted.
 
-Decides: which lines of that log are refusals, in which words people and the fleet's log hear of
-them.  Must not know: where the lines come from, links.
+Only in its log does Zenoh 1.10 say why a TLS link was refused, and what its access control refused
+to whom.  It does not say from where a refused link came.  The access control also looks up
+permissions in advance, for its cache.  The lines about these look like refusals; they are told
+apart by an earlier line from the same thread, which announces the look-up.
 
-Zenoh 1.10 says why a TLS link was refused, and whom its access control has refused what, nowhere
-else.  It does not say from where a refused link came.  What the access control finds out in
-advance, for its cache, looks like its refusals and has to be told apart: a line that announces it
-stands before, from the same thread.
+Decides: which lines of that log are refusals, and the words in which they are reported and
+recorded.  Must not know: where the lines come from, links.
 """
 
 from __future__ import annotations
@@ -23,20 +23,23 @@ from protocol.badge import badge_of
 LOG_FILTER: Final = (
     "error,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=trace"
 )
-"""What Zenoh is asked to write; the access control tells what it allows too, there is no less."""
+"""The filter of Zenoh's log.
+
+At this level the access control also logs what it allows; no other level logs the refusals only."""
 
 DULL: Final = b" is authorized to "
 
 AGAIN_S: Final = 10.0
-"""What goes on being refused is told anew so often, with how many times it was."""
+"""The least time between two reports of the same refusal [s]; each has the number of times."""
 
 MOST: Final = 500
 MOST_EACH: Final = 20
-"""Different refusals that are told apart, of all and of one; what a flood of more invents is only
-counted."""
+"""How many different refusals are told apart in all, and for each party.
+
+Further ones are counted together, so that a flood of invented names or keys is harmless."""
 
 _LONGEST: Final = 120
-"""Characters of a refused key that are told."""
+"""How many characters of a refused key are reported."""
 
 _COLOURS: Final = re.compile(r"\x1b\[[0-9;]*m")
 _TLS: Final = re.compile(r"zenoh_link_tls::unicast: (.*?)(?: Hint: .*)?$")
@@ -75,7 +78,7 @@ _MANY: Final = "many different things"
 
 
 class Denial(msgspec.Struct, frozen=True):
-    """Somebody was refused something, for the `count`-th time; `who` as far as it is known."""
+    """A refusal: to whom, as far as known, why, and how many times since the last report."""
 
     who: str
     cause: str
@@ -83,13 +86,13 @@ class Denial(msgspec.Struct, frozen=True):
 
     @property
     def text(self) -> str:
-        """Return the sentence that people read."""
+        """The refusal as a sentence."""
         again = f" ({self.count} times)" if self.count > 1 else ""
         return f"refused {self.who}: {self.cause}{again}"
 
 
 class _Ahead:
-    """What the access control finds out in advance for one session: each deed on a key, once."""
+    """A look-up of permissions in advance, for one session: each deed on one key, once."""
 
     def __init__(self, way: str, key: str) -> None:
         self._about = (way, key)
@@ -97,7 +100,7 @@ class _Ahead:
         self._deeds: set[str] = set()
 
     def holds(self, session: str, deed: str, way: str, key: str) -> bool:
-        """Tell whether a line belongs to it; a deed that comes again does not."""
+        """Return whether a line belongs to this look-up; one with a repeated deed does not."""
         self._session = self._session or session
         if (way, key) != self._about or session != self._session or deed in self._deeds:
             return False
@@ -106,9 +109,10 @@ class _Ahead:
 
 
 class Denials:
-    """What was refused until now.
+    """The refusals until now.
 
-    `named` gives the common name of a session, `ended` who had a certificate that ended then.
+    `named` returns the common name of a session; `ended` returns the party whose certificate
+    expired at a given time.
     """
 
     def __init__(
@@ -123,12 +127,12 @@ class Denials:
         self._told_s: dict[tuple[str, str], float] = {}
 
     def read(self, lines: Iterable[str], now_s: float) -> list[Denial]:
-        """Read what Zenoh has written; returns what is to be told now."""
+        """Read lines of Zenoh's log; return the refusals to report now."""
         found = [pair for line in lines if (pair := self._denial(_COLOURS.sub("", line)))]
         return self.note(found, now_s)
 
     def note(self, found: Iterable[tuple[str, str]], now_s: float) -> list[Denial]:
-        """Count refusals, each who and cause; returns those to be told now."""
+        """Count refusals, given as (who, cause); return those to report now."""
         for pair in found:
             if pair not in self._counts:
                 pair = self._told_apart(*pair)
@@ -147,7 +151,7 @@ class Denials:
         return due
 
     def _told_apart(self, who: str, cause: str) -> tuple[str, str]:
-        """Return a new refusal, or what it counts as where there are too many."""
+        """Return a new refusal, or the group in which it is counted if there are too many."""
         if sum(one == who for one, _ in self._counts) >= MOST_EACH:
             return who, _MANY
         return (_SOMEBODY, _MANY) if len(self._counts) >= MOST else (who, cause)
@@ -190,34 +194,34 @@ def _shortened(key: str) -> str:
 
 
 def _printable(text: str) -> str:
-    """Return a text of somebody's with what would move or hide letters made visible."""
+    """Return an untrusted text with its unprintable characters escaped."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def in_words(common_name: str) -> str:
-    """Return whom a common name stands for."""
+    """Return the party with a common name, in words."""
     badge = badge_of(common_name)
     return badge.who if badge is not None else repr(common_name) if common_name else _SOMEBODY
 
 
 def denial_key(fleet: str) -> str:
-    """Return the log's key for these records; no message travels on it."""
+    """Return the key of a fleet's records of refusals; nothing is ever sent on it."""
     return f"coordinator/{fleet}/denied"
 
 
 def is_denial_key(key: str) -> bool:
-    """Tell whether a fleet's refusals are told on this key."""
+    """Return whether this is a key of records of refusals."""
     first, _, rest = key.partition("/")
     return first == "coordinator" and rest.endswith("/denied")
 
 
 def denial_record(refusal: Denial) -> bytes:
-    """Return what a log says, as JSON."""
+    """Encode a refusal as JSON."""
     return msgspec.json.encode(refusal)
 
 
 def denial_of(payload: bytes) -> Denial | None:
-    """Read a record; None when these bytes are none."""
+    """Decode a refusal; return None if the bytes do not encode one."""
     try:
         return msgspec.json.decode(payload, type=Denial)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):

@@ -1,7 +1,9 @@
 """A fleet's folder of keys: the authority, the register, and the files of every party.
 
-Decides: where they lie and with which modes: folders 0700, private keys 0600, never wider even for
-a moment.  The coordinator needs all of it but `authority/`, a robot only its own folder.
+The coordinator needs all of the folder except `authority/`; a robot needs only its own subfolder.
+
+Decides: where the files are and their modes: 0700 for folders and 0600 for private keys, from the
+moment when they are created.
 """
 
 from __future__ import annotations
@@ -33,24 +35,24 @@ REGISTER: Final = "register.json"
 _OTHERS_WRITE: Final = 0o022
 _AUTHORITY_PLACE: Final = "authority"
 _OF_A_FLEET: Final = (REGISTER, _AUTHORITY_PLACE, *get_args(Role))
-"""Where one of these is there are keys that a new authority would make useless."""
+"""Entries that show that a folder has keys, which a new authority would make useless."""
 
 
 class KeyStore:
-    """The folder that `keys init` makes; every method raises InputError in one line."""
+    """The folder that `keys init` makes; every method raises InputError with one line of text."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def begin(self, now: datetime.datetime) -> None:
-        """Make the folder with a new authority and an empty register."""
+        """Create the folder with a new authority and an empty register."""
         from coordinator.security.certificate_authority import new_authority
 
         self._check_folder()
         if self._is_ones_own():
-            raise InputError([f"{self.folder} holds one party's keys; name another folder"])
+            raise InputError([f"{self.folder} has the keys of a single party; name another folder"])
         if any((self.folder / place).exists() for place in _OF_A_FLEET):
-            raise InputError([f"{self.folder} holds an authority already; name another folder"])
+            raise InputError([f"{self.folder} has an authority already; name another folder"])
         with _told():
             _make_folder(self.folder)
             self._write_pair(Path(_AUTHORITY_PLACE), new_authority(now))
@@ -66,13 +68,13 @@ class KeyStore:
             if not lost:
                 words = f"splinefleet keys init {self.folder} makes one"
             if self._is_ones_own():
-                words = "it is one party's own; name the fleet's folder"
+                words = "it has the keys of a single party; name the fleet's folder"
             raise InputError([f"{self.folder}: has no {REGISTER}; {words}"])
         with _told():
             return register_of(key_content(place), str(place))
 
     def warning(self) -> str:
-        """Return what is to be told when others may write or replace the register, else nothing."""
+        """Return a warning if others may write or replace the register, else an empty text."""
         for place in (self.folder, self.folder / REGISTER):
             with _told():
                 others = place.stat().st_mode & _OTHERS_WRITE
@@ -89,7 +91,7 @@ class KeyStore:
         days: int,
         hosts: Iterable[str] = (),
     ) -> list[Issued]:
-        """Make the next certificate of each name, into its folder; returns what was made."""
+        """Issue the next certificate of each name and write it to its folder; return all issued."""
         from coordinator.security.certificate_authority import new_certificate
 
         made = []
@@ -110,7 +112,7 @@ class KeyStore:
     def revoke(
         self, role: Role, name: str, now: datetime.datetime, generation: int | None = None
     ) -> list[Issued]:
-        """Revoke the certificates of a name, or one; returns those that counted until now."""
+        """Revoke a name's certificates, or one generation; return those that were not revoked."""
         with self._alone():
             register, hit = self.register().revoked(role, name, now, generation)
             if hit:
@@ -118,16 +120,19 @@ class KeyStore:
         return hit
 
     def _check_folder(self) -> None:
-        """Refuse a file in the place of the folder."""
+        """Raise InputError if the folder's path is a file."""
         if self.folder.exists() and not self.folder.is_dir():
-            raise InputError([f"{self.folder} is no folder"])
+            raise InputError([f"{self.folder} is not a folder"])
 
     def _is_ones_own(self) -> bool:
-        """Tell whether this is the folder that one party is given."""
+        """Return whether this is the folder of a single party, not of a fleet."""
         return (self.folder / CERTIFICATE).exists()
 
     def _latest(self, role: Role, name: str) -> int:
-        """Return the number of the key that lies here: a register from a copy may not know it."""
+        """Return the generation of the key in its folder; 0 if there is none.
+
+        A register that was restored from a copy may not have it.
+        """
         try:
             content = key_content(self.folder / own_place(role, name) / CERTIFICATE)
             badge = badge_of(read_certificate(content).common_name)
@@ -139,7 +144,7 @@ class KeyStore:
         place = self.folder / _AUTHORITY_PLACE
         if not (place / PRIVATE).exists():
             raise InputError(
-                [f"{place / PRIVATE}: is not here; only its holder makes certificates"]
+                [f"{place / PRIVATE}: is missing; certificates cannot be made without it"]
             )
         from coordinator.security.certificate_authority import Pair
 
@@ -148,7 +153,7 @@ class KeyStore:
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
-        """Let no other command change the register meanwhile."""
+        """Lock the folder, so that no other command changes the register meanwhile."""
         self.register()
         with _told():
             handle = os.open(self.folder, os.O_RDONLY)
@@ -172,7 +177,7 @@ class KeyStore:
 
 @contextmanager
 def _told() -> Iterator[None]:
-    """Tell in one line what the system refuses."""
+    """Turn an error of the system or of damaged files into an InputError of one line."""
     try:
         yield
     except OSError as error:
@@ -182,12 +187,15 @@ def _told() -> Iterator[None]:
 
 
 def _make_folder(folder: Path) -> None:
-    """Make a folder for its owner alone; one that is there keeps its mode, it may hold more."""
+    """Create a folder with mode 0700.
+
+    An existing folder keeps its mode, because it may have other contents.
+    """
     folder.mkdir(mode=0o700, exist_ok=True)
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a file for its owner alone, so that there is all of it or what was there before."""
+    """Write a file with mode 0600 atomically: it has either its new or its former content."""
     part = path.with_name(f".{path.name}.{os.getpid()}")
     handle = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(handle, "wb") as stream:

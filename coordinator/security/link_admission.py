@@ -1,9 +1,10 @@
-"""The coordinator's gate: who of a scenario's fleet is let in, and who was refused.
+"""The coordinator's gate: which parties of a scenario's fleet may connect, and which were refused.
 
-Decides: which certificates count for this run.  What each may do is protocol/access.py; how the
-link asks for certificates is protocol/zenoh_transport.py.
+Without keys there is no gate: anybody who reaches the endpoint is heard.  protocol/access.py
+decides what each party may do; protocol/zenoh_transport.py decides how the link checks
+certificates.
 
-Without keys there is no gate: anybody who reaches the endpoint is heard.
+Decides: which certificates are valid for this run.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from protocol.key_files import KeyFiles, read_key_files
 from protocol.zenoh_transport import ZenohTransport
 
 _REMEMBERED: Final = 1_000
-"""Sessions whose common names are kept: what they were denied is read a moment later."""
+"""How many sessions' common names are remembered, because refusals are read a moment later."""
 
 
 def _now() -> datetime.datetime:
@@ -33,14 +34,14 @@ def _now() -> datetime.datetime:
 
 
 def player_access(folder: Path) -> dict[str, Any]:
-    """Return the access control of whoever plays a log: observers may listen, nobody else."""
+    """Return the access control for playing a log: observers may listen, and nobody else."""
     badges = KeyStore(folder).register().valid(_now())
     pairs = ((badge, player_rights(badge)) for badge in badges)
     return access_control((badge, right) for badge, right in pairs if right is not None)
 
 
 class Gate:
-    """Opens a fleet's link; InputError and TransportError in one line when the keys are not fit."""
+    """Opens a fleet's link; raises InputError or TransportError if the keys are not usable."""
 
     def __init__(self, folder: Path, fleet: str, robots: Iterable[str]) -> None:
         now = _now()
@@ -60,14 +61,14 @@ class Gate:
         self.warnings += self._register.keyless(self._robots, now)
 
     def listen(self, endpoint: str) -> ZenohTransport:
-        """Open the coordinator's session; who may do what stays as it is now while it is open."""
+        """Open the coordinator's session; rights do not change as long as it is open."""
         self._log = ZenohLog(LOG_FILTER, DULL)
         transport = ZenohTransport.listen(endpoint, self.files, self._access)
         transport.watch_links(lambda *news: self._links.put(news))
         return transport
 
     def news(self) -> list[Denial]:
-        """Return what is to be told of refusals since the last time."""
+        """Return the refusals to report since the last call."""
         found = []
         while True:
             try:
@@ -86,7 +87,7 @@ class Gate:
         return self._denials.note(found, now_s) + self._denials.read(lines, now_s)
 
     def close(self) -> None:
-        """End the reading of refusals; after the session."""
+        """Stop reading refusals; call this after the session is closed."""
         if self._log is not None:
             self._log.close()
 
@@ -98,7 +99,7 @@ class Gate:
         return "" if one is None else one.badge.who
 
     def _why(self, badge: Badge | None) -> str:
-        """Return why a certificate that the authority has signed has no rights here."""
+        """Return why a certificate that the authority signed has no rights here."""
         for one in self._register.issued:
             if badge == one.badge:
                 if one.revoked is not None:

@@ -1,7 +1,9 @@
 """The configuration of a router for fleets with keys, as zenohd reads it (JSON5).
 
-Decides: which fleets may meet at one router, and what the file looks like.  Who may do what is
-protocol/access.py, how the link is locked protocol/zenoh_transport.py.  Must not know: the
+protocol/access.py decides who may do what; protocol/zenoh_transport.py decides how the link is
+encrypted.
+
+Decides: which fleets may share a router, and what the file looks like.  Must not know: the
 register, where the file is kept.
 """
 
@@ -20,9 +22,9 @@ from protocol.zenoh_transport import router_settings
 
 
 def meeting_fleets(scenarios: Iterable[Scenario]) -> dict[str, list[str]]:
-    """Return each fleet's robots; scenarios of one name are of one fleet.
+    """Return each fleet's robots; scenarios with the same name belong to the same fleet.
 
-    Raises InputError when a name is in two fleets: its key would speak in both.
+    Raises InputError if a robot's name is in two fleets, because its key would be valid in both.
     """
     homes: dict[str, str] = {}
     fleets: dict[str, list[str]] = {}
@@ -44,9 +46,9 @@ def meeting_fleets(scenarios: Iterable[Scenario]) -> dict[str, list[str]]:
 def router_file(
     endpoint: str, files: KeyFiles, fleets: Mapping[str, Collection[str]], badges: Iterable[Badge]
 ) -> bytes:
-    """Return the configuration, the router's `files` named by absolute paths.
+    """Return the configuration, which names the router's `files` by absolute paths.
 
-    Of the badges, those whose certificates count, each may do what its role may in its fleet.
+    `badges` are the parties with valid certificates; each gets the rights of its role in its fleet.
     """
     pairs = ((badge, router_rights(fleets, badge)) for badge in badges)
     access = access_control((badge, right) for badge, right in pairs if right is not None)
@@ -61,7 +63,7 @@ def router_file(
 
 
 def _nested(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return settings that are named by paths as objects within objects."""
+    """Return settings whose names are paths ("a/b") as nested objects."""
     whole: dict[str, Any] = {}
     for path, value in settings.items():
         *parts, last = path.split("/")

@@ -1,10 +1,10 @@
-"""Zenoh's own log of this process, taken off the standard output, where Zenoh writes it.
+"""Zenoh's own log of this process, redirected from the standard output, where Zenoh writes it.
+
+The Rust library can write its log only to file descriptor 1.  So that descriptor is replaced by a
+temporary file, and Python's own output goes to a copy of the former descriptor.  Writing to the
+file never blocks Zenoh; the file is emptied when it has been read and is large.
 
 Decides: where these lines go.  Must not know: what they say.
-
-The Rust library writes to file descriptor 1 and knows no other way.  From the beginning on that
-descriptor is a file that nobody sees; Python's own output goes on to where it went.  The file
-takes what is written without ever letting Zenoh wait, and is emptied when it has been read.
 """
 
 from __future__ import annotations
@@ -17,15 +17,16 @@ from typing import Final
 
 _OUTPUT: Final = 1
 _MOST: Final = 1 << 20
-"""Bytes that are looked at in one reading; what a flood adds beyond them is thrown away."""
+"""The most bytes that one call of `lines` reads; if there are more, the rest is discarded."""
 
 _LARGE: Final = 1 << 22
 
 
 class ZenohLog:
-    """The lines that Zenoh writes from here on; once in a process, before its first session.
+    """The lines that Zenoh writes from now on; create one per process, before the first session.
 
-    `log_filter` says what it writes, in the words of RUST_LOG; lines that hold `dull` are left out.
+    `log_filter` selects what Zenoh writes, in the syntax of RUST_LOG.  Lines that contain `dull`
+    are left out.
     """
 
     def __init__(self, log_filter: str, dull: bytes) -> None:
@@ -45,7 +46,7 @@ class ZenohLog:
         zenoh.init_log_from_env_or(log_filter)
 
     def lines(self) -> list[str]:
-        """Return the whole lines that have come since the last time."""
+        """Return the complete lines that were written since the last call."""
         handle = self._file.fileno()
         content = os.pread(handle, _MOST, self._read)
         self._read += len(content)
@@ -56,7 +57,7 @@ class ZenohLog:
         return [line.decode(errors="replace") for line in whole if self._dull not in line]
 
     def close(self) -> None:
-        """Give the standard output back; what comes from then on is seen."""
+        """Restore the standard output; lines that Zenoh writes later appear there."""
         sys.stdout.flush()
         os.dup2(self._kept, _OUTPUT)
         os.close(self._kept)

@@ -1,8 +1,10 @@
-"""The coordinator's shell: a mission on a real link, a real clock and a real log.
+"""The coordinator's shell: runs a mission on a real link, a real clock and a real log.
 
-Decides: when the mission's driver hears and looks, and that plans are found beside it, in threads.
 Everything that arrives, everything that is sent and every plan adopted goes to the recorder with
-the very `now_ns` that the core saw, so a log can be run again.
+the same `now_ns` that the core got, so that the log can be run again.
+
+Decides: when the mission's driver hears messages and looks at the time, and that plans are searched
+in threads beside it.
 """
 
 from __future__ import annotations
@@ -30,7 +32,10 @@ from protocol.transport import Transport
 
 
 class RecordedJournal(Journal):
-    """A mission's journal in a log file; `keep` is called with every plan besides."""
+    """A mission's journal in a log file.
+
+    If `keep` is given, it is called with every plan that is attached to the log.
+    """
 
     def __init__(
         self, recorder: Recorder, keep: Callable[[PlanDocument], None] | None = None
@@ -40,39 +45,39 @@ class RecordedJournal(Journal):
 
     @property
     def error(self) -> str | None:
-        """Why nothing is written any more, if so."""
+        """Why nothing can be written any more; None if the log can be written."""
         return self._recorder.error
 
     @property
     def not_recorded(self) -> int:
-        """How many messages the recorder had no room for."""
+        """How many messages the recorder dropped because it had no space for them."""
         return self._recorder.dropped
 
     def record(self, key: str, payload: bytes, now_ns: int, sent_ns: int | None = None) -> None:
-        """Write a message down."""
+        """Record a message."""
         self._recorder.record(key, payload, now_ns, sent_ns)
 
     def keep(self, document: PlanDocument) -> None:
-        """Attach a plan to the log, and hand it on."""
+        """Attach a plan to the log and pass it to the callback."""
         self._recorder.attach(*plan_file(document))
         if self._keep is not None:
             self._keep(document)
 
     def sync(self) -> bool:
-        """Return once everything is on the disk; False when it cannot be."""
+        """Wait until all records are on the disk; return False if they cannot be written."""
         return self._recorder.sync()
 
     def hurry(self) -> None:
-        """Write soon what there is."""
+        """Have the records so far written soon."""
         self._recorder.hurry()
 
 
 class Service:
     """Runs one mission to its end.
 
-    `clock` gives the coordinator's time in ns, `speed` how many of its seconds pass in one real
-    second; `watch` is called after every tick, `keep` with every plan of a later epoch.
-    `has_router` tells whether the router is reached that everybody meets at, if one is.
+    `clock` returns the coordinator's time in ns; `speed` is how many of its seconds pass in one
+    real second.  `watch` is called after every tick, and `keep` with every plan after the first.
+    `has_router` returns whether the router can be reached; None if robots connect without a router.
     """
 
     def __init__(
@@ -100,11 +105,11 @@ class Service:
         self._under_way: list[tuple[Job, asyncio.Future[Recovery | PackedPlan | None]]] = []
 
     async def run(self, patience_s: float) -> bool:
-        """Run until nothing is left to do; tell whether every robot has arrived.
+        """Run until nothing is left to do; return whether every robot has arrived.
 
-        Also ends with False when not all robots are armed for the first time after `patience_s`
-        seconds, or another coordinator has taken over; and when the log cannot be written any
-        more, as soon as nobody is on its way.
+        The run also ends when another coordinator has taken over.  It ends with False when not all
+        robots of the first epoch are armed after `patience_s` seconds, and, if the log cannot be
+        written any more, as soon as no robot is on its way.
         """
         self._listen(asyncio.get_running_loop())
         began = self._clock()
@@ -133,7 +138,7 @@ class Service:
                 return False
 
     def _look(self, now: int) -> None:
-        """Let the driver look at the time, begin what it wants done, bring what is done."""
+        """Let the driver look at the time, start its new jobs, and give it those that are done."""
         if self._has_router is not None:
             self.driver.hear_router(self._has_router(), now)
         loop = asyncio.get_running_loop()
@@ -172,7 +177,7 @@ class Service:
 
     async def _take_until(self, due: int) -> None:
         """Let the driver hear what arrives until the clock shows `due`."""
-        await asyncio.sleep(0)  # However much waits, plans that are found must be noticed.
+        await asyncio.sleep(0)  # Finished jobs must be noticed even if many messages wait.
         while (left := due - (now := self._clock())) > 0:
             self._arrived.clear()
             with self._door:

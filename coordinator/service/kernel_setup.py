@@ -1,9 +1,10 @@
-"""Compiling the planner's kernels: at set-up, which runs this module, else on first use.
+"""Compile the planner's kernels: at set-up, which runs this module, or else on first use.
 
-numba compiles in one thread at a time.  Processes of their own compile parts of the kernels into
-the same folder at once, one more what is left; this one tells how far they are.
+numba compiles in one thread at a time.  So several processes compile parts of the kernels into the
+same cache folder at once, and a last process compiles what is left.  This process shows progress.
 
-Decides: which processes compile, and what is told meanwhile.  Must not know: what kernels compute.
+Decides: which processes compile, and what the user sees meanwhile.  Must not know: what kernels
+compute.
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ from coordinator.planning.warm import PARTS, compile_rest, load_kernels
 _ROOT: Final = Path(__file__).parents[__name__.count(".")]
 _WARM: Final = (sys.executable, "-m", "coordinator.planning.warm")
 _LOOK_S: Final = 0.5
-"""How often the kernels that are compiled are counted [s]."""
+"""The time between two counts of the compiled kernels [s]."""
 
 
 @functools.cache
 def get_kernels_ready() -> None:
-    """Load the kernels; where they have to be compiled first, say so, and compile all of them."""
+    """Load the kernels; if they have to be compiled first, say so and compile all of them."""
     if not is_filled():
         tell(f"compiling the planner's kernels, {_how_often()}; this takes about a minute")
         if writable_place() is not None and (os.cpu_count() or 1) > 1:
@@ -40,21 +41,24 @@ def get_kernels_ready() -> None:
 
 
 def _how_often() -> str:
-    """Tell whether the kernels have to be compiled again next time, and why."""
+    """Say in words whether the kernels have to be compiled again next time, and why."""
     if writable_place() is not None:
         return "once"
     return f"for this process alone, as {' and '.join(map(str, places()))} cannot be written"
 
 
 def _compile_in_processes() -> None:
-    """Compile all kernels into the folder; what a process that fails leaves, the caller finds."""
+    """Compile all kernels into the cache folder.
+
+    If a process fails, the caller has to compile the kernels that are missing.
+    """
     with _progress() as look:
         for commands in ([[*_WARM, part] for part in PARTS], [_WARM]):
             _run(commands, look)
 
 
 def _run(commands: Sequence[Sequence[str]], look: Callable[[], None]) -> None:
-    """Run commands at once, and look from time to time until all have ended."""
+    """Run commands at once; call `look` from time to time until all have ended."""
     quiet = subprocess.DEVNULL
     running = [
         subprocess.Popen(command, cwd=_ROOT, stdin=quiet, stdout=quiet, stderr=quiet)
@@ -72,7 +76,7 @@ def _run(commands: Sequence[Sequence[str]], look: Callable[[], None]) -> None:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[], None]]:
-    """Show how many kernels are compiled, on a terminal; what is given looks how many there are."""
+    """Show on a terminal how many kernels are compiled; yield a function that updates the count."""
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,

@@ -1,6 +1,6 @@
 """The option --keys of commands that open a link.
 
-Decides: what it is called, and that its user is warned before keys expire.
+Decides: the option's name, and that its user is warned before keys expire.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ Insecure = Annotated[
 
 
 def given_keys(folder: Path | None, role: Role) -> KeyFiles | None:
-    """Return the files of a party in this role, None without a folder.
+    """Return the key files of a party in this role, or None if no folder is given.
 
-    In the fleet's folder it is the one named after its role.  Raises TransportError.
+    In a fleet's folder, the party is the one named after its role.  Raises TransportError.
     """
     if folder is None:
         return None
@@ -38,7 +38,10 @@ def given_keys(folder: Path | None, role: Role) -> KeyFiles | None:
 
 
 def where_to_listen(listen: str | None, folder: Path | None, insecure: bool) -> str:
-    """Return the endpoint of --listen, by default this machine's own; TransportError if refused."""
+    """Return the endpoint to listen on, by default one that only this machine reaches.
+
+    Raises TransportError if the endpoint is malformed or is open to strangers.
+    """
     locked = folder is not None
     endpoint = listen or usual_endpoint(locked)
     check_reach(endpoint_of(endpoint, locked), locked, insecure)

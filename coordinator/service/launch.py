@@ -1,4 +1,4 @@
-"""One coordinator from start to end: plan, listen, log, run, tell what happened.
+"""One coordinator from start to end: plan, listen, log, run, report what happened.
 
 Decides: the order of these steps, and that the log is closed whatever happens.
 """
@@ -43,11 +43,13 @@ _WITHOUT: Final = {
     "lost": "it is lost, not heard any more",
     "unfit": f"it has failed in {STRIKES} epochs",
 }
-"""Why a robot is left where it stands; one that has no way is told with what closes it."""
+"""Why a robot has no part in the next epoch, if it is lost or unfit.
+
+For a robot that is closed in, the plan itself says what closes it in."""
 
 
 class Coordinator:
-    """Runs the fleet of one scenario; `speed` makes its clock run that many times faster."""
+    """Runs the fleet of one scenario; its clock runs `speed` times as fast as real time."""
 
     def __init__(self, scenario: Scenario, *, effort: int, speed: float, events: bool) -> None:
         self.scenario = scenario
@@ -61,7 +63,7 @@ class Coordinator:
         self._gate: Gate | None = None
 
     def clock(self) -> int:
-        """Return the coordinator's time [ns]: the host's clock, times `speed`."""
+        """Return the coordinator's time [ns]: the host's clock times `speed`."""
         return int(host_clock_ns() * self.speed)
 
     def run(
@@ -73,9 +75,9 @@ class Coordinator:
         resume: Path | None = None,
         keys: Path | None = None,
     ) -> int:
-        """Run to the end and return the exit code; `resume` is the log to go on from.
+        """Run to the end and return the exit code; `resume` is the log to resume from.
 
-        With `keys`, a fleet's folder of them, only their holders are let in.
+        `keys` is a fleet's folder of keys; if it is given, only holders of these keys can connect.
 
         Raises InputError, PlanError and TransportError before anything moves.
         """
@@ -83,9 +85,9 @@ class Coordinator:
             name, policy = self.scenario.name, self.scenario.policy
             raise InputError([f"{name}: policy: {policy!r} is for study, only 'safe' is driven"])
         if log is not None and resume is not None and log.resolve() == resume.resolve():
-            raise InputError([f"--log: {log} is the log to go on from; name another file"])
+            raise InputError([f"--log: {log} is the log to resume from; name another file"])
         if log is not None and is_unfinished(log):
-            problem = f"--log: {log} holds a run that was not ended; --resume goes on from it"
+            problem = f"--log: {log} holds a run that has not ended; --resume resumes it"
             raise InputError([problem])
         if keys is not None:
             robots = [robot.id for robot in self.scenario.robots]
@@ -128,7 +130,7 @@ class Coordinator:
         return Mission(self.scenario, plan, boot, self._plan_again)
 
     def _go_on(self, boot: int, resume: Path) -> Mission:
-        """Return the mission of the log of a coordinator that has died."""
+        """Resume the mission in the log of a coordinator that has died."""
         self._began_ns = self.clock()
         try:
             self._before = load(resume)
@@ -141,7 +143,7 @@ class Coordinator:
         planned = scenario_of(log)
         if changed := changes(planned, self.scenario):
             raise InputError([_changed(resume, change) for change in changed])
-        self.scenario = planned  # Its robots in their order: replay plans with it again.
+        self.scenario = planned  # It has the robots in the order in which replay plans them.
         speed = log.metadata.get("speed", str(self.speed))
         if speed != str(self.speed):
             raise InputError([f"--resume: {resume} is the log of a fleet at --speed {speed[:40]}"])
@@ -154,18 +156,18 @@ class Coordinator:
         return plan_here(scenario, self.effort, epoch)
 
     def _keep(self, document: PlanDocument, first: Path | None, table: FleetTable) -> None:
-        """Write a later epoch's plan beside the first one's, tell of it, show progress by it."""
+        """Write a later plan beside the first one, report it, and show progress by it."""
         table.follow(document)
         if first is not None:
             name = plan_name(document.epoch, document.revision).removeprefix("plan")
             file = first.with_name(f"{first.stem}{Path(name).stem}{first.suffix}")
             try:
                 write_file(file, to_json(document))
-            except InputError as error:  # Robots wait for this plan, or are on their way.
+            except InputError as error:  # Do not stop: robots wait for this plan or drive already.
                 self._say("warning", text=str(error))
         text = f"epoch {document.epoch}: {len(document.robots)} robots go on"
         if document.revision:
-            text = f"epoch {document.epoch}: new times, the {document.revision}. time"
+            text = f"epoch {document.epoch}: new times, revision {document.revision}"
         self._say("planned", text=text)
 
     def _recorder(
@@ -194,7 +196,7 @@ class Coordinator:
         return watch
 
     def _tell_incidents(self, fleet: Fleet) -> None:
-        """Tell what has happened since the last time."""
+        """Report the incidents since the last call."""
         for incident in fleet.incidents[self._told :]:
             self._say(
                 incident.kind,
@@ -206,13 +208,13 @@ class Coordinator:
         self._told = len(fleet.incidents)
 
     def _tell_denials(self, recorder: Recorder, now_ns: int) -> None:
-        """Tell whom the gate has refused, and write it into the log."""
+        """Report the parties that the gate has refused, and record them in the log."""
         for denial in [] if self._gate is None else self._gate.news():
             recorder.record(denial_key(self.scenario.name), denial_record(denial), now_ns)
             self._say("denied", who=denial.who, cause=denial.cause, text=denial.text)
 
     def _tell_aside(self, mission: Mission) -> None:
-        """Tell of robots that a new epoch goes on without, unless it was said why they stay."""
+        """Report robots without a part in a new epoch, unless the reason was reported already."""
         aside: dict[str, str] = {one.robot.id: one.why for one in mission.site.aside}
         for robot, why in aside.items():
             is_told = bool(mission.fleet.members[robot].stays) or self._aside.get(robot) == why
@@ -230,7 +232,7 @@ class Coordinator:
             tell_now(str(facts["text"]))
 
     def _summarise(self, fleet: Fleet, arrived: bool, dropped: Mapping[str, int]) -> None:
-        """Tell how every robot ended; times count from the first GO, as everywhere."""
+        """Report how every robot ended; times count from the first GO."""
         gone = (one for one in fleet.incidents if (one.kind, one.text) == ("phase", "GO"))
         zero_ns = next((one.now_ns + GO_LEAD for one in gone), 0)
         robots = [
@@ -263,6 +265,6 @@ class Coordinator:
 
 
 def _changed(log: Path, change: Change) -> str:
-    """Say what the log's plan was made with and the scenario asks for now."""
+    """Say how the scenario differs from the one that the log's plan was made for."""
     before, now = ("none" if one is None else one for one in (change.before, change.after))
     return f"--resume: {log} was planned with {change.field} {before}, the scenario has {now} now"

@@ -1,6 +1,6 @@
-"""Where a coordinator meets its robots: it routes for them itself, or is a client as they are.
+"""Where a coordinator meets its robots: it listens itself, or all are clients of a router.
 
-Decides: which link is opened, and what people are told of it.  Must not know: what is said there.
+Decides: which link is opened, and how it is described.  Must not know: which messages it carries.
 """
 
 from __future__ import annotations
@@ -17,15 +17,16 @@ from protocol.zenoh_transport import ZenohTransport
 
 @dataclass(frozen=True)
 class MeetingPlace:
-    """An endpoint; `routed` when a router listens there, and not the coordinator itself."""
+    """An endpoint; `routed` is true if a router listens there, not the coordinator itself."""
 
     endpoint: str
     routed: bool = False
 
     def open(self, gate: Gate | None = None) -> ZenohTransport:
-        """Open the link, locked by a gate's keys; at a router, who may do what is the router's.
+        """Open the link, with the keys of a gate if there is one.
 
-        Raises TransportError, NoAnswerError where no router answers in 5 s.
+        At a router, the router's configuration decides who may do what.  Raises TransportError, or
+        NoAnswerError if no router answers within 5 s.
         """
         if self.routed:
             keys = None if gate is None else gate.files
@@ -33,16 +34,17 @@ class MeetingPlace:
         return ZenohTransport.listen(self.endpoint) if gate is None else gate.listen(self.endpoint)
 
     def __str__(self) -> str:
-        """Say how the coordinator is reached."""
+        """Return how the coordinator is reached, in words."""
         return f"{'at the router' if self.routed else 'listening on'} {self.endpoint}"
 
 
 def meeting_place(
     listen: str | None, connect: str | None, keys: Path | None = None, insecure: bool = False
 ) -> MeetingPlace:
-    """Return the place that two options name; without either the coordinator listens here.
+    """Return the place that --listen or --connect names; by default listen on this machine.
 
-    Raises InputError, and TransportError for an endpoint that is malformed or open to strangers.
+    Raises InputError if both are given, and TransportError if an endpoint is malformed or is open
+    to strangers.
     """
     if listen is not None and connect is not None:
         raise InputError(["--connect: a coordinator listens itself or is a router's client"])

@@ -1,6 +1,6 @@
-"""Planning on this machine: kernels loaded, a thread per core, stages timed.
+"""Plan on this machine: load the kernels, use a thread per core, and time the stages.
 
-Decides: what the planner is given by its shell.  Must not know: how plans are found.
+Decides: which executor and timer the planner gets.  Must not know: how plans are found.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from coordinator.service.kernel_setup import get_kernels_ready
 
 
 def plan_here(scenario: Scenario, effort: int = DEFAULT_EFFORT, epoch: int = 1) -> PackedPlan:
-    """Return the plan of a scenario; raises PlanError as planner.plan_fleet does."""
+    """Return the plan of a scenario; raise PlanError as planner.plan_fleet does."""
     get_kernels_ready()
     with ThreadPoolExecutor(os.cpu_count()) as executor:
         return plan_fleet(

@@ -1,8 +1,10 @@
-"""A log run again: the planner and the fleet core on the recorded inputs, byte for byte.
+"""Run a log again: the planner and the fleet core get the recorded inputs.
 
-Decides: whether a log is what this code would have done.  Every message to a robot in the log must
-be what the core sends at that moment; a Command that nothing else explains is a tick, and a tick
-that said nothing has a record of its own.
+Every message to a robot in the log must be, byte for byte, what the core sends at that moment.  A
+Command that is not the answer to another record marks a tick; a tick that sent nothing has a record
+of its own.
+
+Decides: whether this code would have written the same log.
 """
 
 from __future__ import annotations
@@ -50,9 +52,9 @@ _FEW: Final = 2
 
 
 class Check(NamedTuple):
-    """The outcome of a replay check; `difference` is empty when every byte agrees.
+    """The outcome of a replay check; `difference` is empty if every byte agrees.
 
-    `note` says what else should be known of a log that agrees.
+    `note` says what else a reader should know about a log that agrees.
     """
 
     plans: int
@@ -62,7 +64,7 @@ class Check(NamedTuple):
 
 
 def check_log(log: Log) -> Check:
-    """Run a log again and compare; the first difference is told with its place and time."""
+    """Run a log again and compare; describe the first difference with its place and time."""
     mission, check = run_again(log)
     if check.difference:
         return check
@@ -79,7 +81,7 @@ def check_log(log: Log) -> Check:
 
 
 def run_again(log: Log) -> tuple[Mission | None, Check]:
-    """Return the mission as it was when the log ended, and whether it went as the log says."""
+    """Return the mission at the end of the log, and the comparison of the log with it."""
     try:
         mission = _begin(log)
     except _NotAgainError as error:
@@ -89,7 +91,7 @@ def run_again(log: Log) -> tuple[Mission | None, Check]:
 
 
 def _by_version(check: Check, log: Log) -> Check:
-    """Return the check, with the version that wrote the log where another finds a difference."""
+    """Return the check; if it failed and another version wrote the log, add that version."""
     wrote, ours = log.metadata.get(WRITTEN_BY, ""), version(WRITTEN_BY)
     if not check.difference or wrote in ("", ours):
         return check
@@ -98,22 +100,22 @@ def _by_version(check: Check, log: Log) -> Check:
 
 
 class _NotAgainError(Exception):
-    """A log cannot be run again; the text says why."""
+    """The log cannot be run again; the text says why."""
 
 
 def scenario_of(log: Log) -> Scenario:
-    """Return the scenario of a log; KeyError or InputError when it holds none."""
+    """Return the scenario of a log; raise KeyError or InputError if the log has none."""
     return parse_scenario(log.attachments["scenario.json"], "scenario.json")
 
 
 def _begin(log: Log) -> Mission:
-    """Return the mission with which a log begins."""
+    """Return the mission as it was at the beginning of a log."""
     try:
         scenario = scenario_of(log)
         effort, boot = int(log.metadata["effort"]), int(log.metadata["boot"])
     except (KeyError, ValueError, InputError) as error:
         reason = "; ".join(str(error).splitlines())
-        raise _NotAgainError(f"the log does not tell how it was planned: {reason}") from None
+        raise _NotAgainError(f"the log does not say how it was planned: {reason}") from None
     if RESUMED in log.attachments:
         return _resumed(log, boot)
     try:
@@ -128,27 +130,27 @@ def _begin(log: Log) -> Mission:
 
 
 def _resumed(log: Log, boot: int) -> Mission:
-    """Return the mission of a log that goes on from another, which it holds."""
+    """Return the mission of a log that resumes another log, which is attached to it."""
     try:
         began_ns = int(log.metadata["began_ns"])
         before = log_from_bytes(log.attachments[RESUMED], RESUMED)
     except (KeyError, ValueError, InputError) as error:
-        raise _NotAgainError(f"the log does not tell what it goes on from: {error}") from None
+        raise _NotAgainError(f"the log does not say which log it resumes: {error}") from None
     try:
         return go_on(before, boot, began_ns)
     except InputError as error:
-        raise _NotAgainError(f"{RESUMED}, which it goes on from: {error}") from None
+        raise _NotAgainError(f"{RESUMED}, which it resumes: {error}") from None
 
 
 def go_on(before: Log, boot: int, now_ns: int) -> Mission:
-    """Return the mission of a log, taken over by a coordinator that starts now.
+    """Return the mission of a log, taken over by a coordinator that starts at `now_ns`.
 
-    Raises InputError when the log cannot be run again, or holds nothing to go on with.
+    Raises InputError if the log cannot be run again, has no records, or its fleet has ended.
     """
     mission, check = run_again(before)
     if mission is None or check.difference or not before.records:
         why = check.difference or "it holds no message; nothing was under way, start anew"
-        raise InputError([f"the log cannot be gone on from: {why}"])
+        raise InputError([f"the log cannot be resumed: {why}"])
     if mission.fleet.phase == OVER:
         raise InputError(["the fleet in this log has ended; nothing is left to do"])
     mission.take_over(boot, before.records[-1].log_ns, now_ns)
@@ -156,7 +158,7 @@ def go_on(before: Log, boot: int, now_ns: int) -> Mission:
 
 
 def _compare_documents(name: str, recorded: bytes, document: PlanDocument) -> str:
-    """Compare the attached plan with the plan found now, but for how long it took."""
+    """Compare an attached plan with the plan found now, except for the planning times."""
     try:
         found = msgspec.json.decode(recorded)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
@@ -171,7 +173,7 @@ def _compare_documents(name: str, recorded: bytes, document: PlanDocument) -> st
 
 
 class _Rerun(Journal):
-    """A mission's driver over a log: what it writes down has to be what comes next in the log."""
+    """Runs a mission's driver over a log: its next record has to be the next one in the log."""
 
     def __init__(self, mission: Mission, attachments: Mapping[str, bytes]) -> None:
         self._driver = MissionDriver(mission, self, lambda _key, _payload: None)
@@ -183,26 +185,26 @@ class _Rerun(Journal):
         self._sent: dict[str, int] = {"plan": 0, "command": 0}
 
     def record(self, key: str, payload: bytes, now_ns: int, sent_ns: int | None = None) -> None:
-        """Take note of what comes next."""
+        """Note a record that has to come next in the log."""
         del now_ns, sent_ns  # The log's own.
         self._due.append(Outgoing(key, payload))
 
     def keep(self, document: PlanDocument) -> None:
-        """Hold a plan against the one that is attached."""
+        """Compare a plan with the one that is attached to the log."""
         name = plan_name(document.epoch, document.revision)
         recorded = self._attachments.get(name)
         if recorded is not None:
             self._plan_differs = _compare_documents(name, recorded, document)
 
     def sync(self) -> bool:
-        """Return True: the log was written."""
+        """Return True, because the log was written."""
         return True
 
     def hurry(self) -> None:
-        """Nothing is written."""
+        """Do nothing, because nothing is written."""
 
     def compare(self, records: list[Record], complete: bool) -> Check:
-        """Go through the records; a log that is complete does not end before what is due."""
+        """Compare all records; a complete log must also contain all that the driver recorded."""
         begin = records[0].log_ns if records else 0
         for number, record in enumerate(records):
             problem = self._step(record)
@@ -215,7 +217,7 @@ class _Rerun(Journal):
         return Check(self._sent["plan"], self._sent["command"], "")
 
     def _step(self, record: Record) -> str:
-        """Feed one record to the driver, or hold it against what the driver writes down."""
+        """Give one record to the driver, or compare it with the driver's next record."""
         name = self._fleet.name
         if record.key in (drops_key(name), denial_key(name)):
             return ""
@@ -239,7 +241,7 @@ class _Rerun(Journal):
         return ""
 
     def _feed(self, kind: str, is_sent: bool, record: Record) -> str:
-        """Let the driver do what has led to a record; say what is wrong with that."""
+        """Let the driver do what led to a record; return what is wrong, or an empty text."""
         name, now_ns = self._fleet.name, record.log_ns
         if record.key == adoption_key(name):
             return self._finish(Request, request_of(record.payload), now_ns)
@@ -255,19 +257,20 @@ class _Rerun(Journal):
         return ""
 
     def _hear(self, record: Record) -> str:
-        """Let the driver hear a message, by the way of all messages."""
+        """Let the driver hear a message, through the intake like all messages."""
         intake = self._driver.intake
         intake.put(Arrival(record.key, record.payload, record.publish_ns))
         arrival = intake.take(record.log_ns)
         if arrival is None:
-            return "the coordinator does not hear this: it is not for it, or too much"
+            return "the coordinator drops this: it is not addressed to it, or one too many"
         self._driver.hear(arrival, record.log_ns)
         return ""
 
     def _is_tick(self, record: Record) -> str:
-        """Say where a Command that is not this coordinator's is nevertheless what it ticks.
+        """Return how a Command from another boot id differs from this coordinator's own tick.
 
-        Another's has another boot id, of four bytes; fewer different ones were changed in the log.
+        A Command of another coordinator differs in the four bytes of its boot id.  One that differs
+        in no more than _FEW bytes is this coordinator's own Command, changed in the log.
         """
         expected = deepcopy(self._fleet).tick(record.log_ns)
         payload = expected[0].payload if expected else b""
@@ -279,7 +282,7 @@ class _Rerun(Journal):
     def _finish(
         self, kind: type[Request | Lateness], logged: Request | Lateness | None, now_ns: int
     ) -> str:
-        """Do again what the log says was done beside the fleet, and let the driver take it."""
+        """Do a job again that the log says was done, and give its outcome to the driver."""
         job = self._wanted.pop(kind, None)
         if job is None or not self._driver.is_wanted(job):
             return "the core asks for no plan and no new times here"
@@ -290,13 +293,13 @@ class _Rerun(Journal):
 
 
 def _kind(key: str) -> str:
-    """Return the kind of a message's key; empty where it is a record of the coordinator's own."""
+    """Return the kind of a message's key; empty if the key is one of the coordinator's records."""
     place = keys.split(key)
     return "" if place is None else place[1]
 
 
 def _is_sent(kind: str, payload: bytes, boot: int) -> bool:
-    """Tell whether a message is one that this coordinator has sent."""
+    """Return whether this coordinator has sent a message."""
     message = decode(kind, payload) if kind in ("command", "clock") else None
     if isinstance(message, Clock):
         return message.received_ns is not None

@@ -210,7 +210,7 @@ async def test_a_robot_held_up_gets_new_times_and_nobody_freezes(run_with):
     assert len(list((run.folder).glob("plan-1-*.json"))) == 1
     late = [event["text"] for event in run.outcome.events if event["event"] == "late"]
     assert late[0] == "R1 is late; the others go on"
-    assert late[-1] == "R1 goes on later, and all know"
+    assert late[-1] == "R1 drives on later; all have new times"
     assert check_log(read_log(run.folder / "run.mcap")).difference == ""
     assert max(robot.tracking_error for robot in run.verdict.robots) < 0.01
 

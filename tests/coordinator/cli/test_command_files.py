@@ -117,7 +117,7 @@ def test_a_file_of_no_kind_is_still_told_with_its_fault():
         ("replay run.mcap --out what-if", "needs --until"),
         (
             "coordinator hall.toml --resume run.mcap --log run.mcap",
-            "--log: run.mcap is the log to go on from; name another file",
+            "--log: run.mcap is the log to resume from; name another file",
         ),
         (
             "coordinator hall.toml --resume gone.mcap",

@@ -121,7 +121,7 @@ def test_new_times_are_told_again_until_all_have_said_that_they_have_them():
     assert floor.plan_messages(floor.tick()) == []
     floor.pass_time(20)
     assert (floor.fleet.phase, floor.fleet.revision) == (GO, 1)
-    assert floor.said[-1] == "R1 goes on later, and all know"
+    assert floor.said[-1] == "R1 drives on later; all have new times"
 
 
 def test_whoever_does_not_get_the_new_times_is_stopped_before_the_switch():

@@ -97,7 +97,7 @@ def test_logs_one_in_the_other_are_read_as_often_as_a_coordinator_is_started_aga
     for _ in range(MOST_RESUMED):
         data = inside(data)
     assert log_from_bytes(data, "run.mcap").damage == ""
-    with pytest.raises(InputError, match="goes on from more than 100 logs"):
+    with pytest.raises(InputError, match="resumes more than 100 logs"):
         log_from_bytes(inside(data), "run.mcap")
 
 

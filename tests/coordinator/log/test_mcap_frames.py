@@ -85,7 +85,7 @@ def test_no_bit_of_header_or_metadata_makes_a_log_unusable(recorded, ending):
         assert found.attachments == whole.attachments, bit
         if found.metadata["wall_offset_ns"] == "0":
             assert found.metadata["fleet"] in found.records[0].key
-            assert "its metadata are not sound: the fleet is named by its keys" in found.damage
+            assert "its metadata are not sound: the fleet's name is from its keys" in found.damage
 
 
 @pytest.mark.parametrize("offset", [None, "x", str(10**30), str(-(10**30))])

@@ -132,7 +132,7 @@ def test_files_that_are_not_fit_are_told_in_one_line(store, spoil, said):
 
 def test_without_the_authority_nothing_can_be_made_but_all_can_be_revoked(store):
     (store.folder / "authority/private.pem").unlink()
-    with pytest.raises(InputError, match="only its holder"):
+    with pytest.raises(InputError, match="cannot be made without it"):
         store.issue("robot", ["R3"], NOW, 365)
     assert [one.name for one in store.revoke("robot", "R1", NOW)] == ["R1"]
 
@@ -156,9 +156,9 @@ def test_keys_of_a_coordinator_that_has_lost_its_register_are_not_made_useless(s
 @pytest.mark.parametrize("place", ["coordinator", "robot/R1"])
 def test_a_partys_own_folder_is_not_taken_for_a_fleets(store, place):
     own = KeyStore(store.folder / place)
-    with pytest.raises(InputError, match="one party's own; name the fleet's folder"):
+    with pytest.raises(InputError, match="single party; name the fleet's folder"):
         Gate(own.folder, "hall", ["R1"])
-    with pytest.raises(InputError, match="holds one party's keys; name another folder"):
+    with pytest.raises(InputError, match="has the keys of a single party; name another folder"):
         own.begin(NOW)
     assert not (own.folder / "authority").exists()
 
@@ -238,7 +238,7 @@ def test_a_file_in_the_place_of_a_folder_and_a_key_that_is_not_made_are_told(sto
     file = tmp_path / "hall.toml"
     file.touch()
     for act in (lambda: KeyStore(file).begin(NOW), KeyStore(file).register):
-        with pytest.raises(InputError, match="is no folder"):
+        with pytest.raises(InputError, match="is not a folder"):
             act()
     with pytest.raises(TransportError, match=r"there is no folder .*R9; splinefleet keys robot R9"):
         read_key_files(store.folder, "robot", "R9")

@@ -78,7 +78,7 @@ def test_a_log_that_goes_on_from_one_that_is_over_differs_and_names_no_option(lo
     inside = {**log.attachments, "resumed.mcap": recorded}
     again = replace(log, attachments=inside, metadata={**log.metadata, "began_ns": "5"})
     difference = check_log(again).difference
-    assert difference.startswith("resumed.mcap, which it goes on from: the fleet in this log")
+    assert difference.startswith("resumed.mcap, which it resumes: the fleet in this log")
     assert "--resume" not in difference
 
 

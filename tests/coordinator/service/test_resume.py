@@ -223,7 +223,7 @@ def test_a_robot_that_is_silent_is_not_waited_for_for_ever_after_a_log_without_a
 
 def test_a_log_that_has_ended_or_is_none_is_not_gone_on_from(story, tmp_path):
     log = log_from_bytes(story, "run.mcap")
-    with pytest.raises(InputError, match="cannot be gone on from"):
+    with pytest.raises(InputError, match="the log cannot be resumed"):
         go_on(log.__class__({}, {}, [], True, ""), 77, 0)
     broken = tmp_path / "x.mcap"
     broken.write_bytes(story)

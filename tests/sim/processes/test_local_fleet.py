@@ -29,7 +29,7 @@ def test_what_an_earlier_run_left_in_the_folder_does_not_mix_with_a_new_one(tmp_
 def test_a_run_tells_why_its_fleet_does_not_go(tmp_path, capsys):
     fleet = LocalFleet(read_scenario(PAPER), tmp_path, speed=1.0, effort=0, faults=[])
     said = {
-        "warning": "R1: has no key that counts",
+        "warning": "R1: has no valid key",
         "hello": "R2 says hello",
         "back": "R3 is heard again",
         "timeout": "gave up",
@@ -39,7 +39,7 @@ def test_a_run_tells_why_its_fleet_does_not_go(tmp_path, capsys):
     fleet._events.put((None, None))
     assert not fleet._follow()
     first, back, second = capsys.readouterr().err.splitlines()
-    assert re.fullmatch(r"\d\d:\d\d:\d\d R1: has no key that counts", first)
+    assert re.fullmatch(r"\d\d:\d\d:\d\d R1: has no valid key", first)
     assert back.endswith(" R3 is heard again")
     assert re.fullmatch(r"\d\d:\d\d:\d\d gave up", second)
 
