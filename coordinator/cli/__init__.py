@@ -1,5 +1,5 @@
-"""The commands: options, exit codes, which shell is started.
+"""The commands: their options and exit codes, and which shell each starts.
 
-A new command is a function in the module of its group.  It names its panel of the help: Plan, Run,
-Operate, Inspect or Keys.
+A new command is a function in the module of its group.  It names the panel of the help that lists
+it: Plan, Run, Operate, Inspect or Keys.
 """

@@ -1,6 +1,6 @@
-"""The command that tells what is in a log or a plan: info.
+"""The command that sums up a log or a plan: info.
 
-Decides: options, and where black boxes are looked for.  Heavy modules are imported when needed.
+Decides: its options, and where it looks for black boxes.  Heavy modules are imported when needed.
 """
 
 from __future__ import annotations
@@ -28,16 +28,18 @@ def info(
         Path | None,
         typer.Option(
             metavar="FOLDER",
-            help="Folder of black boxes ROBOT.csv; by default the log's, or blackbox in it.",
+            help="Folder of the black boxes ROBOT.csv; by default blackbox/ beside the log, "
+            "then the log's own folder.",
             exists=True,
             file_okay=False,
         ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Tell what happened: epochs, waits, faults, latencies, traffic; of a plan, who waits and why.
+    """Sum up a log (epochs, waits, faults, latencies, traffic) or a plan (who waits and why).
 
-    With the robots' black boxes: true arrivals, distances between robots and from their plans.
+    With the robots' black boxes it also shows when robots truly arrived, how near they came to
+    each other, and how far they were from their plans.
 
     Example: splinefleet info runs/demo/run.mcap --json
     """
@@ -60,7 +62,10 @@ def info(
 
 
 def _boxes_of(log: Log, beside: Path, asked: Path | None) -> dict[str, TrueCourse]:
-    """Return a log's black boxes; one that was not asked for and cannot be read is told of only."""
+    """Return a log's black boxes.
+
+    Unreadable ones raise InputError if the user named their folder; else a message says so.
+    """
     from coordinator.findings.info import courses_of
 
     try:

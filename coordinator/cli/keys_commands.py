@@ -1,6 +1,6 @@
 """The commands about keys: keys init, robot, observer, operator, coordinator, router, revoke, show.
 
-Decides: options and exit codes.
+Decides: their options and exit codes.
 """
 
 from __future__ import annotations
@@ -33,15 +33,17 @@ commands.add_typer(keys_commands, name="keys", rich_help_panel="Keys")
 _USUAL: Final = Path("keys")
 _HOST: Final = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]{0,251}[A-Za-z0-9])?")
 
-Keys = Annotated[Path, typer.Option("--keys", metavar="DIR", help="The folder of `keys init`.")]
-Days = Annotated[int, typer.Option(min=1, max=3650, help="Days until it expires.")]
-Names = Annotated[list[str], typer.Argument(metavar="NAME...", help="One or several.")]
+Keys = Annotated[
+    Path, typer.Option("--keys", metavar="DIR", help="Folder that `keys init` has made.")
+]
+Days = Annotated[int, typer.Option(min=1, max=3650, help="Days until the new keys expire.")]
+Names = Annotated[list[str], typer.Argument(metavar="NAME...", help="One name or several.")]
 Hosts = Annotated[
     list[str] | None,
     typer.Option(
         "--host",
-        help="Name or address under which the coordinator is reached, besides this machine's own; "
-        "repeatable.",
+        help="Name or address under which the coordinator can be reached, in addition to those of "
+        "this machine; repeatable.",
     ),
 ]
 
@@ -65,12 +67,12 @@ def init(
     for role in ("observer", "operator"):
         made += store.issue(role, [role], _now(), days)
     _tell_made(folder, made)
-    tell(f"{folder / 'authority'} makes more keys: keep it to yourself, no run needs it")
+    tell(f"{folder / 'authority'} signs further keys: keep it secret; no run needs it")
 
 
 @keys_commands.command()
 def robot(names: Names, keys: Keys = _USUAL, days: Days = 365) -> None:
-    """Make the keys of robots; each is given its own folder and nothing else.
+    """Make keys for robots; give each robot its own folder and nothing else.
 
     Example: splinefleet keys robot R1 R2 R3 --keys keys
     """
@@ -79,7 +81,7 @@ def robot(names: Names, keys: Keys = _USUAL, days: Days = 365) -> None:
 
 @keys_commands.command()
 def observer(names: Names, keys: Keys = _USUAL, days: Days = 365) -> None:
-    """Make the keys of those who only listen: record, view.
+    """Make keys for programs that only listen: record, view.
 
     Example: splinefleet keys observer office
     """
@@ -88,7 +90,7 @@ def observer(names: Names, keys: Keys = _USUAL, days: Days = 365) -> None:
 
 @keys_commands.command()
 def operator(names: Names, keys: Keys = _USUAL, days: Days = 365) -> None:
-    """Make the keys of operators, who let robots in again: admit.
+    """Make keys for operators, who let robots take part again: admit.
 
     Example: splinefleet keys operator shift-1
     """
@@ -97,7 +99,7 @@ def operator(names: Names, keys: Keys = _USUAL, days: Days = 365) -> None:
 
 @keys_commands.command()
 def coordinator(keys: Keys = _USUAL, host: Hosts = None, days: Days = 365) -> None:
-    """Make the coordinator's next key, when the one before expires or its hosts have changed.
+    """Make a new key for the coordinator, before the old one expires or when its hosts change.
 
     Example: splinefleet keys coordinator --host hall-3.local
     """
@@ -108,26 +110,36 @@ def coordinator(keys: Keys = _USUAL, host: Hosts = None, days: Days = 365) -> No
 def router(
     scenarios: Annotated[
         list[Path],
-        typer.Argument(metavar="SCENARIO...", help="Of all fleets that meet at the router."),
+        typer.Argument(
+            metavar="SCENARIO...", help="Scenarios of all fleets that connect to the router."
+        ),
     ],
     keys: Keys = _USUAL,
     host: Annotated[
         list[str] | None,
         typer.Option(
-            help="Name or address where the router is reached: makes its next key; repeatable."
+            help="Name or address under which the router can be reached; makes a new key for it; "
+            "repeatable."
         ),
     ] = None,
     days: Days = 365,
-    listen: Annotated[str, typer.Option(help="Where it listens.")] = "tls/0.0.0.0:7447",
+    listen: Annotated[
+        str, typer.Option(help="Endpoint on which the router listens.")
+    ] = "tls/0.0.0.0:7447",
     files: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Its folder on its host; by default where it is here."),
+        typer.Option(
+            metavar="DIR",
+            help="Folder of the router's keys on its host; by default the same path as here.",
+        ),
     ] = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="FILE.json5", callback=writable(".json5"))
     ] = Path("router.json5"),
 ) -> None:
-    """Write zenohd's configuration, anew after each key made or revoked and each new robot.
+    """Write the configuration of zenohd, the router.
+
+    Write it again whenever a key is made or revoked or a fleet gets a new robot.
 
     Example: splinefleet keys router hall.toml yard.toml --host router.local
     """
@@ -141,7 +153,7 @@ def router(
     if host:
         _issue("router", ["router"], keys, days, _hosts(host))
     elif "router" not in register.names("router"):
-        raise InputError([f"{keys}: holds no router's key; --host NAME, where it is reached"])
+        raise InputError([f"{keys}: holds no key of a router; --host NAME makes one"])
     own = read_key_files(keys, "router")
     now = _now()
     warnings = [own.warning(now)]
@@ -149,18 +161,21 @@ def router(
     for warning in filter(None, warnings):
         tell(warning)
     write_file(output, router_file(listen, own.moved_to(files), fleets, register.valid(now)))
-    tell(f"wrote {output}; it counts when the router starts with it")
+    tell(f"wrote {output}; it takes effect when the router is started with it")
 
 
 @keys_commands.command()
 def revoke(
-    who: Annotated[str, typer.Argument(metavar="WHO", help="A robot, or observer/NAME and so on.")],
+    who: Annotated[
+        str, typer.Argument(metavar="WHO", help="ROBOT, observer/NAME or operator/NAME.")
+    ],
     keys: Keys = _USUAL,
     generation: Annotated[
-        int | None, typer.Option(min=1, help="Only this key of it, as `keys show` numbers them.")
+        int | None,
+        typer.Option(min=1, help="Revoke only the key of this number, as `keys show` lists it."),
     ] = None,
 ) -> None:
-    """Refuse all keys that a name has until now, from the coordinator's next start on.
+    """Revoke all keys that a name has now; the coordinator refuses them from its next start on.
 
     Example: splinefleet keys revoke R1
     """
@@ -171,11 +186,11 @@ def revoke(
     hit = store.revoke(role, name, _now(), generation)
     if not hit:
         which = "" if generation is None else f" number {generation}"
-        raise InputError([f"{who}: has no key{which} that counts; splinefleet keys show tells all"])
+        raise InputError([f"{who}: has no valid key{which}; splinefleet keys show lists all keys"])
     for one in hit:
-        tell(f"{one.badge.who}: revoked; a coordinator that runs refuses it from its next start on")
+        tell(f"{one.badge.who}: revoked; a running coordinator refuses it only after a restart")
     if hit:
-        tell("a router refuses it when it starts with what splinefleet keys router writes then")
+        tell("for a router, run splinefleet keys router and restart it with the new file")
 
 
 @keys_commands.command()
@@ -227,7 +242,7 @@ def _issue(
     for badge in store.register().valid(_now()):
         latest = store.register().next_generation(role, badge.name) - 1
         if badge.role == role and badge.name in names and badge.generation < latest:
-            tell(f"{badge.who}: counts as well, until it expires or is revoked")
+            tell(f"{badge.who}: counts as well as the new key, until it expires or is revoked")
 
 
 def _tell_made(folder: Path, made: list[Issued]) -> None:
@@ -237,13 +252,13 @@ def _tell_made(folder: Path, made: list[Issued]) -> None:
 
 
 def _who(text: str) -> tuple[Role, str]:
-    """Read whom to revoke: a robot's name, or a role and a name."""
+    """Read whose keys to revoke: a robot's name, or a role and a name."""
     head, _, rest = text.rpartition("/")
     role = next((role for role in ROLES if role == (head or "robot")), None)
     if role is None or not _fits(rest):
-        raise InputError([f"{text[:60]!r} is nobody; it is ROBOT, observer/NAME or operator/NAME"])
+        raise InputError([f"{text[:60]!r} is not ROBOT, observer/NAME or operator/NAME"])
     if role in ("coordinator", "router"):
-        text = "robots do not learn of it; make a new authority with splinefleet keys init"
+        text = "robots would not learn of it; make a new authority with splinefleet keys init"
         raise InputError([f"the {role}'s key cannot be revoked: {text}"])
     return role, rest
 
@@ -256,7 +271,10 @@ def _hosts(given: list[str] | None) -> tuple[str, ...]:
 
 
 def _is_host(text: str) -> bool:
-    """Tell whether this is a name or an address; what ends in a number is no name (RFC 1123)."""
+    """Return whether a text is a host's name or address.
+
+    A text whose last label is a number is not a name (RFC 1123).
+    """
     if ":" in text or text.rpartition(".")[2].isdecimal():
         try:
             ipaddress.ip_address(text)
@@ -267,7 +285,7 @@ def _is_host(text: str) -> bool:
 
 
 def _fits(name: str) -> bool:
-    """Tell whether a name is one that can also be a folder's."""
+    """Return whether a name is valid and can also name a folder."""
     return NAME.fullmatch(name) is not None and name.strip(".") != ""
 
 

@@ -1,6 +1,6 @@
 """The commands about logs: record, recover, export; replay is sim/cli/replay_commands.py.
 
-Decides: options and exit codes.  Heavy modules are imported when a command needs them.
+Decides: their options and exit codes.  Heavy modules are imported when a command needs them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from protocol.keys import NAME
 commands = typer.Typer()
 
 Item = TypeVar("Item")
-Force = Annotated[bool, typer.Option("--force", help="Replace a file that is there.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
 
 
 def fleet_name(name: str | None) -> str | None:
@@ -40,7 +40,10 @@ def record(
         Path, typer.Option("-o", "--output", help="FILE.mcap", callback=writable(".mcap"))
     ] = Path("beside.mcap"),
     fleet: Annotated[
-        str | None, typer.Option(help="Fleet; without it the first heard.", callback=fleet_name)
+        str | None,
+        typer.Option(
+            help="Name of the fleet; by default the first one heard.", callback=fleet_name
+        ),
     ] = None,
     wait: Annotated[
         float, typer.Option(callback=within(0.1, 86_400.0), help="Seconds to wait for a link.")
@@ -49,7 +52,7 @@ def record(
     keys: Keys = None,
     force: Force = False,
 ) -> None:
-    """Record all of a fleet's traffic, listening only, until it is over or Ctrl-C.
+    """Record all traffic of a fleet by listening only, until its mission is over or Ctrl-C.
 
     Example: splinefleet record --connect tcp/127.0.0.1:7447 -o beside.mcap
     """
@@ -60,10 +63,10 @@ def record(
     files = given_keys(keys, "observer")
     use_few_threads()
     why = "" if files is None else ", or this key may not listen: was it revoked?"
-    quiet = f"linked, and nothing is heard: no fleet speaks here{why}; waiting, Ctrl-C ends it"
+    quiet = f"linked, but nothing is heard: no fleet speaks here{why}; waiting, Ctrl-C ends it"
 
     def say_unheard(robots: Sequence[str]) -> None:
-        tell_now(f"plan not heard: {', '.join(robots)}; the recording lacks it", "yellow")
+        tell_now(f"plan not heard: {', '.join(robots)}; the recording is without it", "yellow")
 
     recording = Recording(
         output, speed, replace=force, silence=lambda: tell_now(quiet), unheard=say_unheard
@@ -85,7 +88,7 @@ def _refuse_existing(output: Path, force: bool) -> None:
 
 
 def shown(items: Sequence[Item], what: str) -> Iterable[Item]:
-    """Yield the items with a progress bar for people on a terminal."""
+    """Yield the items; show a progress bar if standard error is a terminal."""
     from rich.progress import track
 
     return track(items, what, console=errors, transient=True, disable=not errors.is_terminal)
@@ -99,14 +102,14 @@ def recover(
         typer.Option(
             "-o",
             "--output",
-            help="WHOLE.mcap; by default LOG-whole.mcap beside it.",
+            help="File for the repaired log; by default LOG-whole.mcap beside LOG.mcap.",
             callback=writable(".mcap"),
         ),
     ] = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Make a cut or damaged log whole: every complete chunk, attachments, a proper end.
+    """Repair a truncated or damaged log: save all complete chunks and attachments, and close it.
 
     Example: splinefleet recover runs/demo/run.mcap -o whole.mcap
     """
@@ -133,7 +136,7 @@ def recover(
 
 
 def _write_at_once(path: Path, content: bytes) -> None:
-    """Write a file so that there is either all of it or what was there before."""
+    """Write a file atomically: a reader finds all of it, or what was there before."""
     part = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         write_file(part, content)
@@ -148,19 +151,31 @@ def _write_at_once(path: Path, content: bytes) -> None:
 @commands.command(rich_help_panel="Inspect")
 def export(
     source: Source,
-    to: Annotated[Literal["csv", "foxglove", "vda5050"], typer.Option(help="For which tools.")],
+    to: Annotated[Literal["csv", "foxglove", "vda5050"], typer.Option(help="Format to write.")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="FILE.csv, FILE.mcap, DIR", callback=writable())
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            help="FILE.csv, FILE.mcap or, for vda5050, a folder.",
+            callback=writable(),
+        ),
     ],
     step: Annotated[
-        float, typer.Option(callback=within(1e-3, 1e3), help="Seconds a row or a frame.")
+        float,
+        typer.Option(
+            callback=within(1e-3, 1e3),
+            help="Seconds from one CSV row or Foxglove frame to the next.",
+        ),
     ] = 0.05,
-    order_version: Annotated[Version, typer.Option(help="Said in VDA 5050 orders.")] = "2.1.0",
+    order_version: Annotated[
+        Version, typer.Option(help="VDA 5050 version to state in the orders.")
+    ] = "2.1.0",
 ) -> None:
-    """Write the robots' motions, by the plans in a plan file or a log, for other tools.
+    """Write the robots' motions for other tools, from the plans in a plan file or a log.
 
-    csv: robot,t,x,y,heading,s,v.  foxglove: an MCAP for Foxglove, Lichtblick and Rerun.
-    vda5050: an order per robot into DIR, of the newest plan.
+    csv: rows of robot,t,x,y,heading,s,v.  foxglove: an MCAP file for Foxglove, Lichtblick and
+    Rerun.  vda5050: a folder with one order per robot, from the newest plan.
 
     Example: splinefleet export runs/demo/run.mcap --to foxglove -o scene.mcap
     """

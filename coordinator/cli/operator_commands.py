@@ -1,6 +1,6 @@
-"""What an operator says to a running fleet: admit.
+"""The command by which an operator acts on a running fleet: admit.
 
-Decides: options and exit codes.
+Decides: its options and exit codes.
 """
 
 from __future__ import annotations
@@ -26,19 +26,22 @@ _PERIOD_S: Final = 0.2
 
 @commands.command(rich_help_panel="Operate")
 def admit(
-    robot: Annotated[str, typer.Argument(help="The robot to take in.")],
+    robot: Annotated[str, typer.Argument(help="The robot to admit.")],
     connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
-    fleet: Annotated[str | None, typer.Option(help="Fleet; without it the first heard.")] = None,
+    fleet: Annotated[
+        str | None, typer.Option(help="Name of the fleet; by default the first one heard.")
+    ] = None,
     wait: Annotated[
-        float, typer.Option(min=0.5, max=600.0, help="Seconds to wait for the fleet to take it in.")
+        float,
+        typer.Option(min=0.5, max=600.0, help="Seconds to wait for the fleet to admit the robot."),
     ] = 20.0,
     keys: Keys = None,
 ) -> None:
-    """Let a robot take part again: the fleet freezes and is planned anew with it.
+    """Let a robot take part again: the fleet freezes, and a new plan includes the robot.
 
-    One that was started again, or that was lost and is heard again.
+    For a robot that was restarted, or that was lost and is heard again.
 
-    Exit code 1 when it cannot be taken in, or the fleet does not begin a new epoch in time.
+    Exit code 1 if the robot cannot be admitted, or no new epoch begins within --wait.
 
     Example: splinefleet admit R3 --connect tcp/127.0.0.1:7447
     """
@@ -82,6 +85,6 @@ def admit(
     if asking.admitted:
         tell(f"{fleet}: {asking.answer}")
         return
-    late = f"no new epoch with {robot} within {wait:g} s; is it back, the fleet under way?"
+    late = f"no new epoch with {robot} within {wait:g} s; is it back, is the fleet under way?"
     tell(asking.answer or late, "red")
     raise typer.Exit(1)

@@ -1,6 +1,6 @@
 """The coordinator's commands: plan, verify, coordinator, plot.
 
-Decides: options and exit codes.  Heavy modules are imported when a command needs them.
+Decides: their options and exit codes.  Heavy modules are imported when a command needs them.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 commands = typer.Typer()
 
 ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")]
-PlanFile = Annotated[Path, typer.Argument(help="Plan file, as `plan -o` writes it.")]
+PlanFile = Annotated[Path, typer.Argument(help="Plan file, as written by `plan -o`.")]
 LogFile = Annotated[Path, typer.Argument(help="Log of a run, MCAP.")]
-Source = Annotated[Path, typer.Argument(help="Log of a run, MCAP, or plan file.")]
-Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
+Source = Annotated[Path, typer.Argument(help="Log of a run (MCAP) or plan file (JSON).")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 
 
 def within(least: float, most: float = math.inf) -> Callable[[float], float]:
-    """Return an option's check: a finite number from `least` to `most`, told with its value."""
+    """Return a callback that accepts an option's finite numbers from `least` to `most`."""
 
     def check(value: float) -> float:
         if not (math.isfinite(value) and least <= value <= most):
@@ -42,7 +42,7 @@ def within(least: float, most: float = math.inf) -> Callable[[float], float]:
 
 
 def one_of(*known: str) -> Callable[[list[str] | None], list[str] | None]:
-    """Return an option's check: every one of its values is known."""
+    """Return a callback that accepts a repeatable option if all its values are among `known`."""
 
     def check(names: list[str] | None) -> list[str] | None:
         if unknown := [name for name in names or [] if name not in known]:
@@ -53,7 +53,10 @@ def one_of(*known: str) -> Callable[[list[str] | None], list[str] | None]:
 
 
 def writable(*suffixes: str) -> Callable[[Path | None], Path | None]:
-    """Return an option's check: a file of one of the suffixes (any, without) in a folder there."""
+    """Return a callback that accepts a file with one of the suffixes in an existing folder.
+
+    Without suffixes it accepts any.
+    """
 
     def check(path: Path | None) -> Path | None:
         if path is None:
@@ -68,15 +71,18 @@ def writable(*suffixes: str) -> Callable[[Path | None], Path | None]:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder unless it is there; InputError in one line when that cannot be done."""
+    """Make a folder unless it exists; raise InputError of one line if that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError([f"{folder}: {error.strerror}, a folder is needed here"]) from None
+        raise InputError([f"{folder}: {error.strerror}; the output needs a folder"]) from None
 
 
 def newest_plan(source: Path, what_for: str) -> PlanDocument:
-    """Read a plan file, or the plan of a log's last epoch; of several epochs that is told."""
+    """Read a plan file, or the plan of a log's last epoch.
+
+    If the log holds plans of several epochs, a message says which one was taken.
+    """
     from coordinator.exchange.motion_story import documents_of
     from coordinator.findings.plans_from_messages import plans_said
     from coordinator.log.log_file import read_log
@@ -92,7 +98,7 @@ def newest_plan(source: Path, what_for: str) -> PlanDocument:
         raise InputError([f"{source}: holds no plan, there is nothing {what_for}"])
     last = max(documents)
     if len(documents) > 1:
-        tell(f"{source}: the plan of epoch {last}, the last of {len(documents)} that it holds")
+        tell(f"{source}: takes the plan of epoch {last}, the last of {len(documents)} in the log")
     if last in said:
         for note in said[last].notes:
             tell(f"{source}: {note}")
@@ -100,9 +106,18 @@ def newest_plan(source: Path, what_for: str) -> PlanDocument:
 
 
 Speed = Annotated[
-    float, typer.Option(callback=within(0.01, 1000.0), help="Times real time, 0.01 to 1000.")
+    float,
+    typer.Option(
+        callback=within(0.01, 1000.0),
+        help="Speed of the fleet's clock, 0.01 to 1000; 1 is real time, 2 twice as fast.",
+    ),
 ]
-Effort = Annotated[int, typer.Option(min=0, max=100_000, help="Rounds of improvement.")]
+Effort = Annotated[
+    int,
+    typer.Option(
+        min=0, max=100_000, help="How many tries the planner has to find a better robot order."
+    ),
+]
 
 
 @commands.command(rich_help_panel="Plan")
@@ -114,16 +129,23 @@ def plan(
     ] = None,
     csv: Annotated[
         Path | None,
-        typer.Option(help="The motions as rows over time, FILE.csv.", callback=writable(".csv")),
+        typer.Option(help="Also write the motions as CSV rows.", callback=writable(".csv")),
     ] = None,
     step: Annotated[
-        float, typer.Option(callback=within(1e-4, 1e3), help="Seconds a CSV row.")
+        float,
+        typer.Option(callback=within(1e-4, 1e3), help="Seconds from one CSV row to the next."),
     ] = 0.02,
-    policy: Annotated[Literal["safe", "paper"] | None, typer.Option(help="How to wait.")] = None,
+    policy: Annotated[
+        Literal["safe", "paper"] | None,
+        typer.Option(
+            help="How robots wait; paper, Algorithm 2 as printed, is for study only. "
+            "By default what the scenario says."
+        ),
+    ] = None,
     effort: Effort = 20,
     as_json: Json = False,
 ) -> None:
-    """Plan a scenario, prove the plan, write it.
+    """Plan a scenario, prove the plan and write it.
 
     Example: splinefleet plan examples/paper_five.toml -o plan.json --csv plan.csv
     """
@@ -159,11 +181,14 @@ def plan(
 @commands.command(rich_help_panel="Plan")
 def verify(
     plan: PlanFile,
-    scenario: Annotated[Path | None, typer.Option(help="Prove against this scenario.")] = None,
+    scenario: Annotated[
+        Path | None, typer.Option(help="Take the floor and the limits from this scenario.")
+    ] = None,
     allow_unproven: Annotated[
         list[str] | None,
         typer.Option(
-            help="Accept a file that says too little to prove this: clearance or limits.",
+            help="Accept the plan even if its file says too little to prove this: clearance or "
+            "limits; repeatable.",
             callback=one_of("clearance", "limits"),
         ),
     ] = None,
@@ -171,7 +196,8 @@ def verify(
 ) -> None:
     """Prove a plan again, from its file alone.
 
-    Exit code 1 when something does not hold, or cannot be looked at and is not allowed by name.
+    Exit code 1 if the proof does not hold, or if clearance or limits cannot be proven and
+    --allow-unproven does not name them.
 
     Example: splinefleet verify plan.json --scenario examples/paper_five.toml
     """
@@ -194,8 +220,8 @@ def verify(
     missing = [name for name in proof.unproven if name not in (allow_unproven or [])]
     for name in missing:
         tell(
-            f"{plan}: {name} is not proven: the file does not say enough; --scenario FILE does, "
-            f"--allow-unproven {name} accepts it"
+            f"{plan}: {name} is not proven: the file does not say enough; give --scenario FILE, "
+            f"or accept it with --allow-unproven {name}"
         )
     if missing or not proof.holds:
         raise typer.Exit(1)
@@ -205,7 +231,8 @@ def verify(
 def coordinator(
     scenario: ScenarioFile,
     listen: Annotated[
-        str | None, typer.Option(help="tcp/HOST:PORT; by default tcp/127.0.0.1:7447.")
+        str | None,
+        typer.Option(help="tcp/HOST:PORT to listen on; by default tcp/127.0.0.1:7447."),
     ] = None,
     connect: Annotated[
         str | None, typer.Option(help="tcp/HOST:PORT of a router, in place of --listen.")
@@ -213,20 +240,22 @@ def coordinator(
     keys: Keys = None,
     insecure: Insecure = False,
     log: Annotated[
-        Path | None, typer.Option(help="Record everything into this file.", callback=writable())
+        Path | None, typer.Option(help="Record all messages into this file.", callback=writable())
     ] = None,
-    resume: Annotated[Path | None, typer.Option(help="Go on from this log.")] = None,
+    resume: Annotated[
+        Path | None, typer.Option(help="Resume from this log of a coordinator that has ended.")
+    ] = None,
     plan_out: Annotated[
-        Path | None, typer.Option(help="Write plan.json here.", callback=writable(".json"))
+        Path | None, typer.Option(help="Write the plan to this file.", callback=writable(".json"))
     ] = None,
     speed: Speed = 1.0,
     effort: Effort = 20,
     wait: Annotated[
         float, typer.Option(callback=within(0.1), help="Seconds to wait for all robots.")
     ] = 60.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Events as JSON lines.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print events as JSON lines.")] = False,
 ) -> None:
-    """Run the coordinator alone; robots connect to it, or all of them to a router.
+    """Run only the coordinator; robots connect to it, or it and the robots to a router.
 
     Example: splinefleet coordinator site.toml --listen tcp/127.0.0.1:7447 --log run.mcap
     """
@@ -246,20 +275,22 @@ def plot(
     output: Annotated[
         Path, typer.Option("-o", "--output", help="FILE.svg, .png or .html.", callback=writable())
     ],
-    robots: Annotated[str, typer.Option(help="R1,R3: only these in full, the others faint.")] = "",
+    robots: Annotated[
+        str, typer.Option(help="Robots to draw in full, such as R1,R3; the others are faint.")
+    ] = "",
     detail: Annotated[
         bool | None,
         typer.Option(
             "--detail/--no-detail",
-            help="Control polygons and curvature combs; by default for 8 robots or fewer.",
+            help="Draw control polygons and curvature combs; by default for 8 robots or fewer.",
         ),
     ] = None,
 ) -> None:
     """Draw the floor with paths, crossings and stops, and the distance-time diagram.
 
-    Around the obstacles stand their outlines grown by radius + margin: no centre goes inside.
-    Of a log it is the last epoch's plan.
-    An .html file is the page of `splinefleet view`: it plays the plan or the log.
+    Around the obstacles are their outlines grown by radius + margin, which no centre enters.
+    For a log, the plan of its last epoch is drawn.
+    An .html file is the page of `splinefleet view`, which plays the plan or the log.
 
     Example: splinefleet plot plan.json -o plan.svg --robots R1,R3
     """

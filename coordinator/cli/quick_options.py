@@ -1,8 +1,9 @@
-"""Command lines read without building what only unusual values need.
+"""Reads command lines without building the validators that most options do not need.
 
-typer reads every value with a validator of pydantic's, which it imports and builds for each option
-of a command, given or not: 80 ms of a process's start.  Options that are not given, texts and paths
-need none.  Whatever else is given goes the usual way, so what is taken and what is said stay.
+typer reads every value with a validator of pydantic.  It imports pydantic and builds a validator
+for each option of a command, given or not, which takes 80 ms at the start of each process.  Options
+that are not given, texts and paths need no validator.  All other values are read as usual, so the
+accepted values and the error messages do not change.
 
 Decides: which values need no validator.  Must not know: commands.
 """
@@ -18,7 +19,7 @@ _Any: TypeAlias = Any  # typer's own classes, which are not public
 
 
 def _private(module: str, name: str) -> _Any:
-    """Return what a module of typer calls by a name, None in a typer that does not."""
+    """Return an attribute of a module of typer; None if this version does not have it."""
     with suppress(ImportError):
         return getattr(importlib.import_module(module), name, None)
     return None
@@ -31,16 +32,16 @@ _NOT_PLAIN: Final = object()
 
 
 def read_quickly() -> None:
-    """Have plain values read without validators; an unknown typer is left as it is."""
+    """Make typer read plain values without validators; leave an unknown version unchanged."""
     if _CHECKED_PATH is None or not hasattr(_PARAMETER, "get_runtime_param"):
         return
     usual = _PARAMETER.get_runtime_param
 
     class Reader:
-        """What typer asks for a value."""
+        """Stands in for the object that typer asks to read a value."""
 
         def coerce(self, value: _Any, param: _Any, ctx: _Any) -> _Any:
-            """Return an option's value; raises typer.BadParameter."""
+            """Return an option's value; raise typer.BadParameter if it is not valid."""
             plain = _plain(value, param, ctx)
             return (
                 usual(param).coerce(value, param=param, ctx=ctx) if plain is _NOT_PLAIN else plain
@@ -51,7 +52,7 @@ def read_quickly() -> None:
 
 
 def _plain(value: _Any, param: _Any, ctx: _Any) -> _Any:
-    """Return the value of an option that is not given or is a text or a path, else _NOT_PLAIN."""
+    """Return the value if the option is not given, a text or a path; else _NOT_PLAIN."""
     info, wanted = param.type_descriptor.parameter_info, param.type_descriptor.annotation
     if value is None:
         return () if param.multiple or param.nargs == -1 else None

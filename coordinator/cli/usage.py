@@ -1,6 +1,6 @@
-"""What is wrong with a command line, in one line: option, value, what is allowed.
+"""Describes an invalid command line in one line: the option, its value and what is allowed.
 
-Decides: the words for what Typer found.  Must not know: the commands.
+Decides: the wording of the errors that Typer finds.  Must not know: the commands.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LIMITS: Final = {
 
 
 def usage_line(error: typer.TyperException) -> str:
-    """Return one line for a command line that cannot be run; "" after the help, which says all."""
+    """Return one line for an invalid command line; "" if Typer has shown the help instead."""
     if isinstance(error, typer.BadParameter):
         name = _name(error)
         if type(error).__name__ == "MissingParameter":
@@ -34,7 +34,7 @@ def usage_line(error: typer.TyperException) -> str:
 
 
 def _usage(error: typer.TyperException) -> str:
-    """Return how the command is used, as the end of a line; nothing where that is not known."""
+    """Return the command's usage as the end of a line; "" if the command is not known."""
     context = getattr(error, "ctx", None)
     if context is None:
         return ""
@@ -43,7 +43,7 @@ def _usage(error: typer.TyperException) -> str:
 
 
 def _name(error: typer.BadParameter) -> str:
-    """Return the option or argument that an error is about, as it is written; "" for none."""
+    """Return the option or argument that an error is about, as users write it; "" if none."""
     hint = getattr(error, "param_hint", None)
     if hint is not None:
         return str(hint) if isinstance(hint, str) else str(hint[-1])
@@ -56,7 +56,7 @@ def _name(error: typer.BadParameter) -> str:
 
 
 def _problem(error: typer.BadParameter) -> str:
-    """Return what is wrong with a value, with the value."""
+    """Return a description of what is wrong with a value, including the value."""
     found = getattr(error.__cause__, "errors", None)
     if found is None:
         return _plain(error.message)

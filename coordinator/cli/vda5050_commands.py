@@ -1,6 +1,6 @@
-"""The commands about VDA 5050: import; and the part of export that writes orders.
+"""The VDA 5050 commands: import, and the part of export that writes orders.
 
-Decides: options, files, exit codes.  Heavy modules are imported when a command needs them.
+Decides: their options, files and exit codes.  Heavy modules are imported when a command needs them.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from coordinator.exchange.vda5050_reading import Ordered
 
 commands = typer.Typer()
-imports = typer.Typer(no_args_is_help=True, help="Make a scenario from what other tools write.")
+imports = typer.Typer(no_args_is_help=True, help="Make a scenario from files of other tools.")
 commands.add_typer(imports, name="import", rich_help_panel="Plan")
 
 
 @imports.command("vda5050")
 def import_vda5050(
-    orders: Annotated[list[Path], typer.Argument(help="Orders, a JSON file each.")],
+    orders: Annotated[list[Path], typer.Argument(help="JSON files, each with one order.")],
     output: Annotated[
         Path,
         typer.Option(
@@ -37,20 +37,26 @@ def import_vda5050(
     ],
     like: Annotated[
         Path | None,
-        typer.Option(help="Scenario with the floor, and robots of these names with their limits."),
+        typer.Option(
+            help="Scenario from which to take the floor, and the limits of robots of the same name."
+        ),
     ] = None,
     radius: Annotated[
         float,
-        typer.Option(callback=within(1e-3, 1e3), help="Metres, of robots not known otherwise."),
+        typer.Option(callback=within(1e-3, 1e3), help="Radius in metres of robots not in --like."),
     ] = 0.3,
     max_speed: Annotated[
-        float, typer.Option(callback=within(1e-3, 999.0), help="In m/s, where orders say none.")
+        float,
+        typer.Option(
+            callback=within(1e-3, 999.0), help="Speed limit in m/s where an order states none."
+        ),
     ] = 0.5,
     rounding: Annotated[
-        float, typer.Option(callback=within(0.0, 1.0), help="Metres that corners may be cut by.")
+        float,
+        typer.Option(callback=within(0.0, 1.0), help="Most metres by which corners may be cut."),
     ] = 0.02,
 ) -> None:
-    """Read VDA 5050 orders as given paths of a scenario: schedule somebody else's paths.
+    """Make a scenario whose robots drive the paths of VDA 5050 orders.
 
     Example: splinefleet import vda5050 orders/*.json --like hall.toml -o theirs.toml
     """
@@ -64,7 +70,7 @@ def import_vda5050(
     for robot in made.robots:
         if robot.path is not None and robot.path.rounding > 0.0:
             tell(
-                f"{robot.id}: the path has corners, they are cut by up to {robot.path.rounding:g} m"
+                f"{robot.id}: the path has corners; they are cut by up to {robot.path.rounding:g} m"
             )
     if output.suffix.lower() == ".json":
         write_file(output, scenario_to_json(made))
@@ -74,7 +80,7 @@ def import_vda5050(
 
 
 def _read_all(files: list[Path]) -> list[Ordered]:
-    """Read all orders; InputError with every problem of all of them."""
+    """Read all orders; raise InputError with the problems of all of them."""
     from coordinator.exchange.vda5050_reading import read_order
 
     problems: list[str] = []
@@ -89,7 +95,7 @@ def _read_all(files: list[Path]) -> list[Ordered]:
             found.append((file, order))
     names = Counter(order.robot for _, order in found)
     problems += dict.fromkeys(
-        f"{file}: serialNumber: {order.robot} has {names[order.robot]} orders, give one a robot"
+        f"{file}: serialNumber: {order.robot} has {names[order.robot]} orders; give each robot one"
         for file, order in found
         if names[order.robot] > 1
     )
@@ -105,7 +111,7 @@ def _name(output: Path) -> str:
 
 
 def write_orders(source: Path, folder: Path, version: Version) -> None:
-    """Write the orders of a plan file, or of the newest plan in a log, into a folder."""
+    """Write orders for a plan file, or for the newest plan in a log, into a folder."""
     from coordinator.exchange.vda5050_orders import orders_of
 
     now = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

@@ -1,6 +1,6 @@
 """The command that shows a plan, a log or a running fleet in a browser: view.
 
-Decides: options and exit codes.
+Decides: its options and exit codes.
 """
 
 from __future__ import annotations
@@ -22,9 +22,13 @@ commands = typer.Typer()
 def view(
     source: Annotated[
         Path | None,
-        typer.Argument(help="Log or plan file; with --connect the plan, for the floor."),
+        typer.Argument(
+            help="Log or plan file; with --connect, the plan file that shows the floor."
+        ),
     ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65_535, help="Port; 0: a free one.")] = 0,
+    port: Annotated[
+        int, typer.Option(min=0, max=65_535, help="Port of the page; 0 takes a free one.")
+    ] = 0,
     open_: Annotated[
         bool, typer.Option("--open/--no-open", help="Open the page in a browser.")
     ] = True,
@@ -32,10 +36,12 @@ def view(
         str | None,
         typer.Option(help="Follow a running fleet: tcp/HOST:PORT of the coordinator or router."),
     ] = None,
-    fleet: Annotated[str | None, typer.Option(help="Fleet; without it the first heard.")] = None,
+    fleet: Annotated[
+        str | None, typer.Option(help="Name of the fleet; by default the first one heard.")
+    ] = None,
     keys: Keys = None,
 ) -> None:
-    """Look at a plan, a log or a running fleet on a page of this machine; Ctrl-C ends.
+    """Show a plan, a log or a running fleet on a page served by this machine until Ctrl-C.
 
     Example: splinefleet view runs/demo/run.mcap
     """
@@ -65,5 +71,5 @@ def view(
             import webbrowser
 
             if not webbrowser.open(address):
-                tell("no browser was found; open the address yourself")
+                tell("no browser was found; open the address in one")
         threading.Event().wait()

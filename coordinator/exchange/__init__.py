@@ -1,4 +1,4 @@
-"""Plans and logs for other tools: VDA 5050, Foxglove, points, CSV.
+"""Converts plans and logs to formats of other tools: VDA 5050, Foxglove, points, CSV.
 
-A new export is a module here and an option of `cli/log_commands.py`.
+A new export is a module of this room and an option in `cli/log_commands.py`.
 """

@@ -1,10 +1,11 @@
-"""A story as an MCAP file that Foxglove, Lichtblick and Rerun open directly.
+"""Writes a story as an MCAP file that Foxglove, Lichtblick and Rerun open directly.
 
-Decides: topics, and when what appears.  Must not know: shapes (foxglove_scene.py, point_clouds.py).
+Decides: the topics, and at which time each thing appears.  Must not know: shapes
+(foxglove_scene.py, point_clouds.py).
 
 Topics: /tf (FrameTransforms), /floor, /robots, /paths, /zones (SceneUpdate), /log (Log); for Rerun
-/points/floor, /points/paths and /points/robots/NAME (PointCloud).  All are Protobuf, by
-foxglove-sdk; the file is written as our logs are, with every checksum.
+/points/floor, /points/paths and /points/robots/NAME (PointCloud).  All messages are Protobuf,
+encoded by foxglove-sdk.  The file is written like the project's logs, with all checksums.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ from coordinator.plan.document import PlanDocument, Reason
 
 _SECOND: Final = 1_000_000_000
 _LAST_NS: Final = 2**32 * _SECOND - 1
-"""The last time that a Timestamp holds, in 2106."""
+"""The latest time that a Timestamp can hold, in 2106."""
 
 _MOST_FRAMES: Final = 1_000_000
 
@@ -109,12 +110,12 @@ def _time_ns(zero_ns: int, t: float) -> int:
 
 
 def _stamp(story: Story, t: float) -> Timestamp:
-    """Return a time of the story as one since 1970: the log time of the message that has it."""
+    """Return a time of the story as time since 1970, the log time of messages with this stamp."""
     return Timestamp(*divmod(_time_ns(story.zero_ns, t), _SECOND))
 
 
 def _scenes(story: Story) -> list[Told]:
-    """Return all that is not motion, sorted by time."""
+    """Return all messages but those of motion, sorted by time."""
     colours = {name: colour_of(i) for i, name in enumerate(sorted(story.of_robots()))}
     told = [*_static(story, colours), *_paths(story, colours), *_zones(story), *_lines(story)]
     return sorted(told, key=lambda one: one.t)
@@ -135,7 +136,10 @@ def _static(story: Story, colours: dict[str, Colour]) -> Iterator[Told]:
 
 
 def _paths(story: Story, colours: dict[str, Colour]) -> Iterator[Told]:
-    """Yield every epoch's paths when it begins, the first one's at once; older ones go."""
+    """Yield each epoch's paths when it begins, and those of the first at the story's beginning.
+
+    The paths of the epoch before are deleted.
+    """
     shown: set[str] = set()
     epochs: dict[int, list[Leg]] = {}
     for leg in story.legs:
@@ -157,7 +161,7 @@ def _deletion(name: str, now: Timestamp) -> SceneEntityDeletion:
 
 
 def _zones(story: Story) -> Iterator[Told]:
-    """Yield the zones that robots wait for, lit while they do."""
+    """Yield the zones that robots wait to enter, lit during the waits."""
     for epoch, document in story.documents.items():
         legs = {leg.driven.id: leg for leg in story.legs if leg.epoch == epoch}
         for number, reason in enumerate(document.waits):
@@ -175,14 +179,14 @@ def _zones(story: Story) -> Iterator[Told]:
 
 
 def _departure(document: PlanDocument, reason: Reason) -> float:
-    """Return when the wait of a reason ends by the plan [s]."""
+    """Return the plan time [s] at which the wait of a reason ends."""
     robot = document.robot(reason.robot)
     departs = {stop.s: stop.depart for stop in robot.stops} | {0.0: robot.start_time}
     return departs[min(departs, key=lambda s: abs(s - reason.s))]
 
 
 def _lines(story: Story) -> Iterator[Told]:
-    """Yield what happened as lines of text."""
+    """Yield phases, arrivals and faults as lines of text."""
     if story.summary is None:
         return
     begin = story.first + (story.summary.zero or 0.0)
@@ -205,7 +209,7 @@ def _line(story: Story, t: float, level: LogLevel, text: str, robot: str) -> Tol
 
 
 def _frames(story: Story, step: float, progress: Progress) -> Iterator[Told]:
-    """Yield where every robot is, every `step` seconds."""
+    """Yield the places of all robots every `step` seconds."""
     count = max(math.ceil((story.last - story.first) / step), 0)
     if count > _MOST_FRAMES:
         raise InputError([f"--step: {step:g} s makes {count:,} frames; at most {_MOST_FRAMES:,}"])
@@ -218,7 +222,10 @@ def _frames(story: Story, step: float, progress: Progress) -> Iterator[Told]:
 
 
 def _poses(legs: Sequence[Leg], times: Array) -> Array:
-    """Return a robot's x, y [m] and heading [rad] at times, (n, 3): at rest between its legs."""
+    """Return a robot's x, y [m] and heading [rad] at times, (n, 3).
+
+    Between its legs the robot is at rest.
+    """
     begins = np.array([leg.start for leg in legs])
     which = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
     poses = np.empty((len(times), 3))

@@ -1,7 +1,7 @@
-"""What viewers draw of a story: floor, obstacles, paths, zones, robots.
+"""Makes the entities that viewers draw of a story: floor, obstacles, paths, zones, robots.
 
-Decides: shapes and colours, those of Okabe and Ito.  Must not know: files, or when things appear
-(foxglove.py).
+Decides: their shapes, and their colours, which are those of Okabe and Ito.  Must not know: files,
+or when things appear (foxglove.py).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from coordinator.exchange.motion_story import Leg
 from coordinator.plan.document import Floor, Reason
 
 FRAME: Final = "floor"
-"""The frame that everything stands in; each robot has one of its own."""
+"""The frame of the floor; the frame of each robot is relative to it."""
 
 
 class Colour(NamedTuple):
@@ -59,7 +59,7 @@ _STRIP: Final = LinePrimitiveLineType.LineStrip
 _LOOP: Final = LinePrimitiveLineType.LineLoop
 
 _HEIGHT: Final = 0.2
-"""How high robots are drawn [m]."""
+"""The height of drawn robots [m]."""
 
 _CORNERS: Final = 48
 _ZONE_STEP: Final = 0.05
@@ -71,14 +71,14 @@ def frame_of(robot: str) -> str:
 
 
 def colour_of(index: int) -> Colour:
-    """Return the colour of a robot by its place among the others."""
+    """Return the colour of a robot from its index in the fleet."""
     text = _COLOURS[index % len(_COLOURS)]
     red, green, blue = (int(text[i : i + 2], 16) / 255.0 for i in (0, 2, 4))
     return Colour(red, green, blue)
 
 
 def ring(radius: float) -> Array:
-    """Return corners of a circle around the origin, (n, 2) [m]."""
+    """Return points on a circle around the origin, (n, 2) [m]."""
     angles = np.linspace(0.0, math.tau, _CORNERS, endpoint=False)
     return radius * np.column_stack((np.cos(angles), np.sin(angles)))
 
@@ -90,7 +90,7 @@ def pose_at(x: float = 0.0, y: float = 0.0, z: float = 0.0, heading: float = 0.0
 
 
 def floor_entities(floor: Floor, now: Timestamp) -> list[SceneEntity]:
-    """Return the floor's outline and its obstacles, filled."""
+    """Return the floor's outline and its filled obstacles."""
     outline = _line(_LOOP, np.array(floor.boundary), LINE, 0.03)
     entities = [_entity("floor", now, lines=[outline])]
     for number, corners in enumerate(floor.obstacles, start=1):
@@ -119,7 +119,7 @@ def path_entity(leg: Leg, colour: Colour, now: Timestamp) -> SceneEntity:
 
 
 def robot_entity(leg: Leg, colour: Colour, now: Timestamp) -> SceneEntity:
-    """Return a robot's body, an arrow ahead and its name, in a frame of its own."""
+    """Return a robot's body, an arrow that points ahead, and its name, in the robot's frame."""
     radius, name = leg.driven.radius, leg.driven.id
     size = Vector3(x=2.0 * radius, y=2.0 * radius, z=_HEIGHT)
     arrow = ArrowPrimitive(
@@ -145,7 +145,7 @@ def robot_entity(leg: Leg, colour: Colour, now: Timestamp) -> SceneEntity:
 def zone_entity(
     name: str, reason: Reason, mine: Leg, theirs: Leg, lit: bool, now: Timestamp
 ) -> SceneEntity:
-    """Return a zone that one robot waits to enter: both stretches, and while `lit` who waits."""
+    """Return a zone that a robot waits to enter: both stretches and, if `lit`, who waits."""
     colour = _LIT if lit else _ZONE
     stretches = [_stretch(mine, reason.zone), _stretch(theirs, reason.their_zone)]
     x, y = mine.driven.curve.at_arc([reason.s])[0].tolist()
@@ -161,7 +161,7 @@ def zone_entity(
 
 
 def _rests(leg: Leg, s: float, since: float) -> bool:
-    """Tell whether a leg of the motion that begins at s at a time begins after a rest."""
+    """Return whether the leg of a timeline that begins at s, at time `since`, follows a rest."""
     return s > 0.0 and leg.driven.timeline.v_at(math.nextafter(since, -math.inf)) == 0.0
 
 
@@ -179,7 +179,7 @@ def _entity(
     triangles: list[TriangleListPrimitive] | None = None,
     texts: list[TextPrimitive] | None = None,
 ) -> SceneEntity:
-    """Return what stands on the floor until another of that name comes."""
+    """Return an entity in the floor's frame that is shown until another of its name replaces it."""
     return SceneEntity(
         timestamp=now,
         frame_id=FRAME,
@@ -214,19 +214,19 @@ def _paint(colour: Colour) -> Color:
 
 
 def _cylinder(pose: Pose, size: Vector3, colour: Colour) -> CylinderPrimitive:
-    """Return a cylinder along z around a pose."""
+    """Return a cylinder along z, centred at a pose."""
     return CylinderPrimitive(
         pose=pose, size=size, bottom_scale=1.0, top_scale=1.0, color=_paint(colour)
     )
 
 
 def _label(pose: Pose, size: float, colour: Colour, text: str) -> TextPrimitive:
-    """Return a text that faces whoever looks, `size` metres high."""
+    """Return a text that faces the viewer, `size` metres high."""
     return TextPrimitive(pose=pose, billboard=True, font_size=size, color=_paint(colour), text=text)
 
 
 def _filled(corners: Sequence[tuple[float, float]]) -> TriangleListPrimitive:
-    """Return a polygon as triangles, whatever its shape."""
+    """Return a polygon, convex or not, as triangles."""
     parts = shapely.constrained_delaunay_triangles(shapely.Polygon(corners))
     rings = [np.asarray(part.exterior.coords)[:3] for part in shapely.get_parts(parts)]
     places = np.concatenate(rings) if rings else np.empty((0, 2))

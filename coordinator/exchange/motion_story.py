@@ -1,4 +1,6 @@
-"""Where robots were over a whole log, or are in a plan: by their plans, for nobody sent positions.
+"""Computes the robots' motions over a whole log, or in a plan.
+
+Robots send no positions, so the motions follow from the plans.
 
 Decides: which plan a robot drove when, and where it came to rest.  Must not know: file formats of
 other tools (foxglove.py).
@@ -33,14 +35,15 @@ from protocol import codec, keys, phases
 from protocol.messages import Command, Hello, Plan, Report
 
 _UNKNOWN_RADIUS: Final = 0.15
-"""What a robot that never said its radius is drawn with [m]."""
+"""Radius [m] with which a robot is drawn that has never stated its own."""
 
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """What one robot drove in one epoch: its plan from `start` on, its plan's time zero.
+    """What one robot drove in one epoch: its plan, whose time zero is `start` [s].
 
-    From plan time `brake` [s] on it braked at `rate` [m/s^2] (0: it stood at once) and rested.
+    From plan time `brake` [s] on it braked at `rate` [m/s^2] (0: it stopped at once) and then
+    rested.
     """
 
     epoch: int
@@ -51,7 +54,7 @@ class Leg:
 
     @property
     def end(self) -> float:
-        """When the robot came to rest."""
+        """The time [s] at which the robot came to rest."""
         line = self.driven.timeline
         if self.brake >= line.finish:
             return self.start + line.finish
@@ -76,10 +79,10 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class Story:
-    """All legs of all robots, in the order of their epochs; what is known besides.
+    """The legs of all robots, in the order of their epochs, and the plans and summary of the log.
 
-    `zero_ns`: when the story's time is zero, ns since 1970 (0 of a plan); `first`, `last` [s]: the
-    times that it tells of.  `summary`: what `info` says of the log.
+    `zero_ns`: the story's time zero in ns since 1970 (0 for a plan).  `first`, `last` [s]: when the
+    story begins and ends.  `summary`: the summary of `info`, for a log.
     """
 
     name: str
@@ -99,7 +102,7 @@ class Story:
 
 
 def read_story(path: Path) -> Story:
-    """Return the story of a log (MCAP) or of a plan file; InputError when it is neither."""
+    """Return the story of a log (MCAP) or of a plan file; raise InputError if it is neither."""
     if path.suffix == ".json":
         return story_of_plan(plan_file.read(path))
     return story_of_log(read_log(path))
@@ -113,7 +116,7 @@ def story_of_plan(document: PlanDocument) -> Story:
 
 
 def story_of_log(log: Log) -> Story:
-    """Return the story of a log, as far as its robots were sent on their way."""
+    """Return the story of a log, which consists of the epochs that got a GO."""
     heard = _Heard(log)
     documents = documents_of(log)
     lag_ns = clock_lag(log)
@@ -141,7 +144,7 @@ def csv_lines(story: Story, step: float) -> Iterator[str]:
 
 
 def documents_of(log: Log) -> dict[int, PlanDocument]:
-    """Return the plans that a log holds, by epoch: those of the log that it goes on from too."""
+    """Return by epoch the plans in a log and in the logs that it resumes from."""
     found: dict[int, PlanDocument] = {}
     for part in (*readable_logs_before(log), log):
         for name, data in part.attachments.items():
@@ -189,7 +192,7 @@ class _Heard:
 
     def _hear_command(self, command: Command, log_ns: int) -> None:
         if self.log.metadata.get("boot", str(command.boot)) != str(command.boot):
-            return  # of another coordinator
+            return  # from another coordinator
         if command.phase == phases.GO:
             self.turns.setdefault(command.epoch, _Turn(command.start_ns))
         elif command.phase == phases.FREEZE and command.epoch in self.turns:
@@ -198,7 +201,7 @@ class _Heard:
 
 
 def _driven(heard: _Heard, documents: Mapping[int, PlanDocument]) -> dict[int, dict[str, Driven]]:
-    """Return what every robot drove, by epoch: from the plans attached, else from the wire."""
+    """Return by epoch what every robot drove, from attached plans, else from messages."""
     found: dict[int, dict[str, Driven]] = {}
     radii = heard.radii
     for epoch in heard.turns:
@@ -217,7 +220,11 @@ def _driven(heard: _Heard, documents: Mapping[int, PlanDocument]) -> dict[int, d
 def _legs(
     heard: _Heard, driven: Mapping[int, Mapping[str, Driven]], zero_ns: int, lag_ns: int
 ) -> list[Leg]:
-    """Return the legs; a robot of a frozen epoch ends where it said, or was last heard of."""
+    """Return the legs of all robots.
+
+    In a frozen epoch, a robot's leg ends where the robot reported to rest or, without such a
+    report, where its plan has it when it was last heard.
+    """
     legs = []
     for epoch, turn in sorted(heard.turns.items()):
         start_ns = turn.start_ns + lag_ns

@@ -1,4 +1,4 @@
-"""Floor, paths and robots as clouds of points, which Rerun draws; it does not draw scenes.
+"""Makes point clouds of floor, paths and robots for Rerun, which does not draw scene updates.
 
 Decides: how dense the points are.  Must not know: files, or when things appear
 (foxglove.py).
@@ -25,12 +25,12 @@ from coordinator.exchange.motion_story import Leg
 from coordinator.plan.document import Floor
 
 _SPACING: Final = 0.05
-"""From one point to the next [m], where that is not more than _MOST points of a line."""
+"""Distance between points of a line [m], unless the line would have more than _MOST points."""
 
 _MOST: Final = 5_000
 
 _AHEAD: Final = 12
-"""Points of the line that tells where a robot's front is."""
+"""Number of points of the line that shows where a robot's front is."""
 
 _PLACE: Final = ("x", "y", "z")
 _COLOUR: Final = ("red", "green", "blue", "alpha")
@@ -51,7 +51,7 @@ def floor_cloud(floor: Floor, now: Timestamp) -> PointCloud:
 
 
 def paths_cloud(legs: Sequence[Leg], colours: Sequence[Colour], now: Timestamp) -> PointCloud:
-    """Return robots' paths, each in its colour, and their goals as rings."""
+    """Return the robots' paths and their goals as rings, each in its robot's colour."""
     parts = []
     for leg, colour in zip(legs, colours, strict=True):
         length = leg.driven.timeline.length
@@ -62,7 +62,7 @@ def paths_cloud(legs: Sequence[Leg], colours: Sequence[Colour], now: Timestamp) 
 
 
 def robot_cloud(leg: Leg, colour: Colour, now: Timestamp) -> PointCloud:
-    """Return a robot's outline and a line ahead, in a frame of its own."""
+    """Return a robot's outline and a line that points ahead, in the robot's frame."""
     radius = leg.driven.radius
     ahead = np.column_stack((np.linspace(0.0, radius, _AHEAD), np.zeros(_AHEAD)))
     return _cloud(frame_of(leg.driven.id), now, [(ring(radius), colour), (ahead, colour)])

@@ -1,7 +1,8 @@
-"""VDA 5050 orders: the fields that this project writes, under their names in versions 2.1 and 3.0.
+"""The fields of VDA 5050 orders that this project writes, for versions 2.1 and 3.0.
 
-Decides: which fields an order has; both versions' where they differ in name only.  Must not know:
-plans (vda5050_orders.py), or what orders of others look like (vda5050_reading.py).
+Decides: which fields an order has.  A field whose name differs between the versions is written
+under both names.  Must not know: plans (vda5050_orders.py), or what orders of other programs look
+like (vda5050_reading.py).
 
 Source: https://github.com/VDA5050/VDA5050, json_schemas/order.schema
 """
@@ -25,7 +26,7 @@ class ControlPoint(msgspec.Struct, frozen=True):
 
 
 class Trajectory(msgspec.Struct, frozen=True, rename="camel"):
-    """A NURBS: clamped knots from 0 to 1, control points + degree + 1 of them."""
+    """A NURBS with clamped knots from 0 to 1; there are control points + degree + 1 knots."""
 
     degree: int
     knot_vector: list[float]
@@ -33,14 +34,14 @@ class Trajectory(msgspec.Struct, frozen=True, rename="camel"):
 
 
 class Parameter(msgspec.Struct, frozen=True):
-    """What an action is told."""
+    """A parameter of an action: its key and value."""
 
     key: str
     value: float | str
 
 
 class Action(msgspec.Struct, frozen=True, rename="camel"):
-    """What is done at a node."""
+    """An action that the robot performs at a node."""
 
     action_type: str
     action_id: str
@@ -58,7 +59,7 @@ class NodePosition(msgspec.Struct, frozen=True, rename="camel"):
 
 
 class Node(msgspec.Struct, frozen=True, rename="camel"):
-    """A place on the way; `released`: in the base, else in the horizon."""
+    """A place on the way, in the base if `released`, else in the horizon."""
 
     node_id: str
     sequence_id: int
@@ -70,7 +71,7 @@ class Node(msgspec.Struct, frozen=True, rename="camel"):
 class Edge(msgspec.Struct, frozen=True, rename="camel"):
     """The way between two nodes: `length` [m], speeds [m/s].
 
-    `max_speed` is version 2's name for `maximum_speed`; version 3 has no node ids here.
+    `max_speed` is the name of `maximum_speed` in version 2.  Edges of version 3 have no node ids.
     """
 
     edge_id: str

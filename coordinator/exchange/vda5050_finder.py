@@ -1,6 +1,7 @@
-"""What is wrong with a VDA 5050 file, found while its parts are read.
+"""Collects the problems of a VDA 5050 file while its parts are read.
 
-Decides: how a problem is worded, file and field first.  Must not know: which parts an order has.
+Decides: the form of a problem, which begins with file and field.  Must not know: which parts an
+order has.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ class Finder(NamedTuple):
     problems: list[str]
 
     def note(self, field: str, problem: str) -> None:
-        """Note what is wrong with a field."""
+        """Note a problem of a field."""
         self.problems.append(f"{self.file}: {field}: {problem}")
 
     def items(self, table: Mapping[str, Any], key: str, where: str) -> list[Any]:
-        """Return a list of an object; an empty one when it is absent or bad, which is noted."""
+        """Return the list under a key; note a missing or invalid one and return an empty list."""
         value = table.get(key)
         if isinstance(value, list):
             return value
@@ -31,7 +32,7 @@ class Finder(NamedTuple):
         return []
 
     def number(self, value: object, where: str, allowed: Quantity) -> float:
-        """Return a number; NaN for a bad one, which is noted."""
+        """Return a number; note an invalid one and return NaN."""
         problem = allowed.complaint(value)
         if problem:
             self.note(where, problem)

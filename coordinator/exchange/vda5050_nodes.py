@@ -1,7 +1,7 @@
-"""The nodes of a VDA 5050 order, which its edges lead from and to.
+"""Reads the nodes of a VDA 5050 order, between which its edges lead.
 
-Decides: what nodes may say, and the wording of each fault.  Must not know: trajectories, which say
-where a robot drives, wherever its nodes are.
+Decides: what nodes may contain, and the wording of each problem.  Must not know: trajectories,
+which alone decide where a robot drives.
 """
 
 from __future__ import annotations
@@ -19,9 +19,10 @@ _ENDS: Final = ("startNodeId", "endNodeId")
 
 
 def read_nodes(order: Mapping[str, Any], found: Finder) -> float:
-    """Return the least deviation [m] that nodes allow; a number, or the axes of an ellipse.
+    """Return the least deviation [m] that the nodes allow; note what is wrong with them.
 
-    0 says nothing of it.  An order need not say its nodes; what is wrong with them is noted.
+    A node states its deviation as a number or as the axes of an ellipse; 0 states none.  An order
+    need not have nodes.
     """
     least = math.inf
     named: list[Named] = []
@@ -40,7 +41,7 @@ def read_nodes(order: Mapping[str, Any], found: Finder) -> float:
 
 
 def check_ends(order: Mapping[str, Any], edges: list[Named], found: Finder) -> None:
-    """Note edges that lead from or to a node which the order does not have."""
+    """Note edges that lead from or to a node that the order does not have."""
     nodes = order.get("nodes")
     if not nodes or not isinstance(nodes, list):
         return
@@ -58,7 +59,7 @@ def _nodes(order: Mapping[str, Any], found: Finder) -> list[Any]:
 
 
 def _deviation(position: Mapping[str, Any], where: str, found: Finder) -> float:
-    """Return how far [m] a robot may be from a node's place; inf when that says nothing of it."""
+    """Return how far [m] a robot may be from a node's place; inf if the node states nothing."""
     for axis in "xy":
         if position.get(axis) is not None:
             found.number(position[axis], f"{where}.{axis}", COORDINATE)

@@ -1,11 +1,12 @@
-"""A plan as VDA 5050 orders, one per robot.
+"""Makes VDA 5050 orders from a plan, one per robot.
 
-Nodes stand at the start, the stops and the goal; an edge's trajectory is the piece of the curve
-between its nodes, cut by knot insertion.  The base reaches to the first place where the robot
-waits for another: what lies beyond is the horizon, which a master control releases in time.  The
-waits themselves are blocking actions with their length, so that an order says all that a plan does.
+Nodes are at the start, the stops and the goal.  An edge's trajectory is the piece of the curve
+between its nodes, cut by knot insertion.  The base reaches to the first place where the robot waits
+for another; the rest is the horizon, which a master control releases in time.  Each wait is a
+blocking action with its duration, so that an order says all that a plan does.
 
-Decides: what of a plan an order says.  Must not know: files, clocks (the time is an argument).
+Decides: which parts of a plan an order states.  Must not know: files, clocks (the time is an
+argument).
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ MANUFACTURER: Final = "splinefleet"
 
 
 class _Place(NamedTuple):
-    """A node to be: arc length [m], parameter, and the wait from `arrive` to `depart` [s]."""
+    """A node: arc length [m], curve parameter, and the wait from `arrive` to `depart` [s]."""
 
     s: float
     u: float
@@ -50,7 +51,7 @@ class _Place(NamedTuple):
 def orders_of(
     document: PlanDocument, timestamp: str, version: Version = "2.1.0"
 ) -> dict[str, Order]:
-    """Return every robot's order by its id; `timestamp`: when they are made, ISO 8601, UTC."""
+    """Return the orders by robot id; `timestamp` is the time of the orders, ISO 8601, UTC."""
     return {
         robot.id: _order(document, robot, index, timestamp, version)
         for index, robot in enumerate(document.robots)
@@ -109,7 +110,11 @@ def _node(
 
 
 def _wait(robot: str, index: int, place: _Place) -> Action:
-    """Return the wait at a node: `duration` as planned [s], `until` in plan time [s], for whom."""
+    """Return the wait at a node as an action.
+
+    Its parameters are `duration` [s], `until` [s of plan time] and `yieldsTo`, the robot that is
+    waited for.
+    """
     parameters = [
         Parameter("duration", place.depart - place.arrive),
         Parameter("until", place.depart),
@@ -139,7 +144,7 @@ def _edge(
 
 
 def trajectory_of(curve: Nurbs) -> Trajectory:
-    """Return a curve as a trajectory: the same control points, knots from 0 to 1."""
+    """Return a curve as a trajectory with the same control points and with knots from 0 to 1."""
     return Trajectory(
         degree=curve.degree,
         knot_vector=(curve.knots / curve.knots[-1]).tolist(),

@@ -1,7 +1,7 @@
-"""VDA 5050 orders of anybody, read as given paths of a scenario's robots.
+"""Reads VDA 5050 orders of any program as given paths of a scenario's robots.
 
-Decides: what an order has to say, what stands for what it leaves out, and the wording of each
-fault.  Must not know: files, floors (a scenario's, when there is one, is an argument).
+Decides: what an order must contain, the defaults for what it leaves out, and the wording of each
+problem.  Must not know: files, floors (the scenario with the floor, if any, is an argument).
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ _KNOT: Final = Quantity(least=-math.inf, most=math.inf)
 _SPEEDS: Final = ("maximumSpeed", "maxSpeed")
 
 _GAP: Final = 1e-3
-"""Trajectories that end this near [m] to where the next one begins are put together."""
+"""Trajectories are joined if one ends within this distance [m] of where the next one begins."""
 
 _ROOM: Final = 1.0
-"""A floor made for paths reaches this much farther [m] than the robots need."""
+"""A floor that is made for the paths reaches this much farther [m] than the robots need."""
 
 
 class Ordered(NamedTuple):
-    """What an order says: the robot, its curve, and limits that hold everywhere on it.
+    """What an order states: the robot, its curve, and limits that apply everywhere on it.
 
-    speed [m/s]: the least that is permitted anywhere, inf if nothing is said.  deviation [m]: the
-    least that a node allows, inf likewise.
+    speed [m/s]: the lowest speed limit of any edge, inf if none is stated.  deviation [m]: the
+    least deviation that a node allows, inf if none is stated.
     """
 
     robot: str
@@ -63,7 +63,10 @@ class Ordered(NamedTuple):
 
 
 class Assumed(NamedTuple):
-    """What orders do not say: radius [m], speed [m/s], and by how much [m] corners may be cut."""
+    """Defaults for what orders do not state.
+
+    radius [m]; max_speed [m/s]; rounding [m]: by how much corners may be cut.
+    """
 
     radius: float
     max_speed: float
@@ -71,7 +74,10 @@ class Assumed(NamedTuple):
 
 
 def read_order(text: bytes, file: str, problems: list[str]) -> Ordered | None:
-    """Return what an order says; None when it is wrong, every problem being noted, a line each."""
+    """Return what an order states; None if it is invalid.
+
+    All its problems are added to `problems`, one line each.
+    """
     found = Finder(printable(file), [])
     try:
         order = json.loads(text)
@@ -97,8 +103,8 @@ def scenario_of(
 ) -> Scenario:
     """Return a scenario whose robots drive the paths of orders.
 
-    Floor, margin, tau and the limits of robots of the same name are those of the scenario `like`;
-    without one the floor is a rectangle around all paths.  A path with corners gets a rounding.
+    Floor, margin, tau, and the limits of robots of the same name are those of the scenario `like`.
+    Without it the floor is a rectangle around all paths.  A path with corners gets a rounding.
     """
     known = {} if like is None else {robot.id: robot for robot in like.robots}
     robots = tuple(_robot(order, assumed, known) for order in orders)
@@ -147,7 +153,7 @@ def _robot(order: Ordered, assumed: Assumed, known: Mapping[str, Robot]) -> Robo
 
 
 def _robot_name(order: Mapping[str, Any], found: Finder) -> str:
-    """Return the serial number as a robot's id: what an id may not have becomes a dash."""
+    """Return the serial number as a robot's id; a dash replaces characters that ids cannot have."""
     name = order.get("serialNumber")
     if not isinstance(name, str) or not name:
         found.note("serialNumber", "is missing" if name is None else f"{show(name)} is no name")
@@ -157,7 +163,7 @@ def _robot_name(order: Mapping[str, Any], found: Finder) -> str:
 
 
 def _parts(order: Mapping[str, Any], found: Finder) -> tuple[list[Nurbs], float]:
-    """Return the curves of an order's edges, in order, and the least speed permitted [m/s]."""
+    """Return the curves of an order's edges, in sequence, and the lowest speed limit [m/s]."""
     before = len(found.problems)
     edges = found.items(order, "edges", "edges")
     if not edges and len(found.problems) == before:
@@ -190,7 +196,7 @@ def _speed(edge: Mapping[str, Any], where: str, found: Finder) -> float:
 
 
 def _trajectory(edge: Mapping[str, Any], where: str, found: Finder) -> Nurbs | None:
-    """Return an edge's curve; degree 1, weights of 1 and uniform knots stand for absent ones."""
+    """Return an edge's curve; the defaults are degree 1, weights of 1 and uniform knots."""
     where = f"{where}.trajectory"
     value = edge.get("trajectory")
     if not isinstance(value, dict):
@@ -207,7 +213,7 @@ def _trajectory(edge: Mapping[str, Any], where: str, found: Finder) -> Nurbs | N
         places = (f"{where}.knotVector[{i}]" for i in range(len(given)))
         knots = tuple(found.number(u, at, _KNOT) for u, at in zip(given, places, strict=True))
         if not knots and len(found.problems) == before:
-            found.note(f"{where}.knotVector", "is empty; without one knots are evenly spread")
+            found.note(f"{where}.knotVector", "is empty; leave it out for evenly spaced knots")
     if len(found.problems) > before:
         return None
     path = GivenPath(degree=degree, control_points=points, knots=knots, weights=weights)

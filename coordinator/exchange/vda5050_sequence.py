@@ -1,6 +1,6 @@
-"""In which order the edges or nodes of a VDA 5050 order come: by their sequenceId.
+"""Sorts the edges or nodes of a VDA 5050 order by their sequenceId.
 
-Decides: how a sequenceId that makes no sense is told.  Must not know: what else edges or nodes say.
+Decides: the wording for an invalid sequenceId.  Must not know: what else edges or nodes contain.
 """
 
 from __future__ import annotations
@@ -12,11 +12,14 @@ from coordinator.exchange.vda5050_finder import Finder
 from coordinator.scenario.checks import show
 
 Named = tuple[str, Mapping[str, Any]]
-"""An edge or node, and where it stands in its order."""
+"""The place of an edge or node in its file, for messages, and the edge or node itself."""
 
 
 def in_sequence(named: list[Named], found: Finder) -> list[Named]:
-    """Return edges or nodes by sequenceId, as they stand if none has one; bad ones are noted."""
+    """Return edges or nodes sorted by sequenceId, or as they are if none has one.
+
+    Note each missing or invalid sequenceId if others have one.
+    """
     if all(edge.get("sequenceId") is None for _, edge in named):
         return named
     places: dict[int, str] = {}
@@ -26,7 +29,7 @@ def in_sequence(named: list[Named], found: Finder) -> list[Named]:
             what = "is missing" if number is None else f"{show(number)} is not a whole number"
             found.note(f"{where}.sequenceId", what)
         elif number in places:
-            found.note(f"{where}.sequenceId", f"{number} is that of {places[number]} too")
+            found.note(f"{where}.sequenceId", f"{number} is also that of {places[number]}")
         else:
             places[number] = where
     known = {where: number for number, where in places.items()}

@@ -1,9 +1,9 @@
-"""Where a robot left its plan for good, told from its reports: one account for page, export, info.
+"""Finds from a robot's reports where it left its plan for good; used by page, export and info.
 
-Decides: that it braked evenly, with the rate of its plan, to where it said that it rests; that one
-which rested sooner after its first word of braking than braking takes was stopped where its plan
-had it there; that one which was not heard of again stands from when it was last heard.  Must not
-know: logs, pictures.
+Decides three cases.  A robot is taken to have braked at the constant rate of its plan, and to have
+come to rest where it reported.  If it rested sooner after its first report of braking than braking
+takes, it was stopped at once, at the time at which its plan has it at that place.  If it was not
+heard again, it stands still from when it was last heard.  Must not know: logs, pictures.
 """
 
 from __future__ import annotations
@@ -19,21 +19,25 @@ from protocol.timing import SECOND
 _HALVINGS: Final = 60
 
 _SUDDEN: Final = 0.5
-"""A robot that rests within this share of the time that braking takes was stopped at once."""
+"""A robot that comes to rest within this share of its braking time was stopped at once."""
 
 
 class Broken(NamedTuple):
-    """A plan is left at plan time `brake` [s] and braked at `rate` [m/s^2]; 0: it stood at once."""
+    """The plan time `brake` [s] at which a robot left its plan, and the rate of its braking.
+
+    `rate` is in m/s^2; 0 means that the robot stopped at once.
+    """
 
     brake: float
     rate: float
 
 
 class Words:
-    """What one robot said in one epoch; times [ns] are of whatever clock heard it.
+    """What one robot reported in one epoch; times [ns] are on the listener's clock.
 
-    `phase`: the last one.  `rest` [m]: the first word about where it rests.  `stopping_ns`,
-    `stopped_ns`: since when it has said that it brakes or rests, and that it rests.
+    `phase`: its last phase.  `rest`: the arc length [m] at which it first reported to rest.
+    `stopping_ns`: since when it has reported that it brakes or rests.  `stopped_ns`: since when it
+    has reported that it rests.
     """
 
     def __init__(self) -> None:
@@ -44,7 +48,7 @@ class Words:
         self.stopped_ns: int | None = None
 
     def take_phase(self, phase: int, now_ns: int) -> bool:
-        """Take in a phase; tell whether the robot has begun to stop."""
+        """Record a phase; return whether the robot has begun to stop."""
         fresh = self.stopping_ns is None and phase in (BRAKING, FROZEN)
         self.phase, self.last_ns = phase, now_ns
         if phase == MOVING:  # on its way again, by new times
@@ -58,10 +62,10 @@ class Words:
     def broken(
         self, line: Timeline, rate: float, start_ns: int, frozen_ns: int | None
     ) -> Broken | None:
-        """Return where the robot left its plan; None when it did not.
+        """Return where the robot left its plan; None if it did not.
 
-        rate: how it brakes [m/s^2]; start_ns: the plan's time zero; frozen_ns: when all were told
-        to stop, None when they were not.
+        rate: how it brakes [m/s^2]; start_ns: the plan's time zero; frozen_ns: when the fleet was
+        commanded to stop, None if it was not.
         """
         if self.rest is not None:
             brake = brakes_at(line, self.rest, rate)
@@ -84,14 +88,14 @@ class Words:
 
 
 class Said:
-    """What all robots said, by epoch and robot."""
+    """What all robots reported, by epoch and robot."""
 
     def __init__(self) -> None:
         self._words: dict[tuple[int, str], Words] = {}
         self._last_ns: dict[str, int] = {}
 
     def take(self, report: Report, robot: str, now_ns: int) -> bool:
-        """Take in a report; tell whether it says that, or where, the robot has left its plan."""
+        """Record a report; return whether it says that, or where, the robot has left its plan."""
         self._last_ns[robot] = now_ns
         fresh = self.of(report.epoch, robot).take_phase(report.phase, now_ns)
         if report.rest is None:
@@ -102,16 +106,16 @@ class Said:
         return fresh
 
     def of(self, epoch: int, robot: str) -> Words:
-        """Return what a robot said in an epoch."""
+        """Return what a robot reported in an epoch."""
         return self._words.setdefault((epoch, robot), Words())
 
     def who(self, epoch: int) -> set[str]:
-        """Return the robots that said something in an epoch: they hold its plan."""
+        """Return the robots that reported in an epoch, which shows that they have its plan."""
         found = {name for number, name in self._words if number == epoch}
         return {name for name in found if self._words[epoch, name].last_ns is not None}
 
     def last_ns(self, robot: str) -> int | None:
-        """Return when a robot was last heard, in any epoch; None: never."""
+        """Return when a robot was last heard, in any epoch; None if never."""
         return self._last_ns.get(robot)
 
     def done(self) -> set[str]:
@@ -120,9 +124,9 @@ class Said:
 
 
 def brakes_at(line: Timeline, s: float, rate: float) -> float:
-    """Return when a robot that rests at arc length s [m] began to brake [s]; inf: it did not.
+    """Return when [s] a robot that rests at arc length s [m] began to brake; inf if it did not.
 
-    rate: how it brakes [m/s^2]; 0: at once.
+    rate: how it brakes [m/s^2]; 0 means that it stops at once.
     """
 
     def rests(t: float) -> float:

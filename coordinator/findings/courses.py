@@ -1,7 +1,8 @@
-"""Where a log's robots were over time, by their plans and by their black boxes, told in numbers.
+"""Computes where a log's robots were over time, from their plans and their black boxes.
 
-Decides: whose plan held when, how far from it a robot truly was, who came nearest to whom.  Must
-not know: files, how numbers are shown.  Times are seconds since the log's zero, see info.py.
+Decides: which plan a robot followed at which time, how far from it the robot truly was, and who
+came nearest to whom.  Must not know: files, how numbers are shown.  Times are seconds since the
+log's zero, see info.py.
 """
 
 from __future__ import annotations
@@ -26,17 +27,17 @@ if TYPE_CHECKING:
     from coordinator.log.records import Record
 
 Turn = tuple[int, int]
-"""An epoch, and how often its times were changed."""
+"""An epoch, and how often new times have replaced its times."""
 
 _ROW: Final = 0.02
-"""Time [s] by which a row of a black box may be off: it is written once per control tick."""
+"""Most time [s] by which a black box's row may be off; it is written once per control tick."""
 
 
 class Courses:
-    """Goes through a log beside `info`, which calls `hear` with every message that counts.
+    """Collects the robots' courses; `info` calls `hear` with every message that counts.
 
-    `zero_ns`: what times count from, `lag_ns`: how far the log's clock is ahead of the
-    coordinator's; `boot`: whose Commands count, "" for everybody's.
+    `zero_ns`: the time from which times count.  `lag_ns`: how far the log's clock is ahead of the
+    coordinator's.  `boot`: the coordinator whose Commands count, "" for any.
     """
 
     def __init__(self, zero_ns: int, lag_ns: int, boot: str) -> None:
@@ -49,7 +50,7 @@ class Courses:
         self._end = 0.0
 
     def hear(self, message: Message, robot: str, record: Record) -> None:
-        """Take in a message."""
+        """Record what a message says of plans and times."""
         now = (record.log_ns - self._zero_ns) / 1e9
         self._end = max(self._end, now)
         if isinstance(message, Command) and self._boot in ("", str(message.boot)):
@@ -75,9 +76,9 @@ class Courses:
             self._begins.setdefault(turn, now)
 
     def fill(self, robots: Mapping[str, RobotSummary], boxes: Mapping[str, TrueCourse]) -> None:
-        """Put who came how near to whom into the robots' summaries, and what only boxes know.
+        """Fill in each robot's nearest other robot, and the fields that need a black box.
 
-        Distances are those of the black boxes where every robot that drove has one.
+        Distances come from the black boxes if every robot that drove has one, else from the plans.
         """
         rides = self._rides()
         for name, box in boxes.items():
@@ -99,14 +100,14 @@ class Courses:
             )
 
     def _times(self, boxes: list[TrueCourse]) -> Array:
-        """Return when to look: from the first GO to the end, none before a GO."""
+        """Return the times to look at, from the first GO to the end; none without a GO."""
         if not self._starts:
             return np.empty(0)
         ends = (float(box.t[-1]) for box in boxes)
         return times_between(min(self._starts.values()), max([self._end, *ends]))
 
     def _rides(self) -> dict[str, list[tuple[Turn, RideSamples]]]:
-        """Return what every robot drove, in the order of the epochs and their new times."""
+        """Return the rides of every robot, in the order of the epochs and their new times."""
         found: dict[str, list[tuple[Turn, RideSamples]]] = {}
         for turn, robot in sorted(self._plans):
             if turn[0] in self._starts:
@@ -118,18 +119,21 @@ class Courses:
         return found
 
     def _begin(self, turn: Turn) -> float:
-        """Return from when on a robot drove by a plan, or by new times."""
+        """Return the time from which a plan, or new times, applied."""
         return self._starts[turn[0]] if turn[1] == 0 else self._begins[turn]
 
     def _halted(self, epoch: int, robot: str, ride: RideSamples) -> RideSamples:
-        """Return the ride with where it ended, if that was before its plan did."""
+        """Return the ride, cut off where the robot left its plan if it did."""
         start_ns = self._zero_ns + round(self._starts[epoch] * SECOND)
         words = self._said.of(epoch, robot)
         broken = words.broken(ride.line, ride.rate, start_ns, self._frozen.get(epoch))
         return ride if broken is None else ride.halted(*broken)
 
     def _by_plan(self, rides: list[tuple[Turn, RideSamples]], times: Array) -> Array:
-        """Return where the plans had a robot, (n, 2): at rest before, between and after them."""
+        """Return a robot's places by its plans, (n, 2).
+
+        The robot is at rest before, between and after its plans.
+        """
         places = np.empty((len(times), 2))
         begins = [self._begin(turn) for turn, _ in rides]
         which = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
@@ -139,9 +143,10 @@ class Courses:
         return places
 
     def _tracking(self, rides: list[tuple[Turn, RideSamples]], box: TrueCourse) -> float | None:
-        """Return the greatest distance [m] from the plans while they held; None without any.
+        """Return the greatest distance [m] from the plans while they applied; None without plans.
 
-        New times hold from when the robot keeps to them: one that stood late has taken them then.
+        New times apply from when the robot keeps to them: a late robot that stood has taken them
+        then.
         """
         worst: list[float] = []
         held = {turn: box.timed_from(self._begins[turn]) for turn, _ in rides if turn[1]}

@@ -1,10 +1,10 @@
-"""What happened, told from a log: epochs, arrivals, waits, faults, bytes, who came near whom.
+"""Sums up a log: epochs, arrivals, waits, faults, bytes, who came near whom.
 
 Decides: how a log is summed up.  Must not know: files (log/log_file.py and true_course.py read
 them), what a plan should look like, or how the summary is shown (info_table.py).
 
-All times count in seconds from the time zero of the first epoch that got a GO, as in black boxes
-and on the page; in a log without one, from its first message.
+All times are seconds from the time zero of the first epoch that got a GO, as in black boxes and on
+the page; in a log without a GO, from its first message.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def summarise(
 ) -> dict[str, object]:
     """Return the summary of a log as plain data, the fields of `Summary`.
 
-    boxes: the robots' black boxes, as far as they are known; before: the logs that this one goes on
+    boxes: the robots' black boxes, as far as they are known; before: the logs that this one resumes
     from, oldest first.
     """
     summary: dict[str, object] = msgspec.to_builtins(_Telling(log, boxes, before).summary)
@@ -70,7 +70,7 @@ def summarise(
 
 
 def courses_of(log: Log, folders: Iterable[Path]) -> dict[str, TrueCourse]:
-    """Return the black boxes of a log's robots that are in these folders."""
+    """Return those black boxes of a log's robots that are in these folders."""
     places = (keys.split(key) for key in {record.key for record in log.records})
     robots = {place[2] for place in places if place is not None and place[1] == "report"}
     return courses_in(folders, sorted(robots))
@@ -139,7 +139,7 @@ class _Telling:
             told.broadcast = broadcast(told, self._ours, seconds)
 
     def _take_plans(self) -> None:
-        """Take what plans say, from the attachments, or from the messages where there are none."""
+        """Take facts of plans from the attachments, or from messages where none is attached."""
         told = self.summary
         starts = {epoch: self._seconds(start_ns) for epoch, start_ns in self._starts_ns.items()}
         take_plans(told, self._plans, starts)
@@ -199,14 +199,14 @@ class _Telling:
         self._tell(message, robot, record)
 
     def _tell_refused(self, kind: str, robot: str, record: Record) -> None:
-        """Tell why somebody who is no robot of the fleet was refused, and nothing else of it."""
+        """Record why somebody who is no robot of the fleet was refused, and nothing else."""
         message = codec.decode(kind, record.payload)
         if isinstance(message, Refusal):
             self._tell_fault(record.log_ns, robot, message.reason, "refusal")
         self.summary.bad_messages += message is None and kind != "alive"
 
     def _count_stranger(self, record: Record) -> None:
-        """Tell of a refused link; count what is on the fleet's keys without being a message."""
+        """Record a refused link; count payloads on the fleet's keys that are no messages."""
         denial = denial_of(record.payload) if is_denial_key(record.key) else None
         if denial is not None:
             self._tell_fault(record.log_ns, "", denial.text, "denied")
@@ -248,7 +248,7 @@ class _Telling:
             self._tell_fault(log_ns, "", "the fleet was told to freeze", "freeze")
 
     def _tell_new_times(self, message: NewTimes, robot: str, log_ns: int) -> None:
-        """Tell of new times once for all robots that get them, however often they are sent."""
+        """Record new times once for all robots that get them, however often they are sent."""
         told = self._epochs.setdefault(message.epoch, EpochSummary(message.epoch)).new_times
         if not told or told[-1].revision < message.revision:
             told.append(NewTimesSummary(self._seconds(log_ns), message.revision, self._late))
@@ -256,7 +256,7 @@ class _Telling:
             told[-1].robots.append(robot)
 
     def _ending(self, epoch: EpochSummary, phase: int) -> str:
-        """Return how an epoch ends in a phase."""
+        """Return in what way an epoch ended, given the phase that ended it."""
         if phase == phases.FREEZE:
             return "arrived" if self._numbers.stopped_nobody else "frozen"
         if phase == phases.OVER:
@@ -264,7 +264,7 @@ class _Telling:
         return "running"
 
     def _tell_unfit(self, record: Record) -> None:
-        """Tell of robots that a new epoch leaves where they stand because they failed too often."""
+        """Record robots that a new epoch leaves out because they have failed too often."""
         request = request_of(record.payload)
         for one in request.told if request is not None else ():
             if one.state != "unfit":
@@ -274,7 +274,7 @@ class _Telling:
                 self._tell_fault(record.log_ns, one.robot, self._unfit[one.robot], "unfit")
 
     def _tell_silence(self, log_ns: int) -> None:
-        """Tell which robots had not been heard for too long when the fleet was frozen."""
+        """Record which robots had been silent for too long when the fleet was frozen."""
         for robot, (heard_ns, phase) in self._heard.items():
             known = self._robot(robot).fault is not None
             if not known and phase != phases.DONE and log_ns - heard_ns > REPORT_TIMEOUT:
@@ -282,7 +282,7 @@ class _Telling:
                 self._tell_fault(log_ns, robot, "fell silent", "silence")
 
     def _tell_link(self, robot: str, alive: bool, log_ns: int) -> None:
-        """Tell of a link that is gone while the fleet is under way."""
+        """Record the loss of a link while the fleet is under way."""
         if not alive and self._phase is not None and self._phase[1] != phases.OVER:
             told = self._robot(robot)
             if told.arrived is None:

@@ -1,4 +1,4 @@
-"""What is told about a log or a plan: the fields of `splinefleet info`.
+"""The fields of the summary that `splinefleet info` gives of a log or a plan.
 
 Decides: the fields.  Must not know: logs or messages (info.py), or tables (info_table.py).
 """
@@ -12,7 +12,7 @@ from coordinator.plan.document import Proof
 
 
 class Traffic(msgspec.Struct):
-    """What went over one key; payload bytes; the rates are over the whole log."""
+    """The messages on one key; bytes are of payload, rates are averages over the whole log."""
 
     messages: int = 0
     bytes: int = 0
@@ -21,7 +21,7 @@ class Traffic(msgspec.Struct):
 
 
 class PhaseChange(msgspec.Struct):
-    """From `t` [s] on the Command stated this phase."""
+    """The Command stated this phase from `t` [s] on."""
 
     t: float
     phase: str
@@ -30,7 +30,7 @@ class PhaseChange(msgspec.Struct):
 class NewTimesSummary(msgspec.Struct):
     """New times within an epoch, first sent at `t` [s]: who was late, and whose times changed.
 
-    `late`: null where the log does not tell.
+    `late`: null if the log does not say.
     """
 
     t: float
@@ -42,8 +42,9 @@ class NewTimesSummary(msgspec.Struct):
 class EpochSummary(msgspec.Struct):
     """One epoch: its plan's time zero `start` [s], null if it never got a GO; arrivals [s].
 
-    `ended`: "over"; "frozen", on the way; "arrived", all that had a part in it, though others of
-    the fleet had not; "nobody goes", without a GO; "running" at the end of the log.
+    `ended`: "over"; "frozen", while robots were on the way; "arrived", when all that had a part in
+    it had arrived but others of the fleet had not; "nobody goes", without a GO; "running", if the
+    log ends before the epoch does.
     """
 
     epoch: int
@@ -63,9 +64,9 @@ class StopSummary(msgspec.Struct):
 
 
 class NearestSummary(msgspec.Struct, frozen=True):
-    """The robot that came nearest to one: the distance of their centres [m], and when [s].
+    """The robot that came nearest to one robot, the distance of their centres [m], and when [s].
 
-    `source`: "black boxes", or "plans" where not every robot's is known.
+    `source`: "black boxes", or "plans" if not every robot's black box is known.
     """
 
     robot: str
@@ -75,11 +76,12 @@ class NearestSummary(msgspec.Struct, frozen=True):
 
 
 class RobotSummary(msgspec.Struct):
-    """One robot: its plan, the last one with a GO that names it; the rest from the wire; times [s].
+    """One robot: facts of its plan, the last one with a GO, and of its messages; times [s].
 
-    `late`: heard of as arrived so long after the plan's finish, which is up to a report period
-    more than it was.  `reports_lost`: gaps in its sequence numbers.  `true_arrival` and
-    `tracking_error` [m], the greatest distance from its plans, are from its black box.
+    `late`: how long after the plan's finish its arrival was heard of, which is up to a report
+    period more than it was late.  `reports_lost`: gaps in the sequence numbers of its Reports.
+    `true_arrival` and `tracking_error` [m], the greatest distance from its plans, are from its
+    black box.
     """
 
     plan_bytes: int = 0
@@ -102,7 +104,8 @@ class RobotSummary(msgspec.Struct):
 class FaultSummary(msgspec.Struct):
     """Something that went wrong, or a freeze of robots that were under way (kind "freeze").
 
-    Other kinds: "report", of a robot; "silence"; "link", gone; "refusal"; "unfit", left behind.
+    Other kinds: "report", a fault that a robot reported; "silence"; "link", a lost link; "refusal";
+    "unfit", a robot left behind.
     """
 
     t: float
@@ -112,7 +115,7 @@ class FaultSummary(msgspec.Struct):
 
 
 class Percentiles(msgspec.Struct, frozen=True):
-    """How long something took [s]: half of `count` times at most `median`, and so on."""
+    """How long something took [s]: in half of `count` cases at most `median`, and so on."""
 
     count: int
     median: float
@@ -122,11 +125,12 @@ class Percentiles(msgspec.Struct, frozen=True):
 
 
 class FreezeSummary(msgspec.Struct):
-    """A freeze at `t` [s] and how long it took; null: not in the log.
+    """A freeze at `t` [s] and how long its parts took [s]; null for what is not in the log.
 
-    `notice`: from the first sign of a fault in the log to FREEZE, null when silence was the sign;
-    `silence`: for how long the most silent robot had not been heard; `rest`: from FREEZE to the
-    report by which every robot that still spoke was at rest; `go`: from FREEZE to the next GO.
+    `notice`: from the first sign of a fault in the log to FREEZE, null if silence was the sign.
+    `silence`: how long the robot that was silent longest had not been heard.  `rest`: from FREEZE
+    to the report by which every robot that was still heard was at rest.  `go`: from FREEZE to the
+    next GO.
     """
 
     t: float
@@ -138,11 +142,11 @@ class FreezeSummary(msgspec.Struct):
 
 
 class Broadcast(msgspec.Struct, frozen=True):
-    """Beside what this fleet sent in all: the same one telling every position to every robot.
+    """The fleet's traffic, compared with that of a fleet that broadcasts every robot's position.
 
-    Deliveries and their payload, as if each robot sent `position_bytes` to each other one `rate`
-    times a second, `seconds` long: from the first GO to the last arrival.  A Command counts once
-    for each robot that it reaches.
+    The broadcasting fleet's numbers count deliveries and their payload, as if each robot sent
+    `position_bytes` to each other robot `rate` times a second for `seconds`, from the first GO to
+    the last arrival.  Of this fleet, a Command counts once for each robot that it reaches.
     """
 
     robots: int
@@ -156,19 +160,21 @@ class Broadcast(msgspec.Struct, frozen=True):
 
 
 class Summary(msgspec.Struct):
-    """The whole; `duration` [s] of the log, `tau` [s] of its first plan.
+    """The whole summary; `duration` [s] of the log, `tau` [s] of its first plan.
 
-    All times count from GO of the first epoch, which is `zero` [s] after the log's first message
-    (before it, in the log of a resumed coordinator); null without a GO: from the first message.
-    `source`: "log" or "plan"; of a plan nothing but its own fields is known.  `waits`: of every
-    epoch's plan, `proof`: of the last one.
+    All times count from the GO of the first epoch, which is `zero` [s] after the log's first
+    message, or before it in the log of a resumed coordinator.  Without a GO `zero` is null and
+    times count from the first message.
+    `source`: "log" or "plan"; for a plan, only the fields that a plan has are filled in.  `waits`:
+    those of every epoch's plan.  `proof`: that of the last plan.
     `bad_messages`: payloads on the fleet's keys that no receiver accepts.  `dropped`: messages that
     are not in the log, by cause.  `damage`: where the file is not as it was written.  `passive`:
-    recorded by one who only listened.  `latencies`: command_age and report_age, from the stamp of
-    the coordinator's session to the recording; command_gap, from one Command to the next; the
-    freezes' parts.  `lost_messages`: gaps in the sequence numbers of Reports and Commands.
-    `robot_payload_bytes_per_second`: of the busiest robot, from the first GO to the last arrival,
-    null when there was none.
+    whether a program that only listened recorded the log.  `latencies`: command_age and report_age,
+    from the stamp of the coordinator's session to the recording; command_gap, from one Command to
+    the next; the parts of the freezes.  `lost_messages`: gaps in the sequence numbers of Reports
+    and Commands.
+    `robot_payload_bytes_per_second`: what the busiest robot sent, from the first GO to the last
+    arrival; null if no robot arrived.
     """
 
     fleet: str

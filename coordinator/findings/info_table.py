@@ -1,6 +1,6 @@
-"""The summary of a log or a plan as tables for people.
+"""Shows the summary of a log or a plan as tables for people.
 
-Decides: what a person sees first.  Must not know: logs or messages, only the summary's fields.
+Decides: what a person sees first.  Must not know: logs or messages; it gets the summary's fields.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from protocol.keys import ROOT
 
 
 def render(summary: dict[str, object]) -> RenderableType:
-    """Return the tables for what `info.summarise` or `info.summarise_plan` returned."""
+    """Return the tables for a summary of `info.summarise` or `plan_facts.summarise_plan`."""
     told = msgspec.convert(summary, Summary)
     planned = told.source == "plan"
     parts: list[RenderableType] = [_plan_headline(told) if planned else _headline(told)]
@@ -76,7 +76,7 @@ def _headline(told: Summary) -> Table:
         ("times", _zero(told.zero)),
         ("messages", f"{told.messages}, of them {told.bad_messages} bad"),
         ("dropped", _dropped(told.dropped)),
-        ("lost on the way", f"{told.lost_messages}, by gaps in their numbers"),
+        ("lost on the way", f"{told.lost_messages}, by gaps in the sequence numbers"),
         ("positions on the wire", str(told.positions_on_wire)),
         ("largest plan", f"{told.largest_plan_bytes} bytes"),
         ("largest message to a robot", f"{told.largest_message_to_robot_bytes} bytes"),
@@ -88,13 +88,13 @@ def _headline(told: Summary) -> Table:
 
 
 def _dropped(dropped: dict[str, int]) -> str:
-    """Say how many messages are not in the log, and why."""
+    """Return how many messages are not in the log, and why."""
     causes = "; ".join(f"{count} {cause}" for cause, count in sorted(dropped.items()))
     return f"{sum(dropped.values())}: {causes}" if dropped else "none"
 
 
 def _zero(zero: float | None) -> str:
-    """Say what times count from."""
+    """Return a text that says from when times count."""
     if zero is None:
         return "in s from the log's first message; there was no GO"
     place = f"{zero:.2f} s into the log" if zero >= 0.0 else f"{-zero:.2f} s before the log begins"
@@ -102,10 +102,10 @@ def _zero(zero: float | None) -> str:
 
 
 def _sources(told: Summary) -> Iterator[str]:
-    """Say where distances are from, and what is not known without black boxes."""
+    """Yield lines on the source of the distances, and on what is unknown without black boxes."""
     sources = {robot.nearest.source for robot in told.robots.values() if robot.nearest}
     if sources:
-        yield f"distances of centres by the {sources.pop()}"
+        yield f"distances between centres, from the {sources.pop()}"
     if told.source == "log" and not any(r.true_arrival for r in told.robots.values()):
         yield "true arrivals and distances from the plan need black boxes: --blackbox FOLDER"
 
@@ -127,7 +127,7 @@ def _epochs(epochs: list[EpochSummary]) -> Table:
 
 
 def _new_times(epochs: list[EpochSummary]) -> Iterator[str]:
-    """Say when times were changed within an epoch, for whose sake, and whose."""
+    """Yield lines that say when new times came, which robot was late and who got them."""
     for epoch in epochs:
         for changed in epoch.new_times:
             late = f"{changed.late} is late" if changed.late else "somebody is late"
@@ -136,7 +136,7 @@ def _new_times(epochs: list[EpochSummary]) -> Iterator[str]:
 
 
 def _robots(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
-    """Return the robots with their plans; those of a plan alone have not sent anything."""
+    """Return the robots with their plans and, if they have driven, what they sent."""
     names = [*("robot", "plan B", "points", "stops"), *(("sent B", "fault") if driven else ())]
     table = plain_table(*names, title="robots")
     for name, robot in sorted(robots.items()):
@@ -158,7 +158,7 @@ def _robots(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
 
 
 def _arrivals(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
-    """Return when the robots arrived, how well they kept to their plans, and who came near them."""
+    """Return when robots arrived, how far they were off their plans, and who came nearest."""
     known = ("heard s", "late s", "true s", "off plan mm") if driven else ()
     names = ["robot", "planned s", *known, "nearest", "m", "at s"]
     table = plain_table(*names, title="arrivals, and who came nearest")
@@ -221,7 +221,7 @@ def _keys(told: Summary) -> Table:
 
 
 def _broadcast(told: Broadcast) -> Text:
-    """Return the line beside what a broadcasting fleet would have sent."""
+    """Return the fleet's traffic compared with that of a fleet that broadcasts positions."""
     ours = f"{told.our_messages:,} messages, {told.our_bytes:,} bytes were delivered in all"
     theirs = (
         f"{told.robots} robots broadcasting positions at {told.rate:g} Hz for "

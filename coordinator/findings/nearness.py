@@ -1,4 +1,4 @@
-"""Who came how near to whom, and when, of robots whose places over time are known.
+"""Finds which robots came nearest to each other, how near and when, from their places over time.
 
 Decides: the least distance of each robot to any other, exact for straight motion between samples.
 Must not know: where the places come from.
@@ -14,7 +14,7 @@ import numpy as np
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 _COARSE: Final = 16
-"""Pairs are first compared by every so manieth sample."""
+"""Pairs are first compared at every sample of this stride."""
 
 
 class Nearest(NamedTuple):
@@ -26,9 +26,9 @@ class Nearest(NamedTuple):
 
 
 def nearest_of_all(times: Array, tracks: Sequence[Array]) -> list[Nearest]:
-    """Return for every robot who came nearest to it; of one robot alone nothing.
+    """Return for every robot the one that came nearest to it; an empty list for a single robot.
 
-    times (m,) [s], increasing; tracks: the places (m, 2) [m] at these.
+    times (m,) [s], increasing; tracks: for each robot its places (m, 2) [m] at these times.
     """
     count = len(tracks)
     if count < 2 or not len(times):
@@ -47,7 +47,7 @@ def nearest_of_all(times: Array, tracks: Sequence[Array]) -> list[Nearest]:
 def _pairs(tracks: Array) -> list[tuple[float, int, int]]:
     """Return a lower bound on the distance [m] of every pair, the least first.
 
-    From a sample in every _COARSE: in between a robot is half a step of its own off at most.
+    It uses one sample in every _COARSE; in between, a robot is at most half its own step away.
     """
     rough = np.concatenate((tracks[:, ::_COARSE], tracks[:, -1:]), axis=1)
     fine = np.hypot(*np.moveaxis(np.diff(tracks, axis=1), 2, 0))

@@ -1,7 +1,7 @@
-"""What plans say of a summary's robots: their times and stops, their waits, the proof.
+"""Fills a summary with the facts of plans: the robots' times, stops and waits, and the proof.
 
-Decides: which of several plans a robot is told by: the last one that was sent on its way.  Must not
-know: files, what happened on the way.
+Decides: which of several plans gives a robot's times and stops, namely the last one that got a GO.
+Must not know: files, what happened during the drive.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from protocol.timeline import Timeline
 
 
 def summarise_plan(document: PlanDocument) -> dict[str, object]:
-    """Return the summary of a plan that nobody has driven, the fields of `Summary` too."""
+    """Return the summary of a plan that has not been driven; it has the fields of `Summary`."""
     summary = Summary(
         fleet=document.scenario,
         policy=document.policy,
@@ -46,9 +46,9 @@ def summarise_plan(document: PlanDocument) -> dict[str, object]:
 
 
 def read_plans(attachments: Mapping[str, bytes]) -> list[PlanDocument]:
-    """Return the plans among a log's attachments, by epoch; one that is spoilt is passed over.
+    """Return the plans among a log's attachments, sorted by epoch; skip damaged ones.
 
-    Of an epoch whose times were changed it is the last one.
+    For an epoch that got new times, it is the plan with the newest ones.
     """
     documents: dict[int, PlanDocument] = {}
     for name, data in attachments.items():
@@ -64,9 +64,9 @@ def read_plans(attachments: Mapping[str, bytes]) -> list[PlanDocument]:
 def take_plans(
     summary: Summary, documents: list[PlanDocument], starts: Mapping[int, float]
 ) -> None:
-    """Take each robot's times and stops from the plans, their waits and the last one's proof.
+    """Fill in each robot's times and stops, all plans' waits, and the last plan's proof.
 
-    starts: when each epoch's plan began [s], of those that went; without any, times are the plans'.
+    starts: the time zero [s] of each epoch that got a GO.  If it is empty, times are plan times.
     """
     for document in documents:
         summary.waits += waits_of(document)
@@ -84,7 +84,7 @@ def take_plans(
 
 
 def take_message(plan: Plan, told: RobotSummary, zero: float) -> None:
-    """Take a robot's times and stops from its message, where no plan is attached."""
+    """Fill in a robot's times and stops from its Plan message, for a log without attached plan."""
     motion = unpack_plan(plan).motion
     try:
         told.planned_finish = zero + Timeline(*motion).finish
@@ -96,7 +96,7 @@ def take_message(plan: Plan, told: RobotSummary, zero: float) -> None:
 
 
 def _tell_nearest(summary: Summary, document: PlanDocument) -> None:
-    """Tell who is to come how near to whom."""
+    """Fill in each robot's nearest other robot by the plan."""
     try:
         rides = [ride_of_plan(robot) for robot in document.robots]
     except ValueError:

@@ -1,4 +1,4 @@
-"""A plan and its proof as tables for people.
+"""Shows a plan and its proof as tables for people.
 
 Decides: what is shown on the terminal after planning.
 """
@@ -18,11 +18,11 @@ from coordinator.plan.document import PlanDocument, Proof, RobotPlan
 from coordinator.proof.wording import slack_of, survived
 
 _ROBOTS: Final = 30
-"""Robots shown, those that finish last; drawing a thousand rows takes longer than proving them."""
+"""Most robots shown, those that finish last; drawing 1000 rows takes longer than proving them."""
 _NOTES: Final = 12
-"""Notes told below the table; a crowded floor has hundreds."""
+"""Most notes shown below the table; a crowded floor has hundreds."""
 _WAITS: Final = 10
-"""Waits told, the longest; `splinefleet info` tells them all."""
+"""Most waits shown, the longest ones; `splinefleet info` shows all of them."""
 
 
 def render(document: PlanDocument) -> RenderableType:

@@ -1,8 +1,8 @@
-"""Plans as they were said: put together from the messages, where nobody has them in a file.
+"""Puts plans together from the messages, where no file holds them.
 
-Decides: how a plan reads that is known from Plan and NewTimes messages alone.  Must not know:
-links, pictures.  Floor, proof and crossings are not on the wire, nor why robots wait: the latter is
-found from the plans (wait_guesses.py).
+Decides: the document of a plan that is known from Plan and NewTimes messages alone.  Must not know:
+links, pictures.  Floor, proof and crossings are not on the wire.  Nor is why robots wait, but
+wait_guesses.py finds that from the plans.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from protocol.plan_parts import unpack_plan
 from protocol.timing import SECOND
 
 RADIUS: Final = 0.15
-"""Radius [m] of a robot that did not say its own."""
+"""Radius [m] of a robot that did not state its own."""
 
 FROM_MESSAGES: Final = (
     "epoch {epoch}: the plan as the messages have it, without floor, crossings and proof"
@@ -33,7 +33,7 @@ FROM_MESSAGES: Final = (
 
 
 class SaidPlans:
-    """Adds what is said to the documents by epoch; `known` tells floor and radii."""
+    """Adds messages to the documents, which are by epoch; `known` gives the floor and radii."""
 
     def __init__(self, documents: dict[int, PlanDocument], known: PlanDocument | None) -> None:
         self._documents = documents
@@ -42,7 +42,7 @@ class SaidPlans:
         self.radius = {} if known is None else {robot.id: robot.radius for robot in known.robots}
 
     def take(self, message: Message, robot: str, fleet: str) -> bool:
-        """Take in a message of a fleet about a robot; tell whether a document has changed."""
+        """Add a message of a fleet about a robot; return whether a document has changed."""
         if isinstance(message, Plan):
             return self._take_plan(message, fleet)
         if isinstance(message, NewTimes):
@@ -52,7 +52,7 @@ class SaidPlans:
         return False
 
     def _take_plan(self, plan: Plan, fleet: str, anew: bool = False) -> bool:
-        """Add a robot's plan to its epoch's document; a plan that is no plan is passed over."""
+        """Add a robot's plan to its epoch's document; skip a plan that makes no sense."""
         document = self._documents.get(plan.epoch, _document(plan, fleet, self._known))
         self._plans.setdefault((plan.epoch, plan.robot), plan)
         if not anew and any(robot.id == plan.robot for robot in document.robots):
@@ -67,7 +67,7 @@ class SaidPlans:
         return True
 
     def _take_times(self, times: NewTimes, robot: str, fleet: str) -> bool:
-        """Give a plan that is known other times."""
+        """Give a known plan new times."""
         plan = self._plans.get((times.epoch, robot))
         if plan is None or plan.boot != times.boot:
             return False
@@ -78,9 +78,9 @@ class SaidPlans:
 def plans_said(
     log: Log, attached: Collection[int] = (), known: PlanDocument | None = None
 ) -> dict[int, PlanDocument]:
-    """Return the plans that the messages of a log tell, by epoch, but for those `attached`.
+    """Return by epoch the plans that a log's messages contain, except for those `attached`.
 
-    `notes` of a plan name the robots that drove by one which was sent before the log began.
+    A plan's `notes` name the robots that drove by a plan that was sent before the log began.
     """
     fleet = log.metadata.get("fleet", "")
     found: dict[int, PlanDocument] = {}
@@ -102,7 +102,7 @@ def plans_said(
 
 
 def _with_notes(document: PlanDocument, drivers: Collection[str]) -> PlanDocument:
-    """Return a plan that says what it does not hold."""
+    """Return the plan with notes on what it lacks."""
     notes = [FROM_MESSAGES.format(epoch=document.epoch)]
     missing = sorted(set(drivers) - {robot.id for robot in document.robots})
     if missing:
@@ -126,7 +126,7 @@ def _document(plan: Plan, fleet: str, known: PlanDocument | None) -> PlanDocumen
 
 
 def _robot_plan(plan: Plan, radius: float) -> RobotPlan:
-    """Return a robot's part of a plan as a file would have it; ValueError when it is none."""
+    """Return a robot's part as in a plan file; raise ValueError if the message makes no sense."""
     driven = unpack(encode(plan), radius)
     profile_s, profile_v, stop_s, departs = unpack_plan(plan).motion
     rows = list(zip(stop_s, driven.timeline.arrivals, departs, strict=True))
@@ -150,7 +150,7 @@ def _robot_plan(plan: Plan, radius: float) -> RobotPlan:
 
 
 def _limits(plan: Plan, speed: float) -> Limits | None:
-    """Return what a plan's message says that a robot can do: how it brakes, if not at once."""
+    """Return the robot's limits as far as its Plan states them: how it brakes, if not at once."""
     if not plan.brake_mmps2:
         return None
     accel = math.nextafter(plan.brake_mmps2 / 1000.0, math.inf)  # so that it packs to the same

@@ -1,7 +1,7 @@
-"""One robot's part in one epoch as numbers over time, quickly: for what is told of logs.
+"""Samples one robot's part in one epoch over time, quickly, for summaries of logs.
 
 Decides: how finely a path is sampled.  Must not know: logs, messages' bytes, the planner and its
-compiled kernels, whose loading takes longer than a log is read.
+compiled kernels, which take longer to load than it takes to read a log.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ _MOST_TIMES: Final = 2_000
 
 _SAMPLES: Final = 2_000
 _PER_KNOT: Final = 20
-"""A path is sampled at so many places at least, and so many for each knot."""
+"""The least number of samples of a path, and the number for each of its knots."""
 
 
 @dataclass(frozen=True, eq=False)
 class RideSamples:
     """A path as a polyline and the motion along it; plan times [s], arc lengths [m].
 
-    arcs (m,), places (m, 2): the path.  late [s]: how far behind its plan it may be.  From plan
-    time `brake` on it braked at `rate` [m/s^2] (0: it stood at once) and rested.
+    arcs (m,), places (m, 2): the path.  late [s]: how far behind its plan the robot may be.  From
+    plan time `brake` on it braked at `rate` [m/s^2] (0: it stopped at once) and then rested.
     """
 
     line: Timeline
@@ -45,7 +45,7 @@ class RideSamples:
     brake: float = math.inf
 
     def halted(self, brake: float, rate: float) -> RideSamples:
-        """Return the ride as one that was broken off."""
+        """Return the ride with its end replaced: the robot left its plan at `brake`."""
         return replace(self, brake=brake, rate=rate)
 
     def arcs_at(self, times: Array) -> Array:
@@ -74,7 +74,7 @@ class RideSamples:
 
 
 def times_between(begin: float, end: float) -> Array:
-    """Return the times at which robots are looked at from `begin` to `end` [s]."""
+    """Return the sample times from `begin` to `end` [s]."""
     count = min(2 + int(max(end - begin, 0.0) / _STEP), _MOST_TIMES)
     return np.linspace(begin, max(end, begin + _STEP), count)
 

@@ -1,6 +1,6 @@
-"""Who spoke on a fleet's keys without being one of its robots.
+"""Finds who sent on a fleet's keys without being one of its robots.
 
-Decides: whose words are no robot's of the fleet.  Must not know: what they said besides.
+Decides: which names do not belong to robots of the fleet.  Must not know: what else they sent.
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
 
 def strangers_in(log: Log) -> set[str]:
-    """Return names that are not the scenario's; without one, of who was refused and never drove."""
+    """Return the names in a log that are not in its scenario.
+
+    In a log without a scenario, return those that were refused and never drove.
+    """
     robots = _robots_of(log.attachments)
     spoke, refused, drove = set(), set(), set()
     for record in log.records:
@@ -46,7 +49,7 @@ class _Fleet(msgspec.Struct):
 
 
 def _robots_of(attachments: Mapping[str, bytes]) -> set[str]:
-    """Return the names of a fleet's robots from its scenario; none when a log does not hold it."""
+    """Return the names of a fleet's robots from the attached scenario; none if there is none."""
     try:
         fleet = msgspec.json.decode(attachments.get("scenario.json", b""), type=_Fleet)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):

@@ -1,7 +1,7 @@
-"""Latencies, losses and traffic, counted while a log is gone through.
+"""Counts latencies, losses and traffic of a log.
 
-Decides: from which moments times count, and what a broadcasting fleet would have sent.  Must not
-know: files, epochs' plans, or how numbers are shown.
+Decides: from which moments latencies count, and what a broadcasting fleet would have sent.  Must
+not know: files, epochs' plans, or how numbers are shown.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ POSITION_BYTES: Final = 24
 """x, y and heading as float64: the least that a broadcast position takes."""
 
 _LONGEST_GAP: Final = 10_000
-"""A wider gap in sequence numbers is no loss: somebody else speaks under that name."""
+"""A wider gap in sequence numbers is no loss: another process sends under that name."""
 
 _UNDER_WAY: Final = (phases.MOVING, phases.BRAKING)
 
@@ -34,7 +34,7 @@ _UNDER_WAY: Final = (phases.MOVING, phases.BRAKING)
 def clock_lag(log: Log) -> int:
     """Return how far [ns] a log's times are ahead of the coordinator's clock.
 
-    0 in the coordinator's own log; elsewhere the answers about the time that went by tell it.
+    0 for the coordinator's own log; for others it follows from the recorded answers about the time.
     """
     if log.metadata.get("passive") != "yes":
         return 0
@@ -51,7 +51,7 @@ def clock_lag(log: Log) -> int:
 def first_go(logs: Iterable[Log], lag_ns: int) -> int | None:
     """Return the time zero of the first epoch with a GO, on the logs' clock [ns]; None without any.
 
-    logs: a log behind those that it goes on from, oldest first.
+    logs: the logs that a log resumes from, oldest first, and then that log.
     """
     found = None
     for log in logs:
@@ -98,10 +98,10 @@ class _Speaker:
 
 
 class Numbers:
-    """Goes through a log beside `info`, which calls `hear` with every message that counts.
+    """Counts the messages of a log; `info` calls `hear` with every message that counts.
 
-    `stopped_nobody`: the last FREEZE came when all that had been sent on their way had arrived; it
-    is how the epoch ends when others of the fleet have not, and no freeze to be told as such.
+    `stopped_nobody`: whether the last FREEZE came when all robots of the epoch had arrived.  Such a
+    FREEZE ends an epoch in which others of the fleet had no part; it is not reported as a freeze.
     """
 
     def __init__(self, log: Log, zero_ns: int) -> None:
@@ -130,7 +130,7 @@ class Numbers:
             self._hear_report(message, robot, record.log_ns)
 
     def link_lost(self, robot: str, log_ns: int) -> None:
-        """Take note that a robot has lost its link: no sign if it has no part in the epoch."""
+        """Record that a robot has lost its link, a sign of a fault if it is part of the epoch."""
         if self._parts.get(robot) == self._epoch:
             self._sign(log_ns)
 
@@ -150,7 +150,7 @@ class Numbers:
         )
 
     def _age(self, name: str, record: Record) -> None:
-        """Note how old a message was; one without a stamp was given the time of its recording."""
+        """Note how old a message was; a message without a stamp has the time of its recording."""
         age_ns = record.log_ns + self._wall_ns - record.publish_ns
         if age_ns and self._in_time:
             self._times.setdefault(name, []).append(age_ns / 1e9)
@@ -206,7 +206,7 @@ class Numbers:
 
 
 def is_question(message: Message) -> bool:
-    """Tell whether a robot asks for the time; the answer is the coordinator's."""
+    """Return whether a message is a robot's question for the time, not the coordinator's answer."""
     return isinstance(message, Clock) and message.received_ns is None
 
 
@@ -223,7 +223,7 @@ def busiest(sent: Iterable[tuple[str, int, int]], first_ns: int, last_ns: int) -
 
 
 def broadcast(summary: Summary, ours: Mapping[str, tuple[int, int]], seconds: float) -> Broadcast:
-    """Return what a fleet that broadcasts positions would have sent in so many seconds.
+    """Return what a fleet that broadcasts positions would have sent in `seconds`.
 
     ours: messages and bytes by kind of key.
     """

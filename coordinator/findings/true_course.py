@@ -1,7 +1,7 @@
-"""A robot's black box as numbers: where it truly was, and how far that is from a plan.
+"""Reads a robot's black box: where the robot truly was, and how far that is from a plan.
 
-Decides: what counts as tracking error; as sim/judging/judge.py does, which is exact where this
-samples. Must not know: logs, messages.
+Decides: what counts as tracking error.  The definition is that of sim/judging/judge.py, which is
+exact where this module samples.  Must not know: logs, messages.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from protocol.phases import DONE, MOVING, PHASE_NAMES
 
 _COLUMNS: Final = "t,x,y,heading,s,phase,estimate"
 _OLDER: Final = "t,x,y,heading,s,phase"
-"""Boxes of programs that wrote no estimate are read too."""
+"""The columns of black boxes without the robot's estimate; these can be read too."""
 
 _PHASE: Final = 5
 _PARTS: Final = 12
-"""A robot under way is compared with so many places between where it should be and is late."""
+"""Number of places between a robot's due place and its latest allowed one that are compared."""
 
 _ALIKE: Final = 1e-4
-"""Places of a robot that brakes or rests are compared once per so many metres."""
+"""Spacing [m] of the places that are compared for a robot that brakes or rests."""
 
 _TIMED: Final = (PHASE_NAMES[MOVING], PHASE_NAMES[DONE])
 
@@ -37,7 +37,7 @@ _TIMED: Final = (PHASE_NAMES[MOVING], PHASE_NAMES[DONE])
 class TrueCourse:
     """Rows of a black box: t (n,) [s since the first GO], places (n, 2) [m], timed (n,).
 
-    timed: whether the robot kept to its time-table then.  arrival: when it was first done.
+    timed: whether the robot kept to its timetable then.  arrival [s]: when it was first done.
     """
 
     t: Array
@@ -46,25 +46,25 @@ class TrueCourse:
     arrival: float | None
 
     def at(self, times: Array) -> Array:
-        """Return the places (m, 2) at times (m,): straight between rows, at rest outside."""
+        """Return the places (m, 2) at times (m,), linear between rows and at rest outside them."""
         return np.column_stack([np.interp(times, self.t, self.places[:, i]) for i in (0, 1)])
 
     def between(self, begin: float, end: float) -> TrueCourse:
-        """Return the rows from `begin` to before `end`."""
+        """Return the rows with begin <= t < end."""
         kept = (self.t >= begin) & (self.t < end)
         return TrueCourse(self.t[kept], self.places[kept], self.timed[kept], self.arrival)
 
     def timed_from(self, since: float) -> float:
-        """Return when the robot first kept to a time-table from a time on [s]; inf if never."""
+        """Return when [s] the robot first kept to a timetable after `since`; inf if never."""
         rows = self.t[(self.t >= since) & self.timed]
         return float(rows[0]) if len(rows) else math.inf
 
     def off(self, ride: RideSamples, start: float, row: float) -> float:
         """Return the greatest distance [m] from a plan whose time zero is `start`.
 
-        Of a robot under way: from where the plan has it between its share of lateness ago and now.
-        Of one that gave its time-table up: from all places that the plan has had it at.
-        row [s]: by how much a row's time may be off.
+        A robot under way is compared with all places that the plan gives it from its share of
+        lateness ago until now, one that has left its timetable with all places that the plan has
+        given it so far.  row [s]: by how much a row's time may be off.
         """
         now = ride.arcs_at(self.t - start + row)
         ago = ride.arcs_at(self.t - start - ride.late - row)
@@ -80,7 +80,10 @@ class TrueCourse:
 
 
 def read_course(path: Path) -> TrueCourse:
-    """Read a black box; a last line cut short is left out.  InputError naming file and line."""
+    """Read a black box, without a truncated last line.
+
+    Raise InputError, which names file and line, if it is not valid.
+    """
     try:
         lines = path.read_text().splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -96,7 +99,7 @@ def read_course(path: Path) -> TrueCourse:
     phases = [line.split(",")[_PHASE] for line in rows]
     table = _numbers(path, rows)
     if not np.isfinite(table).all() or np.any(np.diff(table[:, 0]) < 0.0):
-        raise InputError([f"{path}: its times do not run on, or a number is not finite"])
+        raise InputError([f"{path}: its times do not increase, or a number is not finite"])
     done = next((i for i, phase in enumerate(phases) if phase == PHASE_NAMES[DONE]), None)
     arrival = None if done is None else round(float(table[done, 0]), 3)
     timed = np.array([phase in _TIMED for phase in phases], dtype=np.bool_)
@@ -104,7 +107,7 @@ def read_course(path: Path) -> TrueCourse:
 
 
 def _numbers(path: Path, rows: list[str]) -> Array:
-    """Return t, x, y of rows, (n, 3); InputError naming the line that has none."""
+    """Return t, x, y of rows, (n, 3); raise InputError, which names the first invalid line."""
     if not rows:
         return np.empty((0, 3))
     try:
@@ -130,7 +133,7 @@ def courses_in(folders: Iterable[Path], robots: Iterable[str]) -> dict[str, True
 def _unlike(
     places: Array, chosen: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
-    """Return the last of each run of rows that hardly differ in place, of those chosen."""
+    """Return, of the chosen rows, the last of each run of rows with nearly the same place."""
     rows = np.flatnonzero(chosen)
     cells = np.floor(places[rows] / _ALIKE)
     changes = np.any(np.diff(cells, axis=0) != 0.0, axis=1) if len(rows) else np.empty(0, bool)
@@ -138,7 +141,7 @@ def _unlike(
 
 
 def _off_stretches(ride: RideSamples, places: Array, low: Array, high: Array) -> float:
-    """Return the greatest distance [m] of places (n, 2) from stretches of a path, one for each."""
+    """Return the greatest distance [m] of places (n, 2), each from its own stretch of a path."""
     nearest = np.full(len(places), np.inf)
     before = ride.places_at(low)
     for part in range(1, _PARTS + 1):
@@ -149,7 +152,7 @@ def _off_stretches(ride: RideSamples, places: Array, low: Array, high: Array) ->
 
 
 def _off(before: Array, after: Array, places: Array) -> Array:
-    """Return the distances (n,) of places from straight pieces, (n, 2) or one of either."""
+    """Return the distances (n,) of places from segments; either may be (n, 2) or a single one."""
     leg, to_place = after - before, places - before
     square = np.maximum(np.einsum("ij,ij->i", leg, leg), 1e-18)
     share = np.clip(np.einsum("ij,ij->i", leg, to_place) / square, 0.0, 1.0)

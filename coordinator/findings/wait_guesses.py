@@ -1,9 +1,9 @@
-"""For whom robots wait, found from plans alone: the wire does not say it.
+"""Finds from plans alone for whom robots wait, which is not on the wire.
 
-Decides: that a robot waits for the first one ahead which it would have met had it waited half as
-long, as the planner tells it (schedule/wait_owners.py), else for the one which it follows most
-closely. Must not know: how the plan was made; schedules wait no longer than they have to, so one
-robot always forces a wait.  What is found is for people to look at; nothing is decided by it.
+Decides: a robot waits for the first one ahead of it that it would have met after half the wait, as
+in the planner (schedule/wait_owners.py); if there is none, for the one that it follows most
+closely.  Must not know: how the plan was made.  Schedules wait no longer than necessary, so one
+robot always forces a wait.  The result is only shown to people; no decision depends on it.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from coordinator.plan.document import PlanDocument, Reason, RobotPlan
 from coordinator.plan.wire import Driven, drive
 
 _STEP: Final = 0.2
-"""Paths are looked at in steps of this share of a robot's radius."""
+"""Step between the sampled places of a path, as a share of the robot's radius."""
 
 _MOST: Final = 400
-"""At most so many places of a path are looked at."""
+"""Most places at which a path is sampled."""
 
 _FORCED: Final = 1.0
-"""A robot with more time to spare [s] than this is not what forces a short wait."""
+"""A robot that is followed with more time to spare [s] than this does not force a short wait."""
 
 _MOST_OF_IT: Final = 0.5
-"""A robot that forces this share of a wait explains it."""
+"""A robot that forces at least this share of a wait explains it."""
 
 
 class _Track(NamedTuple):
@@ -44,7 +44,7 @@ class _Track(NamedTuple):
 
 
 class _Follows(NamedTuple):
-    """How much time [s] is to spare behind a robot, and the stretches of both paths [m]."""
+    """The time to spare [s] behind another robot, and both paths' stretches of the conflict [m]."""
 
     spare: float
     zone: tuple[float, float]
@@ -52,7 +52,7 @@ class _Follows(NamedTuple):
 
 
 def with_reasons(document: PlanDocument) -> PlanDocument:
-    """Return a plan in which every wait says for whom it is, where that can be told."""
+    """Return the plan with the reason of every wait for which one can be found."""
     rides = drive(document)
     tracks = [_track(ride) for ride in rides]
     robots, waits = [], []
@@ -66,7 +66,7 @@ def with_reasons(document: PlanDocument) -> PlanDocument:
 def _explained(
     document: PlanDocument, tracks: Sequence[_Track], index: int, robot: RobotPlan
 ) -> tuple[RobotPlan, list[Reason]]:
-    """Return a robot that says for whom it waits, and its reasons."""
+    """Return the robot with `yields_to` filled in, and the reasons of its waits."""
     rests = [(stop.s, stop.depart - stop.arrive) for stop in robot.stops]
     late = robot.start_time > 0.0
     if late:
@@ -101,7 +101,10 @@ def _forces(
     within: tuple[float, float],
     lasts: float,
 ) -> tuple[str, _Follows | None]:
-    """Return the robot that forces a wait [s] of what is followed from one rest to the next."""
+    """Return the robot that forces a wait, "" if none does, and how closely it is followed.
+
+    lasts: how long the wait is [s]; within: arc lengths [m] of the wait and of the next rest.
+    """
     mine, radius = tracks[index], document.robots[index].radius
     ahead = (mine.s > within[0]) & (mine.s <= within[1])
     part = _only(mine, ahead)
@@ -122,7 +125,7 @@ def _forces(
 
 
 def _follows(mine: _Track, theirs: _Track, need: float, tau: float, most: float) -> _Follows | None:
-    """Return how closely a robot follows another one, by `most` [s]; None when they never meet."""
+    """Return how closely, within `most` [s], one robot follows another; None if they never meet."""
     soon = (theirs.left > mine.reached[0] - tau - most) & (theirs.reached < mine.reached[-1])
     mine, theirs = _beside(mine, _only(theirs, soon), need)
     theirs, mine = _beside(theirs, mine, need)
@@ -145,7 +148,7 @@ def _only(track: _Track, kept: npt.NDArray[np.bool_]) -> _Track:
 
 
 def _beside(one: _Track, other: _Track, need: float) -> tuple[_Track, _Track]:
-    """Return two tracks, the first without what is far from the box around the second."""
+    """Return two tracks, the first without the places far from the second one's bounding box."""
     if not len(other.s):
         return _only(one, np.zeros(len(one.s), dtype=bool)), other
     low, high = other.places.min(axis=0) - need, other.places.max(axis=0) + need
@@ -155,7 +158,7 @@ def _beside(one: _Track, other: _Track, need: float) -> tuple[_Track, _Track]:
 def _stretches(
     near: npt.NDArray[np.bool_], at: tuple[int, int], mine: Array, theirs: Array
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the arc lengths of both paths that belong to the same conflict as a pair of them."""
+    """Return the stretches of both paths that form one conflict with the given pair of places."""
     pieces, _ = label(near)
     rows, columns = np.nonzero(pieces == pieces[at])
     return (

@@ -1,7 +1,7 @@
-"""The waits of a plan as they are told: why, and what the other order would cost.
+"""Sums up the waits of a plan: why robots wait, and what the reverse precedence would cost.
 
-Decides: what is told about a wait, and the words for the other way round.  Must not know: how the
-reasons were found (schedule/wait_reasons.py), or where they are shown.
+Decides: what is shown about a wait, and the words for the reverse precedence.  Must not know: how
+the reasons were found (schedule/wait_reasons.py), or where they are shown.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from coordinator.plan.document import PlanDocument
 
 
 class WaitSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """A wait of one epoch's plan, as plan.Reason has it.
+    """A wait of one epoch's plan, with the fields of plan.Reason.
 
-    `tried`: whether the other order was; if it was and `otherwise` is null, there is none.
+    `tried`: whether the planner tried the reverse precedence.  If it did and `otherwise` is null,
+    there is no plan with it.
     """
 
     epoch: int
@@ -31,14 +32,14 @@ class WaitSummary(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def other_way(self) -> str:
-        """What the other way round would cost: "+5.9 s", "cannot" or "not tried"."""
+        """What the reverse precedence would cost: "+5.9 s", "cannot" or "not tried"."""
         if self.otherwise is None:
             return "cannot" if self.tried else "not tried"
         return f"{round(self.otherwise, 1) + 0.0:+.1f} s"
 
 
 def waits_of(document: PlanDocument) -> list[WaitSummary]:
-    """Return the waits of a plan, in its order."""
+    """Return the waits of a plan, in the plan's order."""
     return [
         WaitSummary(epoch=document.epoch, **msgspec.structs.asdict(reason))
         for reason in document.waits
@@ -46,7 +47,7 @@ def waits_of(document: PlanDocument) -> list[WaitSummary]:
 
 
 def longest(waits: Sequence[WaitSummary], most: int) -> list[WaitSummary]:
-    """Return the longest waits, at most so many; all of them in their order if they are few."""
+    """Return the `most` longest waits, or all of them in their order if there are not more."""
     if len(waits) <= most:
         return list(waits)
     return sorted(waits, key=lambda wait: -wait.wait)[:most]

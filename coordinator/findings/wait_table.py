@@ -1,4 +1,4 @@
-"""Waits as a table for people: who waits where, how long, for whom, at which zone.
+"""Shows waits as a table for people: who waits where, how long, for whom, at which zone.
 
 Decides: the columns.  Must not know: plans or logs.
 """
@@ -16,9 +16,10 @@ from coordinator.scenario.checks import printable
 
 
 def waits_table(waits: Sequence[WaitSummary], most: int | None = None) -> Table:
-    """Return one line a wait, of more than `most` the longest.
+    """Return a table with a line for each wait, or for the `most` longest ones.
 
-    The last column says how much later the two would arrive in all if they changed places.
+    The last column says how much later the two robots would arrive in total if the other one
+    waited.
     """
     shown = list(waits) if most is None else longest(waits, most)
     title = (

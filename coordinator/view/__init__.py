@@ -1,4 +1,4 @@
-"""Pictures: plans and logs drawn, played as a page, followed live.
+"""Draws plans and logs as pictures, as a page that plays them, and as a live page.
 
 The room decides how things look.  It must not know how plans are made.
 """

@@ -1,6 +1,6 @@
-"""A plan made into one picture: the floor, the distance-time diagram, and why robots wait.
+"""Draws a plan as one picture: the floor, the distance-time diagram, and why robots wait.
 
-Decides: the page, its headline, and which file formats there are.  Must not know: how a plan is
+Decides: the layout of the page, its headline, and the file formats.  Must not know: how a plan is
 found, or how each part of the page is drawn.  matplotlib is imported when a picture is drawn.
 """
 
@@ -24,11 +24,11 @@ _LEFT: Final = 0.6
 _GAP: Final = 0.95
 _HEAD: Final = 1.15
 _KEYS: Final = 0.93
-"""From the top of the page to the middle of the floor's legend [in]."""
+"""Distance from the top of the page to the middle of the floor's legend [in]."""
 _PANEL: Final = 2.7
 _PANEL_GAP: Final = 1.0
 _TITLES: Final = 0.45
-"""Of the gap between panels, what the lower one's titles take [in]."""
+"""Part of the gap between panels that the lower panel's titles take [in]."""
 _EXPLAINED: Final = 0.5
 _FOOT: Final = 0.75
 _METADATA: Final[dict[str, dict[str, str | None]]] = {
@@ -53,9 +53,9 @@ _SETTINGS: Final[dict[Any, Any]] = {
 def draw_plan(document: PlanDocument, out: Path, view: View | None = None) -> None:
     """Write a picture of the plan to a .svg or .png file.
 
-    The same plan and view give the same bytes of SVG.  Raises InputError, one sentence each, for
-    another suffix, a plan without robots or with a path that no robot would accept, a view of
-    robots that are not there, and a file that cannot be written.
+    The same plan and view give the same bytes of SVG.  Raise InputError, one sentence for each
+    problem, for another suffix, a plan without robots or with a path that no robot would accept, a
+    view that names unknown robots, and a file that cannot be written.
     """
     suffix = out.suffix.lower()
     if suffix not in _METADATA:
@@ -138,7 +138,7 @@ def _headline(figure: Figure, document: PlanDocument, height: float) -> None:
 
 
 def _proven(proof: Proof | None) -> tuple[str, str, str]:
-    """Return the proof's verdict, what else it found, and the colour to say it in."""
+    """Return the proof's verdict, the distances that it found, and the colour of the text."""
     if proof is None:
         return "not proven", "", "#a33a00"
     found = [""]

@@ -1,7 +1,8 @@
-"""Curvature combs: along a curve, teeth across it as long as the curve is bent there.
+"""Draws curvature combs: teeth across a curve whose lengths are proportional to its curvature.
 
-A tooth stands on the outer side of a bend, so a comb changes sides where the bend does; its tips
-are joined.  Decides: where teeth stand and their one scale.  Must not know: robots or the floor.
+A tooth is on the outer side of a bend, so a comb changes sides where the bend does.  The tips of
+the teeth are joined.  Decides: the places of the teeth and their common scale.  Must not know:
+robots or the floor.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from matplotlib.collections import LineCollection
 from coordinator.curves.nurbs import Array, Nurbs
 
 _SAMPLES: Final = 48
-"""Places looked at in each span of a curve."""
+"""Number of samples in each span of a curve."""
 _LONGEST: Final = 0.06
 """The longest tooth, as a share of the floor's longer side."""
 _SPACING: Final = 0.004
@@ -29,14 +30,17 @@ _STRAIGHT: Final = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Bends:
-    """How a curve is bent: places (n, 2) [m], outward (n, 2): curvature [1/m] as a vector."""
+    """Samples of a curve's curvature.
+
+    places (n, 2) [m]; outward (n, 2): the curvature [1/m] as a vector to the outside of the bend.
+    """
 
     places: Array
     outward: Array
 
     @staticmethod
     def of(curve: Nurbs) -> Bends:
-        """Look at a curve densely, span by span, ends included."""
+        """Return dense samples of a curve in each span, ends included."""
         u = parameters(curve, _SAMPLES)
         places, first = curve.derivatives(u, 1)
         speed = np.maximum(np.hypot(first[:, 0], first[:, 1]), 1e-12)
@@ -50,7 +54,7 @@ class Bends:
 
 
 def parameters(curve: Nurbs, samples: int) -> Array:
-    """Return parameters (n,) of a curve, so many in each span."""
+    """Return parameters (n,) of a curve, `samples` of them in each span, and its end."""
     borders = np.unique(curve.knots)
     share = np.arange(samples) / samples
     inner = borders[:-1, None] + share * np.diff(borders)[:, None]
@@ -58,7 +62,10 @@ def parameters(curve: Nurbs, samples: int) -> Array:
 
 
 def sharpest_bend(bends: list[Bends], side: float) -> float | None:
-    """Return the greatest curvature [1/m] of curves on a floor `side` [m] long; None: straight."""
+    """Return the greatest curvature [1/m] of curves; None if all are straight.
+
+    side: the longer side of the floor [m].
+    """
     sharpest = max((each.sharpest for each in bends), default=0.0)
     return sharpest if sharpest * side > _STRAIGHT else None
 

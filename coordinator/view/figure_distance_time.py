@@ -1,7 +1,7 @@
-"""The distance-time diagram: a lane per robot, in it how far along its path the robot is.
+"""Draws the distance-time diagram: a lane per robot with its arc length over time.
 
-Behind its curve lies, for every wait, what the robot waited for forbids: where and when the waiting
-one would be too near to it (figure_forbidden.py).
+Behind the curve, each wait has a shaded region: the arc lengths and times at which the waiting
+robot would be too near the robot that it waits for (figure_forbidden.py).
 
 Decides: the lanes and what is drawn into them.  Must not know: the floor.
 """
@@ -22,11 +22,11 @@ from coordinator.view.figure_robots import Pictured, font_size
 _FULL: Final = 0.78
 """Height of a lane's curve at the goal, in lanes."""
 _FEW: Final = 12
-"""Up to so many robots, crossings are shown in the lanes."""
+"""Most robots with which crossings are shown in the lanes."""
 _LOWEST: Final = 12.0
-"""In lanes lower than this [pt] nobody would see what forces a wait."""
+"""In lanes lower than this [pt] the region that forces a wait would be too small to see."""
 _LIGHT: Final = 0.33
-"""Opacity of what is forbidden."""
+"""Opacity of forbidden regions."""
 
 
 def draw_times(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) -> None:
@@ -59,12 +59,12 @@ def draw_times(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) 
 
 @dataclass(frozen=True, eq=False)
 class _Lane:
-    """One robot's lane: where its base is, and the scales of its axes."""
+    """One robot's lane: the height of its base, and the scales of its axes."""
 
     axes: Axes
     robot: Pictured
     regions: list[tuple[Forbidden, str]]
-    """What forces the robot's waits, and in which colour it is shaded."""
+    """The regions that force the robot's waits, and the colour of each."""
     base: float
     end: float
     second: float
@@ -92,19 +92,19 @@ class _Lane:
         self.axes.text(1.01 * end, middle, arrival, ha="left", **style)
 
     def draw_regions(self) -> None:
-        """Shade what forces the robot's waits."""
+        """Shade the regions that force the robot's waits."""
         style: dict[str, Any] = {"lw": 0, "alpha": _LIGHT, "zorder": 3, "gid": "forbidden"}
         for region, colour in self.regions:
             begin, end = (np.clip(t, 0.0, self.end) for t in (region.begin, region.end))
             self.axes.fill_betweenx(self._height(region.s), begin, end, fc=colour, **style)
 
     def draw_pause(self, pause: tuple[float, float, float, str], ink: str) -> None:
-        """Draw one wait as a thick plateau, and say beside it who is let pass.
+        """Draw one wait as a thick plateau, and write beside it which robot is let pass.
 
-        The curve never comes down, so left of the departure there is room above it; a text that is
-        too long for that stands above what the curve reaches below it, and both above what is
-        shaded.  Where the lane above is too near, the text stands below, where there is room right
-        of the arrival.
+        The curve never descends, so there is room above it to the left of the departure.  A text
+        too long for that room goes above the curve's highest point below the text.  In both cases
+        the text is above the shaded regions.  Where the lane above is too near, the text goes below
+        the plateau, where there is room to the right of the arrival.
         """
         s, since, until, owner = pause
         height = float(self._height(np.array(s)))
@@ -135,7 +135,7 @@ class _Lane:
         )
 
     def _above_regions(self, left: float, right: float, height: float, room: float) -> float:
-        """Return a height for a text of so much room above what is shaded, if it fits the lane."""
+        """Return a height for a text of height `room` above the shaded regions, if it fits."""
         raised = height
         for region, _ in self.regions:
             levels = self._height(region.s[(region.begin < right) & (region.end > left)])
@@ -149,7 +149,7 @@ class _Lane:
 
 
 def _legend(document: PlanDocument, count: int, roomy: bool) -> str:
-    """Return what is written below the diagram: time, and what there is in the lanes."""
+    """Return the text below the diagram: the time axis, and what the lanes contain."""
     told = ["a lane: from start to goal"]
     if roomy and document.waits:
         told.append("shaded: forbidden by whom it waits for")
@@ -161,7 +161,7 @@ def _legend(document: PlanDocument, count: int, roomy: bool) -> str:
 def _regions(
     document: PlanDocument, robots: dict[str, Pictured]
 ) -> dict[str, list[tuple[Forbidden, str]]]:
-    """Return what forces each robot's waits, and the colour of who is let pass."""
+    """Return the regions that force each robot's waits, with the colour of the robot let pass."""
     found: dict[str, list[tuple[Forbidden, str]]] = {name: [] for name in robots}
     for reason in document.waits:
         robot, other = robots.get(reason.robot), robots.get(reason.yields_to)
@@ -172,7 +172,7 @@ def _regions(
 
 
 def _height(base: float, robot: Pictured, s: Array) -> Array:
-    """Return the heights of arc lengths [m] in a lane that stands on `base`."""
+    """Return the heights of arc lengths [m] in a lane whose base is at height `base`."""
     return np.asarray(base + _FULL * s / robot.driven.timeline.length)
 
 

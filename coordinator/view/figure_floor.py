@@ -1,6 +1,6 @@
-"""The floor: the ground, paths, starts and goals, crossings and stops.
+"""Draws the floor: the ground, paths, starts and goals, crossings and stops.
 
-Decides: what is drawn on the floor, and which labels give way when it gets crowded.  Must not
+Decides: what is drawn on the floor, and which labels are left out when it is crowded.  Must not
 know: files or the rest of the page.
 """
 
@@ -23,13 +23,13 @@ from coordinator.view.figure_robots import Pictured, font_size, style_of
 from coordinator.view.figure_selection import View
 
 _POINTS: Final = 240
-"""Points along a side of the floor; labels keep off paths and walls so densely sampled."""
+"""Samples per side of the floor, for the points of paths and walls that labels should not cover."""
 _SMALLEST: Final = 5.5
-"""Size of the smallest labels [pt]; those without room are left out."""
+"""Size of the smallest labels [pt]; labels that do not fit are left out."""
 _FAINT: Final = 0.35
-"""Opacity of robots that are only hinted at."""
+"""Opacity of robots that are drawn faintly."""
 _CROWD: Final = 24
-"""With more robots on the floor, stops and crossings are not labelled, goals only with room."""
+"""With more robots than this, stops and crossings get no labels, goals only if there is room."""
 
 
 def floor_bounds(
@@ -126,7 +126,7 @@ def _arrow(robot: Pictured) -> Array:
 def _draw_details(axes: Axes, robots: list[Pictured], side: float) -> float | None:
     """Draw control polygons and curvature combs; return the curvature [1/m] of the longest tooth.
 
-    side: of the floor [m].  None: there is no comb.
+    Return None if there is no comb.  side: the longer side of the floor [m].
     """
     detailed = [robot for robot in robots if robot.manner == "detailed"]
     for robot in detailed:
@@ -193,7 +193,7 @@ def _draw_stops(axes: Axes, robot: Pictured, size: float) -> None:
 
 
 def _draw_left(axes: Axes, labels: Labels, view: View, ids: list[str], size: float) -> None:
-    """Draw who has stayed behind as hollow discs in their colours, and name them."""
+    """Draw the robots that have stayed behind as hollow discs in their colours, and name them."""
     places = view.places(ids)
     for left in view.left:
         style = style_of(places[left.id])
@@ -232,7 +232,7 @@ def _label_ends(labels: Labels, robots: list[Pictured], size: float) -> None:
 
 
 def _label_stops(labels: Labels, robots: list[Pictured], size: float) -> None:
-    """Say at a stop how long it lasts, while there is room to say it."""
+    """Label each stop with its duration if there is room."""
     for robot in robots:
         for s, since, until, _ in robot.pauses:
             x, y = robot.driven.curve.at_arc(s)[0].tolist()
@@ -249,7 +249,7 @@ def _label_stops(labels: Labels, robots: list[Pictured], size: float) -> None:
 def _label_crossings(
     labels: Labels, met: list[Crossing], robots: list[Pictured], size: float
 ) -> None:
-    """Say at a crossing who waits for it, once a wait, while there is room to say it."""
+    """Label crossings with the robot that waits there, once for each wait, if there is room."""
     ink = {robot.id: robot.ink for robot in robots}
     said = set()
     for crossing in met:

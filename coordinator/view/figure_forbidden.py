@@ -1,9 +1,10 @@
-"""What forces a wait: the places and times that the robot waited for forbids at their zone.
+"""Computes what forces a wait: the region in arc length and time that another robot forbids.
 
-Robot j at arc length s of the zone is forbidden from tau before robot i first comes to the least of
-its arc lengths that are too near, until tau after it last leaves the greatest one: from when on and
-until when j would be nearer than r_i + r_j + margin to robot i, which may be up to tau early or
-late.  Computed from the plan as sent; an illustration, the proof is proof/tau_safety.py.
+Robot j waits for robot i at their zone.  For an arc length s of j in the zone, take the arc lengths
+of i at which the centres would be nearer than r_i + r_j + margin.  Being at s is forbidden to j
+from tau before i first reaches the least of them until tau after i last leaves the greatest of
+them, since i may be up to tau early or late.  The region is computed from the plan as sent.  It is
+an illustration; the proof is proof/tau_safety.py.
 
 Decides: the region.  Must not know: how it is drawn.
 """
@@ -24,14 +25,14 @@ from coordinator.plan.wire import Driven
 from protocol.timeline import Timeline
 
 _ROWS: Final = 121
-"""Places along a zone that are looked at."""
+"""Number of samples along a zone."""
 
 
 @dataclass(frozen=True, eq=False)
 class Forbidden:
-    """At arc lengths s (n,) [m] of its path a robot is forbidden from begin to end (n,) [s].
+    """Arc lengths s (n,) [m] of a robot's path, each forbidden to it from begin to end (n,) [s].
 
-    begin is -inf where the other one begins there, end inf where it stays there.
+    begin is -inf where the other robot starts there, end is inf where the other robot stays there.
     """
 
     s: Array
@@ -40,10 +41,10 @@ class Forbidden:
 
 
 def forbidden(robot: Driven, other: Driven, reason: Reason, document: PlanDocument) -> Forbidden:
-    """Return what `other` forbids `robot` at the zone of a wait; nothing where they keep apart."""
+    """Return what `other` forbids `robot` at a wait's zone, without arc lengths that are free."""
     need = robot.radius + other.radius + document.margin
     low, high = np.clip(reason.zone, 0.0, robot.curve.length)
-    # A region ends round: places are closer together towards both ends.
+    # The region has round ends, so samples are closer together towards both ends.
     s = low + 0.5 * (high - low) * (1.0 - np.cos(np.linspace(0.0, math.pi, _ROWS)))
     places = robot.curve.at_arc(s)
     least, greatest = nearer_than(places, chords_of(other.curve), need, reason.their_zone)
@@ -56,10 +57,10 @@ def forbidden(robot: Driven, other: Driven, reason: Reason, document: PlanDocume
 def nearer_than(
     places: Array, chords: Chords, need: float, within: tuple[float, float]
 ) -> tuple[Array, Array]:
-    """Return the least and greatest arc length (n,) [m] of chords that are near places (n, 2).
+    """Return for places (n, 2) the least and greatest arc length (n,) [m] of the chords near them.
 
-    Near: `need` [m] or less.  Only what lies `within` arc lengths [m] counts; where nothing does,
-    the least is inf and the greatest -inf.
+    Near means at a distance of `need` [m] or less.  Only arc lengths [m] in `within` count; where
+    none is near, the least is inf and the greatest is -inf.
     """
     start, way = chords.points[:-1], np.diff(chords.points, axis=0)
     square = np.maximum(np.einsum("ij,ij->i", way, way), 1e-300)
@@ -77,13 +78,19 @@ def nearer_than(
 
 
 def first_reached(timeline: Timeline, s: Array) -> Array:
-    """Return when (n,) [s] a robot first is at arc lengths (n,) [m]; -inf at its start."""
+    """Return the times (n,) [s] at which a robot first reaches arc lengths (n,) [m].
+
+    The time is -inf at the robot's start.
+    """
     times = _times(timeline, s, np.searchsorted(timeline.s1, s, side="left"))
     return np.where(s <= 0.0, -math.inf, times)
 
 
 def last_left(timeline: Timeline, s: Array) -> Array:
-    """Return when (n,) [s] a robot last is at arc lengths (n,) [m]; inf at its goal."""
+    """Return the times (n,) [s] at which a robot last leaves arc lengths (n,) [m].
+
+    The time is inf at the robot's goal.
+    """
     times = _times(timeline, s, np.searchsorted(timeline.s0, s, side="right") - 1)
     return np.where(s >= timeline.length, math.inf, times)
 

@@ -1,7 +1,7 @@
-"""The ground that robots drive on: its edge, what stands on it, and where no centre may be.
+"""Draws the ground: its edge, the obstacles, and their grown outlines, which no centre may enter.
 
-Obstacles are drawn as their union: pieces of a map that share a seam show none.  Decides: how the
-ground looks, and how many of the grown outlines are shown.  Must not know: paths.
+Obstacles are drawn as their union, so that no seam is visible between adjacent pieces of a map.
+Decides: how the ground looks, and how many grown outlines are shown.  Must not know: paths.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ OBSTACLE: Final = "#d3d7de"
 GROWN: Final = "#8a93a3"
 HALO: Final = "#f1f2f5"
 DASHES: Final = ((0, (1.2, 1.6)), (0, (5.0, 2.0)), "solid")
-"""Lines of the outlines grown least, more and most."""
+"""Line styles of the outlines, from the least grown to the most grown."""
 _QUARTER: Final = 12
 """Segments in a quarter of a round corner."""
 
 
 def reaches(radii: Iterable[float], margin: float) -> list[float]:
-    """Return how far [m] the obstacles are grown: the distinct radii + margin, at most three."""
+    """Return how far [m] obstacles are grown: radius + margin, at most three distinct values."""
     every = sorted({round(radius + margin, 6) for radius in radii})
     return every if len(every) <= len(DASHES) else [every[0], every[len(every) // 2], every[-1]]
 
@@ -51,7 +51,7 @@ def draw_ground(axes: Axes, floor: Floor, grown: list[float]) -> None:
 def free_ground(
     outline: shapely.Geometry, obstacles: shapely.Geometry, reach: float
 ) -> shapely.Geometry:
-    """Return where a centre keeps `reach` [m] from the obstacles and from the floor's outside."""
+    """Return where a centre is at least `reach` [m] from obstacles and from the floor's edge."""
     inner = shapely.buffer(outline, -reach, quad_segs=_QUARTER)
     return shapely.difference(inner, shapely.buffer(obstacles, reach, quad_segs=_QUARTER))
 

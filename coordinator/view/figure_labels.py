@@ -1,7 +1,7 @@
-"""Labels that keep out of each other's way.
+"""Places labels so that they do not cover each other.
 
-Decides: where a label stands near its anchor, by trying places around it, the near ones first.
-Must not know: what the labels say.
+Decides: the place of a label near its anchor, by comparing places around it.  Near ones are
+preferred.  Must not know: what the labels say.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from coordinator.curves.nurbs import Array
 _RINGS: Final = (3.0, 9.0, 17.0, 27.0, 40.0, 56.0, 75.0, 100.0)
 _ANGLES: Final = 16
 _HIDDEN: Final = 8.0
-"""An optional label may cover so many busy points."""
+"""Most busy points that an optional label may cover."""
 _FARTHEST: Final = 27.0
-"""An optional label stands no farther from its anchor [pt]."""
+"""Greatest distance of an optional label from its anchor [pt]."""
 _AIR: Final = 1.2
 """Room around a label's text [pt]."""
 _STEPS: Final = np.linspace(0.0, 1.0, 16)
-"""Where a line to a label is looked at for what it would run over."""
+"""Positions along a line to a label at which it is tested against other labels."""
 _LEADER: Final = 6.0
 """Labels farther than this from their anchor [pt] get a line to it."""
 
@@ -36,8 +36,8 @@ NO_POINTS: Final = np.empty((0, 2))
 class Labels:
     """The labels of one pair of axes whose limits and size are final.
 
-    `busy`, `marks`: points (n, 2) in data units; labels should not cover the busy ones and must
-    not cover marks.
+    `busy`, `marks`: points (n, 2) in data units.  Labels should not cover busy points and must not
+    cover marks.
     """
 
     def __init__(self, axes: Axes, busy: Array, marks: Array = NO_POINTS) -> None:
@@ -67,8 +67,8 @@ class Labels:
     ) -> bool:
         """Put a label at least `away` [data units] from its anchor, towards `heading` if it can.
 
-        An optional label that would cover another one, a mark, or much of the busy points, is left
-        out.  Returns whether the label stands.
+        An optional label is left out if it would cover another label, a mark or many busy points.
+        Return whether the label was placed.
         """
         label = self._axes.text(
             *anchor,
@@ -101,7 +101,7 @@ class Labels:
         return True
 
     def keep_free(self, anchor: tuple[float, float], radius: float) -> None:
-        """Let no label cover a disc; anchor and radius in data units."""
+        """Reserve a disc that no label may cover; anchor and radius are in data units."""
         x, y = self._axes.transData.transform(anchor)
         half = 0.9 * self._pixels(radius)
         self._taken = np.vstack((self._taken, [x - half, y - half, x + half, y + half]))
@@ -113,7 +113,7 @@ class Labels:
     def _candidates(
         self, label: Text, center: Array, away: float, heading: float
     ) -> tuple[Array, Array]:
-        """Return boxes (n, 4) [px] around a center, and how far each is from it [pt]."""
+        """Return candidate boxes (n, 4) [px] around a center, and how far each is from it [pt]."""
         extent = label.get_window_extent(self._renderer)
         half = np.array([0.5 * extent.width, 0.5 * extent.height]) + _AIR * self._pixel
         start = self._pixels(away)
@@ -130,9 +130,9 @@ class Labels:
         return np.array(boxes), np.array(gaps)
 
     def _covered(self, boxes: Array) -> tuple[Array, Array]:
-        """Return how many busy points boxes cover, and their share on other labels or outside.
+        """Return how many busy points each box covers, and its share that must stay free.
 
-        A mark counts as a label.
+        That share lies on other labels, on marks or outside of the axes.
         """
         area = (boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1])
         covered = _overlaps(boxes, self._taken).sum(axis=1) / area

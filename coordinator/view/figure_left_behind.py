@@ -1,6 +1,6 @@
-"""Who of a fleet has stayed behind, and where: what a picture of a later epoch's plan names.
+"""Finds the robots that have no part in the last epoch, for the picture of its plan.
 
-Decides: where a robot stands that has no part in the last epoch.  Must not know: axes, files.
+Decides: where such a robot stands.  Must not know: axes, files.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from coordinator.view.scene import Scene
 
 
 def left_behind(scene: Scene) -> tuple[Left, ...]:
-    """Return the robots aside in the scene's last epoch, each where its last ride has left it."""
+    """Return the robots aside in the scene's last epoch, each at the end of its last ride."""
     aside = scene.epochs[-1].aside if scene.epochs else []
     found = []
     for one in aside:

@@ -1,6 +1,6 @@
-"""The legend of the floor: a row of small keys with what they stand for.
+"""Makes the legend of the floor, a row of keys with their meaning.
 
-Decides: the keys and their words; only what the picture holds is told.  Must not know: the page.
+Decides: the keys and their words; only what the picture shows has a key.  Must not know: the page.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def legend_keys(
     grown: list[float],
     sharpest: float | None,
 ) -> Keys:
-    """Return the keys of what is drawn.
+    """Return keys for what is drawn.
 
     grown: how far [m] obstacles are grown; sharpest: the curvature [1/m] of the longest tooth.
     """
@@ -54,7 +54,7 @@ def legend_keys(
 
 
 def legend_style(keys: Keys) -> dict[str, Any]:
-    """Return what a legend of these keys in one row is made with."""
+    """Return the arguments of a legend that has these keys in one row."""
     combs = {key: HandlerLine2D(numpoints=6) for key, text in keys if text.startswith("comb")}
     polygons = {key: HandlerLine2D(numpoints=2) for key, text in keys if text.startswith("control")}
     return {
@@ -75,7 +75,7 @@ def legend_style(keys: Keys) -> dict[str, Any]:
 
 
 def _grown_keys(robots: dict[str, Pictured], grown: list[float]) -> Keys:
-    """Return a key for each outline around the obstacles; the first one tells what they are."""
+    """Return a key for each outline around the obstacles; the first one explains them."""
     count = len({round(robot.plan.radius, 6) for robot in robots.values()})
     some = f", {len(grown)} of {count}" if count > len(grown) else ""
     keys: Keys = []

@@ -1,7 +1,8 @@
-"""The robots of a plan as the picture needs them: motion, colour and line.
+"""Gives each robot of a plan what a picture needs: its motion, its colour and its line style.
 
-Decides: the colours.  They are those of Okabe and Ito, told apart by colour-blind people, with the
-yellow darkened for white paper; beyond eight robots, darker ones with other dashes follow.
+Decides: the colours.  They are those of Okabe and Ito, which colour-blind people can distinguish,
+with the yellow darkened for white paper.  From the ninth robot on, they are repeated darker and
+with other dashes.
 Must not know: axes.
 """
 
@@ -31,7 +32,7 @@ _COLOURS: Final = (
 )
 _SHADES: Final = (1.0, 0.62, 0.82, 0.45)
 _SAMPLES: Final = 16
-"""Points drawn in each span of a path."""
+"""Number of points drawn in each span of a path."""
 _DASHES: Final = ("solid", (0, (6, 1.5)), (0, (2.5, 1.2)), (0, (7, 1.5, 1.5, 1.5)))
 
 Dash = str | tuple[int, tuple[float, ...]]
@@ -39,7 +40,7 @@ Dash = str | tuple[int, tuple[float, ...]]
 
 @dataclass(frozen=True, eq=False)
 class Pictured:
-    """One robot: its plan, what it makes of its bytes, and how it is drawn."""
+    """One robot: its plan, its motion as decoded from the wire bytes, and how it is drawn."""
 
     plan: RobotPlan
     driven: Driven
@@ -62,7 +63,7 @@ class Pictured:
 
     @cached_property
     def bends(self) -> Bends:
-        """How its path is bent."""
+        """The curvature along its path."""
         return Bends.of(self.driven.curve)
 
     @property
@@ -76,7 +77,7 @@ class Pictured:
 
     @property
     def waits(self) -> float:
-        """How long it waits in all [s]."""
+        """The total time of its waits [s]."""
         return sum(until - since for _, since, until, _ in self.pauses)
 
     def progress(self, times: Array) -> Array:
@@ -86,9 +87,9 @@ class Pictured:
 
 
 def picture_robots(document: PlanDocument, view: View | None = None) -> dict[str, Pictured]:
-    """Return the robots by id, in the plan's order, each drawn as the view asks for.
+    """Return the robots by id, in the plan's order, each drawn as the view asks.
 
-    Raises InputError when the view names another robot, or when a robot's bytes are refused.
+    Raise InputError if the view names an unknown robot, or if a robot would refuse its bytes.
     """
     view, ids = view or View(), [plan.id for plan in document.robots]
     manners, places = view.manners(ids), view.places(ids)
@@ -99,7 +100,7 @@ def picture_robots(document: PlanDocument, view: View | None = None) -> dict[str
 
 
 class Style(NamedTuple):
-    """How one robot is told from the others; `ink` is a darker shade for text."""
+    """The look that distinguishes one robot from others; `ink` is a darker shade for text."""
 
     colour: str
     ink: str
@@ -107,7 +108,7 @@ class Style(NamedTuple):
 
 
 def style_of(place: int) -> Style:
-    """Return the style of a robot by its place in the fleet."""
+    """Return the style of a robot from its index in the fleet."""
     turn, which = divmod(place, len(_COLOURS))
     shade, colour = _SHADES[turn % len(_SHADES)], _COLOURS[which]
     dash = _DASHES[turn % len(_DASHES)]
@@ -115,11 +116,11 @@ def style_of(place: int) -> Style:
 
 
 def font_size(count: int) -> float:
-    """Return the size of labels [pt] that suits so many robots."""
+    """Return the size of labels [pt] for a picture of `count` robots."""
     return float(np.clip(28.0 / np.sqrt(count), 4.0, 10.0))
 
 
 def _darkened(colour: str, share: float) -> str:
-    """Return a colour #rrggbb with its light reduced to a share."""
+    """Return a colour #rrggbb with its brightness reduced to a share."""
     parts = [round(int(colour[at : at + 2], 16) * share) for at in (1, 3, 5)]
     return "#" + "".join(f"{part:02x}" for part in parts)

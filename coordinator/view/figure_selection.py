@@ -1,7 +1,7 @@
-"""Which robots a picture shows, and how much of each.
+"""Selects which robots a picture shows, and how much of each.
 
-Decides: who is drawn in detail, plainly or faintly, and by which place a robot has its colour.
-Must not know: what that looks like.
+Decides: which robots are drawn in detail, plainly or faintly, and the index that gives a robot its
+colour.  Must not know: what that looks like.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from coordinator.base.errors import InputError
 Manner = Literal["detailed", "plain", "faint"]
 
 _FEW: Final = 8
-"""Control polygons and combs of more robots would bury the floor."""
+"""Most robots that get control polygons and combs; those of more would hide the floor."""
 
 
 @dataclass(frozen=True)
 class Left:
-    """A robot of the fleet without a part in the plan, why, and where it stands [m]."""
+    """A robot of the fleet that has no part in the plan, why, and where it stands [m]."""
 
     id: str
     why: str
@@ -31,12 +31,12 @@ class Left:
 
 @dataclass(frozen=True)
 class View:
-    """What is asked of a picture.
+    """What a picture should show.
 
-    robots: ids that are shown in full, the others are hinted at; none: all of them.
-    detail: whether those get control polygon and curvature comb; None: when they are few.
-    fleet: ids of all robots of the fleet, each of which has its colour by its place among them;
-    none: those of the plan.  left: who has stayed behind.
+    robots: ids of the robots to draw in full, the others are faint; if empty, all are in full.
+    detail: whether those get control polygons and curvature combs; None: only if they are few.
+    fleet: ids of all robots of the fleet, whose order gives each its colour; if empty, those of the
+    plan.  left: the robots that have stayed behind.
     """
 
     robots: tuple[str, ...] = ()
@@ -45,12 +45,12 @@ class View:
     left: tuple[Left, ...] = ()
 
     def places(self, ids: Sequence[str]) -> dict[str, int]:
-        """Return the place of every robot that is drawn, which decides its colour."""
+        """Return the index of every robot that is drawn, which decides its colour."""
         names = dict.fromkeys([*self.fleet, *ids, *(one.id for one in self.left)])
         return {name: place for place, name in enumerate(names)}
 
     def manners(self, ids: Sequence[str]) -> dict[str, Manner]:
-        """Return how each robot is drawn; InputError for every name that is no robot's."""
+        """Return how each robot is drawn; raise InputError with a line for each unknown name."""
         unknown = [name for name in self.robots if name not in ids]
         if unknown:
             raise InputError([_unknown(name, ids) for name in unknown])

@@ -1,8 +1,9 @@
-"""Why a robot waits: the places and times that the others forbid it, and its way between them.
+"""Draws why a robot waits: the arc lengths and times that others forbid it, and its way past them.
 
-For robot j, (t, s) is forbidden by robot i when j at s and i at some t' with |t - t'| <= tau are
-nearer than r_i + r_j + margin.  Computed from the plan as sent, on a grid: an illustration, the
-proof is proof/tau_safety.py.  Decides: the regions and how they look.  Must not know: the page.
+Robot i forbids (t, s) to robot j if, for some t' with |t - t'| <= tau, the centres of j at arc
+length s and of i at time t' are nearer than r_i + r_j + margin.  The regions are computed on a grid
+from the plan as sent.  They are an illustration; the proof is proof/tau_safety.py.  Decides: the
+regions and how they look.  Must not know: the page.
 """
 
 from __future__ import annotations
@@ -28,17 +29,17 @@ _PANELS: Final = 6
 _ROWS: Final = 220
 _COLUMNS: Final = 480
 _SAID: Final = 3
-"""Of so many waits, the longest, a panel says what the other way round would cost."""
+"""Number of waits, the longest ones, for which a panel states the cost of the other way round."""
 _OTHERS: Final = 0.28
-"""Opacity of what is forbidden; what forces a wait is shaded once more."""
+"""Opacity of forbidden regions; the parts that force a wait are shaded once more."""
 _LABELLED: Final = 0.004
-"""A region is named when it takes this share of the panel, or when the robot waits for it."""
+"""A region is named if it takes this share of the panel, or if the robot waits because of it."""
 
 Mask = npt.NDArray[np.bool_]
 
 
 def explanation(waiting: Sequence[Pictured], document: PlanDocument) -> str:
-    """Return what the panels of waiting robots show, and nothing that they do not."""
+    """Return a text that explains what the panels of the waiting robots show."""
     names = {robot.id for robot in waiting}
     forced = any(reason.robot in names for reason in document.waits)
     strongly = "; strongly: to the one it waits for" if forced else ""
@@ -63,7 +64,7 @@ def longest_waits(robots: dict[str, Pictured]) -> list[Pictured]:
 def draw_wait(
     axes: Axes, robot: Pictured, robots: dict[str, Pictured], document: PlanDocument
 ) -> None:
-    """Draw a robot's way in time through what the others forbid it."""
+    """Draw a robot's arc length over time, and the regions that the others forbid it."""
     end = 1.04 * robot.plan.finish_time
     times = np.linspace(0.0, end, _COLUMNS, dtype=np.float64)
     places = np.linspace(0.0, robot.driven.curve.length, _ROWS, dtype=np.float64)
@@ -94,8 +95,8 @@ def nearest_within(
 ) -> Array:
     """Return how near another robot comes within tau [s], (len(places), len(times)) [m].
 
-    `times` (n,) [s] are equally spaced from 0, `places` (m,) [m] lie on the robot's own path.
-    Between the times the distance is that of the nearest one: good to a step's way.
+    `times` (n,) [s] are equally spaced from 0, `places` (m,) [m] are on the robot's own path.
+    Only these times are compared, so a distance is accurate to the way driven in one step.
     """
     step = float(times[1] - times[0])
     reach = math.floor(min(tau / step, len(times)))
@@ -116,7 +117,10 @@ def _draw_regions(
     times: Array,
     places: Array,
 ) -> None:
-    """Shade what each other robot forbids; name who is waited for and, with room, larger parts."""
+    """Shade what each other robot forbids, and write its name there.
+
+    Robots that are waited for are named, and those of larger regions if there is room.
+    """
     regions: list[tuple[Pictured, Mask]] = []
     for other in robots.values():
         need = robot.plan.radius + other.plan.radius + document.margin
@@ -144,7 +148,7 @@ def _draw_regions(
 def _draw_reasons(
     axes: Axes, robot: Pictured, robots: dict[str, Pictured], document: PlanDocument
 ) -> None:
-    """Shade what forces the waits once more."""
+    """Shade the regions that force the waits once more."""
     for reason in document.waits:
         other = robots.get(reason.yields_to)
         if reason.robot == robot.id and other is not None and other is not robot:
@@ -155,7 +159,7 @@ def _draw_reasons(
 
 
 def _say_costs(axes: Axes, robot: Pictured, document: PlanDocument) -> None:
-    """Say below the title what the waits would cost the other way round."""
+    """Write below the title what it would cost if the other robots waited instead."""
     told = longest([wait for wait in waits_of(document) if wait.robot == robot.id], _SAID)
     if told:
         costs = ", ".join(f"{wait.yields_to} {wait.other_way}" for wait in told)
@@ -165,7 +169,7 @@ def _say_costs(axes: Axes, robot: Pictured, document: PlanDocument) -> None:
 
 
 def _name(axes: Axes, other: Pictured, spot: tuple[float, float], named: list[Bbox]) -> None:
-    """Write a robot's name into its region unless it would cover one that stands already [px]."""
+    """Write a robot's name into its region unless it would cover one of the boxes `named` [px]."""
     style: dict[str, Any] = {
         "size": 8,
         "weight": "bold",
@@ -182,12 +186,12 @@ def _name(axes: Axes, other: Pictured, spot: tuple[float, float], named: list[Bb
 
 
 def _around(found: npt.NDArray[np.intp]) -> slice:
-    """Return the range from the first to the last index found, one more at each end."""
+    """Return the range from the first to the last index found, widened by one at each end."""
     return slice(max(int(found[0]) - 1, 0), int(found[-1]) + 2)
 
 
 def _spots(mask: Mask, crowd: npt.NDArray[np.int_], least: float) -> list[tuple[int, int]]:
-    """Return the (row, column) deepest inside each larger part, off other regions if it can."""
+    """Return the (row, column) deepest inside each larger part, off other regions if possible."""
     parts, count = ndimage.label(mask)
     spots = []
     for part in range(1, count + 1):
@@ -203,12 +207,12 @@ def _spots(mask: Mask, crowd: npt.NDArray[np.int_], least: float) -> list[tuple[
 
 
 def _depth(inside: Mask) -> Array:
-    """Return how far each cell is from the outside, in cells."""
+    """Return the distance of each cell from the outside, in cells."""
     return np.asarray(ndimage.distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1])
 
 
 def _far_apart(robot: Pictured, other: Pictured, need: float) -> bool:
-    """Tell whether the control polygons, and so the paths, stay farther apart than the need."""
+    """Return whether the control polygons, and so the paths, are farther apart than the need."""
     mine, theirs = (np.array(one.plan.path.control_points) for one in (robot, other))
     gap = np.maximum(mine.min(axis=0) - theirs.max(axis=0), theirs.min(axis=0) - mine.max(axis=0))
     return bool(np.any(gap > need))

@@ -1,7 +1,7 @@
-"""A running fleet followed: what is heard made into scenes, and both into events for the page.
+"""Follows a running fleet and turns what it hears into scenes and events for the page.
 
-Decides: what is listened to, and when the page is told.  Must not know: how the page looks.  It
-listens only: nothing is ever sent to the fleet, but that it asks the coordinator for plans that it
+Decides: what it listens to, and when the page gets an event.  Must not know: how the page looks.
+It only listens and sends nothing to the fleet, except requests to the coordinator for plans that it
 has not heard.
 """
 
@@ -26,11 +26,11 @@ from protocol.transport import Transport
 from protocol.zenoh_transport import ZenohTransport
 
 _PERIOD_S: Final = 0.25
-"""The page is told the fleet's time and how old its last word is this often."""
+"""Interval [s] at which the page gets the fleet's time and the age of the last Command."""
 
 
 class Feed:
-    """What is known of the fleet, for any number of listening pages."""
+    """Gives what is known of the fleet to any number of listening pages."""
 
     def __init__(self, course: LiveCourse) -> None:
         self._course = course
@@ -40,7 +40,7 @@ class Feed:
         self._made = 0.0
 
     def listen(self, transport: Transport, fleet: str | None) -> None:
-        """Subscribe to all that the fleet says."""
+        """Subscribe to all messages of the fleet."""
         name = fleet or "*"
         for kind in (keys.hello, keys.plan, keys.report, keys.clock):
             transport.subscribe(kind(name, "*"), self._hear)
@@ -48,14 +48,14 @@ class Feed:
         self._transport = transport
 
     def scene(self) -> Scene:
-        """Return the scene as it is known now."""
+        """Return the scene of what is known now."""
         with self._news:
             return self._course.scene()
 
     def events(self) -> Iterator[tuple[str, str]]:
-        """Yield a scene whenever something new is known, the fleet's time and its last word's age.
+        """Yield a scene whenever something new is known, and regularly the time and LastWord.
 
-        A page that hears nothing for some of these periods knows that nobody tells it any more.
+        A page that gets no event for several periods knows that this server has ended.
         """
         seen = -1
         while True:
@@ -77,7 +77,7 @@ class Feed:
         if clock is not None:
             yield "clock", msgspec.json.encode(clock).decode()
         if now - self._made < _PERIOD_S:
-            word = None  # what was said while a scene was made has not been taken in yet
+            word = None  # messages that came while a scene was made are not processed yet
         yield "word", msgspec.json.encode(word).decode()
 
     def _hear(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
@@ -95,9 +95,10 @@ class Feed:
 def followed(
     endpoint: str, fleet: str | None, plan: Path | None, own: KeyFiles | None = None
 ) -> Iterator[Feed]:
-    """Follow the fleet at an endpoint; `plan` tells the floor and the first epoch, `own` the keys.
+    """Follow the fleet at an endpoint.
 
-    Raises TransportError when nobody is there, InputError for a bad plan file.
+    `plan`: a plan file with the floor and the first epoch; `own`: the listener's keys.  Raise
+    TransportError if nobody answers at the endpoint, InputError if the plan file is not valid.
     """
     document = None if plan is None else read(plan)
     feed = Feed(LiveCourse(fleet or (document.scenario if document else None), document))

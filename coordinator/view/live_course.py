@@ -1,8 +1,8 @@
-"""What a bystander knows of a running fleet: plans as sent, Commands, Reports, the fleet's time.
+"""Collects what a listener knows of a running fleet: plans, Commands, Reports, the fleet's time.
 
 Decides: when something new is known.  Must not know: links, threads, the page, or how plans are put
-together from messages (findings/plans_from_messages.py).  Why robots wait is not on the wire: it is
-found from the plans of an epoch that has begun (findings/wait_guesses.py), or known from the plan
+together from messages (findings/plans_from_messages.py).  Why robots wait is not on the wire.  It
+is found from the plans of an epoch that has begun (findings/wait_guesses.py), or read from the plan
 file.
 """
 
@@ -27,20 +27,20 @@ from protocol.phases import CLOCK_UNSURE, FAULT_NAMES, IDLE, NO_FAULT, OVER
 from protocol.timing import LEASE, SECOND
 
 _SURE: Final = 2.0
-"""The fleet's clock is compared with ours over this many seconds before its speed is told."""
+"""Seconds for which the fleet's clock is compared with ours before its speed is estimated."""
 
 
 class FleetTime(msgspec.Struct, frozen=True):
-    """Seconds since the first GO, and how many pass in one of ours."""
+    """Seconds of the fleet since the first GO, and how many of them pass in one of our seconds."""
 
     now: float
     speed: float
 
 
 class LastWord(msgspec.Struct, frozen=True):
-    """How long ago [s] the last Command was heard, and how long robots bear silence.
+    """How long ago [s] the last Command was heard, and how long robots drive on without one.
 
-    over: whether it said that all is over.
+    over: whether the last Command's phase was OVER.
     """
 
     age: float
@@ -70,7 +70,7 @@ class LiveCourse:
             self._lease = link_times(document.link).lease_ns / SECOND
 
     def hear(self, key: str, payload: bytes, now: float) -> bool:
-        """Take in what was said on a key; tell whether a page would look different."""
+        """Process a message on a key; return whether a page would look different."""
         place = keys.split(key)
         if place is None or place[0] != (self.fleet or place[0]) or place[1] in ("alive", "admit"):
             return False
@@ -81,7 +81,7 @@ class LiveCourse:
         return message is not None and self._take(message, place[2], now)
 
     def scene(self) -> Scene:
-        """Return the scene of what is known; an empty one before the first plan."""
+        """Return the scene of what is known, which is empty before the first plan."""
         if not self._course.plans:
             return _nothing(self.fleet or "")
         self._explain()
@@ -97,7 +97,7 @@ class LiveCourse:
                 self._explained[epoch] = count
 
     def clock(self, now: float) -> FleetTime | None:
-        """Return the fleet's time; None before its first GO or before its clock was heard."""
+        """Return the fleet's time; None before its first GO or before its clock is known."""
         if self._first is None or not self._course.starts:
             return None
         zero = min(self._course.starts.values())
@@ -106,14 +106,14 @@ class LiveCourse:
         return FleetTime(round(passed, 3), round(speed, 3))
 
     def word(self, now: float) -> LastWord | None:
-        """Return how old the coordinator's last word is; None before its first."""
+        """Return how old the coordinator's last Command is; None before the first one."""
         if self._word is None:
             return None
         at, phase = self._word
         return LastWord(round(max(now - at, 0.0), 3), self._lease, phase == OVER)
 
     def _take(self, message: Message, robot: str, now: float) -> bool:
-        """Take in a message of the fleet."""
+        """Process a message of the fleet; return whether a page would look different."""
         before = self.unheard.robots
         self.unheard.take(message, robot)
         changed = self.unheard.robots != before
@@ -135,7 +135,7 @@ class LiveCourse:
         return self._said.take(message, robot, self.fleet or "")
 
     def _reasons(self, epoch: int) -> tuple[str, ...]:
-        """Return why robots that are known have no part in an epoch, as far as messages tell."""
+        """Return why each known robot has no part in an epoch, as far as messages show."""
         plans = self._course.plans
         if epoch not in plans:
             return ()
@@ -161,14 +161,14 @@ class LiveCourse:
             self._latest = (answered_ns, now)
 
     def _speed(self) -> float:
-        """Return how many of the fleet's seconds pass in one of ours."""
+        """Return how many of the fleet's seconds pass in one of our seconds."""
         if self._first is None or self._latest[1] - self._first[1] < _SURE:
             return 1.0
         passed = (self._latest[0] - self._first[0]) / SECOND
         return passed / (self._latest[1] - self._first[1])
 
     def _now_ns(self, now: float) -> int:
-        """Return the fleet's time [ns]; before its clock was heard that of the last Command."""
+        """Return the fleet's time [ns], or the last Command's time if the clock is not known."""
         if self._first is None:
             return self._course.last
         return self._latest[0] + round(self._speed() * (now - self._latest[1]) * SECOND)

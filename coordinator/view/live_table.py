@@ -1,7 +1,7 @@
-"""The live table of a running fleet: robot, phase, progress by the clock, next stop.
+"""Shows a live table of a running fleet: robot, phase, progress by the clock, next stop.
 
-Progress is what the plan says at this moment: nobody sent a position.
-Decides: what people see while a fleet runs.
+Progress follows from the plan and the time, since robots send no positions.
+Decides: what people see on the terminal while a fleet runs.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from protocol.phases import COMMAND_NAMES, FAULT_NAMES, FREEZE, GO, MOVING, PHAS
 
 
 class FleetTable:
-    """Draws the fleet on the terminal, four times a second; draws nothing elsewhere."""
+    """Draws the fleet four times a second if standard error is a terminal, else draws nothing."""
 
     def __init__(self, document: PlanDocument) -> None:
         self.follow(document)
@@ -33,7 +33,7 @@ class FleetTable:
         self._on = errors.is_terminal
 
     def follow(self, document: PlanDocument) -> None:
-        """Show progress by this plan from now on; a later one may be without some robots."""
+        """Show progress by this plan from now on; it may leave out robots of an earlier plan."""
         self._lines = {driven.id: driven.timeline for driven in drive(document)}
         self._stops = {robot.id: robot for robot in document.robots}
 

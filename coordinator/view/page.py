@@ -1,7 +1,7 @@
-"""A scene as one self-contained page: the files of page_files/ and the data put together.
+"""Makes one self-contained page from a scene and the files of page_files/.
 
-Decides: the order of the parts, and that nothing outside of the page is ever asked for.  Must not
-know: how the page looks (page_files/page.css) or what it does (page_files/*.js).
+Decides: the order of the parts, and that the page requests nothing from elsewhere.  Must not know:
+how the page looks (page_files/page.css) or what it does (page_files/*.js).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def page_of(scene: Scene, live: bool = False) -> str:
 
 
 def scene_json(scene: Scene) -> str:
-    """Return a scene as the page reads it."""
+    """Return a scene as the JSON that the page reads."""
     return msgspec.json.encode(scene).decode()
 
 

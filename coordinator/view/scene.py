@@ -1,10 +1,10 @@
-"""What the page shows: floor, robots, epochs with their motions, zones and marks, as plain data.
+"""The data that the page shows: floor, robots, epochs with their motions, zones and marks.
 
-Decides: the fields of the page's data.  Must not know: where they come from (scene_plan.py,
+Decides: the fields of the page's data.  Must not know: where the data comes from (scene_plan.py,
 scene_log.py, true_tracks.py), HTML (page.py).
 
-Times are seconds since the first GO, those inside a ride seconds of its plan; lengths are metres.
-Robots are told by their index in `robots`.
+Times are seconds since the first GO; those in a ride are plan times.  Lengths are metres.  Robots
+are identified by their index in `robots`.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import msgspec
 from coordinator.scenario.model import Point
 
 Leg = tuple[float, float, float, float, float, float]
-"""Constant acceleration: from and until [s], from and to [m], speed before and after [m/s]."""
+"""A leg of constant acceleration: t0, t1 [s], s0, s1 [m], and the speeds at its ends [m/s]."""
 
 Halt = tuple[float, float, float, float]
-"""The plan is left at a plan time [s] and an arc length [m]: from t0 until t1, from s0 to s1."""
+"""How a robot left its plan: braking from plan time t0 to t1 [s], arc length s0 to s1 [m]."""
 
 
 class Body(msgspec.Struct, frozen=True, kw_only=True):
@@ -28,7 +28,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Wait(msgspec.Struct, frozen=True, kw_only=True):
-    """A planned rest at arc length s, between two plan times, for a robot (-1: nobody's sake)."""
+    """A planned rest at arc length s, between two plan times, that lets a robot pass (-1: none)."""
 
     s: float
     since: float
@@ -39,9 +39,9 @@ class Wait(msgspec.Struct, frozen=True, kw_only=True):
 class Ride(msgspec.Struct, frozen=True, kw_only=True):
     """One robot's part in an epoch.
 
-    path: arc lengths, x and y of a polyline.  legs: the motion; between two of them and
-    outside of them the robot rests.  halt: where it left its plan, braking evenly; null if it
-    never did.  brake [m/s^2]: how it brakes; 0: at once.
+    path: arc lengths, x and y of a polyline.  legs: the motion; between legs, before the first and
+    after the last the robot rests.  halt: where it left its plan, braking at a constant rate; null
+    if it never did.  brake [m/s^2]: how it brakes; 0 means that it stops at once.
     """
 
     robot: int
@@ -66,17 +66,18 @@ class Zone(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Aside(msgspec.Struct, frozen=True, kw_only=True):
-    """A robot without a part in an epoch, and why; it stays where the one before has left it."""
+    """A robot without a part in an epoch, and why; it stays where the last epoch left it."""
 
     robot: int
     why: str
 
 
 class Epoch(msgspec.Struct, frozen=True, kw_only=True):
-    """A plan: shown from `begin` on, its time zero is `start`, `frozen` when all were told to stop.
+    """A plan, which is shown from `begin` on; its time zero is `start`.
 
-    started: whether there was a GO; without one nobody moves.
-    arrived: whether all its robots had arrived when they were told to stop.
+    frozen: when the fleet was commanded to stop.
+    started: whether there was a GO; without one no robot moves.
+    arrived: whether all its robots had arrived when the fleet was commanded to stop.
     keep_out: the polygons around robots that stand aside.
     """
 
@@ -101,7 +102,7 @@ class Mark(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Ghost(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a robot truly was: times and places, straight in between."""
+    """Where a robot truly was: times and places, with straight lines in between."""
 
     robot: int
     t: list[float]
@@ -110,7 +111,7 @@ class Ghost(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Scene(msgspec.Struct, frozen=True, kw_only=True):
-    """Everything on the page; `notes`: what could not be known of a log.
+    """Everything on the page; `notes` say what the log does not contain.
 
     proven: whether the proof of the newest epoch's plan holds; None when it is not known.
     """

@@ -1,7 +1,7 @@
-"""The scene of a log: its epochs one after another, what went wrong, and who stayed behind.
+"""Makes the scene of a log: its epochs in sequence, what went wrong, and who stayed behind.
 
-Decides: when an epoch is shown, and who stayed behind.  Where a robot is that has left its plan is
-told by findings/braking.py.  Must not know: files, black boxes.
+Decides: when an epoch is shown, and which robots stayed behind.  findings/braking.py finds where a
+robot is that has left its plan.  Must not know: files, black boxes.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 _WHY: Final = {"arrived": "arrived", "lost": "lost", "unfit": "not fit", "rests": "no way"}
 _NS: Final = 1 / SECOND
 _LOST: Final = 2 * SECOND
-"""A robot that has a part no more, and was not heard for so long [ns], is taken to be lost."""
+"""A robot that no longer has a part and was not heard for this long [ns] is taken to be lost."""
 
 
 class Course:
-    """The facts of one or more logs of the same fleet, in order; times in ns.
+    """The facts of one or several logs of the same fleet, in order; times in ns.
 
-    whole: the epochs whose plans are known from a file.  Plans put together from messages may lack
-    robots whose messages were not heard.
+    whole: the epochs whose plans are complete because they come from a file.  Plans put together
+    from messages may lack robots whose messages were not heard.
     """
 
     def __init__(self) -> None:
@@ -61,7 +61,7 @@ class Course:
         self.notes: list[str] = []
 
     def take(self, log: Log, name: str) -> None:
-        """Take in a log; InputError when a plan in it cannot be read."""
+        """Add a log; raise InputError if a plan in it cannot be read."""
         for file, content in log.attachments.items():
             if is_plan_name(file):
                 document = from_json(content, f"{name}: {file}")
@@ -85,9 +85,10 @@ class Course:
             ]
 
     def take_command(self, command: Command, now_ns: int) -> None:
-        """Take in what the coordinator stated at a time.
+        """Add a Command of the coordinator.
 
-        One that goes on from a log freezes, under a new epoch's number, the last that started.
+        A coordinator that resumes from a log freezes the last epoch that started, but its Commands
+        already have the number of a new epoch.
         """
         self.last = max(self.last, now_ns)
         if command.phase == FREEZE:
@@ -100,7 +101,7 @@ class Course:
             self.over = now_ns
 
     def is_done(self, epoch: int, robot: str) -> bool:
-        """Tell whether a robot has said that it arrived in an epoch."""
+        """Return whether a robot has reported that it arrived in an epoch."""
         return self.said.of(epoch, robot).phase == DONE
 
     def unheard(self) -> set[str]:
@@ -113,7 +114,7 @@ class Course:
         }
 
     def why_aside(self, epoch: int, robot: str) -> str:
-        """Tell why a robot has no part in an epoch's plan, as far as messages tell."""
+        """Return why a robot has no part in an epoch's plan, as far as messages show."""
         if epoch not in self.whole and robot in self.said.who(epoch):
             return "plan not heard"
         if robot in self.said.done():
@@ -140,9 +141,9 @@ class Course:
 
 
 def scene_of_logs(logs: Sequence[tuple[str, Log]]) -> Scene:
-    """Return the scene of a log, or of several that went on from each other, in order.
+    """Return the scene of a log, or of several logs in order, each resumed from the one before.
 
-    logs: (name for messages, log).  Raises InputError when there is no plan in them.
+    logs: (name for messages, log).  Raise InputError if there is no plan in them.
     """
     course = Course()
     for name, log in logs:
@@ -153,7 +154,7 @@ def scene_of_logs(logs: Sequence[tuple[str, Log]]) -> Scene:
 
 
 def scene_of_course(course: Course) -> Scene:
-    """Return the scene of what is known so far; there is at least one plan."""
+    """Return the scene of what is known so far; at least one plan must be known."""
     zero = min(course.starts.values(), default=min(course.begins.values(), default=0))
     documents = [document for _, document in sorted(course.plans.items())]
     others = dict.fromkeys(sorted(course.unheard()), RADIUS)
@@ -204,7 +205,7 @@ def _epoch(
 
 
 def _aside(course: Course, document: PlanDocument, index: Mapping[str, int]) -> list[Aside]:
-    """Return the robots that a plan leaves out, with the last that was told of them."""
+    """Return the robots that a plan leaves out, each with the latest known reason."""
     taking_part = {robot.id for robot in document.robots}
     why: dict[str, str] = {}
     for epoch, told in sorted(course.told.items()):
@@ -235,7 +236,7 @@ def _halt(course: Course, epoch: int, one: Driven) -> Halt | None:
 def _marks(
     course: Course, epochs: Sequence[Epoch], zero: int, names: Sequence[str]
 ) -> Iterator[Mark]:
-    """Yield what happened, in order of time; a fault stands before the freeze that it led to."""
+    """Yield what happened, in order of time; a fault comes before the freeze that it caused."""
     marks = [
         Mark(t=epoch.start, kind="go", text=f"epoch {epoch.epoch}: {len(epoch.rides)} robots go")
         for epoch in epochs

@@ -1,6 +1,6 @@
-"""The scene of a plan: what the robots make of their bytes, as polylines and legs.
+"""Makes the scene of a plan: the motions decoded from the wire bytes, as polylines and legs.
 
-Decides: how exactly motions are told (1 mm), and which zones are.  Must not know: logs
+Decides: how exact the motions are (1 mm), and which zones are shown.  Must not know: logs
 (scene_log.py), HTML (page.py).
 """
 
@@ -20,19 +20,19 @@ from coordinator.view.scene import Body, Epoch, Halt, Leg, Ride, Scene, Wait, Zo
 from protocol.timeline import Timeline
 
 ACCURACY: Final = 4e-4
-"""A path's polyline is nowhere farther [m] from the curve at the same arc length; then rounded."""
+"""Greatest distance [m] of a polyline, before rounding, from the curve at the same arc length."""
 
 _DIGITS: Final = 4
 _FINE_DIGITS: Final = 5
 _SHORTEST: Final = 1e-3
-"""Pieces [m] are not halved below this."""
+"""Pieces of a path shorter than this [m] are not halved."""
 
 _AFTERWARDS: Final = 1.0
-"""The page goes on for so long [s] after the last arrival."""
+"""The page plays for this long [s] after the last arrival."""
 
 
 def scene_of_plan(document: PlanDocument) -> Scene:
-    """Return the scene of a plan as planned; InputError when a robot would refuse its message."""
+    """Return the scene of a plan; raise InputError if a robot would refuse its message."""
     index = index_of([document])
     epoch = Epoch(
         epoch=document.epoch,
@@ -46,7 +46,7 @@ def scene_of_plan(document: PlanDocument) -> Scene:
 
 
 def index_of(documents: Sequence[PlanDocument], others: Iterable[str] = ()) -> dict[str, int]:
-    """Return the index of every robot that a document names, in order of appearance, and others."""
+    """Return the index of each robot of the documents, in order of appearance, then of others."""
     names = dict.fromkeys(robot.id for document in documents for robot in document.robots)
     names |= dict.fromkeys(others)
     return {name: place for place, name in enumerate(names)}
@@ -59,9 +59,10 @@ def scene_from(
     end: float,
     others: Mapping[str, float] = MappingProxyType({}),
 ) -> Scene:
-    """Return a scene without marks and ghosts; the first document has the floor and the terms.
+    """Return a scene without marks and ghosts.
 
-    The last one says whether the newest plan is proven.
+    The first document gives the floor and the terms of the plan, the last one whether the newest
+    plan is proven.
 
     others: robots that no document names, with their radii [m].
     """
@@ -93,7 +94,7 @@ def rides_of(
 ) -> list[Ride]:
     """Return the motions of a document, from the bytes that the robots get.
 
-    `driven`: what `drive` returned for the document, if that is known already.
+    `driven`: what `drive` returned for the document, if the caller has it already.
     """
     left = {} if halts is None else halts
     return [
@@ -110,9 +111,9 @@ def rides_of(
 
 
 def polyline(curve: Nurbs) -> Array:
-    """Return arc lengths, x and y (n, 3) [m] of points that straight lines join well enough.
+    """Return arc lengths, x and y (n, 3) [m] of a polyline that approximates the curve.
 
-    Between two of them the curve at any arc length is within ACCURACY of the line at the same.
+    At every arc length, the polyline is within ACCURACY of the curve.
     """
     s = np.unique(np.clip(curve.arc_at(np.unique(curve.knots)), 0.0, curve.length))
     parts = np.arange(1, 8) / 8.0
@@ -129,10 +130,11 @@ def polyline(curve: Nurbs) -> Array:
 
 
 def zones_of(document: PlanDocument, index: Mapping[str, int]) -> list[Zone]:
-    """Return what forces somebody to wait, and the crossings that nobody waits at.
+    """Return the zones that force a wait, and zones around crossings at which no robot waits.
 
-    A crossing's zone is taken to reach as far along both paths as the two have to keep apart:
-    farther where paths cross flatly, which is an illustration; the proof is proof/tau_safety.py.
+    A crossing's zone is taken to extend along both paths by the distance that the two robots must
+    keep.  Where paths cross at a small angle, the true zone is longer.  The zone is an
+    illustration; the proof is proof/tau_safety.py.
     """
     zones = [_forced(reason, index) for reason in document.waits]
     radius = {robot.id: robot.radius for robot in document.robots}
@@ -153,7 +155,7 @@ def zones_of(document: PlanDocument, index: Mapping[str, int]) -> list[Zone]:
 
 
 def rounded_points(points: Sequence[Point]) -> list[Point]:
-    """Return a polygon with the page's digits."""
+    """Return a polygon with coordinates rounded to the page's number of digits."""
     return [(round(x, _DIGITS), round(y, _DIGITS)) for x, y in points]
 
 
@@ -168,7 +170,7 @@ def _forced(reason: Reason, index: Mapping[str, int]) -> Zone:
 
 
 def _covers(zone: Zone, crossing: Crossing, index: Mapping[str, int]) -> bool:
-    """Tell whether a crossing lies in a zone."""
+    """Return whether a crossing lies in a zone."""
     a, b, s_a, s_b = index[crossing.a], index[crossing.b], crossing.s_a, crossing.s_b
     if (zone.a, zone.b) == (b, a):
         s_a, s_b = s_b, s_a

@@ -1,7 +1,7 @@
-"""The page's shell: files made into a scene, and a server for the one person who looks.
+"""The shell around the page: reads files into a scene, and serves the page to one viewer.
 
-Decides: what is read, and that nobody but this machine is answered.  Must not know: what is on the
-page.  Only the standard library's http.server, a thread a request.
+Decides: what is read, and that only requests from this machine are answered.  Must not know: what
+is on the page.  It uses the standard library's http.server, with a thread for each request.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ HOST: Final = "127.0.0.1"
 _HOSTS: Final = (HOST, "localhost")
 
 Events = Callable[[], Iterator[tuple[str, str]]]
-"""Yields (event, data in one line) for as long as somebody listens; ("", "") to keep alive."""
+"""Yields (event, data in one line) while a page listens; ("", "") keeps the connection alive."""
 
 
 def read_scene(source: Path) -> Scene:
-    """Return the scene of a log, with the black boxes in it or beside it, or of a plan.
+    """Return the scene of a plan, or of a log with the black boxes in it or beside it.
 
-    Raises InputError when the file is neither.
+    Raise InputError if the file is neither.
     """
     if source.suffix != ".mcap":
         return scene_of_plan(read(source))
@@ -55,7 +55,7 @@ def read_scene(source: Path) -> Scene:
 
 
 def _with_those_before(name: str, log: Log) -> list[tuple[str, Log]]:
-    """Return a log behind those that it went on from."""
+    """Return the logs that a log resumes from, oldest first, and then that log."""
     before = log.attachments.get(RESUMED)
     if before is None:
         return [(name, log)]
@@ -67,7 +67,7 @@ def _with_those_before(name: str, log: Log) -> list[tuple[str, Log]]:
 def served(page: Callable[[], str], port: int = 0, events: Events | None = None) -> Iterator[str]:
     """Serve a page on this machine and yield its address; port 0 takes a free one.
 
-    Raises InputError when the port is taken.
+    Raise InputError if the port is in use.
     """
 
     class Handler(_Handler):
@@ -102,7 +102,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer a request."""
         host = self.headers.get("Host", "").rpartition(":")[0]
         path = self.path.partition("?")[0]
-        if host not in _HOSTS:  # a name that somebody else lets point here is not for this page
+        if host not in _HOSTS:  # refuse foreign names that resolve to this machine
             self._answer(HTTPStatus.FORBIDDEN, "text/plain", b"this machine only\n")
         elif path == "/":
             self._answer(HTTPStatus.OK, "text/html", self.make_page().encode())
@@ -112,7 +112,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"there is one page only\n")
 
     def log_message(self, *_: object) -> None:
-        """Say nothing about requests."""
+        """Log nothing about requests."""
 
     def _answer(self, status: HTTPStatus, kind: str, body: bytes) -> None:
         self.send_response(status)

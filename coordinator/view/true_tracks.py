@@ -1,6 +1,6 @@
-"""Black boxes as ghosts: where the robots truly were, thinned to what an eye can see.
+"""Makes ghosts from black boxes: where the robots truly were, thinned to what an eye can see.
 
-Decides: which rows are needed.  Must not know: plans; what a black box may hold in full is
+Decides: which rows are needed.  Must not know: plans.  The full format of black boxes is in
 sim/judging/blackbox.py.
 """
 
@@ -19,13 +19,13 @@ from coordinator.curves.nurbs import Array
 from coordinator.view.scene import Body, Ghost
 
 _SEEN: Final = 0.002
-"""Between the rows that are kept a robot is shown within this [m] of where it was."""
+"""Greatest distance [m] between the shown and the true place of a robot after thinning."""
 
 
 def read_ghosts(folder: Path, robots: Sequence[Body]) -> list[Ghost]:
     """Return the ghosts of the robots that have a black box `<robot>.csv` in a folder.
 
-    Raises InputError naming a file that is no black box.
+    Raise InputError, which names the file, if one is not a black box.
     """
     texts = {}
     for robot in robots:
@@ -39,9 +39,9 @@ def read_ghosts(folder: Path, robots: Sequence[Body]) -> list[Ghost]:
 
 
 def ghosts_of(texts: Mapping[str, str], robots: Sequence[Body], where: str) -> list[Ghost]:
-    """Return the ghosts of the robots whose black boxes' texts are given, by robot.
+    """Return the ghosts of the robots whose black boxes are given as texts, by robot.
 
-    Raises InputError naming one that is none, behind `where`.
+    Raise InputError, which names the robot's file after `where`, if one is not a black box.
     """
     ghosts = []
     for place, robot in enumerate(robots):
@@ -53,7 +53,7 @@ def ghosts_of(texts: Mapping[str, str], robots: Sequence[Body], where: str) -> l
 
 
 def _rows(text: str, path: str) -> Array:
-    """Return the rows t, x, y (n, 3); a last line that was cut short is left out."""
+    """Return the rows t, x, y (n, 3), without a truncated last line."""
     rows = list(csv.reader(text.splitlines()))
     if not rows or rows[0][:3] != ["t", "x", "y"]:
         raise InputError([f"{path}: line 1: the columns do not begin with t,x,y"])
@@ -68,7 +68,7 @@ def _rows(text: str, path: str) -> Array:
 
 
 def _needed(rows: Array) -> npt.NDArray[np.intp]:
-    """Return the rows (m,) that straight motion between them needs: Douglas and Peucker in time."""
+    """Return the indices (m,) of the rows to keep, by the Douglas-Peucker algorithm over time."""
     keep, open_pieces = {0, len(rows) - 1}, [(0, len(rows) - 1)]
     while open_pieces:
         first, last = open_pieces.pop()

@@ -154,7 +154,7 @@ def test_of_a_log_with_several_epochs_the_last_ones_plan_is_taken_and_that_is_sa
     Recorder(folder / "run.mcap", metadata={}, wall_offset_ns=0, attachments=plans).close()
     result = CliRunner().invoke(app, command.split())
     assert result.exit_code == 0
-    assert "run.mcap: the plan of epoch 10, the last of 3" in result.stderr
+    assert "run.mcap: takes the plan of epoch 10, the last of 3" in result.stderr
     if command.startswith("plot"):
         assert f"{HALL.name}, epoch 10" in (folder / "a.svg").read_text()
 

@@ -327,7 +327,7 @@ def noded(**position):
         (somebodys() | {"nodes": [{"sequenceId": "x"}]}, "nodes[0].sequenceId: 'x' is not a whole"),
         (
             somebodys() | {"nodes": [{"sequenceId": 4}] * 2},
-            "nodes[1].sequenceId: 4 is that of nodes[0] too",
+            "nodes[1].sequenceId: 4 is also that of nodes[0]",
         ),
         (
             edge_with(startNodeId="nowhere") | {"nodes": [{"nodeId": "n0"}]},
@@ -404,7 +404,7 @@ def test_edges_out_of_sequence_are_told():
     (edge,) = order["edges"]
     order["edges"] = [edge | {"sequenceId": number} for number in (1, 1, None)]
     assert read(order)[1] == [
-        "R1.json: edges[1].sequenceId: 1 is that of edges[0] too",
+        "R1.json: edges[1].sequenceId: 1 is also that of edges[0]",
         "R1.json: edges[2].sequenceId: is missing",
     ]
 
