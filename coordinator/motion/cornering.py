@@ -1,6 +1,6 @@
-"""How a robot takes corners: what its limits make of a bend.
+"""How a robot takes corners: the radii that follow from its limits.
 
-Decides: which radii are worth having.  Must not know: polygons and curves.
+Decides: which radii are useful.  Must not know: polygons and curves.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ _EASY_RADIUS = 0.1
 """Robots without a limit on lateral acceleration get corners of this radius [m] where they fit."""
 _WIDEST_RADIUS = 5.0
 _RESERVE = 1.05
-"""Corners are made wider by this than `min_turn_radius` asks for."""
+"""Factor by which the radii of corners exceed `min_turn_radius`."""
 
 
 @dataclass(frozen=True)
 class Handling:
     """Speed [m/s], accelerations [m/s^2] (inf: no limit) and least radius [m] of a robot.
 
-    `spent_per_corner` [m]: how much longer a way may be for the sake of one corner less.
+    `spent_per_corner` [m]: how much longer a way may be if it has one corner less.
     """
 
     speed: float = 1.0
@@ -39,7 +39,7 @@ class Handling:
 
     @property
     def easy(self) -> float:
-        """Radius [m] at which a corner costs no speed; wider ones are of no use."""
+        """Radius [m] at which a corner costs no speed; a wider one gains nothing."""
         free = self.speed**2 / self.lateral
         return max(min(max(free, _EASY_RADIUS), _WIDEST_RADIUS), self.tightest)
 
@@ -48,7 +48,7 @@ class Handling:
         return least_time(curve, self.speed, self.accel, self.lateral)
 
     def numbers(self) -> Limits:
-        """Return what the kernels of corners work with."""
+        """Return these limits as the kernels of corners need them."""
         worth = self.spent_per_corner / self.speed
         return Limits(
             float(self.speed),

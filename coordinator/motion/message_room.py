@@ -1,6 +1,6 @@
-"""How much of a Plan message a path and the speeds on it may take.
+"""How many bytes of a Plan message a path and its speeds may take.
 
-Decides: from when on they have to be told with fewer numbers.  Must not know: how.
+Decides: when a path or its speeds need fewer knots to fit.  Must not know: how knots are removed.
 """
 
 from __future__ import annotations
@@ -10,24 +10,24 @@ from typing import Final
 from protocol.messages import MAX_MESSAGE_BYTES
 
 _ELSE: Final = 400
-"""Bytes that are left for everything else: names, numbers, checksum, and about ten waits."""
+"""Bytes reserved for the other fields: names, numbers, checksum, and about ten waits."""
 
 ROOM: Final = MAX_MESSAGE_BYTES - _ELSE
-"""Bytes for path and speeds."""
+"""Bytes available for the path and its speeds."""
 
 _PER_POINT: Final = 12
-"""Bytes of a control point, x and y, and of a knot."""
+"""Bytes of one control point (x and y) together with one knot."""
 
 _PER_KNOT: Final = 5
 _PER_SPEED: Final = 4
-"""Bytes of a speed knot, and of each different speed."""
+"""Bytes of one speed knot, and of each distinct speed."""
 
 
 def path_bytes(points: int) -> int:
-    """Return the bytes that a cubic path of so many control points takes."""
+    """Return how many bytes a cubic path with this many control points takes."""
     return _PER_POINT * points
 
 
 def speed_bytes(knots: int, speeds: int) -> int:
-    """Return the bytes that so many speed knots of so many different speeds take."""
+    """Return how many bytes `knots` speed knots with `speeds` distinct speeds take."""
     return _PER_KNOT * knots + _PER_SPEED * speeds

@@ -1,7 +1,7 @@
-"""The greatest v^2 that the bends of a curve allow, as a polyline below it between samples too.
+"""The greatest v^2 that the bends of a curve allow, as a polyline that never exceeds it.
 
-Decides: how often a curve is looked at for it.  Must not know: acceleration along the path, what
-is sent.
+The polyline stays below the true limit between its samples too.  Decides: how finely a curve is
+sampled for it.  Must not know: acceleration along the path, what is sent.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.motion.speed_cap_kernels import bends, cells, finer, highest_bends
 
 _ROUNDS: Final = 6
-"""So often at most the rough parts are looked at again, more closely."""
+"""How often at most rough parts are sampled again, more finely."""
 
 _RESERVE: Final = 0.998
 """Share of the lateral limit that is used."""
@@ -23,7 +23,7 @@ _RESERVE: Final = 0.998
 def cap_on(curve: Nurbs, lateral: float, top: float) -> tuple[Array, Array]:
     """Return s (n,) [m] from 0 to the length and v^2 (n,) [m^2/s^2] there, at most `top`.
 
-    lateral [m/s^2] is finite.  s never decreases; where knot spans meet it comes twice.
+    lateral [m/s^2] is finite.  s never decreases; a place where knot spans meet occurs twice.
     """
     limit = _RESERVE * lateral
     u, inside = cells(np.unique(curve.knots))

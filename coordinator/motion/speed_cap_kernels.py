@@ -1,10 +1,10 @@
 """Compiled: how strongly a curve bends at most between samples of it.
 
 Between two samples of a knot span the curvature stays below the chord of the samples and an arc
-whose height the second differences tell; 1 / curvature stays above its own chord once this is
-lowered by 4 k0 k1 / (k0 + k1)^2.  Where that is not precise, or where the tangent turns by more
-than the samples explain, the curve has to be looked at again.
-Decides: how closely that is.  Must not know: speeds.
+whose height follows from the second differences; 1 / curvature stays above its own chord once
+this is lowered by 4 k0 k1 / (k0 + k1)^2.  Where that is not precise, or where the tangent turns by
+more than the samples explain, the curve has to be sampled more finely.
+Decides: how precise the samples have to be.  Must not know: speeds.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Flags = npt.NDArray[np.bool_]
 _CELLS_PER_SPAN: Final = 24
 
 _PIECES: Final = 4
-"""A cell that is too rough is cut into so many."""
+"""Number of parts that a cell which is too rough is cut into."""
 
 _ARC: Final = 0.25
 """Height of the arc between two samples, per second difference: twice that of a parabola."""
@@ -93,7 +93,7 @@ def highest_bends(
 ) -> tuple[Array, Flags]:
     """Return curvatures (n,), at least `least`, whose 1 / polyline stays below that of the curve.
 
-    Also tells per cell (n - 1,) whether it is too rough.
+    Also returns for each cell (n - 1,) whether it is too rough.
     """
     highest = np.maximum(np.abs(bend), least)
     rough = np.zeros(len(inside), dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""Speed along a path: the fastest under the limits, with few knots, and the times that follow.
+"""Speed along a path: the fastest profile within the limits, with few knots, and its times.
 
 Decides: where the robot speeds up, slows down and rests.  v^2 is linear in s between knots, so
 every piece has constant acceleration (Eq. 15-18 with the true speed).  Must not know: other robots.
@@ -22,31 +22,31 @@ from coordinator.motion.profile_simplification_kernels import merged, reachable
 from coordinator.motion.speed_cap import cap_on
 
 _LOSSES: Final = (0.006, 0.012, 0.025, 0.05, 0.1, 0.15, 0.2, 0.25)
-"""Shares of the fastest time that may be lost for the sake of fewer knots; the later ones where a
-message has no room for more."""
+"""Shares of the fastest time that may be lost in order to have fewer knots.  The first share that
+makes the knots fit into a message is used, or the last one."""
 
 _RAMP: Final = 0.01
 """Length [m] of the speed change at a bend for robots without a limit on acceleration."""
 
 _SHORTEST_RAMP: Final = 2e-5
-"""Nothing gets from rest to its speed in less [m]: float32 on the wire must tell the two apart."""
+"""Least length [m] of a ramp from rest to speed: its ends must differ as float32 on the wire."""
 
 _PLACE_ERROR: Final = 2e-5
-"""The sharpest bends count as if they could lie this far [m] off: float32 rounds places."""
+"""By how much [m] the place of a sharp bend may be wrong, since float32 rounds places."""
 
 _CRAWL: Final = 0.05
-"""Share of the top v^2 below which that matters."""
+"""Share of the top v^2 below which _PLACE_ERROR is taken into account."""
 
 _SAME_PLACE: Final = 1e-6
-"""Knots nearer to each other [m] are one."""
+"""Knots nearer to each other than this [m] are merged."""
 
 
 @dataclass(frozen=True, eq=False)
 class SpeedLimits:
-    """What bounds the speed on one path: top v^2, acceleration (inf allowed) and slow bends.
+    """Limits of the speed on one path: top v^2, acceleration (inf allowed) and slow bends.
 
-    bends: knots from 0 to the length of the highest v^2 allowed, at most `top` and nowhere steeper
-    than `ramp` allows; empty where only the top counts.
+    bends: knots (s, v^2) of the highest v^2 allowed, from 0 to the length, at most `top` and
+    nowhere steeper than `ramp` allows; empty if no bend lowers the speed.
     """
 
     length: float
@@ -56,33 +56,33 @@ class SpeedLimits:
 
     @property
     def ramp(self) -> float:
-        """Acceleration [m/s^2] that is used: the limit, or a steep ramp without one."""
+        """Acceleration [m/s^2] that is used: the limit, or a steep ramp's if there is none."""
         if math.isinf(self.accel):
             return self.top / (2.0 * _RAMP)
         return min(self.accel, self.top / (2.0 * _SHORTEST_RAMP))
 
     @cached_property
     def ceiling(self) -> tuple[list[float], list[float]]:
-        """Knots of the highest v^2 allowed, bends or not: s [m], v^2."""
+        """Knots of the highest v^2 allowed, with or without bends: s [m], v^2."""
         knots = self.bends or ((0.0, self.top), (self.length, self.top))
         return [s for s, _ in knots], [w for _, w in knots]
 
     @cached_property
     def rises(self) -> list[float]:
-        """Per knot of the ceiling: 2 a s of the place of rest from which a ramp leads up to it."""
+        """For each knot of the ceiling: 2 a s of the rest from which a ramp leads up to it."""
         return [2.0 * self.ramp * s - w for s, w in zip(*self.ceiling, strict=True)]
 
     @cached_property
     def falls(self) -> list[float]:
-        """Per knot of the ceiling: 2 a s of the place of rest to which a ramp leads down."""
+        """For each knot of the ceiling: 2 a s of the rest to which a ramp leads down from it."""
         return [2.0 * self.ramp * s + w for s, w in zip(*self.ceiling, strict=True)]
 
 
 def limits_on(curve: Nurbs, speed: float, accel: float, lateral: float) -> SpeedLimits:
     """Return the limits on a curve for a planned speed [m/s] and accelerations [m/s^2].
 
-    A motion along the whole curve takes at most 1 % longer than the fastest one, unless only fewer
-    knots fit a message.
+    A motion along the whole curve takes at most 1 % longer than the fastest one, or longer if a
+    message has no room for that many knots.
     """
     free = SpeedLimits(curve.length, speed * speed, accel, ())
     if math.isinf(lateral):
@@ -113,9 +113,9 @@ def least_time(curve: Nurbs, speed: float, accel: float, lateral: float) -> floa
 
 
 def speed_knots(limits: SpeedLimits, begin: float, end: float) -> tuple[Array, Array]:
-    """Return the fastest motion from rest at `begin` to rest at `end`: s [m] and v^2 there.
+    """Return the fastest motion from rest at `begin` to rest at `end`: knots s [m] and v^2.
 
-    Robots without a limit on acceleration have full speed at once, at both ends too.
+    Robots without a limit on acceleration have full speed everywhere, even at both ends.
     """
     s, w = _knots_between(limits, begin, end)
     return np.array(s), np.array(w)
@@ -139,7 +139,7 @@ def _knots_between(
 
 
 def all_ramp_ends(limits: SpeedLimits, rests: Array) -> Array:
-    """Return what `ramp_ends` does for many rests (n,), (n, 2) [m]."""
+    """Return the `ramp_ends` (n, 2) [m] of many rests (n,) [m]."""
     if math.isinf(limits.accel):
         return np.column_stack((rests, rests))
     rate, little, places = 2.0 * limits.ramp, 1e-9 * limits.top, np.array(limits.ceiling[0])
@@ -150,13 +150,13 @@ def all_ramp_ends(limits: SpeedLimits, rests: Array) -> Array:
 
 
 def ramp_ends(limits: SpeedLimits, rest: float) -> tuple[float, float]:
-    """Return where [m] the ramp down to a rest leaves the ceiling, and where the one up meets it.
+    """Return where [m] the ramp down to a rest leaves the ceiling, and where the ramp up meets it.
 
-    The ceiling is nowhere steeper than the ramps, so each meets it once.
+    The ceiling is nowhere steeper than the ramps, so each ramp meets it once.
     """
     if math.isinf(limits.accel):
         return rest, rest
-    # A little late and early: where it is as steep, they leave it at the end of that edge.
+    # The small shift picks the edge's end where the ceiling is exactly as steep as a ramp.
     rate, little, places = 2.0 * limits.ramp, 1e-9 * limits.top, limits.ceiling[0]
     down = _between(limits.falls, places, rate * rest - little)
     up = _between(limits.rises, places, rate * rest + little)
@@ -164,14 +164,14 @@ def ramp_ends(limits: SpeedLimits, rest: float) -> tuple[float, float]:
 
 
 def _between(known: list[float], values: list[float], at: float) -> float:
-    """Return the value at a place among known ones, linear between; known ones increase."""
+    """Interpolate linearly between `known` places, which increase, and their values."""
     k = bisect_left(known, at, 1, len(known) - 1)
     part = (at - known[k - 1]) / (known[k] - known[k - 1])
     return values[k - 1] + min(max(part, 0.0), 1.0) * (values[k] - values[k - 1])
 
 
 def _distinct(s: list[float], w: list[float]) -> tuple[list[float], list[float]]:
-    """Merge knots at the same place, keeping the lower speed, and drop those on a line."""
+    """Merge knots at the same place, with the lower speed, and drop those on a straight line."""
     kept_s, kept_w = s[:1], w[:1]
     same = 1e-9 * max(w)
     for here, height in zip(s[1:], w[1:], strict=True):
@@ -191,9 +191,10 @@ def _distinct(s: list[float], w: list[float]) -> tuple[list[float], list[float]]
 
 @dataclass(frozen=True)
 class Wait:
-    """A rest at arc length s [m] until plan time `depart` [s], for the robot `owner`'s sake.
+    """A rest at arc length s [m] until plan time `depart` [s], to let the robot `owner` pass.
 
-    `zone` is the conflict zone that it waits for; both are -1 for a rest that nobody asks for.
+    `zone` is the conflict zone that the robot waits to enter; `owner` and `zone` are -1 for a rest
+    that no other robot causes.
     """
 
     s: float
@@ -203,7 +204,7 @@ class Wait:
 
 
 class Motion:
-    """A whole motion with its waits: when the robot reaches and leaves each place."""
+    """A robot's motion along its whole path, with its waits and the time at each place."""
 
     def __init__(self, limits: SpeedLimits, waits: list[Wait]) -> None:
         self.limits = limits
@@ -249,12 +250,12 @@ class Motion:
         return float(self.knots_t[0])
 
     def reached(self, s: Array) -> Array:
-        """Return when the robot first stands at s (m,) [s]; -inf at its start."""
+        """Return the times [s] at which the robot reaches s (m,) [m]; -inf at its start."""
         leg = np.clip(np.searchsorted(self.knots_s, s, side="left") - 1, 0, None)
         return np.where(s <= 0.0, -np.inf, self._time(leg, s))
 
     def left(self, s: Array) -> Array:
-        """Return when the robot last stands at s (m,) [s]; +inf at its goal."""
+        """Return the times [s] at which the robot leaves s (m,) [m]; +inf at its goal."""
         last = len(self.knots_s) - 2
         leg = np.clip(np.searchsorted(self.knots_s, s, side="right") - 1, 0, last)
         return np.where(s >= self.limits.length, np.inf, self._time(leg, s))

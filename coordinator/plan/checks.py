@@ -1,6 +1,6 @@
-"""What a plan document's values may be: ranges, knots, speeds, stops, and a sound floor.
+"""Checks of a plan document's values: ranges, knots, speeds, stops, and the floor's outlines.
 
-Decides: which documents are read at all, and the wording of each fault.  Must not know: files
+Decides: which documents are accepted, and the wording of each problem.  Must not know: files
 (document.py), or whether a plan is safe (proof/tau_safety.py).
 """
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 
 LONGEST_TAU: Final = 120.0
 LONGEST_PLAN: Final = 20_000.0
-"""What fits into a message and into the memory of the proof [s]."""
+"""Longest tau and plan [s] that fit into a message and into the memory of the proof."""
 
 LENGTH_TOLERANCE: Final = 1e-3
-"""How far [m] lengths that should be the same may be apart."""
+"""By how much [m] two lengths that should be equal may differ."""
 
 _LARGEST: Final = 1e5
 _DEGREES: Final = range(1, 8)
 
 
 class Range(NamedTuple):
-    """What one number may be: from `least` (or only above it) to `most`."""
+    """Allowed range of one number: `least` to `most`, without `least` itself if `above`."""
 
     unit: str
     least: float
@@ -38,7 +38,7 @@ class Range(NamedTuple):
     above: bool = False
 
     def faults(self, field: str, value: float) -> Iterator[str]:
-        """Yield a line when a field's value is out of range."""
+        """Yield a line that names the field if its value is out of range."""
         over = value > self.least if self.above else value >= self.least
         if math.isfinite(value) and over and value <= self.most:
             return
@@ -49,7 +49,7 @@ class Range(NamedTuple):
 
 
 class PathNames(NamedTuple):
-    """What a file calls the parts of a curve."""
+    """The keys by which a file names the parts of a curve."""
 
     knots: str = "knots"
     points: str = "control_points"
@@ -59,7 +59,7 @@ class PathNames(NamedTuple):
 PATH_NAMES: Final = PathNames()
 _COORDINATE: Final = Range("m", -_LARGEST, _LARGEST)
 _POINT: Final = Range("m", -10.0 * _LARGEST, 10.0 * _LARGEST)
-"""A curve may have control points outside the floor that it drives on."""
+"""Range of control points; they may lie outside the floor that the curve stays on."""
 
 _WEIGHT: Final = Range("", 0.0, 1e30, above=True)
 _TIME: Final = Range("s", 0.0)
@@ -77,7 +77,7 @@ _LINK: Final = {
     "loss": Range("", 0.0, 0.5),
 }
 _SMALLEST: Final = 1e-3
-"""No radius [m] is smaller: the proof accepts a shortfall as large."""
+"""Least radius [m]: the proof accepts a shortfall of distance up to this size."""
 
 _ROBOT: Final = {
     "radius": Range("m", _SMALLEST, _LARGEST),
@@ -95,7 +95,7 @@ _LIMITS: Final = {
 
 
 def find_problems(document: PlanDocument) -> list[str]:
-    """Return what is wrong with a document, as `field: what, value, what is allowed` each."""
+    """Return a line for each problem of a document: the field, its value and what is allowed."""
     problems: list[str] = []
     for key, allowed in _DOCUMENT.items():
         problems += allowed.faults(key, getattr(document, key))
@@ -111,7 +111,7 @@ def find_problems(document: PlanDocument) -> list[str]:
             shown = repr(robot.id[:40])
             problems.append(f"{where}.id: is {shown}, allowed are {NAME_IN_WORDS}")
         elif robot.id in seen:
-            problems.append(f"{where}.id: {robot.id!r} stands twice, allowed is every id once")
+            problems.append(f"{where}.id: {robot.id!r} is used twice, allowed is every id once")
         seen.add(robot.id)
         problems += _robot_faults(where, robot)
     if document.workspace is not None:
@@ -139,7 +139,7 @@ def _limit_faults(where: str, limits: Limits) -> Iterator[str]:
 def path_faults(where: str, path: Path, names: PathNames = PATH_NAMES) -> Iterator[str]:
     """Yield what is wrong with a curve's degree, control points, knots and weights.
 
-    `names`: how the file calls them.
+    `names`: the keys by which the file names them.
     """
     for i, point in enumerate(path.control_points):
         for axis, value in enumerate(point):

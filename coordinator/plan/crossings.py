@@ -1,7 +1,8 @@
 """Where paths meet: the points at which they cross or touch, by arc length on both.
 
-Crossings explain a plan; safety rests on the zones.  Stretches on top of each other have no
-crossing points, they are zones.  Decides: what a meeting tells.  Must not know: widths or times.
+Crossings explain a plan to people; its safety depends on the conflict zones alone.  Stretches that
+run on top of each other have no crossing points, only zones.  Decides: what is known of a meeting.
+Must not know: widths of robots, or times.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from coordinator.curves.intersections import intersection_tables
 from coordinator.curves.nurbs import Array, Nurbs
 
 _SAME: Final = 1e-6
-"""Curves nearer than this [m] run on top of each other: float32 tells no finer."""
+"""Curves nearer than this [m] run on top of each other: float32 cannot resolve less."""
 
 _PART: Final = 5000
-"""Pairs that an executor gets at a time, unless they are fewer altogether."""
+"""Pairs in one part of the work, unless the parts would be more than _MOST_PARTS."""
 
 _FEWEST: Final = 500
-"""Pairs that are worth an executor."""
+"""From this many pairs on, the executor is used."""
 
 _MOST_PARTS: Final = 8
 
@@ -40,7 +41,10 @@ class Meeting:
 
 
 def find_crossings(a: Nurbs, b: Nurbs) -> list[Meeting]:
-    """Return where two curves meet in points, in order along a; ValueError as for all pairs."""
+    """Return the points where two curves meet, in order along a.
+
+    Raises ValueError as `crossing_table` does.
+    """
     return find_all_crossings([a, b], [(0, 1)])[0]
 
 
@@ -58,14 +62,14 @@ def crossing_table(
 ) -> Array:
     """Return a row (pair, x, y, s_a, s_b) [m] for each place where a pair (m, 2) of curves meets.
 
-    In order of the pairs and along their first curves.  Many pairs go to the executor in parts.
-    Raises ValueError as intersections.find_all_intersections does.
+    Rows are in the order of the pairs, then along the pair's first curve.  Many pairs are given to
+    the executor in parts.  Raises ValueError as intersections.find_all_intersections does.
     """
     return CrossingSearch(curves, pairs, executor).result()
 
 
 class CrossingSearch:
-    """A crossing table that the executor is at work on, while its user does something else."""
+    """A crossing table that the executor computes while the caller does something else."""
 
     def __init__(
         self, curves: Sequence[Nurbs], pairs: npt.NDArray[np.int64], executor: Executor | None
@@ -77,7 +81,7 @@ class CrossingSearch:
             self._found = [executor.submit(_table, self.curves, part) for part in self._parts]
 
     def result(self) -> Array:
-        """Return the table as crossing_table has it; waits for it, and raises as that does."""
+        """Wait for the table and return it; rows and errors are those of `crossing_table`."""
         if not self._found:
             return _table(self.curves, self.pairs)
         tables = [future.result() for future in self._found]

@@ -1,7 +1,7 @@
 """The plan document: everything that is known about one epoch's plan, as written to plan.json.
 
-Decides: the document's fields.  All path, profile and stop numbers are the float32 values of the
-wire.  Must not know: how a plan is found (planning/planner.py) or proven (proof/tau_safety.py);
+Decides: the document's fields.  All numbers of paths, profiles and stops are float32 values, as on
+the wire.  Must not know: how a plan is found (planning/planner.py) or proven (proof/tau_safety.py);
 wire.py turns it into messages.
 """
 
@@ -27,7 +27,7 @@ class Path(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Stop(msgspec.Struct, frozen=True, kw_only=True):
-    """At rest at arc length s [m] from `arrive` to `depart` [s], for another robot's sake."""
+    """A rest at arc length s [m] from `arrive` to `depart` [s], to let `yields_to` pass."""
 
     s: float
     arrive: float
@@ -36,7 +36,7 @@ class Stop(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Limits(msgspec.Struct, frozen=True, kw_only=True):
-    """What the robot can do: [m/s], [m/s^2] (null: no limit), [m]."""
+    """A robot's limits: speed [m/s], accelerations [m/s^2] (null: no limit), turn radius [m]."""
 
     max_speed: float
     max_accel: float | None = None
@@ -56,7 +56,7 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RobotPlan(msgspec.Struct, frozen=True, kw_only=True):
-    """One robot's part: path, speed knots [s, v] and stops; times in seconds of plan time."""
+    """One robot's part of the plan: path, speed knots [s, v], stops; times are plan times [s]."""
 
     id: str
     radius: float
@@ -72,7 +72,7 @@ class RobotPlan(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Crossing(msgspec.Struct, frozen=True, kw_only=True):
-    """A point where two paths meet, and what the schedule says about it."""
+    """A point where two paths meet, when the robots pass it, and which of them waits (verdict)."""
 
     a: str
     b: str
@@ -86,11 +86,12 @@ class Crossing(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Reason(msgspec.Struct, frozen=True, kw_only=True):
-    """Why a robot waits at arc length s [m] for `wait` seconds: who has to pass a zone first.
+    """Why a robot waits for `wait` seconds at arc length s [m]: `yields_to` passes a zone first.
 
-    zone, their_zone [m]: where the zone begins and ends on its own path and on the other's.
-    `otherwise` [s]: how much later the two would arrive in all if this robot passed it first; null
-    when it cannot, or was not `tried`: in large fleets only the longest waits are.
+    zone, their_zone [m]: where the zone begins and ends on the robot's own path and on the other's.
+    `otherwise` [s]: how much later the two would arrive in total if this robot passed the zone
+    first.  It is null if the robot cannot, or if that was not `tried`: in large fleets only the
+    longest waits are tried.
     """
 
     robot: str
@@ -106,12 +107,12 @@ class Reason(msgspec.Struct, frozen=True, kw_only=True):
 class Proof(msgspec.Struct, frozen=True, kw_only=True):
     """What the proof found; distances between centres [m], clearance beyond the radius [m].
 
-    `least_separation` is the least distance of any two centres; `least_slack` the least distance
-    beyond what its pair needs, r_i + r_j + margin: negative when they come too near.  `tightest`
-    says which pair has the latter, when and where.
+    `least_separation` is the least distance between any two centres.  `least_slack` is the least
+    distance beyond a pair's need, r_i + r_j + margin; it is negative when a pair comes too near.
+    `tightest` says which pair has the least slack, when and where.
 
-    `unproven` names what could not be looked at: "clearance" without a floor, "limits" when a
-    robot's are not known.
+    `unproven` names what could not be checked: "clearance" if the floor is not known, "limits" if
+    the limits of a robot are not known.
     """
 
     holds: bool
@@ -126,7 +127,7 @@ class Proof(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Floor(msgspec.Struct, frozen=True, kw_only=True):
-    """The floor that the clearance was proven on, so that a plan file stands alone."""
+    """The floor on which the clearance was proven; with it a plan file can be proven by itself."""
 
     boundary: list[Point]
     obstacles: list[list[Point]]
@@ -135,7 +136,7 @@ class Floor(msgspec.Struct, frozen=True, kw_only=True):
 class PlanDocument(msgspec.Struct, frozen=True, kw_only=True):
     """The whole plan of one epoch; `tau` [s], `margin` [m].
 
-    `revision` counts how often its times were changed while it was driven.
+    `revision` counts how often the plan's times were changed while robots drove it.
     """
 
     format: str = FORMAT
@@ -155,7 +156,7 @@ class PlanDocument(msgspec.Struct, frozen=True, kw_only=True):
     revision: int = 0
 
     def robot(self, robot_id: str) -> RobotPlan:
-        """Return one robot's plan; KeyError when there is none of that name."""
+        """Return one robot's plan; raises KeyError when no robot has this id."""
         for robot in self.robots:
             if robot.id == robot_id:
                 return robot

@@ -1,6 +1,6 @@
-"""Paths and motions made into the plan document and its messages, which are packed here.
+"""Make the plan document and its packed messages from paths and motions.
 
-Decides: how a motion is rounded to the wire, and what is said about each crossing.  Must not know:
+Decides: how a motion is rounded to the wire, and the verdict on each crossing.  Must not know:
 how paths and motions were found.
 """
 
@@ -39,7 +39,7 @@ def draft_plan(
 ) -> PackedPlan:
     """Return the plan without its proof; tau in seconds.
 
-    `crossings`: where the paths cross, already looked for; by default all pairs are looked at.
+    `crossings`: the search for crossings of the paths; by default all pairs are searched here.
 
     Raises PlanError when a robot's path is too long for a message.
     """
@@ -76,7 +76,7 @@ def with_new_times(
     motions: Sequence[Motion],
     changed: Container[int],
 ) -> PackedPlan:
-    """Return a plan without its proof in which some robots have other motions than in a document.
+    """Return a document's plan with new motions for the changed robots, without its proof.
 
     Raises PlanError when a robot's times are too long for a message.
     """
@@ -99,7 +99,7 @@ def with_new_times(
 def _robot_plan(
     document: PlanDocument, robot: Robot, path: Nurbs, motion: Motion, names: Sequence[str]
 ) -> tuple[RobotPlan, bytes]:
-    """Return a robot's part and its message; the part tells how long that is at most."""
+    """Return a robot's part and its message; `wire_bytes` is the message's greatest length."""
     planned = _rounded(robot, path, motion, names)
     try:
         message = pack(document, planned)
@@ -159,7 +159,7 @@ def _rounded_profile(motion: Motion) -> list[tuple[float, float]]:
 def _crossings(
     robots: Sequence[RobotPlan], motions: Sequence[Motion], pairs: Indices, table: Array
 ) -> list[Crossing]:
-    """Return what is said of each crossing: a row of the table as crossings.py has it."""
+    """Return the crossings with times and verdicts, one per row of crossings.crossing_table."""
     whose = pairs[table[:, 0].astype(np.int64)]
     times = [_times(motions, whose[:, side], table[:, 3 + side]).tolist() for side in (0, 1)]
     waiting = {(r.id, stop.yields_to) for r in robots for stop in r.stops}
@@ -189,7 +189,7 @@ def _crossings(
 
 
 def _times(motions: Sequence[Motion], whose: Indices, s: Array) -> Array:
-    """Return when robots (m,) come to arc lengths (m,) [m]; their departure at the start."""
+    """Return when robots (m,) reach arc lengths (m,) [m]; at the start, when they leave it."""
     times = np.empty(len(s))
     order = np.argsort(whose, kind="stable")
     borders = np.flatnonzero(np.diff(whose[order])) + 1
@@ -201,7 +201,7 @@ def _times(motions: Sequence[Motion], whose: Indices, s: Array) -> Array:
 
 
 def _verdict(me: RobotPlan, other: RobotPlan, s: float) -> str:
-    """Say how I wait for the other before the crossing at s, or return nothing."""
+    """Return how `me` waits for `other` before the crossing at s [m]; empty if it does not."""
     waits = [stop for stop in me.stops if stop.yields_to == other.id and stop.s <= s]
     if waits:
         return f"{me.id} stops {waits[-1].depart - waits[-1].arrive:.1f} s"

@@ -1,7 +1,8 @@
 """The fault budget: what tau has to cover, and which faults a given tau survives.
 
-Decides: the sum of design section 1.  Plan times of any two robots, moving, braking or dead, never
-differ by more than this sum, and a tau-safe plan keeps robots apart for all smaller differences.
+Decides: the terms of the sum (design section 1).  The plan times of any two robots, whether moving,
+braking or dead, never differ by more than this sum, and a tau-safe plan keeps robots apart for all
+differences up to tau.
 """
 
 from __future__ import annotations
@@ -23,33 +24,34 @@ class Budget:
     lateness: float
     """How far a healthy robot may run behind its plan."""
     clocks: float
-    """Clock errors of two robots."""
+    """Sum of the clock errors of two robots."""
     notice: float
-    """Until a robot's silence is noticed."""
+    """Time until the coordinator notices a robot's silence."""
     lease: float
-    """Until a robot that no longer hears the coordinator brakes (longer than a Command takes)."""
+    """Time until a robot that no longer hears the coordinator brakes; longer than the period of
+    Commands."""
     brake: float
-    """Until the slowest braking robot rests."""
+    """Time that the robot with the longest braking time needs to come to rest."""
     travel: float = 0.0
-    """What a message takes from one side to the other."""
+    """Time that a message is under way."""
 
     @property
     def late(self) -> float:
-        """What lateness alone needs."""
+        """The tau that lateness alone needs [s]."""
         return self.lateness + self.clocks
 
     @property
     def cut_off(self) -> float:
-        """What a robot needs that stops because it does not hear a living coordinator."""
+        """The tau [s] for a robot that stops because it no longer hears a living coordinator."""
         return self.late + self.notice + self.lease + self.brake + 2.0 * self.travel
 
     @property
     def lost_coordinator(self) -> float:
-        """What the loss of the coordinator needs: leases run out within a Command of each other."""
+        """The tau [s] for a lost coordinator: all leases run out within one Command period."""
         return self.late + self.lease + self.brake + self.travel
 
     def survives(self, tau: float) -> list[str]:
-        """Name the faults that a tau [s] covers: late robot, dead robot, lost coordinator."""
+        """Return the names of the faults that a tau [s] covers: "late", "stop", "coordinator"."""
         covered = (
             ("late", self.late),
             ("stop", self.cut_off),
@@ -59,7 +61,7 @@ class Budget:
 
 
 def budget_for(fleet: Iterable[Limits], link: Link) -> Budget:
-    """Return the budget of a fleet, from the periods that its link allows and its brakes."""
+    """Return the budget of a fleet, from the timing that its link allows and from its brakes."""
     brake = max(
         (0.0 if one.max_accel is None else one.max_speed / one.max_accel for one in fleet),
         default=0.0,
@@ -83,5 +85,5 @@ def resolve_tau(tau: float | str, budget: Budget) -> float:
 
 
 def share_for_lateness(tau: float) -> float:
-    """Return how late [s] a robot may run before it faults: less when tau is smaller."""
+    """Return a robot's share of lateness [s] (docs/glossary.md): less when tau is smaller."""
     return late_share(round(tau * SECOND)) / SECOND

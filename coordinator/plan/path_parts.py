@@ -1,7 +1,7 @@
-"""The parts of a given path: degree, knots, control points and weights, complete and sound.
+"""The parts of a given path (degree, knots, control points, weights): defaults and checks.
 
-Decides: what stands for a part that is absent, and what is wrong with one.  Must not know: files,
-floors, limits (paths/given_path.py).
+Decides: the default of a part that is absent, and which values of a part are wrong.  Must not know:
+files, floors, limits (paths/given_path.py).
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from coordinator.plan.document import Path
 from coordinator.scenario.model import GivenPath
 
 MOST_POINTS: Final = 5_000
-"""Control points of a path: more than ten times as many as a Plan can hold, found out soon."""
+"""Most control points of a path: over ten times what a Plan can hold, so that a path with too
+many is refused before anything is computed from it."""
 
 MOST_WEIGHT: Final = 100.0
-"""By so many times weights may differ: the wire's limit."""
+"""Largest allowed ratio of two weights, a limit of the wire."""
 
 
 def whole(path: GivenPath) -> Path:
-    """Return a path with all its parts; the knots begin at 0."""
+    """Return a path with defaults for its absent parts, and its knots shifted to begin at 0."""
     count, degree = len(path.control_points), path.degree
     knots = path.knots or uniform_knots(degree, count)
     return Path(
@@ -32,7 +33,7 @@ def whole(path: GivenPath) -> Path:
 
 
 def uniform_knots(degree: int, count: int) -> tuple[float, ...]:
-    """Return the clamped knots from 0 to 1 of evenly wide spans; none where there is no span."""
+    """Return clamped knots from 0 to 1 with spans of equal width; empty if there is no span."""
     spans = count - degree
     if degree < 1 or spans < 1:
         return ()
@@ -41,7 +42,7 @@ def uniform_knots(degree: int, count: int) -> tuple[float, ...]:
 
 
 def too_many(count: int) -> str:
-    """Return how to say that a path has more control points than MOST_POINTS."""
+    """Return the words of a problem: a count of control points above MOST_POINTS."""
     return f"{count:,}, allowed are up to {MOST_POINTS:,}"
 
 

@@ -1,7 +1,7 @@
 """plan.json: a plan document written to JSON, read back and checked.
 
-Decides: the file's encoding and what is said about one that cannot be read.  Must not know: what
-the values of a plan may be (checks.py, references.py).
+Decides: the file's encoding, and the wording of errors about a file that cannot be read.  Must not
+know: which values a plan may have (checks.py, references.py).
 """
 
 from __future__ import annotations
@@ -23,7 +23,10 @@ def plan_name(epoch: int, revision: int = 0) -> str:
 
 
 def is_plan_name(name: str) -> bool:
-    """Tell whether an attachment of this name is a plan; of an epoch the last one counts."""
+    """Return whether an attachment of this name is a plan.
+
+    If an epoch has several, the last one counts.
+    """
     return name.startswith("plan-") and name.endswith(".json")
 
 

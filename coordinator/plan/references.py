@@ -1,6 +1,6 @@
 """Which robots the parts of a plan name, and where on their paths.
 
-Decides: that stops, waits and crossings are of robots that the plan has.  Must not know: files, or
+Decides: whether stops, waits and crossings name robots that the plan has.  Must not know: files, or
 what else a plan's values may be (checks.py).
 """
 
@@ -19,9 +19,10 @@ _WAIT: Final = Range("s", 0.0)
 
 
 def find_wrong_names(document: PlanDocument) -> list[str]:
-    """Return what stops, waits and crossings say of robots that cannot be, a line each.
+    """Return a line for each wrong robot or place that a stop, wait or crossing names.
 
-    Nothing while an id is none or stands twice: nobody knows who is meant.
+    The list is empty if an id is not valid or is used twice, because names are ambiguous then;
+    checks.py reports the id.
     """
     robots = {robot.id: robot for robot in document.robots if NAME.fullmatch(robot.id)}
     if len(robots) < len(document.robots) or not robots:

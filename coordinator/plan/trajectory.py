@@ -19,7 +19,7 @@ HEADER = "robot,t,x,y,heading,s,v"
 
 
 def csv_rows(document: PlanDocument, step: float) -> Iterator[str]:
-    """Yield CSV lines, header first; `step` in seconds, the last row is each robot's arrival."""
+    """Yield CSV lines, header first; rows are `step` [s] apart, a robot's last is its arrival."""
     yield HEADER
     for driven in drive(document):
         times = until(step, driven.timeline.finish)
@@ -45,5 +45,5 @@ def rows(robot: str, times: Sequence[float], samples: Array) -> Iterator[str]:
 
 
 def until(step: float, finish: float) -> list[float]:
-    """Return the times from 0 in steps to the finish [s], which is the last one."""
+    """Return times from 0 in steps [s] up to and including the finish [s]."""
     return [*(step * i for i in range(math.ceil(finish / step))), finish]

@@ -1,7 +1,7 @@
-"""Between the plan document and the bytes that robots get.
+"""Conversion between the plan document and the bytes that robots receive.
 
-A plan's messages are packed once.  The proof reads these very bytes (`unpack`); a coordinator that
-sends them fills in who it is and the checksum, and nothing else (`address`).
+A plan's messages are packed once.  The proof reads these very bytes (`unpack`).  A coordinator that
+sends them replaces the boot id and the checksum, and nothing else (`address`).
 
 Decides: how a RobotPlan becomes a Plan message and how a Plan message reads back.  Must not know:
 how plans are found.
@@ -37,25 +37,25 @@ T = TypeVar("T")
 
 _WEIGHT_RATIO: Final = 100.0
 _PLACES: Final = 200
-"""Places on a curve that are compared at least."""
+"""Least number of places at which a curve's arc lengths are compared."""
 
 _ARC_SHARE: Final = 1e-4
-"""How far the length may be from the true one, besides: a share of it."""
+"""Error of the length that is allowed beyond ARC_ERROR, as a share of the length."""
 
 FLAT: Final = 2e-4
-"""Curves are flattened this finely [m]."""
+"""Greatest deviation [m] of a curve from the polyline that stands for it."""
 
 _FINER: Final = 5
-"""So often they are flattened four times as finely where bends leave their length open."""
+"""How often a curve is flattened anew, each time four times as finely, to bound its length."""
 
 
 @dataclass(frozen=True)
 class Driven:
-    """What a robot makes of the bytes it gets: curve, motion and the message itself.
+    """A robot's decoded Plan message: the curve and motion that follow from it, and the message.
 
     chain: the curve as a polyline with a proven deviation of at most FLAT.
-    arc_error [m]: how far the curve's table of arc lengths is out, measured where a cubic piece
-    per cell is worst, in the middle of cells, and between.
+    arc_error [m]: the error of the curve's table of arc lengths, measured in the middle of cells,
+    where a cubic piece per cell is worst, and at other places inside of them.
     """
 
     id: str
@@ -69,14 +69,17 @@ class Driven:
 
 @dataclass(frozen=True)
 class PackedPlan:
-    """A plan document and the Plan messages made of it, by robot, that nobody sends yet."""
+    """A plan document and its Plan messages by robot id, as packed: with boot id 0."""
 
     document: PlanDocument
     messages: Mapping[str, bytes]
 
 
 def pack(document: PlanDocument, robot: RobotPlan) -> bytes:
-    """Return the Plan message of one robot, of a sender 0; OversizeError when it is too long."""
+    """Return the Plan message of one robot, with boot id 0.
+
+    Raises OversizeError when it is too long.
+    """
     limits = robot.limits
     accel = limits.max_accel if limits is not None else None
     stops = [(stop.s, round(stop.depart * SECOND)) for stop in robot.stops]
@@ -107,7 +110,10 @@ def pack(document: PlanDocument, robot: RobotPlan) -> bytes:
 
 
 def packed(document: PlanDocument) -> PackedPlan:
-    """Return a document with its messages; PartsError naming the robots that have none."""
+    """Return a document with its messages.
+
+    Raises PartsError naming the robots for which no message can be made.
+    """
     return PackedPlan(document, dict(_each(document.robots, lambda one: pack(document, one))))
 
 
@@ -136,7 +142,7 @@ def pack_times(payload: bytes, revision: int) -> bytes:
 
 
 def unpack(payload: bytes, radius: float) -> Driven:
-    """Read a Plan message as the robot does; ValueError when a robot would not accept it."""
+    """Read a Plan message as the robot does; raises ValueError when a robot would not accept it."""
     plan = decode("plan", payload)
     if not isinstance(plan, Plan):
         raise ValueError("the message is not an acceptable plan")
@@ -154,7 +160,7 @@ def unpack(payload: bytes, radius: float) -> Driven:
 
 
 class _RobotCurve(Curve):
-    """The robot's own curve with its checks, but for the table of arc lengths, that is compiled.
+    """The robot's own curve with its checks, except that a kernel computes the arc-length table.
 
     table: borders u of the cells, arc lengths s there, and du/ds there.
     """
@@ -176,11 +182,11 @@ def measured(curve: Nurbs) -> tuple[Array, Array, Array]:
 
 
 def _arc_error(table: tuple[Array, Array, Array], curve: Nurbs, chain: Chain) -> float:
-    """Return how far [m] the curve's table of arc lengths is out, found inside of its cells.
+    """Return the error [m] of the curve's table of arc lengths, measured inside of its cells.
 
-    Raises ValueError when it is not good enough to rely on.  Wild weights or knots hide most of a
-    curve between the quadrature's nodes.  The robot's table and ours and their quadratures (5 and 8
-    nodes) have to agree, and the length with what is certain of it.
+    Raises ValueError when the table is not good enough to rely on: extreme weights or knots can
+    hide most of a curve between the quadrature's nodes.  The robot's table and ours, made with
+    quadratures of 5 and 8 nodes, have to agree, and the length has to agree with its proven bounds.
     """
     if curve.weights.max() > _WEIGHT_RATIO * curve.weights.min():
         raise ValueError(f"weights differ by more than {_WEIGHT_RATIO} times")
@@ -201,8 +207,9 @@ def _arc_error(table: tuple[Array, Array, Array], curve: Nurbs, chain: Chain) ->
 def _check_length(curve: Nurbs, chain: Chain) -> None:
     """Raise ValueError unless the length is certain to be right to 0.25 mm and 0.1 mm per metre.
 
-    The true one lies between the chords' and the control polygons'.  Both are off by what the curve
-    turns, so they are made finer until they decide.
+    The true length lies between that of the chords and that of the control polygons.  Both differ
+    from it by an amount that grows with the curve's turning, so the curve is flattened more finely
+    until they decide.
     """
     allowed = ARC_ERROR + _ARC_SHARE * curve.length
     for finer in range(_FINER + 1):
@@ -220,7 +227,7 @@ def _check_length(curve: Nurbs, chain: Chain) -> None:
 
 
 def _uncertain(size: float, place: Array) -> ValueError:
-    """Return the error for arc lengths that may be out by a size [m] near a place."""
+    """Return the ValueError for arc lengths that may be wrong by a size [m] near a place."""
     return ValueError(
         f"arc length along the curve is uncertain by {1e3 * size:.2g} mm "
         f"near ({place[0]:.2f}, {place[1]:.2f})"
@@ -228,18 +235,27 @@ def _uncertain(size: float, place: Array) -> ValueError:
 
 
 def drive(document: PlanDocument) -> list[Driven]:
-    """Return what every robot of a document makes of its bytes; PartsError naming the robot."""
+    """Return the decoded messages of all robots of a document.
+
+    Raises PartsError naming robots without a message, or those that would refuse theirs.
+    """
     return unpack_all(packed(document))
 
 
 def unpack_all(plan: PackedPlan) -> list[Driven]:
-    """Return what every robot makes of its message; PartsError naming those that refuse theirs."""
+    """Return the decoded messages of all robots of a plan.
+
+    Raises PartsError naming the robots that would refuse theirs.
+    """
     robots, messages = plan.document.robots, plan.messages
     return [one for _, one in _each(robots, lambda one: unpack(messages[one.id], one.radius))]
 
 
 def _each(robots: Sequence[RobotPlan], make: Callable[[RobotPlan], T]) -> list[tuple[str, T]]:
-    """Return what is made of each robot; PartsError with all those of which it cannot be made."""
+    """Return `make` of each robot, with the robot's id.
+
+    Raises PartsError with all robots for which `make` fails.
+    """
     made, problems = [], {}
     for robot in robots:
         try:
@@ -252,7 +268,7 @@ def _each(robots: Sequence[RobotPlan], make: Callable[[RobotPlan], T]) -> list[t
 
 
 def path_of(curve: Nurbs) -> Path:
-    """Return a curve as the document has it."""
+    """Return a curve as a Path of the document."""
     return Path(
         degree=curve.degree,
         knots=curve.knots.tolist(),
@@ -267,6 +283,6 @@ def float32(values: Sequence[float]) -> list[float]:
 
 
 def float32_below(value: float) -> float:
-    """Return the largest float32 that is not above a value."""
+    """Return the largest float32 that is not greater than a value."""
     near = np.float32(value)
     return float(near if float(near) <= value else np.nextafter(near, np.float32(-np.inf)))

@@ -1,7 +1,8 @@
 """Planning from other programs: the names that `from coordinator import ...` gives.
 
-What stands here stays as it is from version to version; docs/tutorial.md uses all of it, and tests
-run that.  Lengths are metres, times seconds, angles radians, counter-clockwise from +x.
+These names and their signatures do not change from version to version.  docs/tutorial.md uses all
+of them, and tests run the tutorial.  Lengths are in metres, times in seconds, angles in radians,
+counter-clockwise from +x.
 
 Decides: which functions and types other programs may rely on.  Must not know: how plans are found.
 """
@@ -50,8 +51,8 @@ __all__ = [
 def scenario_from(document: Mapping[str, object], name: str = "scenario") -> Scenario:
     """Return the scenario that a mapping describes: keys and values as in a scenario file.
 
-    `name` stands before what is said about a mistake, and is the scenario's unless it has one.
-    Raises InputError with every problem.
+    `name` begins each line about a problem.  It also becomes the scenario's name if the mapping
+    has none.  Raises InputError with every problem.
     """
     return parse_scenario(json.dumps(document).encode(), f"{name}.json")
 
@@ -72,10 +73,10 @@ def plan_to_json(plan: Plan) -> bytes:
 
 
 def prove_plan(plan: Plan, scenario: Scenario | None = None) -> Proof:
-    """Return the proof of a plan, made anew from the bytes that robots would get.
+    """Prove a plan anew from the bytes that robots would receive, and return the proof.
 
-    With a scenario it is proven against that one's floor, robots, tau and margin.  Raises
-    InputError when robots would not accept the plan.
+    With a scenario, the plan is proven against the scenario's floor, robots, tau and margin.
+    Raises InputError when a robot would not accept its part of the plan.
     """
     return prove_document(plan, scenario)
 
@@ -83,7 +84,8 @@ def prove_plan(plan: Plan, scenario: Scenario | None = None) -> Proof:
 def motion_of(plan: Plan, robot: str, times: npt.ArrayLike) -> Array:
     """Return where a robot is at plan times (m,) [s]: x, y [m], heading, s [m], v [m/s], (m, 5).
 
-    Computed with the numbers and the arithmetic of the robot.  Raises KeyError for an unknown one.
+    The rows are computed from the message that the robot would receive, as the robot computes
+    them.  Raises KeyError for an unknown robot.
     """
     planned = plan.robot(robot)
     driven = unpack(pack(plan, planned), planned.radius)

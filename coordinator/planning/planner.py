@@ -1,7 +1,7 @@
 """From a scenario to a proven plan: paths, zones, schedule, wire bytes, proof, in this order.
 
-Decides: the order of the stages, and that nothing leaves without its proof.  Must not know: files,
-clocks (a timer is an argument) or links.
+Decides: the order of the stages, and that no plan is returned without its proof.  Must not know:
+files, clocks (a timer is an argument) or links.
 """
 
 from __future__ import annotations
@@ -41,20 +41,22 @@ from coordinator.schedule.wait_reasons import explain_waits, unkept_priorities
 
 DEFAULT_EFFORT = 20
 LATER_EFFORT = 4
-"""Later epochs are searched no longer, and no other ways around are tried (_EFFORT_PER_WAY): the
-whole fleet stands meanwhile, and more would cost it about as much time as it gains."""
+"""The greatest effort for epochs after the first.  It is too small for detours (_EFFORT_PER_WAY).
+The whole fleet stands while such a plan is made: a longer search would cost about as much time as
+it gains."""
 
 _NEED_PAD = 0.0005
 _TAU_PAD = 0.002
-"""The schedule keeps this much more [m], [s] than needed, for what rounding to the wire costs;
-less distance where robots stand nearer than that (ground/tight_places.py)."""
+"""The schedule adds these to every need [m] and to tau [s], to allow for rounding to the wire.
+Where robots stand too near each other for that, less is added (ground/tight_places.py)."""
 
 _EFFORT_PER_WAY = 5
 _WAYS = 2
 _MOST_BESIDE_TO_SAVE = 1000
 _MOST_WAYS = 60
-"""Another way is tried for one robot per so much effort, and so many ways for each, beside so many
-places at most; not in larger fleets, where looking for conflicts again takes long."""
+"""Limits on detours that save waiting: one robot is tried per _EFFORT_PER_WAY of effort, with up to
+_WAYS detours, each around at most _MOST_BESIDE_TO_SAVE places.  Fleets of more than _MOST_WAYS
+robots get none, because finding their conflicts again takes long."""
 
 Timer = Callable[[], float]
 
@@ -67,7 +69,7 @@ def plan_scenario(
     timer: Timer = lambda: 0.0,
     executor: Executor | None = None,
 ) -> PlanDocument:
-    """Return the document of a plan that `plan_fleet` finds, with the same arguments."""
+    """Call `plan_fleet` with the same arguments and return the plan's document."""
     plan = plan_fleet(scenario, effort=effort, epoch=epoch, timer=timer, executor=executor)
     return plan.document
 
@@ -80,14 +82,14 @@ def plan_fleet(
     timer: Timer = lambda: 0.0,
     executor: Executor | None = None,
 ) -> PackedPlan:
-    """Return the plan of a scenario, proven on the messages that come with it.
+    """Find a plan for a scenario and return it with its messages, on which it is proven.
 
-    Epochs after 1 get LATER_EFFORT at most.  Paths and zones of large fleets are found in parts by
-    the executor: threads, processes, a cluster; the plan is the same whatever it is.  `timing` is
-    by the timer [s], without one 0.
+    Epochs after 1 get LATER_EFFORT at most.  For large fleets the executor (threads, processes or
+    a cluster) finds paths and zones in parts; the plan does not depend on the executor.  The
+    document's `timing` [s] is measured with the timer; without a timer it is 0.
 
-    Policy "safe": raises PlanError when no plan is found; what is returned is proven.
-    Policy "paper": the proof may fail; the document says so and must not be driven.
+    Policy "safe": raises PlanError when no plan is found; a plan that is returned has passed its
+    proof.  Policy "paper": the proof may fail; the document then says so and must not be driven.
     """
     limits = [Limits.of(robot) for robot in scenario.robots]
     tau = resolve_tau(scenario.tau, budget_for(limits, scenario.link))
@@ -145,7 +147,7 @@ def _arrivals(motions: Sequence[Motion]) -> float:
 
 
 class _Stages:
-    """The stages of one planning run and what they hand on."""
+    """The stages of one planning run, and the data that each stage leaves for the next."""
 
     def __init__(self, scenario: Scenario, tau: float, executor: Executor | None) -> None:
         self.scenario = scenario
@@ -160,7 +162,7 @@ class _Stages:
         self._crossings: CrossingSearch
 
     def find_paths(self) -> None:
-        """Find every robot's path, alone."""
+        """Find every robot's path as if it were alone on the floor."""
         self.paths = find_paths(self.pathfinder, self.executor)
 
     def find_zones(self) -> None:
@@ -170,7 +172,10 @@ class _Stages:
         self._crossings = self._look_for_crossings()
 
     def schedule(self, effort: int) -> list[Motion]:
-        """Return the robots' motions; reroutes robots as long as no order works."""
+        """Return the robots' motions; reroute robots until some order works.
+
+        Raises PlanError when no detour helps.
+        """
         scenario = self.scenario
         if scenario.policy == "paper":
             limits = [track.limits for track in self.tracks]
@@ -196,7 +201,7 @@ class _Stages:
                 raise pair_error(scenario, self.junctions, pairs[0], among_others=True)
 
     def _improved(self, motions: list[Motion], priorities: list[int], effort: int) -> list[Motion]:
-        """Let robots go around where that is quicker; few are then ordered once more."""
+        """Give robots detours where these are quicker; then schedule a small fleet once more."""
         before = self.junctions
         count = len(motions)
         if count <= _MOST_WAYS:
@@ -212,7 +217,7 @@ class _Stages:
         return again
 
     def _go_around(self, motions: list[Motion], tries: int) -> list[Motion]:
-        """Give robots that wait long another way where that is quicker; tries are counted."""
+        """Give the robots that wait longest a detour where it is quicker; try `tries` robots."""
         for mover, other in latest_robots(self.junctions, motions)[:tries]:
             beside = lanes(self.scenario, mover, other, self.paths[other], _MOST_BESIDE_TO_SAVE)
             for discs in islice(beside, _WAYS):
@@ -234,13 +239,13 @@ class _Stages:
         return motions
 
     def crossings(self) -> CrossingSearch:
-        """Return where the paths cross; they are looked for anew when paths were changed."""
+        """Return where the paths cross; search again if a path has changed since."""
         if self._crossings.curves != tuple(self.paths):
             self._crossings = self._look_for_crossings()
         return self._crossings
 
     def _look_for_crossings(self) -> CrossingSearch:
-        """Begin to look where robots that come near each other cross, during the schedule."""
+        """Start to look for crossings of robots that share a zone, to run during scheduling."""
         zones = self.junctions.zones
         pairs = np.unique(np.column_stack((zones.a, zones.b)), axis=0)
         return CrossingSearch(self.paths, pairs, self.executor)
@@ -259,7 +264,7 @@ class _Stages:
         return [*self.scenario.workspace.notes, *self.notes, *crossed]
 
     def _reroute(self, pair: tuple[int, int], rerouted: set[tuple[int, int]]) -> bool:
-        """Give one of a pair another way; tell whether the two can then pass each other."""
+        """Give one robot of a pair a path that lets both pass; return whether one was found."""
         for mover, other in (pair, pair[::-1]):
             if (mover, other) in rerouted:
                 continue
@@ -273,7 +278,7 @@ class _Stages:
         return False
 
     def _other_ways(self, mover: int, other: int) -> Iterator[tuple[Nurbs, str]]:
-        """Yield paths that leave room for another robot: beside its path, then by a refuge."""
+        """Yield paths that leave room for the other robot: beside its path, then by a refuge."""
         theirs, finder = self.paths[other], self.pathfinder
         for discs in lanes(self.scenario, mover, other, theirs):
             with suppress(PlanError):
@@ -288,7 +293,7 @@ class _Stages:
         return not isinstance(find_schedule(pair, (0, 0), effort=0), Deadlock)
 
     def _block_each_other(self, indices: Sequence[int]) -> bool:
-        """Tell whether these robots find no order even without all others."""
+        """Return whether these robots have no order that works even without the other robots."""
         alone = self._meet([self.tracks[index] for index in indices], tuple(indices))
         return isinstance(find_schedule(alone, [0] * len(indices), effort=0), Deadlock)
 

@@ -1,12 +1,12 @@
-"""New times for a fleet under way in which one robot stands because it is late.
+"""New times for a fleet under way in which one robot has stopped because it is late.
 
-Paths stay, and so does who passes first wherever two robots meet: the late robot goes on later,
-those behind it wait longer, those behind them too.  What a robot drives before the switch stays as
-it was, so that it does not matter when the new times reach it before that.  Where that finds
-nothing the late robot alone is given new times, among the others as they are.
+The paths do not change, nor does the order in which two robots pass a zone: the late robot resumes
+later, the robots that pass after it wait longer, and so do those that pass after them.  Before the
+switch each robot drives as in the old times, so it may receive the new times at any moment before
+the switch.  If this fails, only the late robot gets new times and the others keep theirs.
 
 Decides: new times, or that there are none.  Must not know: messages, clocks.  The same inputs give
-the same plan: replay relies on it.
+the same plan; replay relies on that.
 """
 
 from __future__ import annotations
@@ -37,22 +37,24 @@ from coordinator.schedule.wait_reasons import explain_waits
 
 _NEED_PAD: Final = 0.0005
 _TAU_PAD: Final = 0.001
-"""Kept more [m], [s] than needed, for what rounding to the wire costs."""
+"""Added to the margin [m] and to tau [s], to allow for rounding to the wire."""
 
 _REPEATS: Final = 6
-"""So often a robot is given new times at most; more is a ring of waits."""
+"""How often one robot may get new times in a search; more would mean a ring of waits."""
 
 _NEARLY_THERE: Final = 0.01
-"""Who stands where its plan has it so shortly [s] before it arrives has nowhere to go on to."""
+"""A robot that stopped where its plan has it less than this [s] before arrival gets no new times:
+it has practically arrived."""
 
 _SAME_PLACE: Final = 1e-4
-"""A robot that stands so near [m] to a rest of its plan stands there."""
+"""A robot that stands nearer than this [m] to a rest of its plan counts as being at that rest."""
 
 
 def retime(scenario: Scenario, document: PlanDocument, late: Lateness) -> PackedPlan | None:
-    """Return the document with new times and their proof; None when there are none.
+    """Return the plan with new times, proven; None when no new times are found.
 
-    `scenario` holds the robots of the document, `document` is the plan as it is being driven.
+    `scenario` has to contain the robots of the document; otherwise the result is None.  `document`
+    is the plan that the fleet is driving.
     """
     robots = {robot.id for robot in scenario.robots}
     if not all(one.id in robots for one in document.robots):
@@ -63,7 +65,7 @@ def retime(scenario: Scenario, document: PlanDocument, late: Lateness) -> Packed
 
 
 class _Retiming:
-    """The fleet of one document as the scheduler knows it, and its motions as they change."""
+    """The fleet of one document in the scheduler's terms, and its motions as they change."""
 
     def __init__(self, scenario: Scenario, document: PlanDocument, late: Lateness) -> None:
         known = {robot.id: robot for robot in scenario.robots}
@@ -87,7 +89,7 @@ class _Retiming:
         self.begun[self.late] = self._stands(self.late, late.stood)
 
     def find(self) -> PackedPlan | None:
-        """Return the plan with new times, proven; None when there are none."""
+        """Return the plan with new times, proven; None when no new times are found."""
         for look in (self._in_order, self._alone):
             changed = look()
             plan = None if changed is None else self._packed(changed)
@@ -96,7 +98,10 @@ class _Retiming:
         return None
 
     def _in_order(self) -> set[int] | None:
-        """Let the late robot go on first and those behind it wait; return who has new times."""
+        """Give the late robot new times, then all that pass after it and would come too near.
+
+        Returns the robots with new times; None when one of them finds no motion.
+        """
         self.motions = self._as_driven()
         waiting, given = [self.late], dict.fromkeys(range(len(self.robots)), 0)
         while waiting:
@@ -108,7 +113,10 @@ class _Retiming:
         return {index for index, times in given.items() if times}
 
     def _alone(self) -> set[int] | None:
-        """Let the late robot go on when nobody else is in its way."""
+        """Give only the late robot a new motion, among the unchanged motions of the others.
+
+        Returns the late robot's index in a set; None when it finds no motion.
+        """
         self.motions = self._as_driven()
         anywhere = np.full(len(self.orders[self.late]), BOTH, dtype=np.int64)
         return {self.late} if self._plan(self.late, anywhere) else None
@@ -120,7 +128,7 @@ class _Retiming:
         return motion is not None
 
     def _run_into(self, index: int) -> list[int]:
-        """Return whom a robot comes too near that is to pass after it, with times as they are."""
+        """Return the robots that pass after this one and come too near with their present times."""
         rows, found = self.junctions.rows_of(index)[0], []
         cell = self.tracks[index].cell
         for k, zone in enumerate(self.junctions.zones_of(index).tolist()):
@@ -133,7 +141,7 @@ class _Retiming:
         return found
 
     def _packed(self, changed: set[int]) -> PackedPlan | None:
-        """Return the plan with these robots' motions, if its proof holds."""
+        """Return the plan with new motions for the changed robots; None unless its proof holds."""
         motions = self.motions.all()
         names = [robot.id for robot in self.robots]
         try:
@@ -147,7 +155,7 @@ class _Retiming:
         return PackedPlan(replace(document, proof=proof), fresh.messages) if proof.holds else None
 
     def _motion(self, index: int) -> Motion:
-        """Return the motion that a robot drives, with whom it waits for."""
+        """Return the motion that a robot drives by the document; its waits name robot and zone."""
         one, zones = self.document.robots[index], self.junctions.zones
         names = [robot.id for robot in self.robots]
         whom = [(0.0, one.start_time, one.start_yields_to)] if one.start_time > 0.0 else []
@@ -171,7 +179,7 @@ class _Retiming:
         return motions
 
     def _order(self, index: int) -> Indices:
-        """Return for each zone of a robot whether it passes first or after the other one."""
+        """Return for each zone of a robot whether it passes FIRST or AFTER the other robot."""
         rows, table, modes = self.junctions.rows_of(index)[0], self.motions.table, []
         for k, zone in enumerate(self.junctions.zones_of(index).tolist()):
             other = int(rows.other[k])
@@ -183,7 +191,10 @@ class _Retiming:
         return np.array(modes, dtype=np.int64)
 
     def _begun(self, index: int) -> Begun:
-        """Return what a robot drives before the switch: up to the last rest it then comes to."""
+        """Return the part of a motion that is fixed at the switch.
+
+        It ends at the last rest for which the robot begins to brake before the switch.
+        """
         motion, limits = self.driven[index], self.tracks[index].limits
         rests = list(motion.waits)
         if not rests or rests[0].s > 0.0:
@@ -203,7 +214,7 @@ class _Retiming:
         )
 
     def _first_stop(self, index: int, s: float) -> float:
-        """Return where a robot can stop that begins to brake at s [m]."""
+        """Return the nearest place [m] at which a robot can stop if it begins to brake at s [m]."""
         limits = self.tracks[index].limits
         low, high = s, limits.length
         while high - low > _SAME_PLACE:
@@ -212,7 +223,7 @@ class _Retiming:
         return high
 
     def _stands(self, index: int, stood: float) -> Begun:
-        """Return what the late robot has driven: up to where it stands."""
+        """Return the part of the late robot's motion that it has driven, up to where it stands."""
         motion = self.driven[index]
         s = motion.place_at(stood)
         near = [wait.s for wait in motion.waits if abs(wait.s - s) < _SAME_PLACE]

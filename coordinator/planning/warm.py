@@ -1,10 +1,12 @@
 """Compile or load all kernels: `python -m coordinator.planning.warm [PART]`.
 
-Compiling takes more than a minute of CPU time, once per machine and version; loading what was
-compiled takes a fraction of a second, once per process.  Both happen here, not in the middle of a
-plan.  Parts have few kernels in common, so that processes can compile them at the same time.
+Compiling takes more than a minute of CPU time, once per machine and version; loading compiled
+kernels takes a fraction of a second, once per process.  This module does both ahead of time, so
+that no plan has to wait for them.  The parts have few kernels in common, so processes can compile
+them in parallel.
 
-Decides: what is run to have every kernel compiled.  Must not know: results, and who runs what when.
+Decides: which functions are called so that every kernel is compiled.  Must not know: what these
+functions return, and who calls this module when.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from coordinator.scenario.model import GivenPath, Point, Pose, Robot, Scenario, 
 
 @functools.cache
 def load_kernels() -> None:
-    """Compile or load the kernels of planning, by planning for a floor that needs them all."""
+    """Compile or load the kernels of planning, by planning a scenario that uses all of them."""
     plan_scenario(_floor_with_a_wall())
 
 
@@ -42,13 +44,16 @@ def _compile_all() -> None:
 
 
 def _compile_paths() -> None:
-    """Compile what finds paths, and what reads maps."""
+    """Compile the kernels that find paths and those that read maps."""
     find_paths(Pathfinder(_floor_with_a_wall()), None)
     _compile_maps()
 
 
 def _compile_schedules() -> None:
-    """Compile what compares paths, orders robots on them and proves the plan: no path is sought."""
+    """Compile the kernels that find zones, schedule robots and prove a plan.
+
+    All paths are given, so none is searched for.
+    """
     ends: tuple[tuple[str, Point, Point], ...] = (
         ("A", (1.0, 1.0), (9.0, 1.0)),
         ("B", (6.0, 3.0), (9.0, 3.0)),
@@ -76,7 +81,7 @@ PARTS: Final[dict[str, Callable[[], None]]] = {
     "schedules": _compile_schedules,
     "paths": _compile_paths,
 }
-"""What can be compiled by processes at the same time; some kernels are left for later."""
+"""Parts that processes can compile in parallel; `compile_rest` compiles the remaining kernels."""
 
 
 def _floor_with_a_wall() -> Scenario:

@@ -1,6 +1,6 @@
 """The proof that a plan is safe, from its wire bytes alone.
 
-The room decides whether a plan is tau-safe, keeps clear of obstacles and within limits.  It imports
-nothing that searches: an import contract keeps it apart.  Others take `tau_safety.prove` and
-`verify`.
+The room decides whether a plan is tau-safe, clear of obstacles and within limits.  It must not
+import any code that searches for plans; an import contract forbids that.  Other rooms import
+`verify` and `wording`.
 """

@@ -18,7 +18,7 @@ from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs_kernels import Array, parameters_at
 
 _SHORT: Final = 1e-6
-"""Of pieces shorter than this [m] the middle counts."""
+"""Pieces shorter than this [m] are judged by their middle alone."""
 
 _WAITING: Final = 64
 

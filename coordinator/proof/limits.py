@@ -1,6 +1,7 @@
-"""The proof that a motion keeps its robot's limits: speed, acceleration, bends.
+"""The proof that a motion obeys its robot's limits: speed, acceleration, bends.
 
-Decides: what counts as kept.  Must not know: other robots, or how motions are planned.
+Decides: how far rounding may exceed a limit.  Must not know: other robots, or how motions are
+planned.
 """
 
 from __future__ import annotations
@@ -18,20 +19,20 @@ from coordinator.plan.wire import Driven
 from coordinator.proof.limit_kernels import too_sharp
 
 _CORNER: Final = 0.01
-"""Directions that differ by more [rad] where spans meet make a corner."""
+"""Where spans meet, directions that differ by more than this [rad] make a corner."""
 
 _SPEED: Final = 1.0001
 _ACCEL: Final = 1.01
 _LATERAL: Final = 1.02
 _TURN: Final = 1.01
-"""By these factors a limit may be exceeded, for what rounding to the wire costs."""
+"""Factors by which a limit may be exceeded, to allow for rounding to the wire."""
 
 
 def limit_failures(driven: Driven, limits: Limits) -> list[str]:
-    """Return how a motion breaks the robot's limits, one sentence each; 1 or 2 % are tolerated.
+    """Return a sentence for each limit that a motion breaks; 1 or 2 % more are tolerated.
 
-    Nothing is sampled: speed and acceleration are those of the legs, bends are proven between all
-    places (limit_kernels.py).
+    Nothing is sampled: speed and acceleration are computed per leg, and bends are proven at all
+    places of the curve (limit_kernels.py).
     """
     line, failures = driven.timeline, []
     v0, v1 = np.array(line.v0), np.array(line.v1)
@@ -48,7 +49,7 @@ def limit_failures(driven: Driven, limits: Limits) -> list[str]:
 
 
 def _corner_failures(driven: Driven) -> list[str]:
-    """Return the corners of a curve: borders of spans with other directions on both sides."""
+    """Return a sentence for each corner of a curve: a border of spans where its direction jumps."""
     borders, pieces = bezier_pieces(*driven.curve.lifted)
     corners = pieces[:, :, :2] / pieces[:, :, 2:]
     inner = zip(borders[1:-1].tolist(), corners[:-1], corners[1:], strict=True)
@@ -72,7 +73,7 @@ def _direction(corners: Array) -> Array:
 
 
 def _bend_failures(driven: Driven, limits: Limits) -> list[str]:
-    """Return which bends are too sharp for the robot, or for its speed there."""
+    """Return a sentence for each limit that a bend breaks, with the arc length of the bend."""
     if limits.max_lateral_accel is None and not limits.min_turn_radius > 0.0:
         return []
     line, failures = driven.timeline, _corner_failures(driven)

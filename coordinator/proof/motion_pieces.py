@@ -1,10 +1,10 @@
 """Where robots are over time, as straight pieces driven at constant speed with a proven deviation.
 
-A piece stands for the robot between two moments of one leg of its motion.  Between two places that
-are a way of length l and a straight line of length c apart, the curve stays within
-sqrt(l^2 - c^2) / 2 of that line, for it runs in the ellipse with these foci, and l - c along it;
-an acceleration a moves the robot by at most a t^2 / 8 along its way in the time t of the piece.
-Nothing is taken from samples alone but `Driven.arc_error`.
+A piece replaces the robot's motion between two moments of one leg.  If two places are l apart along
+the curve and c apart in a straight line, the curve between them lies in an ellipse with these foci:
+it stays within sqrt(l^2 - c^2) / 2 across that line and within l - c along it.  An acceleration a
+moves the robot by at most a t^2 / 8 along its path in the time t of the piece.  The only value that
+is measured by sampling is `Driven.arc_error`.
 
 Decides: how a motion becomes pieces.  Must not know: other robots, zones or schedules.
 """
@@ -25,10 +25,10 @@ from coordinator.plan.wire import Driven
 Indices = npt.NDArray[np.int64]
 
 _ROUNDING: Final = 1e-9
-"""Ways may be measured this much [m] too short."""
+"""By how much [m] rounding may make a measured arc length too short."""
 
 _ARC_ERRORS: Final = 2.5
-"""Arc errors by which a place may be off: one at an end, one between, and some for measuring."""
+"""Uncertainty of a place in arc errors: one at an end, one between, the rest for measuring."""
 
 _ROUNDS: Final = 24
 _MOST_PARTS: Final = 64.0
@@ -38,8 +38,9 @@ _MOST_PARTS: Final = 64.0
 class Pieces:
     """Motions of robots in m pieces, sorted by robot, then time.
 
-    rows (m, 7): from when [s] to when, from x, y [m] to x, y, deviation [m]: no farther than this
-    is the robot from where it would be at constant speed.  robot (m,), leg (m,): indices.
+    rows (m, 7): begin and end [s], x, y at the begin, x, y at the end [m], deviation [m].  The
+    deviation bounds the distance between the robot and the point that drives the piece at constant
+    speed.  robot (m,), leg (m,): indices.
     """
 
     rows: Array
@@ -54,7 +55,7 @@ class Pieces:
 class Flights:
     """The motions of a whole fleet: c_i(t) of design section 1, from plan time 0 to the last end.
 
-    Earlier a robot stands at its start, later at its goal: other times repeat these places.
+    Before and after that, robots stand at their starts and goals, so other times add no places.
     """
 
     def __init__(self, driven: Sequence[Driven]) -> None:
@@ -66,15 +67,15 @@ class Flights:
         self._noise = _ARC_ERRORS * np.array([one.arc_error for one in driven])
 
     def pieces(self, tolerance: float) -> Pieces:
-        """Return all motions in pieces that deviate by at most `tolerance` [m], rounding apart."""
+        """Return all motions in pieces that deviate by at most `tolerance` [m], as `split` does."""
         legs = np.arange(len(self._legs))
         ends = self._nodes(np.repeat(legs, 2), self._legs[:, :2].ravel())
         return self.split(self._pieces(ends, legs, np.arange(0, 2 * len(legs), 2)), tolerance)[0]
 
     def split(self, pieces: Pieces, tolerance: float) -> tuple[Pieces, Indices]:
-        """Return finer pieces, and for each (m,) the index of that which it is a part of.
+        """Return finer pieces, and for each of them (m,) the index of the piece that it is part of.
 
-        They deviate by at most `tolerance` [m] and _ARC_ERRORS of the robot.
+        They deviate by at most `tolerance` [m] plus _ARC_ERRORS times the robot's arc error.
         """
         origin = np.arange(len(pieces.rows))
         for _ in range(_ROUNDS):
@@ -113,7 +114,7 @@ class Flights:
         return nodes
 
     def _cut(self, pieces: Pieces, parts: Indices) -> Pieces:
-        """Return pieces cut into so many parts each, equal in time."""
+        """Return pieces cut into `parts` (m,) parts each, of equal duration."""
         owner = np.repeat(np.arange(len(parts)), parts + 1)
         last = np.cumsum(parts + 1) - 1
         step = np.arange(len(owner)) - (last - parts)[owner]
@@ -140,7 +141,7 @@ class Flights:
 
 
 def _legs(driven: Driven, finish: float) -> Array:
-    """Return when each leg or rest begins and ends [s], with which s, v and acceleration."""
+    """Return a row per leg or rest: begin and end [s], s [m] and v [m/s] at the begin, m/s^2."""
     line = driven.timeline
     t0, t1, s0 = np.array(line.t0), np.array(line.t1), np.array(line.s0)
     v0, v1 = np.array(line.v0), np.array(line.v1)

@@ -1,12 +1,12 @@
 """The least distance of moving robots over all times no more than tau apart.
 
-Motions are straight pieces with a proven deviation (motion_pieces.py).  Coarse pieces of all robots
-are swept through space and time for pairs that may have the least slack; these alone are cut finer
-and compared again, until the deviation is below what is asked for.  Slack is the distance of two
-centres less what the pair has to keep.
+Motions are straight pieces with a proven deviation (motion_pieces.py).  A sweep over the coarse
+pieces of all robots in space and time finds the pairs of pieces that may have the least slack.
+Only these pieces are cut more finely and compared again, until the deviation is small enough.
+Slack is the distance between two centres less the need of the pair.
 
-Decides: how near robots come by their wire bytes, to margin.RESOLUTION.  Must not know: what is
-near enough (tau_safety.py), zones or schedules.
+Decides: how near robots come to each other by their wire bytes, to margin.RESOLUTION.  Must not
+know: which distance is too small (tau_safety.py), zones or schedules.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ _FINER: Final = (1e-3, 5e-5)
 """Deviations [m] of pieces; four of the last are below margin.RESOLUTION, arc errors included."""
 
 _REACH: Final = 0.1
-"""The first guess [m] of how near the nearest pair comes beyond its need; then four times more."""
+"""The first guess [m] of the least slack; while no pair is found, it is multiplied by four."""
 
 _BLOCK: Final = 4.0
 _MOST_BLOCKS: Final = 2000
-"""Time is swept in blocks of so many seconds, or in so many blocks when it is long."""
+"""Time is swept in blocks of _BLOCK seconds, or in _MOST_BLOCKS longer blocks in a long plan."""
 
 
 @dataclass(frozen=True)
 class Closest:
-    """The least slack [m], the distance there [m], whose (indices), when [s] and where [m].
+    """The least slack and the distance there [m], both robots (indices), when [s] and where [m].
 
-    certain: the true least slack lies between this and `slack`, margin.RESOLUTION below it at most
-    unless places by arc length are uncertain by more than micrometres.
+    certain: the true least slack lies between this and `slack`.  It is at most margin.RESOLUTION
+    below `slack`, unless places by arc length are uncertain by more than micrometres.
     """
 
     slack: float
@@ -56,7 +56,7 @@ class Closest:
 
 @dataclass(frozen=True, eq=False)
 class _Candidates:
-    """Pairs (m, 2) of pieces (indices), and what separation_kernels.py says of them (m, 4)."""
+    """Pairs (m, 2) of pieces (indices), and rows (m, 4) of separation_kernels.py about them."""
 
     pieces: Pieces
     pairs: Indices
@@ -64,7 +64,7 @@ class _Candidates:
 
     @property
     def robots(self) -> Indices:
-        """Whose pieces they are, (m, 2), the smaller index first."""
+        """The robots that the pieces belong to, (m, 2), the smaller index first."""
         return self.pieces.robot[self.pairs]
 
     def pick(self, which: Indices) -> _Candidates:
@@ -72,7 +72,7 @@ class _Candidates:
 
 
 class Separation:
-    """How near robots of a fleet come to each other, with all times tau [s] apart or less."""
+    """How near robots of a fleet come to each other, at all times no more than tau [s] apart."""
 
     def __init__(self, driven: Sequence[Driven], tau: float) -> None:
         self._flights = Flights(driven)
@@ -84,8 +84,8 @@ class Separation:
     def least(self, keep: Array, reach: float = _REACH) -> Closest | None:
         """Return the least slack of all pairs; None for fewer than two robots.
 
-        A pair has to keep the sum of its robots' `keep` (n,) [m].  `reach` [m]: a guess of the
-        least slack, better too large.
+        The need of a pair is the sum of its robots' `keep` (n,) [m].  `reach` [m]: a guess of the
+        least slack; one too small costs another sweep.
         """
         if len(keep) < 2:
             return None
@@ -112,7 +112,10 @@ class Separation:
     def _refined(
         self, candidates: _Candidates, keep: Array, limit: float, each: bool
     ) -> _Candidates:
-        """Return candidates among the finest pieces; `each`: of every pair of robots."""
+        """Return candidates among the finest pieces, for the least slack of all pairs of robots.
+
+        `each`: for the least slack of every pair of robots.
+        """
         for tolerance in _FINER:
             group = self._groups(candidates, each)
             least = np.full(group.max(initial=-1) + 1, limit)
@@ -128,14 +131,17 @@ class Separation:
         return candidates
 
     def _groups(self, candidates: _Candidates, each: bool) -> Indices:
-        """Return which of them compete for the least slack, as numbers (m,) from 0."""
+        """Return for each candidate the number (m,) of the group in which it competes, from 0.
+
+        All candidates form one group; `each`: every pair of robots has its own.
+        """
         if not each:
             return np.zeros(len(candidates.pairs), dtype=np.int64)
         a, b = candidates.robots.T
         return np.unique(a * len(self._flights.driven) + b, return_inverse=True)[1]
 
     def _worst(self, candidates: _Candidates, keep: Array, each: bool) -> list[Closest]:
-        """Return the least slack of all, or of each pair of robots."""
+        """Return the least slack of all pairs of robots, or, with `each`, of every pair."""
         group, (low, high, t_a, t_b) = self._groups(candidates, each), candidates.found.T
         order = np.lexsort((high, group))
         firsts = order[np.unique(group[order], return_index=True)[1]]

@@ -1,11 +1,11 @@
 """Compiled: how near straight pieces of motion come, for all times no more than tau apart.
 
 A piece is a row of flight.Pieces: from when to when, from x, y to x, y, deviation.  `keep` (n,) [m]
-is each robot's part of the distance that a pair has to keep; slack is distance less that.
+is each robot's part of a pair's need; slack is the distance less the need.
 Candidates are rows (low, high, t_a, t_b): the least slack of a pair of pieces lies in [low, high],
 and near the times t_a, t_b.
 
-Decides: which pairs of pieces come near, at what cost.  Must not know: curves, or what is enough.
+Decides: which pairs of pieces come near.  Must not know: curves, or what is enough.
 """
 
 from __future__ import annotations
@@ -156,9 +156,10 @@ def near_pairs(
 ) -> tuple[Indices, Array]:
     """Return the pairs of pieces (m, 2) that may have the least slack, if below a limit [m].
 
-    `first` (n + 1,): where the pieces of each robot begin.  `each`: of every pair of robots
-    instead of all, as far as that is told apart here.  Time goes by in blocks; in each the boxes
-    of what robots cover are swept.  Pairs may come more than once.  Also: candidates (m, 4).
+    `first` (n + 1,): where the pieces of each robot begin.  `each`: for every pair of robots
+    instead of all pairs together; pieces beyond a pair's least may be included.  Time is divided
+    into blocks; in each block a sweep compares the boxes that robots cover.  A pair may occur more
+    than once.  Also returns the candidates (m, 4) of the pairs.
     """
     pairs, found, count = np.empty((1024, 2), np.int64), np.empty((1024, 4)), 0
     ranges = np.empty((len(keep), 2), np.int64)
@@ -193,7 +194,7 @@ def finer_pairs(
     """Return the pairs of parts that may have the least slack below a limit of their own [m].
 
     parents (m, 2): pairs of pieces, each now the parts from parts[piece] up to parts[piece + 1];
-    needs (m,) [m]: what the distance has to be; limits (m,).  Also: candidates.
+    needs (m,) [m]: the least distance allowed; limits (m,).  Also returns their candidates.
     """
     pairs, found, count = np.empty((1024, 2), np.int64), np.empty((1024, 4)), 0
     for row in range(len(parents)):

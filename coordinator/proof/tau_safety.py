@@ -1,14 +1,14 @@
 """The proof that a plan is tau-safe, from the decoded wire bytes alone.
 
-For every pair and all |t - t'| <= tau the centres stay r_i + r_j + margin apart; every curve keeps
-margin + radius from everything solid; the motion keeps the robot's limits.  Distances are certified
-to RESOLUTION, without any sampling (separation.py, curves/bounds.py, limits.py); a shortfall below
-TOLERANCE is accepted, so rounding never refuses a valid plan.  Both, and what the messages allow
-robots to be off their plans, are shares of the margin (scenario/margin.py): a plan whose shares are
-more than its margin does not hold.
+For every pair and all |t - t'| <= tau the centres stay r_i + r_j + margin apart; every curve stays
+margin + radius away from everything solid; the motion obeys the robot's limits.  Distances are
+certified to RESOLUTION, without any sampling (separation.py, curves/bounds.py, limits.py).  A
+shortfall below TOLERANCE is accepted, so that rounding never refuses a valid plan.  RESOLUTION,
+TOLERANCE and the deviation that the messages allow robots are shares of the margin
+(scenario/margin.py); the proof fails if these shares exceed the margin.
 
-Decides: whether a plan may leave the coordinator.  Shares nothing with zones, schedule and motion
-but the evaluation of curves.
+Decides: whether a plan may leave the coordinator.  The only code that the proof shares with zones,
+schedule and motion is the evaluation of curves.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from coordinator.proof.separation import Closest, Separation
 from coordinator.scenario.margin import RESOLUTION, TOLERANCE, beside_solid, between_robots
 
 _PLACE: Final = 0.05
-"""The place at which a way comes too near to something solid is told this finely [m]."""
+"""Step [m] in which the place where a path comes too near to something solid is located."""
 
 _MOST_SAID: Final = 20
-"""So many pairs that come too near are told one by one."""
+"""Most pairs that a proof lists one by one as too near; the others are counted."""
 
 Gap = Callable[[Array], float]
 
 
 def least_clearance(driven: Sequence[Driven], gap: Gap) -> tuple[float, int]:
-    """Return the least distance to anything solid beyond the radius [m], and whose it is.
+    """Return the least clearance beyond the radius [m], and the index of the robot that has it.
 
-    `gap` tells the distance [m] from a polyline (n, 2) to the nearest solid thing.  The proven
-    deviation of a curve from its polyline is taken off: the true least clearance is not smaller,
+    `gap` returns the distance [m] from a polyline (n, 2) to the nearest solid thing.  The proven
+    deviation of a curve from its polyline is subtracted: the true least clearance is not smaller,
     and larger by at most 2 * FLAT.
     """
     least = clearances(driven, gap)
@@ -50,7 +50,7 @@ def least_clearance(driven: Sequence[Driven], gap: Gap) -> tuple[float, int]:
 
 
 def clearances(driven: Sequence[Driven], gap: Gap) -> list[float]:
-    """Return for each robot what `least_clearance` returns for the least."""
+    """Return every robot's clearance [m], computed as in `least_clearance`."""
     return [gap(one.chain.points) - one.chain.bound - one.radius for one in driven]
 
 
@@ -79,7 +79,9 @@ def prove(
 ) -> Proof:
     """Prove a plan; tau [s], margin [m].
 
-    Without `gap` (no floor known) clearance is not proven and None is reported.
+    `limits` has one entry per robot, None if not known.  Without `gap` (no floor known) the
+    clearance is not proven and is None in the proof.  Without a budget the proof names no faults
+    that the plan survives.
     """
     apart = prove_separation(driven, tau, margin)
     failures = [*_say_shares(driven, margin), *apart.failures]
@@ -107,7 +109,7 @@ def prove(
 
 
 def _say_shares(driven: Sequence[Driven], margin: float) -> list[str]:
-    """Say which robots may be farther off their plans than the margin [m] has room for."""
+    """Return a sentence if the shares of the margin [m] exceed it: robots may deviate too far."""
     *_, most = by_track = sorted(driven, key=lambda one: one.plan.track_mm)
     shares, who = beside_solid(most.plan.track_mm), f"{most.id} {most.plan.track_mm} mm"
     if len(driven) > 1:
@@ -124,7 +126,7 @@ def _say_shares(driven: Sequence[Driven], margin: float) -> list[str]:
 
 
 class Apart(NamedTuple):
-    """Least centre distance and least slack [m], where the latter is, and what fails."""
+    """Least centre distance and least slack [m], a sentence on the tightest pair, and failures."""
 
     separation: float | None
     slack: float | None
@@ -133,7 +135,7 @@ class Apart(NamedTuple):
 
 
 def prove_separation(driven: Sequence[Driven], tau: float, margin: float) -> Apart:
-    """Prove that all pairs keep r_i + r_j + margin [m] at all times tau [s] apart or less."""
+    """Prove that all pairs keep r_i + r_j + margin [m] at times no more than tau [s] apart."""
     radii = np.array([one.radius for one in driven])
     keep = radii + 0.5 * margin
     fleet = Separation(driven, tau)
@@ -155,7 +157,7 @@ def prove_separation(driven: Sequence[Driven], tau: float, margin: float) -> Apa
 
 
 def _say_failing(failing: Sequence[Closest], driven: Sequence[Driven], keep: Array) -> list[str]:
-    """Say for the pairs that come too near where they do so most, the worst pairs first."""
+    """Return a sentence for each pair that comes too near, at its worst place, worst pair first."""
     said = [_say(closest, driven, keep) for closest in failing[:_MOST_SAID]]
     more = len(failing) - len(said)
     return [*said, f"and {more} more pairs come too near"] if more else said

@@ -1,6 +1,7 @@
 """The proof of a plan document: from the file alone, or against a scenario.
 
-Decides: what a document is proven against.  The proof itself is tau_safety.py.
+Decides: the floor, limits and terms that a plan is proven against.  The proof itself is in
+tau_safety.py.
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ from coordinator.scenario.margin import TOLERANCE
 from coordinator.scenario.model import Robot, Scenario
 
 _HEADING: Final = 1e-2
-"""How far [rad] a heading may be off."""
+"""How far [rad] a heading may differ from the scenario's."""
 
 _TIME_TOLERANCE: Final = 1e-2
-"""How far [s] a time in the file may be from that of the wire bytes."""
+"""How far [s] a time in the file may differ from the time that follows from the wire bytes."""
 
 _SAME: Final = 1e-9
-"""Terms [s], [m] that differ by less are the same."""
+"""Values of tau [s] or margin [m] that differ by no more than this count as equal."""
 
 _RESERVED: Final = 1.0001
-"""By this factor a planned speed may be above what the reserve leaves."""
+"""Factor by which a planned speed may exceed the speed that `speed_reserve` leaves."""
 
 _LIMITS: Final = (
     ("max_speed", "m/s"),
@@ -43,13 +44,13 @@ _LIMITS: Final = (
 )
 
 _PLAN_ROUNDING: Final = 1.0
-"""A plan may last this much [s] longer on the wire than it was planned for."""
+"""How much [s] a plan may last longer on the wire than LONGEST_PLAN, because of rounding."""
 
 
 def prove_document(document: PlanDocument, scenario: Scenario | None = None) -> Proof:
-    """Prove a document, from a file for instance, by the messages that are made of it.
+    """Pack a document's messages and prove the plan from them.
 
-    Raises PartsError as prove_messages does, and when no message can be made for a robot.
+    Raises PartsError as `prove_messages` does, and when no message can be made for a robot.
     """
     return prove_messages(packed(document), scenario)
 
@@ -57,9 +58,11 @@ def prove_document(document: PlanDocument, scenario: Scenario | None = None) -> 
 def prove_messages(plan: PackedPlan, scenario: Scenario | None = None) -> Proof:
     """Prove a plan from its wire bytes.
 
-    With a scenario its floor, limits, radii, tau, margin and link count, and the document has to
-    say the same of them: what robots are told comes from there.  Raises PartsError when a robot
-    would not accept its message, or would drive too long.
+    With a scenario, the plan is proven against the scenario's floor, limits, tau and margin.  The
+    proof then also fails if the document's tau, margin, link or limits differ from the scenario's,
+    since the messages are made from the document, or if a radius is smaller.  Without a scenario,
+    the values in the document are used.  Raises PartsError when a robot would not accept its
+    message, or would drive too long.
     """
     document, driven = plan.document, unpack_all(plan)
     _check_durations(driven)
@@ -76,7 +79,7 @@ def prove_messages(plan: PackedPlan, scenario: Scenario | None = None) -> Proof:
 
 
 def _check_durations(driven: list[Driven]) -> None:
-    """Raise PartsError for motions that would take the proof's memory."""
+    """Raise PartsError for motions so long that the proof would run out of memory."""
     problems = {
         one.id: f"plan: robots[{one.id}]: lasts {one.timeline.finish:g} s on the wire, "
         f"allowed is up to {LONGEST_PLAN:g} s"
@@ -88,7 +91,7 @@ def _check_durations(driven: list[Driven]) -> None:
 
 
 def _disagreements(robot: RobotPlan, driven: Driven) -> list[str]:
-    """Return where the file says something else than the wire bytes, one sentence each."""
+    """Return a sentence for each value of the file that differs from the wire bytes."""
     line = driven.timeline
     arrivals = line.arrivals[1:] if robot.start_time > 0.0 else line.arrivals
     pairs = [
@@ -107,7 +110,7 @@ def _disagreements(robot: RobotPlan, driven: Driven) -> list[str]:
 
 
 def _with_failures(proof: Proof, failures: list[str]) -> Proof:
-    """Return the proof with more failures in front."""
+    """Return the proof with these failures put before its own; with any, it does not hold."""
     if not failures:
         return proof
     return replace(proof, holds=False, survives=[], failures=failures + proof.failures)
@@ -156,9 +159,9 @@ def _prove_against(document: PlanDocument, driven: list[Driven], scenario: Scena
 def _other_terms(document: PlanDocument, scenario: Scenario, tau: float) -> list[str]:
     """Return which terms of a plan are not the scenario's; tau [s] is what the scenario asks for.
 
-    Robots go by these: tau is how late they may be, the margin how far off their paths, the link
-    how long they bear silence, max_accel how they brake.  Those that turn wider than they have to
-    keep what is asked.
+    Robots act on these terms: tau bounds how late they may be, the margin how far off their paths,
+    the link how long they drive on without a Command, and max_accel how they brake.  A larger
+    min_turn_radius than the scenario's is accepted.
     """
     asked = [
         (name, getattr(document, name), value, unit)
@@ -182,7 +185,7 @@ def _other_terms(document: PlanDocument, scenario: Scenario, tau: float) -> list
 
 
 def _other_limits(robot: RobotPlan, limits: Limits) -> Iterator[str]:
-    """Yield which limits of a robot's plan are not its own."""
+    """Yield a sentence for each limit in a robot's plan that differs from the scenario's."""
     if robot.limits is None:
         if limits.max_accel is not None:
             yield _other_limit(robot, "max_accel", None, limits.max_accel, "m/s^2")
@@ -201,7 +204,7 @@ def _other_limit(
 
 
 def _hurries(driven: Driven, fastest: float) -> Iterator[str]:
-    """Yield that a robot has less speed [m/s] in reserve than the scenario keeps back."""
+    """Yield a sentence if a robot's planned speed exceeds `fastest` [m/s], so has less reserve."""
     most = max(driven.timeline.v0 + driven.timeline.v1)
     if most > fastest * _RESERVED:
         yield (
@@ -211,7 +214,7 @@ def _hurries(driven: Driven, fastest: float) -> Iterator[str]:
 
 
 def _misses(driven: Driven, robot: Robot) -> list[str]:
-    """Return which of the places and headings that a scenario asks for a path does not have."""
+    """Return a sentence for each place or heading asked for by the scenario that a path misses."""
     points, first = driven.curve.derivatives([0.0, driven.curve.knots[-1]], 1)
     failures = []
     for name, index, pose in (("start", 0, robot.start), ("goal", -1, robot.goal)):

@@ -1,5 +1,5 @@
-"""Who goes first, and when: conflict zones, one robot among others, the search over orders.
+"""Who goes first, and when: conflict zones, waits of one robot, the search over orders.
 
-The room decides precedences, waits and other ways around.  It must not know messages or the proof.
-Others take `priority_order.schedule` and `conflict_zones`.
+The room decides precedences, waits and detours.  It must not know messages or the proof.  Other
+rooms import `junctions.Junctions`, `priority_order.find_schedule` and `lateness.Lateness`.
 """

@@ -1,10 +1,11 @@
 """Who goes first, zone by zone: a depth-first search that branches where two robots clash.
 
 An order of whole robots cannot say that A passes B at one place and B passes A at another; here
-every zone has an order of its own.  A node has decided some zones; every robot has its earliest
-motion behind those that precede it, whatever happens in the zones not decided: a lower bound.  The
-first clash is decided one way and the other (conflict-based search: Sharon et al. 2015; the orders
-are those of a disjunctive graph: Roy and Sussmann 1964).  Nodes are counted, never timed.
+every zone has an order of its own.  In a node some zones are decided.  Every robot has its
+earliest motion behind those that precede it in these zones; conflicts in the other zones are
+ignored, so the delays are a lower bound.  The first clash is then decided both ways
+(conflict-based search: Sharon et al. 2015; the orders are those of a disjunctive graph: Roy and
+Sussmann 1964).  Nodes are counted, never timed.
 
 Decides: the orders in zones between chosen robots; others keep their motions.  Must not know: how
 one robot waits (safe_intervals.py).
@@ -27,15 +28,15 @@ from coordinator.schedule.safe_intervals import earliest_motion
 from coordinator.schedule.timetable import Motions
 
 GAIN: Final = 1e-6
-"""Smaller differences of delay [s] are none."""
+"""Differences of delay [s] below this do not count."""
 
 _REPEATS: Final = 6
-"""A decision may have each robot planned so often; more is a ring of waits."""
+"""How often one decision may replan a robot; more would mean a ring of waits."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Meeting:
-    """A zone between two chosen robots: its places among the zones of each."""
+    """A zone between two chosen robots a and b, and its index among the zones of each."""
 
     zone: int
     a: int
@@ -48,9 +49,9 @@ Undo = list[tuple[int, Motion | None, int]]
 
 
 class ConflictSearch:
-    """Looks for motions of some robots with less delay than a bound; others stay as they are.
+    """Searches motions of chosen robots with less delay than a bound; other motions do not change.
 
-    The chosen ones leave their starts by `leave_by` [s].
+    The chosen robots leave their starts by `leave_by` [s].
     """
 
     def __init__(
@@ -71,9 +72,9 @@ class ConflictSearch:
         self.found: dict[int, Motion] = {}
 
     def run(self, bound: float, nodes: int) -> bool:
-        """Search so many nodes for a sum of delays below `bound` [s]; leave the best one found.
+        """Search up to `nodes` nodes for a sum of delays below `bound` [s]; adopt the best motions.
 
-        Returns False, and every motion as it was, when there is none.
+        Returns False, with every motion unchanged, when none are found.
         """
         before = self._state(self.chosen)
         self.best, self.nodes = bound, nodes
@@ -90,13 +91,13 @@ class ConflictSearch:
 
     @property
     def complete(self) -> bool:
-        """Tell whether the last run came to its end before its nodes did: every order was tried."""
+        """Whether the last run ended before its nodes were used up: it has tried every order."""
         return self.nodes > 0
 
     def cost_if(self, zone: int, second: int, nodes: int) -> float:
-        """Return what it adds to the delays [s] if a robot passes a zone second; infinite if never.
+        """Return by how much the delays [s] grow if robot `second` passes a zone second.
 
-        Every motion stays as it was.
+        Infinite if no such motions are found.  No motion is changed.
         """
         before = self._state(self.chosen)
         self.delay = dict.fromkeys(self.chosen, 0.0)
@@ -112,7 +113,7 @@ class ConflictSearch:
         return self.best - was
 
     def _dive(self, changed: Sequence[int]) -> None:
-        """Decide the first clash both ways, the cheaper one first, and go on from there."""
+        """Decide the first clash both ways, the cheaper one first, and search on from each."""
         self.nodes -= 1
         kept = list(self.clashes)
         self._look(set(changed))
@@ -150,15 +151,16 @@ class ConflictSearch:
         return self.meetings[at].b, self.meetings[at].a
 
     def _set(self, at: int, second: int, mode: int, first: int) -> None:
-        """Say what a zone asks of the robot that is to pass it second, and of the other one."""
+        """Set the modes of a zone for the robot that passes it second and for the other one."""
         meeting = self.meetings[at]
         of_a, of_b = (mode, first) if second == meeting.a else (first, mode)
         self.modes[meeting.a][meeting.in_a], self.modes[meeting.b][meeting.in_b] = of_a, of_b
 
     def _plan_again(self, changed: Sequence[int]) -> Undo | None:
-        """Plan robots behind those that precede them, and whoever follows; None if that fails.
+        """Plan robots behind those that precede them, then the robots that follow them.
 
-        Returns what the robots had before.
+        Returns the former motions of all replanned robots; None, with nothing changed, if one of
+        them finds no motion.
         """
         undo: Undo = []
         waiting, planned = list(changed), dict.fromkeys(self.chosen, 0)
@@ -195,7 +197,7 @@ class ConflictSearch:
         return _first_of_each(undo)
 
     def _followers(self, index: int) -> list[int]:
-        """Return who comes after a robot in a zone that is decided."""
+        """Return the robots that pass after a robot in a decided zone."""
         followers = []
         for meeting in self.meetings:
             if meeting.a == index and self.modes[meeting.b][meeting.in_b] == AFTER:
@@ -205,7 +207,7 @@ class ConflictSearch:
         return list(dict.fromkeys(followers))
 
     def _look(self, changed: set[int]) -> None:
-        """Find when robots clash in the zones of those that changed."""
+        """Update the times of clashes in the zones of robots whose motions changed."""
         table, tau = self.motions.table, self.junctions.tau
         for k, meeting in enumerate(self.meetings):
             if meeting.a in changed or meeting.b in changed:
@@ -215,7 +217,7 @@ class ConflictSearch:
                 self.clashes[k] = clash(one, two, *ours, table, cell, tau)
 
     def _outside(self, index: int) -> Indices:
-        """Return what a robot's zones ask, as long as none between chosen ones is decided."""
+        """Return the modes of a robot's zones while no zone between chosen robots is decided."""
         others = self.junctions.rows_of(index)[0].other
         bound = self.motions.placed[others] & ~np.isin(others, self.chosen)
         return np.where(bound, BOTH, FREE).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Conflict zones of a whole fleet: all (s_a, s_b) at which two robots are nearer than they may be.
+"""Conflict zones of a whole fleet: all (s_a, s_b) at which two robots are too near.
 
 Decides: where the order of two robots matters, for every pair.  Must not know: times.
 """
@@ -24,20 +24,21 @@ Indices = npt.NDArray[np.int64]
 
 _TASKS: Final = 12
 _MANY: Final = 4000
-"""From this many chords on more than one thread is worth it."""
+"""From this many chords on, several threads are used."""
 _STRETCH: Final = 3.0
-"""Length of a stretch, in largest needs."""
+"""Length of a stretch, as a multiple of the largest need."""
 _CELL: Final = 3.0
-"""Size of a cell of the grid, in largest needs."""
+"""Size of a cell of the grid, as a multiple of the largest need."""
 
 
 @dataclass(frozen=True, eq=False)
 class Zones:
     """All conflict zones of a fleet, in order of (a, b, extent).
 
-    a, b (n,): the robots, a < b.  extent (n, 4) [m]: a0, a1, b0, b1, the arc lengths that the zone
-    reaches from and to.  first (n + 1,), pairs (m, 2): zone k lies on the pairs of chords
-    pairs[first[k] : first[k + 1]], chord of a and chord of b, in increasing order.
+    a, b (n,): the robots, a < b.  extent (n, 4) [m]: a0, a1, b0, b1, the arc lengths where the
+    zone begins and ends on both paths.  first (n + 1,), pairs (m, 2): zone k
+    lies on the pairs of chords pairs[first[k] : first[k + 1]], chord of a and chord of b, in
+    increasing order.
     """
 
     a: Indices
@@ -56,9 +57,9 @@ def find_zones(
 ) -> Zones:
     """Return where robots on their paths are nearer than radii[a] + radii[b] + margin [m].
 
-    Nothing is missed, and nothing in a zone is farther apart than that and twice the errors of both
-    paths.  `among`: only pairs with at least one of these robots.  Work goes to the executor in
-    tasks of plain arrays; the answer is the same whatever it does with them.
+    No conflict is missed, and places in a zone are no farther apart than that distance plus twice
+    the errors of both paths.  `among`: only pairs with at least one of these robots.  The executor
+    gets tasks of plain arrays; the result does not depend on the executor.
     """
     if not chords:
         none = np.zeros(0, np.int64)
@@ -117,7 +118,7 @@ _Found = tuple[Indices, Array, npt.NDArray[np.int32]]
 
 
 def find_some(fleet: Fleet, task: tuple[int, int]) -> _Found:
-    """Return what zones_of finds: one task, as an executor in another process can call it."""
+    """Return the result of zones_of for one task; an executor's process can call this function."""
     return zones_of(fleet, task)
 
 

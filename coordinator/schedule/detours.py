@@ -1,8 +1,8 @@
-"""When no order works: somebody has to bend.
+"""Detours for when no order of the robots works.
 
-Finds pairs of robots that can pass each other in neither order (two that swap places on a line),
-and gives one of them a path that keeps off the other's, beside it like a passing lane.
-Decides: who takes another way.  Must not know: how orders are searched (priority_order.py).
+Finds pairs of robots that can pass each other in neither order, for instance two that swap places
+on a line, and places that one of them has to avoid or pass: a lane beside the other's path, or a
+refuge.  Decides: who takes a detour.  Must not know: how orders are searched (priority_order.py).
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ _GRID_POINTS = 20_000
 _REFUGE_ROOM = 0.1
 _REFUGES = 6
 _STRETCHES = ((0.0, 1.0), (0.25, 0.75), (0.6, 1.0), (0.0, 0.4), (0.75, 1.0), (0.0, 0.25))
-"""Parts of another robot's path to keep beside of, as shares of its length."""
+"""Parts of the other robot's path to stay clear of, from and to, as shares of its length."""
 
 
 def blocking_pairs(junctions: Junctions, deadlock: Deadlock) -> list[tuple[int, int]]:
-    """Return the loser of a deadlock with each winner that it meets, the last one first."""
+    """Pair a deadlock's loser with each winner that it shares zones with, last winner first."""
     loser, near = deadlock.loser, set(junctions.near(deadlock.loser))
     return [
         (min(loser, other), max(loser, other))
@@ -43,11 +43,12 @@ def blocking_pairs(junctions: Junctions, deadlock: Deadlock) -> list[tuple[int, 
 def lanes(
     scenario: Scenario, mover: int, other: int, path: Nurbs, most: int = _MOST_BESIDE
 ) -> Iterator[Array]:
-    """Yield sets of places for `mover` to keep off, so that it passes `other` on its path.
+    """Yield sets of discs for `mover` to stay out of, so that it passes `other` on its path.
 
-    Each is (k, 3) [m]: x, y, radius.  First the whole path, then parts of it: where one leaves no
-    way another may, and beside an end of the path a robot can step aside before a door.  Sets of
-    more than `most` places are left out: a way around them takes their number's third power.
+    Each set is (k, 3) [m]: x, y, radius.  The first covers the whole path, the others parts of it:
+    where one set leaves no way, another may, and near an end of the path a robot can step aside
+    before a door.  Sets of more than `most` discs are left out, because the time to find a way
+    around them grows with the third power of their number.
     """
     robot = scenario.robots[mover]
     reach = scenario.need(robot, scenario.robots[other]) + _LANE_ROOM
@@ -67,7 +68,7 @@ def refuges(
 ) -> Iterator[Point]:
     """Yield places where `mover` can wait clear of `other` on its path, the shortest way first.
 
-    Looked for on a grid; no two are near each other.
+    The places lie on a grid, and no two are near each other.
     """
     robot = scenario.robots[mover]
     need = scenario.need(robot, scenario.robots[other]) + _LANE_ROOM

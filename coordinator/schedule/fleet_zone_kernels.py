@@ -1,6 +1,7 @@
 """Compiled: all zones of some robots with the others of a fleet.
 
-Decides: in what order robots are looked at and zones are told.  Must not know: tasks, executors.
+Decides: the order in which robots are searched and zones are returned.  Must not know: tasks,
+executors.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Compiled: when robots with known motions forbid another one its cells.
+"""Compiled: the times at which robots with known motions forbid another robot its cells.
 
-Decides: the times that rows of zones stand for.  Must not know: how they are searched.
+Decides: the forbidden times of the rows of zones.  Must not know: how they are searched.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from coordinator.curves.nurbs import Array
 from coordinator.curves.nurbs_kernels import Indices
 
 FREE, BOTH, AFTER, FIRST = 0, 1, 2, 3
-"""What a zone asks of a robot: nothing; not to be near the other one; to come after it; to pass
-it first, and if polite not to stand in it."""
+"""What a zone demands of a robot: nothing; not to be near the other one; to pass after it; to pass
+first and, if polite, not to stand in the zone."""
 
 
 class Timetable(NamedTuple):
     """The motions of a fleet: robot i's knots s [m], v^2 and t [s] are the first knots[i] of row i.
 
-    Rows are (robots, most knots); serial (robots,) numbers every motion that ever was; length
+    Rows are (robots, most knots); serial (robots,) is a new number for every new motion; length
     (robots,) [m] of the paths.
     """
 
@@ -76,13 +76,13 @@ def _within(table: Timetable, robot: int, leg: int, s: float) -> float:
 
 @compiled
 def reached(table: Timetable, robot: int, s: float) -> float:
-    """Return when a robot first stands at s [m]; -inf at its start."""
+    """Return when a robot reaches s [m]; -inf at its start."""
     return first_at(table, robot, s, 0)[0]
 
 
 @compiled
 def first_at(table: Timetable, robot: int, s: float, leg: int) -> tuple[float, int]:
-    """Return what `reached` does, and on which leg that is; it is looked for from `leg` on."""
+    """Return the time of `reached` and its leg; the search for the leg begins at `leg`."""
     if s <= 0.0:
         return -math.inf, leg
     knots, last = table.s[robot], table.knots[robot] - 2
@@ -95,7 +95,7 @@ def first_at(table: Timetable, robot: int, s: float, leg: int) -> tuple[float, i
 
 @compiled
 def last_at(table: Timetable, robot: int, s: float, leg: int) -> tuple[float, int]:
-    """Return when a robot last stands at s [m], inf at its goal, and on which leg, as above."""
+    """Return when a robot leaves s [m], inf at its goal, and the leg, as `first_at` does."""
     if s >= table.length[robot]:
         return math.inf, leg
     knots, last = table.s[robot], table.knots[robot] - 2
@@ -110,10 +110,10 @@ def last_at(table: Timetable, robot: int, s: float, leg: int) -> tuple[float, in
 def forbid(
     rows: Rows, modes: Indices, table: Timetable, elapsed: Array, tau: float, known: Known
 ) -> tuple[Array, Array]:
-    """Bring what is known of a robot's zones up to date; return low and high (zones,) [s].
+    """Update what a robot's zones forbid; return low and high (zones,) [s].
 
-    Zones that ask nothing have low above high, those to pass first have infinity for both; their
-    rows are as they were.
+    Zones that demand nothing have low above high; zones to pass first have infinity for both.  The
+    rows of these zones are not updated.
     """
     zones = len(rows.other)
     low, high = np.full(zones, math.inf), np.full(zones, -math.inf)

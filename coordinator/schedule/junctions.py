@@ -1,7 +1,9 @@
 """All tracks of a fleet, the conflict zones between them, and where each robot may wait.
 
-What is found for the search is found once, and by threads before it is asked for, if there are
-some.  Decides: where a robot may wait: shortly before a zone.  Must not know: who goes first
+The rows that the search reads are computed once and cached; if there are threads, these compute
+rows ahead of the search.
+
+Decides: where a robot may wait: shortly before a zone.  Must not know: who goes first
 (priority_order.py).
 """
 
@@ -23,33 +25,35 @@ from coordinator.schedule.waiting_kernels import Ride, times_left
 from coordinator.schedule.zone_table_kernels import robot_rows
 
 _MOST_ROWS: Final = 20_000_000
-"""So many rows, 40 bytes each, are kept; beyond that they are found again when asked for."""
+"""Most rows, 40 bytes each, in the cache; when there are more, the cache is emptied."""
 
 _FEW_ROWS: Final = 20_000
 _ENOUGH_ROWS: Final = 3_000_000
 _LONGEST_CELL: Final = 0.05
-"""Cells are half as long where that makes few rows.  They are longer, up to this [m], where that
-keeps rows below so many: in large fleets, and in those that share lanes.  A robot waits up to two
-cells' time longer at a zone for it."""
+"""Bounds on the length of cells.  Cells are half as long as CELL if that makes fewer than _FEW_ROWS
+rows.  They are longer, up to _LONGEST_CELL [m], to have no more than _ENOUGH_ROWS rows: in large
+fleets, and in fleets that share lanes.  A robot waits at a zone for up to the time of two cells
+longer than it needs."""
 
 FEW: Final = 8
-"""Up to this many robots are given more places to wait at, and are scheduled zone by zone."""
+"""Fleets of up to this many robots get more places to wait at, and are scheduled zone by zone."""
 
 _STEP: Final = 0.05
-"""Robots that stop and start at once may wait every so many metres [m] of a zone, if `finer`."""
+"""Distance [m] of places to wait at inside a zone, after `finer`, for robots without a limit on
+acceleration."""
 
 _PLACES: Final = 48
-"""Places at most where a robot may wait, evenly chosen: the search grows with their square."""
+"""Most places where a robot may wait, chosen evenly: the search grows with their square."""
 
 
 @dataclass(frozen=True, eq=False)
 class Approach:
-    """What the search for one robot's waits stands on.
+    """The data that the search for one robot's waits reads.
 
-    rows: where its zones forbid something, in the order of `Junctions.zones_of`; known: what was
-    last found about them, written over by every search; span (zones, 2) [m]: where it enters and
-    leaves them; ride: its path with stations where it may wait; rest (stations,) [s]: the least
-    time from each to the goal.
+    rows: where its zones forbid something, in the order of `Junctions.zones_of`; known: the last
+    results for these zones, overwritten by every search; span (zones, 2) [m]: where the robot
+    enters and leaves them; ride: its path with stations where it may wait; rest (stations,) [s]:
+    the least time from each station to the goal.
     """
 
     rows: Rows
@@ -60,7 +64,7 @@ class Approach:
 
 
 class Junctions:
-    """Tracks and the zones between them; needs are radii (n,) [m] and a margin [m], tau [s]."""
+    """Tracks and the zones between them, for robots of radii (n,) [m], a margin [m] and tau [s]."""
 
     def __init__(
         self,
@@ -85,7 +89,7 @@ class Junctions:
             self._look_ahead(executor)
 
     def with_track(self, index: int, track: Track) -> Junctions:
-        """Return junctions in which one robot has another track; these stay what they are."""
+        """Return new junctions in which one robot has another track; self does not change."""
         fresh = copy(self)
         fresh.tracks = list(self.tracks)
         fresh.tracks[index] = replace(track, cell=self._cell)
@@ -100,13 +104,13 @@ class Junctions:
         return fresh
 
     def finer(self) -> Junctions:
-        """Return the same junctions with more places to wait at for robots that stop at once."""
+        """Return a copy with more places to wait at for robots without a limit on acceleration."""
         fresh = copy(self)
         fresh._fine, fresh._approaches = True, {}
         return fresh
 
     def near(self, index: int) -> tuple[int, ...]:
-        """Return the robots that a robot has zones with, in order."""
+        """Return the robots that a robot shares zones with, in increasing order."""
         if index not in self._near:
             zones = self.zones_of(index)
             others = self.zones.a[zones] + self.zones.b[zones] - index
@@ -133,9 +137,10 @@ class Junctions:
         return self._spans[index]
 
     def approach(self, index: int, anywhere: bool = True) -> Approach:
-        """Return what the search for a robot's waits needs.
+        """Return the data for the search for a robot's waits.
 
-        It may wait before every zone, inside of others too, or where it is outside of all of them.
+        With `anywhere` the robot may wait before every zone, even inside of other zones; without
+        it, only at places outside of all zones.
         """
         key = (index, anywhere)
         if key not in self._approaches:
@@ -148,9 +153,9 @@ class Junctions:
         return self._approaches[key]
 
     def approach_from(self, index: int, begin: float, beyond: float, anywhere: bool) -> Approach:
-        """Return the approach of a robot at rest at `begin`, which may stop again beyond [m].
+        """Return the approach of a robot at rest at `begin`, to stop next after `beyond` [m].
 
-        What its zones forbid up to where it rests is past.
+        The rows still contain what its zones forbid before `begin`; the caller skips that part.
         """
         track, (rows, known) = self.tracks[index], self.rows_of(index)
         nearest = max(begin + track.cell, beyond)
@@ -176,7 +181,7 @@ class Junctions:
         return [float(s) for s in (at[at > 0.0] + 0.5) * track.cell]
 
     def rows_of(self, index: int) -> tuple[Rows, Known]:
-        """Return a robot's zones as rows, and room for what they forbid."""
+        """Return a robot's zones as rows, and arrays for the times that they forbid."""
         if index not in self._rows:
             if self._kept > _MOST_ROWS:
                 self._rows.clear()
@@ -191,7 +196,7 @@ class Junctions:
         return self._rows[index]
 
     def _look_ahead(self, threads: ThreadPoolExecutor) -> None:
-        """Let threads find the rows of all robots, if so many are kept; others share no memory."""
+        """Let threads compute the rows of all robots, if the cache has room for all of them."""
         if _whole(self.zones) / self._cell < _MOST_ROWS:
             for index in range(len(self.tracks)):
                 self._coming[index] = threads.submit(self._find_rows, index)
@@ -218,7 +223,7 @@ class Junctions:
         return find_zones(chords, self.radii, self.margin, executor, among)
 
     def _sort(self) -> None:
-        """Sort the zones by robots, and lay the chords of all robots one after another."""
+        """Sort the zones by robot, and concatenate the chords of all robots."""
         self._near: dict[int, tuple[int, ...]] = {}
         self._spans: dict[int, npt.NDArray[np.float64]] = {}
         chords = [track.chords for track in self.tracks]
@@ -235,14 +240,14 @@ class Junctions:
 
 
 def _cell_for(zones: Zones) -> float:
-    """Return how long cells are [m]: as long as makes few enough rows of all zones."""
+    """Return the length of cells [m], long enough to bound the number of rows of all zones."""
     whole = _whole(zones)
     finest = 0.5 * CELL if whole < _FEW_ROWS * CELL else CELL
     return min(max(finest, whole / _ENOUGH_ROWS), _LONGEST_CELL)
 
 
 def _whole(zones: Zones) -> float:
-    """Return how far [m] robots go within zones."""
+    """Return the sum of the lengths [m] that robots drive within zones."""
     return float((zones.extent[:, 1::2] - zones.extent[:, ::2]).sum())
 
 

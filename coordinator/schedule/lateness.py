@@ -1,4 +1,4 @@
-"""A robot that stands because it is late: what new times for its fleet start from.
+"""A robot that has stopped because it is late: the facts from which new times are planned.
 
 Decides: these facts.  Must not know: paths, plans.
 """
@@ -9,7 +9,11 @@ import msgspec
 
 
 class Lateness(msgspec.Struct, frozen=True):
-    """Who stands late, which plan time [s] has it there, and from when on times may change [s]."""
+    """Who is late, where it stands, and from when on times may change.
+
+    `stood` [s]: the plan time that has the robot where it stands.  `switch` [s]: the plan time
+    before which no robot may get other times.
+    """
 
     robot: str
     stood: float

@@ -1,7 +1,9 @@
-"""Better orders: robots taken out and put back otherwise, as long as that lowers the delays.
+"""Better orders: robots are removed and put back in other orders where that lowers the delays.
 
-Large neighbourhood search (Shaw 1998) by counted rounds.  Decides: whom it takes out, and what
-stays.  Must not know: how one robot waits (safe_intervals.py), how the first order was found.
+Large neighbourhood search (Shaw 1998) by counted rounds.
+
+Decides: which robots are removed, and which results are accepted.  Must not know: how one robot
+waits (safe_intervals.py), how the first order was found.
 """
 
 from __future__ import annotations
@@ -17,24 +19,24 @@ from coordinator.schedule.safe_intervals import earliest_motion
 from coordinator.schedule.timetable import Motions
 
 _LARGEST: Final = 6
-"""So many robots at most are taken out in one round."""
+"""Most robots that are removed in one round."""
 
 _PAIR_NODES: Final = 4
 """Nodes that are searched for two robots of which one waits for the other."""
 
 _SETTLING: Final = 3
-"""So often at most everybody is looked at again in the end."""
+"""How often at most `settle` goes through all robots."""
 
 _GAIN: Final = 1e-6
 
 
 def delays(junctions: Junctions, motions: Sequence[Motion]) -> list[float]:
-    """Return what each robot arrives later than alone [s]."""
+    """Return how much later [s] each robot arrives than it would alone."""
     return [m.finish - t.alone for m, t in zip(motions, junctions.tracks, strict=True)]
 
 
 class Improvement:
-    """Takes robots out and puts them back in other orders, as long as that lowers the delays."""
+    """Removes robots and puts them back in other orders where that lowers the delays."""
 
     def __init__(
         self,
@@ -51,7 +53,7 @@ class Improvement:
         self.failed: set[tuple[bytes, tuple[int, ...]]] = set()
 
     def run(self, rounds: int) -> None:
-        """Try so many rounds, or until nobody is late."""
+        """Run `rounds` rounds, or fewer when no robot is delayed any more."""
         for _ in range(rounds):
             late = [index for index, delay in enumerate(self.delay) if delay > _GAIN]
             if not late:
@@ -59,13 +61,17 @@ class Improvement:
             self._try(self._neighbourhood(late))
 
     def _may(self, index: int, motion: Motion) -> bool:
-        """Tell whether a robot waits for nobody of lower priority, if that is to be kept."""
+        """Return whether a motion respects the priorities.
+
+        It does if it waits for no robot of lower priority, or if the first order did not respect
+        the priorities either.
+        """
         owners = (wait.owner for wait in motion.waits if wait.owner >= 0)
         mine = self.priorities[index]
         return not self.by_priority or all(self.priorities[owner] >= mine for owner in owners)
 
     def turn_round(self, count: int) -> None:
-        """Look at so many waits, the longest first: the two robots in any order, zone by zone."""
+        """For the `count` longest waits, search all orders of the two robots, zone by zone."""
         if any(self.priorities):
             return
         waits = [
@@ -83,7 +89,7 @@ class Improvement:
                     self.delay[index] = motion.finish - self.junctions.tracks[index].alone
 
     def settle(self) -> None:
-        """Plan robots again whom others have left behind: they may wait less, and know for whom."""
+        """Plan robots again that wait for a robot planned later: they may wait less now."""
         for _ in range(_SETTLING):
             serial = self.motions.table.serial
             behind = [
@@ -109,7 +115,7 @@ class Improvement:
             self.delay[index] = motion.finish - self.junctions.tracks[index].alone
 
     def _neighbourhood(self, late: list[int]) -> list[int]:
-        """Return robots to take out: a late one, whom it waits for, and who else is near."""
+        """Return robots to remove: a delayed one, and some that it waits for or is near."""
         weights = [self.delay[index] for index in late]
         seed = self.rounds.choices(late, weights)[0]
         motion = self.motions.found[seed]
@@ -121,7 +127,7 @@ class Improvement:
         return [seed, *others[: self.rounds.randint(1, _LARGEST - 1)]]
 
     def _try(self, chosen: list[int]) -> None:
-        """Put robots back in another order, each once a state; undo it if that is no better."""
+        """Put robots back in another order unless it failed before; undo it if it is no better."""
         serials = self.motions.table.serial
         before = [(index, self.motions.found[index], int(serials[index])) for index in chosen]
         was = sum(self.delay[index] for index in chosen)

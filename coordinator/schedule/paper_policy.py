@@ -1,8 +1,10 @@
 """Algorithm 2 of the paper as printed: one stop of fixed length at each crossing, pair by pair.
 
 For comparison only.  It adds T for every earlier stop of a robot, also for stops that lie behind
-the crossing in question, and it knows neither widths nor new conflicts that a stop creates; its
-plans are proven like any other, and mostly the proof fails.  docs/paper.md lists the errata.
+the crossing in question, and it accounts neither for widths nor for new conflicts that a stop
+creates.  Its plans are proven like all others, and the proof usually fails.  docs/paper.md lists
+the errata.
+
 Decides: who stops at which crossing.  Must not know: zones and waits (priority_order.py).
 """
 
@@ -22,7 +24,7 @@ from coordinator.plan.crossings import find_crossings
 from coordinator.scenario.model import Scenario
 
 _STEP: Final = 0.01
-"""How finely places to stop are looked for [m]."""
+"""Step [m] of the search for places to stop."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ def algorithm_2(
 ) -> list[Verdict]:
     """Run Algorithm 2 over crossings in the order given; stop_time T and tau in seconds.
 
-    `slower_first` turns its priority round: Table 1 stops the faster robot, Algorithm 2 the slower.
+    `slower_first` reverses its priority: Table 1 stops the faster robot, Algorithm 2 the slower.
     """
     stopped: dict[int, int] = {}
     verdicts = []
@@ -95,7 +97,7 @@ def schedule(
 def _place_before(path: Nurbs, other: Nurbs, s: float, need: float) -> float:
     """Return the last place before s that is `need` away from the other's path, else 0; all [m].
 
-    The paper leaves b open: it only has to keep the robot out of the collision zone.
+    The paper does not fix b: the robot only has to stop outside of the collision zone.
     """
     line = shapely.linestrings(other.at_arc(np.arange(0.0, other.length + _STEP, _STEP)))
     back = np.arange(s, 0.0, -_STEP)

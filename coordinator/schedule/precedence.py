@@ -1,9 +1,9 @@
-"""Who has to go first, whatever the times: places that lie on another robot's way.
+"""Who has to go first because a start or goal lies on another robot's path, whatever the times.
 
-A zone that holds the start of a robot is passed by this robot first, one that holds its goal by
-the other one.  Both at once, and the two can never pass each other.
+A robot has to be the first through a zone that contains its start, and the second through one that
+contains its goal.  If a zone demands both orders, the two robots can never pass each other.
 
-Decides: what the paths alone demand.  Must not know: times.
+Decides: which orders the paths alone demand.  Must not know: times.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Flags = npt.NDArray[np.bool_]
 
 
 def demands(junctions: Junctions) -> tuple[Flags, Flags]:
-    """Tell for each zone whether its robot a, and whether its robot b, has to pass it first."""
+    """Return for each zone whether robot a has to pass it first, and whether robot b has."""
     zones, lengths = junctions.zones, np.array(junctions.lengths())
     a0, a1, b0, b1 = zones.extent.T
     a_first = (a0 <= 0.0) | (b1 >= lengths[zones.b])
@@ -30,7 +30,7 @@ def demands(junctions: Junctions) -> tuple[Flags, Flags]:
 
 
 def stuck_pairs(junctions: Junctions) -> list[tuple[int, int]]:
-    """Return the pairs that can pass each other in neither order, even alone on the floor."""
+    """Return the pairs that can pass each other in neither order, even without other robots."""
     a_first, b_first = demands(junctions)
     stuck = np.flatnonzero(a_first & b_first)
     pairs = zip(junctions.zones.a[stuck].tolist(), junctions.zones.b[stuck].tolist(), strict=True)
@@ -40,7 +40,7 @@ def stuck_pairs(junctions: Junctions) -> list[tuple[int, int]]:
 def ring_of(junctions: Junctions) -> list[int]:
     """Return robots of which each has to go before the next, and the last before the first.
 
-    Empty when what the paths demand forms no ring.
+    The list is empty when the orders that the paths demand form no ring.
     """
     before, after = _edges(junctions)
     needs: dict[int, set[int]] = {}
@@ -54,9 +54,9 @@ def ring_of(junctions: Junctions) -> list[int]:
 
 
 def first_order(junctions: Junctions, priorities: Sequence[int]) -> list[int]:
-    """Return the order to begin with: who has to go first, priority, who would arrive earlier.
+    """Return the order to begin with: by the paths' demands, then priority, then arrival alone.
 
-    Where what the paths demand forms a ring, the others decide.
+    Within a ring of demands, priority and arrival decide.
     """
     count = len(priorities)
     alone = [track.alone for track in junctions.tracks]
@@ -85,7 +85,7 @@ def first_order(junctions: Junctions, priorities: Sequence[int]) -> list[int]:
 
 
 def _edges(junctions: Junctions) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return the pairs (before, after) of robots that the paths demand an order of."""
+    """Return the pairs (before, after) of robots whose order the paths demand."""
     a_first, b_first = demands(junctions)
     zones = junctions.zones
     one, two = a_first & ~b_first, b_first & ~a_first

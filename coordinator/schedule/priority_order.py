@@ -1,9 +1,9 @@
-"""Who goes first: an order of the robots in which everybody arrives, improved by counted rounds.
+"""Who goes first: an order of the robots in which all arrive, improved by counted rounds.
 
-Robots are given their motions one after another, each among those that have one, so the waits can
-never form a circle.  Then that is improved (neighbourhood_search.py).
+Robots get their motions one after another, each among the motions that are already known, so the
+waits can never form a ring.  A search then improves the schedule (neighbourhood_search.py).
 
-Decides: the first order, and what is done where none works.  Must not know: how one robot waits
+Decides: the first order, and what to try when no order works.  Must not know: how one robot waits
 (safe_intervals.py), floors.
 """
 
@@ -33,31 +33,32 @@ _TRIES: Final = 4
 
 _ROUNDS: Final = 5
 _ROUNDS_AFTER: Final = 1
-"""Neighbourhoods that are tried per unit of effort; fewer after all orders in zones were.  They
-find little then: a robot that gets through first is not always best for the others."""
+"""Neighbourhoods that are tried per unit of effort; _ROUNDS_AFTER if the conflict search has tried
+every order in the zones, since little is left to find then."""
 
 _WORTH: Final = 0.5
 _WORTH_SHARE: Final = 0.1
-"""What more stops have to gain of the delays, [s] and as a share."""
+"""How much a schedule with more places to stop has to lower the sum of delays, [s] and as a share
+of the sum; the larger of the two counts."""
 
 _RING: Final = 300
 _LARGEST_RING: Final = 24
-"""Nodes that are searched for motions of robots that no order works for, if they are so few."""
+"""Nodes searched for motions when no order works, for at most _LARGEST_RING robots."""
 
 _NODES: Final = 15
-"""Nodes that are searched per unit of effort, zone by zone, where robots are few."""
+"""Nodes that are searched zone by zone per unit of effort, in a fleet of at most FEW robots."""
 
 
 @dataclass(frozen=True)
 class Deadlock:
-    """Robot `loser` found no motion behind the robots `winners`."""
+    """Robot `loser` has no motion among those of the robots `winners`, which come before it."""
 
     loser: int
     winners: Order
 
 
 def place_in_order(junctions: Junctions, order: Sequence[int]) -> Motions | Deadlock:
-    """Give the robots of an order their motions one after another."""
+    """Find motions for the robots in this order; return the deadlock if a robot has none."""
     motions = Motions(junctions.lengths())
     for place, index in enumerate(order):
         motion = earliest_motion(junctions, motions, index)
@@ -72,8 +73,8 @@ def find_schedule(
 ) -> list[Motion] | Deadlock:
     """Return motions for all robots, or the deadlock that was met last.
 
-    Higher priorities go first as long as an order with them exists.  `effort` counts rounds of
-    improvement after the first order that works, by the _ROUNDS.
+    Robots of higher priority go first if such an order is found.  `effort` bounds the improvement
+    after the first order that works: _ROUNDS rounds and _NODES nodes per unit.
     """
     found = _first_that_works(junctions, first_order(junctions, priorities))
     if isinstance(found, Deadlock):
@@ -105,7 +106,7 @@ def find_schedule(
 def _first_that_works(
     junctions: Junctions, order: Sequence[int]
 ) -> tuple[Order, Motions] | Deadlock:
-    """Try orders until one works: the loser moves ahead of those that blocked it."""
+    """Try orders until one works; in each new order the last loser moves ahead of its blockers."""
     tried: set[Order] = set()
     first = trial = tuple(order)
     result = place_in_order(junctions, trial)
@@ -129,10 +130,10 @@ def _first_that_works(
 
 
 def _zone_by_zone(junctions: Junctions, order: Sequence[int]) -> tuple[Order, Motions] | None:
-    """Find motions where no order of whole robots works, such as for a ring that turns by one.
+    """Find motions where no order of the robots works, as in a ring that turns by one place.
 
-    Looks at all robots where they are few, else at those of a ring; the others come after them.
-    Robots of a dense ring must leave their starts at once, and wait on the way.
+    The search covers all robots of a small fleet, else those of a ring; the others come after them.
+    Robots of a dense ring must leave their starts at once and wait on the way.
     """
     motions = Motions(junctions.lengths())
     chosen = list(order) if len(order) <= FEW else ring_of(junctions)
@@ -151,7 +152,11 @@ def _zone_by_zone(junctions: Junctions, order: Sequence[int]) -> tuple[Order, Mo
 
 
 def _promoted(order: Order, loser: int, tried: set[Order], junctions: Junctions) -> Order:
-    """Move the loser ahead: first of the nearest robot that it meets, then of all."""
+    """Return the order with the loser moved ahead.
+
+    It is moved before the next earlier robot that it has zones with, if that order was not tried,
+    else farther ahead, at last to the front.
+    """
     at = order.index(loser)
     without = order[:at] + order[at + 1 :]
     near = set(junctions.near(loser))

@@ -1,7 +1,7 @@
 """Why robots block each other: the error with its facts, and its sentence.
 
-Decides: who is blamed, what is said and what would help.  Must not know: how orders and other ways
-are searched.
+Decides: which robot is blamed, the sentence, and what would help.  Must not know: how orders and
+detours are searched.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from coordinator.scenario.model import Scenario
 from coordinator.schedule.junctions import Junctions
 
 How = Literal["either order", "no order", "among others", "ring"]
-"""Two robots in either order; two for which none was found, alone or among others; a ring."""
+"""Two robots block each other in either order; no order was found for two robots, alone or only
+among the others; or robots block each other in a ring."""
 
 _WIDER: Final = "A wider passage, a via point or another goal"
 _OTHER_PATH: Final = "Another path for one of them"
@@ -33,10 +34,10 @@ class PlaceOnWay(NamedTuple):
 
 
 class BlockedError(PlanError):
-    """Robots block each other, by these places, and no way around was found.
+    """Robots block each other because of these places, and no detour was found.
 
-    Blamed is on whose way the last of the places lies: the others were there before it.
-    is_given: all of them drive paths that were given, which are kept.
+    The robot on whose way the last of the places lies is blamed; without places, the last robot.
+    is_given: all of these robots drive given paths, which are never changed.
     """
 
     def __init__(
@@ -59,9 +60,9 @@ class BlockedError(PlanError):
 def pair_error(
     scenario: Scenario, junctions: Junctions, pair: tuple[int, int], *, among_others: bool = False
 ) -> BlockedError:
-    """Return the error for two robots that do not both arrive, in whatever order.
+    """Return the error for two robots that cannot both arrive, in whatever order.
 
-    `among_others`: without them the two could pass each other.
+    `among_others`: the two could pass each other if the other robots were not there.
     """
     a, b = pair
     first = _places_on(scenario, junctions, a, b, "start")

@@ -1,7 +1,7 @@
-"""Another way around for robots that wait long, where it is quicker than waiting.
+"""Detours for robots that wait long, where a detour is quicker than waiting.
 
-Decides: who is offered another way, and whether it is worth it.  Must not know: how ways and waits
-are found.
+Decides: which robots may get a detour, and whether it is worth taking.  Must not know: how paths
+and waits are found.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from coordinator.schedule.timetable import Motions
 from coordinator.schedule.track import Track
 
 LONG: Final = 3.0
-"""Robots that are later than this [s] are offered another way."""
+"""Robots whose waits delay them by more than this [s] may get a detour."""
 
 _WORTH: Final = 1.0
-"""Another way has to be quicker by this [s]: it is longer, and others may come to need the room."""
+"""How much quicker [s] a detour has to be: it is longer, and may be in the way of other robots."""
 
 _NO_LATER: Final = 1e-6
 
 
 def latest_robots(junctions: Junctions, motions: Sequence[Motion]) -> list[tuple[int, int]]:
-    """Return who is late by more than LONG, and whom it waits for longest; the latest first."""
+    """Return each robot delayed by more than LONG and the owner of its last wait, latest first."""
     late = sorted(
         (track.alone - motion.finish, index)
         for index, (track, motion) in enumerate(zip(junctions.tracks, motions, strict=True))
@@ -44,7 +44,7 @@ def latest_robots(junctions: Junctions, motions: Sequence[Motion]) -> list[tuple
 def quicker_by(
     junctions: Junctions, motions: Sequence[Motion], index: int, track: Track
 ) -> tuple[Junctions, list[Motion]] | None:
-    """Return junctions and motions with a robot on another track; None if that is not worth it."""
+    """Return junctions and motions with a robot on another track; None if it gains too little."""
     latest = motions[index].finish - _WORTH
     if track.alone >= latest:
         return None
@@ -62,7 +62,7 @@ def quicker_by(
 
 
 def with_reasons(junctions: Junctions, motions: Sequence[Motion]) -> list[Motion]:
-    """Return motions, those planned anew whose waits have lost their reason to another way."""
+    """Return motions, planned anew where a wait has lost its zone because of a detour."""
     table = Motions(junctions.lengths())
     for index, motion in enumerate(motions):
         table.put(index, motion)
@@ -80,7 +80,7 @@ def with_reasons(junctions: Junctions, motions: Sequence[Motion]) -> list[Motion
 
 
 def _renumbered(motion: Motion, old: Zones, new: Zones) -> Motion:
-    """Return a motion whose waits name zones by their new numbers; a zone that is gone by none."""
+    """Return a motion whose waits have their zones' new numbers, -1 for a zone that is gone."""
     waits = []
     for wait in motion.waits:
         number = -1

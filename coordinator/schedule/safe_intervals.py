@@ -1,4 +1,4 @@
-"""One robot among others whose motions are known: the earliest motion with waits.
+"""The earliest motion, with waits, of one robot among others whose motions are known.
 
 Decides: where and until when one robot waits.  Must not know: who should go first
 (priority_order.py).
@@ -23,9 +23,10 @@ from coordinator.schedule.waiting_kernels import PLACE, Bans
 
 @dataclass(frozen=True)
 class Begun:
-    """What of a motion under way stays: its rests before the last one, and that one at s [m].
+    """The fixed part of a motion under way: its earlier rests, and its last rest, at s [m].
 
-    The robot leaves it from `release` to `leave_by` [s], and may stop again beyond a place [m].
+    The robot leaves the last rest between `release` and `leave_by` [s], and may stop again only
+    after the place `beyond` [m].
     """
 
     waits: tuple[Wait, ...]
@@ -36,7 +37,7 @@ class Begun:
 
 
 _EARLIER = 0.02
-"""Waiting in a zone that others have yet to pass has to be quicker by this [s]."""
+"""How much earlier [s] a robot has to arrive to wait in a zone that others have yet to pass."""
 
 
 def earliest_motion(
@@ -49,12 +50,13 @@ def earliest_motion(
     anywhere: bool = True,
     leave_by: float = math.inf,
 ) -> Motion | None:
-    """Return the motion with which a robot arrives first among those that have one; None if none.
+    """Return a robot's earliest motion among the known motions of others; None if there is none.
 
-    It waits where that is harmless, outside of zones that others have yet to pass; anywhere if
-    there is no other way, or if that is quicker and robots are few.  modes (m,): what each of its
-    zones asks, as in forbidden_interval_kernels.py; it leaves its start from `release` to
-    `leave_by` [s], and has to arrive before `latest` [s].
+    The robot waits where it cannot block anybody, outside of zones that others have yet to pass.
+    With `anywhere` it may wait inside of them if there is no other way, or if that is quicker in a
+    small fleet.  modes (m,): the order that each of its zones demands, as in
+    forbidden_interval_kernels.py.  The robot leaves its start between `release` and `leave_by`
+    [s], and has to arrive before `latest` [s].
     """
     few = len(junctions.tracks) <= FEW
     arrival, waits = math.inf, list[Wait]()
@@ -102,7 +104,10 @@ def _waits(
 def rest_of_motion(
     junctions: Junctions, motions: Motions, index: int, begun: Begun, modes: Indices
 ) -> Motion | None:
-    """Return the motion that ends a begun one first, with what its zones ask; None if none."""
+    """Return the earliest motion that completes a begun one; None if there is none.
+
+    modes (m,): the order that each of the robot's zones demands.
+    """
     for polite in (True, False):
         approach = junctions.approach_from(index, begun.s, begun.beyond, anywhere=not polite)
         track, rows, known = junctions.tracks[index], approach.rows, approach.known
@@ -124,7 +129,7 @@ def rest_of_motion(
 def _as_waits(
     junctions: Junctions, index: int, approach: Approach, rests: npt.NDArray[np.float64]
 ) -> list[Wait]:
-    """Return what the search found, without rests that nothing asks for."""
+    """Return the rests that the search found as waits, without those that nothing requires."""
     waits: list[Wait] = []
     zones, other = junctions.zones_of(index), approach.rows.other
     for station, depart, zone in rests.tolist():

@@ -1,4 +1,4 @@
-"""One robot's path as the search for waits knows it: cells, times of passing, stations.
+"""One robot's path as data for the search for waits: cells, times of passing, stations.
 
 Decides: how a path and its speed limits become numbers for the kernels.  Must not know: other
 robots (junctions.py).
@@ -21,7 +21,7 @@ from coordinator.motion.velocity_profile import SpeedLimits, all_ramp_ends
 from coordinator.schedule.waiting_kernels import Ride, times_left
 
 CELL: Final = 0.008
-"""Length [m] of the cells that a path is cut into, where conflicts are told to a centimetre."""
+"""Length [m] of the cells that a path is cut into, to locate conflicts to a centimetre."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,18 +39,18 @@ class Track:
 
     @property
     def cells(self) -> int:
-        """How many cells the path has; the last one may lie beyond its end."""
+        """The number of cells of the path; the last cell may reach beyond its end."""
         return int(self.limits.length / self.cell) + 1
 
     @cached_property
     def elapsed(self) -> Array:
-        """When a robot that is never at rest passes the borders of cells (n + 1,) [s]."""
+        """Times (n + 1,) [s] at which a robot that never rests passes the borders of cells."""
         borders = self.cell * np.arange(self.cells + 1)
         return self._elapsed_at(np.minimum(borders, self.limits.length))
 
     @cached_property
     def alone(self) -> float:
-        """The time [s] that the whole path takes when nobody is in the way."""
+        """The time [s] that the whole path takes when no other robot is in the way."""
         return float(times_left(self.ride([0.0, self.limits.length]))[0])
 
     def cell_at(self, s: float) -> int:

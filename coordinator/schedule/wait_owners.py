@@ -1,9 +1,10 @@
-"""Whom each wait is for, once all motions are known.
+"""The robot that each wait is for, found once all motions are known.
 
-The search for a robot's waits names whoever forbids the last moment of a wait; who forces most of
-it, at the zone before which the robot stands, may be another one.
+The search for a robot's waits names the robot that forbids the last moment of a wait.  Another
+robot may force most of the wait, at the zone before which the waiting robot stands.
 
-Decides: which robot and which zone a wait is told by.  Must not know: how waits are found.
+Decides: which robot and which zone are named as the reason of a wait.  Must not know: how
+waits are found.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ _MOST: Final = 0.5
 def with_owners(junctions: Junctions, motions: Sequence[Motion]) -> list[Motion]:
     """Return the same motions, each wait with the robot and the zone that force it.
 
-    That is the first zone ahead which forbids half of the wait or more: for one farther ahead the
-    robot could wait farther ahead.  Where there is none: the zone that forbids most.
+    That is the first zone ahead which forbids half of the wait or more, since for a zone farther
+    ahead the robot could wait farther ahead.  If there is none, it is the zone that forbids most.
     """
     table = Motions(junctions.lengths())
     for index, motion in enumerate(motions):
@@ -44,7 +45,7 @@ def with_owners(junctions: Junctions, motions: Sequence[Motion]) -> list[Motion]
 
 
 def _owned(junctions: Junctions, table: Motions, index: int, motion: Motion) -> Motion:
-    """Return a robot's motion, its waits named by what forbids their departures."""
+    """Return a robot's motion, its waits with the robot and zone that forbid earlier departures."""
     track, (rows, known) = junctions.tracks[index], junctions.rows_of(index)
     mine = junctions.zones_of(index)
     span = junctions.spans(index)

@@ -1,6 +1,6 @@
 """Why each robot waits: for whom, at which zone, how long, and what the other order would cost.
 
-Decides: what is told about a wait.  Must not know: how it is shown.
+Decides: the facts that a plan gives about a wait.  Must not know: how they are shown.
 """
 
 from __future__ import annotations
@@ -17,19 +17,20 @@ from coordinator.schedule.junctions import Junctions
 from coordinator.schedule.timetable import Motions
 
 _NODES: Final = 4
-"""Nodes searched to tell what one other order would cost."""
+"""Nodes that are searched for the cost of the other order at one zone."""
 
 _MOST: Final = 200
 _MOST_PLANNED: Final = 20_000
-"""Of so many waits, the longest, the other order is tried; of fewer where fleets are large."""
+"""The other order is tried for the _MOST longest waits, and in large fleets for
+_MOST_PLANNED / robots."""
 
 
 def explain_waits(
     junctions: Junctions, motions: Sequence[Motion], names: Sequence[str], tries: bool = True
 ) -> list[Reason]:
-    """Return why robots wait, in their order and along their paths.
+    """Return the reasons of all waits, in the order of the robots and along their paths.
 
-    What the other order would cost is tried for the longest waits unless not `tries`.
+    If `tries`, the cost of the other order is computed for the longest waits.
     """
     waits = [
         (index, number, lasts)
@@ -71,7 +72,7 @@ def _lasting(motion: Motion) -> list[float]:
 
 
 def _otherwise(junctions: Junctions, motions: Motions, index: int, number: int) -> float | None:
-    """Return how much later [s] the two arrive in all if this one goes first; None if it cannot."""
+    """Return how much later [s] both arrive in total if this one goes first; None if it cannot."""
     motion = motions.found[index]
     assert motion is not None
     wait = motion.waits[number]
@@ -81,7 +82,7 @@ def _otherwise(junctions: Junctions, motions: Motions, index: int, number: int) 
 
 
 def unkept_priorities(robots: Sequence[Robot], waits: Sequence[Reason]) -> list[str]:
-    """Return a sentence when robots wait for others of lower priority, and who for whom."""
+    """Return one sentence listing the robots that wait for others of lower priority, or nothing."""
     priority = {robot.id: robot.priority for robot in robots}
     pairs = dict.fromkeys(
         f"{wait.robot} ({priority[wait.robot]}) waits for {wait.yields_to} "

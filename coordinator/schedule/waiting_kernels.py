@@ -34,7 +34,7 @@ SOON: Final = 1e-9
 
 
 class Ride(NamedTuple):
-    """One robot's path as the search knows it; `ramp` [m/s^2]; `at_once`: stops cost no time."""
+    """One robot's path as data for the search; `ramp` [m/s^2]; `at_once`: stops cost no time."""
 
     stations: Array
     elapsed: Array
@@ -129,7 +129,7 @@ def _rows_between(cells: Indices, begin: int, end: int, first: int, last: int) -
 
 @compiled
 def safe_times(bans: Bans, s: float, cell: int, polite: bool) -> Array:
-    """Return the intervals (n, 2) [s] in which a robot may stand at s [m], in order.
+    """Return the intervals (n, 2) [s] in which a robot may stand at s [m], in increasing order.
 
     A polite robot stands in a zone only once the other one has passed it.
     """
