@@ -3,8 +3,8 @@
 Decides: the keys of each role; whatever is not in the table is refused.  Must not know: files,
 certificates, links.
 
-Zenoh compares common names as they are: no pattern matches them.  A list of common names that is
-empty would stand for everybody, so a role that nobody has gets no policy at all.
+Zenoh compares common names literally, without patterns.  An empty list of common names would match
+everybody, so a role that nobody has gets no policy at all.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ _EVERY_FLEET: Final = "*"
 
 
 class Rights(NamedTuple):
-    """Key expressions of one role: what it may put, be alive as, subscribe to, and be given.
+    """The key expressions on which a party may act, by what it may do on them.
 
-    `watches` are the keys whose liveliness it may follow; on `asks` it may ask who answers, on
-    `answers` it may answer.
+    It may put messages on `puts`, declare itself alive on `alive`, and subscribe to `subscribes`;
+    it receives what others put on `hears`.  It may watch the liveliness of `watches`, send queries
+    on `asks`, and answer queries on `answers`.
     """
 
     puts: tuple[str, ...] = ()
@@ -36,9 +37,10 @@ class Rights(NamedTuple):
 
 
 def robot_rights(fleet: str, robot: str) -> Rights:
-    """Return what one robot may do: speak as itself; hear its plan, its clock, the command.
+    """Return the rights of a robot: to send as itself, and hear its plan, its clock, the command.
 
-    It may ask for any fleet's command, to learn its fleet's name, but is given this one's.
+    It may subscribe to every fleet's command, to learn its fleet's name, but receives only this
+    fleet's.
     """
     own = (keys.plan(fleet, robot), keys.clock(fleet, robot), keys.command(fleet))
     return Rights(
@@ -50,7 +52,7 @@ def robot_rights(fleet: str, robot: str) -> Rights:
 
 
 def observer_rights(fleet: str) -> Rights:
-    """Return what one who only listens may do: hear all of the fleet, ask for plans it lacks."""
+    """Return the rights of a listener: to hear all of the fleet and to ask for plans."""
     everything = f"{keys.ROOT}/{fleet}/**"
     return Rights(
         subscribes=(f"{keys.ROOT}/**",),
@@ -61,9 +63,10 @@ def observer_rights(fleet: str) -> Rights:
 
 
 def operator_rights(fleet: str, robots: Iterable[str]) -> Rights:
-    """Return what an operator may do: let robots in again, and hear what becomes of it.
+    """Return the rights of an operator: to admit robots again, and to hear the outcome.
 
-    Its keys are whole names: Zenoh 1.10 dies of forwarding a key longer than 65,535 bytes.
+    Its keys contain no wildcard for the robot: Zenoh 1.10 crashes when it forwards a key longer
+    than 65,535 bytes.
     """
     hears = (keys.command(fleet), keys.plan(fleet, "*"))
     return Rights(
@@ -74,7 +77,7 @@ def operator_rights(fleet: str, robots: Iterable[str]) -> Rights:
 
 
 def rights_of(fleet: str, robots: Iterable[str], badge: Badge) -> Rights | None:
-    """Return what a badge may do in a fleet of these robots; None for nothing at all."""
+    """Return the rights of a badge in a fleet of these robots; None when it has none."""
     robots = tuple(robots)
     if badge.role == "robot" and badge.name in robots:
         return robot_rights(fleet, badge.name)
@@ -84,9 +87,9 @@ def rights_of(fleet: str, robots: Iterable[str], badge: Badge) -> Rights | None:
 
 
 def coordinator_rights(fleet: str) -> Rights:
-    """Return what a coordinator may do at a router: command, answer, hear its robots and operators.
+    """Return the rights of a coordinator at a router: to command, to answer, and to hear its fleet.
 
-    It hears the command too: of two coordinators of one fleet one gives way.
+    It hears the command too, because of two coordinators of one fleet one has to give way.
     """
     hears = [kind(fleet, "*") for kind in (keys.hello, keys.report, keys.clock, keys.admit)]
     hears.append(keys.command(fleet))
@@ -100,9 +103,9 @@ def coordinator_rights(fleet: str) -> Rights:
 
 
 def router_rights(fleets: Mapping[str, Collection[str]], badge: Badge) -> Rights | None:
-    """Return what a badge may do at a router where these fleets' robots meet their coordinators.
+    """Return the rights of a badge at a router that serves these fleets; None when it has none.
 
-    None for nothing at all.  A robot's name must be in one fleet only: a badge tells no fleet.
+    A robot's name must be in one fleet only, because a badge does not name the fleet.
     """
     if badge.role == "coordinator":
         found = [coordinator_rights(fleet) for fleet in fleets]
@@ -115,12 +118,12 @@ def router_rights(fleets: Mapping[str, Collection[str]], badge: Badge) -> Rights
 
 
 def player_rights(badge: Badge) -> Rights | None:
-    """Return what a badge may do where a log is played: observers hear all of it, no one else."""
+    """Return the rights of a badge where a log is played: only observers have any, to hear it."""
     return Rights(subscribes=("**",), hears=("**",)) if badge.role == "observer" else None
 
 
 def access_control(rights: Iterable[tuple[Badge, Rights]]) -> dict[str, Any]:
-    """Return Zenoh's `access_control`: these badges have these rights, nobody else has any."""
+    """Return Zenoh's `access_control` that gives these badges these rights, and others none."""
     rules: list[dict[str, Any]] = []
     subjects: list[dict[str, Any]] = []
     policies: list[dict[str, Any]] = []
@@ -141,7 +144,7 @@ def access_control(rights: Iterable[tuple[Badge, Rights]]) -> dict[str, Any]:
 
 
 def _rules(who: str, rights: Rights) -> list[dict[str, Any]]:
-    """Return the rules of one badge; `ingress` is what it sends, `egress` what it is given."""
+    """Return the rules of one badge; `ingress` is what it sends, `egress` what it receives."""
     wanted = (
         ("puts", "ingress", ["put"], rights.puts),
         ("alive", "ingress", ["liveliness_token"], rights.alive),

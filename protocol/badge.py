@@ -2,8 +2,8 @@
 
 Decides: what common names look like.  Must not know: certificates, links, what a role may do.
 
-A name that was revoked and gets a new certificate gets the next generation, so that the old
-certificate stays refused.
+When a revoked name gets a new certificate, its generation is one higher, so that the old
+certificate remains refused.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _COMMON_NAME: Final = re.compile(rf"({'|'.join(ROLES)})/({NAME.pattern})/([1-9][
 
 
 class Badge(NamedTuple):
-    """A role, a name and the number of the certificate among those of this role and name."""
+    """A role, a name and a generation: which certificate of this role and name it is, from 1."""
 
     role: Role
     name: str
@@ -38,7 +38,7 @@ class Badge(NamedTuple):
 
 
 def badge_of(common_name: str) -> Badge | None:
-    """Return what a common name says, None when it is none of ours."""
+    """Return the badge that a common name states; None when the name is not of this form."""
     parts = _COMMON_NAME.fullmatch(common_name)
     if parts is None:
         return None

@@ -1,8 +1,8 @@
 """What a certificate of a fleet says, read from its bytes (RFC 5280, DER in PEM).
 
-Decides: how names and times are found in it.  Must not know: files, whether it is to be trusted;
-TLS decides that.  The cryptography package would tell the same, and takes longer to load than all
-else that a robot needs for its link.
+Decides: how names and times are found in a certificate.  Must not know: files, or whether the
+certificate is to be trusted: TLS decides that.  The cryptography package could read certificates
+too, but it takes longer to load than everything else that a robot needs for its link.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ _PEM: Final = re.compile(rb"-----BEGIN ([A-Z ]+)-----\s+([A-Za-z0-9+/=\s]+)-----
 _COMMON_NAME: Final = bytes((0x55, 0x04, 0x03))
 _VERSION, _SHORT_TIME, _LONG_TIME = 0xA0, 0x17, 0x18
 _POINT: Final = 65
-"""Bytes of a public point of the curve P-256, with which a private key of ours ends."""
+"""Bytes of a public point of the curve P-256: the end of every private key of this project."""
 
 
 class Certificate(NamedTuple):
-    """Whose it is and by whom (names as DER), the common name, and when it is valid (UTC)."""
+    """A certificate: issuer and subject (names as DER), common name, and validity (UTC)."""
 
     issuer: bytes
     subject: bytes
@@ -30,7 +30,7 @@ class Certificate(NamedTuple):
     der: bytes
 
     def belongs_to(self, private: bytes) -> bool:
-        """Tell whether it was made for a private key, as `splinefleet keys` writes one (PEM)."""
+        """Return whether it was made for a private key (PEM, as `splinefleet keys` writes it)."""
         try:
             point = _der(private, b"PRIVATE KEY")[-_POINT:]
         except ValueError:
@@ -45,7 +45,10 @@ class _Element(NamedTuple):
 
 
 def read_certificate(pem: bytes) -> Certificate:
-    """Read a certificate; ValueError when the bytes are none, or name not just one party."""
+    """Read a certificate.
+
+    Raises ValueError when the bytes are no certificate, or when it has not exactly one common name.
+    """
     der = _der(pem, b"CERTIFICATE")
     try:
         ((_, _, outer),) = _elements(der)
@@ -68,7 +71,7 @@ def _der(pem: bytes, kind: bytes) -> bytes:
 
 
 def _elements(content: bytes) -> list[_Element]:
-    """Return the elements that stand one after the other."""
+    """Return the DER elements that follow one another in the content."""
     found, at = [], 0
     while at < len(content):
         begin, length = at + 2, content[at + 1]

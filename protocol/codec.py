@@ -43,7 +43,7 @@ KINDS: Final[dict[str, tuple[type[Message], ...]]] = {
     "clock": (Clock,),
     "admit": (Admit,),
 }
-"""Which messages may stand on which kind of key."""
+"""Which messages may be sent on which kind of key."""
 
 _encoder: Final = msgspec.msgpack.Encoder()
 _decoders: Final = {
@@ -92,7 +92,7 @@ def checksum(plan: Plan | NewTimes) -> int:
 
 
 def _is_sane(message: Message) -> bool:
-    """Check what msgspec cannot: finite numbers, packed lengths, the checksum."""
+    """Check what msgspec cannot check: finite numbers, packed lengths, the checksum."""
     if isinstance(message, Hello):
         limits = (message.radius_m, message.max_speed_mps, message.max_accel_mps2)
         return all(0.0 <= limit < math.inf for limit in limits)
@@ -104,7 +104,7 @@ def _is_sane(message: Message) -> bool:
 
 
 def _is_whole(plan: Plan | NewTimes) -> bool:
-    """Tell whether speeds, profile and stops are whole, finite numbers, and all is as it was."""
+    """Return whether the checksum fits and speeds, profile and stops unpack to finite numbers."""
     try:
         numbers = unpack_floats(plan.speeds)
         numbers += [s for s, _ in unpack_profile(plan.speeds, plan.profile)]
@@ -115,7 +115,7 @@ def _is_whole(plan: Plan | NewTimes) -> bool:
 
 
 def _is_path_whole(plan: Plan) -> bool:
-    """Tell whether a path's packed fields are whole and its numbers finite."""
+    """Return whether a path's packed fields can be unpacked and its numbers are finite."""
     try:
         numbers = unpack_floats(plan.knots) + unpack_floats(plan.weights)
         numbers += [value for place in unpack_points(plan.points) for value in place]

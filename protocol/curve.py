@@ -1,8 +1,8 @@
 """The curve as a robot evaluates it: a rational B-spline by arc length, in plain Python.
 
-Decides: how the numbers on the wire become places.  Firmware: only `array` and `math` are imported,
-nothing is allocated by `evaluate` and `place`, results are left in attributes.  The coordinator has
-the vectorised twin in coordinator/curves/nurbs.py.
+Decides: how the numbers on the wire become points on the floor.  Firmware: it imports only `array`
+and `math`; `evaluate` and `place` allocate nothing and leave their results in attributes.  The
+coordinator has a vectorised version of it in coordinator/curves/nurbs.py.
 """
 
 from array import array
@@ -26,7 +26,7 @@ def clamped_knots(degree: int, wire_knots: list[float]) -> list[float]:
 
 
 def cells_per_span(spans: int) -> int:
-    """Return into how many cells of the table of arc lengths a span is cut: fewer of many."""
+    """Return the number of cells per span in the table of arc lengths; it falls with the spans."""
     return min(max(_MOST_CELLS // spans, _LEAST_CELLS_PER_SPAN), _CELLS_PER_SPAN)
 
 
@@ -135,9 +135,9 @@ class Curve:
         return value + part * part * ((3.0 - 2.0 * part) * u1 - rest * m1)
 
     def _piece_at(self, u: float) -> _Piece:
-        """Return the polynomials at u: those used before the last ones, or new ones in their place.
+        """Return the polynomials at u, from the spare piece or newly expanded into it.
 
-        Two are kept, for a robot near a knot looks at both sides of it in every tick.
+        Two pieces are cached, because a robot near a knot evaluates both sides of it in every tick.
         """
         piece, self._spare = self._spare, self._piece
         self._piece = piece
@@ -156,9 +156,10 @@ class Curve:
         return piece
 
     def _expand(self, points: array, powers: array) -> None:  # type: ignore[type-arg]
-        """Expand one coordinate of the span in powers of u less its knot.
+        """Expand one coordinate of the span in powers of u minus the span's first knot.
 
-        De Boor's algorithm with polynomials for numbers: row i holds those of the point i.
+        This is De Boor's algorithm on polynomials instead of numbers: row i holds the polynomial
+        of point i.
         """
         degree, knots, span, rows = self.degree, self.knots, self._span, self._rows
         first = span - degree

@@ -1,7 +1,7 @@
 """Where a link begins: tcp/HOST:PORT, or tls/HOST:PORT with keys.
 
-Decides: what an endpoint looks like and whether it is this machine's alone.  Zenoh would refuse a
-malformed one late: a client tries it until its time-out.
+Decides: what an endpoint looks like, and whether only this machine can reach it.  Zenoh would
+refuse a malformed endpoint late: a client retries it until its time-out.
 """
 
 from __future__ import annotations
@@ -34,7 +34,10 @@ class Endpoint(NamedTuple):
 
 
 def endpoint_of(text: str, locked: bool = False) -> Endpoint:
-    """Read an endpoint; `locked` is with keys.  Raises TransportError in one sentence."""
+    """Parse an endpoint; `locked`: whether the link uses keys.
+
+    Raises TransportError with one sentence for the user.
+    """
     parts = _ENDPOINT.fullmatch(text)
     wanted = "tls" if locked else "tcp"
     if parts is None or not 0 < int(parts[3]) < 65_536:
@@ -49,12 +52,15 @@ def endpoint_of(text: str, locked: bool = False) -> Endpoint:
 
 
 def usual_endpoint(locked: bool) -> str:
-    """Return where a coordinator listens when it is not told."""
+    """Return the endpoint on which a coordinator listens by default."""
     return f"{'tls' if locked else 'tcp'}/127.0.0.1:7447"
 
 
 def check_reach(endpoint: Endpoint, locked: bool, insecure: bool) -> None:
-    """Refuse to listen to the whole network without keys; TransportError in one sentence."""
+    """Raise TransportError for listening to the whole network without keys.
+
+    `insecure`: the user has allowed it.
+    """
     if not (locked or insecure or endpoint.is_loopback):
         raise TransportError(
             f"{endpoint.host}: without keys only this machine is listened to; "

@@ -1,7 +1,7 @@
-"""The clock that all programs of one computer share, which goes on while the computer sleeps.
+"""The clock that all programs of one computer share; it runs on while the computer sleeps.
 
-Decides: which of the system's clocks that is.  Coordinator and agents read it alike, so that on one
-computer their times agree exactly.
+Decides: which of the system's clocks that is.  The coordinator and the agents read the same clock,
+so that on one computer their times agree exactly.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ _ID = getattr(time, "CLOCK_BOOTTIME", None)
 
 
 def host_clock_ns() -> int:
-    """Return the time [ns] since some moment before the program began; it never runs backwards."""
+    """Return the time [ns] since some moment before the program began; it never decreases."""
     return time.monotonic_ns() if _ID is None else time.clock_gettime_ns(_ID)
 
 
 def time_of_day() -> str:
-    """Return the local time of day, for lines that people read: nothing is computed from it."""
+    """Return the local time of day as text for people; nothing is computed from it."""
     return time.strftime("%H:%M:%S")

@@ -1,6 +1,6 @@
-"""The files that one party of a fleet is given: authority.pem, certificate.pem, private.pem.
+"""The key files of one party of a fleet: authority.pem, certificate.pem, private.pem.
 
-Decides: where they lie, and whether they are fit for use.  Must not know: how they were made; the
+Decides: where they lie, and whether they are usable.  Must not know: how they were made.  The
 authority's own private key is never among them.
 """
 
@@ -20,13 +20,13 @@ CERTIFICATE: Final = "certificate.pem"
 PRIVATE: Final = "private.pem"
 
 WARNING: Final = datetime.timedelta(days=30)
-"""So long before its end a certificate's user is warned."""
+"""How long before a certificate expires its user is warned."""
 
 _OTHERS: Final = 0o077
 
 
 class KeyFiles(NamedTuple):
-    """Three files, whom they speak for, and until when (UTC)."""
+    """The three files, the badge that they prove, and when they expire (UTC)."""
 
     authority: Path
     certificate: Path
@@ -35,7 +35,7 @@ class KeyFiles(NamedTuple):
     expires: datetime.datetime
 
     def moved_to(self, folder: Path | None) -> KeyFiles:
-        """Return the same files as they lie in another folder; None for where they are."""
+        """Return the same files with paths in another folder; None leaves the paths unchanged."""
         if folder is None:
             return self
         return self._replace(
@@ -45,7 +45,7 @@ class KeyFiles(NamedTuple):
         )
 
     def warning(self, now: datetime.datetime | None = None) -> str:
-        """Return what is to be told when they expire soon after `now`, else nothing."""
+        """Return a warning if the files expire within WARNING after `now`, else an empty text."""
         now = now or datetime.datetime.now(datetime.UTC)
         if self.expires - now > WARNING:
             return ""
@@ -57,7 +57,7 @@ class KeyFiles(NamedTuple):
 
 
 def own_place(role: Role, name: str) -> Path:
-    """Return where a fleet's folder keeps the files of a party."""
+    """Return where in the fleet's folder of keys the files of a party lie."""
     return Path(role) if role in ("coordinator", "router") else Path(role) / name
 
 
@@ -66,10 +66,10 @@ def read_key_files(
 ) -> KeyFiles:
     """Find the files of a party in its own folder or in the fleet's, and check them.
 
-    Without a name any will do in a party's own folder, in the fleet's the one named as its role.
-    Raises TransportError in one sentence when they are missing, open to others, damaged, another
-    party's, not of one authority, or not valid at `now` (by default this moment).  Whether they are
-    genuine is for TLS to find out.
+    Without a name, a party's own folder may hold the files of any name, and in the fleet's folder
+    the name is that of the role.  Raises TransportError with one sentence when the files are
+    missing, readable by others, damaged, another party's, not of one authority, or not valid at
+    `now` (by default this moment).  Whether they are genuine is left to TLS.
     """
     if not folder.is_dir():
         raise TransportError(f"--keys: there is no folder {folder}")
@@ -95,7 +95,7 @@ def read_key_files(
 
 
 def key_content(place: Path) -> bytes:
-    """Return what a file of keys holds; raises OSError, also for a pipe, which may never end."""
+    """Return the content of a key file; raises OSError, also for a pipe, which may never end."""
     if place.is_fifo():
         raise OSError(errno.EINVAL, "is a pipe, not a file", str(place))
     return place.read_bytes()
@@ -111,7 +111,7 @@ def _content(place: Path) -> bytes:
 def _parsed(
     places: list[Path], authority: bytes, certificate: bytes, private: bytes
 ) -> Certificate:
-    """Return the certificate, which names this authority and was made for this private key."""
+    """Return the certificate after checking that it matches the authority and the private key."""
     place = places[0]
     try:
         issuer = read_certificate(authority)

@@ -1,4 +1,4 @@
-"""Key expressions: which message lives where.
+"""Key expressions: which message is sent on which key.
 
 Decides: the names of the keys.  Must not know: what is sent on them.
 """
@@ -10,8 +10,8 @@ from typing import Final
 
 ROOT: Final = "splinefleet"
 NAME: Final = re.compile(r"(?!\.+(?:/|$))[A-Za-z0-9_.-]{1,32}")
-"""What a fleet's or a robot's name may be: Zenoh itself would accept nearly anything.  Dots alone
-name folders that are there already."""
+"""What a fleet's or a robot's name may be; Zenoh itself would accept nearly anything.  A name of
+dots alone is refused because `.` and `..` are folders that exist already."""
 
 NAME_IN_WORDS: Final = "1 to 32 of A-Z a-z 0-9 _ . -, not dots alone"
 
@@ -37,7 +37,7 @@ def report(fleet: str, robot: str) -> str:
 
 
 def clock(fleet: str, robot: str) -> str:
-    """Return the key on which a robot asks for the time and is answered."""
+    """Return the key on which a robot asks for the time and the coordinator answers."""
     return f"{ROOT}/{fleet}/clock/{robot}"
 
 

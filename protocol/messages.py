@@ -1,7 +1,7 @@
 """The messages of the wire as frozen structs, and the numbers inside them.
 
 Decides: the fields, their units, their bounds.  Must not know: how bytes travel, who plans.
-Every struct is a msgpack array led by its tag; a new field goes last and has a default.
+Every struct is a msgpack array that begins with its tag; a new field goes last and has a default.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import msgspec
 PROTOCOL_VERSION: Final = 1
 
 MAX_MESSAGE_BYTES: Final = 4_000
-"""No message to a robot may be longer: zenoh-pico loses larger payloads without a word."""
+"""No message to a robot may be longer: zenoh-pico drops larger payloads silently."""
 
 Counter = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 Nanoseconds = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
@@ -28,10 +28,10 @@ RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}(?!\n)$")]
 class Hello(msgspec.Struct, frozen=True, array_like=True, tag=1):
     """A robot introduces itself; repeated until it holds a plan.
 
-    A limit of 0 means "not stated": the robot can do what the scenario asks.  `place` is where a
-    robot believes to stand that has come back into a fleet under way: x, y [mm] and heading [mrad];
-    it is said only while the fleet rests.  `sequence` counts a robot's Hellos from 1, so that an
-    old one put on the wire again is not believed; 0: not stated.
+    A limit of 0 means "not stated": the robot can do what the scenario asks.  A robot that has come
+    back into a fleet under way states in `place` where it believes to stand: x, y [mm] and heading
+    [mrad].  It does so only while the fleet rests.  `sequence` counts a robot's Hellos from 1, so
+    that a replayed old one can be recognised; 0: not stated.
     """
 
     version: Annotated[int, msgspec.Meta(ge=0, le=255)]
@@ -44,7 +44,7 @@ class Hello(msgspec.Struct, frozen=True, array_like=True, tag=1):
 
 
 class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):
-    """One robot's path and time-table for one epoch.
+    """One robot's path and timetable for one epoch.
 
     Packed fields are little-endian.  `points`: float32 x, y per control point [m].
     `knots`: float32, the inner knots and the last one; the first knot is 0 and both ends are
@@ -52,8 +52,8 @@ class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):
     speeds, float32 [m/s].  `profile`: float32 s [m] and the uint8 index of its speed per speed
     knot.  `stops`: float32 s [m] and int64 departure [ns after the start] per stop; a robot that
     brakes (`brake_mmps2` > 0) has speed 0 there, which the profile does not repeat.
-    `lease_ms`: the silence of the coordinator that stops the robot; `clock_ms`: how uncertain of
-    the coordinator's clock it may be.
+    `lease_ms`: after how much silence of the coordinator the robot stops; `clock_ms`: the largest
+    error with which the robot may know the coordinator's clock.
     """
 
     epoch: Counter
@@ -75,10 +75,9 @@ class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):
 
 
 class NewTimes(msgspec.Struct, frozen=True, array_like=True, tag=8):
-    """New times for a plan that is being driven: the same path, other stops.
+    """New times for a plan that is being driven: the same path, other speeds and stops.
 
-    `revision` counts them within an epoch.  The packed fields are those of Plan and take their
-    place.
+    `revision` counts the new times within an epoch.  The packed fields replace those of the Plan.
     """
 
     epoch: Counter
@@ -92,15 +91,18 @@ class NewTimes(msgspec.Struct, frozen=True, array_like=True, tag=8):
 
 
 class Admit(msgspec.Struct, frozen=True, array_like=True, tag=7):
-    """An operator's word that a robot which has come back may take part again; `boot` is any."""
+    """An operator's permission for a robot that has come back to take part again.
+
+    `boot` is a number that the operator's program chooses; a Refusal repeats it.
+    """
 
     boot: Counter
 
 
 class Refusal(msgspec.Struct, frozen=True, array_like=True, tag=6):
-    """Sent in place of a Plan to a robot that cannot join; `boot` is that robot's.
+    """Sent instead of a Plan to a robot that cannot join; `boot` is that of the robot's Hello.
 
-    And to an operator who asks in vain for a robot to be admitted; `boot` is the Admit's.
+    Also sent to an operator whose Admit is refused; `boot` is then that of the Admit.
     """
 
     boot: Counter
@@ -108,11 +110,12 @@ class Refusal(msgspec.Struct, frozen=True, array_like=True, tag=6):
 
 
 class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
-    """What should be, repeated every COMMAND_PERIOD: level-triggered, so a lost one is harmless.
+    """The state that the coordinator commands, repeated every COMMAND_PERIOD.
 
+    A lost Command is harmless, because each states the whole (it is level-triggered).
     `start_ns` is the plan's time zero on the coordinator's clock (0 unless the phase is GO or
     FREEZE).  `wanted` names frozen robots whose arc length has not been heard yet.  `said_ns` is
-    when it was said, on that clock: leases count from it (0: not stated).
+    when the Command was sent, on the same clock; leases count from it (0: not stated).
     """
 
     boot: Counter
@@ -125,10 +128,11 @@ class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
 
 
 class Rest(msgspec.Struct, frozen=True, array_like=True):
-    """Where a robot rests: arc length on the path of an epoch, how far left of it, turned from it.
+    """Where a robot rests: arc length on an epoch's path, and the offset from the path there.
 
-    `beyond_mm`: how far past the path's end; negative: before its beginning.  Said once, and again
-    when the coordinator asks.
+    `off_mm`: how far left of the path; `turn_mrad`: heading relative to the path; `beyond_mm`: how
+    far past the path's end, negative: before its beginning.  Sent once, and again when the
+    coordinator asks.
     """
 
     s_m: Annotated[float, msgspec.Meta(ge=0.0)]
@@ -141,9 +145,9 @@ class Rest(msgspec.Struct, frozen=True, array_like=True):
 class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
     """A robot's state, sent on change and every REPORT_PERIOD.
 
-    `epoch` is the one whose plan the robot holds (0: none); an older one than the Command's is
-    the request for the plan.  `rest` says where a robot rests that has stopped on its way; nothing
-    else on this wire says where a robot is.
+    `epoch` is the one whose plan the robot holds (0: none); one older than the Command's requests
+    the plan.  `rest` says where a robot that has stopped on its way rests; apart from `place` of
+    Hello, nothing else on the wire says where a robot is.
     """
 
     boot: Counter
@@ -155,10 +159,10 @@ class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
 
 
 class Pace(msgspec.Struct, frozen=True, array_like=True, tag=9):
-    """Goes with the reports of a robot whose times were changed, or that asks for new ones.
+    """Accompanies the Report of a robot that has received new times or waits for some.
 
-    `revision`: the one it holds.  `stood_us`: the plan time [us] that has it where it stands; said
-    by one that stands because it is late, as long as the others move.
+    `revision`: that of the times it holds.  `stood_us`: the plan time [us] that has the robot where
+    it stands, sent by a robot that stands because it is late, as long as the others move.
     """
 
     boot: Counter
@@ -170,8 +174,8 @@ class Pace(msgspec.Struct, frozen=True, array_like=True, tag=9):
 class Clock(msgspec.Struct, frozen=True, array_like=True, tag=5):
     """The four time stamps of NTP: the robot asks with the first, the answer carries three.
 
-    `sent_ns` is on the robot's clock, `received_ns` and `answered_ns` are on the coordinator's;
-    the fourth is the arrival of the answer and stays with the robot.
+    `sent_ns` is on the robot's clock, `received_ns` and `answered_ns` are on the coordinator's.
+    The fourth stamp, the arrival of the answer, is known to the robot only and is not sent.
     """
 
     boot: Counter

@@ -3,19 +3,19 @@
 Plain integers and no imports: the robot's firmware reads this file too.
 """
 
-# What the coordinator states in a Command.
+# The phase that the coordinator states in a Command.
 HOLD = 0
 GO = 1
 FREEZE = 2
 OVER = 3  # every robot has arrived and may leave the fleet
 COMMAND_NAMES = ("HOLD", "GO", "FREEZE", "OVER")
 
-# What a robot states in a Report.
+# The phase that a robot states in a Report.
 IDLE = 0  # holds no plan
-ARMED = 1  # holds a good plan, stands at its start, knows the time
-MOVING = 2  # keeps to its plan, standing at its stops included
+ARMED = 1  # holds a valid plan, stands at its start, knows the time
+MOVING = 2  # follows its plan, which includes standing at its stops
 BRAKING = 3
-FROZEN = 4  # at rest off its time-table; moves again only in a new epoch
+FROZEN = 4  # at rest off its timetable; moves again only in a new epoch
 DONE = 5  # at its goal
 PHASE_NAMES = ("idle", "armed", "moving", "braking", "frozen", "done")
 
@@ -39,5 +39,5 @@ FAULT_NAMES = (
 
 
 def fault_name(fault: int) -> str:
-    """Return a fault's name; a robot may know more faults than are named here."""
+    """Return a fault's name; a newer robot may report faults that have no name here."""
     return FAULT_NAMES[fault] if fault < len(FAULT_NAMES) else "fault " + str(fault)

@@ -1,6 +1,6 @@
 """Numbers packed into the fields of a Plan, little-endian, and unpacked again.
 
-Decides: how control points, speed knots and stops lie in the bytes.  Must not know: messages.
+Decides: how control points, speed knots and stops are laid out in bytes.  Must not know: messages.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ Pair = tuple[float, float]
 
 
 class OversizeError(ValueError):
-    """A message is longer than a robot can receive, or says more than it can hold."""
+    """A message is longer than a robot can receive, or has more content than its format allows."""
 
 
 def pack_floats(values: Sequence[float]) -> bytes:
-    """Pack numbers as float32; OverflowError beyond its range."""
+    """Pack numbers as float32; raises OverflowError for a number out of its range."""
     return struct.pack(f"<{len(values)}f", *values)
 
 
@@ -38,7 +38,7 @@ def unpack_points(packed: bytes) -> list[Pair]:
 
 
 def pack_profile(knots: Sequence[Pair]) -> tuple[bytes, bytes]:
-    """Pack speed knots (s [m], v [m/s]) into the distinct speeds and s with a speed's index.
+    """Pack speed knots (s [m], v [m/s]) as the distinct speeds, and each s with its speed's index.
 
     Raises OversizeError beyond 256 distinct speeds.
     """

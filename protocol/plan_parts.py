@@ -1,4 +1,4 @@
-"""A Plan message as a robot takes it: rules, path and motion in numbers.
+"""A Plan message unpacked into numbers for the robot: rules, path and motion.
 
 Decides: what the fields of a Plan mean together.  Both sides use it: the robot to drive, the
 coordinator to prove what it sends.
@@ -17,7 +17,7 @@ Motion = tuple[list[float], list[float], list[float], list[float]]
 
 
 class PlanParts(NamedTuple):
-    """What a Plan says, each part in the order in which its user takes it."""
+    """The content of a Plan, each part in the order of the arguments that it becomes."""
 
     rules: tuple[int, int, int, int, int]
     """late [ns], lease [ns], track [mm], brake [mm/s^2], clock error [ns]."""
@@ -28,7 +28,7 @@ class PlanParts(NamedTuple):
 
 
 def unpack_plan(plan: Plan) -> PlanParts:
-    """Unpack a Plan; ValueError when a packed field is not whole."""
+    """Unpack a Plan; ValueError when a packed field is incomplete."""
     points = unpack_points(plan.points)
     return PlanParts(
         (
@@ -50,7 +50,7 @@ def unpack_plan(plan: Plan) -> PlanParts:
 
 
 def unpack_motion(times: Plan | NewTimes) -> Motion:
-    """Unpack the times of a plan; ValueError when a packed field is not whole."""
+    """Unpack the times of a plan; ValueError when a packed field is incomplete."""
     stops = unpack_stops(times.stops)
     profile = unpack_profile(times.speeds, times.profile)
     if times.brake_mmps2:

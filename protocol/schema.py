@@ -1,6 +1,6 @@
-"""The messages as JSON Schemas, for whoever meets the bytes without this code.
+"""The messages as JSON Schemas, for programs that read the bytes without this code.
 
-Decides: how a message is described.  Must not know: where the description is kept.
+Decides: how a message is described.  Must not know: where the description is stored.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def schema_name(kind: str) -> str:
 
 
 def json_schema(kind: str) -> bytes:
-    """Return the JSON Schema (2020-12) of what may stand on a kind of key, as JSON.
+    """Return the JSON Schema (2020-12) of the messages on a kind of key, as JSON.
 
     A message is an array: the tag, then the fields in order, each titled with its name.  The
     binary fields, described as base64 in JSON, are plain msgpack `bin`.

@@ -1,16 +1,16 @@
-"""How a robot's program knows that it reads the same clock as its coordinator.
+"""How a robot's program finds out that it reads the same clock as its coordinator.
 
-It does when one kernel runs both, and one time namespace of that kernel.  A running coordinator
-holds a name in its kernel, made of its boot id; a robot that finds the name there shares the clock.
-The name is the address of an abstract Unix socket: no file stands for it, no other machine has it,
-and the kernel frees it when the process ends, however it ends.  Nothing is sent through the socket,
-and nothing about it goes on the wire.
+Two programs read the same clock when they run on the same kernel in the same time namespace.  A
+running coordinator binds an abstract Unix socket whose address contains its boot id; a robot that
+can connect to this address shares the clock.  Such an address has no file, is not visible to other
+machines, and is freed by the kernel when the process ends, however it ends.  Nothing is sent
+through the socket, and nothing about it goes on the wire.
 
-Linux alone has such names, one set for each network namespace: on other systems, and between
-containers, a robot does not learn that it shares the clock.  It never takes another machine's clock
-for its own.
+Only Linux has abstract addresses, and each network namespace has its own: on other systems, and
+between containers, a robot does not find out that it shares the clock.  It never mistakes another
+machine's clock for its own.
 
-Decides: that name.  Must not know: which clock is read, and what the answer is used for.
+Decides: that address.  Must not know: which clock is read, and what the answer is used for.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from contextlib import ExitStack, contextmanager, suppress
 
 @contextmanager
 def announce_clock(boot: int) -> Iterator[None]:
-    """Let robots on this machine learn that they share the clock of the coordinator `boot`.
+    """Let robots on this machine find out that they share the clock of the coordinator `boot`.
 
-    Where the system has no such names they do not learn it, which stops neither side.
+    Where the system has no abstract addresses they do not find out; both sides work all the same.
     """
     with ExitStack() as stack:
         with suppress(OSError):
@@ -35,7 +35,7 @@ def announce_clock(boot: int) -> Iterator[None]:
 
 
 def shares_clock(boot: int) -> bool:
-    """Tell whether the coordinator `boot` is running on this machine, on the same clock."""
+    """Return whether the coordinator `boot` is running on this machine, on the same clock."""
     if sys.platform != "linux":
         return False
     try:
@@ -51,7 +51,7 @@ def _socket() -> socket.socket:
 
 
 def _address(boot: int) -> str:
-    """Return the name; it tells time namespaces apart, whose clocks differ."""
+    """Return the address; it names the time namespace, because their clocks differ."""
     try:
         times = os.stat("/proc/self/ns/time").st_ino
     except OSError:  # This kernel has no time namespaces.

@@ -1,8 +1,8 @@
-"""Where along its path a robot is at which plan time: speed knots and stops made into s(t).
+"""The arc length s(t) of a robot at plan time t, from its speed knots and stops.
 
-Decides: the meaning of `profile` and `stops` on the wire.  Firmware: imports `array` alone, no
-allocation after construction.  Used by the robot and by the proof, so that what is proven is what
-is driven.
+Decides: the meaning of `profile` and `stops` on the wire.  Firmware: it imports only `array` and
+allocates nothing after construction.  The robot and the proof both use it, so that what is proven
+is what is driven.
 """
 
 from array import array
@@ -82,14 +82,17 @@ class Timeline:
         return self.finish
 
     def next_stop(self, time: float) -> tuple[float, float] | None:
-        """Return (s, departure) of the rest that the robot is in or comes to next, or None."""
+        """Return (s, departure) of the stop at which the robot is or to which it comes next."""
         for leg in range(self._find(time), len(self.t0)):
             if time < self.t0[leg] and (leg == 0 or self.t1[leg - 1] < self.t0[leg]):
                 return self.s0[leg], self.t0[leg]
         return None
 
     def _find(self, time: float) -> int:
-        """Return the last leg that has begun (the first one before that), from the last answer."""
+        """Return the last leg that has begun, or the first leg if none has.
+
+        The search starts at the leg found last.
+        """
         leg = self._leg
         while leg < len(self.t0) - 1 and time >= self.t0[leg + 1]:
             leg += 1

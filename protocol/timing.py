@@ -1,6 +1,6 @@
-"""The periods and leases both sides count on, in nanoseconds.
+"""The periods and leases on which both sides rely, in nanoseconds.
 
-Decides: how often each side speaks and how long it bears silence.  The fault budget
+Decides: how often each side sends, and how long a silence it tolerates.  The fault budget
 (coordinator/plan/fault_budget.py) is the sum of these.  No imports: the robot's firmware reads this
 file too.
 """
@@ -22,10 +22,10 @@ LATENESS = 250 * MILLISECOND
 """How far behind its plan a healthy robot may run (its share of tau)."""
 
 CLOCK_ERROR = 10 * MILLISECOND
-"""A moving robot whose clock offset is less certain than this stops."""
+"""A moving robot stops when the error of its clock offset may be greater than this."""
 
 CLOCK_RESERVE = 2 * MILLISECOND
-"""A robot arms only with this much more certainty than it needs later: clocks drift."""
+"""A robot arms only if its error is this far below what it may be later, because clocks drift."""
 
 CLOCK_PERIOD_FAST = 40 * MILLISECOND
 CLOCK_PERIOD = 2 * SECOND
@@ -33,5 +33,5 @@ CLOCK_SAMPLES = 8
 
 
 def late_share(tau_ns: int) -> int:
-    """Return how late [ns] a robot may run before it faults: its share of tau."""
+    """Return how late [ns] a robot may be before that is a fault: its share of tau."""
     return min(LATENESS, tau_ns // 2)

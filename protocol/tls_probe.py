@@ -1,6 +1,6 @@
-"""Why a link with keys does not come about: Zenoh says it only in its log.
+"""Why a link with keys cannot be opened, which Zenoh writes only to its log.
 
-Decides: which sentence a person reads.  Shakes hands once more, with Python's own TLS.
+Decides: which sentence a person reads.  It repeats the handshake with Python's own TLS.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from protocol.key_files import KeyFiles
 
 _PATIENCE_S: Final = 3.0
-"""Longer than whoever routes without TLS bears with a stranger (2 s, zenoh_transport.py): who says
-nothing for so long hangs."""
+"""A peer that is silent for this long hangs: one that routes without TLS closes the connection to
+an unknown client sooner (2 s, zenoh_transport.py)."""
 
 _NO_TLS: Final = "whoever answers does not speak TLS; was it started with --keys?"
 
@@ -31,7 +31,7 @@ _REASONS: Final = (
 
 
 def why_no_link(endpoint: Endpoint, keys: KeyFiles) -> str:
-    """Return what keeps this party from the coordinator; empty where none is found, or it hangs."""
+    """Return why the link cannot be opened; empty when no reason is found or the peer hangs."""
     try:
         plain = socket.create_connection((endpoint.host, endpoint.port), _PATIENCE_S)
     except OSError:
@@ -41,7 +41,10 @@ def why_no_link(endpoint: Endpoint, keys: KeyFiles) -> str:
 
 
 def _shake_hands(plain: socket.socket, host: str, keys: KeyFiles) -> str:
-    """Return why there is no TLS link over a connection; with TLS 1.3 the answer comes last."""
+    """Return why TLS fails over a connection, or an empty text.
+
+    With TLS 1.3 the peer's verdict arrives only after the handshake, so one byte is awaited.
+    """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     shaken = False
     try:

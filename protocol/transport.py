@@ -1,8 +1,8 @@
-"""The contract between the project and whatever carries its bytes.
+"""The interface to whatever carries the project's bytes.
 
-Two implementations stand behind it: Zenoh (protocol/zenoh_transport.py) and the in-memory link with
-seeded loss, delay, doubling and reordering (sim/world/memory_transport.py).  One test suite holds
-both to what is written here.
+It has two implementations: Zenoh (protocol/zenoh_transport.py) and the in-memory link with seeded
+loss, delay, duplication and reordering (sim/world/memory_transport.py).  One test suite checks
+both against what is written here.
 """
 
 from __future__ import annotations
@@ -41,14 +41,15 @@ class Transport(ABC):
 
     Obligations of every implementation:
     - Bytes arrive whole or not at all, on the key they were put on.
-    - A put may be lost, doubled, delayed or overtaken by a later one; nobody is told.
+    - A put may be lost, duplicated, delayed or overtaken by a later one, without notice.
     - A session does not receive its own puts.
     - `put` never blocks for longer than a millisecond and never raises because of the link.
     - A key is alive as long as at least one session that has declared it is open and linked.  A
       process that is killed counts as closed at once, one whose host or cable falls silent within
       the link's detection time.  A process that hangs may keep its link up and count as alive.
-    - A watcher is told each change once, after the first it can be told.  One whose own link is
-      gone sees all others go, and come back.  It may or may not be told of its own keys.
+    - A watcher's handler is called once for each change since the watch began.  A watcher whose own
+      link is lost sees all other keys go, and appear again later.  It may or may not see its own
+      keys.
     - After `close` no handler is called and puts are ignored; `close` may be called twice.
     """
 
@@ -72,15 +73,15 @@ class Transport(ABC):
         """
 
     def answer(self, key_expression: str, answers: Answers) -> None:  # noqa: B027
-        """Answer whoever asks on the keys.
+        """Answer the queries of others on the keys.
 
-        A link need not carry questions: on one that does not, as here, nobody is asked.
+        A link need not support queries; this default supports none, and `answers` is never called.
         """
 
     def ask(self, key_expression: str, handler: Handler) -> None:  # noqa: B027
-        """Call the handler for each answer of those who answer on the keys; returns at once.
+        """Send a query on the keys and call the handler for each answer; returns at once.
 
-        A question may get no answer, as a put may be lost: whoever needs one asks again.
+        A query may get no answer, as a put may be lost: whoever needs one asks again.
         """
 
     @abstractmethod

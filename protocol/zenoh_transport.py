@@ -1,12 +1,13 @@
-"""The transport over Zenoh: the coordinator's session routes, the robots are its clients.
+"""The transport over Zenoh.
 
-Or a router is there already, and all are its clients, the coordinator too.
+Either the coordinator's session routes messages and the robots are its clients, or a separate
+router does so and all are its clients, the coordinator too.
 
 Decides: Zenoh's settings, and which sentence a person reads when the link cannot be opened.
 Must not know: what the bytes mean.  Zenoh is imported when a link is opened, not before.
 
-A process that ends with a session open hangs for ever, through `sys.exit` and exceptions too:
-hold a transport in a `with` block, or close it in a `finally`.
+A process that ends while a session is open hangs for ever, also after `sys.exit` or an exception:
+use a transport in a `with` block, or close it in a `finally`.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ _ATTEMPT_MS: Final = 2_000
 _LOOK_S: Final = 0.02
 
 _ANSWER_S: Final = 2.0
-"""An answer that takes longer is not waited for."""
+"""How long [s] a query waits for answers."""
 
 _COMMON: Final[dict[str, Any]] = {
     "scouting/multicast/enabled": False,
@@ -62,8 +63,9 @@ _NOBODY_INSISTS: Final = {
     "flows": ["ingress"],
     "overwrite": {"congestion_control": "drop"},
 }
-"""Who sends a robot more than it takes loses that: else Zenoh would wait for room, and with it all
-that is to be sent to that robot, the coordinator's own `put` too, and then end the robot's link."""
+"""Drops messages that a client sends to a robot faster than the robot receives them.  Otherwise
+Zenoh would block until its queue had room, and with it everything else for that robot, the
+coordinator's own `put` too; in the end it would close the robot's link."""
 
 _ROUTER: Final[dict[str, Any]] = {
     "mode": "router",
@@ -83,10 +85,10 @@ _CLIENT: Final[dict[str, Any]] = {
 
 
 class ZenohTransport(Transport):
-    """One Zenoh session; made by `listen` (it routes) or `connect` (a client).
+    """One Zenoh session, made by `listen` (it routes) or `connect` (it is a client).
 
-    `sent_ns` is in nanoseconds since 1970, on the clock of the host that routes: it stamps what
-    passes through, so that a robot's wrong clock harms nobody.
+    `sent_ns` is in nanoseconds since 1970, on the clock of the host that routes.  That host stamps
+    the messages which it forwards, so a robot's wrong clock does no harm.
     """
 
     def __init__(self, session: zenoh.Session) -> None:
@@ -100,16 +102,17 @@ class ZenohTransport(Transport):
         self._every = zenoh.ConsolidationMode.NONE
         self._gate = threading.RLock()
         self._closed = False
-        self._tokens: list[zenoh.LivelinessToken] = []  # Zenoh undeclares one that nobody holds
+        self._tokens: list[zenoh.LivelinessToken] = []  # Zenoh undeclares an unreferenced one
 
     @classmethod
     def listen(
         cls, endpoint: str, keys: KeyFiles | None = None, access: dict[str, Any] | None = None
     ) -> ZenohTransport:
-        """Open the coordinator's session, which routes between all that connect.
+        """Open the coordinator's session, which routes messages between all its clients.
 
-        With `keys` nobody gets in without a certificate of the same authority, and `access`
-        (access.py) says what each may do; without it nobody may do anything.
+        With `keys`, only clients with a certificate of the same authority can connect, and `access`
+        (access.py) states what each of them may do.  With `keys` but without `access`, clients can
+        connect but may neither send nor receive.
         Raises TransportError when the endpoint is malformed, in use or not this machine's.
         """
         import zenoh
@@ -128,10 +131,10 @@ class ZenohTransport(Transport):
         whom: str = "coordinator or router",
         keys: KeyFiles | None = None,
     ) -> ZenohTransport:
-        """Open a client's session; `whom` it looks for may begin to listen up to timeout_s later.
+        """Open a client's session, trying for timeout_s seconds; `whom` names the peer in errors.
 
-        Once open, a session whose link breaks connects again by itself, however long that takes.
-        Raises TransportError when the endpoint is malformed, or whoever answers is not of the same
+        Once open, a session whose link breaks reconnects by itself, however long that takes.
+        Raises TransportError when the endpoint is malformed, or when the peer is not of the same
         authority or refuses these keys; NoAnswerError when nobody answers within timeout_s.
         """
         import zenoh
@@ -157,7 +160,7 @@ class ZenohTransport(Transport):
                     raise NoAnswerError(sentence) from None
 
     def has_router(self) -> bool:
-        """Tell whether a client is linked to whoever routes for it; takes a microsecond."""
+        """Return whether a client is linked to the session that routes for it; takes 1 us."""
         return bool(list(self._session.info.routers_zid()))
 
     def put(self, key: str, payload: bytes) -> None:
@@ -189,7 +192,7 @@ class ZenohTransport(Transport):
         self._session.declare_subscriber(key_expression, deliver, allowed_origin=self._remote)
 
     def answer(self, key_expression: str, answers: Answers) -> None:
-        """Answer, on one of Zenoh's threads, whoever asks on keys that the expression meets."""
+        """Answer, on one of Zenoh's threads, queries on keys that intersect the expression."""
         if self._closed:
             return
 
@@ -224,7 +227,7 @@ class ZenohTransport(Transport):
             )
 
     def wait_for_listener(self, key_expression: str, timeout_s: float) -> bool:
-        """Wait until another session subscribes to any of these keys; False when none does."""
+        """Wait until another session subscribes to any of these keys; False after timeout_s."""
         publisher = self._session.declare_publisher(
             key_expression, allowed_destination=self._remote
         )
@@ -239,7 +242,7 @@ class ZenohTransport(Transport):
         return True
 
     def declare_alive(self, key: str) -> None:
-        """Make the key count as alive for others, also after the link was lost and found again."""
+        """Make the key count as alive for others, also after a lost link is up again."""
         if not self._closed:
             self._tokens.append(self._session.liveliness().declare_token(key))
 
@@ -257,14 +260,14 @@ class ZenohTransport(Transport):
             key, appears = str(sample.key_expr), sample.kind == self._appears
             with self._gate:
                 if self._closed or appears == (key in alive):
-                    return  # a client that watches is told everything twice
+                    return  # Zenoh reports everything twice to a client
                 alive.symmetric_difference_update([key])
                 handler(key, appears)
 
         self._session.liveliness().declare_subscriber(key_expression, deliver, history=True)
 
     def watch_links(self, handler: LinkHandler) -> None:
-        """Call the handler, on one of Zenoh's threads, when somebody's link is made or gone."""
+        """Call the handler, on one of Zenoh's threads, when a client's link comes up or is lost."""
 
         def deliver(event: zenoh.LinkEvent) -> None:
             link = event.link
@@ -282,7 +285,7 @@ class ZenohTransport(Transport):
         """
         with self._gate:
             self._closed = True
-        # Zenoh gives such a link up after 10 s with an error; the process can end all the same.
+        # After 10 s Zenoh gives up on such a link with an error; the process can end all the same.
         with contextlib.suppress(self._error):
             self._session.close()  # type: ignore[no-untyped-call]
 
@@ -301,9 +304,9 @@ def router_settings(
 
 
 def use_few_threads() -> None:
-    """Let what arrives wake one of Zenoh's threads less; to be called before the first session.
+    """Make Zenoh use one receiving thread less; to be called before the first session opens.
 
-    For a process that only listens: with a hundred robots it takes about a seventh less.
+    For a process that only listens: with a hundred robots it saves about a seventh of its CPU time.
     """
     os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 1), acc: (worker_threads: 1))")
 
@@ -330,7 +333,7 @@ def _locked(keys: KeyFiles, side: str) -> dict[str, Any]:
 
 
 def _why_not_listening(reason: str) -> str:
-    """Return the cause within Zenoh's message, without the source files that it names."""
+    """Return the cause stated in Zenoh's message, without the source files that it names."""
     if f"os error {errno.EADDRINUSE})" in reason:
         return "the port is in use; is another coordinator running?"
     cause = reason.split(" at /")[0].rsplit(": ", 1)[-1].strip("[]. ")

@@ -1,7 +1,7 @@
-"""The robot's black box: where it truly was and when, for whoever judges a run afterwards.
+"""The robot's black box: where it truly was and when, for judging a run afterwards.
 
-Decides: the file's columns, which clock they go by, and that a sudden death loses nothing.  Nothing
-in it goes on the wire.
+Decides: the file's columns, which clock its times come from, and that no row is lost when the
+program is killed.  Its content is never sent.
 """
 
 from __future__ import annotations
@@ -29,10 +29,9 @@ class BlackBox:
     better than the estimate is known: t is the estimate, never runs backwards, and the last column
     is empty.
 
-    Each row reaches the system at once: what a killed robot did last is what matters most.  A box
-    that is there already is kept: a robot that is started again in the same run goes on in it,
-    which run that was stands in PATH.start; one of another run becomes PATH.1, or the next free
-    number.
+    Each row is passed to the system at once, because the last rows of a killed robot matter most.
+    An existing box is preserved.  If it is of the same run, which PATH.start records, a restarted
+    robot appends to it; a box of another run is renamed to PATH.1, or the next free number.
     """
 
     def __init__(self, path: Path) -> None:
@@ -47,7 +46,7 @@ class BlackBox:
         self._file.write(HEADER)
 
     def join(self, boot: int) -> None:
-        """Go on in the box before if it is of the coordinator with this boot id."""
+        """Append to the earlier box if it is of the coordinator with this boot id."""
         if self._start_ns is not None or self._earlier is None or not self._path.is_file():
             return
         before = _numbers(_start_of(self._earlier)) if boot != self._boot else []
@@ -60,9 +59,9 @@ class BlackBox:
             self._open("a")
 
     def begin(self, boot: int, start_ns: int) -> None:
-        """Count from a GO's start [ns] of the coordinator with this boot id; the first one counts.
+        """Set time 0 to a GO's start [ns] of the coordinator with this boot id, once.
 
-        Where the box before was of the same coordinator, its rows and its start do.
+        If the earlier box is of the same coordinator, its rows and its start are used instead.
         """
         self.join(boot)
         if self._start_ns is not None:
@@ -113,7 +112,7 @@ class BlackBox:
 
 
 def _set_aside(path: Path) -> Path | None:
-    """Give a box that has begun the next number; returns the newest one that has a number."""
+    """Rename a box that has begun to the next number; return the newest box with a number."""
     free = 1
     while (place := path.with_name(f"{path.name}.{free}")).exists():
         free += 1
@@ -135,7 +134,7 @@ def _move(box: Path, place: Path) -> None:
 
 
 def _numbers(path: Path) -> list[int]:
-    """Return a coordinator's boot id and the start [ns] of its run; nothing when it is not told."""
+    """Return a coordinator's boot id and its run's start [ns]; empty when they cannot be read."""
     try:
         boot, start_ns = path.read_text(encoding="ascii").split()
         return [int(boot), int(start_ns)]
@@ -144,7 +143,7 @@ def _numbers(path: Path) -> list[int]:
 
 
 def _drop_cut_line(path: Path) -> None:
-    """Take away a last line that a kill has cut short."""
+    """Remove a last line that a kill has cut short."""
     with path.open("rb+") as file:
         end = file.seek(0, os.SEEK_END)
         tail_at = file.seek(max(0, end - _LONGEST_LINE))

@@ -1,8 +1,8 @@
-"""The contract between the agent and whatever has wheels.
+"""The interface between the agent and the base that it moves.
 
-Decides: what a driver owes the agent.  `agent --driver FILE.py:CLASS` (or MODULE:CLASS) makes one,
+Decides: the obligations of a driver.  `agent --driver FILE.py:CLASS` (or MODULE:CLASS) creates one,
 with the acceleration [m/s^2] that the robot may use as the only argument.  A simulated body
-(sim/world/body.py) and a real base stand behind it; nothing else of the robot changes.
+(sim/world/body.py) and a real base both implement it; nothing else of the robot changes.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ class Driver(ABC):
     """A base that travels along arcs.
 
     Obligations of every implementation:
-    - It never travels farther than the distance it was last given, whatever happens to the loop.
-    - It stops by itself when neither `drive` nor `turn` has been called for WATCHDOG_NS: a hung
-      program does not drive on.
+    - It never travels farther than the distance commanded last, whatever happens to the loop.
+    - It stops by itself when neither `drive` nor `turn` has been called for WATCHDOG_NS, so that
+      the robot does not drive on when its program hangs.
     - It never reverses.
     - No method blocks for longer than a millisecond.
     """
@@ -36,25 +36,25 @@ class Driver(ABC):
 
     @abstractmethod
     def pose(self) -> Pose | None:
-        """Return where the robot believes to be; None when it has never been told or seen."""
+        """Return the pose that the robot believes to have; None when it has none yet."""
 
     @abstractmethod
     def place(self, x: float, y: float, heading: float) -> None:
-        """Take this for the pose: a person has put the robot there (a simulated one is moved)."""
+        """Set the believed pose: a person has put the robot there (a simulated one is moved)."""
 
     @abstractmethod
     def drive(self, speed_mps: float, curvature_radpm: float, distance_m: float) -> None:
         """Travel along an arc at this speed for at most this distance, then hold.
 
-        Speed and distance are not negative; a positive curvature turns left.  Replaces the order
+        Speed and distance are not negative; a positive curvature turns left.  Replaces the command
         before; speed 0 brakes and holds.
         """
 
     @abstractmethod
     def turn(self, angle_rad: float) -> None:
-        """Turn on the spot by this angle (left is positive) and hold; replaces the order before.
+        """Turn on the spot by this angle (left is positive) and hold; replaces the last command.
 
-        Called every tick until the robot faces where it should.  A base that cannot only holds.
+        Called every tick until the heading is right.  A base that cannot turn on the spot holds.
         """
 
     @abstractmethod

@@ -18,8 +18,8 @@ from protocol.messages import Clock, Command, Message, NewTimes, Plan, Refusal
 _DEPTHS: Final[dict[type[Message], int]] = {
     Command: 32, Clock: 32, Plan: 4, NewTimes: 4, Refusal: 4,
 }  # fmt: skip
-"""So many of a type may wait, and be heard in one tick: of each the newest says what the others
-said, and several times what a coordinator sends while a robot hangs for a second is room enough."""
+"""How many messages of a type may wait, and be processed in one tick.  The newest of a type
+supersedes the others, and there is room for several times what a coordinator sends in a second."""
 
 
 class Heard(NamedTuple):
@@ -33,8 +33,8 @@ class Heard(NamedTuple):
 class Inbox:
     """What waits for one robot.
 
-    `bad`: how many messages could not be understood or were for others, `dropped`: how many had to
-    give way to newer ones.
+    `bad`: how many messages were invalid or for other robots; `dropped`: how many were displaced by
+    newer ones.
     """
 
     def __init__(self, robot: str) -> None:
@@ -47,7 +47,7 @@ class Inbox:
         self._newest = (-1, -1)
 
     def put(self, key: str, payload: bytes, heard_ns: int | None) -> None:
-        """Let a message wait."""
+        """Add a message to the queue of its type."""
         place = keys.split(key)
         message = decode(place[1], payload) if place is not None else None
         if place is None or message is None or not self._is_mine(place[2], message):
@@ -64,7 +64,7 @@ class Inbox:
         lane.append((self._count, Heard(place[0], message, heard_ns)))
 
     def take(self) -> Heard | None:
-        """Return what arrived first of what waits; None when there is nothing.
+        """Remove and return the waiting message that arrived first; None when none waits.
 
         Another thread may `put` meanwhile.
         """

@@ -1,7 +1,7 @@
 """The robot's shell: the agent on a real link, with a real driver and a black box.
 
-Decides: how messages become the agent's events and its wishes become messages.  Must not decide
-anything a robot does: that is agent.py.  The only user of msgspec on the robot's side; firmware
+Decides: how messages become calls of the agent, and its results become messages.  Must not decide
+what a robot does: agent.py does.  This is the only user of msgspec on the robot's side; firmware
 has its own shell around the same core.
 """
 
@@ -39,7 +39,7 @@ from robot_agent.steady_clock import SteadyClock
 from robot_agent.words import Lasting, phase_in_words, waits_for
 
 _SILENCE_NS = 5 * COMMAND_PERIOD
-"""A coordinator that has said nothing for so long is not heard."""
+"""A coordinator that has sent nothing for this long counts as not heard."""
 
 
 class RefusedError(Exception):
@@ -73,15 +73,15 @@ def run_robot(
 ) -> int:
     """Run one robot until the fleet is over (0) or it is interrupted (130); closes everything.
 
-    It also ends (1) when it has heard no coordinator for `give_up_ns` (0: waits for ever); a robot
-    under way has stopped long before.  `tell` is given a sentence at every change of phase, and
-    what keeps an idle robot from being armed; `count` the phase and the loop, and once more when
-    the loop has ended.
+    It also ends (1) when it has heard no coordinator for `give_up_ns` (0: it waits for ever); a
+    robot under way has stopped long before.  `tell` is called with a sentence at every change of
+    phase, and with what keeps an idle robot from arming.  `count` is called with the phase and the
+    loop at every change of phase, and once more when the loop has ended.
 
-    `clock`: the robot's own time [ns]; `sleep`: lets that many of its ns pass; `host_clock`: the
-    host's, which stamps the black box, where the robot's own is made to differ from it.  Without a
-    fleet the first one heard is joined.  Raises RefusedError, and OSError when the black box cannot
-    be written.
+    `clock` returns the robot's own time [ns]; `sleep` waits for a number of its ns; `host_clock`
+    returns the host's time, for the black box, where it differs from the robot's own.  Without
+    `fleet` the robot joins the first fleet that it hears.  Raises RefusedError, and OSError when
+    the black box cannot be written.
     """
     host_clock = host_clock or clock
     clock = SteadyClock(clock)
@@ -134,11 +134,11 @@ def run_robot(
 
 
 class RobotService:
-    """What happens in one tick; `inbox` counts what could not be understood, and what was dropped.
+    """What happens in one tick; `inbox` counts invalid messages and dropped ones.
 
-    `clock` is the robot's own and stamps what arrives between ticks; without one it counts as
-    arrived at the next, which makes the robot less certain of the coordinator's time.  `host_clock`
-    stamps the black box where the robot's own clock is made to differ from the host's.
+    `clock` is the robot's own and stamps messages that arrive between ticks.  Without it they count
+    as arrived at the next tick, which makes the robot less certain of the coordinator's time.
+    `host_clock` stamps the black box where the robot's own clock differs from the host's.
     """
 
     def __init__(
@@ -173,7 +173,7 @@ class RobotService:
         transport.subscribe(keys.command(fleet or "*"), self._enqueue)
 
     def tick(self, now_ns: int) -> bool:
-        """Hear, look, decide, drive, speak, write down; False when the robot may leave."""
+        """Receive, look, decide, drive, send, record; return False when the robot may leave."""
         self._hear(now_ns)
         self._move(now_ns)
         self._speak(now_ns)
@@ -199,7 +199,7 @@ class RobotService:
         return now_ns + sync.offset_ns if sync.good else None
 
     def rescue(self, error: Exception, now_ns: int) -> None:
-        """Tell the agent and the coordinator that a tick has failed."""
+        """Report to the agent and the coordinator that a tick has failed."""
         self.last_error = f"{type(error).__name__}: {error}"
         self.agent.hear_driver_error(now_ns)
         self._speak(now_ns)
@@ -275,7 +275,7 @@ class RobotService:
             self._blackbox.write(host_ns, estimate_ns, driver.true_pose(), s, agent.phase)
 
     def _place(self) -> tuple[int, int, int] | None:
-        """Return where a robot stands that never drove in this fleet, which is frozen."""
+        """Return the pose of a robot that never drove in this fleet, while the fleet is frozen."""
         pose = self._driver.pose()
         if pose is None or self._phase != FREEZE or self.agent.has_driven():
             return None

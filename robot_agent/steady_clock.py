@@ -12,10 +12,10 @@ from typing import Final
 from protocol.timing import MILLISECOND
 
 LEAP: Final = 200 * MILLISECOND
-"""A clock that was set back is taken to have stood still for so long."""
+"""How far [ns] the time jumps forwards when the clock was set back."""
 
 _READING_ORDER: Final = MILLISECOND
-"""Threads that read the clock at once may see it run back by so much, which means nothing."""
+"""Threads that read the clock at once may see it run back by this much [ns], which is harmless."""
 
 
 class SteadyClock:

@@ -1,6 +1,6 @@
-"""What a robot tells the person who started it: its phase, what it waits for, and why.
+"""What a robot prints for the person who started it: its phase, what it waits for, and why.
 
-Decides: the words, and that a reason is told once it has lasted.  Must not know: links, consoles,
+Decides: the words, and that a lasting reason is printed once.  Must not know: links, consoles,
 or anything that makes a robot move.
 """
 
@@ -26,7 +26,7 @@ PATIENCE_NS = SECOND
 class Lasting:
     """Lets a text through once it has stayed the same for PATIENCE_NS, and once only.
 
-    What stands behind a colon may vary: measured places do.
+    The text after a colon is not compared, because measured positions in it vary.
     """
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class Lasting:
         self._since_ns = 0
 
     def hear(self, text: str, now_ns: int) -> str:
-        """Return the text when it is to be told now, else nothing."""
+        """Return the text when it is to be printed now, else an empty text."""
         reason = text.partition(":")[0]
         if reason != self._reason:
             self._reason, self._since_ns = reason, now_ns

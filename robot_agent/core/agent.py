@@ -1,27 +1,29 @@
-"""The robot's mind: what it hears, what it does, what it says; a state machine without I/O.
+"""The state machine of one robot: what it hears, does and reports, without any I/O.
 
-Decides: phases, faults, speeds, when to report and what.  Must not know: bytes, links, files, or
-any clock but the `now_ns` it is given (the robot's own, monotonic).  Firmware: imports nothing but
-the shared numbers and firmware; `tick` allocates nothing that stays.
+Decides: phases and faults, the speed to drive, when to report and what.  Must not know: bytes,
+links, files, or any clock but the `now_ns` it is given (the robot's own, monotonic).  Firmware: it
+imports only other firmware and the shared numbers; `tick` leaves no memory allocated.
 
 The rules:
 - A robot moves only in the epoch of the plan it holds, after GO, and only along that plan: never
   ahead of it, and behind it by less than its share of tau.
 - Whatever goes wrong while it moves makes it brake along its path and freeze.  A robot that has
   braked moves again only with the plan of a later epoch.
-- Another coordinator takes the plan and the clock of the old one away (leader.py).
-- The time is not known any more where an exchange contradicts those before, where a Command was
-  said later than it can be, and, until the next exchange, after a tick that came late.  A robot
-  on the move then stands or brakes, an armed one is not armed any more; both start over.
-- A plan is held when its coordinator and epoch are those of the newest Command (or no Command has
-  been heard yet) and the robot is idle or armed.  The robot arms when it also stands at the plan's
-  start and knows the time well enough; until then it says why not.
-- GO heard when the plan has already run away is not obeyed: the robot stays where it is.
-- A robot at its goal, having braked or not, stays there in that epoch; pushed off it is frozen.
-- A position is never said, but for the arc length at which a robot rests that has stopped on its
-  way: in the first report that says it is frozen, and again when the coordinator asks for it.
-- A robot that stands because it is late says instead, as long as the others move, which plan time
-  has it there; with new times for the rest of its way it goes on in the same epoch.
+- When another coordinator takes over, the robot drops the old one's plan and clock (leader.py).
+- The robot no longer knows the time when an exchange contradicts those before it, or when a
+  Command's time stamp lies in the future.  After a late tick it does not know the time until the
+  next exchange.  A moving robot then stands or brakes and an armed one disarms; both synchronise
+  their clock anew.
+- A robot accepts a plan when it is idle or armed and the plan's coordinator and epoch are those of
+  the newest Command (or no Command has been heard yet).  It arms when it also stands at the plan's
+  start and knows the time well enough; until then it reports why it does not.
+- A GO is not obeyed when the plan is already too far ahead: the robot stays where it is.
+- A robot at its goal, whether it braked or not, stays there for that epoch; if it is pushed off the
+  goal, it is frozen.
+- A robot never reports a position, with one exception: one that has stopped on its way reports the
+  arc length at which it rests, in its first report as frozen and whenever the coordinator asks.
+- A robot that stands because it is late reports, as long as the others move, the plan time that
+  has it there instead.  With new times for the rest of its path it continues in the same epoch.
 """
 
 from protocol.phases import (
@@ -57,19 +59,20 @@ from robot_agent.core.resting_place import RestingPlace
 from robot_agent.core.ride import Ride
 
 LATE_TICK = 50 * MILLISECOND
-"""When a tick comes so late the motors' watchdog has stopped the robot."""
+"""When a tick is this late [ns], the motors' watchdog has already stopped the robot."""
 
 _NEVER = -(1 << 62)
 
 
 class Agent:
-    """One robot; `max_speed` [m/s], 0 when it is not known.
+    """The state of one robot; `max_speed` is in m/s, 0 when it is not known.
 
-    Read after `tick`: drive_speed [m/s], drive_curvature [rad/m], drive_distance [m]; drive_turn
-    [rad] is not 0 where the robot has to turn on the spot instead.
-    Read after `report_due`: report_sequence, epoch, phase, fault and report_s [m] or None; with
-    the latter the other numbers of `rest`.  `revision` counts new times in this epoch.
-    `ride` is the plan held, with the robot's place on it, or None.
+    To be read after `tick`: drive_speed [m/s], drive_curvature [rad/m], drive_distance [m];
+    drive_turn [rad] is not 0 where the robot has to turn on the spot instead.
+    To be read after `report_due`: report_sequence, epoch, phase, fault and report_s [m] or None;
+    when report_s is a number, the other numbers of `rest` are to be reported with it.
+    `revision` counts the new times received in this epoch.
+    `ride` is the plan that the robot holds, with its position on the path, or None.
     """
 
     def __init__(self, max_speed: float = 0.0, period_ns: int = SECOND // 100) -> None:
@@ -100,7 +103,10 @@ class Agent:
         now_ns: int,
         said_ns: int = 0,
     ) -> bool:
-        """Take a Command, `wanted` if it asks where this robot rests; tell whether it counts."""
+        """Process a Command and return whether it was accepted.
+
+        `wanted`: whether it asks this robot where it rests.
+        """
         leader, before_motion = self._leader, self.phase in (IDLE, ARMED)
         if not leader.counts(boot, sequence, epoch, before_motion, now_ns):
             return False
@@ -133,9 +139,9 @@ class Agent:
         path: tuple[int, list[float], list[float], list[float], list[float]],
         motion: tuple[list[float], list[float], list[float], list[float]],
     ) -> None:
-        """Take a plan (see Ride for its parts); `boot` is its coordinator's.
+        """Process a plan (see Ride for its parts); `boot` is the boot id of its coordinator.
 
-        One that makes no sense is reported as BAD_PLAN and not held.
+        A plan that is not valid is reported as BAD_PLAN and discarded.
         """
         leader = self._leader
         if leader.boot < 0:
@@ -159,7 +165,7 @@ class Agent:
         motion: tuple[list[float], list[float], list[float], list[float]],
         now_ns: int,
     ) -> None:
-        """Take new times for the plan being driven; those that do not fit change nothing."""
+        """Process new times for the plan being driven; times that do not fit it are ignored."""
         if self.ride is None or boot != self._leader.boot or epoch != self.epoch:
             return
         goes_on = self.phase == MOVING or self.awaits_times()
@@ -170,17 +176,17 @@ class Agent:
             self._apply(transitions.NEW_TIMES, now_ns)
 
     def hear_clock(self, sent_ns: int, received_ns: int, answered_ns: int, now_ns: int) -> None:
-        """Take the coordinator's answer to a question about the time."""
+        """Process the coordinator's answer to a question about the time."""
         stamps = (sent_ns, received_ns, answered_ns, now_ns)
         if not self._leader.has_other_clock and not self.clock.add(*stamps):
             self._lose_clock(now_ns)
 
     def hear_driver_error(self, now_ns: int) -> None:
-        """Take note that the base, or the program around this core, has failed."""
+        """Process a failure of the base or of the program around this core."""
         self._fail(DRIVER_ERROR, now_ns)
 
     def tick(self, now_ns: int, x: float, y: float, heading: float) -> None:
-        """Look where the robot is and decide what it does until the next tick."""
+        """Decide what the robot at this pose [m, m, rad] does until the next tick."""
         ride = self.ride
         if now_ns - self._ticked_ns > self._late_tick_ns:
             self.clock.doubt(now_ns)  # The robot hung, or its clock was set.
@@ -212,7 +218,10 @@ class Agent:
             self.drive_curvature = ride.curvature
 
     def report_due(self, now_ns: int) -> bool:
-        """Tell whether to report now, which then counts as done; not while it may be late."""
+        """Return whether to report now; if so, the report counts as sent.
+
+        A moving robot does not report while it may be late.
+        """
         state = (self.epoch, self.revision, self.phase, self.fault)
         recent = state == self._reported and now_ns - self._reported_ns < REPORT_PERIOD
         if recent or (self.phase == MOVING and self._may_be_late(now_ns)):
@@ -223,28 +232,31 @@ class Agent:
         return True
 
     def hello_due(self, now_ns: int) -> bool:
-        """Tell whether to introduce itself now, which then counts as done."""
+        """Return whether to send a Hello now; if so, it counts as sent."""
         if self.ride is not None or now_ns - self._hello_ns < HELLO_PERIOD:
             return False
         self._hello_ns = now_ns
         return True
 
     def clock_due(self, now_ns: int) -> bool:
-        """Tell whether to ask for the time now, which then counts as done."""
+        """Return whether to ask for the time now; if so, the question counts as sent."""
         enough = (self.ride.clock_error_ns if self.ride else CLOCK_ERROR) - CLOCK_RESERVE
         return self.clock.due(now_ns, enough, self.phase in (MOVING, BRAKING))
 
     def awaits_times(self) -> bool:
-        """Tell whether the robot stands because it is late, and the others move."""
+        """Return whether the robot stands because it is late while the others move."""
         late = self.phase == FROZEN and self.fault == LATE
         return late and self._leader.phase == GO and self._leader.epoch == self.epoch
 
     def has_driven(self) -> bool:
-        """Tell whether the robot has set out on a plan, or was told to freeze with one."""
+        """Return whether the robot has ever set out on a plan or frozen while it held one."""
         return self._spent_epoch > 0
 
     def may_leave(self, now_ns: int) -> bool:
-        """Tell whether nothing is left to do: all over, or at the goal and the fleet is gone."""
+        """Return whether nothing is left to do.
+
+        That is when the fleet is over, or when the robot is at its goal and its lease has run out.
+        """
         return self.finished or (self.phase == DONE and self._is_alone(now_ns))
 
     def _hear_go(self, start_ns: int, now_ns: int) -> None:
@@ -265,7 +277,7 @@ class Agent:
             self._apply(transitions.READY, now_ns)
 
     def _keep_to_plan(self, ride: Ride, time: float, now_ns: int) -> None:
-        """Follow the plan; stand while the time is not known, as long as one may be late."""
+        """Follow the plan; without a known time stand, and brake after `ride.late` seconds."""
         knows_time = self._knows_time(ride, now_ns)
         if knows_time:
             self._sure_ns = now_ns
@@ -293,7 +305,7 @@ class Agent:
         return self.clock.error_ns(now_ns) <= ride.clock_error_ns
 
     def _lose_clock(self, now_ns: int) -> None:
-        """Start over with the clock; a robot whose time-table counts gives it up."""
+        """Synchronise the clock anew; a robot that is driving by its timetable brakes."""
         self.clock.start_over(now_ns)
         if self.phase == MOVING or self.awaits_times():
             self._fail(CLOCK_UNSURE, now_ns)
@@ -301,9 +313,9 @@ class Agent:
             self._apply(transitions.NOT_READY, now_ns)
 
     def _fail(self, fault: int, now_ns: int) -> None:
-        """Remember the first fault, or what is worse than being late, and brake.
+        """Brake and record the fault, unless one other than LATE is recorded already.
 
-        At the goal only having left it is a fault.
+        At the goal the only fault is OFF_PATH.
         """
         if self.fault in (NO_FAULT, LATE) and (self.phase != DONE or fault == OFF_PATH):
             self.fault = fault
@@ -311,7 +323,7 @@ class Agent:
         self._apply(transitions.LEFT_PATH if left else transitions.TROUBLE, now_ns)
 
     def _apply(self, event: str, now_ns: int) -> None:
-        """Go to the next phase by the table and do what entering it takes."""
+        """Enter the phase that the table names for this event, with the actions that it needs."""
         after = transitions.TRANSITIONS.get((self.phase, event))
         if after is None:
             return
@@ -330,7 +342,7 @@ class Agent:
             self._spent_epoch = self.epoch
 
     def _rest(self, ride: Ride, tell: bool) -> None:
-        """Stand, and keep where for as long as that lasts, whatever becomes of the plan."""
+        """Stand, and store the place of rest until the robot moves, even if the plan is dropped."""
         ride.stand()
         s, tell = ride.follower.s, tell and not self.awaits_times()
         self.rest.keep(self.epoch, s, ride.follower.offset(), ride.planned_at(s), tell)

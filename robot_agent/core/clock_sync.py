@@ -1,14 +1,15 @@
-"""What the coordinator's clock shows, how wrong that may be, and when it is not known at all.
+"""An estimate of the coordinator's clock, with a bound on its error.
 
 Decides: the offset between two clocks from exchanged time stamps, as NTP does, and when to ask.
-Must not know: who sends the stamps, or what the time is for.  Firmware: no imports beyond the
-shared periods.
+Must not know: who sends the stamps, or what the time is for.  Firmware: it imports only the shared
+periods.
 
 One exchange has four stamps: the robot sends at t1 and hears at t4 (its own clock), the coordinator
 hears at t2 and answers at t3 (its clock).  No message arrives before it is sent, so the offset lies
-between t3 - t4 and t2 - t1, whatever the two ways took (Marzullo and Owicki 1983).  Intervals of
-several exchanges, widened by drift as they age, have the offset in common.  Where they have nothing
-in common one of the clocks was stopped or set, and nothing learnt before holds any more.
+between t3 - t4 and t2 - t1, whatever the two delays were (Marzullo and Owicki 1983).  The offset
+lies in the intersection of the intervals of several exchanges, each widened by drift as it ages.
+Where the intersection is empty, one of the clocks was stopped or set, and all earlier exchanges are
+discarded.
 """
 
 from protocol.timing import CLOCK_PERIOD, CLOCK_PERIOD_FAST, CLOCK_SAMPLES, SECOND
@@ -17,7 +18,7 @@ DRIFT_PPM = 100
 """How much faster or slower one clock may run than the other: widens an interval as it ages."""
 
 SLEW_SHARE = 50
-"""A slewing clock gains or loses a part in so many: the speed reserve of plans makes up for it."""
+"""A slewing clock gains or loses one part in this many: plans have a speed reserve for it."""
 
 _LONGEST_DELAY = 10 * SECOND
 _UNKNOWN = 1 << 62
@@ -26,9 +27,9 @@ _UNKNOWN = 1 << 62
 class ClockSync:
     """Offset of the coordinator's clock over the robot's, as an interval.
 
-    `offset_ns` is what to add to the robot's clock: the middle of the interval, but for a robot on
-    the move, whose plan must not jump; it slews there (`follow`).  `good` counts the exchanges
-    since the last start; 0 means that the offset is not known.
+    `offset_ns` is what to add to the robot's clock: the middle of the interval.  While the robot
+    moves, its plan time must not jump, so the offset slews towards the middle (`follow`).  `good`
+    counts the exchanges since the last start; 0 means that the offset is not known.
     """
 
     def __init__(self) -> None:
@@ -39,21 +40,20 @@ class ClockSync:
         self._slewing = self._compares = False
 
     def start_over(self, now_ns: int) -> None:
-        """Forget everything; answers to questions from before do not count."""
+        """Discard all exchanges; answers to questions asked before now are ignored."""
         self._doubt(now_ns)
         self._compares = False
 
     def doubt(self, now_ns: int) -> None:
-        """Believe nothing learnt so far before an exchange that begins now confirms it."""
+        """Distrust the offset until an exchange that begins after now confirms it."""
         if self.good:
             self._doubt(now_ns)
             self._compares = True
 
     def add(self, sent_ns: int, received_ns: int, answered_ns: int, now_ns: int) -> bool:
-        """Take one exchange, heard at now_ns; False when it contradicts the ones before.
+        """Add one exchange, whose answer arrived at now_ns; False if it contradicts earlier ones.
 
-        Stamps that no exchange has, and answers to questions from before the last start, are left
-        out.
+        Impossible stamps, and answers to questions asked before the last start, are ignored.
         """
         if sent_ns < self._since_ns or answered_ns < received_ns:
             return True
@@ -74,11 +74,11 @@ class ClockSync:
         return True
 
     def is_said_in_future(self, said_ns: int, now_ns: int) -> bool:
-        """Tell whether a message heard by now was sent later, on the coordinator's clock."""
+        """Return whether a message's time stamp is later than the coordinator's clock can be."""
         return self.good > 0 and said_ns - now_ns > self._widened(now_ns)[1]
 
     def follow(self, now_ns: int, slewing: bool) -> None:
-        """Come nearer to the middle of the interval; at once unless `slewing`."""
+        """Move the offset to the middle of the interval: gradually if `slewing`, else at once."""
         most = (now_ns - self._followed_ns) // SLEW_SHARE
         self._followed_ns, self._slewing = now_ns, slewing
         if not self.good:
@@ -90,10 +90,11 @@ class ClockSync:
             self._step()
 
     def due(self, now_ns: int, enough_ns: int, moving: bool) -> bool:
-        """Tell whether to ask for the time now, which then counts as done.
+        """Return whether to ask for the time now; if so, the question counts as asked.
 
-        Often at first, less and less often as long as no answer makes the error `enough_ns` or less
-        (a crowd of robots must not keep the coordinator from answering), rarely on the move.
+        The robot asks often at first, and less and less often as long as the error stays above
+        `enough_ns`, because a crowd of robots must not overload the coordinator.  It asks rarely
+        while it moves.
         """
         sure = self.error_ns(now_ns) <= enough_ns
         rarely = sure and (moving or self.good >= CLOCK_SAMPLES)
@@ -105,7 +106,7 @@ class ClockSync:
         return True
 
     def error_ns(self, now_ns: int) -> int:
-        """Return the bound on the offset's error now; enormous while the offset is not known."""
+        """Return the bound [ns] on the offset's error; enormous while the offset is not known."""
         if not self.good:
             return _UNKNOWN
         low, high = self._widened(now_ns)
@@ -128,5 +129,5 @@ class ClockSync:
 
 
 def _drift(passed_ns: int) -> int:
-    """Return how much two clocks may have drifted apart; their readings are rounded."""
+    """Return how far [ns] two clocks may have drifted apart; 1 ns allows for rounded readings."""
     return 1 + passed_ns * DRIFT_PPM // 1_000_000

@@ -3,10 +3,11 @@
 Decides: which Command counts, and when the coordinator is silent.  Must not know: what a Command
 makes the robot do.  Firmware: imports nothing but the shared numbers.
 
-A Command older than the last one heard changes nothing.  Another coordinator (boot) is believed
-when its epoch is higher; before motion also when its boot id is, at the same epoch (of two
-coordinators the lower one gives way), or when nothing is heard of the robot's own any more.  So
-what a former coordinator said, put on the wire once more, is not believed while there is another.
+A Command older than the last one heard changes nothing.  A robot obeys another coordinator (one
+with another boot id) when its epoch is higher.  Before motion the robot also does so when the epoch
+is the same and the boot id is higher (of two coordinators the one with the lower id gives way), or
+when its own coordinator is silent.  So a former coordinator's messages, if somebody replays them,
+are ignored while there is another coordinator.
 """
 
 from protocol.phases import HOLD
@@ -16,9 +17,10 @@ _NEVER = -(1 << 62)
 
 
 class Leader:
-    """boot: -1 as long as none was heard; epoch, phase, sequence: of its newest Command.
+    """The coordinator that the robot obeys.
 
-    `has_other_clock`: it is not the one that the robot's time comes from.
+    boot: its boot id, -1 as long as no coordinator was heard; epoch, phase, sequence: those of its
+    newest Command.  `has_other_clock`: the robot's time comes from another coordinator's clock.
     """
 
     def __init__(self) -> None:
@@ -31,7 +33,10 @@ class Leader:
     def counts(
         self, boot: int, sequence: int, epoch: int, before_motion: bool, now_ns: int
     ) -> bool:
-        """Tell whether a Command counts; one that moves the robot keeps its coordinator."""
+        """Return whether a Command is to be obeyed.
+
+        Once in motion a robot changes its coordinator only for a higher epoch.
+        """
         if boot == self.boot:
             return sequence > self.sequence
         if epoch > self.epoch:
@@ -42,9 +47,9 @@ class Leader:
     def hear(
         self, boot: int, sequence: int, epoch: int, phase: int, now_ns: int, said_ns: int
     ) -> bool:
-        """Take a Command that counts; tell whether another coordinator leads from now on.
+        """Store a Command that is to be obeyed; return whether it changes the coordinator.
 
-        `said_ns`: when it was said, on the robot's clock; it may have been long on its way.
+        `said_ns`: when it was sent, on the robot's clock; it may have been under way for long.
         """
         one_clock = boot == self.boot and not self.has_other_clock
         self._heard_ns = min(now_ns, said_ns) if one_clock else now_ns
@@ -55,5 +60,5 @@ class Leader:
         return another
 
     def is_silent(self, lease_ns: int, now_ns: int) -> bool:
-        """Tell whether what was heard last was said longer than a lease ago."""
+        """Return whether the newest Command was sent longer than a lease ago."""
         return now_ns - self._heard_ns > lease_ns

@@ -1,16 +1,16 @@
-"""Where a robot has come to rest, and when it is to say so.
+"""Where a robot has come to rest, and when it is to report that.
 
-Decides: what is kept of a place, and that a place is said once, then only when it is asked for.
+Decides: what is stored of a place, and that it is reported once and then only on request.
 Must not know: why the robot rests, clocks.  Firmware: imports nothing.
 """
 
 
 class RestingPlace:
-    """The last place of rest; epoch 0: none, the robot may have moved since.
+    """The last place of rest; epoch 0 means that there is none: the robot may have moved since.
 
-    s [m], off [mm] to the left, turn [mrad] and beyond [mm] are those of Ride; `stood_us` is the
-    plan time [us] that has the robot there, which a robot may say while others move: it is not a
-    place.
+    s [m] is the arc length; off [mm] to the left, turn [mrad] and beyond [mm] are the offset of
+    PathFollower.  `stood_us` is the plan time [us] that has the robot there.  A robot may report
+    this time while others move, because it is not a position.
     """
 
     def __init__(self) -> None:
@@ -21,7 +21,10 @@ class RestingPlace:
     def keep(
         self, epoch: int, s: float, offset: tuple[int, int, int], stood: float, tell: bool
     ) -> None:
-        """Keep a place on the path of an epoch; `stood` [s] is the plan time that has it there."""
+        """Store a place on an epoch's path; `stood` [s] is the plan time of that place.
+
+        `tell`: whether the place is to be reported without a request.
+        """
         self.epoch, self.s, self._tell = epoch, s, tell
         self.off, self.turn, self.beyond = offset
         self.stood_us = round(1e6 * stood)
@@ -32,15 +35,15 @@ class RestingPlace:
         self._tell = False
 
     def ask(self) -> None:
-        """Have the place said once more, if there is one."""
+        """Request that the place be reported once more, if there is one."""
         self._tell = self._tell or self.epoch > 0
 
     def hush(self) -> None:
-        """Say nothing until asked."""
+        """Cancel the report of the place until it is requested again."""
         self._tell = False
 
     def is_due(self) -> bool:
-        """Tell whether to say the place now, which then counts as done."""
+        """Return whether to report the place now; if so, it counts as reported."""
         due = self._tell and self.epoch > 0
         self._tell = False
         return due

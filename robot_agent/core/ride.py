@@ -1,7 +1,8 @@
-"""A plan being driven: where on it the robot is, whether it keeps up, how fast to go on.
+"""A plan being driven: where on it the robot is, whether it is on time, how fast to drive.
 
-Decides: speed and reach of every order to the driver, lateness, arrival, rest.  Must not know:
-phases, messages, clocks: `time` is plan time in seconds.  Firmware: `math` and the shared numbers.
+Decides: speed and distance of every command to the driver, and whether the robot is late, has
+arrived, or rests.  Must not know: phases, messages, clocks; `time` is plan time in seconds.
+Firmware: it imports only `math`, other firmware and the shared numbers.
 """
 
 from math import inf, sqrt
@@ -13,45 +14,49 @@ from protocol.timing import SECOND
 from robot_agent.core.steering import PathFollower
 
 ARRIVAL_SLACK = 1e-3
-"""How near [m] to its goal a robot has arrived."""
+"""A robot has arrived when it is within this distance [m] of its goal."""
 
 LATE_SHARE = 0.2
-"""Share of the track tolerance that a robot may seem behind and be in time: measures have noise."""
+"""A robot is on time while it seems behind by no more than this share of the track tolerance:
+measured positions are noisy."""
 
 ARRIVAL_SHARE = 0.8
-"""When its time is over, a robot has arrived within this share of the track tolerance: the rest is
-left for noise, which must not make it seem pushed off."""
+"""When its plan is over, a robot within this share of the track tolerance of its goal has arrived.
+The rest of the tolerance is for noise, which must not make the robot seem pushed off its goal."""
 
 TURN_SHARE = 0.9
 """A robot that would start farther off its path than this share of its tolerance turns first."""
 
 LATE_TIME = 0.05
 LATE_TIME_SHARE = 0.2
-"""A robot is late that has seemed so for this long [s], or this share of how late it may be: of
-hundreds of noisy measures at a stop one lies far off.  That is part of how late it may be."""
+"""A robot is late once it has seemed late for LATE_TIME [s], or for LATE_TIME_SHARE of its share of
+lateness if that is less: of hundreds of noisy measurements at a stop, one lies far off.  This
+delay counts towards the share of lateness."""
 
 HOLD_OUT = 0.05
-"""For how long [s] an order to the driver lasts should the next tick not come."""
+"""How long [s] a command to the driver suffices if the next tick does not come."""
 
 REST_TIME = 0.1
 REST_SLACK = 3e-3
-"""A robot ordered to stand that has not moved by REST_SLACK [m] for REST_TIME [s] rests."""
+"""A robot commanded to stand is at rest when it has moved no more than REST_SLACK [m] in REST_TIME
+[s]."""
 
 PACE_TIME = 0.1
-"""How fast a robot truly goes is measured over so long [s] or longer."""
+"""The robot's true speed is measured over at least this time [s]."""
 
 CATCH_UP_RATE = 10.0
-"""Of what a robot lags behind, so much is made up per second: a body that is slow to change its
-speed, and a place with noise, must not make it swing about its plan."""
+"""Gain [1/s] from the distance that a robot lags behind to the speed that it adds to catch up.  It
+is low enough that a slow base or a noisy position does not make the robot oscillate."""
 
 QUICK_CATCH_UP_RATE = 25.0
 QUICK_CATCH_UP_SHARE = 0.5
-"""The same of a robot that starts and stops at once, and at most this share of it in one period:
-its plan comes to a stop at full speed, where it must not creep up on its place for long."""
+"""The gain [1/s] of a robot that starts and stops at once, and the largest share of the lag that it
+makes up in one period.  Its plan arrives at a stop with full speed, and the robot must not take
+long to creep up to that stop."""
 
 CATCH_UP_BRAKE = 0.15
-"""A robot that catches up relies on braking this share harder than its plan does.  So it comes to
-be on time without getting ahead, even where the plan brakes."""
+"""A robot that catches up relies on braking this share harder than its plan does.  So it becomes
+punctual without getting ahead of the plan, even where the plan brakes."""
 
 _SPARE_SPEED = 1.05
 
@@ -59,13 +64,13 @@ _SPARE_SPEED = 1.05
 class Ride:
     """One plan and the robot on it.
 
-    The track tolerance holds for all that the robot is off its plan: beside the path or past its
-    ends, and ahead of the plan or farther behind than its share of tau allows, added up.
+    The track tolerance bounds a sum: how far the robot is beside the path or past its ends, plus
+    how far it is ahead of the plan or farther behind than its share of tau allows.
 
     `rules`: late [ns], lease [ns], track [mm], brake [mm/s^2, 0 stops at once], clock error [ns].
     `path`: the arguments of Curve.  `motion`: the arguments of Timeline.  Raises ValueError when
-    these make no plan.  The order to the driver is left in speed [m/s], curvature [rad/m] and
-    distance [m].
+    these make no plan.  The command to the driver is left in the attributes speed [m/s], curvature
+    [rad/m] and distance [m].
     """
 
     def __init__(
@@ -113,9 +118,9 @@ class Ride:
         motion: tuple[list[float], list[float], list[float], list[float]],
         time: float,
     ) -> bool:
-        """Take other times for the same path; False, and no change, if they do not fit.
+        """Replace the times on the same path; return False, without a change, if they do not fit.
 
-        They must not have the robot behind where it is.
+        They do not fit if they end elsewhere, or if they would have the robot ahead of its plan.
         """
         try:
             timeline = Timeline(*motion)
@@ -129,19 +134,22 @@ class Ride:
         return True
 
     def planned_at(self, s: float) -> float:
-        """Return the plan time [s] that has the robot at arc length s [m]."""
+        """Return the plan time [s] at which the plan has the robot at arc length s [m]."""
         return self._timeline.time_at(s)
 
     def missed(self, time: float) -> bool:
-        """Tell whether the plan is farther ahead than its share of tau allows."""
+        """Return whether the robot is farther behind the plan than its share of tau allows."""
         return not self.follower.s >= self._timeline.s_at(time - self.late) - self._bearable()
 
     def seems_late(self) -> bool:
-        """Tell whether the robot was behind at the last tick, be it for good or for once."""
+        """Return whether the robot seemed late at the last tick, confirmed or not."""
         return self._behind_from < inf
 
     def stands_at_start(self, x: float, y: float, heading: float) -> tuple[bool, int, float]:
-        """Tell whether the robot may start from a pose; else its fault, or what to turn [rad]."""
+        """Return whether the robot may start from a pose, else its fault, else its turn [rad].
+
+        A turn that is not 0 is what the robot has to turn on the spot before it may start.
+        """
         if self.follower.misplacement(x, y, heading) <= TURN_SHARE * self.track:
             return True, NO_FAULT, 0.0
         off, turn = self.follower.turn_at_start(x, y, heading)
@@ -150,7 +158,7 @@ class Ride:
         return False, OFF_PATH, 0.0
 
     def is_off(self) -> bool:
-        """Tell whether the robot is off its path, beside it or beyond its ends."""
+        """Return whether the robot is off its path, beside it or beyond its ends."""
         return not self.follower.off <= self.track
 
     def trouble(self, time: float) -> int:
@@ -161,10 +169,11 @@ class Ride:
         return LATE if self._is_late(time) else NO_FAULT
 
     def arrived(self, time: float) -> bool:
-        """Tell whether the plan is over and the robot at its goal.
+        """Return whether the plan is over and the robot at its goal.
 
-        Within ARRIVAL_SHARE is near enough once it has had its share of tau to come closer, but
-        for the time that being late takes: one that slips as it arrives is not there yet.
+        At first the robot has to be within ARRIVAL_SLACK, because one whose wheels slip may still
+        come closer.  Shortly before it would count as late, ARRIVAL_SHARE of the track tolerance
+        is enough.
         """
         left, over = self._timeline.length - self.follower.s, time - self._timeline.finish
         if over >= self.late - self._late_time:
@@ -172,14 +181,14 @@ class Ride:
         return over >= 0.0 and left <= ARRIVAL_SLACK and self.follower.off <= self._slack
 
     def at_goal(self) -> bool:
-        """Tell whether the robot is where the plan ends."""
+        """Return whether the robot is where the plan ends."""
         left = self._timeline.length - self.follower.s
         return left <= ARRIVAL_SLACK and not self.is_off()
 
     def has_left(self, goal: bool) -> bool:
-        """Tell whether a robot was pushed off its goal, or off the place where it has stood.
+        """Return whether a robot was pushed off its goal, or off the place where it stood.
 
-        One that still brakes has left its path at most.
+        For a robot that still brakes, only its distance from the path counts.
         """
         rest, moved = self._timeline.length if goal else self._stood_s, 0.0
         if rest < inf:
@@ -187,9 +196,10 @@ class Ride:
         return not self.follower.off + moved <= self.track
 
     def keep_to_plan(self, time: float) -> None:
-        """Order the plan's speed until the next tick, and a part of what the robot lags behind.
+        """Command the plan's mean speed until the next tick, plus a share of the lag to catch up.
 
-        The distance ends where the plan will be after HOLD_OUT: a late tick overshoots no stop.
+        The commanded distance ends where the plan will be after HOLD_OUT, so that the robot does
+        not overshoot a stop when the next tick is late.
         """
         timeline, s = self._timeline, self.follower.s
         planned = timeline.s_at(time)
@@ -208,10 +218,10 @@ class Ride:
         self._reach(timeline.s_at(time + HOLD_OUT) - s)
 
     def begin_to_brake(self, time: float) -> None:
-        """Brake from the last order's speed on, or from how fast the robot truly goes.
+        """Start to brake, from the commanded speed or the measured one, whichever is less.
 
-        One that has not moved is ordered to stand.  The speed that was seen is old by as much as it
-        took to see it: meanwhile the robot may have sped up.
+        A robot that has not moved is commanded to stand.  The measured speed is older than now by
+        the time that measuring took; what the robot may have gained since is added to it.
         """
         stuck = time - self._stuck_from >= REST_TIME
         seen = max(self._pace, 0.0) + 2.0 * PACE_TIME * self._brake
@@ -220,31 +230,31 @@ class Ride:
         self._rest_from = self._stood_s = inf
 
     def keep_braking(self, time: float) -> None:
-        """Order less speed, evenly; a braking robot stands wherever the plan does."""
+        """Command a speed that falls evenly; a braking robot does not pass a stop of the plan."""
         passed = max(time - self._brake_from, 1e-9)
         self.speed = max(self._brake_speed - self._brake * passed, 0.0)
         room = self._timeline.s_at(time + HOLD_OUT) - self.follower.s
         self._reach(min(room, self.speed * HOLD_OUT))
 
     def rests(self, time: float, x: float, y: float) -> bool:
-        """Tell whether the robot has come to rest; to be asked every tick while it brakes."""
+        """Return whether the robot is at rest; to be called every tick while it brakes."""
         moved = not abs(x - self._rest_x) + abs(y - self._rest_y) <= REST_SLACK
         if self.speed > 0.0 or moved or self._rest_from == inf:
             self._rest_from, self._rest_x, self._rest_y = time, x, y
         return time - self._rest_from >= REST_TIME
 
     def stand(self) -> None:
-        """Order to hold, and find where on the path that is."""
+        """Command the robot to stand, and find where on the path it is."""
         self.follower.find()
         self._stood_s = self.follower.s
         self.hold()
 
     def hold(self) -> None:
-        """Order to stand until the next tick."""
+        """Command the robot to stand until the next tick."""
         self.speed = self.curvature = self.distance = 0.0
 
     def _is_late(self, time: float) -> bool:
-        """Tell whether the plan is ahead for good; to be asked every tick while the robot moves."""
+        """Return whether lateness is confirmed; to be called every tick while the robot moves."""
         if not self.missed(time + self._late_time):
             self._behind_from = inf
             return False
@@ -252,7 +262,7 @@ class Ride:
         return time - self._behind_from >= self._late_time
 
     def _bearable(self) -> float:
-        """Return by how much [m] the robot may seem behind: no more than its path leaves."""
+        """Return how far [m] the robot may seem behind: what its distance off the path leaves."""
         return min(self._slack, self.track - self.follower.off)
 
     def _reach(self, distance: float) -> None:

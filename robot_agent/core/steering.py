@@ -1,7 +1,7 @@
-"""Finding oneself on a path, and steering along it.
+"""Where on its path a robot is, and how it steers along the path.
 
-Decides: the robot's own arc length and the curvature to drive.  Must not know: time, speed plans,
-phases.  Firmware: only `math`, nothing is allocated after construction.
+Decides: the robot's arc length and the curvature to drive.  Must not know: time, speed plans,
+phases.  Firmware: it imports only `math` and the curve, and allocates nothing after construction.
 
 The curvature is the path's own just ahead plus the linear law of Samson (1992) for a unicycle,
 -(lambda^2 e + 2 lambda theta): lateral error e and heading error theta die out, critically damped,
@@ -13,7 +13,7 @@ from math import atan2, cos, inf, sin, sqrt
 from protocol.curve import Curve
 
 SETTLING_LENGTH = 0.1
-"""1 / lambda [m]; grows with the distance travelled per tick, which the law must not outrun."""
+"""1 / lambda [m]; it grows with the distance travelled per tick, so that the law stays stable."""
 
 _TICKS_TO_SETTLE = 5.0
 _LOOK_AHEAD_TICKS = 1.5
@@ -22,7 +22,7 @@ _SHARPEST = 50.0
 _LONGEST_STEP = 0.05
 _CLOSE_ENOUGH = 2e-4
 _BESIDE = 2e-3
-"""A robot no farther [m] than this before or behind the place found is where it seems to be."""
+"""The place found is right if the robot is no farther [m] than this before or behind it."""
 
 _SEARCH_WAY = 0.3
 _SEARCH_STEP = 0.02
@@ -30,12 +30,12 @@ _SEARCH_END = 1e-5
 
 
 class PathFollower:
-    """A robot on a curve: after `locate`, `s` [m] along it, `lateral` [m] left of it.
+    """A robot on a curve: after `locate`, it is `s` [m] along the curve and `lateral` [m] left.
 
     `beyond` [m] is how far past the curve's end it is, or (negative) before its beginning; `off`
-    [m] how far from the curve's place at s, whichever way.  `heading_error` [rad] is the robot's
-    heading less the path's.  A pose that is no number leaves s as it was and makes `lateral` and
-    `off` infinite.
+    [m] is its distance from the curve's point at s, in any direction.  `heading_error` [rad] is the
+    robot's heading minus the path's.  A pose that is not finite leaves s as it was and makes
+    `lateral` and `off` infinite.
     """
 
     def __init__(self, curve: Curve) -> None:
@@ -55,20 +55,20 @@ class PathFollower:
     def misplacement(self, x: float, y: float, heading: float) -> float:
         """Return how far [m] off the path a start from this pose would lead.
 
-        The distance to the curve's beginning, and what a heading error adds to it before the law
-        has mended it: theta / (e lambda).
+        This is the distance to the curve's beginning, plus what a heading error theta adds to it
+        before the steering law has corrected it: theta / (e lambda).
         """
         off, turn = self.turn_at_start(x, y, heading)
         return off + abs(turn) * SETTLING_LENGTH * 0.37
 
     def turn_at_start(self, x: float, y: float, heading: float) -> tuple[float, float]:
-        """Return how far [m] a pose is from the curve's beginning, and what to turn there [rad]."""
+        """Return a pose's distance [m] from the curve's beginning and the turn needed [rad]."""
         self._tangent_at(0.0)
         dx, dy = x - self._curve.x, y - self._curve.y
         return sqrt(dx * dx + dy * dy), -self._turned_from_tangent(heading)
 
     def locate(self, x: float, y: float, heading: float) -> None:
-        """Project a pose on the path near the last place: Newton steps of one evaluation each."""
+        """Project a pose on the path near the last s, by Newton steps of one evaluation each."""
         if not abs(x) + abs(y) + abs(heading) < 1e9:
             self.lateral = self.off = inf
             return
@@ -84,9 +84,9 @@ class PathFollower:
         self._take(s)
 
     def find(self) -> None:
-        """Search for the pose that was located last, on the path around the last place.
+        """Search the path around s for the point nearest to the pose of the last `locate`.
 
-        Newton's steps stay behind where a robot has left a turn that was too sharp for it.
+        After a robot has left a turn that was too sharp for it, Newton's steps do not get there.
         """
         if not self.lateral < inf or not self._x < inf:
             return
@@ -112,16 +112,17 @@ class PathFollower:
         self._take(s)
 
     def offset(self) -> tuple[int, int, int]:
-        """Return how far left of the path [mm], turned from it [mrad] and beyond it [mm] it is."""
+        """Return the robot's offset: left of the path [mm], turned [mrad] and beyond it [mm]."""
         if not abs(self.lateral) + abs(self.beyond) < 32.0:
             return 0, 0, 0
         turn = round(1000.0 * self.heading_error)
         return round(1000.0 * self.lateral), turn, round(1000.0 * self.beyond)
 
     def curvature(self, travel: float) -> float:
-        """Return the curvature [rad/m] to drive, `travel` [m] being the way until the next tick.
+        """Return the curvature [rad/m] to drive.
 
-        To be called after `locate`: the tangent found there is where the look-ahead begins.
+        `travel` [m] is the distance until the next tick.  To be called after `locate`: the
+        look-ahead begins at the tangent found there.
         """
         ahead = max(_LOOK_AHEAD_TICKS * travel, _LEAST_LOOK_AHEAD)
         ahead = min(ahead, self._curve.length - self.s)
@@ -136,7 +137,7 @@ class PathFollower:
         return min(max(bend, -_SHARPEST), _SHARPEST)
 
     def _take(self, s: float) -> None:
-        """Take the place at s, where the tangent was found last, for the robot's."""
+        """Set the robot's place to s, which must be where the tangent was last evaluated."""
         curve, self.s = self._curve, s
         dx, dy = self._x - curve.x, self._y - curve.y
         self.lateral = dy * self._tx - dx * self._ty
@@ -145,7 +146,7 @@ class PathFollower:
         self.heading_error = self._turned_from_tangent(self._heading)
 
     def _apart(self, s: float) -> float:
-        """Return how far [m] the robot is from the path's place at s."""
+        """Return the distance [m] of the robot from the path's point at s."""
         self._tangent_at(s)
         dx, dy = self._x - self._curve.x, self._y - self._curve.y
         return sqrt(dx * dx + dy * dy)
@@ -155,7 +156,7 @@ class PathFollower:
         return atan2(y * self._tx - x * self._ty, x * self._tx + y * self._ty)
 
     def _tangent_at(self, s: float) -> None:
-        """Place the curve at s and keep its direction; the last one where it has none."""
+        """Evaluate the curve at s and store its direction, unless it has none there."""
         curve = self._curve
         curve.place(s)
         size = sqrt(curve.dx * curve.dx + curve.dy * curve.dy)

@@ -40,4 +40,4 @@ TRANSITIONS = {
     (DONE, NEW_EPOCH): IDLE,
     (DONE, LEFT_PATH): FROZEN,
 }
-"""(phase, event) -> phase; whatever does not stand here changes nothing."""
+"""(phase, event) -> phase; an event that is not listed for a phase leaves it unchanged."""

@@ -1,1 +1,1 @@
-"""Many seeded runs in virtual time: drawn, judged, shrunk when they fail, told."""
+"""Many seeded runs in virtual time: drawn, judged, shrunk when they fail, and reported."""

@@ -1,4 +1,4 @@
-"""What a campaign found, in the contract's form and as a table for people.
+"""The result of a campaign, as the object printed with --json and as a table for people.
 
 Decides: how outcomes add up.  Must not know: how runs are made.
 """
@@ -29,11 +29,11 @@ _REASONS: Final = {
     "clock-pause": "computer stopped to the end",
     "unfit": "failed too often",
 }
-"""Reasons why a robot is not expected, in words where they are not the reason itself."""
+"""Words for the reasons why a robot is not expected to arrive; other reasons are words already."""
 
 
 class Violation(msgspec.Struct, frozen=True):
-    """A run that went wrong: what, and the command that shows it again."""
+    """A run that went wrong: why, and the command that reproduces it."""
 
     seed: int
     command: str
@@ -41,7 +41,7 @@ class Violation(msgspec.Struct, frozen=True):
 
 
 class Spread(msgspec.Struct, frozen=True):
-    """How many times were measured, and how they spread."""
+    """How many latencies were measured, and their distribution [s or a share of tau]."""
 
     count: int
     median: float
@@ -50,10 +50,10 @@ class Spread(msgspec.Struct, frozen=True):
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """A campaign; `robots` are those of all runs together.
+    """The result of a campaign; `robots` counts the robots of all runs together.
 
-    `excused` counts those that could not be expected to arrive, by reason; `anyway`: how many of
-    them arrived all the same, mostly before it struck them.
+    `excused` counts, by reason, the robots that could not be expected to arrive; `anyway`: how many
+    of them arrived all the same, mostly before their fault began.
     """
 
     runs: int
@@ -105,7 +105,7 @@ def render(answer: Answer) -> Table:
 
 
 def _excused(answer: Answer) -> str:
-    """Say how many robots nobody could expect, why, and what became of them."""
+    """Return how many robots were not expected to arrive, why, and how many arrived anyway."""
     if not answer.excused:
         return "none"
     reasons = [f"{count} {_REASONS.get(why, why)}" for why, count in answer.excused.items()]

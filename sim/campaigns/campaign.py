@@ -1,6 +1,6 @@
-"""One run of a campaign in virtual time: what is drawn from its seed, and what came of it.
+"""One run of a campaign in virtual time: what is drawn from its seed, and its outcome.
 
-Decides: what a run is made of, and when it counts as a violation.  Must not know: options,
+Decides: what a run consists of, and when it counts as a violation.  Must not know: options,
 processes, files.  The same arguments give the same outcome.
 """
 
@@ -32,10 +32,11 @@ from sim.world.run_logs import RunLogs
 from sim.world.virtual_fleet import USUAL_FLAWS, World
 
 LINKS: Final = (Link(delay=0.005), Link(delay=0.1, loss=0.1), Link(delay=0.3, loss=0.3))
-"""Every seed gets one of these: a plan is made for each, not for each seed."""
+"""Every seed gets one of these links, so that one plan per link suffices for all seeds."""
 
 _OVERTAKING: Final = 0.1
-"""Shares of messages that are doubled and that are held back; half as often on the best link."""
+"""Share of messages that are duplicated, and share that are delayed so that later ones overtake
+them; on a link without loss each is half of it."""
 
 _PATIENCE: Final = 300.0
 _AFTERMATH: Final = 1.0
@@ -44,19 +45,19 @@ _SLOW_NOTICE: Final = 10 * SECOND
 
 _PLANNING: Final = (50 * MILLISECOND, 3 * SECOND)
 _PERIODS: Final = (10 * MILLISECOND, *3 * (20 * MILLISECOND,))
-"""Between two ticks of a robot: mostly 50 Hz, as slow as a control loop should be."""
+"""Periods of a robot's ticks to draw from: mostly 50 Hz, the slowest sensible control rate."""
 
 _NEEDS: Final = {
     "corrupt": (),
     "coordinator-hang": ("coordinator",),
     "coordinator-restart": ("coordinator",),
 }
-"""Which entries of proof.survives promise that nobody touches under a fault; others: stop."""
+"""The entries of proof.survives that promise no collision under a fault; for other faults: stop."""
 
 
 @dataclass(frozen=True)
 class Wish:
-    """What a campaign is to be like: kinds of faults, links at most so bad, tau (None: auto).
+    """What a campaign draws from: kinds of faults, the worst loss and delay, tau (None: auto).
 
     `freezes` is for tests alone, see World.
     """
@@ -69,10 +70,10 @@ class Wish:
 
 
 class Outcome(msgspec.Struct, frozen=True):
-    """What came of one run; `violations` in words, none when all is well.
+    """The outcome of one run; `violations` are in words, none when all is well.
 
-    `excused`: who was not expected to arrive, and why; `said`: what the fleet told of these;
-    `anyway`: how many of them arrived all the same.
+    `excused`: the robots that were not expected to arrive, and why; `said`: the incidents of faults
+    and of robots that stay; `anyway`: how many excused robots arrived all the same.
     """
 
     seed: int
@@ -99,7 +100,9 @@ def run_seed(
     faults: Sequence[Fault] | None = None,
     folder: Path | None = None,
 ) -> Outcome:
-    """Draw what the seed says, faults too unless they are given, and run it; logs into `folder`.
+    """Draw a run from its seed, with the faults unless they are given, and run it.
+
+    The logs go into `folder`, if there is one.
 
     Raises PlanError when the scenario has no plan.
     """
@@ -115,7 +118,7 @@ def run_seed(
 
 @functools.lru_cache(maxsize=16)
 def plan_for(scenario: Scenario, link: Link, tau: float | None) -> tuple[Scenario, PlanDocument]:
-    """Return the scenario on this link with its plan; tau None is the whole fault budget."""
+    """Return the scenario on this link and its plan; tau None stands for the whole fault budget."""
     asked = replace(scenario, link=link, tau="auto" if tau is None else tau)
     return asked, plan_scenario(asked)
 
@@ -131,7 +134,8 @@ def run_one(
 ) -> Outcome:
     """Run a planned fleet with these faults; link, clocks and bodies are drawn from the seed.
 
-    Its logs go into `folder`; a coordinator that is to be restarted needs one to go on from.
+    Its logs go into `folder`.  A coordinator that is to be restarted needs a log to resume from, so
+    a temporary folder is used when none is given.
     """
     with ExitStack() as stack:
         if folder is None and any(fault.kind == "coordinator-restart" for fault in faults):
@@ -171,9 +175,9 @@ def run_one(
 
 
 def run_world(world: World, document: PlanDocument, *, freezes: bool = True) -> tuple[bool, int]:
-    """Let a world run to its end; tells whether the fleet was over, and since when [ns].
+    """Let a world run to its end; return whether the fleet was over, and since when [ns].
 
-    It is over when it says so first: a coordinator that hangs says farewell to the end of it.
+    The time of the last phase change counts, because a coordinator that hangs ends later than that.
     """
     finish = max(robot.finish_time for robot in document.robots)
     longest = _PATIENCE + 3.0 * finish * (1 + len(world.faults)) if freezes else 1.5 * finish
@@ -221,6 +225,6 @@ def make_world(
 
 
 def is_promised(document: PlanDocument, faults: Sequence[Fault]) -> bool:
-    """Tell whether the plan claims that nobody touches under these faults."""
+    """Return whether the plan claims that no robots touch under these faults."""
     needs = {need for fault in faults for need in _NEEDS.get(fault.kind, ("stop",))}
     return document.proof is not None and {"late", *needs} <= set(document.proof.survives)

@@ -1,4 +1,4 @@
-"""How quickly a fleet answered the deaths of its robots.
+"""How quickly a fleet reacted to the deaths of its robots.
 
 Decides: from which moments these times count.  Must not know: how a run was made.
 """
@@ -18,16 +18,16 @@ from sim.world.strikes import Struck
 from sim.world.virtual_fleet import World
 
 _STILL = 1e-6
-"""Less way [m] between two rows is no motion."""
+"""A shorter distance [m] between two rows counts as no motion."""
 
 _DEADLY = ("kill", "hang")
 
 
 class Latencies(msgspec.Struct, frozen=True):
-    """In s, one entry per death under way.
+    """Latencies [s], with one entry for each robot that died while it was under way.
 
     freeze: death to FREEZE; rest: death to the last motion of any robot without a fault of its own;
-    share: `rest` over the plan's tau; resume: FREEZE to the next GO.
+    share: `rest` divided by the plan's tau; resume: FREEZE to the next GO, one entry per FREEZE.
     """
 
     freeze: tuple[float, ...] = ()
@@ -37,7 +37,7 @@ class Latencies(msgspec.Struct, frozen=True):
 
 
 def latencies(world: World, boxes: Mapping[str, BlackBox]) -> Latencies:
-    """Measure every death of a robot that was under way while the fleet went."""
+    """Measure the latencies after every death of a robot under way in phase GO."""
     names = {name: number for number, name in enumerate(COMMAND_NAMES)}
     told = [one for one in world.fleet.incidents if one.kind == "phase"]
     turns = [(one.now_ns, names[one.text.split()[-1]]) for one in told]
@@ -60,7 +60,7 @@ def latencies(world: World, boxes: Mapping[str, BlackBox]) -> Latencies:
 
 
 def _is_death(one: Struck) -> bool:
-    """Tell whether a robot under way fell silent for long."""
+    """Return whether a robot that was under way fell silent for good or for over a minute."""
     silent = one.fault.kind == "kill" or (one.fault.kind == "hang" and one.fault.value > 60.0)
     return silent and one.fleet_phase == GO and one.robot_phase in (MOVING, BRAKING)
 

@@ -1,7 +1,7 @@
 """Many runs of a campaign on several processes.
 
-Decides: who runs which seed, and that a crash of the code under test is an outcome too.  Must not
-know: what a run is made of.
+Decides: which process runs which seed, and that a crash of the code under test is an outcome too.
+Must not know: what a run consists of.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def run_all(
     faults: Sequence[Fault] | None = None,
     jobs: int = 1,
 ) -> Generator[Outcome]:
-    """Yield the outcomes of all seeds in order; who stops listening to them ends the processes."""
+    """Yield the outcomes of all seeds in order; closing the generator ends the processes."""
     with _executor(jobs) as pool:
         with held_back():
             futures = [pool.submit(attempt, scenario, seed, wish, faults) for seed in seeds]
@@ -42,7 +42,7 @@ def run_all(
 def attempt(
     scenario: Scenario, seed: int, wish: Wish, faults: Sequence[Fault] | None = None
 ) -> Outcome:
-    """Run a seed; whatever the code under test raises is a violation."""
+    """Run a seed; an exception of the code under test becomes a violation."""
     with ThreadPoolExecutor(1) as thread:
         future = thread.submit(run_seed, scenario, seed, wish, faults)
         error = future.exception()
@@ -68,11 +68,11 @@ def attempt(
 def _executor(jobs: int) -> Executor:
     if jobs == 1:
         return ThreadPoolExecutor(1)
-    resource_tracker.ensure_running()  # its start would let requests to end in, see held_back
+    resource_tracker.ensure_running()  # its start would unblock signals, see held_back
     return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_obey_the_pool)
 
 
 def _obey_the_pool() -> None:
-    """Leave Ctrl-C to the process that has started this one, and let that one end it."""
+    """Ignore Ctrl-C, which the parent process handles, and let the parent end this process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})

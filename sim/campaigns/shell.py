@@ -1,6 +1,6 @@
-"""A campaign as a person asks for it: progress, shrinking, and commands that show failures again.
+"""A campaign for the command line: progress, shrinking, and commands that reproduce failures.
 
-Decides: what is shrunk and how a run is asked for again.  Must not know: what a run is made of.
+Decides: what is shrunk, and which command repeats a run.  Must not know: what a run consists of.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ NO_FAULT: Final = "none"
 """Stands for an empty list of faults."""
 
 MOST_SHRUNK: Final = 3
-"""So many violations are shrunk; shrinking takes many runs."""
+"""At most this many violations are shrunk, because shrinking takes many runs."""
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """A scenario from a file, what is drawn, and faults that are given instead of drawn ones."""
+    """A scenario and its file, what is drawn, and faults that replace drawn ones if given."""
 
     scenario: Scenario
     file: Path
@@ -74,14 +74,14 @@ class Campaign:
     def asked(
         cls, scenario: Scenario, file: Path, wish: Wish, texts: Sequence[str] | None
     ) -> Campaign:
-        """Return the campaign with the faults of these texts; InputError in a line each."""
+        """Return the campaign with the faults of these texts; InputError with a line each."""
         names = [robot.id for robot in scenario.robots]
         given = [text for text in texts or () if text != NO_FAULT]
         faults = read_faults(given, names)
         return cls(scenario, file, wish, faults if texts else None)
 
     def command(self, seed: int, faults: Sequence[Fault] | None = None) -> str:
-        """Return the command that runs one seed again, with these faults or its own."""
+        """Return the command that runs one seed again, with these faults or the campaign's."""
         words = [
             "splinefleet",
             "campaign",

@@ -13,9 +13,9 @@ from sim.world.fault_text import Fault
 
 
 def shrink(faults: Sequence[Fault], fails: Callable[[list[Fault]], bool]) -> list[Fault]:
-    """Return a part of the faults that still fails, times and values as round as they can be.
+    """Return a sublist of the faults that still fails, with times and values rounded if possible.
 
-    `fails` is asked a few times per fault; the list given is taken to fail.
+    `fails` is called a few times per fault.  The whole list is assumed to fail.
     """
     smallest = _fewest(list(faults), fails)
     for index in range(len(smallest)):
@@ -41,6 +41,6 @@ def _fewest(faults: list[Fault], fails: Callable[[list[Fault]], bool]) -> list[F
 
 
 def _rounded(fault: Fault, digits: int) -> Fault:
-    """Round the time, and a value that rounding does not make nothing of."""
+    """Round the time of a fault, and its value unless that would become 0."""
     value = round(fault.value, digits) if math.isfinite(fault.value) else fault.value
     return replace(fault, time=round(fault.time, digits), value=value or fault.value)

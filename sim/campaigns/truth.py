@@ -1,8 +1,9 @@
-"""What truly happened in a run of many epochs: who touched, who arrived, who could not.
+"""What truly happened in a run of several epochs: who touched what, and who arrived.
 
-Decides: what counts as a touch (true centres nearer than r_i + r_j, a centre nearer than r_i to
-something solid, exact between rows) and whom nobody can expect at the goal.  Must not know: how
-faults are drawn.
+Decides: what counts as a touch, and which robots are excused from arriving.  Two robots touch when
+their true centres are nearer than r_i + r_j; a robot touches something solid when its centre is
+nearer to it than r_i.  Distances are exact for straight motion between two rows of a black box.
+Must not know: how faults are drawn.
 """
 
 from __future__ import annotations
@@ -29,16 +30,16 @@ from sim.world.fault_text import Fault
 from sim.world.virtual_fleet import World
 
 _OWN: Final = ("hang", "slow", "stall", "skid", "driver-error", "clock-pause", "clock-jump")
-"""Faults that a robot may be given up for."""
+"""Faults of a robot's own, after which it may be declared unfit."""
 
 _NOISE: Final = 0.005
-"""What measured places may add [m] to the tolerance at a goal."""
+"""How much [m] noisy positions may add to the tolerance at a goal."""
 
 _SPARE: Final = 0.02
-"""A way that leaves less room [m] than this beyond the need counts as none."""
+"""Room [m] that a way must leave beyond radius and margin; a narrower one does not count."""
 
 SOLID: Final = "something solid"
-"""What a robot touches that is no robot: an obstacle, or the edge of the floor."""
+"""The name of what a robot touches when that is an obstacle or the edge of the floor."""
 
 _RETURN: Final = 5.0
 """A robot whose fault ended less than this [s] before the end had no time to come back."""
@@ -47,7 +48,7 @@ _RETURN: Final = 5.0
 class Touch(msgspec.Struct, frozen=True):
     """Two robots whose centres were nearer [m] than their radii allow, and when [s since GO].
 
-    Or a robot `a` whose centre was nearer to `b`, SOLID, than its radius.
+    If `b` is SOLID: a robot `a` whose centre was nearer to something solid than its radius.
     """
 
     a: str
@@ -57,7 +58,7 @@ class Touch(msgspec.Struct, frozen=True):
     t: float
 
     def text(self) -> str:
-        """Say it in a sentence."""
+        """Return the touch as a sentence."""
         near = f"{self.separation:.4f} m apart, {self.least:.3f} m are needed"
         return f"{self.a} and {self.b} touch at {self.t:.2f} s: {near}"
 
@@ -65,9 +66,9 @@ class Touch(msgspec.Struct, frozen=True):
 def touches(
     document: PlanDocument, boxes: Mapping[str, BlackBox], faults: Sequence[Fault] = ()
 ) -> list[Touch]:
-    """Return the pairs that touched, at their nearest.
+    """Return the pairs that touched, each at its least distance.
 
-    A body that slides may come nearer by what it slides: no plan can prevent that.
+    A body that slides may come nearer by the distance of its slide: no plan can prevent that.
     """
     slides = _slides(faults)
     found = []
@@ -85,7 +86,10 @@ def touches(
 def obstacle_touches(
     document: PlanDocument, boxes: Mapping[str, BlackBox], faults: Sequence[Fault] = ()
 ) -> list[Touch]:
-    """Return the robots that touched something solid, each at its nearest, but for slides."""
+    """Return the robots that touched something solid, each at its least distance.
+
+    As in `touches`, the distance of a slide is allowed for.
+    """
     floor, slides, found = document.workspace, _slides(faults), []
     if floor is None:
         return []
@@ -110,7 +114,7 @@ def _slides(faults: Sequence[Fault]) -> dict[str, float]:
 
 
 def _come_near(a: BlackBox, b: BlackBox, least: float) -> bool:
-    """Tell whether the boxes around two robots' ways come near each other."""
+    """Return whether the bounding boxes of two robots' tracks are nearer than `least` [m]."""
     if not len(a.t) or not len(b.t):
         return False
     low = np.maximum(a.places.min(axis=0), b.places.min(axis=0))
@@ -119,7 +123,7 @@ def _come_near(a: BlackBox, b: BlackBox, least: float) -> bool:
 
 
 def arrived(world: World, document: PlanDocument, boxes: Mapping[str, BlackBox]) -> set[str]:
-    """Return the robots that are held to be at their goals and truly are."""
+    """Return the robots that the fleet or they themselves report at their goals and truly are."""
     held = {one.robot.id for one in world.mission.site.aside if one.why == "arrived"}
     held |= {name for name, member in world.fleet.members.items() if member.finished}
     held |= {name for name, one in world.robots.items() if one.service.agent.phase == DONE}
@@ -133,7 +137,7 @@ def arrived(world: World, document: PlanDocument, boxes: Mapping[str, BlackBox])
 
 
 def excused(world: World, over_ns: int) -> dict[str, str]:
-    """Return the robots that nobody can expect at their goals, and why."""
+    """Return the robots that cannot be expected to reach their goals, and why."""
     closed = _closed_in(world.mission.site)
     failed = {one.fault.robot for one in world.struck if one.fault.kind in _OWN}
     why = dict.fromkeys(closed, "closed in")
@@ -152,9 +156,9 @@ def excused(world: World, over_ns: int) -> dict[str, str]:
 
 
 def _closed_in(site: Site) -> list[str]:
-    """Return the robots that the fleet left where they stood and that truly have no way.
+    """Return the robots that the fleet left standing as closed in and that truly have no way out.
 
-    Others aside are solid wherever they may stand; via points are not asked for.
+    Other robots aside count as solid wherever they may stand; via points are disregarded.
     """
     closed = []
     for one in site.aside:

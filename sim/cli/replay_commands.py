@@ -1,6 +1,6 @@
-"""The command that lets a log happen again: in time, in the core, or from a moment on otherwise.
+"""The command that replays a log: publishes it again, checks it, or continues from a moment.
 
-Decides: options and exit codes.  It stands in sim/ because a log that goes on needs a world.
+Decides: options and exit codes.  It is in sim/ because continuing a log needs a simulated world.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from sim.world.fault_script import fault_help
 commands = typer.Typer()
 
 _LINGER_S: Final = 0.2
-"""What was put last is still on its way; a session that closes may take it along."""
+"""How long the session stays open after the last message, which closing it might lose."""
 
 
 def key_pattern(pattern: str) -> str:
@@ -37,7 +37,7 @@ def key_pattern(pattern: str) -> str:
 
 
 def key_prefix(prefix: str) -> str:
-    """Check what is to be put before keys."""
+    """Check the prefix of keys before any work."""
     if prefix and not all(NAME.fullmatch(part) for part in prefix.split("/")):
         raise typer.BadParameter(f"{prefix!r} is no prefix of keys; one looks like replay/one")
     return prefix
@@ -81,7 +81,7 @@ def replay(
     insecure: Insecure = False,
     as_json: Json = False,
 ) -> None:
-    """Publish a log's traffic again, check that it comes out the same, or go on from a moment.
+    """Publish a log's traffic again, check that a rerun gives the same, or continue from a moment.
 
     Without a listener after --wait-listener seconds nothing is played, exit code 1.
 
@@ -104,7 +104,7 @@ def replay(
 
 
 class Playing(NamedTuple):
-    """What is played of a log, and to whom: the options of `replay`."""
+    """What part of a log is played, how fast, and to whom: the options of `replay`."""
 
     listen: str
     speed: float
@@ -127,7 +127,7 @@ def _play(log: Path, asked: Playing, as_json: bool) -> None:
         raise typer.BadParameter(f"{to:g} s is before --from {since:g}", param_hint="--to")
     recorded = read_log(log)
     if recorded.damage:
-        tell(f"{log}: {recorded.damage}; what is whole is played")
+        tell(f"{log}: {recorded.damage}; playing only the intact records")
     found = cues(recorded, Wish(since, math.inf if to is None else to, asked.keys, prefix))
     own = given_keys(asked.key_folder, "coordinator")
     access = None if asked.key_folder is None else player_access(asked.key_folder)
@@ -167,7 +167,7 @@ def _check(log: Path, as_json: bool) -> None:
 
     damage, recorded = check_bytes(log), read_log(log)
     if recorded.metadata.get("passive") == "yes":
-        damage = damage or "was recorded from beside; only the coordinator's own log can be checked"
+        damage = damage or "a listener's recording; only a coordinator's own log can be checked"
     result = Check(0, 0, damage) if damage else check_log(recorded)
     if as_json:
         answer_json(result._asdict())

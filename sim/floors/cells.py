@@ -1,6 +1,7 @@
 """Floors made of cells: mazes, rooms with doors, grids with blocked cells.
 
-Decides: which cells are joined and the walls that follow.  Must not know: who lives in a cell.
+Decides: which neighbouring cells are connected, and the walls between the others.  Must not know:
+which robots start or end in a cell.
 """
 
 from __future__ import annotations
@@ -26,13 +27,13 @@ from sim.floors.layout import (
 THICK: Final = 0.2
 """Thickness [m] of a wall."""
 LOOPS: Final = 0.12
-"""Share of a maze's walls that are opened besides the perfect maze."""
+"""Share of a perfect maze's walls that are opened, which makes loops."""
 SECOND_DOORS: Final = 0.5
-"""Share of the doors that are there though every room can be reached without them."""
+"""Share of the walls between rooms that get a door although all rooms are connected already."""
 ROOM: Final = 3.6
 """Usual side [m] of a room."""
 FEW_ROOMS: Final = 12
-"""A trip leads from one of so many rooms to one of so many others."""
+"""A trip leads from one of at most this many rooms to one of as many others."""
 BLOCKED: Final = 0.22
 """Share of a grid's cells that are blocked."""
 
@@ -42,7 +43,7 @@ Side = tuple[Cell, Cell]
 
 
 def maze(wish: Wish, dice: Random) -> Layout:
-    """Return a perfect maze, save for some walls that are opened: there are ways around."""
+    """Return a maze: a perfect one with some more walls opened, so that it has loops."""
     width, height = size = wish.size_of(free=0.88)
     columns, rows = _counts(size, 1.1 * wish.lane + THICK)
     joined = _joined(columns, rows, LOOPS, dice)
@@ -64,7 +65,7 @@ def maze(wish: Wish, dice: Random) -> Layout:
 
 
 def rooms(wish: Wish, dice: Random) -> Layout:
-    """Return rooms in rows, with doors between neighbours; some walls have none."""
+    """Return rooms in rows, with doors between neighbours; some walls have no door."""
     width, height = size = wish.size_of(free=0.88)
     columns, rows = _counts(size, max(ROOM, 2.0 * wish.lane))
     joined = _joined(columns, rows, SECOND_DOORS, dice)
@@ -97,7 +98,10 @@ def rooms(wish: Wish, dice: Random) -> Layout:
 
 
 def grid(wish: Wish, dice: Random) -> Layout:
-    """Return a grid map: blocked cells are squares that share edges or touch at corners."""
+    """Return a grid of cells of which some are blocked.
+
+    Blocked cells are rectangular obstacles; neighbouring ones share an edge or a corner.
+    """
     width, height = size = wish.size_of(free=0.75)
     columns, rows = _counts(size, wish.door + 0.3)
     cells = [(column, row) for column in range(columns) for row in range(rows)]
@@ -112,7 +116,7 @@ def grid(wish: Wish, dice: Random) -> Layout:
 
 
 def _counts(size: Size, side: float) -> tuple[int, int]:
-    """Return how many columns and rows of cells of at least this side [m] there are."""
+    """Return the most columns and rows whose cells have at least this side [m]."""
     return max(1, int(size[0] / side)), max(1, int(size[1] / side))
 
 
@@ -122,7 +126,10 @@ def _sides(columns: int, rows: int) -> list[Side]:
 
 
 def _joined(columns: int, rows: int, extra: float, dice: Random) -> set[Side]:
-    """Return the open sides: a random spanning tree by depth-first search, and a share more."""
+    """Return the open sides: those of a random spanning tree, and a share `extra` of the others.
+
+    The tree is found by a depth-first search.
+    """
     here = dice.randrange(columns), dice.randrange(rows)
     seen, trail = {here}, [here]
     joined: set[Side] = set()
@@ -161,7 +168,7 @@ def _door(wish: Wish, dice: Random, length: float) -> tuple[float, float]:
 
 
 def _closed(length: float, doors: Iterable[tuple[float, float]]) -> Iterator[tuple[float, float]]:
-    """Yield what of a wall remains between its doors, pieces longer than nothing."""
+    """Yield begin and end [m] of the pieces of a wall between its doors."""
     begin = 0.0
     for door_begin, door_end in doors:
         yield begin, door_begin
@@ -170,7 +177,7 @@ def _closed(length: float, doors: Iterable[tuple[float, float]]) -> Iterator[tup
 
 
 def _wall(size: Size, x0: float, y0: float, x1: float, y1: float) -> Ring:
-    """Return a wall along a line, longer by half its thickness at ends that are on the floor."""
+    """Return a wall along a line, extended by half its thickness on all sides, within the floor."""
     wall = Box(x0, y0, x1, y1).grown(THICK / 2.0)
     return Box(
         max(wall.x0, 0.0), max(wall.y0, 0.0), min(wall.x1, size[0]), min(wall.y1, size[1])

@@ -1,6 +1,6 @@
 """Long corridors: walls from side to side of the floor, each with a few gaps.
 
-Decides: where walls run and where they are open.  Must not know: who goes through.
+Decides: where walls run and where they have gaps.  Must not know: which robots pass through.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from sim.floors.layout import (
 THICK: Final = 0.2
 """Thickness [m] of a wall."""
 GAP_EVERY: Final = 7.0
-"""A wall has a gap about every so many metres."""
+"""Usual distance [m] between the gaps of a wall."""
 SLANT: Final = 0.12
 """Each end of a wall lies up to this share of a corridor's width off its line."""
 
@@ -51,7 +51,7 @@ def corridors(wish: Wish, dice: Random) -> Layout:
 
 
 def _between_gaps(wish: Wish, dice: Random, width: float) -> list[tuple[float, float]]:
-    """Return where along its way [m] a wall is closed."""
+    """Return begin and end [m] of the closed pieces along a wall."""
     slots = max(1, round(width / GAP_EVERY))
     ends = [0.0]
     for slot in range(slots):

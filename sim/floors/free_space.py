@@ -1,7 +1,7 @@
-"""Where the centre of a robot may be, in connected pieces, and how it leaves its place.
+"""Where the centre of a robot may be, as connected pieces, and how a robot leaves its place.
 
-Decides: what is connected, and which straight ways out of a place keep off all other places.  Must
-not know: how places are chosen (placing.py).
+Decides: what is connected, and which straight ways out of a place stay clear of all other places.
+Must not know: how places are chosen (placing.py).
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ class Pieces:
         return found
 
     def leaves_a_way(self, place: Point, keep: float) -> bool:
-        """Tell whether a disc of radius `keep` [m] at this place cuts nothing in two nearby.
+        """Return whether a disc of radius `keep` [m] here leaves what is around it connected.
 
-        It does not where what is free of its rim is in one piece.
+        It does where the free part of its rim is in one piece.
         """
         rim = np.array(place) + (keep + BEYOND) * DIRECTIONS
         free = shapely.contains_xy(self.area, rim[:, 0], rim[:, 1])
@@ -54,9 +54,9 @@ class Pieces:
 
 
 def free_space(floor: Workspace, reach: float) -> Pieces:
-    """Return where a centre is `reach` [m] from everything solid.
+    """Return the area in which a centre is at least `reach` [m] from everything solid.
 
-    Round corners are polygons inside the true ones by at most 0.5 % of reach.
+    Polygons stand for round corners and deviate inwards from them by at most 0.5 % of reach.
     """
     solid = shapely.union_all([shapely.Polygon(ring) for ring in floor.obstacles])
     area = shapely.Polygon(floor.boundary).buffer(-reach).difference(solid.buffer(reach))
@@ -66,10 +66,10 @@ def free_space(floor: Workspace, reach: float) -> Pieces:
 
 @dataclass(frozen=True)
 class Exits:
-    """The ways out of each place of n robots, and the pieces they lead to.
+    """The ways out of each place of n robots, and the pieces to which they lead.
 
-    `places` (2 n, 2) [m]: start and goal of each robot in turn.  `pieces` (2 n, FAN): the piece
-    that each direction leads to, -1 where it is closed.  `ground`: the free space less a disc
+    `places` (2 n, 2) [m]: start and goal of each robot in turn.  `pieces` (2 n, FAN): the piece to
+    which each direction leads, -1 where it is blocked.  `ground`: the free space minus a disc
     around every place.
     """
 
@@ -91,7 +91,7 @@ class Exits:
 
 
 def find_exits(free: Pieces, trips: list[tuple[Point, Point]], keep: float) -> Exits:
-    """Return the exits of robots that keep off the places of all others by `keep` [m]."""
+    """Return the exits of robots that stay `keep` [m] away from the places of all others."""
     places = np.array(trips).reshape(-1, 2)
     points = shapely.points(places)
     discs = shapely.union_all(shapely.buffer(points, keep))

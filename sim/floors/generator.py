@@ -1,7 +1,8 @@
 """Scenarios made from a kind, a number of robots and a seed: floors, starts, goals, limits.
 
-Decides: what the robots are like, and the order in which the one source of chance is used: the
-same arguments give the same scenario on every machine.  Must not know: files and options.
+Decides: the robots' properties, and the order in which numbers are drawn from the one random
+generator, so that the same arguments give the same scenario on every machine.  Must not know:
+files and options.
 """
 
 from __future__ import annotations
@@ -45,17 +46,17 @@ OBSTACLES: Final[dict[Kind, str]] = {
     "grid": "blocked cells",
     "cross-town": "blocks",
 }
-"""What `obstacles` counts, for the kinds that let it be chosen."""
+"""What `obstacles` counts, for the kinds whose number of obstacles can be chosen."""
 
 LEAST_SIDE: Final = 1.0
 MOST_SIDE: Final = FARTHEST
-"""How long [m] the sides of a floor may be."""
+"""The greatest length [m] of a side of a floor."""
 RADIUS: Final = 0.2
 MAX_SPEED: Final = 0.8
 MIXED_RADII: Final = (0.15, 0.2, 0.25, 0.3)
 MIXED_SPEEDS: Final = (0.4, 0.6, 0.8, 1.0, 1.2)
 MIXED_ACCELS: Final = (0.5, 1.0, 2.0)
-"""Accelerations of mixed robots, as shares of max_speed a second."""
+"""Accelerations of mixed robots, in max_speed per second."""
 
 
 class _Body(NamedTuple):
@@ -77,11 +78,12 @@ def generate(
     vias: int = 0,
     mixed: bool = False,
 ) -> Scenario:
-    """Return a scenario that passes all checks; each robot has a way off all others' places.
+    """Return a scenario that passes all checks.
 
-    `size` [m] is chosen by the kind unless given, and so is the number of `obstacles`.  `headings`
-    adds headings at starts and goals, `vias` that many via points a robot; `mixed` robots differ in
-    radius, speed and acceleration.  Raises InputError when that does not fit.
+    Each robot has a way to its goal that avoids the starts and goals of all others.  The kind
+    chooses `size` [m] and the number of `obstacles` unless they are given.  `headings` adds
+    headings at starts and goals, `vias` that many via points per robot; `mixed` robots differ in
+    radius, speed and acceleration.  Raises InputError when all this does not fit on the floor.
     """
     if not 1 <= robots <= MOST_ROBOTS:
         raise InputError([f"--robots: {robots} is not from 1 to {MOST_ROBOTS}"])
@@ -121,7 +123,7 @@ def generate(
 
 
 def _body(dice: Random, mixed: bool) -> _Body:
-    """Return what one robot is like."""
+    """Return the radius, speed and acceleration of one robot."""
     if not mixed:
         return _Body(RADIUS, MAX_SPEED, MAX_SPEED)
     speed = dice.choice(MIXED_SPEEDS)

@@ -1,7 +1,7 @@
-"""What is asked of a generated floor, and what a kind of floor answers.
+"""The request for a generated floor (Wish), and what a kind of floor returns for it (Layout).
 
-Decides: how much room robots need to pass and to park, and how large a floor of that many robots
-is.  Must not know: the kinds themselves, or where in its boxes a robot ends up (placing.py).
+Decides: how much room robots need to pass and to park, and how large a floor for so many robots
+is.  Must not know: the kinds themselves, or where in its boxes a robot is placed (placing.py).
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ Size = tuple[float, float]
 MARGIN: Final = 0.05
 """Tracking error [m] allowed between two robots: the default of scenario files."""
 SLACK: Final = 0.05
-"""Room [m] that generated places and ways have beyond what the checks ask."""
+"""Room [m] that generated places and ways have beyond what the checks require."""
 DISC_SHARE: Final = 0.015
 """Share of the free floor that the robots' discs cover, unless a size is given."""
 FEWEST: Final = 8
-"""No floor is made smaller than for so many robots of its own accord."""
+"""Unless a size is given, a floor has room for at least this many robots."""
 WIDE: Final = 1.25
-"""Width of a floor by its height."""
+"""Ratio of a floor's width to its height."""
 
 
 class Box(NamedTuple):
-    """An upright rectangle [m]; of no extent, it is a place."""
+    """An axis-parallel rectangle [m]; without extent it is a single point."""
 
     x0: float
     y0: float
@@ -55,17 +55,17 @@ class Box(NamedTuple):
 
     @property
     def ring(self) -> Ring:
-        """Return the corners, counter-clockwise, to the millimetre."""
+        """Return the corners counter-clockwise, rounded to 1 mm."""
         x0, y0, x1, y1 = self
         return millimetres(((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
 
     def grown(self, by: float) -> Box:
-        """Return the box with each side moved outwards [m]."""
+        """Return the box with each side moved outwards by this distance [m]."""
         return Box(self.x0 - by, self.y0 - by, self.x1 + by, self.y1 + by)
 
 
 class Region:
-    """Ground made of boxes, from which places are drawn: larger boxes are hit more often."""
+    """A set of boxes from which places are drawn; larger boxes are drawn more often."""
 
     def __init__(self, *boxes: Box) -> None:
         self._boxes = boxes
@@ -74,27 +74,27 @@ class Region:
         self._areas = list(itertools.accumulate(areas))
 
     def draw(self, dice: Random) -> Point:
-        """Return a place [m] in one of the boxes, to the millimetre."""
+        """Return a random place [m] in one of the boxes, rounded to 1 mm."""
         box = dice.choices(self._boxes, cum_weights=self._areas)[0]
         return millimetres([(dice.uniform(box.x0, box.x1), dice.uniform(box.y0, box.y1))])[0]
 
 
 class Trip(NamedTuple):
-    """Where a robot may start and where it may be bound for."""
+    """Where a robot may start and where its goal may be."""
 
     starts: Region
     goals: Region
 
     def back(self) -> Trip:
-        """Return the way back."""
+        """Return the trip in the opposite direction."""
         return Trip(self.goals, self.starts)
 
 
 @dataclass(frozen=True)
 class Layout:
-    """A floor and its trips: robot i takes trip i, counted round and round.
+    """A floor and its trips: robot i takes trip i modulo the number of trips.
 
-    No trip is shorter than `least_trip` [m], start to goal as the crow flies.
+    Start and goal of a trip are at least `least_trip` [m] apart in a straight line.
     """
 
     floor: Workspace
@@ -104,7 +104,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Wish:
-    """What is asked of a kind: for how many robots, of what radius [m] at most.
+    """What a kind of floor is requested for: the number of robots and their largest radius [m].
 
     `size` [m] and the number of `obstacles` are None when the kind may choose.
     """
@@ -116,7 +116,7 @@ class Wish:
 
     @property
     def reach(self) -> float:
-        """Return how far [m] the centre of a robot keeps from walls, slack included."""
+        """Return the distance [m] of a robot's centre from walls, slack included."""
         return self.radius + MARGIN + SLACK
 
     @property
@@ -126,21 +126,21 @@ class Wish:
 
     @property
     def apart(self) -> float:
-        """Return how far [m] places lie apart: a third robot passes between two."""
+        """Return the distance [m] between places, at which a third robot passes between two."""
         return 2.0 * (self.need + SLACK)
 
     @property
     def lane(self) -> float:
-        """Return the width [m] of a way where one robot passes between two parked at its sides."""
+        """Return the width [m] of a lane where a robot passes between two parked at its sides."""
         return 2.0 * self.reach + self.apart
 
     @property
     def door(self) -> float:
-        """Return the width [m] of a gap that one robot passes with ease."""
+        """Return the width [m] of a gap that one robot passes easily."""
         return 2.0 * self.reach + 0.3
 
     def size_of(self, free: float) -> Size:
-        """Return the size asked for, else one for a floor whose free share is about `free`."""
+        """Return the requested size, else one for a floor of which a share `free` is free."""
         if self.size is not None:
             return self.size
         robots = max(self.robots, FEWEST)
@@ -159,7 +159,7 @@ class Wish:
 
 
 def floor_of(size: Size, obstacles: Iterable[Ring] = ()) -> Workspace:
-    """Return an upright floor from the origin with these obstacles."""
+    """Return an axis-parallel floor with a corner at the origin and these obstacles."""
     return Workspace(boundary=whole(size).ring, obstacles=tuple(obstacles))
 
 
@@ -169,7 +169,7 @@ def whole(size: Size) -> Box:
 
 
 def least_trip(size: Size) -> float:
-    """Return the length [m] below which a trip on an upright floor is not worth making."""
+    """Return the least length [m] of a trip on an axis-parallel floor."""
     return 0.3 * math.hypot(*size)
 
 

@@ -1,7 +1,7 @@
-"""Starts, goals and via points for the robots of a floor, so that nobody has to be in the way.
+"""Starts, goals and via points for the robots of a floor, none of which blocks another robot.
 
-Decides: the places.  Each robot has a way from its start to its goal that keeps off the starts and
-goals of all others; any order of the robots works then.  Must not know: kinds, files.
+Decides: the places.  Each robot has a way from its start to its goal that avoids the starts and
+goals of all others, so that the robots can drive in any order.  Must not know: kinds, files.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from sim.floors.layout import Box, Layout, Region, Trip, Wish
 from sim.floors.spread import Spread
 
 PASSING: Final = 0.01
-"""Ways keep off places by the need of two robots and this much [m]."""
+"""Ways stay away from other robots' places by the need of two robots plus this distance [m]."""
 ROUNDS: Final = 12
-"""How often robots that cannot get out are placed again."""
+"""How often robots without a way out are placed again."""
 TRIES: Final = 1_000
-"""Starts and goals drawn for a robot before it counts as one too many."""
+"""Starts and goals drawn for a robot before the floor counts as full."""
 VIA_TRIES: Final = 100
-"""Via points drawn in the box of start and goal, and on the whole floor, for each wanted."""
+"""Draws per via point in the box of start and goal, and as many again on the whole floor."""
 VIA_ROOM: Final = 2.0
-"""Via points are looked for in the box of start and goal, grown by this much [m]."""
+"""Via points are drawn in the box of start and goal, grown by this distance [m]."""
 NEXT: Final = 0.5
 """Places on a robot's way are at least this far [m] from each other."""
 
@@ -46,9 +46,9 @@ class Places:
         self.exits = self._settle()
 
     def _settle(self) -> Exits:
-        """Place the robots, then those again that cannot get out; InputError when some remain.
+        """Place the robots, and place those without a way out again; InputError when some remain.
 
-        Places lie so that this is rare: only a gap narrower than the fan of exits escapes it.
+        Robots rarely lack a way out: only where a gap is narrower than the fan of exits resolves.
         """
         wanted = self._wish.robots
         found: dict[int, tuple[Point, Point]] = {}
@@ -70,7 +70,7 @@ class Places:
         raise InputError([f"--robots: {wanted} do not find room on {floor}, {len(found)} do"])
 
     def _fill(self, found: dict[int, tuple[Point, Point]]) -> bool:
-        """Find places for all robots that have none; False as soon as one finds none."""
+        """Find places for all robots that have none; return False if a robot finds none."""
         trips = self._layout.trips
         for index in range(self._wish.robots):
             if index not in found:
@@ -81,7 +81,7 @@ class Places:
         return True
 
     def _find(self, trip: Trip) -> tuple[Point, Point] | None:
-        """Return a free start and goal in one piece of the floor, now taken; None without luck."""
+        """Draw and take a free start and goal in one piece of the floor; None if there is none."""
         for _ in range(TRIES):
             start, goal = trip.starts.draw(self._dice), trip.goals.draw(self._dice)
             if (
@@ -104,7 +104,7 @@ class Places:
         return bool(one == other >= 0)
 
     def way(self, robot: int, vias: int, headings: bool) -> tuple[Pose, tuple[Point, ...], Pose]:
-        """Return start, via points and goal of a robot; poses have headings when asked for.
+        """Return start, via points and goal of a robot; poses have headings if `headings`.
 
         Via points lie on the same ground as the way from start to goal, in the order of driving.
         Headings lead straight out of the start and straight into the goal.

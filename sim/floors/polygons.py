@@ -30,9 +30,9 @@ from sim.floors.spread import Spread
 
 FEWEST: Final = 3
 MOST: Final = 12
-"""Corners of a polygon."""
+"""The most corners of a polygon."""
 COVERED: Final = 0.2
-"""Share of the floor inside the circles around the polygons, as far as they find room."""
+"""Share of the floor that the circles around the polygons cover, if there is room for them."""
 USUAL: Final = 0.9
 """Usual radius [m] of such a circle."""
 SMALLEST: Final = 0.05
@@ -65,7 +65,8 @@ def polygon_floor(corners: int, seed: int, size: Size, gap: float = 0.9) -> Work
     """Return a floor of separate polygons with exactly this many corners in all, for benchmarks.
 
     Polygons of 3 to 12 corners lie `gap` [m] apart where there is room, never touch each other,
-    and keep off the floor's edge.  Raises InputError when they do not fit, ValueError below 3.
+    and do not touch the floor's edge.  Raises InputError when they do not fit, and ValueError for
+    fewer than 3 corners.
     """
     if corners < FEWEST:
         raise ValueError(f"{corners} corners are no polygon, {FEWEST} are the fewest")
@@ -79,9 +80,9 @@ def polygon_floor(corners: int, seed: int, size: Size, gap: float = 0.9) -> Work
 
 
 def _scatter(dice: Random, size: Size, corners: Sequence[int], gap: float) -> list[Ring]:
-    """Return polygons inside circles that do not overlap, as large as is usual where they can be.
+    """Return polygons inside circles that do not overlap, of the usual size where there is room.
 
-    Raises InputError when they would have to be too small to find room.
+    Raises InputError when they would have to be smaller than SMALLEST.
     """
     if not corners:
         return []

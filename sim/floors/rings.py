@@ -1,6 +1,6 @@
 """Robots on a ring: those that go round an island, and those that go straight across.
 
-Decides: the places, which are not drawn: starts and goals take turns around a circle.  Must not
+Decides: the places, which are not random: starts and goals alternate around a circle.  Must not
 know: who drives first.
 """
 
@@ -32,13 +32,13 @@ TURN: Final = 0.35
 SPREAD: Final = 0.125
 """Some goals lie farther ahead, others less far, by up to this share of a turn."""
 LEAST_CIRCLE: Final = 4.0
-"""No circle has a smaller radius [m] of its own accord."""
+"""The least radius [m] of a circle unless a size is given."""
 
 
 def ring(wish: Wish, dice: Random) -> Layout:
-    """Return a roundabout: everybody goes counter-clockwise, starts and goals on the outer side.
+    """Return a roundabout: all robots go counter-clockwise; starts and goals are on the outer side.
 
-    The island leaves a road on which two robots pass side by side what is parked outside.
+    The road around the island is wide enough for two robots side by side to pass parked ones.
     """
     outside = wish.reach + SLACK
     road = outside + 2.0 * (wish.need + SLACK) + wish.reach
@@ -60,10 +60,11 @@ def ring(wish: Wish, dice: Random) -> Layout:
 
 
 def circle(wish: Wish, dice: Random) -> Layout:
-    """Return an empty floor where each robot is bound for the other side of a circle.
+    """Return an empty floor where the goal of each robot is on the other side of a circle.
 
-    An odd number goes straight through the middle; an even number would find the place opposite
-    taken by a start, so each goes half a place beyond, and all ways touch a small circle.
+    An odd number of robots goes straight through the middle.  With an even number the opposite
+    place is another robot's start, so each goal is half a place farther, and all straight ways are
+    tangents of a small circle.
     """
     radius, middle = _circle(wish, 0.5 * wish.lane)
     ahead = wish.robots + (wish.robots + 1) % 2
@@ -93,9 +94,9 @@ def _circle(wish: Wish, outside: float) -> tuple[float, Point]:
 def _seated(
     floor: Workspace, radius: float, middle: Point, goals: list[int], dice: Random
 ) -> Layout:
-    """Return the layout of robots that start on every second seat, bound for the seats given.
+    """Return the layout of robots that start on every second seat, with their goals on given seats.
 
-    Which robot has which seat and where the first seat lies are drawn.
+    Which robot has which seat, and where the first seat lies, is random.
     """
     seats = 2 * len(goals)
     first = dice.uniform(0.0, math.tau)

@@ -33,11 +33,12 @@ FEWEST_BAYS: Final = 3
 BROKEN: Final = 0.3
 """Share of the shelves that lack a bay."""
 BESIDE: Final = 0.75
-"""Robots stop this near to shelves and tables: in units of their distance from each other."""
+"""How far from shelves and tables, beyond `Wish.reach`, robots may stop, in units of `Wish.apart`.
+"""
 
 
 def warehouse(wish: Wish, dice: Random) -> Layout:
-    """Return shelves on the left, tables on the right, and robots that go between the two."""
+    """Return a floor with shelves on the left, tables on the right, and trips between the two."""
     size = wish.size_of(free=0.72)
     tables = _tables(wish, size)
     hall = min(table.x0 for table in tables) - wish.lane
@@ -55,7 +56,7 @@ def warehouse(wish: Wish, dice: Random) -> Layout:
 
 
 def _tables(wish: Wish, size: Size) -> list[Box]:
-    """Return the sorting tables: columns from the right, evenly over the height."""
+    """Return the sorting tables in columns from the right, spaced evenly over the height."""
     count = max(1, round(wish.robots / ROBOTS_A_TABLE))
     pitch = TABLE + 1.5 * wish.lane
     a_column = max(1, min(count, int(size[1] / pitch)))

@@ -1,6 +1,6 @@
-"""Discs spread over a floor, found by cells: who is near costs the same on a floor of any size.
+"""Discs spread over a floor, indexed by cells: a search costs the same on a floor of any size.
 
-Decides: whether one more disc has room.  Must not know: what the discs stand for.
+Decides: whether one more disc has room.  Must not know: what the discs represent.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 
 class Spread:
-    """Discs [m] in square cells; `widest` is the largest sum of two radii that is ever asked."""
+    """Discs [m] in square cells; `widest` is the largest sum of two radii that will occur."""
 
     def __init__(self, widest: float) -> None:
         self._cell = widest
@@ -20,18 +20,18 @@ class Spread:
         )
 
     def fits(self, x: float, y: float, radius: float) -> bool:
-        """Tell whether a disc would overlap none."""
+        """Return whether a disc would overlap none of the discs."""
         return all(
             math.hypot(x - other_x, y - other_y) >= radius + other_radius
             for other_x, other_y, other_radius in self._near(x, y)
         )
 
     def add(self, x: float, y: float, radius: float) -> None:
-        """Add a disc; whether it overlaps others is not asked."""
+        """Add a disc, without a check whether it overlaps others."""
         self._cells[self._key(x, y)].append((x, y, radius))
 
     def remove(self, x: float, y: float, radius: float) -> None:
-        """Take a disc away that was added with these very numbers."""
+        """Remove a disc that was added with exactly these numbers."""
         self._cells[self._key(x, y)].remove((x, y, radius))
 
     def _key(self, x: float, y: float) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""Open floors: nothing in the way but other robots, or the blocks of a town.
+"""Open floors: empty ones, and towns with blocks of buildings.
 
 Decides: where blocks stand and which sides of the town robots come from.  Must not know: the
 places that robots get.
@@ -15,7 +15,8 @@ EDGE: Final = 0.2
 """Share of the floor, on each side, where robots of a town start and end."""
 BLOCK: Final = 1.2
 BLOCK_SHARE: Final = 0.1
-"""Plots have at least this side [m], and this share of the floor's height, besides a street."""
+"""A plot, without its street, has at least the side BLOCK [m] and BLOCK_SHARE of the floor's
+height."""
 BUILT: Final = 0.75
 """Share of the plots that are built on."""
 
@@ -28,7 +29,7 @@ def empty(wish: Wish, dice: Random) -> Layout:  # noqa: ARG001
 
 
 def cross_town(wish: Wish, dice: Random) -> Layout:
-    """Return a town: from each of the four sides robots go to the side opposite."""
+    """Return a town in which robots go from each of the four sides to the opposite side."""
     width, height = size = wish.size_of(free=0.75)
     inside = Box(EDGE * width, EDGE * height, (1 - EDGE) * width, (1 - EDGE) * height)
     plot = max(BLOCK, BLOCK_SHARE * height) + wish.lane

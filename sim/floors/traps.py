@@ -1,6 +1,6 @@
 """Floors of U-shaped obstacles that open towards the robots: Fig. 5 of the paper, many times.
 
-Decides: where the traps stand and which side they open to.  Must not know: how to get out.
+Decides: where the traps stand and to which side they open.  Must not know: how robots get out.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ BAND: Final = 0.22
 TILT: Final = 0.25
 """A trap is turned by at most this angle [rad]."""
 IN_TRAPS: Final = 4
-"""About one robot in so many starts inside a trap."""
+"""About one in this many robots starts inside a trap."""
 
 
 def u_traps(wish: Wish, dice: Random) -> Layout:
-    """Return traps between two bands: columns of them open to the left and to the right in turn.
+    """Return traps between two bands; their columns open to the left and to the right in turn.
 
     Robots cross from band to band, each facing traps that open towards it; some start in one.
     """
@@ -68,7 +68,7 @@ def u_traps(wish: Wish, dice: Random) -> Layout:
 
 
 def _trap(wish: Wish, dice: Random, middle: Point, plot: Size, leftwards: bool) -> tuple[Ring, Box]:
-    """Return a U that leaves a door's width around it on its plot, and the box inside it."""
+    """Return a U-shaped obstacle with a door's width free around it, and the box inside it."""
     tilt = dice.uniform(-TILT, TILT)
     upright, slanting = math.cos(tilt), abs(math.sin(tilt))
     wide, high = dice.uniform(0.85, 1.2) * min(plot), min(plot)

@@ -1,1 +1,1 @@
-"""Ground truth from black boxes: who touched whom, who arrived, how well plans were kept."""
+"""Ground truth from black boxes: who touched whom, who arrived, how well plans were followed."""

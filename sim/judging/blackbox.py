@@ -1,4 +1,4 @@
-"""Reading the robots' black boxes: where each robot truly was, and what it took the time for.
+"""Reading the robots' black boxes: where each robot truly was, and its estimates of the time.
 
 Decides: what a black box file may hold.  Must not know: plans.
 """
@@ -18,15 +18,15 @@ from coordinator.curves.nurbs import Array
 
 COLUMNS: Final = ("t", "x", "y", "heading", "s", "phase", "estimate")
 _OLDER: Final = COLUMNS[:-1]
-"""Boxes of programs that wrote no estimate are read too."""
+"""The columns of older programs, which wrote no estimate; their boxes are read too."""
 
 
 @dataclass(frozen=True, eq=False)
 class BlackBox:
     """One robot's recording: t (n,) [s since GO], places (n, 2) [m], s (n,) [m], phases (n).
 
-    estimates (n,) [s]: the robot's own estimate of the time t, nan where none is known.  Where none
-    is known at all, t may be that estimate itself.
+    estimates (n,) [s]: the robot's own estimate of the time t, nan where it is not recorded.  If no
+    row has an estimate, t may be the estimate itself.
     """
 
     t: Array
@@ -36,7 +36,7 @@ class BlackBox:
     estimates: Array | None = None
 
     def at(self, time: Array) -> Array:
-        """Return the places (m, 2) at times (m,): linear between rows, at rest outside of them."""
+        """Return the places (m, 2) at times (m,): linear between rows, constant outside of them."""
         return np.column_stack([np.interp(time, self.t, self.places[:, i]) for i in (0, 1)])
 
     def between(self, begin: float, end: float, zero: float) -> BlackBox:
@@ -76,7 +76,7 @@ def parse_blackbox(text: str, path: str) -> tuple[Array, tuple[str, ...]]:
     if not rows or tuple(rows[0]) not in (COLUMNS, _OLDER):
         raise InputError([f"{path}: line 1: the columns are not {','.join(COLUMNS)}"])
     if len(rows) > 1 and not text.endswith("\n"):
-        rows.pop()  # Cut short: what is left of its last number would be taken for all of it.
+        rows.pop()  # Cut short: the rest of its last number would be read as the whole number.
     numbers, phases = [], []
     for line, row in enumerate(rows[1:], start=2):
         try:

@@ -1,5 +1,6 @@
-"""How near robots truly came to obstacles and to the edge of the floor, exact between rows.
+"""How near robots truly came to obstacles and to the edge of the floor.
 
+Distances are exact for straight motion between two rows of a black box.
 Decides: what is solid, which is every obstacle and all that lies beyond the floor's boundary.
 Shares no code with the planner and the proof.  Must not know: plans, and how large a robot is.
 """
@@ -28,8 +29,8 @@ class SolidGround:
     def nearest(self, box: BlackBox) -> tuple[float, float]:
         """Return the least distance [m] of a robot's centre from anything solid, and when [s].
 
-        It is 0 for a centre that is in something solid.  Between two rows the robot is taken to
-        move straight; the time is that of the row before.
+        It is 0 for a centre that is in something solid.  Between two rows the robot is assumed to
+        move straight; the time is that of the earlier row.
         """
         last = len(box.t) - 1
         moved = np.any(np.diff(box.places, axis=0) != 0.0, axis=1)
@@ -38,7 +39,7 @@ class SolidGround:
         found, apart = self._edges.query_nearest(
             shapely.linestrings(ends), return_distance=True, all_matches=False
         )
-        # A way that meets no edge lies wholly where it begins: all of it is free, or none.
+        # A track that meets no edge is entirely free or entirely solid, as its first point is.
         if self._is_solid(box.places[0]):
             return 0.0, float(box.t[0])
         least = int(np.argmin(apart))

@@ -1,11 +1,11 @@
-"""What a run has left behind: its plans, when each began, and the robots' black boxes.
+"""The files that a run has left: its plans, when each began, and the robots' black boxes.
 
-Decides: where in a folder these are looked for, so that programs started one by one are judged as a
-run is.  Must not know: what is a collision.
+Decides: where in a folder these are looked for, so that programs started one by one can be judged
+as a run can.  Must not know: what a collision is.
 
 A folder holds `plan.json` or a log of the coordinator (`run.mcap`, `run-2.mcap`, ..., or one other
-`*.mcap`), and the black box of every robot: `blackbox/ROBOT.csv` or `ROBOT.csv`.  A log by itself
-stands for its folder with no other log in it.
+`*.mcap`), and the black box of every robot: `blackbox/ROBOT.csv` or `ROBOT.csv`.  Naming a log
+instead means its folder, without the other logs in it.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from sim.judging.blackbox import BlackBox, read_blackbox
 
 
 class Epoch(NamedTuple):
-    """A plan, when robots were first told of it and when it started [s since the first GO].
+    """A plan, when it was first sent to robots, and when it started [s since the first GO].
 
-    One with new times for the epoch before starts when that did.
+    A plan with new times for an epoch has the same start as the epoch's first plan.
     """
 
     document: PlanDocument
@@ -39,7 +39,7 @@ class Epoch(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """The first plan, the epochs after it as the logs tell them, and the black boxes by robot."""
+    """The first plan, the later epochs according to the logs, and the black boxes by robot."""
 
     document: PlanDocument
     later: list[Epoch]
@@ -47,7 +47,7 @@ class Evidence(NamedTuple):
 
 
 class _Told(NamedTuple):
-    """What logs tell: plans by name; when epoch and revision were first told, epochs' zero [ns]."""
+    """From the logs: plans by name, when each (epoch, revision) was first sent, times zero [ns]."""
 
     plans: dict[str, bytes]
     begins: dict[tuple[int, int], int]
@@ -55,7 +55,7 @@ class _Told(NamedTuple):
 
 
 def gather(source: Path) -> Evidence:
-    """Return what a folder, or a log and its folder, holds.
+    """Return the evidence in a folder, or in a log and its folder.
 
     Raises InputError when there is no plan, no black box of a robot, or a file cannot be read.
     """
@@ -66,7 +66,7 @@ def gather(source: Path) -> Evidence:
 
 
 def _logs(source: Path) -> list[Log]:
-    """Return the logs in order, those that a log was gone on from before it."""
+    """Return the logs in order; a log comes after those that it was resumed from."""
     if not source.is_dir():
         log = read_log(source)
         return [*logs_before(log), log]
@@ -118,7 +118,7 @@ def _later(told: _Told) -> list[Epoch]:
 
 
 def _boxes(folder: Path, document: PlanDocument) -> dict[str, BlackBox]:
-    """Read the black boxes; all problems are told at once, robots without one on one line."""
+    """Read the black boxes; InputError states all problems, with missing boxes on one line."""
     boxes: dict[str, BlackBox] = {}
     missing: list[str] = []
     problems: list[str] = []

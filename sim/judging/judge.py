@@ -1,6 +1,6 @@
-"""Ground truth after a run: did anybody touch, did everybody arrive, how well was the plan kept.
+"""Ground truth after a run: who touched what, who arrived, how well the plan was followed.
 
-Between two rows of a black box a robot is taken to move straight; least distances are exact for
+Between two rows of a black box a robot is assumed to move straight; least distances are exact for
 that motion, not sampled.
 Decides: what counts as a collision (centres nearer than r_i + r_j, a centre nearer than r_i to
 something solid) and as tracking error.
@@ -28,7 +28,7 @@ from sim.judging.evidence import Epoch, gather
 
 _GRID: Final = 0.001
 _SLACK: Final = 0.02
-"""Time [s] by which a black box row may be off: it is written once per control tick."""
+"""Time [s] by which a black box row may be early or late: one is written per control tick."""
 
 _AT_REST: Final = tuple(PHASE_NAMES[phase] for phase in (FROZEN, IDLE))
 _TIMED: Final = tuple(PHASE_NAMES[phase] for phase in (MOVING, DONE))
@@ -46,8 +46,8 @@ class PairVerdict(msgspec.Struct, frozen=True):
 class RobotVerdict(msgspec.Struct, frozen=True):
     """How one robot ended; arrival time [s], tracking error [m] and lateness [s] at their worst.
 
-    clock_error [s]: how wrong the robot's own estimate of the time was at most; None when its black
-    box cannot tell, which has times of another machine's clock then, or of an unknown one.
+    clock_error [s]: the greatest error of the robot's own estimate of the time; None when it is not
+    known, because the times in the black box are that estimate or those of an unknown clock.
     least_clearance [m]: least distance between its disc and anything solid, negative where they
     overlapped; None when the floor is not known.
     """
@@ -63,7 +63,7 @@ class RobotVerdict(msgspec.Struct, frozen=True):
 
 
 class Verdict(msgspec.Struct, frozen=True):
-    """The judge's answer, in the contract's form.
+    """The result of the judge, as printed with --json.
 
     collisions: pairs of robots that touched; collisions_with_obstacles: robots that touched an
     obstacle or the edge of the floor, None when the floor is not known.
@@ -77,7 +77,7 @@ class Verdict(msgspec.Struct, frozen=True):
     least_clearance: float | None = None
 
     def is_good(self) -> bool:
-        """Tell whether everybody arrived and nobody touched anything, as far as that is known."""
+        """Return whether all robots arrived and none is known to have touched anything."""
         touched = self.collisions or self.collisions_with_obstacles
         return not touched and all(robot.arrived for robot in self.robots)
 
@@ -85,8 +85,8 @@ class Verdict(msgspec.Struct, frozen=True):
 def judge(source: Path) -> Verdict:
     """Judge a run's folder or log; InputError when its plan or a black box is missing.
 
-    The plans of later epochs are held against what the robots did when there is a log, which tells
-    when each began.
+    When there is a log, which states when each epoch began, the robots are also compared with the
+    plans of later epochs.
     """
     found = gather(source)
     return judge_boxes(found.document, found.boxes, found.later)
@@ -95,9 +95,9 @@ def judge(source: Path) -> Verdict:
 def judge_boxes(
     document: PlanDocument, boxes: Mapping[str, BlackBox], later: Sequence[Epoch] = ()
 ) -> Verdict:
-    """Judge black boxes against a plan and those of later epochs, in order.
+    """Judge black boxes against a plan and the plans of later epochs, in order.
 
-    A robot that never moved stands at its start.
+    A robot with an empty black box is assumed to stand at its start.
     """
     epochs = [Epoch(document, -math.inf, 0.0), *later]
     rides = [{one.id: one for one in drive(epoch.document)} for epoch in epochs]
@@ -158,7 +158,7 @@ def _clearances(document: PlanDocument, boxes: Mapping[str, BlackBox]) -> dict[s
 
 
 def _from_start(driven: Driven, box: BlackBox) -> BlackBox:
-    """Return the box with a first row at the planned start when it holds none."""
+    """Return the box; if it has no rows, one with a row at the planned start."""
     if len(box.t):
         return box
     start = driven.curve.at_arc([0.0])
@@ -168,9 +168,10 @@ def _from_start(driven: Driven, box: BlackBox) -> BlackBox:
 def _legs(
     epochs: Sequence[Epoch], rides: Sequence[Mapping[str, Driven]], name: str, box: BlackBox
 ) -> list[tuple[Driven, BlackBox]]:
-    """Return the plans that a robot drove, each with what it did until the next epoch began.
+    """Return the plans that a robot drove, each with its rows until the next epoch began.
 
-    New times count from when it keeps to a plan: one that stood late has taken them then.
+    New times count from the first moment at which the robot follows a plan again, since a robot
+    that stood because it was late has received them by then.
     """
     begins = [
         _keeps_to_plan(box, epoch.begin) if epoch.document.revision else epoch.begin
@@ -186,7 +187,7 @@ def _legs(
 
 
 def _keeps_to_plan(box: BlackBox, since: float) -> float:
-    """Return when a robot first keeps to a plan from a time on [s]; infinite if it never does."""
+    """Return when [s], from `since` on, a robot first follows a plan; infinite if it never does."""
     rows = zip(box.t.tolist(), box.phases, strict=True)
     return next((t for t, phase in rows if t >= since and phase in _TIMED), math.inf)
 
@@ -198,10 +199,10 @@ def _judge_robot(
     end: float,
     clearance: float | None,
 ) -> RobotVerdict:
-    """Judge one robot: the whole of what it did, and each leg against its plan.
+    """Judge one robot: its whole recording, and each leg against its plan.
 
-    One that froze within the tolerance of its goal has arrived: no plan takes it any farther, and
-    in a later epoch, which goes without it, it is idle there.
+    A robot that froze within the tolerance of its goal has arrived: no plan takes it any farther,
+    and it is idle there during later epochs, in which it has no part.
     """
     tolerance, driven, box = 0.5 * document.margin, legs[0][0], whole
     goal = driven.curve.at_arc([driven.curve.length])[0]
@@ -232,8 +233,8 @@ def _judge_robot(
 def tracking_error(driven: Driven, box: BlackBox, late: float) -> float:
     """Return the greatest distance [m] from the plan.
 
-    For a robot under way: to the places that the plan has it at between `late` [s] ago and now.
-    For one that gave up its time-table: to all places that the plan has had it at so far.
+    For a robot under way, the distance is to where the plan has it between `late` [s] ago and now.
+    For a robot off its timetable, the distance is to all places where the plan has had it so far.
     """
     count = 2 + int(driven.curve.length / _GRID)
     arcs = np.linspace(0.0, driven.curve.length, count)
@@ -261,7 +262,7 @@ def _distance(line: Array, place: Array) -> float:
 
 
 def _lateness(driven: Driven, box: BlackBox) -> float:
-    """Return how long [s] the robot was behind its plan at most while under way."""
+    """Return the greatest delay [s] of the robot behind its plan while it was under way."""
     legs = driven.timeline
     knots_t = np.column_stack((legs.t0, legs.t1)).ravel()
     knots_s = np.column_stack((legs.s0, legs.s1)).ravel()
@@ -277,6 +278,6 @@ def _lateness(driven: Driven, box: BlackBox) -> float:
 
 
 def _latest(s: Array, t: Array) -> tuple[Array, Array]:
-    """Return strictly increasing s with the last time at each: waiting is not lateness."""
+    """Return strictly increasing s with the last time at each, since waiting is not lateness."""
     last = np.append(np.diff(s) > 1e-9, True)
     return s[last], t[last]

@@ -1,7 +1,7 @@
-"""Black boxes put into the log of their run, once all of them are closed.
+"""Attaching the black boxes of a run to its log, once all of them are closed.
 
-Decides: which log gets them: the newest, if it was closed.  A log that was not is evidence of how
-its coordinator ended, and stays as it is.
+Decides: which log gets them, which is the newest, if it was closed.  A log that was not closed is
+evidence of how its coordinator ended, and remains unchanged.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def newest_log(folder: Path) -> Path:
 
 
 def put_boxes(folder: Path) -> None:
-    """Put a run's black boxes into its newest log."""
+    """Attach a run's black boxes to its newest log."""
     log = newest_log(folder)
     boxes = [packed(path.stem, path.read_bytes()) for path in sorted(folder.glob("blackbox/*.csv"))]
     boxed = with_files(log.read_bytes(), str(log), boxes)

@@ -1,6 +1,6 @@
-"""The end of a run's folder: black boxes into the log, pictures, the judge's word, summary.json.
+"""The last steps of a run: black boxes into the log, pictures, the judge's verdict, summary.json.
 
-Decides: what stands in the folder in the end, and the exit code.
+Decides: what the folder holds in the end, and the exit code.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from sim.processes.summary import RunSummary, files_of, render, succeeded
 
 
 def conclude(folder: Path, name: str, code: int, as_json: bool) -> None:
-    """Judge a run whose coordinator ended with `code`, and tell; exit code 1 unless it succeeded.
+    """Judge a run whose coordinator ended with `code`, and print the result.
 
-    The folder has plan.json, the logs and blackbox/.
+    The folder has plan.json, the logs and blackbox/.  Exits with code 1 unless the run succeeded.
     """
     put_boxes(folder)
     for picture in ("plan.svg", "plan.png"):

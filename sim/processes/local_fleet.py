@@ -38,11 +38,11 @@ Event = dict[str, Any]
 
 _GOODBYE_S: Final = 5.0
 _TROUBLE: Final = ("aside", "back", "fault", "late", "refused", "stays", "timeout", "warning")
-"""What a coordinator says that whoever started the run has to know at once."""
+"""Kinds of a coordinator's events that are shown at once to whoever started the run."""
 
 
 class Outcome(msgspec.Struct):
-    """How a run ended: the coordinator's exit code, whether robots ran, what was told."""
+    """How a run ended: the coordinator's exit code, whether robots ran, and its events."""
 
     code: int
     started: bool
@@ -52,10 +52,10 @@ class Outcome(msgspec.Struct):
 class LocalFleet:
     """Runs a scenario in `folder`, which gets the plan, the logs and the black boxes.
 
-    A robot whose body is to fail drives a FaultyBody, whose script is `faults/<robot>.txt`; one
-    whose network is to be cut speaks through a relay.  A coordinator that is started again resumes
-    from the log before, the first being run.mcap, and writes run-2.mcap, and so on.  With the
-    endpoint of a router all meet there; else the coordinator listens on a port that is free.
+    A robot whose body is to fail drives a FaultyBody, whose script is `faults/<robot>.txt`; a robot
+    whose network is to be cut connects through a relay.  The first coordinator writes run.mcap; one
+    that is started again resumes from the log before and writes run-2.mcap, and so on.  With the
+    endpoint of a router all programs connect to it; else the coordinator listens on a free port.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class LocalFleet:
     def run(self) -> Outcome:
         """Run until the last coordinator has ended or was killed; then end every process.
 
-        Raises TransportError when a robot has no fit keys.
+        Raises TransportError when a robot has no usable keys.
         """
         for one in self.scenario.robots:
             self._programs.keys_of(one.id)
@@ -115,7 +115,7 @@ class LocalFleet:
 
     @property
     def has_started(self) -> bool:
-        """Tell whether any robot was started."""
+        """Return whether any robot was started."""
         return bool(self._robots)
 
     def _prepare_folder(self) -> None:
@@ -135,7 +135,7 @@ class LocalFleet:
         return process
 
     def _resume_coordinator(self) -> None:
-        """Start a coordinator that goes on where the log of the one before ends."""
+        """Start a coordinator that resumes from the log of the one before."""
         before = self._logs[-1]
         self._logs.append(self.folder / f"run-{len(self._logs) + 1}.mcap")
         self._coordinator = self._start_coordinator(f"--resume={before}", f"--log={self._logs[-1]}")
@@ -151,7 +151,7 @@ class LocalFleet:
         )
 
     def _start(self, command: list[str], stdout: int, env: dict[str, str] | None = None) -> Process:
-        """Start a program that is ended with the run, whenever that is interrupted."""
+        """Start a program that is ended with the run, even if the run is interrupted meanwhile."""
         with held_back():
             process = subprocess.Popen(
                 command, stdout=stdout, stdin=subprocess.DEVNULL, text=True, env=env
@@ -185,7 +185,7 @@ class LocalFleet:
         return False
 
     def _drive_on(self) -> None:
-        """From the first GO on: let the faults strike in time, until nobody coordinates."""
+        """Apply the faults at their times from the first GO on, until no coordinator is left."""
         while True:
             try:
                 process, event = self._events.get(timeout=self._next_strike_s())
@@ -202,7 +202,7 @@ class LocalFleet:
                 tell_now(f"{_name(strike.fault)}: the run had ended before")
 
     def _awaits_resumption(self) -> bool:
-        """Tell whether the coordinator was killed and another is to follow."""
+        """Return whether the coordinator was killed and another is to follow."""
         killed = self._coordinator.wait() == -signal.SIGKILL
         return killed and any(strike.act == "resume" for strike in self._strikes)
 
@@ -279,7 +279,7 @@ def _wait(process: Process, deadline: float) -> None:
 
 
 def free_port() -> int:
-    """Return a port of the loopback that nobody listens on now."""
+    """Return a port of the loopback interface on which no program listens now."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]

@@ -14,11 +14,11 @@ from protocol.key_files import KeyFiles, read_key_files
 
 _COMMAND: Final = (sys.executable, "-m", "splinefleet")
 _GIVE_UP_S: Final = 30.0
-"""A robot whose fleet has vanished, this program included, ends after so long [s]."""
+"""A robot ends when it has heard no coordinator for this long [s], even if this program is gone."""
 
 
 class Programs:
-    """What a run in `folder` of a fleet starts; with `keys`, their folder, links are locked."""
+    """The programs of a run in `folder`; with `keys`, a folder of keys, their links use TLS."""
 
     def __init__(
         self, folder: Path, fleet: str, speed: float, effort: int, keys: Path | None
@@ -34,13 +34,13 @@ class Programs:
         return f"{'tcp' if self._keys is None else 'tls'}/127.0.0.1:{port}"
 
     def keys_of(self, robot: str) -> KeyFiles | None:
-        """Return a robot's keys, if the run has any; TransportError when they are not fit."""
+        """Return a robot's keys, if the run has any; TransportError when they are not usable."""
         return None if self._keys is None else read_key_files(self._keys, "robot", robot)
 
     def coordinator(self, *options: str) -> list[str]:
-        """Return the command of a coordinator that tells what happens as JSON lines.
+        """Return the command of a coordinator that prints its events as JSON lines.
 
-        One of the options says where it meets its robots.
+        One of the options must state where it listens or connects.
         """
         return [
             *_COMMAND,

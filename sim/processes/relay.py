@@ -1,10 +1,10 @@
-"""A TCP relay before the coordinator (or its router): one robot's network, to be cut and healed.
+"""A TCP relay between one robot and the coordinator (or its router): a network that can be cut.
 
-Decides: when bytes pass.  Must not know: what they mean, who is a robot.
+Decides: when bytes pass.  Must not know: what the bytes mean, or which robot sends them.
 
-While the relay is cut it passes nothing either way, the end of a connection included, and carries
-new connections no farther: to both sides it looks like a network that loses everything.  What was
-sent meanwhile arrives when it is healed, as TCP would send it again.
+While the relay is cut it passes nothing in either direction, not even the end of a connection, and
+does not forward new connections: to both sides it looks like a network that loses everything.  What
+was sent meanwhile arrives when the cut is healed, as TCP would retransmit it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _CHUNK: Final = 65_536
 
 
 class Relay:
-    """Listens on a loopback port of its own until it is closed and passes on to another port.
+    """Listens on a loopback port of its own until it is closed, and forwards to another port.
 
     Runs in a thread of its own; its methods may be called from any thread.
     """
@@ -47,7 +47,7 @@ class Relay:
         self._loop.call_soon_threadsafe(self._whole.clear)
 
     def heal(self) -> None:
-        """Pass on what has been held, and whatever comes."""
+        """Pass on the bytes that were held back, and all that come later."""
         self._loop.call_soon_threadsafe(self._whole.set)
 
     def _run(self) -> None:
@@ -82,7 +82,7 @@ class Relay:
                 await _close(writer)
 
     async def _pump(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
-        """Pass bytes on in one direction, and their end."""
+        """Pass bytes on in one direction, and then the end of the stream."""
         while content := await _read(source):
             await self._whole.wait()
             sink.write(content)
@@ -92,7 +92,7 @@ class Relay:
 
 
 async def _read(source: asyncio.StreamReader) -> bytes:
-    """Return what has come, nothing at the end, which a broken connection is too."""
+    """Return the bytes that have arrived; none at the end, also of a broken connection."""
     try:
         return await source.read(_CHUNK)
     except OSError:

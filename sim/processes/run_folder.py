@@ -1,7 +1,7 @@
-"""The folder of a run: whose run it holds, and what a new run takes away.
+"""The folder of a run: which fleet's run it holds, and what a new run removes from it.
 
-Decides: what may be replaced, and what a run that was refused leaves, which is nothing.  Must not
-know: processes, or what is in the files but for the fleet's name.
+Decides: what may be replaced, and that a run which was refused leaves no files.  Must not know:
+processes, or what is in the files except for the fleet's name.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from coordinator.base.errors import InputError
 from coordinator.cli.plan_commands import make_folder
 
 _OF_A_RUN: Final = ("run*.mcap", "plan*.*", "summary.json", "blackbox/*.csv*", "faults/*.txt")
-"""What an earlier run may have left in the folder; two runs must not mix."""
+"""Files that an earlier run may have left in the folder; those of two runs must not mix."""
 
 _NAMED_IN: Final = (("scenario.json", "name"), ("plan.json", "scenario"))
 _PARTS: Final = ("blackbox", "faults")
 
 
 def clear_folder(folder: Path) -> None:
-    """Take away what an earlier run left in a run's folder, and make the one of black boxes."""
+    """Remove what an earlier run left in a folder, and create its folder of black boxes."""
     (folder / "blackbox").mkdir(parents=True, exist_ok=True)
     _take_away(folder)
     _drop_empty(folder / "faults")
 
 
 def drop_starts(folder: Path) -> None:
-    """Take away what only a robot that is started again would need: the run is over."""
+    """Remove the .start files after a run: only a robot that is started again needs them."""
     for start in folder.glob("blackbox/*.csv.start"):
         start.unlink()
 
@@ -63,7 +63,7 @@ class RunFolder:
         make_folder(path / "blackbox")
 
     def leave_nothing(self) -> None:
-        """Take away what a run has made that was refused before a robot drove."""
+        """Remove what a run has created that was refused before any robot drove."""
         _take_away(self._path)
         scenario = self._path / "scenario.json"
         if self._scenario is None:

@@ -1,11 +1,11 @@
-"""A base that fails by a script, inside the robot's own process.
+"""A base that fails as a script says, inside the robot's own process.
 
-Decides: how strikes reach the body.  Must not know: when a fault is due (whoever writes the script
-strikes by adding a line), plans, other robots.
+Decides: how faults reach the body.  Must not know: when a fault is due (the writer of the script
+decides that by adding a line), plans, other robots.
 
-The script is a text file with one strike per line, `KIND NUMBER`; it is looked at every LOOK_PERIOD
-and a strike begins when its line is seen.  Its path comes in the environment variable SCRIPT, as a
-driver is named on the command line without arguments.
+The script is a text file with one fault per line, `KIND NUMBER`.  It is read every LOOK_PERIOD, and
+a fault begins when its line is first read.  The path of the script is in the environment variable
+named by SCRIPT, because a driver on the command line has no arguments.
 """
 
 from __future__ import annotations
@@ -28,25 +28,26 @@ LOOK_PERIOD: Final = 20 * MILLISECOND
 
 
 class FaultyBody(FailingBody):
-    """A FailingBody with a script of strikes; ValueError when none is named.
+    """A FailingBody that takes its faults from a script.
 
-    `slow SHARE`: from now on the wheels roll SHARE of what is ordered.  `stall SECONDS`: the base
-    stands still for so long, inf for ever.  `skid METRES`: it slides to its left.
+    `slow SHARE`: from now on the wheels roll SHARE of the commanded distance.  `stall SECONDS`: the
+    base stands still for that long, inf: for ever.  `skid METRES`: it slides to its left.
     `clock-step SECONDS`: see `step_wall_clock`.
+    Raises ValueError when neither the argument nor the environment names a script.
     """
 
     def __init__(self, max_accel: float = math.inf, script: Path | None = None) -> None:
         super().__init__(max_accel)
         named = script or os.environ.get(SCRIPT)
         if not named:
-            raise ValueError(f"no script is named in {SCRIPT}")
+            raise ValueError(f"the environment variable {SCRIPT} does not name a script")
         self._script = Path(named)
         self._size = self._taken = 0
         self._look_ns = -(1 << 62)
         self._stalled_until = -math.inf
 
     def step(self, now_ns: int) -> None:
-        """Look for new strikes, then let time pass; DriverError when a strike is unknown."""
+        """Read new faults from the script, then let time pass; DriverError for an unknown fault."""
         if now_ns >= self._look_ns:
             self._look_ns = now_ns + LOOK_PERIOD
             self._look(now_ns)
@@ -54,7 +55,7 @@ class FaultyBody(FailingBody):
         super().step(now_ns)
 
     def _look(self, now_ns: int) -> None:
-        """Take the lines that have been added to the script since the last look."""
+        """Apply the lines that have been added to the script since it was last read."""
         try:
             if os.stat(self._script).st_size == self._size:
                 return
@@ -82,10 +83,9 @@ class FaultyBody(FailingBody):
 
 
 def step_wall_clock(seconds: float) -> None:
-    """Let `time.time` and `time.time_ns` of this process jump, as if its host had been set.
+    """Make `time.time` and `time.time_ns` of this process jump, as if the host's clock were set.
 
-    Nothing that goes by the monotonic clock notices.  The clock that compiled libraries read is
-    out of reach.
+    The monotonic clock is not affected, nor is the wall clock that compiled libraries read.
     """
     for name, step in (("time", seconds), ("time_ns", round(seconds * SECOND))):
         setattr(time, name, functools.partial(_stepped, getattr(time, name), step))

@@ -1,4 +1,4 @@
-"""The summary of a run: what the judge, the log and the coordinator say, in one object.
+"""The summary of a run: the results of the judge, the log and the coordinator in one object.
 
 Decides: when a run has succeeded.  Must not know: processes.
 """
@@ -20,7 +20,7 @@ _ERRORS: Final = ("tracking error mm", "lateness s", "clock error ms")
 
 
 class RunSummary(msgspec.Struct):
-    """summary.json: the judge's answer and the log's, side by side."""
+    """The content of summary.json: the judge's verdict and the summary of the log."""
 
     scenario: str
     succeeded: bool
@@ -30,7 +30,7 @@ class RunSummary(msgspec.Struct):
 
 
 def succeeded(code: int, verdict: Verdict) -> bool:
-    """Tell whether everybody arrived, nobody touched anything, and the coordinator ended well."""
+    """Return whether all arrived, none touched anything, and the coordinator ended with success."""
     return code == 0 and verdict.is_good()
 
 
@@ -80,7 +80,7 @@ def render_verdict(verdict: Verdict) -> RenderableType:
 
 
 def _errors(robot: RobotVerdict) -> tuple[str, str, str]:
-    """Return what stands below _ERRORS."""
+    """Return the cells of a robot's row below the headings _ERRORS."""
     clock = "unknown" if robot.clock_error is None else f"{1000.0 * robot.clock_error:.1f}"
     return f"{1000.0 * robot.tracking_error:.1f}", f"{robot.lateness:.3f}", clock
 

@@ -1,9 +1,9 @@
-"""A run gone on with from a moment of its log, in virtual time: what if, from here, ...
+"""A recorded run continued in virtual time from a moment of its log: a what-if.
 
-Decides: how robots get to where they were.  What the coordinator was and knew is exact
-(history.py).  Robots are made anew and hear again what the log says was sent to them, until the
-moment; what they said themselves, where they rested and whether they still spoke corrects them.
-Black boxes, where there are any, say exactly where everybody was.
+Decides: how the simulated robots get to where the recorded ones were.  The coordinator's state is
+exact (history.py).  The robots are created anew and receive, up to the moment, the messages that
+the log has for them; where the recorded robots reported to rest, and whether they fell silent,
+corrects them.  Black boxes, where there are any, state exactly where every robot was.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from sim.world.run_logs import RunLogs
 from sim.world.virtual_fleet import Past, World
 
 LINK_NS: Final = (MILLISECOND, 3 * MILLISECOND)
-"""How long messages take."""
+"""The shortest and the longest delay of a message [ns]."""
 
 _TOLD_AGAIN: Final = ("command", "plan")
 _PLAN: Final = "plan-"
@@ -51,9 +51,10 @@ def world_of(
     faults: Sequence[Fault] = (),
     seed: int = 0,
 ) -> World:
-    """Return a world at the end of a history, from where it goes on; `logs` hold the history.
+    """Return a world in the state at the end of a history, ready to run on.
 
-    boxes: the rows of the robots' black boxes, where there are any.  The caller closes the logs.
+    The history is written to `logs`, which the caller closes.  boxes: the rows of the robots' black
+    boxes, where there are any.
     """
     _write_down(history, logs)
     records = list(history.records())
@@ -76,12 +77,12 @@ def world_of(
 
 
 def logs_for(history: History, folder: Path) -> RunLogs:
-    """Return logs with the stamps of a history's last one."""
+    """Return logs in `folder` with the same wall clock as the last log of a history."""
     return RunLogs(folder, int(history.logs[-1].metadata[WALL_OFFSET]))
 
 
 def _write_down(history: History, logs: RunLogs) -> None:
-    """Begin the logs with the history."""
+    """Write the history to the logs, before anything else."""
     for data in history.before:
         logs.keep(data)
     last = history.logs[-1]
@@ -92,7 +93,7 @@ def _write_down(history: History, logs: RunLogs) -> None:
 
 
 def _head(history: History) -> Head:
-    """Return the head of the log: the old one's, without the plans that came later."""
+    """Return the head of the new log: the old log's, without plans made after the moment."""
     last, known = history.logs[-1], history.mission.documents
     until = (history.until_ns - history.began_ns) / SECOND
     metadata = {name: text for name, text in last.metadata.items() if name != WALL_OFFSET}
@@ -107,12 +108,12 @@ def _head(history: History) -> Head:
 
 
 def _last_command_ns(records: Sequence[Record]) -> int:
-    """Return when the core last spoke: it goes on in the same rhythm."""
+    """Return when the core sent its last Command [ns], from which its ticks continue."""
     return max(record.log_ns for record in records if record.key.endswith("/command"))
 
 
 class _Past:
-    """Lets the robots of a world live through a history."""
+    """Takes the robots of a world through a history."""
 
     def __init__(
         self,
@@ -130,7 +131,7 @@ class _Past:
         self._rides: dict[int, dict[str, Driven]] = {}
 
     def prepare(self, records: Sequence[Record]) -> None:
-        """Put down what happens until the moment, and the moment itself."""
+        """Schedule all that happens until the moment, and the hand-over at that moment."""
         for record in records:
             place = keys.split(record.key)
             if place is not None and place[1] in _TOLD_AGAIN:
@@ -157,14 +158,14 @@ class _Past:
         self._world.agenda.once(max(now_ns, self._world.now_ns), action)
 
     def _answer(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
-        """Tell a robot the time: its clock is not the one that asked in the log."""
+        """Answer a robot's question about the time; the log's answers do not fit its new clock."""
         asked = decode("clock", payload)
         if isinstance(asked, Clock) and asked.received_ns is None:
             now_ns = self._world.now_ns
             self._session.put(key, encode(Clock(asked.boot, asked.sent_ns, now_ns, now_ns)))
 
     def _rest(self, name: str, rest: Rest) -> None:
-        """Put a robot where it said that it rests."""
+        """Move a robot to where it reported that it rests."""
         document = self._world.mission.documents.get(rest.epoch)
         if document is None:
             return
@@ -175,7 +176,7 @@ class _Past:
             self._world.robots[name].body.place(*place_of(ride, rest))
 
     def _follower(self, name: str, rows: Sequence[Row]) -> Callable[[], int]:
-        """Return what moves a body as its black box says."""
+        """Return an action that moves a body along the rows of its black box."""
         table = np.array([row[:4] for row in rows])
         table[:, 3] = np.unwrap(table[:, 3])
         body = self._world.robots[name].body
@@ -190,7 +191,7 @@ class _Past:
         return follow
 
     def _hand_over(self) -> None:
-        """Let the coordinator go on; robots count their reports on from those in the log."""
+        """Let the coordinator take over; robots continue the sequence numbers of their reports."""
         self._session.close()
         for name, known in self._history.robots.items():
             self._world.robots[name].service.agent.report_sequence = known.sequence
@@ -198,12 +199,12 @@ class _Past:
 
 
 def place_of(ride: Driven, rest: Rest) -> Pose:
-    """Return where a robot stands that says where it rests."""
+    """Return the pose of a robot that rests at `rest` on its path."""
     off, beyond, turn = (n / 1000.0 for n in (rest.off_mm, rest.beyond_mm, rest.turn_mrad))
     return pose_beside(ride, min(rest.s_m, ride.curve.length), off, beyond, turn)
 
 
 def move(body: SimulatedBody, pose: Sequence[float]) -> None:
-    """Put a body somewhere without stopping it."""
+    """Move a body to a pose without stopping it."""
     body.x, body.y = pose[0], pose[1]
     body.heading = math.remainder(pose[2], math.tau)

@@ -1,11 +1,11 @@
-"""What a log says of its robots up to a moment, and what the coordinator knew then.
+"""What a log says about its robots up to a moment, and the coordinator's state at that moment.
 
-Decides: where a log is cut, and whether it can be gone on from there.  Must not know: bodies,
-links, virtual time.
+Decides: where a log is cut, and whether the run can be continued from there.  Must not know:
+bodies, links, virtual time.
 
-The coordinator's part is exact: planner and fleet core are run again on what they heard, and have
-to send every byte that the log says they sent.  Of the robots a log knows what they said: who they
-are, where they rested, when they were last heard.
+The coordinator's state is exact: planner and fleet core run again on the messages that they heard,
+and must send every byte that the log says they sent.  About the robots a log holds only what they
+sent: who they are, where they rested, when they were last heard.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _SPOKEN: Final = ("hello", "report", "alive")
 
 @dataclass
 class Known:
-    """What a log says of one robot: times in ns on the coordinator's clock.
+    """What a log says about one robot, with times in ns on the coordinator's clock.
 
-    boots: when it introduced itself anew, and as what; rests: where it said that it rests.
+    boots: the first Hello of each start of its program; rests: where it reported to rest.
     """
 
     boots: list[tuple[int, Hello]] = field(default_factory=list)
@@ -46,15 +46,15 @@ class Known:
     linked: bool = True
 
     def is_silent(self, now_ns: int) -> bool:
-        """Tell whether the robot does nothing any more: its link is gone, or it is not heard."""
+        """Return whether the robot is inactive: its link is gone, or nothing is heard from it."""
         return not self.linked or now_ns - self.heard_ns > 2 * REPORT_TIMEOUT
 
 
 @dataclass(frozen=True)
 class History:
-    """A run up to `until_ns`: the logs, the last one cut there, and the mission as it was then.
+    """A run up to `until_ns`: its logs, the last one cut there, and the mission at that time.
 
-    before: the bytes of the logs before the last.
+    before: the bytes of the logs before the last one.
     """
 
     logs: list[Log]
@@ -71,13 +71,14 @@ class History:
 
 
 def read_history(path: Path, until: float) -> History:
-    """Read a log up to `until` [s since the first GO], with those that it went on from.
+    """Read a log up to `until` [s since the first GO], with the logs that it was resumed from.
 
-    Raises InputError when the log cannot be run again, or nothing went or is left to do then.
+    Raises InputError when the log cannot be run again, when no robot was ever sent off, or when
+    the log or the fleet's mission ends before `until`.
     """
     logs, before = _chain(str(path), read_log(path))
     if logs[-1].metadata.get("passive") == "yes":
-        raise InputError([f"{path}: was recorded from beside; only a coordinator's log goes on"])
+        raise InputError([f"{path}: a listener's recording; only a coordinator's log can continue"])
     began_ns = _first_go(logs)
     if began_ns is None:
         raise InputError([f"{path}: --until: no robot was ever sent on its way"])
@@ -95,15 +96,15 @@ def read_history(path: Path, until: float) -> History:
     logs[-1] = replace(logs[-1], records=kept, complete=False)
     mission, check = run_again(logs[-1])
     if mission is None or check.difference:
-        raise InputError([f"{path}: cannot be gone on from: {check.difference}"])
+        raise InputError([f"{path}: cannot be continued: {check.difference}"])
     if mission.fleet.phase == OVER:
-        raise InputError([f"{path}: --until: the fleet was over at {until:g} s"])
+        raise InputError([f"{path}: --until: the mission had ended by {until:g} s"])
     robots = _robots(logs, mission.fleet.members)
     return History(logs, before, until_ns, began_ns, mission, robots)
 
 
 def _chain(name: str, log: Log) -> tuple[list[Log], list[bytes]]:
-    """Return a log behind those that it went on from, and the bytes of these."""
+    """Return a log after the logs that it was resumed from, and the bytes of those earlier logs."""
     data = log.attachments.get(RESUMED)
     if data is None:
         return [log], []
@@ -113,7 +114,7 @@ def _chain(name: str, log: Log) -> tuple[list[Log], list[bytes]]:
 
 
 def _first_go(logs: list[Log]) -> int | None:
-    """Return when the plan of the first epoch began [ns]."""
+    """Return the time zero [ns] of the first epoch's plan; None when there was no GO."""
     for log in logs:
         for record in log.records:
             if record.key.endswith("/command"):
@@ -124,7 +125,7 @@ def _first_go(logs: list[Log]) -> int | None:
 
 
 def _robots(logs: list[Log], fleet: Container[str]) -> dict[str, Known]:
-    """Return what the logs say of the fleet's robots; strangers may have spoken too."""
+    """Return what the logs say about the fleet's robots; messages of strangers are left out."""
     found: dict[str, Known] = {}
     for log in logs:
         for record in log.records:
@@ -135,7 +136,7 @@ def _robots(logs: list[Log], fleet: Container[str]) -> dict[str, Known]:
 
 
 def _hear(robot: Known, kind: str, record: Record) -> None:
-    """Take down what one record says of a robot."""
+    """Add to `robot` what one record says about it."""
     if kind == "alive":
         robot.linked = record.payload != LINK_GONE
         return

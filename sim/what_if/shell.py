@@ -1,6 +1,6 @@
-"""The shell of a what-if: a log read, a run gone on with, a folder as any run leaves it.
+"""The shell of a what-if: it reads a log, continues the run, and fills a folder as any run does.
 
-Decides: which files there are, and where black boxes are looked for.
+Decides: which files are written, and where black boxes are looked for.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from sim.world.inhabitant import Inhabitant, Row
 def carry_on(
     log: Path, until: float, folder: Path, texts: Sequence[str], seed: int
 ) -> tuple[str, bool]:
-    """Go on from a log at `until` [s since the first GO] and fill a run's folder.
+    """Continue a logged run from `until` [s since the first GO] and fill a run's folder.
 
-    Returns the fleet's name and whether every robot is held to have arrived.  Raises InputError
-    for a log that cannot be gone on from, faults that make no sense, and the log's own folder.
+    Returns the fleet's name and whether the fleet counts every robot as arrived.  Raises InputError
+    when the log cannot be continued, a fault is not valid, or `folder` is the log's own.
     """
     if folder.resolve() == log.parent.resolve():
         raise InputError([f"--out: {folder} is the folder of the log; name another"])
@@ -67,7 +67,7 @@ def _faults(texts: Sequence[str], history: History, until: float) -> list[Fault]
 
 
 def _boxes(path: Path, log: Log, until: float) -> dict[str, list[Row]]:
-    """Return the rows of black boxes up to a moment, of those in the log or else beside it."""
+    """Return the rows up to `until` of the black boxes in the log, or else in its folder."""
     texts = unpacked(log.attachments)
     if not texts:
         beside = sorted((path.parent / "blackbox").glob("*.csv"))
@@ -85,7 +85,10 @@ def _boxes(path: Path, log: Log, until: float) -> dict[str, list[Row]]:
 
 
 def _written(robot: Inhabitant) -> list[Row]:
-    """Return a robot's rows; a program that is dead or hangs writes none once its body rests."""
+    """Return a robot's rows, without the last one if a dead or hung program could not write it.
+
+    Such a program writes no rows, and its body has come to rest.
+    """
     rows = robot.rows
     if (robot.dead or robot.hung) and len(rows) > 1 and rows[-1][1:6] == rows[-2][1:6]:
         return rows[:-1]

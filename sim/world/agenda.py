@@ -1,7 +1,7 @@
-"""What happens when in virtual time.
+"""The queue of events in virtual time.
 
-Decides: the order of events: by time, at the same time by when they were put down.  Must not know:
-what they are.
+Decides: the order of events, which is by time, and at the same time by when they were scheduled.
+Must not know: what the events do.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import heapq
 from collections.abc import Callable
 
 Action = Callable[[], int]
-"""Happens, and returns when it happens again [ns], or 0."""
+"""Performs an event and returns when it is due again [ns], or 0 for never."""
 
 
 class Agenda:
@@ -22,12 +22,12 @@ class Agenda:
         self._order = 0
 
     def at(self, due_ns: int, action: Action) -> None:
-        """Put down an action."""
+        """Schedule an action."""
         self._order += 1
         heapq.heappush(self._events, (due_ns, self._order, action))
 
     def once(self, due_ns: int, action: Callable[[], None]) -> None:
-        """Put down something that happens once."""
+        """Schedule an action that happens once."""
 
         def act() -> int:
             action()
@@ -40,7 +40,7 @@ class Agenda:
         return self._events[0][0]
 
     def happen(self) -> None:
-        """Let all happen that is due by now."""
+        """Perform all actions that are due by now."""
         while self._events and self._events[0][0] <= self.now_ns:
             _, order, action = heapq.heappop(self._events)
             again_ns = action()

@@ -1,4 +1,4 @@
-"""A simulated base: a unicycle that keeps the driver's contract, and one that fails to.
+"""A simulated base: a unicycle that fulfils the obligations of a Driver.
 
 Decides: where the body truly is.  Must not know: plans, phases, messages; other bodies.
 """
@@ -21,11 +21,11 @@ SLEW_SHARE = 1.25
 class SimulatedBody(Driver):
     """A unicycle on a plane; arcs are integrated exactly.
 
-    `max_accel` [m/s^2]: the plan's limit, inf changes speed at once.  `wheel_gain`: metres rolled
-    per metre ordered, a constant error of the wheels.  `noise` [m]: standard deviation of the
-    measured place, drawn from `seed`; x, y and heading themselves are the truth.  `clock`: the time
-    [ns] that the body moves by; without one, the robot's own.  The end of an ordered distance and
-    the watchdog stop the body at once.
+    `max_accel` [m/s^2]: the plan's limit; with inf the speed changes at once.  `wheel_gain`: metres
+    rolled per metre commanded, a constant error of the wheels.  `noise` [m]: standard deviation of
+    the measured position, drawn from `seed`; the attributes x, y and heading are the true pose.
+    `clock`: the time [ns] by which the body moves; without one, the robot's own.  The body stops at
+    once at the end of a commanded distance, and when the watchdog expires.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class SimulatedBody(Driver):
         self._room = self._turn = 0.0
 
     def place(self, x: float, y: float, heading: float) -> None:
-        """Put the body somewhere, at rest."""
+        """Put the body at a pose, at rest."""
         self.x, self.y, self.heading = x, y, heading
         self.stop()
 
@@ -67,7 +67,7 @@ class SimulatedBody(Driver):
         return self.x + noise[0], self.y + noise[1], self.heading
 
     def drive(self, speed_mps: float, curvature_radpm: float, distance_m: float) -> None:
-        """Take an order; it holds from the last `step` for WATCHDOG_NS."""
+        """Drive as commanded; the command is valid for WATCHDOG_NS from the last `step`."""
         self._wanted = max(speed_mps, 0.0)
         self._curvature = curvature_radpm
         self._room = max(distance_m, 0.0)
@@ -75,7 +75,7 @@ class SimulatedBody(Driver):
         self._powered_ns = self.WATCHDOG_NS
 
     def turn(self, angle_rad: float) -> None:
-        """Take an order to turn; a body that still rolls stops first."""
+        """Turn as commanded; a body that still rolls stops first."""
         self.drive(0.0, 0.0, 0.0)
         self._turn = angle_rad
 
@@ -84,7 +84,7 @@ class SimulatedBody(Driver):
         self._wanted = self._room = self.speed = self._turn = 0.0
 
     def step(self, now_ns: int) -> None:
-        """Integrate the motion from the last step until now; time never runs back."""
+        """Integrate the motion from the last step until now; earlier times are ignored."""
         now_ns = now_ns if self._clock is None else self._clock()
         before = now_ns if self._now_ns is None else self._now_ns
         passed = max(now_ns - before, 0)
@@ -106,7 +106,7 @@ class SimulatedBody(Driver):
             self.heading = math.remainder(self.heading + angle, math.tau)
 
     def _ramp(self, seconds: float) -> float:
-        """Change speed towards the wanted one; return the way [m] that this takes up."""
+        """Change speed towards the commanded one; return the distance [m] travelled meanwhile."""
         change = self._wanted - self.speed
         ramp, end = abs(change) / self._accel, self._wanted
         if ramp > seconds:
@@ -116,7 +116,7 @@ class SimulatedBody(Driver):
         return way
 
     def _roll(self, way: float) -> None:
-        """Move along an arc of the ordered curvature."""
+        """Move along an arc of the commanded curvature."""
         if math.isnan(self.x) or way <= 0.0:
             return
         turn = 0.5 * way * self._curvature

@@ -1,7 +1,7 @@
-"""A simulated base that fails on order.
+"""A simulated base that fails when it is told to.
 
 Decides: how slow, stalled and slipping wheels and dead electronics look to a robot's program.  Must
-not know: when a fault is due, who orders it.
+not know: when a fault is due, or who causes it.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ SKID_TIME: Final = 0.2
 
 
 class FailingBody(SimulatedBody):
-    """A SimulatedBody that slows down, stalls, slips or fails altogether, on order."""
+    """A SimulatedBody that can be made to slow down, stall, slide or fail altogether."""
 
     _stalled = _failing = False
     _slide_left = _slide_speed = _slide_heading = 0.0
 
     def slow(self, share: float) -> None:
-        """Roll from now on this share of what is ordered."""
+        """Roll only this share of the commanded distance from now on."""
         self._gain *= share
 
     def stall(self, stalled: bool) -> None:
-        """Stand still whatever is ordered, or no longer."""
+        """Stand still whatever is commanded, or end that if not `stalled`."""
         self._stalled = stalled
         if stalled:
             self.stop()
 
     def skid(self, metres: float) -> None:
-        """Slide within SKID_TIME to where the left is now, whatever the wheels do."""
+        """Slide within SKID_TIME in the direction that is left now, whatever the wheels do."""
         self._slide_left, self._slide_speed = metres, abs(metres) / SKID_TIME
         self._slide_heading = self.heading
 
     def fail(self) -> None:
-        """Raise DriverError when next asked for the pose, once."""
+        """Make the next call of `pose`, and no later one, raise DriverError."""
         self._failing = True
 
     def pose(self) -> Pose | None:
@@ -49,11 +49,11 @@ class FailingBody(SimulatedBody):
         return super().pose()
 
     def turn(self, angle_rad: float) -> None:
-        """Take an order to turn, unless stalled."""
+        """Turn as commanded, unless stalled."""
         super().turn(0.0 if self._stalled else angle_rad)
 
     def drive(self, speed_mps: float, curvature_radpm: float, distance_m: float) -> None:
-        """Take an order, unless stalled."""
+        """Drive as commanded, unless stalled."""
         super().drive(0.0 if self._stalled else speed_mps, curvature_radpm, distance_m)
 
     def step(self, now_ns: int) -> None:

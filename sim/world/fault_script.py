@@ -3,8 +3,8 @@
 A fault is written KIND:ROBOT@SECONDS[:NUMBER], or coordinator-KIND@SECONDS[:NUMBER], as for real
 processes (fault_text.py); seconds are counted from GO of the first epoch.
 
-Decides: which kinds there are in virtual time, and how likely what is.  Must not know: what they
-do (virtual_fleet.py).
+Decides: which kinds of faults there are in virtual time, and how likely each is.  Must not know:
+their effects (strikes.py).
 """
 
 from __future__ import annotations
@@ -24,13 +24,15 @@ _FORM: Final = re.compile(
     r"(?P<kind>[a-z-]+)(:(?P<robot>[^@:]+))?@(?P<time>-?\d+(\.\d+)?)(:(?P<value>-?\d+(\.\d+)?))?"
 )
 _SOON: Final = 6.0
-"""Every other fault follows within so many seconds: while the fleet freezes, plans or arms."""
+"""Every second fault follows the one before within this time [s], so that it strikes while the
+fleet freezes, plans or arms."""
 
 
 class VirtualKind(NamedTuple):
-    """What may follow the time: its name ("" for nothing), default (None: needed), limits, draws.
+    """The number that may follow the time in a fault text.
 
-    `lasting`: how likely the default is drawn.
+    It has a name ("": there is no number), a default (None: it is required), limits, and a range
+    from which campaigns draw it.  `lasting`: the probability that they use the default.
     """
 
     number: str = ""
@@ -57,11 +59,11 @@ KINDS: Final = {
 }
 
 USUAL: Final = tuple(name for name in KINDS if name != "coordinator-restart")
-"""What is drawn unless other kinds are asked for: the rest needs a log to go on from."""
+"""The kinds drawn by default; a restarted coordinator needs a log to resume from."""
 
 
 def read_faults(texts: Sequence[str], robots: Sequence[str]) -> list[Fault]:
-    """Read faults; InputError with a line for each that makes no sense."""
+    """Parse faults; InputError with a line for each that is not valid."""
     problems = [(text, _problem(text, robots)) for text in texts]
     wrong = [f"--fault {text}: {problem}" for text, problem in problems if problem]
     if wrong:
@@ -70,14 +72,14 @@ def read_faults(texts: Sequence[str], robots: Sequence[str]) -> list[Fault]:
 
 
 def write_fault(fault: Fault) -> str:
-    """Return the text that reads back as this fault."""
+    """Return the text that parses to this fault."""
     whose = f":{fault.robot}" if fault.robot else ""
     value = "" if fault.value == KINDS[fault.kind].default else f":{fault.value:g}"
     return f"{fault.kind}{whose}@{fault.time:g}{value}"
 
 
 def fault_help() -> str:
-    """Return what may be asked for, for the help of a command."""
+    """Return the forms of all faults, for the help of a command."""
     return ", ".join(form_of(name) for name in KINDS)
 
 
@@ -90,7 +92,7 @@ def form_of(name: str) -> str:
 
 
 def known_kinds(text: str) -> tuple[str, ...]:
-    """Read a comma list of kinds; InputError naming those that there are not."""
+    """Parse a comma-separated list of kinds; InputError names unknown ones."""
     names = tuple(name.strip() for name in text.split(","))
     unknown = [name for name in names if name not in KINDS]
     if unknown:
@@ -134,7 +136,7 @@ def _fault(text: str) -> Fault:
 
 
 def _problem(text: str, robots: Sequence[str]) -> str:
-    """Return what is wrong with a fault text, or nothing."""
+    """Return what is wrong with a fault text; empty if nothing is."""
     found = _FORM.fullmatch(text)
     name = found["kind"] if found else text.split(":")[0].split("@")[0]
     kind = KINDS.get(name)

@@ -1,8 +1,8 @@
-"""Faults for real processes, as asked for on the command line.
+"""Faults for real processes, as written on the command line.
 
-Decides: what a fault text means, and which acts it takes at which times [s since GO of the first
-epoch].  KIND:ROBOT@SECONDS[:NUMBER] for a robot, coordinator-KIND@SECONDS[:NUMBER] for the
-coordinator.  Must not know: processes, links, files.
+Decides: what a fault text means, and which acts it causes at which times [s since GO of the first
+epoch].  A fault of a robot is written KIND:ROBOT@SECONDS[:NUMBER], one of the coordinator
+coordinator-KIND@SECONDS[:NUMBER].  Must not know: processes, links, files.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ _FORM: Final = re.compile(
 class Kind:
     """One kind of fault: what it does, its first act, and the act that ends it.
 
-    `number` names what may follow the time, "" when nothing may; `default` is used without it
-    (None: it has to be given).  The ending comes `value` seconds after the first act.
+    `number` names the number that may follow the time, "" when none may; `default` is its value
+    when it is left out (None: it is required).  The ending act follows the first act after
+    `Fault.value` seconds.
     """
 
     does: str
@@ -79,12 +80,12 @@ class Fault:
 
     @property
     def act(self) -> Act:
-        """What is done first."""
+        """The first act of the fault."""
         return KINDS[self.kind].act
 
 
 class Strike(NamedTuple):
-    """One act of a fault: when [s since GO] and what; `first` tells that the fault begins."""
+    """One act of a fault and its time [s since GO]; `first`: whether the fault begins with it."""
 
     time: float
     act: Act
@@ -93,7 +94,7 @@ class Strike(NamedTuple):
 
 
 def parse_faults(texts: Sequence[str], robots: Sequence[str]) -> list[Fault]:
-    """Read fault texts, in order of time; InputError with a line per text that is wrong."""
+    """Parse fault texts and sort them by time; InputError with a line per invalid text."""
     faults, problems = [], []
     for text in texts:
         problem = _problem(text, robots)
@@ -118,7 +119,7 @@ def strikes_of(faults: Iterable[Fault]) -> list[Strike]:
 
 
 def fault_help() -> str:
-    """Return what may be asked for, for the help of a command."""
+    """Return the forms of all faults and what they do, for the help of a command."""
     return "; ".join(f"{form_of(name)} ({kind.does})" for name, kind in KINDS.items())
 
 
@@ -131,7 +132,7 @@ def form_of(name: str) -> str:
 
 
 def _problem(text: str, robots: Sequence[str]) -> str:
-    """Return what is wrong with a fault text, or nothing."""
+    """Return what is wrong with a fault text; empty if nothing is."""
     found = _FORM.fullmatch(text)
     name = found["kind"] if found else text.split(":")[0].split("@")[0]
     kind = KINDS.get(name)

@@ -1,6 +1,6 @@
-"""One robot of a world in virtual time: its service, its body, its own clock, what it truly did.
+"""One robot in virtual time: its service, its body, its own clock, and its true motion.
 
-Decides: what reaches a robot that is dead or hangs, and what is written down of it.  Must not know:
+Decides: what reaches a robot that is dead or hangs, and which rows are recorded.  Must not know:
 other robots, and when a fault is due (virtual_fleet.py).
 """
 
@@ -21,7 +21,7 @@ from sim.world.failing_body import FailingBody
 from sim.world.robot_clock import RobotClock
 
 Row = tuple[float, float, float, float, float, str, float | None]
-"""t, x, y, heading, s, phase, estimate: as in a black box file, None for what is not known."""
+"""t, x, y, heading, s, phase, estimate: as in a black box file; an unknown estimate is None."""
 
 _SAME_ERROR: Final = MILLISECOND / SECOND
 """Clock errors that differ by less [s] count as the same."""
@@ -31,8 +31,8 @@ _SAME_ERROR: Final = MILLISECOND / SECOND
 class Inhabitant:
     """A robot; `clock` is its own, as its program reads it.
 
-    rows: what its black box holds, t being virtual time [s since the first GO].  While a robot
-    stands and its clock error stays the same, the first and the last row are kept.
+    rows: those of its black box, with t in virtual time [s since the first GO].  Of the rows while
+    a robot stands with an unchanged clock error, only the first and the last are kept.
     """
 
     service: RobotService
@@ -44,7 +44,7 @@ class Inhabitant:
     rows: list[Row] = field(default_factory=list)
 
     def tick(self) -> None:
-        """Let one control period pass; without a program the motors stop by their watchdog."""
+        """Let one control period pass; without a running program the watchdog stops the motors."""
         own_ns = self.clock()
         if self.dead or self.hung:
             self.body.step(own_ns)
@@ -56,7 +56,7 @@ class Inhabitant:
             self.service.rescue(error, own_ns)
 
     def note(self, now_ns: int, began_ns: int) -> None:
-        """Write down where the body truly is; the first GO was at `began_ns` of virtual time."""
+        """Record the body's true pose; `began_ns` is the virtual time of the first GO."""
         pose, agent = self.body.true_pose(), self.service.agent
         if pose is None:
             return
@@ -75,7 +75,7 @@ class Inhabitant:
         return None if estimate_ns is None else (estimate_ns - began_ns) / SECOND
 
     def blackbox(self) -> BlackBox:
-        """Return what the robot truly did."""
+        """Return the recorded rows as a black box."""
         numbers = np.array([row[:5] for row in self.rows]).reshape(-1, 5)
         phases = tuple(row[5] for row in self.rows)
         estimates = np.array([row[6] for row in self.rows], dtype=np.float64)
@@ -83,7 +83,7 @@ class Inhabitant:
 
 
 def _is_alike(before: Row, row: Row) -> bool:
-    """Tell whether two rows differ in nothing but their times."""
+    """Return whether two rows differ only in their times."""
     if before[1:6] != row[1:6]:
         return False
     one, other = before[6], row[6]

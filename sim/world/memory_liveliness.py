@@ -1,7 +1,7 @@
-"""Who counts as alive on the network in memory, and who has been told so.
+"""Which keys count as alive on the in-memory network, and which watchers know it.
 
-Decides: what each watcher sees at a moment.  Must not know: messages, and when it is asked to
-look: memory_transport.py knows the time.
+Decides: what each watcher sees at a moment.  Must not know: messages, and when watchers look:
+memory_transport.py knows the time.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Final
 from protocol.transport import AliveHandler
 
 CUT_NOTICE_NS: Final = 10_000_000_000
-"""Who is cut off counts as alive for this long: the connection stands although it is silent."""
+"""A session that is cut off counts as alive for this long: its connection is silent but open."""
 
 
 @dataclass(eq=False)
@@ -40,7 +40,7 @@ class _Watch:
 
 
 class Liveliness:
-    """The tokens of all sessions and those who watch them; times in ns of virtual time."""
+    """The tokens of all sessions and their watchers; times are virtual, in ns."""
 
     def __init__(self) -> None:
         self._tokens: list[_Token] = []
@@ -48,7 +48,7 @@ class Liveliness:
 
     @property
     def is_used(self) -> bool:
-        """Tell whether a look can show anything."""
+        """Return whether there is anything for `look` to do."""
         return bool(self._tokens or self._watches)
 
     def declare(self, owner: str, key: str, seen_ns: int) -> None:
@@ -56,11 +56,11 @@ class Liveliness:
         self._tokens.append(_Token(key, owner, seen_ns))
 
     def watch(self, watcher: str, expression: str, handler: AliveHandler, from_ns: int) -> None:
-        """Call the handler at looks from from_ns on."""
+        """Call the handler for changes, whenever `look` is called at from_ns or later."""
         self._watches.append(_Watch(watcher, expression.split("/"), handler, from_ns))
 
     def forget(self, name: str, gone_ns: int) -> None:
-        """End what a session watches now, and what it has declared at gone_ns."""
+        """End a session's watches now, and its declared keys at gone_ns."""
         for token in self._tokens:
             if token.owner == name:
                 token.gone_ns = min(token.gone_ns, gone_ns)
@@ -69,9 +69,9 @@ class Liveliness:
         self._watches = [watch for watch in self._watches if not watch.ended]
 
     def look(self, now_ns: int, cuts_ns: Mapping[str, int]) -> None:
-        """Tell each watcher what has changed since its last look.
+        """Call the watchers' handlers for all changes since the last look.
 
-        cuts_ns: since when the sessions that are cut off are.
+        cuts_ns: for each session that is cut off, the time of the cut.
         """
         self._tokens = [token for token in self._tokens if now_ns < token.gone_ns]
         for watch in tuple(self._watches):
@@ -89,14 +89,14 @@ class Liveliness:
 
 
 def fits(expression: list[str], parts: list[str]) -> bool:
-    """Tell whether the parts of a key fit; `*` stands for exactly one part."""
+    """Return whether a key's parts match an expression's; `*` stands for exactly one part."""
     return len(expression) == len(parts) and all(
         wanted in ("*", part) for wanted, part in zip(expression, parts, strict=True)
     )
 
 
 def _sees(watch: _Watch, token: _Token, now_ns: int, cuts_ns: Mapping[str, int]) -> bool:
-    """Tell whether a token is alive for a watcher; through a cut it learns nothing new."""
+    """Return whether a token is alive for a watcher; a watcher learns nothing new through a cut."""
     if token.owner == watch.watcher or not fits(watch.expression, token.key.split("/")):
         return False
     since_ns = [cuts_ns[name] for name in (token.owner, watch.watcher) if name in cuts_ns]

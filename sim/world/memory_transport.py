@@ -1,9 +1,9 @@
-"""The transport in memory and in virtual time: a network that loses, delays, doubles and reorders.
+"""The in-memory transport in virtual time: it loses, delays, duplicates and reorders messages.
 
-Decides: what happens to each message, from a seed alone.  No threads and no clock: nothing is
-delivered but by `advance`, so the same seed and the same calls give the same deliveries.
+Decides: what happens to each message, from a seed alone.  It has no threads and no clock: only
+`advance` delivers, so the same seed and the same calls give the same deliveries.
 
-That a key has become alive or is gone is never lost and draws no chances: it is told after the
+Liveliness changes are never lost and need no random numbers: watchers learn of them after the
 longest delay of the network.
 """
 
@@ -17,10 +17,10 @@ from protocol.transport import AliveHandler, Handler, Transport
 from sim.world.memory_liveliness import CUT_NOTICE_NS, Liveliness, fits
 
 LONGEST_HOLD_NS: Final = 50_000_000
-"""A message that is to be overtaken, and the second copy of a doubled one, wait up to this."""
+"""The longest extra delay of a message that is to be overtaken, and of a duplicate."""
 
 DROP_NOTICE_NS: Final = 100_000_000
-"""How long a killed session counts as alive, unless the network is made with another time."""
+"""How long a killed session counts as alive, unless the network has another drop_notice_ns."""
 
 
 class _Flight(NamedTuple):
@@ -36,7 +36,7 @@ class _Flight(NamedTuple):
 
 
 class _Look(NamedTuple):
-    """A time at which every watcher looks who is alive; ordered among the flights."""
+    """A time at which every watcher's view of live keys is updated; ordered among the flights."""
 
     due_ns: int
     sequence: int
@@ -45,11 +45,11 @@ class _Look(NamedTuple):
 class MemoryNetwork:
     """Carries messages between sessions in virtual time.
 
-    loss, doubling, reordering: the probabilities that a message is lost, comes twice, is held
-    back so that later ones overtake it; drawn apart for each receiving session.  delay_ns: the
-    shortest and the longest delay; messages between two sessions keep their order but for those
-    held back.  drop_notice_ns: how long a session counts as alive after `drop`.  Raises ValueError
-    for numbers outside these meanings.
+    loss, doubling, reordering: the probabilities that a message is lost, arrives twice, or is held
+    back so that later ones overtake it; they are drawn separately for each receiving session.
+    delay_ns: the shortest and the longest delay; messages between two sessions arrive in order,
+    except for those held back.  drop_notice_ns: how long a session counts as alive after `drop`.
+    Raises ValueError for numbers out of range.
     """
 
     def __init__(
@@ -114,9 +114,9 @@ class MemoryNetwork:
         return self._due[0].due_ns if self._due else None
 
     def cut(self, name: str) -> None:
-        """Lose everything from and to the session of this name until `heal`, now on its way too.
+        """Lose all messages from and to the session until `heal`, including those under way.
 
-        It counts as alive for another CUT_NOTICE_NS, and all others do for it.
+        The session counts as alive for another CUT_NOTICE_NS, and so do all others for it.
         """
         self._cut.setdefault(name, self.now_ns)
         self._look_after(CUT_NOTICE_NS)
@@ -127,19 +127,20 @@ class MemoryNetwork:
         self._look_after(self._delay_ns[1])
 
     def hold(self, name: str) -> None:
-        """Let what arrives at the session of this name wait until `release`: its process hangs."""
+        """Let messages to the session wait until `release`, as if its process hung."""
         self._held.setdefault(name, [])
 
     def release(self, name: str) -> None:
-        """End a hold: everything that waits is delivered now, in order."""
+        """End a hold and deliver all waiting messages now, in order."""
         for waiting in self._held.pop(name, []):
             waiting.receiver.deliver(waiting.key, waiting.payload, waiting.sent_ns)
 
     def drop(self, name: str) -> None:
-        """Kill a session: it says and hears nothing more; others know after `drop_notice_ns`.
+        """Kill a session: it sends and receives nothing more.
 
-        What it has put before still arrives, and the name can be opened anew at once.  Raises
-        ValueError when no session of that name is open.
+        Others see it gone after `drop_notice_ns`.  What it has put before still arrives, and a new
+        session of the name can be opened at once.  Raises ValueError when no session of that name
+        is open.
         """
         if name not in self._sessions:
             raise ValueError(f"session {name!r} is not open")
@@ -167,7 +168,7 @@ class MemoryNetwork:
                 self._launch(due_ns + hold_ns, sender, receiver, key, payload)
 
     def forget_routes(self) -> None:
-        """Find anew who subscribes to what."""
+        """Discard the cached receivers of each key."""
         self._routes.clear()
 
     def declare(self, owner: str, key: str) -> None:
@@ -176,7 +177,7 @@ class MemoryNetwork:
         self._look_after(self._delay_ns[1])
 
     def watch(self, watcher: str, expression: str, handler: AliveHandler) -> None:
-        """Tell a session's handler who is alive."""
+        """Call a session's handler when keys become alive or are gone."""
         self._liveliness.watch(watcher, expression, handler, self.now_ns + self._delay_ns[1])
         self._look_after(self._delay_ns[1])
 
@@ -250,7 +251,7 @@ class MemorySession(Transport):
             self._network.forget(self.name, notice_ns)
 
     def wants(self, key: str) -> bool:
-        """Tell whether a handler subscribes to the key."""
+        """Return whether the session has subscribed to the key."""
         parts = key.split("/")
         return any(fits(expression, parts) for expression, _ in self._subscriptions)
 

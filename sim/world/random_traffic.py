@@ -1,4 +1,4 @@
-"""Somebody who puts random bytes on a robot's keys.
+"""A sender that puts random bytes on a robot's keys.
 
 Decides: which bytes, on which keys, how often.  Must not know: what the bytes could mean.
 """
@@ -27,16 +27,16 @@ _PATIENCE_S: Final = 2.0
 
 
 def noise(fleet: str, robot: str, seed: int = 0) -> Iterator[tuple[str, bytes]]:
-    """Return keys and random bytes without end; the same for the same seed."""
+    """Yield keys and random bytes without end; the same seed gives the same ones."""
     source = random.Random(seed)
     for kind in itertools.cycle((keys.hello, keys.report, keys.clock, keys.plan)):
         yield kind(fleet, robot), source.randbytes(source.randint(0, LONGEST))
 
 
 class Babbler:
-    """Puts noise for some real seconds, over a session and on a thread of its own.
+    """Puts noise for some real seconds, with a session and a thread of its own.
 
-    Without a coordinator it gives up by itself.
+    If it cannot connect, it ends without an error.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Babbler:
         self._thread.start()
 
     def close(self) -> None:
-        """End early if need be; returns when the session is closed."""
+        """End at once; returns when the session is closed."""
         self._over.set()
         self._thread.join()
 

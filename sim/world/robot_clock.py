@@ -1,6 +1,6 @@
-"""A robot's own clock in simulation: ahead of the true time, faster or slower, stopped, set.
+"""A robot's own clock in simulation: it may be ahead, run faster or slower, be stopped or set.
 
-Decides: how it is off.
+Decides: how the clock deviates from the true time.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ class RobotClock:
             self._stopped_ns += by_ns
 
     def stop(self) -> None:
-        """Stand still."""
+        """Stop the clock."""
         self._stopped_ns = self()
 
     def go_on(self) -> None:
-        """Count again, from where the clock stands."""
+        """Let the clock run again from where it stopped."""
         stopped_ns, self._stopped_ns = self._stopped_ns, None
         if stopped_ns is not None:
             self._offset_ns += stopped_ns - self()

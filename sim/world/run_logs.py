@@ -13,7 +13,7 @@ from coordinator.log.head import Head, resumed
 from coordinator.log.recorder import Recorder
 
 WALL_OFFSET_NS: Final = 1_700_000_000 * 10**9
-"""Virtual time has no date: every run begins on the same day."""
+"""The wall-clock time [ns since 1970] of virtual time 0; virtual time itself has no date."""
 
 
 class RunLogs:
@@ -45,13 +45,13 @@ class RunLogs:
         self._recorder.attach(name, media_type, data)
 
     def keep(self, log: bytes) -> None:
-        """Put down a log that was written before, as it is."""
+        """Write an earlier log, unchanged, as the next file."""
         path = self._next_path()
         write_file(path, log)
         self.paths.append(path)
 
     def cut(self) -> bytes:
-        """End the log as a killed coordinator leaves it; returns its bytes."""
+        """End the log as a killed coordinator would leave it, and return its bytes."""
         path = self.paths[-1]
         self._recorder.sync()
         data = path.read_bytes()
@@ -60,7 +60,7 @@ class RunLogs:
         return data
 
     def go_on(self, before: bytes, boot: int, began_ns: int) -> None:
-        """Open the log of a coordinator that goes on from the one before."""
+        """Open the log of a coordinator that resumes from the log `before`."""
         metadata, files = resumed(self._head, before, began_ns)
         self.begin(({**metadata, "boot": str(boot)}, files))
 
@@ -69,5 +69,5 @@ class RunLogs:
         return self._folder / ("run.mcap" if number == 1 else f"run-{number}.mcap")
 
     def close(self) -> None:
-        """End the log; LogError when anything could not be written."""
+        """Close the log; LogError when any part of it could not be written."""
         self._recorder.close()

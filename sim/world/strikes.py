@@ -1,7 +1,7 @@
-"""What a fault does to whom in virtual time.
+"""The effects of faults on robots and the coordinator in virtual time.
 
-Decides: how each kind looks from outside the robot's program, and when it ends.  Must not know:
-plans, what a fleet makes of it.
+Decides: what each kind of fault does from outside the robot's program, and when it ends.  Must not
+know: plans, or how a fleet reacts.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ _BABBLE_NS: Final = round(SECOND / RATE)
 class Struck:
     """A fault that has happened: when, and the phases of the fleet and of its robot just before.
 
-    `robot_phase` is -1 of a robot that had no part in the epoch or did nothing any more, and of the
-    coordinator.
+    `robot_phase` is -1 for a robot that had no part in the epoch or was no longer active, and for
+    the coordinator.
     """
 
     fault: Fault
@@ -40,7 +40,7 @@ class Struck:
 
 
 class CoordinatorStrikes(NamedTuple):
-    """What to call when the coordinator wakes from a hang, dies, and comes back."""
+    """The callbacks for when the coordinator wakes from a hang, dies, and comes back."""
 
     wake: Callable[[], None]
     die: Callable[[], None]
@@ -48,7 +48,7 @@ class CoordinatorStrikes(NamedTuple):
 
 
 class Strikes:
-    """Strikes the robots of a world and its coordinator."""
+    """Applies faults to the robots of a world and to its coordinator."""
 
     def __init__(
         self,
@@ -74,11 +74,11 @@ class Strikes:
 
     @property
     def coordinator_hangs(self) -> bool:
-        """Tell whether the coordinator does nothing now: it hangs or is dead."""
+        """Return whether the coordinator is inactive: it hangs or is dead."""
         return any(self._is_under(kind, "") for kind in ("coordinator-hang", "coordinator-restart"))
 
     def strike(self, fault: Fault) -> None:
-        """Let a fault begin; the dead are left alone."""
+        """Begin a fault; one of a dead robot is ignored."""
         if not fault.robot:
             self._strike_coordinator(fault)
             return
@@ -121,7 +121,7 @@ class Strikes:
             self._coordinator.wake()
 
     def _last(self, fault: Fault, begin: Callable[[], None], end: Callable[[], None]) -> None:
-        """Let a fault last for its value [s]; of several of a kind the one that lasts ends it."""
+        """Begin a fault and end it after its value [s]; overlapping ones end with the last."""
         what = (fault.kind, fault.robot)
         over_ns = self._agenda.now_ns + fault.value * SECOND
         self._until[what] = max(over_ns, self._until.get(what, 0.0))

@@ -1,8 +1,9 @@
 """A fleet in virtual time: unmodified fleet core and robot services on the in-memory link.
 
-Decides: the order in which virtual time reaches everybody, and how fleet, robots and link are put
-together; what faults do is in strikes.py.  Nothing here waits: time jumps from one event to the
-next, a minute of a fleet takes a fraction of a second, and the same seed gives the same run.
+Decides: in which order coordinator, robots and link are called as virtual time passes, and how they
+are put together; the effects of faults are in strikes.py.  Nothing here waits: time jumps from one
+event to the next, a minute of a fleet takes a fraction of a second, and the same seed gives the
+same run.
 """
 
 from __future__ import annotations
@@ -43,14 +44,15 @@ _BOOT: Final = 7
 _COORDINATOR: Final = "coordinator"
 
 PLANNING: Final = 300 * MILLISECOND
-"""How long a plan takes to be found, in virtual time."""
+"""How long finding a plan takes, in virtual time."""
 
 
 @dataclass(frozen=True)
 class Flaws:
-    """How far clocks and bodies may be off; drawn for every robot, either way.
+    """The greatest errors of clocks and bodies, drawn for every robot with either sign.
 
-    drift_ppm: of clocks; gain: of wheels, as a share; noise [m]: of measured places, from 0.
+    drift_ppm: drift of clocks; gain: error of the wheels, as a share; noise [m]: of measured
+    positions, drawn from 0 up.
     """
 
     drift_ppm: int = 0
@@ -63,9 +65,9 @@ USUAL_FLAWS: Final = Flaws(drift_ppm=45, gain=0.01, noise=0.001)
 
 
 class Past(NamedTuple):
-    """Where a world goes on from: what its coordinator knows, and when virtual time begins [ns].
+    """The state from which a world continues: the mission, and when virtual time begins [ns].
 
-    began_ns: the first GO; boots: of the robots, where they are known.
+    began_ns: the time of the first GO; boots: the boot ids of the robots, where they are known.
     """
 
     mission: Mission
@@ -75,12 +77,12 @@ class Past(NamedTuple):
 
 
 class World:
-    """A proven plan, its robots, a link and what goes wrong, at times counted from the first GO.
+    """A proven plan, its robots, a link, and faults at times counted from the first GO.
 
-    `freezes` is for tests alone: without it every FREEZE says GO instead, and nothing is planned.
-    `effort`: of all plans, the first one's too, as `logs` tell; the caller closes them.
-    A world with a `past` has a coordinator that says nothing before `take_over`, and logs that are
-    open.
+    `freezes` is for tests alone: without it every FREEZE is sent as GO, and nothing is planned.
+    `effort`: that of all plans, the first one included; it is recorded in `logs`, which the caller
+    closes.  In a world with a `past` the coordinator sends nothing before `take_over`, and the logs
+    must be open already.
     """
 
     def __init__(
@@ -129,7 +131,7 @@ class World:
 
     @property
     def mission(self) -> Mission:
-        """What the coordinator knows."""
+        """The coordinator's mission."""
         return self.coordinator.mission
 
     @property
@@ -139,7 +141,7 @@ class World:
 
     @property
     def now_ns(self) -> int:
-        """Virtual time, which is the coordinator's [ns]."""
+        """Virtual time [ns], which the coordinator's clock shows."""
         return self.agenda.now_ns
 
     def run(self, seconds: float) -> None:
@@ -166,17 +168,17 @@ class World:
         self.agenda.happen()
 
     def strike(self, fault: Fault) -> None:
-        """Let a fault happen now."""
+        """Begin a fault now."""
         self._note_strike(fault)
         self._strikes.strike(fault)
 
     def take_over(self) -> None:
-        """Let the coordinator of a world with a past go on from now; faults strike in time."""
+        """Start the coordinator of a world with a past; from now on faults strike when due."""
         self.coordinator.begin()
         self._expect_faults()
 
     def renew(self, name: str, boot: int, place: Pose | None) -> None:
-        """Start a robot's program again; it believes to stand at `place`, where its body is put."""
+        """Start a robot's program again, with its body and its believed pose at `place`."""
         robot = self.robots[name]
         if not robot.dead:
             self._network.drop(name)
@@ -189,7 +191,7 @@ class World:
         )
 
     def blackboxes(self) -> dict[str, BlackBox]:
-        """Return what every robot truly did."""
+        """Return every robot's black box."""
         return {name: robot.blackbox() for name, robot in self.robots.items()}
 
     def _inhabitant(
@@ -238,7 +240,7 @@ class World:
         return self.now_ns + COMMAND_PERIOD
 
     def _look(self) -> None:
-        """Let the coordinator look at the time; from its first GO on faults strike."""
+        """Let the coordinator look at the time, and schedule the faults at its first GO."""
         self.coordinator.look()
         if self.fleet.phase == GO and not self.began_ns:
             self.began_ns = self.fleet.times.start_ns
@@ -263,7 +265,7 @@ class World:
         )
 
     def _coordinator_back(self) -> None:
-        """Look at the time first, then at what has arrived meanwhile, as the service does."""
+        """Look at the time first, then at the messages that have arrived, as the service does."""
         self._look()
         self.coordinator.take_arrivals()
 

@@ -1,8 +1,7 @@
-"""The coordinator's shell in virtual time: the twin of service/coordinator_service.py.
+"""The coordinator's shell in virtual time, in place of service/coordinator_service.py.
 
-Decides: that a plan takes its time to be found, and what the death of a coordinator leaves.  What a
-coordinator does is decided by the mission's driver, the product's own.  Must not know: robots,
-bodies, faults.
+Decides: how long planning takes, and what a killed coordinator leaves behind.  What a coordinator
+does is decided by the same mission driver as in a real run.  Must not know: robots, bodies, faults.
 """
 
 from __future__ import annotations
@@ -33,20 +32,20 @@ from sim.world.memory_transport import MemoryNetwork, MemorySession
 from sim.world.run_logs import RunLogs
 
 RETIMING: Final = 150 * MILLISECOND
-"""How long new times take to be found, in virtual time."""
+"""How long finding new times takes, in virtual time."""
 
 COORDINATOR: Final = "coordinator"
 """The name of the coordinator's session."""
 
 
 class VirtualJournal(Journal):
-    """A mission's journal in the logs of a run in virtual time, if these are written."""
+    """A mission's journal that writes to the logs of a run in virtual time, if there are any."""
 
     def __init__(self, logs: RunLogs | None) -> None:
         self._logs = logs
 
     def record(self, key: str, payload: bytes, now_ns: int, sent_ns: int | None = None) -> None:
-        """Write a message down."""
+        """Record a message in the log."""
         if self._logs is not None:
             self._logs.record(key, payload, now_ns, sent_ns)
 
@@ -56,17 +55,17 @@ class VirtualJournal(Journal):
             self._logs.attach(*plan_file(document))
 
     def sync(self) -> bool:
-        """Disks in virtual time neither wait nor fail."""
+        """Do nothing: disks in virtual time neither wait nor fail."""
         return True
 
     def hurry(self) -> None:
-        """Nothing waits to be written."""
+        """Do nothing: no record waits to be written."""
 
 
 class VirtualService:
-    """Runs a mission on a network in virtual time, from `begin` on; without `logs` none is written.
+    """Runs a mission on a network in virtual time, from `begin` on; `logs` may be None.
 
-    `planning_ns`: how long a plan takes to be found.  `freezes` is for tests alone, see World.
+    `planning_ns`: how long finding a plan takes.  `freezes` is for tests alone, see World.
     """
 
     def __init__(
@@ -94,7 +93,7 @@ class VirtualService:
         self._under_way: list[tuple[int, Job, Recovery | PackedPlan | None]] = []
 
     def begin(self) -> None:
-        """Open the link: from now on the core hears, looks and speaks."""
+        """Open the link: from now on the core receives, looks at the time, and sends."""
         self._session = self._network.session(COORDINATOR)
         for kind in (keys.hello, keys.report, keys.clock, keys.admit):
             self._session.subscribe(kind(self.fleet.name, "*"), self._enqueue)
@@ -112,7 +111,7 @@ class VirtualService:
         return self.driver.fleet
 
     def look(self) -> None:
-        """Let the driver look at the time; what it wants done is there some time later."""
+        """Let the driver look at the time; a job that it requests is finished some time later."""
         if self._session is None:
             return
         now_ns = self._clock()
@@ -126,26 +125,26 @@ class VirtualService:
             self.driver.finish(job, found, now_ns)
 
     def take_arrivals(self) -> None:
-        """Let the driver hear what has arrived."""
+        """Pass the messages that have arrived to the driver."""
         now_ns = self._clock()
         while (arrival := self.driver.intake.take(now_ns)) is not None:
             self.driver.hear(arrival, now_ns)
 
     def die(self) -> None:
-        """End as a killed process does; ValueError without logs to go on from.
+        """End as a killed process does; ValueError without logs to resume from.
 
-        One whose fleet is over has nothing to go on with, and stays.
+        A coordinator whose fleet is over has nothing left to do, and keeps running.
         """
         if self.fleet.phase == OVER:
             return
         if self._logs is None:
-            raise ValueError("a coordinator without a log cannot go on from it")
+            raise ValueError("a coordinator without a log cannot resume")
         self._before = self._logs.cut()
         self._network.drop(COORDINATOR)
         self._drive(self.mission)
 
     def come_back(self) -> None:
-        """Go on from the log, with the next boot id."""
+        """Resume from the log, with the next boot id."""
         if self._logs is None or self._before is None:
             return
         boot, now_ns = (self.fleet.boot + 1) % 2**32, self._clock()
@@ -170,7 +169,7 @@ class VirtualService:
 
 
 def _heedless(payload: bytes) -> bytes:
-    """Return a message that says GO where it said FREEZE."""
+    """Return the message with FREEZE replaced by GO."""
     command = decode("command", payload)
     if isinstance(command, Command) and command.phase == FREEZE:
         return encode(replace(command, phase=GO))
