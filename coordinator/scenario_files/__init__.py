@@ -1,5 +1,5 @@
 """Scenario files and maps: TOML or JSON to a checked Scenario, and back.
 
-The room decides keys, types and defaults of the file.  A new map format is a reader in `maps/`.
-Others take `scenario_reader.read_scenario` and `parse_scenario`.
+The room decides keys, types and defaults of the file.  A new map format is added as a reader in
+`maps/`.  Other rooms use `scenario_reader.read_scenario` and `parse_scenario`.
 """

@@ -212,7 +212,7 @@ def test_a_path_stands_in_place_of_start_and_goal():
     with pytest.raises(InputError) as refused:
         parse_scenario(f"{HEAD}max_speed = 0.5\n{path}".encode(), "given.toml")
     (line,) = refused.value.problems
-    assert line.startswith("given.toml: robots[0].start: stands beside path")
+    assert line.startswith("given.toml: robots[0].start: is given as well as path")
 
 
 def test_ends_of_paths_are_told_by_their_control_points():
