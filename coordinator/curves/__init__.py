@@ -1,5 +1,5 @@
 """Planar NURBS curves as arrays: evaluation, knots, bounds, chords, intersections.
 
 The room decides the numerics of the paper's Eq. (5)-(14) and Algorithm 1.  It must not know robots,
-floors or times.  Others take `nurbs.Nurbs`, `knots`, `bounds`, `chords` and `intersections`.
+floors or times.  Other rooms use `nurbs.Nurbs`, `knots`, `bounds`, `chords` and `intersections`.
 """
