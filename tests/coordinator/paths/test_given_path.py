@@ -127,7 +127,7 @@ def test_a_straight_polyline_needs_no_rounding():
         (given("R1", ((1.0, 1.0), (1.0, 1.0)), 1), "has no length"),
         (
             given("R1", ((1.0, 1.0), (1.0, 1.0), (5.0, 1.5), (9.0, 2.0)), 3),
-            "has no direction at (1.00, 1.00), where control points stand twice",
+            "has no direction at (1.00, 1.00), where control points are repeated",
         ),
     ],
 )
