@@ -28,7 +28,7 @@ def read_path(robot: Table) -> tuple[GivenPath, Point, Point]:
     """Return a robot's path, start and goal; if problems were noted, an empty path and NaN."""
     for key in _ENDS:
         if key in robot.values:
-            robot.note(key, "is given as well as path; a path has its own start and goal")
+            robot.note(key, "is given as well as path, which fixes the whole way; give only one")
     before = len(robot.problems)
     path = _path(robot.values["path"], robot.field("path"), robot.problems)
     if len(robot.problems) > before:
