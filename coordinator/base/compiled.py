@@ -1,6 +1,6 @@
-"""Compiling the few numeric kernels that numpy cannot do well: one decorator.
+"""A decorator that compiles the few numeric kernels for which numpy is too slow.
 
-Decides: how kernels are compiled.  Must not know: what is computed, where code is kept.
+Decides: how kernels are compiled.  Must not know: what is computed, where machine code is cached.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ load_quickly()
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function of arrays and numbers on first use; the machine code is kept on disk."""
+    """Compile a function of arrays and numbers on first use; cache the machine code on disk."""
     kernel = numba.njit(nogil=True, error_model="numpy")(function)
     keep(kernel)
     return cast(Callable[P, R], kernel)

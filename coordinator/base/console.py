@@ -1,6 +1,6 @@
-"""How commands talk: answers on stdout, everything else on stderr.
+"""Output of commands: results go to stdout, everything else to stderr.
 
-Decides: where text goes.  Must not know: what is said.
+Decides: where text goes.  Must not know: what the text says.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def tell_now(text: str, style: str = "") -> None:
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Write a file; InputError in one line when that cannot be done."""
+    """Write a file; raises InputError with one line if the file cannot be written."""
     try:
         path.write_bytes(content)
     except OSError as error:

@@ -1,6 +1,6 @@
-"""What the coordinator's commands can end with: errors that carry data, and their sentences.
+"""The errors with which the coordinator's commands can end: their data and their sentences.
 
-Nobody reads a sentence back: code asks the fields.
+No code parses a sentence: it reads the fields.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Self
 
 
 class InputError(Exception):
-    """Bad input from a person: every problem found, one line each.  Exit code 2."""
+    """Invalid input from a person: all problems found, one line each.  Exit code 2."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         super().__init__("\n".join(problems))
@@ -19,7 +19,7 @@ class InputError(Exception):
 
 
 class PartsError(InputError):
-    """No message can be made for some `robots` of a plan, or none that they would take."""
+    """For some `robots` of a plan no Plan message exists, or none that they would accept."""
 
     def __init__(self, problems: Sequence[str], robots: Sequence[str]) -> None:
         super().__init__(problems)
@@ -29,10 +29,10 @@ class PartsError(InputError):
 class PlanError(Exception):
     """No plan exists, or none was found.  Exit code 1.
 
-    reason: what is wrong, without the robot's name; helps: what would help, if that is known.
-    robot: whom it concerns, "" when it is no single one; blames: the robot without which there
-    might be a plan, the one concerned unless another is named.
-    place: where [m], if it is somewhere.
+    reason: what is wrong, without the robot's name.  helps: what would help, "" if unknown.
+    robot: the robot that the error concerns, "" if there is no single one.  blames: the robot
+    without which a plan might exist; defaults to `robot`.
+    place: where the problem is [m], None if it has no place.
     """
 
     def __init__(
@@ -61,11 +61,11 @@ class PlanError(Exception):
         return f"{self.reason}; {self.helps} would help" if self.helps else self.reason
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Return how to copy the error, and to take it to another process: by its fields."""
+        """Return how to copy or pickle the error: by its fields."""
         return _with_fields, (type(self), self.args, self.__dict__)
 
     def about(self, robot: str) -> Self:
-        """Return the error as one that concerns a robot."""
+        """Return a copy of the error that concerns, and blames, this robot."""
         named = copy(self)
         named.robot = named.blames = robot
         return named
@@ -80,7 +80,7 @@ def _with_fields(
 
 
 class TurnError(PlanError):
-    """A turn is tighter than the robot can make; `radius` [m] is what there is room for."""
+    """A turn is tighter than the robot can make; there is room for a turn of `radius` [m]."""
 
     def __init__(
         self, reason: str, radius: float, place: tuple[float, float], helps: str = ""
@@ -90,7 +90,7 @@ class TurnError(PlanError):
 
 
 class CoarseError(PlanError):
-    """Float32 numbers are too coarse at that distance from the origin."""
+    """Float32 numbers are too coarse at this distance from the origin."""
 
 
 class LogError(Exception):
@@ -98,5 +98,8 @@ class LogError(Exception):
 
 
 def unreadable(error: Exception) -> str:
-    """Return why text could not be read; Python words numbers of many digits for programmers."""
+    """Return why text could not be parsed.
+
+    Python's own message about a number with too many digits addresses programmers and is replaced.
+    """
     return "a number has too many digits" if "int_max_str_digits" in str(error) else str(error)

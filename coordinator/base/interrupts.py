@@ -1,11 +1,11 @@
 """Ctrl-C and SIGTERM: what a process does when it is asked to end.
 
-While it starts there is nothing to close, and it ends at once.  While a command runs, the first
-request raises KeyboardInterrupt and further ones are ignored, so that closing is not cut short.
-Afterwards a request comes too late to matter.
+While the process starts, there is nothing to close, and a request ends it at once.  While a command
+runs, the first request raises KeyboardInterrupt and further ones are ignored, so that they do not
+cut the clean-up short.  After the command has finished, requests are ignored.
 
-Decides: what a request to end does at which time.  Must not know: what there is to close.  It is
-imported before everything else, so it imports little.
+Decides: the effect of a request to end at each stage.  Must not know: what there is to close.  This
+module is imported before all others, so it imports little.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _SOON_S: Final = 0.02
 
 
 class _Requests:
-    """Whether the process was asked to end, and whether that has to wait."""
+    """State: whether a request was raised, whether requests are held back, whether one waits."""
 
     asked = False
     held = False
@@ -37,23 +37,23 @@ class _Requests:
 
 
 def leave_at_once() -> None:
-    """From now on a request ends the process, without anything being closed."""
+    """End the process without any clean-up on every request from now on."""
     _answer(lambda _number, _frame: os._exit(INTERRUPTED))
 
 
 def listen() -> None:
-    """From now on the first request raises KeyboardInterrupt in the main thread."""
+    """Raise KeyboardInterrupt in the main thread on the first request from now on."""
     sys.unraisablehook = _missed
     _answer(_interrupt)
 
 
 def stop_listening() -> None:
-    """From now on a request does nothing: what there was to do is done."""
+    """Ignore requests from now on: the command has finished."""
     _answer(_ignore)
-    for number in _REQUESTS:  # the interpreter, when it ends, takes its own handlers away
+    for number in _REQUESTS:  # the interpreter removes Python handlers when it shuts down
         signal.signal(number, signal.SIG_IGN)
-    # An interrupt that passed through exec() has Python end as if SIGINT had killed it, whatever
-    # the exit code, unless another exec() comes after.
+    # After an interrupt has passed through exec(), Python ends as if SIGINT had killed it, whatever
+    # the exit code, unless another exec() follows.
     exec("")
 
 
@@ -63,10 +63,10 @@ def was_asked() -> bool:
 
 
 def is_interrupt(error: BaseException | None) -> bool:
-    """Tell whether an error is KeyboardInterrupt, or what C code has made of one.
+    """Tell whether an error is a KeyboardInterrupt, or a SystemError that one has caused.
 
-    A compiled function in which it is raised returns all the same; Python then raises a
-    SystemError that has it for its cause.
+    A compiled function in which KeyboardInterrupt is raised still returns a value; Python then
+    raises a SystemError whose cause or context is the KeyboardInterrupt.
     """
     if isinstance(error, SystemError):
         return is_interrupt(error.__cause__ or error.__context__)
@@ -75,10 +75,10 @@ def is_interrupt(error: BaseException | None) -> bool:
 
 @contextmanager
 def held_back() -> Iterator[None]:
-    """Let requests wait until the end of the block.
+    """Delay requests until the end of the block.
 
-    Processes that are started in the block are not reached by requests before they listen
-    themselves.  To be entered by the main thread, or before anybody listens.
+    Requests do not reach processes started in the block until these call `listen` themselves.
+    Enter the block in the main thread, or before `listen` has been called.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _REQUESTS)
     _Requests.held = True  # other threads may still receive a signal for the main thread
@@ -93,7 +93,7 @@ def held_back() -> Iterator[None]:
 
 
 def _answer(handler: Callable[[int, FrameType | None], object]) -> None:
-    """Answer requests from now on, those too that have come while they were held back."""
+    """Install a handler for requests, also for those that arrived while they were blocked."""
     for number in _REQUESTS:
         signal.signal(number, handler)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _REQUESTS)
@@ -110,9 +110,10 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
 
 
 def _missed(missed: sys.UnraisableHookArgs) -> None:
-    """Interrupt again when the interrupt fell where Python swallows it, as in a destructor.
+    """Repeat an interrupt that was raised where Python swallows it, as in a destructor.
 
-    Objects that an interrupt has left half made may fail in theirs; nothing is said about those.
+    After an interrupt, the destructors of half-initialized objects may fail; these errors are not
+    reported.
     """
     if is_interrupt(missed.exc_value):
         listen()

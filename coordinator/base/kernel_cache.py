@@ -1,16 +1,17 @@
-"""Where the machine code of compiled kernels is kept on disk.
+"""The disk cache of the machine code of compiled kernels.
 
-Two folders are looked through in turn, and the first that can be written gets what is new: the
+Two folders are searched in turn, and new code is written to the first that is writable: the
 `__pycache__` of the package, where set-up compiles for all users, and `splinefleet` in the user's
-own cache folder ($XDG_CACHE_HOME, else ~/.cache).  Where neither can be written, code is kept for
-the length of the process.
+own cache folder ($XDG_CACHE_HOME, else ~/.cache).  If neither is writable, code lasts only as long
+as the process.
 
-Code lies there under a digest of what it was made from: the kernel's file, all files of ours that
-it imports, directly or not, numba's version and the processor.  numba by itself notices only
-changes of the file that a kernel is in, and takes a file with another date for another file.
+The name of a kernel's subfolder contains a digest of all that its code depends on: the kernel's
+file, all files of this project that it imports, directly or not, numba's version and the processor.
+numba's own cache notices only changes of the file that contains the kernel, and treats a file with
+another date as changed.
 
-Decides: where kept code is read and written, when it is out of date, and how numba's private names
-are asked for.  Must not know: which kernels there are.
+Decides: where cached code is read and written, when it is out of date, and how numba's private
+names are looked up.  Must not know: which kernels there are.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from typing import Any, Final, TypeAlias
 import llvmlite.binding
 import numba
 
-_Any: TypeAlias = Any  # numba's own classes, which have no types
+_Any: TypeAlias = Any  # numba's own classes, which have no type annotations
 
 _ROOT: Final = Path(__file__).parents[__name__.count(".")]
 _PACKAGES: Final = ("coordinator", "protocol")
@@ -41,9 +42,9 @@ _FIRST_DEFINITION: Final = re.compile(r"^(?:@|def |class )", re.MULTILINE)
 
 
 def private(path: str) -> _Any:
-    """Return what numba.core calls by a dotted name; None where this numba does not.
+    """Return the object with this dotted name in numba.core; None if this numba has none.
 
-    Such names may change with any release, so who uses one goes without where it is not there.
+    Private names may change with any release, so callers must work without them.
     """
     core: _Any = numba.core
     return functools.reduce(lambda owner, name: getattr(owner, name, None), path.split("."), core)
@@ -53,20 +54,19 @@ _FUNCTION_CACHE: Final[_Any] = private("caching.FunctionCache")
 _IMPLEMENTATION: Final[_Any] = private("caching.CompileResultCacheImpl")
 
 _UNREADABLE: Final = (OSError, EOFError, pickle.UnpicklingError)
-"""What reading a file raises that is not there, may not be read, or was cut short by a crash."""
+"""Errors on reading a file that is missing, not readable, or truncated by a crash."""
 
 _files: Final[set[Path]] = set()
-"""The files whose kernels have been asked for."""
+"""The files whose kernels were passed to `keep`."""
 
 _kernels: Final[set[tuple[Path, str]]] = set()
-"""The kernels themselves: a file, and how the names of all files begin that a kernel is kept in."""
+"""The kernels passed to `keep`: the file of each, and how the names of its cache files begin."""
 
 
 def keep(kernel: _Any) -> None:
-    """Have numba look for a kernel's machine code, and keep it, in the folders named above.
+    """Make numba load and save a kernel's machine code in the folders named above.
 
-    A numba that has not the classes for that is told one folder, which it can use if it may write
-    there.
+    A numba without the classes that this needs gets a single folder, the first writable one.
     """
     code = kernel.py_func.__code__
     file = Path(code.co_filename)
@@ -80,7 +80,7 @@ def keep(kernel: _Any) -> None:
 
 
 def _takes_ours(kernel: _Any) -> bool:
-    """Tell whether this numba has all that is replaced or relied on here."""
+    """Tell whether this numba has all the names that are replaced or used here."""
     needed = (
         (_FUNCTION_CACHE, "_impl_class"),
         (_IMPLEMENTATION, "_locator_classes"),
@@ -90,12 +90,12 @@ def _takes_ours(kernel: _Any) -> bool:
 
 
 def is_filled() -> bool:
-    """Tell whether each file whose kernels were asked for seems to have been compiled before."""
+    """Tell whether the cache holds code for each file whose kernels were passed to `keep`."""
     return all(any(_holds_code(place / _name(file)) for place in places()) for file in _files)
 
 
 def count_kernels() -> tuple[int, int]:
-    """Return how many of the kernels that were asked for are kept, and how many there are."""
+    """Return how many of the kernels passed to `keep` are in the cache, and how many there are."""
     kept = {
         code.name
         for place in places()
@@ -107,13 +107,13 @@ def count_kernels() -> tuple[int, int]:
 
 
 def places() -> tuple[Path, ...]:
-    """Return the folders in which kept code is looked for, in turn.
+    """Return the folders that are searched for cached code, in order.
 
-    The user's own is left out where nobody knows a home, and where somebody else could have put
-    code into it.
+    The folder in the user's own cache is omitted if the user has no home directory, or if somebody
+    else could have written to that folder.
     """
     beside = _ROOT / _PACKAGES[0] / "__pycache__"
-    with suppress(RuntimeError):  # this user has no home
+    with suppress(RuntimeError):  # this user has no home directory
         own = _user_cache() / "splinefleet"
         if _is_ours_alone(own):
             return beside, own
@@ -121,7 +121,7 @@ def places() -> tuple[Path, ...]:
 
 
 def writable_place() -> Path | None:
-    """Return the first folder in which code can be kept, None when there is none."""
+    """Return the first folder that is writable, or None if there is none."""
     for place in places():
         with suppress(OSError):
             place.mkdir(_MODE, parents=True, exist_ok=True)
@@ -131,14 +131,14 @@ def writable_place() -> Path | None:
 
 
 class KernelCache:
-    """What numba asks for a function's machine code before it compiles, and hands it to after."""
+    """The cache that numba queries before it compiles a function, and fills afterwards."""
 
     def __init__(self, function: Callable[..., object]) -> None:
         self._function = function
 
     @functools.cached_property
     def _caches(self) -> list[_Any]:
-        """Return numba's cache of the function in each folder; made late, for it reads sources."""
+        """Return numba's cache of the function in each folder; made lazily, as it reads sources."""
         return [cache(self._function) for cache in _cache_classes()]
 
     @property
@@ -147,7 +147,7 @@ class KernelCache:
         return str(self._caches[0].cache_path)
 
     def load_overload(self, signature: _Any, context: _Any) -> _Any:
-        """Return kept code for a signature, None when there is none that can be read."""
+        """Return cached code for a signature, or None if there is none that can be read."""
         for cache in self._caches:
             with suppress(*_UNREADABLE):
                 found = cache.load_overload(signature, context)
@@ -156,10 +156,10 @@ class KernelCache:
         return None
 
     def save_overload(self, signature: _Any, code: _Any) -> None:
-        """Keep code in the first folder that takes it; the process has it in any case.
+        """Save code in the first folder that can be written; the process uses it in any case.
 
-        numba numbers the files of a kernel by what its index tells: two processes must not do so
-        at once, or one's code would be found under the other's signature.
+        numba numbers the files of a kernel by its index.  Two processes must not do this at the
+        same time, or the code of one would be stored under the signature of the other.
         """
         for cache in self._caches:
             with suppress(*_UNREADABLE), _alone_in(Path(cache.cache_path)):
@@ -169,7 +169,7 @@ class KernelCache:
 
 @contextmanager
 def _alone_in(folder: Path) -> Iterator[None]:
-    """Keep other processes from writing into a folder meanwhile; make it when it is missing."""
+    """Lock a folder against other processes during the block; make the folder if it is missing."""
     _make(folder)
     handle = os.open(folder, os.O_RDONLY)
     try:
@@ -180,7 +180,7 @@ def _alone_in(folder: Path) -> Iterator[None]:
 
 
 def _make(folder: Path) -> None:
-    """Make a folder of kernels and those above it; OSError when that cannot be done."""
+    """Make a folder of kernels and its parents; raises OSError if that is impossible."""
     folder.parent.mkdir(_MODE, parents=True, exist_ok=True)
     folder.mkdir(_MODE, exist_ok=True)
 
@@ -200,7 +200,7 @@ class _Locator:
         return cls(function, file)
 
     def ensure_cache_path(self) -> None:
-        """Make the folder; OSError when that cannot be done."""
+        """Make the folder; raises OSError if that is impossible."""
         _make(self._folder)
 
     def get_cache_path(self) -> str:
@@ -208,17 +208,17 @@ class _Locator:
         return str(self._folder)
 
     def get_source_stamp(self) -> str:
-        """Return what tells whether code is out of date: nothing, the folder's name does."""
+        """Return the stamp that dates the sources: empty, as the folder's name has a digest."""
         return ""
 
     def get_disambiguator(self) -> str:
-        """Return what tells functions of one name in a file apart."""
+        """Return what distinguishes functions of the same name in one file: the line number."""
         return str(self._line)
 
 
 @functools.cache
 def _cache_classes() -> list[_Any]:
-    """Return numba's class of caches, made for each of the folders."""
+    """Return one subclass of numba's FunctionCache for each of the folders."""
     classes = []
     for place in places():
         locator = type("Locator", (_Locator,), {"place": place})
@@ -234,13 +234,13 @@ def _holds_code(folder: Path) -> bool:
 
 
 def _user_cache() -> Path:
-    """Return the folder of the user's caches; RuntimeError when nobody knows this user's home."""
+    """Return the user's cache folder; raises RuntimeError if the user has no home directory."""
     given = Path(os.environ.get("XDG_CACHE_HOME", ""))
     return given if given.is_absolute() else Path.home() / ".cache"
 
 
 def _is_ours_alone(folder: Path) -> bool:
-    """Tell whether only this user can have put code into a folder, which may be yet to be made."""
+    """Tell whether only this user can have written to a folder; True if it does not exist yet."""
     try:
         found = folder.stat()
     except OSError:
@@ -250,7 +250,7 @@ def _is_ours_alone(folder: Path) -> bool:
 
 @functools.cache
 def _name(file: Path) -> str:
-    """Return the name of the folder of a file's kernels, which tells what they were made from."""
+    """Return the name of the subfolder for a file's kernels; it contains the digest."""
     digest = hashlib.sha256(_made_by().encode())
     for source in sources_of(file):
         digest.update(_content(source))
@@ -259,7 +259,7 @@ def _name(file: Path) -> str:
 
 @functools.cache
 def _made_by() -> str:
-    """Return which numba compiles, and for which processor."""
+    """Return the version of numba and the processor that it compiles for."""
     name, features = _CONFIG.CPU_NAME, _CONFIG.CPU_FEATURES
     if name is None:
         name = llvmlite.binding.get_host_cpu_name()
@@ -274,7 +274,7 @@ def _content(file: Path) -> bytes:
 
 
 def sources_of(file: Path) -> tuple[Path, ...]:
-    """Return a file and all files of our packages that it imports, directly or not."""
+    """Return a file and all files of this project's packages that it imports, directly or not."""
     found, waiting = {file}, [file]
     while waiting:
         for source in _imported(waiting.pop()):
@@ -286,7 +286,7 @@ def sources_of(file: Path) -> tuple[Path, ...]:
 
 @functools.cache
 def _imported(file: Path) -> frozenset[Path]:
-    """Return the files of ours that a file imports, with `import` or `from`, dots or not."""
+    """Return the files of this project that a file imports directly, by any form of import."""
     return frozenset(
         source
         for node in ast.walk(_head(file))
@@ -296,9 +296,10 @@ def _imported(file: Path) -> frozenset[Path]:
 
 
 def _head(file: Path) -> ast.Module:
-    """Return what stands above a file's first definition: all its imports, in a tenth of the time.
+    """Parse a file down to its first definition, which includes all its imports.
 
-    Where that does not parse, as when a docstring looks like a definition, it is the whole file.
+    This takes a tenth of the time of parsing the whole file.  The whole file is parsed if its
+    beginning alone is not valid, as when a line of a docstring looks like a definition.
     """
     text = file.read_text(encoding="utf-8")
     try:
@@ -308,7 +309,7 @@ def _head(file: Path) -> ast.Module:
 
 
 def _names(node: ast.AST, file: Path) -> Iterator[tuple[Path, Sequence[str]]]:
-    """Yield what a statement imports as dotted names and the folders that these count from."""
+    """Yield each name that a statement imports, split at its dots, after its base folder."""
     if isinstance(node, ast.Import):
         for one in node.names:
             yield _ROOT, one.name.split(".")
@@ -321,13 +322,13 @@ def _names(node: ast.AST, file: Path) -> Iterator[tuple[Path, Sequence[str]]]:
 
 @functools.cache
 def _module(path: Path) -> Path | None:
-    """Return the file of a module or package, None when there is none."""
+    """Return the file of a module or package, or None if there is none."""
     tried = (path.with_name(f"{path.name}.py"), path / "__init__.py")
     return next((file for file in tried if file.is_file()), None)
 
 
 def _source(folder: Path, parts: Sequence[str]) -> Path | None:
-    """Return the file of a dotted name, or else of the module that the name's last part is in."""
+    """Return the file of a dotted name, or of the module that defines the name's last part."""
     if folder == _ROOT and parts[0] not in _PACKAGES:
         return None
     return _module(folder.joinpath(*parts)) or _module(folder.joinpath(*parts[:-1]))

@@ -1,6 +1,6 @@
-"""A file that one writer has to itself while it writes.
+"""A file that is locked while one process writes it.
 
-Decides: that nobody else's open log is ever emptied.  Must not know: what is written.
+Decides: that no process empties a log that another one is writing.  Must not know: what is written.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ _NEW_FILE: Final = 0o666
 
 
 def open_own(path: Path, *, replace: bool) -> BinaryIO:
-    """Open a file to write it from its beginning; it is ours until it is closed.
+    """Open a file for writing from its beginning and lock it until it is closed.
 
-    Without `replace` it must not be there yet.  Raises OSError when it cannot be opened, and
-    when another writer has it; then it stays as it is.  The lock is advisory and the system's: it
-    goes with the process, however that ends.  Where there are no locks, there is none.
+    Without `replace` the file must not exist yet.  Raises OSError if the file cannot be opened, or
+    if another writer has locked it; it is then left unchanged.  The lock is advisory.  The system
+    releases it when the process ends, however it ends.  Where the system has no locks, the file is
+    not locked.
     """
     flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0)
     descriptor = os.open(path, flags if replace else flags | os.O_EXCL, _NEW_FILE)
@@ -36,7 +37,7 @@ def open_own(path: Path, *, replace: bool) -> BinaryIO:
 
 
 def _lock(descriptor: int) -> None:
-    """Take the file's lock; OSError when another has it."""
+    """Lock the file; raises OSError if another process has locked it."""
     if sys.platform == "win32":
         return
     import fcntl
@@ -44,5 +45,5 @@ def _lock(descriptor: int) -> None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
-        if error.errno in (errno.EWOULDBLOCK, errno.EACCES):  # else there are no locks here
+        if error.errno in (errno.EWOULDBLOCK, errno.EACCES):  # otherwise locks are not supported
             raise OSError(errno.EBUSY, "another program is writing it") from None

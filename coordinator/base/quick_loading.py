@@ -1,12 +1,12 @@
-"""Loading kept machine code in a third of the time: what only compiling needs is left for later.
+"""Loading cached machine code in a third of the time, by deferring what only compiling needs.
 
-numba keeps two things for each compiled function: machine code, and bitcode for functions that are
-yet to be compiled against it.  It reads both at once, and gets its whole compiler ready before: a
-process that compiles nothing needs neither.  The compiler also imports SciPy's linear algebra
-merely to see whether it is there.  Measured, CPU time: the kernels of a plan load in 0.13 s; with
-the compiler got ready, but without bitcode, in 0.30 s.
+numba caches two things for each compiled function: machine code, and bitcode with which functions
+compiled later are linked.  It reads both at once, and initializes its whole compiler first; a
+process that compiles nothing needs neither the bitcode nor the compiler.  The compiler also imports
+SciPy's linear algebra only to check that it is installed.  Measured CPU time: the kernels of a plan
+load in 0.13 s; without bitcode, but with the compiler initialized, in 0.30 s.
 
-Decides: what of a kept kernel is read when.  Must not know: which kernels there are.
+Decides: which part of a cached kernel is read when.  Must not know: which kernels there are.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import llvmlite.binding
 
 from coordinator.base.kernel_cache import private
 
-_Any: TypeAlias = Any  # numba's own classes, which have no types
+_Any: TypeAlias = Any  # numba's own classes, which have no type annotations
 _State: TypeAlias = tuple[str, str, tuple[bytes, bytes]]
 
 _LIBRARY: Final[_Any] = private("codegen.JITCodeLibrary")
@@ -43,11 +43,11 @@ _OF_LIBRARIES: Final = (
 _OF_ENGINES: Final = ("_load_defined_symbols", "get_function_address")
 
 _HASH_SECRET: Final = b"_numba_hashsecret"
-"""Names of what hashing of strings and bytes starts from; only the compiler makes them known."""
+"""How symbols of the hash secret begin; importing numba.cpython.hashing defines them."""
 
 
 def load_quickly() -> None:
-    """Have kept machine code loaded without its bitcode; an unknown numba is left as it is."""
+    """Make numba load cached machine code without its bitcode; leave an unknown numba unchanged."""
     if _knows(_LIBRARY, *_OF_LIBRARIES) and _knows(_ENGINE, *_OF_ENGINES):
         _put_bitcode_off()
         if _knows(_KEPT, "_load_overload", "_guard_against_spurious_io_errors") and (
@@ -61,7 +61,7 @@ def load_quickly() -> None:
 
 
 def _knows(owner: _Any, *names: str) -> bool:
-    """Tell whether numba has all that is replaced or relied on here."""
+    """Tell whether numba has all the names that are replaced or used here."""
     return all(hasattr(owner, name) for name in names)
 
 
@@ -102,7 +102,7 @@ def _put_bitcode_off() -> None:
 
 
 def _put_compiler_off() -> None:
-    """Get the compiler ready when something is compiled, which it sees to itself."""
+    """Do not initialize the compiler on loading; it initializes itself on compiling."""
 
     def load_overload(kept: _Any, signature: _Any, context: _Any) -> _Any:
         name_runtime(context)
@@ -111,9 +111,10 @@ def _put_compiler_off() -> None:
 
     @functools.cache
     def name_runtime(context: _Any) -> None:
-        """Tell the linker where numba's reference counting is, without compiling its inline half.
+        """Register numba's reference counting with the linker, without compiling its inline part.
 
-        Kept code has that half within; the runtime stays marked as not ready for the compiler.
+        Cached code already contains that part.  The runtime stays marked as not initialized, so
+        that the compiler initializes it when it is needed.
         """
         if _RUNTIME._init:
             return
@@ -129,13 +130,13 @@ def _put_compiler_off() -> None:
 
 
 def _leave_modules_out() -> None:
-    """Load numba's own functions' constants without the modules that they were compiled from.
+    """Load the constants of numba's own functions without importing their modules.
 
-    Only code in object mode looks into its module, which a kernel never is.
+    Only code in object mode accesses its module, and kernels are never compiled in object mode.
     """
     whole = _CONSTANTS._rebuild_env
 
-    @functools.wraps(whole)  # what is kept names this function, and so goes on naming numba's
+    @functools.wraps(whole)  # cached code refers to this function by name: keep numba's name
     def rebuild(module: str, constants: list[_Any], name: str) -> _Any:
         if not module.startswith("numba.") or module in sys.modules:
             return whole(module, constants, name)
@@ -151,7 +152,7 @@ def _leave_modules_out() -> None:
 
 
 def _trust_blas() -> None:
-    """Get the compiler ready without its look for BLAS: SciPy is a dependency here."""
+    """Initialize the compiler without its check for BLAS: SciPy is a dependency here."""
     get_ready = _CONTEXT.load_additional_registries
 
     def get_ready_without_a_look(context: _Any) -> None:

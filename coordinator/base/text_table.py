@@ -1,6 +1,6 @@
-"""Tables for people that fit a terminal of 80 columns: words are never cut, rows grow instead.
+"""Tables that fit a terminal of 80 columns: long cells wrap, so that rows get taller.
 
-Decides: how columns shrink.  Must not know: what is in them.
+Decides: how columns shrink.  Must not know: what the columns contain.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""TOML read, but for keys so deep that reading them takes minutes.
+"""Parsing TOML, except dotted keys of so many parts that parsing would take minutes.
 
-Decides: how deep a dotted key may be.  Must not know: what a file is about.
+Decides: how many parts a dotted key may have.  Must not know: what a file is about.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ _TOKEN: Final = re.compile(
     """,
     re.VERBOSE,
 )
-"""What has to be known apart to see a key: comments and strings, which may hold anything (also
-broken ones, so that nothing is looked at twice), and words joined by dots."""
+"""The tokens that must be distinguished to find dotted keys: comments and strings, which may
+contain anything (unterminated ones too, so that no text is scanned twice), and dotted words."""
 
 
 def toml_of(text: str) -> dict[str, object]:
-    """Parse TOML; raises TOMLDecodeError, also for dotted keys so deep that they take minutes."""
+    """Parse TOML; raises TOMLDecodeError, also for dotted keys of too many parts."""
     for token in _TOKEN.finditer(text):
         if token["deep"]:
             line = text.count("\n", 0, token.start()) + 1

@@ -1,7 +1,7 @@
-"""What is certain about a curve: the hulls and boxes it stays in, polylines with proven error.
+"""Guaranteed bounds of a curve: hulls and boxes that contain it, polylines with a proven error.
 
-Decides: how far a curve may be from what stands for it, and where an arc length is, to a given
-tolerance.  Must not know: floors, robots or what the bounds are for.
+Decides: how far a curve may be from its approximation, and which parameter has a given arc length,
+to a given tolerance.  Must not know: floors, robots or what the bounds are for.
 
 Two facts carry everything.  With positive weights a curve is a convex combination of its control
 points, so a Bezier piece lies in the hull of its own.  And the share of the inner control points
@@ -24,7 +24,7 @@ from coordinator.curves.knots import bezier_pieces
 from coordinator.curves.nurbs import Array, Nurbs
 
 _ROUNDING: Final = 1e-12
-"""Share of the largest coordinate that every bound holds back for rounding."""
+"""Allowance for rounding in every bound, as a share of the largest coordinate."""
 
 _DEPTH: Final = 16
 _STEPS: Final = 64

@@ -1,6 +1,6 @@
-"""A path as chords: few straight pieces that stand for a curve, arc length by arc length.
+"""Approximating a curve by few chords that are parametrized by its arc length.
 
-Decides: how far the curve may be from them.  Must not know: robots, or what chords are for.
+Decides: how far the curve may be from its chords.  Must not know: robots, or what chords are for.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from coordinator.curves.knots import bezier_pieces
 from coordinator.curves.nurbs import Array, Nurbs
 
 _ROUNDING: Final = 1e-12
-"""Share of the largest coordinate that the error holds back for rounding."""
+"""Allowance for rounding in the error, as a share of the largest coordinate."""
 
 _CLOSER: Final = 1e-4
 """What the inverse of the arc length may miss [m] before it is looked at closely."""

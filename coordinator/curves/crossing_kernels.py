@@ -14,7 +14,7 @@ from coordinator.curves.bezier_kernels import Array, Pieces, place
 from coordinator.curves.pair_stack_kernels import Desk
 
 _NOISE: Final = 1e-13
-"""Gaps [m] below this are rounding, their signs mean nothing."""
+"""Smaller gaps [m] may be rounding errors, so their signs are ignored."""
 _SHORTEST: Final = 1e-6
 """A curve without a point farther away [m] has not left a place."""
 

@@ -1,4 +1,4 @@
-"""Compiled: values and times between known places, for many places at a time.
+"""Compiled: interpolation of values and times between known places, for many places at a time.
 
 Decides: what lies between knots.  Must not know: whose path it is.
 """

@@ -1,7 +1,7 @@
 """All intersections of planar NURBS curves: crossings, touches, shared ends, overlaps, loops.
 
-Decides: what is asked of the search and how its answers are told.  Must not know: arc lengths,
-robots or what is done at a meeting.
+Decides: the input of the search and the form of its results.  Must not know: arc lengths, robots
+or what an intersection is used for.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The same curve with other control points: knots inserted, curves cut, pieces, Bezier form.
 
-Decides: how knots and control points change while the curve stays what it is.  Everything is done
-in homogeneous coordinates, so weights take part; control points that need not change are kept bit
-for bit.  Must not know: what a curve is used for.
+Decides: how knots and control points change while the curve stays the same.  All computations use
+homogeneous coordinates and so include the weights; control points that need not change are copied
+bit for bit.  Must not know: what a curve is used for.
 
 Source: Boehm's knot insertion, as in Piegl and Tiller, The NURBS Book, Eq. (5.15).
 """
@@ -24,11 +24,11 @@ def insert_knot(curve: Nurbs, u: float, times: int = 1) -> Nurbs:
 
 
 def refine(curve: Nurbs, knots: npt.ArrayLike) -> Nurbs:
-    """Return the curve with all these knots inserted, in any order, repeated ones as often.
+    """Return the curve with all these knots inserted; they may be in any order and repeated.
 
-    The degree stays, each knot adds a control point, and only the control points whose basis
-    functions have an inserted knot inside change.  Raises ValueError for a knot that is not inside
-    the domain or would stand more often than the degree.
+    The degree stays, each knot adds a control point, and only those control points change whose
+    basis functions have an inserted knot inside their support.  Raises ValueError for a knot that
+    is not inside the domain, or whose multiplicity would exceed the degree.
     """
     added = np.sort(np.array(knots, dtype=np.float64, ndmin=1))
     _check(curve, added)

@@ -1,7 +1,7 @@
-"""Compiled: the desk of the search for meetings, a stack of pairs of pieces that wait.
+"""Compiled: the workspace of the search for intersections, a stack of pairs of curve pieces.
 
-Decides: what lies on the desk, and what halving a pair puts there.  Must not know: which pairs
-meet.
+Decides: the layout of this workspace (the desk), and which pairs replace a pair that is halved.
+Must not know: which pairs meet.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from coordinator.curves.bezier_kernels import (
 
 STRANGERS: Final = 0
 NEIGHBOURS: Final = 1
-"""The second piece begins where the first one ends: that they meet there is no answer."""
+"""The second piece begins where the first one ends: that common point is no intersection."""
 SAME: Final = 2
 
 ROOM: Final = 256

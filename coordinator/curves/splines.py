@@ -1,7 +1,7 @@
-"""One spline from pieces end to end, and the degree of a piece raised: the curve stays what it is.
+"""Joining pieces to one spline, and elevating the degree of a piece: the curve stays the same.
 
 Pieces are Bezier curves in homogeneous control points (degree + 1, 3), rows (w x, w y, w).
-Everything stands on blossoms: a control point of a spline is the blossom of any of its pieces at
+The method is based on blossoms: a control point of a spline is the blossom of any of its pieces at
 the knots that belong to it, and two pieces join with r derivatives exactly when their blossoms
 agree where at most r arguments are not the knot between them.
 

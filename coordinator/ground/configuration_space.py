@@ -1,10 +1,10 @@
-"""The ground prepared for one reach: where a disc's centre may go straight, and its shortest way.
+"""The ground for one reach: which straight lines are free for a disc's centre, and shortest ways.
 
-One ground serves every robot of the same radius; what its vertices see is found when first asked
-for and kept.
+One ground serves all robots of the same radius.  The lines of sight between its vertices are
+computed on demand and cached.
 
-Decides: what counts as free (touching is, going in is not) and how places are looked up.  Must not
-know: robots, curves or times.
+Decides: what counts as free (touching an obstacle does, entering it does not) and how places are
+looked up.  Must not know: robots, curves or times.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ _SLACK: Final = 1e-6
 _EDGES_PER_CELL: Final = 0.5
 _MOST_CELLS: Final = 1_000_000
 _SEEN_PER_TURN: Final = 64
-"""Room for this many visible vertices per vertex, on average; what is beyond is not kept."""
+"""The cache has room for this many visible vertices per vertex, on average."""
 
 _FIRST_PLACES: Final = 1000
-"""Places that the first search of a way may go through."""
+"""How many places the first, least thorough search for a way may visit."""
 
 _MOST_SAGITTA: Final = 0.05
-"""Gaps are told up to this much more [m] than the reach."""
+"""The grid of solid edges serves tests of distances up to the reach plus this [m]."""
 
 
 class Ground:
@@ -49,7 +49,7 @@ class Ground:
         blocking, turning = grow(rings, reach - _SLACK), grow(rings, reach + room)
         self.frame = _frame(blocking.edges, turning.turns)
         bare = Solid(reach - 2.0 * _SLACK, np.empty((0, 3)), *self.solid_edges)
-        # What lies within the reach of something else can never be turned at.
+        # A vertex within the reach of something else cannot be a corner of any way.
         free = keeping(turning.turns, turning.turns, np.zeros(len(turning.turns)), bare)
         self.turns = turning.turns[free]
         first, items = cells_of(blocking.edges, 0.0, self.frame)
@@ -82,11 +82,11 @@ class Ground:
     def shortest_way(
         self, start: Array, goal: Array, discs: Array, longest: float = math.inf
     ) -> Array | None:
-        """Return the vertices (n, 2) [m] of the shortest way, at most `longest` [m]; else None.
+        """Return the vertices (n, 2) [m] of the shortest way; None if none is within `longest` [m].
 
-        start, goal (2,) [m] are its first and last; discs (k, 3) [m]: x, y, radius of places to
-        keep out of.  Looked for from both ends in turn, with growing effort: a place that is shut
-        in is found out from there.
+        start, goal (2,) [m] are the first and the last vertex; discs (k, 3) [m]: x, y, radius of
+        places to stay out of.  The search starts from both ends in turn, with growing effort: if
+        one end is enclosed, the search from there ends early.
         """
         ends = np.stack((start, goal))
         if np.array_equal(start, goal):
@@ -103,16 +103,16 @@ class Ground:
 
     @cached_property
     def solid_edges(self) -> tuple[Array, Indices, Indices, Array]:
-        """The edges of what is solid, not grown, in a grid that tells gaps up to the reach."""
+        """The edges of everything solid, not grown, in a grid for `keeping`."""
         corners = self.rings.corners
         edges = np.concatenate((corners, corners[self.rings.following]), axis=1)
         first, items = cells_of(edges, self.reach + _MOST_SAGITTA, self.frame)
         return edges, first, items, self.frame
 
     def _spared(self, places: Array) -> Indices:
-        """Return the corners whose tangent polygon, but not whose arc, holds one of the places.
+        """Return the corners with one of the places between their arc and its tangent polygon.
 
-        There the arc itself decides what is free, or a robot could not leave.
+        At these corners the arc itself decides what is free; otherwise a robot could not leave.
         """
         far = self.reach / math.cos(0.5 * TURN_STEP)
         return corners_within(places, self.rings.corners, far)

@@ -1,4 +1,4 @@
-"""Compiled: how near lines come to solid edges and round places.
+"""Compiled: distances of straight lines from solid edges and discs.
 
 Decides: distances.  Must not know: what a line or an edge stands for.
 """
@@ -18,9 +18,10 @@ from coordinator.ground.growth import Indices
 
 
 class Solid(NamedTuple):
-    """What to keep off: `need` [m] from edges (m, 4), none of discs (k, 3); a grid of the edges.
+    """What lines must stay clear of: edges (m, 4), by `need` [m], and discs (k, 3).
 
-    The grid (grid_kernels.py) lists in each cell the edges that come within the greatest need.
+    Each cell of the grid of edges (grid_kernels.py: `first`, `items`, `frame`) lists those that
+    come within the greatest distance that is tested.
     """
 
     need: float
@@ -54,9 +55,9 @@ def keeps(
     px: float, py: float, qx: float, qy: float, extra: float,
     need: float, discs: Array, edges: Array, first: Indices, items: Indices, frame: Array,
 ) -> bool:  # fmt: skip
-    """Tell whether p-q stays `need + extra` from edges and `extra` outside of discs.
+    """Tell whether p-q stays at least `need + extra` from edges and `extra` from discs [m].
 
-    Takes a Solid apart: unpacking it for every line would take longer than the line does.
+    The fields of a Solid are separate arguments: unpacking it here would take longer than the test.
     """
     low_x, high_x, low_y, high_y = min(px, qx), max(px, qx), min(py, qy), max(py, qy)
     for k in range(len(discs)):
@@ -93,7 +94,10 @@ def keeps(
 
 @compiled
 def keeping(starts: Array, ends: Array, extra: Array, solid: Solid) -> npt.NDArray[np.bool_]:
-    """Tell for each line (k, 2)-(k, 2) whether it keeps the need and its own `extra` (k,) [m]."""
+    """Tell for each line from `starts` (k, 2) to `ends` (k, 2) whether it is clear of `solid`.
+
+    Line i must stay at least `solid.need + extra[i]` from edges and `extra[i]` from discs [m].
+    """
     found = np.empty(len(starts), dtype=np.bool_)
     need, discs, edges, first, items, frame = solid
     for k in range(len(starts)):

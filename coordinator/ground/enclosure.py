@@ -1,6 +1,6 @@
-"""Why there is no way: what closes a robot in, and how small it would have to be to get out.
+"""Explaining why there is no way: what closes a robot in, and how small it must be to get out.
 
-Decides: the words.  Must not know: how ways are found.
+Decides: the wording.  Must not know: how ways are found.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from coordinator.scenario.obstacle_names import obstacle_name
 
 _NAMED: Final = 4
 _LEAST: Final = 1e-3
-"""A smaller radius [m] is no advice: scenarios refuse it."""
+"""A smaller radius [m] is not recommended, as scenarios refuse it."""
 
 
 class NoWayError(PlanError):
-    """There is no way from start to goal (2,) [m] in a space; words are found when it is told."""
+    """There is no way from start to goal (2,) [m] in a space; `explain` finds the reason later."""
 
     def __init__(self, space: Space, start: Array, goal: Array) -> None:
         super().__init__("no way")
@@ -33,9 +33,9 @@ class NoWayError(PlanError):
 
 
 class EnclosedError(PlanError):
-    """A robot has no way to a `place`; one of `radius` [m] would pass.
+    """A robot has no way to a `place`; a robot of `radius` [m] would pass.
 
-    0 when none would, None when nothing but other starts or goals could help.
+    The radius is 0 if no robot would pass, None if only other starts or goals could help.
     """
 
     def __init__(self, reason: str, place: tuple[float, float], radius: float | None) -> None:
@@ -53,9 +53,9 @@ class EnclosedError(PlanError):
 def explain(
     error: NoWayError, floor: GrownFloor, robot: Robot, margin: float, part: MapPart | None = None
 ) -> PlanError:
-    """Return the error with what closes the robot in, and what would help.
+    """Return an error that says what closes the robot in, and what would help.
 
-    `part`: which of the floor's obstacles a map brought.
+    `part`: which of the floor's obstacles come from a map.
     """
     space, start, goal = error.space, error.start, error.goal
     reach = space.ground.reach
@@ -82,7 +82,7 @@ def explain(
 
 
 def _around(pieces: list[shapely.Geometry], place: Array) -> shapely.Geometry | None:
-    """Return the piece of free ground that a place lies in, or at."""
+    """Return the piece of free ground that contains a place or has it on its edge."""
     if not pieces:
         return None
     apart = shapely.distance(pieces, shapely.Point(place))
@@ -111,7 +111,7 @@ def _largest_radius(
 ) -> float | None:
     """Return the largest radius [m] for which a way is found, in whole millimetres.
 
-    0 when there is none; None when nothing but other starts or goals could help.
+    0 if there is none; None if only other starts or goals could help.
     """
     ground, ends = error.space.ground, (error.start, error.goal)
     # Graphs are seldom needed, and importing them takes as long as planning a small fleet.

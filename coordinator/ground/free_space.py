@@ -1,6 +1,6 @@
-"""The space that one robot's path may use: its ground, and the places of others it keeps off.
+"""The space that one robot's path may use: its ground without the places of other robots.
 
-Decides: whether lines and curves are clear, certified and not sampled: a curve is judged by chords
+Decides: whether lines and curves are clear.  A curve is not sampled but certified, by its chords
 and the greatest distance that it can have from them.  Must not know: how a path is found.
 """
 
@@ -24,23 +24,24 @@ Flags = npt.NDArray[np.bool_]
 NO_DISCS: Final = np.empty((0, 3))
 
 DISC_TOLERANCE: Final = 1e-3
-"""Ways touch the places that they keep off; curves may come nearer by this [m]."""
+"""Ways may touch the discs that they avoid; curves may enter them by this much [m]."""
 
 _FLAT: Final = 1e-4
 """Curves are flattened this finely [m] to judge them."""
 
 _NEAR: Final = 1.0
-"""Only places this near [m] to a way can matter to the curve along it."""
+"""Only discs within this distance [m] of a way can matter to the curve along it."""
 
 _NEAR_DETOURS: Final = 4.0
-"""Detours are looked for among places this near [m] to a way."""
+"""Detours are searched among the discs within this distance [m] of a way."""
 
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """Ground and discs (k, 3) [m] to keep out of; `need` [m] is what curves keep from solid.
+    """Ground and discs (k, 3) [m] to stay out of.
 
-    Lines and corners that are tried for a curve keep `spare` [m] more, for float32.
+    Curves keep at least `need` [m] from everything solid.  The lines and corners from which a curve
+    is made keep `spare` [m] more, for rounding to float32.
     """
 
     ground: Ground
@@ -52,9 +53,9 @@ class Space:
     def shortest_way(self, start: Array, goal: Array) -> Array | None:
         """Return the shortest way (n, 2) [m] from start to goal (2,); None when there is none.
 
-        Where it crosses discs it is led around them locally, which may miss the shortest by a
-        little; discs that leave no room for that take part in the next search.  Ways are found
-        once: those of a robot with headings differ at their ends alone.
+        Where the way crosses discs, it is led around them locally and may be a little longer than
+        the shortest.  Discs that leave no room for this take part in the next search.  Ways are
+        cached: the paths that are tried for a robot with headings differ only near their ends.
         """
         ends = np.concatenate((start, goal)).tobytes()
         if ends not in self._ways:
@@ -78,13 +79,13 @@ class Space:
             blocking[near[closed]] = True
 
     def crossing(self, way: Array) -> Flags:
-        """Tell for each leg of a way (n + 1, 2) and each disc whether one enters the other."""
+        """Tell for each leg of a way (n + 1, 2) and each disc whether the leg enters the disc."""
         return crossing(way, self._relaxed)
 
     def _shortest_among_discs(self, start: Array, goal: Array) -> Array | None:
         """Return the shortest way; discs take part only once a way has crossed them.
 
-        A way that is shortest among fewer and crosses no other is shortest among all.
+        A way that is shortest among some of the discs and crosses no other is shortest among all.
         """
         active = np.zeros(len(self.discs), dtype=np.bool_)
         while True:
@@ -111,11 +112,11 @@ class Space:
 
     @cached_property
     def solid(self) -> Solid:
-        """What lines and corners that are tried for a curve keep off."""
+        """The obstacles for the lines and corners from which a curve is made."""
         return Solid(self.need + self.spare, self._relaxed, *self.ground.solid_edges)
 
     def obstructed(self, curve: Nurbs) -> Array:
-        """Return parameters (m,) at which a curve is not proven clear, by its flattened form."""
+        """Flatten a curve and return the parameters (m,) at which it is not proven clear."""
         chain = flatten(curve, _FLAT)
         solid = self.solid._replace(need=self.need)
         clear = keeping(chain.points[:-1], chain.points[1:], chain.deviation, solid)

@@ -1,10 +1,10 @@
-"""Compiled: segments, and a grid of square cells that tells which edges are near.
+"""Compiled: segments, and a grid of square cells for looking up the edges near a place.
 
 `first` (cells + 1,) and `items` list the edges of each cell; `frame` (5,) is x0, y0, the size of a
 cell [m], columns and rows.
 
-Decides: which cells an edge lies in, and how segments lie to each other.  Must not know: what an
-edge stands for.
+Decides: which cells an edge lies in, how far apart segments are and whether they cross.  Must not
+know: what an edge stands for.
 """
 
 from __future__ import annotations
@@ -72,7 +72,10 @@ def point_gap(px: float, py: float, ax: float, ay: float, bx: float, by: float) 
 def cross_each_other(
     px: float, py: float, qx: float, qy: float, ax: float, ay: float, bx: float, by: float
 ) -> bool:
-    """Tell whether the segments p-q and a-b cross; a touching end counts for one of its sides."""
+    """Tell whether the segments p-q and a-b cross.
+
+    An end that lies on the other segment counts as lying on one side of it.
+    """
     dx, dy = qx - px, qy - py
     if (dx * (ay - py) - dy * (ax - px) >= 0.0) == (dx * (by - py) - dy * (bx - px) >= 0.0):
         return False

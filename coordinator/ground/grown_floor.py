@@ -1,7 +1,7 @@
 """A floor with its configuration spaces: where the centre of a disc of a given reach may be.
 
-Decides: which configuration spaces are kept, and what closes a piece of free ground in.  Must not
-know: curves, times or which robot asks.
+Decides: which configuration spaces are cached, and what bounds a piece of free ground.  Must not
+know: curves, times or for which robot a space is used.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ class GrownFloor(Floor):
         return self._grounds[key]
 
     def fresh_ground(self, reach: float) -> Ground:
-        """Return ground that is not kept, for a reach [m] that is asked for once."""
+        """Return ground that is not cached, for a reach [m] that is needed only once."""
         return Ground(self._rings, reach)
 
     def free(self, reach: float) -> list[shapely.Geometry]:
-        """Return the connected pieces where a centre keeps `reach` [m] from solid things."""
+        """Return the connected areas where a centre keeps `reach` [m] from anything solid."""
         grown = shapely.buffer(self.solid.geometries, reach, quad_segs=_QUARTER)
         return list(shapely.get_parts(shapely.difference(self.outline, shapely.union_all(grown))))

@@ -1,10 +1,10 @@
-"""Robots that start, or end, as near to others as they may: what zones may ask of them.
+"""Robots whose starts or goals are as near together as is allowed: a smaller distance for zones.
 
-A zone asks for a little more than the need.  Where two robots stand nearer than that, and no nearer
-than they may, it would hold their very places, and no order of the two would work.  For these
-robots it asks for just what their places on the wire leave.
+Conflict zones require a little more than the need.  If two robots stand nearer than that, but not
+nearer than their need, the zone would contain their own starts or goals, and no order of the two
+would work.  For these robots zones require only the distance that their places on the wire have.
 
-Decides: how much less.  Must not know: paths, zones.
+Decides: by how much the required distance is reduced.  Must not know: paths, zones.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from coordinator.curves.nurbs import Array
 from coordinator.scenario.model import Scenario
 
 _ERROR: Final = 5e-4
-"""How far chords may be from a path [m] where robots stand no nearer than zones ask."""
+"""How far chords may be from a path [m] if no robots stand nearer than zones require."""
 
 _SMALL_ERROR: Final = 2e-5
-"""The same for robots that do: their zones fall short of the need by twice this at most, and by
-what float32 takes."""
+"""The same for robots that stand nearer: their zones fall short of the need by at most twice this
+and the rounding of float32."""
 
 _ROUNDING: Final = 1e-8
-"""What sums of distances lose [m]; places nearer than the need by less are no nearer."""
+"""The rounding error [m] of sums of distances; smaller shortfalls of the need are ignored."""
 
 
 @dataclass(frozen=True, eq=False)
 class NearPlaces:
-    """Per robot: what zones ask less for it [m], and how far its chords may be out [m]; (n,)."""
+    """Per robot (n,) [m]: how much less its zones require, and how far its chords may deviate."""
 
     less: Array
     errors: Array
 
 
 def near_places(scenario: Scenario, pad: float) -> NearPlaces:
-    """Return what zones that ask for the need and `pad` [m] more have to ask less."""
+    """Return the reductions for zones that otherwise require the need plus `pad` [m]."""
     count = len(scenario.robots)
     anchors = [robot.start[:2] for robot in scenario.robots]
     anchors += [robot.goal[:2] for robot in scenario.robots]

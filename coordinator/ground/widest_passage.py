@@ -1,11 +1,12 @@
-"""How much room the roomiest way between two places has, among everything solid.
+"""The greatest clearance with which any way can lead from one place to another.
 
 A disc can pass between two solid edges if it is no wider than their gap.  Gaps that it cannot pass
-join edges into chains, and what parts the two places is a closed chain that the straight line
-between them crosses an odd number of times.  The narrowest such chain is found without searching
-for ways: a minimum spanning forest of the edges by gap; every other gap closes one chain.
+join edges into chains.  A closed chain separates the two places if the straight line between them
+crosses it an odd number of times.  The narrowest such chain is found without searching for ways, by
+a minimum spanning forest of the edges by gap; each of the other gaps closes one chain.
 
-Decides: the reach at which two places are parted.  Must not know: robots, or what is said.
+Decides: the reach at which two places are separated.  Must not know: robots, or how messages use
+the result.
 """
 
 from __future__ import annotations
@@ -30,11 +31,11 @@ Indices = npt.NDArray[np.intp]
 
 
 def widest_reach(rings: Rings, start: Array, goal: Array, most: float) -> float | None:
-    """Return the least reach [m] at which no way from start to goal (2,) is left.
+    """Return the least reach [m] at which there is no way from start to goal (2,).
 
-    None when there is one at `most` [m] too; 0 when what is solid touches all around one of them.
-    A centre that keeps any smaller reach has a way.  Ground rounds corners off outside their arcs:
-    between two corners it lets pass up to cos(TURN_STEP / 2) of that.
+    None if there is a way even at `most` [m]; 0 if touching obstacles enclose one of the places.
+    A centre with any smaller reach has a way.  `Ground` replaces the arcs at corners by tangent
+    polygons, so between two corners it passes only reaches up to cos(TURN_STEP / 2) times this.
     """
     ends = np.stack((rings.corners, rings.corners[rings.following]), axis=1)
     edges = shapely.linestrings(ends)

@@ -49,7 +49,7 @@ def corners(curve: Nurbs) -> list[Corner]:
 
 
 def still(curve: Nurbs) -> list[tuple[float, float]]:
-    """Return where control points repeat so that a curve has no direction [m]: none is sent."""
+    """Return where [m] repeated control points leave a curve without direction; it is not sent."""
     return [
         (float(end[0, 0]), float(end[0, 1]))
         for piece in _pieces(curve)
@@ -61,8 +61,8 @@ def still(curve: Nurbs) -> list[tuple[float, float]]:
 def rounded(curve: Nurbs, cut: float) -> Nurbs:
     """Return the curve with corners between straight pieces cut by at most `cut` [m].
 
-    The curve is another one only at corners; one without any, or that turns back on itself, is
-    returned as it is.
+    Only the corners change.  A curve without corners, or one that turns back on itself, is returned
+    unchanged.
     """
     pieces = _pieces(curve)
     turns = [_turn(before, after) for before, after in pairwise(pieces)]

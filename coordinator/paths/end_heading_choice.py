@@ -1,10 +1,10 @@
 """Which leads to try first at the ends of a path that has headings.
 
-Every pair of leads is judged by the time that the whole way would take: its length, and what is
-lost by turning slowly at its ends.  The way between is taken to be the one that a robot without
-headings would go, from where a lead can see it.
+Every pair of leads is judged by the time that the whole way would take, from its length and the
+time lost by turning slowly at its ends.  Between the leads, the way is assumed to be that of a
+robot without headings, entered in a straight line at the vertex that makes the whole shortest.
 
-Decides: the order of trial.  Must not know: which leads there are, and curves.
+Decides: in which order leads are tried.  Must not know: which leads there are, and curves.
 """
 
 from __future__ import annotations
@@ -31,25 +31,25 @@ _SHARPEST: Final = math.radians(100.0)
 """A lead that turns by more [rad] at its end gets two turns there (sharp_turns.py)."""
 
 _BLUNTED: Final = 4.0
-"""Length of what it becomes, per metre of the radius that its turns then have."""
+"""Length of these two turns, per metre of their radius."""
 
 _BEHIND: Final = -0.1
 """A turn around a circle may go this far [rad] beyond what is ahead."""
 
 _UNSEEN: Final = 2.0
-"""A place that a lead does not see counts as so many times as far."""
+"""The distance to a place that is not in a lead's line of sight is multiplied by this."""
 
 _RESERVE: Final = 1.15
-"""Turns are foreseen this much wider than they should be."""
+"""Turns are planned wider than the radius that they should have by this factor."""
 
 _SEEN: Final = 5
-"""Vertices of the way that a lead looks for, and the last."""
+"""How many vertices of the way a lead may continue to, besides the last one."""
 
 _KEPT: Final = 3
-"""Leads straight on, to the left and to the right each that are tried at one end."""
+"""How many leads straight on, to the left and to the right each are tried at one end."""
 
 _ROOMY: Final = 2
-"""The longest of the other leads straight on that are tried too."""
+"""How many of the longest other leads straight on are tried as well."""
 
 _NO_RADIUS: Final = 1e-6
 """Turns on the spot count as turns of this radius [m]."""
@@ -60,7 +60,7 @@ Leads = tuple[list[Array], list[Array]]
 
 
 class _Joined(NamedTuple):
-    """A lead, the time [s] of the whole way with it, and what its turns lack [m]."""
+    """A lead, the time [s] of the whole way with it, and how much its turns' radius lacks [m]."""
 
     lead: Lead
     time: float
@@ -68,9 +68,9 @@ class _Joined(NamedTuple):
 
 
 def choices(robot: Robot, space: Space, handling: Handling) -> list[Leads]:
-    """Return leads at start and goal, each in the order of driving, the most promising first.
+    """Return pairs of leads at start and goal, in the order of driving, the most promising first.
 
-    Raises PlanError when there is no room to move along a heading.
+    Raises PlanError if there is no room to move along a heading.
     """
     if len(robot.start) < 3 and len(robot.goal) < 3:
         return [([], [])]
@@ -106,7 +106,7 @@ def _lacks_and_takes(pair: tuple[_Joined, _Joined]) -> tuple[float, float]:
 def _joined(
     robot: Robot, pose: Sequence[float], way: Array, space: Space, handling: Handling
 ) -> list[_Joined]:
-    """Return the leads of one end that promise most; way (n, 2) [m]: from there, freely."""
+    """Return the most promising leads of one end; way (n, 2) [m]: from there, without headings."""
     rest = np.append(np.cumsum(np.hypot(*np.diff(way, axis=0).T)[::-1])[::-1], 0.0)
     if len(pose) < 3:
         return [_Joined(_NONE, float(rest[0]) / handling.speed, 0.0)]
@@ -132,7 +132,7 @@ def _joined(
     ]
     joined.sort(key=lambda one: (one.tight, one.time))
     straight, *turning = ([one for one in joined if one.lead.side == side] for side in (0, 1, -1))
-    # What is blunted may need all the room that there is.
+    # A sharp turn that becomes two turns may need all the room that there is.
     roomy = sorted(straight[_KEPT:], key=lambda one: -one.lead.length)[:_ROOMY]
     return [*straight[:_KEPT], *roomy, *(one for side in turning for one in side[:_KEPT])]
 
@@ -140,7 +140,7 @@ def _joined(
 def _judged(
     lead: Lead, ahead: list[float], left: float, seen: bool, comfort: float, handling: Handling
 ) -> _Joined:
-    """Judge a lead that goes on to the place ahead (2,); `left` [m]: how far it is from its end."""
+    """Judge a lead that continues to the place ahead (2,); `left` [m]: length after the lead."""
     x, y = ahead[0] - lead.last[0], ahead[1] - lead.last[1]
     turn = turn_between(math.cos(lead.heading), math.sin(lead.heading), x, y)
     length, radius = lead.length, lead.radius

@@ -1,7 +1,7 @@
 """How a path may leave its start or reach its goal when it has a heading there.
 
 A lead is the few vertices next to that end: straight ahead for a while, or around a circle to the
-left or right as on a Dubins path.  From its last vertex the way goes on freely.
+left or right as on a Dubins path.  From its last vertex the way continues in any direction.
 
 Decides: which leads there are at one end, and which of them are clear.  Must not know: which is
 best (end_heading_choice.py), what lies between the ends, and curves.
@@ -42,7 +42,7 @@ _SHARES: Final = (1.0, 0.5, 0.25)
 """Shares of it, or of the longest of the others, that are tried."""
 
 _OFF_END: Final = 1e-3
-"""Leads end no nearer [m] to what they lead to."""
+"""A lead ends at least this far [m] from the place that it leads to."""
 
 _LONGEST: Final = 0.45
 """Share of the distance to what comes next that these may take."""
@@ -62,9 +62,9 @@ _OFF: Final = 8e-3
 class Lead(NamedTuple):
     """Vertices [m] in the order of driving away from an end, whose place is left out.
 
-    heading [rad] and length [m] are those at the last vertex, whose corner may take `width` [m] of
-    the leg there; side is 1 where it turned left to there, -1 right, 0 not at all; radius [m] that
-    of these turns.
+    heading [rad] and length [m] are those at the last vertex, whose corner may use `width` [m] of
+    the leg before it.  side: 1 if the lead turns left, -1 right, 0 if it is straight; radius [m]:
+    that of its turns.
     """
 
     vertices: list[Array]
@@ -77,7 +77,7 @@ class Lead(NamedTuple):
 
 
 def check_headings(robot: Robot, curve: Nurbs) -> None:
-    """Raise CoarseError where a curve's numbers are too coarse for a heading that is asked for."""
+    """Raise CoarseError if the curve's float32 numbers are too coarse for a required heading."""
     along = np.diff(curve.points[[0, 1, -2, -1]], axis=0)[::2]
     for pose, (x, y) in zip((robot.start, robot.goal), along.tolist(), strict=True):
         if len(pose) == 3 and abs(math.remainder(math.atan2(y, x) - pose[2], math.tau)) > _OFF:
@@ -104,7 +104,7 @@ def leads(robot: Robot, pose: Sequence[float], ahead: Array, space: Space) -> li
     clear = space.keeping(begins, ends).tolist()
     kept, blocked = [], None
     for lead, free in zip(found, clear, strict=True):
-        # Turns of one circle follow each other: behind one that is not clear none is.
+        # Leads around one circle extend each other: after one that is not clear, none is.
         circle = (lead.side, lead.radius)
         if not free:
             blocked = circle
@@ -129,7 +129,7 @@ def _sizes(robot: Robot, pose: Sequence[float], ahead: Array) -> list[float]:
             sizes.append((ax * (by - ay) - ay * (bx - ax)) / across)
     sizes += [dx * x + dy * y for x, y in way]
     sizes = [size for size in dict.fromkeys(sizes) if size >= shortest]
-    # What the way ends at may be a via point, which is moved out: a lead to there would turn.
+    # The way may end at a via point, which smoothing moves outwards: a lead to it would turn.
     return [size for size in sizes if math.dist((size * dx, size * dy), way[-1]) > _OFF_END]
 
 

@@ -1,7 +1,7 @@
-"""A path that was given, as the curve that a robot drives, or why no robot of its kind can.
+"""Making the curve that a robot drives from a given path, or explaining why it cannot drive it.
 
-Decides: what is done to a given curve (float32, rounded corners) and what it must keep.  Must not
-know: files, other robots, times.
+Decides: how a given curve is changed (float32, rounded corners) and which limits and clearance it
+must satisfy.  Must not know: files, other robots, times.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from coordinator.scenario.floor import Floor
 from coordinator.scenario.model import GivenPath, Robot, Scenario
 
 _ODD_SCALE: Final = 1e3
-"""Knots stay as they are unless their unit is farther than this factor from a metre; so weights."""
+"""Knots are rescaled only if their unit differs from a metre by more than this factor; so are
+weights, relative to 1."""
 
 _FLAT: Final = 2e-4
 _SHORTFALL: Final = 1e-3
@@ -36,25 +37,26 @@ _SHORTFALL: Final = 1e-3
 
 _STEP: Final = 0.01
 _MOST_PLACES: Final = 50_000
-"""The place that is too near to something is told this finely [m], on a long path less finely."""
+"""Messages locate a place that is too near to something this finely [m]; coarser on long paths."""
 
 _HALVINGS: Final = 6
 _ARC_ERROR: Final = 1e-4
-"""Knot spans are halved so often at most, until arc lengths are as good as this [m]."""
+"""Knot spans are halved at most so often, until the error of arc lengths is at most this [m]."""
 
 _LOOKS: Final = 256
 """Places per knot span at which a curve is looked at for sharp turns."""
 
 _CUSP: Final = 0.1
 _SHARPEST: Final = 1e-3
-"""A turn by more [rad] between two of these places, of a smaller radius [m], is one on the spot."""
+"""If the direction turns by more than this [rad] between two such places, with less than this
+radius [m], the robot would turn on the spot."""
 
 _TURN: Final = 1.02
-"""The proof allows 1 % for a turning radius; what looks sharper than this surely is."""
+"""The proof allows a turning radius to be short by 1 %; turns sharper than this surely fail it."""
 
 
 def curve_of(path: GivenPath) -> Nurbs:
-    """Return a path as a curve in the numbers of the wire (float32), corners rounded as asked."""
+    """Return a path as a curve in the numbers of the wire (float32), with corners rounded."""
     curve = exact(path)
     if not np.ptp(curve.points, axis=0).max() > LEAST_STEP:
         raise PlanError("its path has no length")
@@ -66,7 +68,7 @@ def curve_of(path: GivenPath) -> Nurbs:
 
 
 def exact(path: GivenPath) -> Nurbs:
-    """Return a path as it is given, but for odd units of knots and weights."""
+    """Return the given curve unchanged, except that unusual scales of knots or weights change."""
     full = whole(path)
     curve = nurbs(full.degree, full.knots, full.control_points, full.weights)
     knots, weights, length = curve.knots, curve.weights, max(_polygon_length(curve), LEAST_STEP)
@@ -78,9 +80,9 @@ def exact(path: GivenPath) -> Nurbs:
 
 
 def _even(curve: Nurbs) -> Nurbs:
-    """Return the same curve; where its parameter jumps to another speed, its parts are paced anew.
+    """Return the same curve, reparametrized where the speed of its parameter jumps.
 
-    Robots measure a path by cubic pieces between knots, which a jump in speed makes wrong.
+    Robots approximate arc length by cubic pieces between knots; a jump in speed makes these wrong.
     """
     own, times = np.unique(curve.knots, return_counts=True)
     cuts = [0.0, *own[1:-1][times[1:-1] >= curve.degree].tolist(), float(own[-1])]
@@ -90,7 +92,7 @@ def _even(curve: Nurbs) -> Nurbs:
 
 
 def _measurable(curve: Nurbs) -> Nurbs:
-    """Return the same curve with knots inserted until robots measure arc lengths along it well."""
+    """Return the same curve with knots inserted until robots compute arc lengths accurately."""
     for _ in range(_HALVINGS):
         u, s, slopes = measured(curve)
         middles = 0.5 * (s[:-1] + s[1:])
@@ -120,7 +122,7 @@ def path_of(curve: Nurbs) -> GivenPath:
 
 
 def given_curve(robot: Robot, path: GivenPath, margin: float, floor: Floor) -> Nurbs:
-    """Return the curve of a robot's given path; PlanError saying why it cannot be driven."""
+    """Return the curve of a robot's given path; raises PlanError if it cannot be driven."""
     curve = curve_of(path)
     told = list(complaints(curve, robot, margin, floor))
     if told:
@@ -142,12 +144,12 @@ def path_problems(scenario: Scenario) -> list[str]:
 
 
 def complaints(curve: Nurbs, robot: Robot, margin: float, floor: Floor) -> Iterator[str]:
-    """Yield what makes a curve impossible for a robot: turns and what is solid; margin [m]."""
+    """Yield why a robot cannot drive a curve: its turns, solid things too near; margin [m]."""
     turns: list[str] = []
     if math.isfinite(robot.max_lateral_accel) or robot.min_turn_radius > 0.0:
         turns = list(_turns(curve, robot.min_turn_radius))
     for x, y in [] if turns else still(curve)[:1]:
-        turns = [f"has no direction at ({x:.2f}, {y:.2f}), where control points stand twice"]
+        turns = [f"has no direction at ({x:.2f}, {y:.2f}), where control points are repeated"]
     yield from turns
     chain = flatten(curve, _FLAT)
     clearance = floor.gap(chain.points) - chain.bound - robot.radius
@@ -158,7 +160,7 @@ def complaints(curve: Nurbs, robot: Robot, margin: float, floor: Floor) -> Itera
 def _turns(curve: Nurbs, least: float) -> Iterator[str]:
     """Yield the sharpest of the turns that a robot cannot drive; `least` radius [m].
 
-    What is certain about bends the proof finds out; this is to say early what and where.
+    The proof decides rigorously about bends; this early check says what is wrong and where.
     """
     found = corners(curve)
     if found:

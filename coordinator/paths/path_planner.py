@@ -1,4 +1,4 @@
-"""One path per robot: around obstacles, off the places of other robots, smooth.
+"""Finding one smooth path per robot, around obstacles and other robots' starts and goals.
 
 Decides: the way each robot takes, alone.  Must not know: times and who goes first.
 """
@@ -30,10 +30,10 @@ from coordinator.paths.spline_fit import Fit, Flags
 from coordinator.scenario.model import Point, Robot, Scenario
 
 _TOUCH: Final = 0.0005
-"""Ways keep this much more [m] than needed: float32 and chords may take half of it."""
+"""Ways stay clear by this much more [m] than needed; float32 and chords may use half of it."""
 
 _FLUSH: Final = 2e-6
-"""What float32 takes [m] from a robot that stands exactly as near as it may."""
+"""The rounding error [m] of float32 for a robot that stands exactly as near as is allowed."""
 
 _ROOM_PER_RADIUS: Final = 2.2
 """Reach around corners that robots turn at, per metre of min_turn_radius."""
@@ -45,17 +45,17 @@ _MOST_TIGHT: Final = 8
 """Paths from which the widest is taken, if none has."""
 
 _MOST_TRIED: Final = 24
-"""Pairs of leads that are tried: where these do not fit it is the room that is missing."""
+"""How many pairs of leads are tried: if none of these fits, there is no room."""
 
 _PLACE_ROOM: Final = 0.015
 """Other robots' places are passed this much farther off [m] than needed: a conflict zone may be a
 little larger than the conflict, and must not reach from a place to a path that keeps off it."""
 
 _NEAR: Final = 1.015
-"""A place may be kept off up to this near to this robot's own, as a share of the disc."""
+"""The least distance of a disc to avoid from the robot's own places, as a share of its radius."""
 
 _PART: Final = 50
-"""Robots that an executor gets at a time, at least: every part prepares its own ground."""
+"""The least number of robots in a task for an executor: each task computes its own ground."""
 
 _MOST_PARTS: Final = 4
 
@@ -92,11 +92,11 @@ class Pathfinder:
         self._radii = np.array([robot.radius for robot in scenario.robots])
 
     def path(self, index: int, detours: Array = NO_DISCS, refuge: Point | None = None) -> Nurbs:
-        """Return robot `index`'s path; it keeps off other robots' starts and goals if it can.
+        """Return robot `index`'s path; it avoids other robots' starts and goals if possible.
 
-        `detours` (k, 3) [m]: further places to keep off, x, y, radius; `refuge`: a place to pass
-        before all via points.  Raises PlanError when there is no way.  A path that was given stays
-        as it is, or is told to be impossible.
+        `detours` (k, 3) [m]: further discs to avoid, x, y, radius; `refuge`: a place to pass before
+        all via points.  Raises PlanError if there is no way, or if a given path cannot be driven or
+        would have to change.
         """
         robot = self.scenario.robots[index]
         if robot.path is not None:
@@ -129,7 +129,7 @@ class Pathfinder:
         raise worst.about(robot.id)
 
     def crossed_places(self, index: int, curve: Nurbs) -> list[str]:
-        """Say which starts and goals of other robots a path crosses: these order the two robots."""
+        """Say which starts and goals of other robots a path crosses: they fix who goes first."""
         robot = self.scenario.robots[index]
         need = self._radii + robot.radius + self.scenario.margin
         line = flatten(curve, _TOUCH).points
@@ -155,7 +155,7 @@ class Pathfinder:
     def _fit_among(self, robot: Robot, space: Space) -> Fit:
         """Return the quickest of the first paths with turns that are wide enough, else the widest.
 
-        Raises the error that got farthest when there is none.
+        If there is none, raises the error of the attempt that got farthest.
         """
         handling, headed = self.handling(robot), _headed(robot)
         worst: PlanError | None = None
@@ -197,9 +197,10 @@ class Pathfinder:
         return Space(ground, reach + 0.5 * touch - _FLUSH, 0.4 * touch, discs)
 
     def _places(self, robot: Robot, index: int) -> Iterator[Array]:
-        """Yield sets of other robots' places (k, 3) to keep off, the fullest first.
+        """Yield sets of other robots' places (k, 3) to avoid, the largest set first.
 
-        Given up is what the way among obstacles alone crosses: starts, else goals, else both.
+        Later sets omit places that the way among obstacles alone crosses: first starts, then goals,
+        then both.
         """
         need = self._radii + robot.radius + self.scenario.margin
         anchors = _anchors(robot)
@@ -249,7 +250,7 @@ class Pathfinder:
 
 @contextmanager
 def _named(robot: Robot) -> Iterator[None]:
-    """Put the robot's name before what goes wrong."""
+    """Name the robot in every PlanError that the block raises."""
     try:
         yield
     except PlanError as error:
@@ -269,7 +270,8 @@ def _headed(robot: Robot) -> tuple[bool, bool]:
 def _rooms(robot: Robot) -> list[tuple[float, float]]:
     """Return what to try: room [m] for rounding corners, and how much more than needed to keep [m].
 
-    Robots that turn wide want more room first; a passage may be just as wide as the robot needs.
+    For robots with a wide turning circle, more room is tried first.  The last attempts need no more
+    than the robot needs, as a passage may be just wide enough.
     """
     wide = _ROOM_PER_RADIUS * robot.min_turn_radius - robot.radius
     rooms = (wide, 0.5 * wide, 0.0) if wide > 0.02 else (0.0,)

@@ -1,6 +1,6 @@
-"""Turns too sharp to round become two turns.
+"""Replacing turns that are too sharp to round by two turns.
 
-Decides: where the two vertices go.  Must not know: curves; smoothing.py rounds what comes out.
+Decides: where the two vertices go.  Must not know: curves; smoothing.py rounds the result.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ def blunt(
 ) -> tuple[Array, Flags]:
     """Replace turns too sharp to round by two turns of `radius` [m], if there is room.
 
-    polygon (n, 2) [m], exact (n,).  The first leg keeps its direction, the last one too when it
-    has to.  Raises PlanError when there is no room to turn.
+    polygon (n, 2) [m], exact (n,).  The first leg keeps its direction, and with `keep_last` the
+    last one does, too.  Raises PlanError if there is no room to turn.
     """
     legs = np.diff(polygon, axis=0)
     along = np.einsum("ij,ij->i", legs[:-1], legs[1:])

@@ -1,8 +1,8 @@
 """From a control polygon to a cubic curve: straight where the way is straight, C2 at corners.
 
-Vertices of one obstacle's corner become one corner where there is room; corners move out as far as
-that helps travel time; each is then rounded as widely as it stays clear (ground/polygon_kernels.py,
-spline_fit.py).
+Several vertices around one corner of an obstacle are merged where there is room; corners are moved
+outwards as far as that shortens the travel time; each is then rounded as widely as it stays clear
+(ground/polygon_kernels.py, spline_fit.py).
 
 Decides: the corners and their half-widths.  Must not know: where the polygon comes from, other
 robots' times.
@@ -29,13 +29,13 @@ from coordinator.paths.spline_fit import Fit, Flags, fit, lengths_along
 
 _SHRINK: Final = 0.75
 _PUSH_SHARE: Final = 0.006
-"""Pushing all corners out may lengthen the way by this share."""
+"""Moving all corners outwards may lengthen the way by at most this share."""
 _LONGEST: Final = 1.02
-"""Longer curves than this, against the polygon, are made again without moving corners."""
+"""A curve longer than this many times its polygon is made again without moving corners."""
 _SPENT_PER_CORNER: Final = (0.02, 0.1, 0.5, 2.0)
-"""Lengths [m] that a corner less may cost, tried in turn, where a path has too many."""
+"""How much longer [m] a way may become for one corner less, tried in turn, if it has too many."""
 _SPEEDS_PER_PATH: Final = 0.5
-"""Bytes of speed knots to expect for each byte of a path on which bends are slow."""
+"""Expected bytes of speed knots for each byte of a path on which the robot must slow in bends."""
 
 
 def smooth(
@@ -45,13 +45,13 @@ def smooth(
     handling: Handling,
     headed: tuple[bool, bool] = (False, False),
 ) -> Fit:
-    """Return the cubic curve along a polygon (n, 2) [m], with the numbers of the wire (float32).
+    """Return the cubic curve along a polygon (n, 2) [m], in the numbers of the wire (float32).
 
-    exact (n,): vertices that the curve passes exactly; the others are cut.  `headed`: whether the
-    directions of the first and of the last leg are asked for.  Raises PlanError when a turn does
-    not fit, TurnError when it is tighter than the robot can turn.
+    exact (n,): vertices that the curve passes exactly; at the others it cuts the corner.  `headed`:
+    whether the curve must have the direction of the first and of the last leg at its ends.  Raises
+    PlanError if a turn has no room, TurnError if it is tighter than the robot can turn.
 
-    A way with so many corners that it would not fit a message gets fewer, at the price of length.
+    If a way has too many corners for a message, some are removed, which makes it longer.
     """
     space = space.near(polygon)
     found = _smoothed(polygon, exact, space, handling, headed)
@@ -109,7 +109,7 @@ def _without_straight(
 ) -> tuple[Array, Flags]:
     """Drop doubled vertices and those at which the way does not turn.
 
-    Exact vertices and the ends of headed legs stay: a turn beyond them must not reach past them.
+    Exact vertices and the ends of headed legs stay, so that the next turn cannot extend past them.
     """
     legs = np.diff(polygon, axis=0)
     keep = np.append(True, np.hypot(legs[:, 0], legs[:, 1]) >= STRAIGHT)
@@ -126,9 +126,10 @@ def _without_straight(
 
 
 def _narrower(found: Fit, hit: Array) -> Array:
-    """Return narrower corners nearest to the parameters where the curve is not clear.
+    """Narrow the corners nearest to the parameters at which the curve is not clear.
 
-    So are exact vertices at the ends of a leg that is not: it lies where they are moved out to.
+    Exact vertices at the ends of a leg that is not clear are narrowed as well, because moving them
+    outwards has moved the leg.
     """
     wide = found.widths.copy()
     corners = np.flatnonzero(wide > 0.0)
@@ -160,7 +161,7 @@ def least_radius(found: Fit) -> float:
 
 
 def _turnable(found: Fit, handling: Handling) -> Fit:
-    """Return the fit; raises TurnError when it is tighter than the robot can turn."""
+    """Return the fit; raises TurnError if one of its turns is tighter than the robot can turn."""
     corners = np.flatnonzero(found.widths > 0.0)
     if handling.min_turn_radius <= 0.0 or len(corners) == 0:
         return found

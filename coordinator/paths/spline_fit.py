@@ -1,4 +1,4 @@
-"""A cubic spline along a polygon, and the numbers it came from.
+"""A cubic spline along a polygon, and the parameters from which it is made.
 
 The curve is the variation-diminishing spline (Schoenberg) of the polygon, taken as a piecewise
 linear function of the parameter: control points are the polygon at the Greville abscissae.  With
@@ -22,8 +22,8 @@ from coordinator.ground.corner_kernels import STRAIGHT
 Flags = npt.NDArray[np.bool_]
 
 _APART: Final = 1e-5
-"""Knots are farther apart than this, and than so many steps of the float32 control points: nearer
-ones would fall together, and the curve would stand still in its parameter."""
+"""Knots are farther apart than this, and than so many float32 steps of the control points: nearer
+control points could coincide, and the derivative of the curve would vanish."""
 _STEPS_APART: Final = 4.0
 
 _OFF: Final = 0.004
@@ -92,7 +92,7 @@ def _spread(inner: Array, at: Array, apart: float) -> Array:
 
 
 def _aimed(points: Array, leg: Array, step: float) -> Array:
-    """Return the second of the control points (3, 2) at an end, along its leg in float32 too.
+    """Return the second of an end's control points (3, 2), moved to suit the leg's direction.
 
     `step` [m]: how far float32 numbers are apart there.
     """

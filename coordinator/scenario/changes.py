@@ -1,6 +1,6 @@
-"""What is different between two scenarios, as far as a plan depends on it.
+"""The differences between two scenarios, as far as a plan depends on them.
 
-Decides: which fields count and how a difference is told.  Must not know: files, logs.
+Decides: which fields count and how a difference is described.  Must not know: files, logs.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from coordinator.scenario.model import Point, Scenario
 _Value: TypeAlias = Mapping[str, "_Value"] | Sequence["_Value"] | str | float | None
 
 _NO_PART: Final = ("notes", "from_map")
-"""What a workspace says about where its polygons come from."""
+"""The fields of a workspace that state where its polygons come from; a plan ignores them."""
 
 _MOST_POLYGONS: Final = 5
-"""So many obstacles that came or went are told one by one."""
+"""At most so many added or removed obstacles are listed one by one."""
 
 _MOST_LETTERS: Final = 60
 
 
 class Change(NamedTuple):
-    """One field whose values differ; None: it is not there."""
+    """One field whose values differ; None stands for an absent value."""
 
     field: str
     before: str | None
@@ -34,9 +34,9 @@ class Change(NamedTuple):
 
 
 def changes(before: Scenario, after: Scenario) -> list[Change]:
-    """Return what was changed from one scenario to the other, field by field.
+    """Return the changes from one scenario to the other, field by field.
 
-    The order of robots and of obstacles means nothing.
+    The order of robots and of obstacles is ignored.
     """
     old, new = _plain(before), _plain(after)
     return [
@@ -78,7 +78,7 @@ def _polygons(
 
 
 def _short(value: object) -> str | None:
-    """Return a value as JSON, cut where it is long; None for one that is not there."""
+    """Return a value as JSON, shortened if it is long; None for an absent value."""
     if value is None:
         return None
     text = str(value) if isinstance(value, float) else msgspec.json.encode(value).decode()

@@ -1,8 +1,9 @@
-"""What a scenario's values may be: the range of every number, and where robots may stand.
+"""Checks of a scenario's values: the range of every number, and where robots may stand.
 
-Decides: ranges, sound polygons, room at starts, goals and via points, and the wording of each
-fault.  Must not know: files and their syntax (scenario_files/scenario_reader.py).  NaN, an empty
-name and an empty polygon stand for values already found wrong; nothing more is said about them.
+Decides: ranges, which polygons are valid, how much room starts, goals and via points need, and the
+wording of each fault.  Must not know: files and their syntax (scenario_files/scenario_reader.py).
+NaN, an empty name and an empty polygon stand for values already reported as invalid; these are not
+reported again.
 """
 
 from __future__ import annotations
@@ -25,26 +26,26 @@ from protocol.keys import NAME
 LARGEST: Final = 100_000.0
 """No size [m], or any other quantity, goes beyond this."""
 FARTHEST: Final = 8_000.0
-"""No coordinate goes beyond this [m]: soon after, float32 resolves only 1 mm."""
+"""No coordinate goes beyond this [m]: a little farther out, float32 resolves only 1 mm."""
 TOO_FAR: Final = "where float32 on the wire is coarser than 0.5 mm; move the origin nearer"
-"""What is said about a coordinate beyond FARTHEST."""
+"""The reason given for a coordinate beyond FARTHEST."""
 TOO_SMALL: Final = (
     f"of which the proof and the robots' tables of arc lengths take "
     f"{1000 * between_robots(0, 0).total:g} mm, and two robots {LEAST_TRACK_MM} mm each to drive"
 )
-"""What is said about a margin below LEAST_MARGIN."""
+"""The reason given for a margin below LEAST_MARGIN."""
 FASTEST: Final = 999.0
 """The wire's time-table refuses speeds [m/s] from 1000 on (protocol/timeline.py)."""
 LEAST_AREA: Final = 1e-9
-"""A polygon whose convex hull has no more [m^2] is a line or a point."""
+"""A polygon whose convex hull has no more area [m^2] than this is a line or a point."""
 LEAST_STEP: Final = 1e-3
 """Two places nearer than this [m] are the same place: there is no path between them."""
 LEAST: Final = 1e-3
 """No radius [m], speed [m/s] or acceleration [m/s^2] is smaller: plans would last for days."""
 ROUNDING: Final = 1e-9
-"""A place that is right on paper is not refused for the last bits of its distance [m]."""
+"""Distances may be short by this [m], so that rounding does not refuse an exact place."""
 MOST_PAIRS: Final = 1_000
-"""Overlapping pairs are listed up to here: all robots in one place would be millions of lines."""
+"""At most so many overlapping pairs are listed: all robots in one place would give millions."""
 PAIR_CHUNK: Final = 256
 """Robots whose neighbours are looked up together: bounds the memory in that same case."""
 BOUNDARY: Final = -1
@@ -55,10 +56,10 @@ Points = NDArray[np.object_]
 
 
 class Quantity(NamedTuple):
-    """What one number may be: above `least` (or from it on), up to `most` (or below it).
+    """The range of one number: above `least` (or from it on), up to `most` (or below it).
 
     `word` is a string that is accepted instead; "inf" accepts the infinite number as well.
-    `why` is said after a limit that is not kept, `why_least` after the lower one.
+    Messages give `why` as the reason for a limit, or `why_least` for the lower one.
     """
 
     unit: str = ""
@@ -110,7 +111,7 @@ ROBOT_QUANTITIES: Final = {
 
 
 def show(value: object) -> str:
-    """Return a value from a file as it may stand in a message: one line, short, printable."""
+    """Return a value from a file in a form fit for a message: one line, short, printable."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, list):
@@ -134,7 +135,7 @@ def key_name(key: str) -> str:
 
 
 def find_problems(scenario: Scenario) -> list[str]:
-    """Return what is wrong with the scenario as a whole, as `field: what is wrong` each."""
+    """Return all that is wrong with the scenario, each as `field: what is wrong`."""
     floor = scenario.workspace
     rings = {BOUNDARY: floor.boundary} if floor.boundary else {}
     rings |= {index: ring for index, ring in enumerate(floor.obstacles) if ring}
@@ -162,7 +163,7 @@ def find_problems(scenario: Scenario) -> list[str]:
 def _shape_name(
     floor: Workspace, polygons: dict[int, shapely.Polygon], index: int, near: shapely.Geometry
 ) -> str:
-    """Return what a polygon is called; one from a map by its place nearest to `near`."""
+    """Return the name of a polygon; one from a map is named by its place nearest to `near`."""
     if index == BOUNDARY:
         return "workspace.boundary"
     listed = f"workspace.obstacles[{index}]"
@@ -170,7 +171,7 @@ def _shape_name(
 
 
 def ring_fault(polygon: shapely.Polygon) -> str | None:
-    """Return why a polygon is none, and where."""
+    """Return why a polygon's outline is invalid, and where; None if it is valid."""
     if shapely.convex_hull(polygon).area <= LEAST_AREA:
         return "its corners lie on one line, a polygon needs an area"
     if polygon.is_valid:
@@ -207,9 +208,9 @@ def _missing_steps(field: str, robot: Robot) -> Iterator[str]:
 
 
 def _tight_places(scenario: Scenario, polygons: dict[int, shapely.Polygon]) -> Iterator[str]:
-    """Yield every place off the floor, or nearer to its edge or an obstacle than the robot needs.
+    """Yield a message for each place off the floor or too near to its edge or an obstacle.
 
-    At most two lines a place: one for the floor, one for the nearest obstacle.
+    There are at most two for a place: one for the floor, one for the nearest obstacle.
     """
     spots = [
         _Spot(field, place[0], place[1], robot.radius + scenario.margin)
@@ -272,12 +273,12 @@ def _obstacle_problems(
 
 
 def _overlaps(scenario: Scenario, which: str) -> Iterator[str]:
-    """Yield every pair of robots whose starts (or goals) are nearer than the pair needs."""
+    """Yield a message for each pair of robots whose starts (or goals) are too near together."""
     robots = scenario.robots
     places = np.array([getattr(robot, which)[:2] for robot in robots]).reshape(-1, 2)
     radii = np.array([robot.radius for robot in robots])
     known = np.flatnonzero(np.isfinite(places[:, 0]) & np.isfinite(radii + scenario.margin))
-    # Each robot looks for smaller ones (of equal ones, for later ones): twice its radius is enough.
+    # Each robot searches for smaller ones, or later ones of equal size: twice its radius suffices.
     by_size = known[np.argsort(-radii[known], kind="stable")]
     points = shapely.points(places[by_size])
     tree = shapely.STRtree(points)

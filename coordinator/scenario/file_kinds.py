@@ -1,7 +1,7 @@
-"""Scenario, plan and log files told apart, for whoever gives one where another is wanted.
+"""Telling scenario, plan and log files apart, to help a user who passes the wrong kind.
 
-Decides: by what a file is known, and what is said about the wrong one.  Must not know: what is in
-them (scenario_files/scenario_reader.py, plan/document.py, log/log_file.py).
+Decides: how the kind of a file is recognized, and the message about a wrong one.  Must not know:
+what the files contain (scenario_files/scenario_reader.py, plan/document.py, log/log_file.py).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ LOG_MAGIC: Final = b"\x89MCAP0\r\n"
 
 
 def kind_of(content: bytes) -> FileKind | None:
-    """Return what a file is by its bytes; None when it is none of the three, or broken."""
+    """Return the kind of a file with these bytes; None if it is none of the three, or damaged."""
     if content.startswith(LOG_MAGIC):
         return "log"
     try:
@@ -34,7 +34,7 @@ def kind_of(content: bytes) -> FileKind | None:
 
 
 def kind_of_document(document: object) -> FileKind | None:
-    """Return what a decoded file is; None when it is neither a plan nor a scenario."""
+    """Return the kind of a decoded file; None if it is neither a plan nor a scenario."""
     if not isinstance(document, dict):
         return None
     if str(document.get("format")).startswith("splinefleet.plan"):
@@ -43,7 +43,7 @@ def kind_of_document(document: object) -> FileKind | None:
 
 
 def wrong_kind(name: str, found: FileKind, wanted: FileKind) -> str:
-    """Return the line about a file that is of another kind than wanted, and what to do with it."""
+    """Return the message about a file of the wrong kind, with the command that would help."""
     file = shlex.quote(name)
     if found == "log":
         help_ = f"`splinefleet info {file}` tells what happened"

@@ -1,7 +1,8 @@
 """The floor of a scenario as geometry: how far places and lines are from anything solid.
 
-Decides: what is solid: every obstacle and all that lies beyond the floor's boundary.  A shared edge
-and a touching corner block.  Must not know: robots, curves, times.
+Decides: what is solid, namely every obstacle and all that lies beyond the floor's boundary.  There
+is no way between obstacles that share an edge or touch at a corner.  Must not know: robots, curves,
+times.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ class Floor:
 
     @cached_property
     def solid(self) -> shapely.STRtree:
-        """The obstacles, and what lies outside of the floor, to look things up in."""
+        """A spatial index of the obstacles and of the area outside the floor."""
         x0, y0, x1, y1 = self.outline.bounds
         far = 1.0 + max(x1 - x0, y1 - y0)
         frame = shapely.box(x0 - far, y0 - far, x1 + far, y1 + far)
@@ -46,15 +47,15 @@ class Floor:
         return bool(shapely.intersects(self.outline, place)) and not len(solid)
 
     def distance(self, points: Array) -> Array:
-        """Return the distances [m], (n,), from points (n, 2) to the nearest solid thing."""
+        """Return the distance [m] from each of the points (n, 2) to anything solid, (n,)."""
         places = shapely.points(points)
         found = self.solid.query_nearest(places, return_distance=True, all_matches=False)
         return np.asarray(found[1])
 
     def gap(self, line: Array) -> float:
-        """Return the distance [m] from a polyline (n, 2) to the nearest solid thing; 0 within.
+        """Return the distance [m] from a polyline (n, 2) to anything solid; 0 if it enters it.
 
-        A line that meets no edge lies where its first point does.
+        A line that meets no edge is free or inside something solid as its first point is.
         """
         apart = float(shapely.distance(self._edges, shapely.linestrings(line)))
         return apart if apart > 0.0 and self._is_open(shapely.Point(line[0])) else 0.0

@@ -1,8 +1,9 @@
-"""How long silence is borne on a link that loses and delays messages.
+"""How long silence is tolerated on a link that loses and delays messages.
 
-Decides: the leases of both sides and the clock error, from the link's figures; a good link has
-those of protocol/timing.py.  Half of an exchange that takes the delay both ways is the delay: every
-exchange tells the time well enough.  Must not know: robots, plans.
+Decides: the leases of both sides and the clock error, from the delay and loss of the link; on a
+good link they are those of protocol/timing.py.  An exchange of messages gives the other clock's
+time to within half its duration, at most the one-way delay, so that every exchange is good enough.
+Must not know: robots, plans.
 """
 
 from __future__ import annotations
@@ -23,22 +24,22 @@ from protocol.timing import (
 )
 
 _FALSE_ALARM: Final = 1e-6
-"""How likely it may be that all messages of a lease are lost."""
+"""The greatest allowed probability that all messages of a lease are lost."""
 
 _JITTER: Final = 100 * MILLISECOND
-"""What messages may be late beyond the link's delay: the ticks of both sides, overtaking."""
+"""How late messages may be beyond the link's delay, because of both sides' ticks and reordering."""
 
 
 @dataclass(frozen=True)
 class LinkTimes:
-    """What a fleet on this link bears, in ns."""
+    """The times that a fleet on this link tolerates, in ns."""
 
     lease_ns: int
-    """So long after the newest Command was said, by the robot's clock, it stops."""
+    """The robot stops this long, by its own clock, after the newest Command was sent."""
     report_timeout_ns: int
-    """Silence of a robot that makes it lost."""
+    """A robot that is silent for this long is lost."""
     clock_error_ns: int
-    """How uncertain a moving robot may be of the coordinator's clock."""
+    """The greatest error of a moving robot's estimate of the coordinator's clock."""
 
 
 def link_times(link: Link) -> LinkTimes:
@@ -53,5 +54,5 @@ def link_times(link: Link) -> LinkTimes:
 
 
 def _whole(time_ns: int) -> int:
-    """Round up to milliseconds, as the wire has them."""
+    """Round up to whole milliseconds, the unit on the wire."""
     return -(-time_ns // MILLISECOND) * MILLISECOND

@@ -1,4 +1,4 @@
-"""What a user asks for: a floor, robots with starts and goals, and how safe to be.
+"""What a user asks for: a floor, robots with starts and goals, and how safe the plan must be.
 
 Decides: the fields, their units and defaults.  Must not know: files
 (scenario_files/scenario_reader.py reads and checks them) or plans.
@@ -17,11 +17,11 @@ Policy = Literal["safe", "paper"]
 
 
 class GivenPath(msgspec.Struct, frozen=True, kw_only=True):
-    """A NURBS curve [m] that a robot is to drive as it is: somebody else's path.
+    """A NURBS curve [m] that a robot is to drive unchanged, as made by another program.
 
-    knots: clamped, len(control_points) + degree + 1 of them, in any unit; () is uniform.
-    weights: positive; () is 1 for all.  rounding [m]: corners, where the curve turns on the spot,
-    may be cut by up to so much; 0 keeps them, and few robots can drive them.
+    knots: clamped, len(control_points) + degree + 1 of them, in any unit; () stands for uniform
+    knots.  weights: positive; () stands for 1 everywhere.  rounding [m]: by how much corners, where
+    the curve turns on the spot, may be cut; with 0 they stay, and few robots can drive them.
     """
 
     degree: int
@@ -34,8 +34,8 @@ class GivenPath(msgspec.Struct, frozen=True, kw_only=True):
 class Robot(msgspec.Struct, frozen=True, kw_only=True):
     """One robot: lengths [m], speeds [m/s], accelerations [m/s^2], headings [rad].
 
-    One with a path has it in place of via points; it starts at the first control point and its
-    goal is the last.
+    A robot with a path has no via points; it starts at the first control point of the path, and its
+    goal is the last one.
     """
 
     id: str
@@ -45,7 +45,7 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
     max_speed: float
     via: tuple[Point, ...] = ()
     max_accel: float
-    """Default: max_speed within 1 s; inf starts and stops at once."""
+    """Default: reaches max_speed within 1 s; with inf the robot starts and stops instantly."""
     max_lateral_accel: float
     """Default: max_accel."""
     min_turn_radius: float = 0.0
@@ -61,24 +61,24 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class MapPart(msgspec.Struct, frozen=True, kw_only=True):
-    """Obstacles that a map brought: all from index `first` on; `file` is its name."""
+    """The obstacles that come from a map: all from index `first` on; `file` is the map's name."""
 
     file: str
     first: int
 
 
 class Workspace(msgspec.Struct, frozen=True, kw_only=True):
-    """The floor: its outline (counter-clockwise corners [m]) and what stands on it."""
+    """The floor: its outline (counter-clockwise corners [m]) and its obstacles."""
 
     boundary: tuple[Point, ...]
     obstacles: tuple[tuple[Point, ...], ...] = ()
     notes: tuple[str, ...] = ()
-    """What the report should say about the map that the polygons come from."""
+    """Sentences for the report about the map that the polygons come from."""
     from_map: MapPart | None = None
 
 
 class Link(msgspec.Struct, frozen=True, kw_only=True):
-    """What the link between robots and coordinator may do: one way `delay` [s], share of `loss`."""
+    """The worst link between robots and coordinator: one-way `delay` [s] and share of `loss`."""
 
     delay: float = 0.0
     loss: float = 0.0
@@ -107,5 +107,5 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def starts_at_once(robot: Robot) -> bool:
-    """Tell whether the robot reaches any speed in no time, as the paper's robots do."""
+    """Tell whether the robot reaches any speed instantly, as the paper's robots do."""
     return math.isinf(robot.max_accel)

@@ -1,9 +1,9 @@
-"""The obstacles of a workspace as people know them: what each is called, which do nothing.
+"""How messages name the obstacles of a workspace, and the note about those outside the floor.
 
-An obstacle that the scenario lists is called by its number there; one that a map brought has no
-number that anybody could look up, so it is called by the map's file and a place.
+An obstacle that the scenario lists is named by its index there; one from a map has no index that a
+person could look up, so it is named by the map's file and a place.
 
-Decides: those words.  Must not know: what is wrong with an obstacle, or how maps are read.
+Decides: these names.  Must not know: what is wrong with an obstacle, or how maps are read.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from coordinator.scenario.model import MapPart, Point
 
 _LISTED: Final = 4
-"""So many obstacles outside the floor are named, the others counted."""
+"""At most so many obstacles outside the floor are named; the others are counted."""
 
 Polygons = NDArray[np.object_]
 
 
 def polygons_of(rings: Sequence[Sequence[Point]]) -> Polygons:
-    """Return polygons of outlines [m], all at once: a map can have tens of thousands."""
+    """Return the polygons of outlines [m], in one call: a map can have tens of thousands."""
     sizes = [len(ring) for ring in rings]
     corners = np.array([corner for ring in rings for corner in ring]).reshape(-1, 2)
     which = np.repeat(np.arange(len(rings)), sizes)
@@ -34,9 +34,9 @@ def polygons_of(rings: Sequence[Sequence[Point]]) -> Polygons:
 def obstacle_name(
     listed: str, index: int, outline: shapely.Polygon, near: shapely.Geometry, part: MapPart | None
 ) -> str:
-    """Return what a message calls an obstacle: `listed` when the scenario lists it itself.
+    """Return the name of an obstacle for messages: `listed` if the scenario itself lists it.
 
-    One from a map is told with the place of its outline that is nearest to `near`.
+    The name of one from a map has the place on its outline that is nearest to `near`.
     """
     if part is None or index < part.first:
         return listed
@@ -49,7 +49,7 @@ def note_outside(
 ) -> str:
     """Return a sentence about obstacles wholly outside the floor; empty when there are none.
 
-    Empty outlines stand for ones found wrong; nothing is said about them.
+    Empty outlines stand for invalid ones and are ignored.
     """
     sound = np.array([i for i, ring in enumerate(obstacles) if ring], dtype=np.intp)
     if not boundary or not len(sound):

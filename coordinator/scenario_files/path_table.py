@@ -1,7 +1,7 @@
 """The `path` table of a robot in a scenario file: a curve that the robot is to drive.
 
-Decides: which keys a path may have and what stands for one that is absent.  Must not know: what
-makes a curve sound (plan/path_parts.py), floors and limits (paths/given_path.py).
+Decides: which keys a path may have and the default of each key that is absent.  Must not know:
+what makes a curve valid (plan/path_parts.py), floors and limits (paths/given_path.py).
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _ENDS: Final = ("start", "goal", "via")
 
 
 def read_path(robot: Table) -> tuple[GivenPath, Point, Point]:
-    """Return a robot's path, its start and its goal; NaN when problems were noted."""
+    """Return a robot's path, start and goal; if problems were noted, an empty path and NaN."""
     for key in _ENDS:
         if key in robot.values:
-            robot.note(key, "stands beside path, which says where the robot drives; give only one")
+            robot.note(key, "is given as well as path, which fixes the whole way; give only one")
     before = len(robot.problems)
     path = _path(robot.values["path"], robot.field("path"), robot.problems)
     if len(robot.problems) > before:

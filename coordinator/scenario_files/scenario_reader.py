@@ -1,7 +1,8 @@
 """Scenario files: TOML or JSON to a Scenario, and a Scenario to JSON.
 
-Decides: which keys and types a file may have, and what stands for a key that is absent.  Must not
-know: the workspace's keys (workspace_reader.py), ranges and geometry (scenario/checks.py) or plans.
+Decides: which keys and types a file may have, and the default of each key that is absent.  Must
+not know: the workspace's keys (workspace_reader.py), ranges and geometry (scenario/checks.py) or
+plans.
 """
 
 from __future__ import annotations
@@ -55,11 +56,11 @@ def read_scenario(path: Path) -> Scenario:
 
 
 def parse_scenario(text: bytes, name: str) -> Scenario:
-    """Parse and check a scenario; `name` is the file's name for messages and as a default name.
+    """Parse and check a scenario; `name` is the file's path.
 
-    A map is looked for beside that file.
-    JSON when `name` ends in .json or the text begins with a brace, otherwise TOML.  Raises
-    InputError with every problem, as `FILE: field: what is wrong`.
+    Messages quote the path, its stem is the scenario's default name, and the path of a map is
+    relative to its folder.  The text is JSON if `name` ends in .json or the text begins with a
+    brace, otherwise TOML.  Raises InputError with every problem, as `FILE: field: what is wrong`.
     """
     file = printable(name)
     problems: list[str] = []
@@ -80,7 +81,7 @@ def parse_scenario(text: bytes, name: str) -> Scenario:
 
 
 def scenario_to_json(scenario: Scenario) -> bytes:
-    """Return the scenario as JSON that `parse_scenario` reads back to an equal scenario."""
+    """Return the scenario as JSON; `parse_scenario` reads an equal scenario back from it."""
     document = msgspec.to_builtins(scenario)
     if scenario.workspace.from_map is None:
         del document["workspace"]["from_map"]
@@ -92,7 +93,7 @@ def scenario_to_json(scenario: Scenario) -> bytes:
 
 
 def default_name(file: str) -> str:
-    """Return the name of a scenario that says none, from that of its file."""
+    """Return the name of a scenario that does not state one, made from the name of its file."""
     return re.sub(r"[^A-Za-z0-9_.-]", "-", PurePath(file).stem)[:32] or "scenario"
 
 
@@ -131,7 +132,7 @@ def _table_of_unique_keys(pairs: list[tuple[str, object]]) -> dict[str, object]:
     table = dict(pairs)
     if len(table) < len(pairs):
         twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
-        raise ValueError(f"{key_name(twice)}: the key stands twice in one table")
+        raise ValueError(f"{key_name(twice)}: the key appears more than once in one table")
     return table
 
 

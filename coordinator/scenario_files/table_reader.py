@@ -1,8 +1,8 @@
-"""One table of a scenario file: checked values out, problems noted under the full name of a field.
+"""Reading one table of a scenario file: it returns checked values and notes problems by field.
 
-Decides: how a value of a file is taken and how a wrong one is told.  Must not know: which keys a
-scenario has (scenario_reader.py, workspace_reader.py).  A value found wrong is noted once and
-becomes NaN or empty, of which later checks say nothing more: one mistake, one line.
+Decides: how a value of a file is converted and how an invalid one is reported.  Must not know:
+which keys a scenario has (scenario_reader.py, workspace_reader.py).  An invalid value is reported
+once and replaced by NaN or an empty value, which later checks ignore: one mistake, one line.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ SHAPES: Final = {2: "[x, y]", 3: "[x, y, heading]", 4: "[x0, y0, x1, y1]"}
 
 
 class Table:
-    """One table of the file; hands out checked values and notes problems under its field name."""
+    """One table of the file; returns checked values and notes problems by the field's full name."""
 
     def __init__(
         self,
@@ -55,7 +55,7 @@ class Table:
         self.problems.append(f"{self.field(key)}: {problem}")
 
     def numbers(self, quantities: Mapping[str, Quantity]) -> dict[str, Any]:
-        """Return the numbers that are given; NaN for a bad one."""
+        """Return the numbers that the table states; NaN in place of an invalid one."""
         numbers: dict[str, Any] = {}
         for key in [key for key in quantities if key in self.values]:
             value: Any = self.values[key]
@@ -66,7 +66,7 @@ class Table:
         return numbers
 
     def name(self, key: str, default: str = "") -> str:
-        """Return a name fit for the wire's keys; the default when it is absent or bad."""
+        """Return a name that is valid in keys on the wire; the default if absent or invalid."""
         value = self.values.get(key)
         if isinstance(value, str) and NAME.fullmatch(value):
             return value
@@ -75,7 +75,7 @@ class Table:
         return default
 
     def text(self, key: str) -> str:
-        """Return a text; an empty one when it is absent or bad."""
+        """Return a text; an empty one if it is absent or invalid."""
         value = self.values.get(key, "")
         if isinstance(value, str) and (value or key not in self.values):
             return value
@@ -83,7 +83,7 @@ class Table:
         return ""
 
     def items(self, key: str, what: str) -> list[object]:
-        """Return a list; an empty one when it is absent or bad."""
+        """Return a list; an empty one if it is absent or invalid."""
         value = self.values.get(key, [])
         if isinstance(value, list):
             return value
@@ -91,7 +91,7 @@ class Table:
         return []
 
     def place(self, key: str, *sizes: int) -> tuple[float, ...]:
-        """Return the place that stands here, of one of the sizes; NaN when absent or bad."""
+        """Return a place with one of these numbers of values; all NaN if absent or invalid."""
         if key not in self.values:
             return (math.nan,) * sizes[0]
         return read_place(self.values[key], self.field(key), sizes, self.problems)
@@ -100,7 +100,7 @@ class Table:
 def read_place(
     value: object, where: str, sizes: Sequence[int], problems: list[str]
 ) -> tuple[float, ...]:
-    """Return [x, y], [x, y, heading] or [x0, y0, x1, y1], checked; all NaN when it is bad."""
+    """Return [x, y], [x, y, heading] or [x0, y0, x1, y1], checked; all NaN if it is invalid."""
     bad = (math.nan,) * sizes[0]
     if not isinstance(value, list) or len(value) not in sizes:
         allowed = " or ".join(SHAPES[size] for size in sizes)

@@ -1,8 +1,8 @@
 """A Scenario as TOML for people to read and change; `parse_scenario` reads an equal one back.
 
-Decides: the order of the keys and how numbers and polygons are written.  Values that equal the
-default of a scenario file are left out, except those at the top; notes about a map become comments.
-Must not know: files, or whether the scenario is sound.
+Decides: the order of the keys and how numbers and polygons are written.  Values equal to the
+default of a scenario file are omitted, except those of the top table; notes about a map become
+comments.  Must not know: files, or whether the scenario is valid.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ WIDTH: Final = 100
 
 
 def scenario_to_toml(scenario: Scenario, comment: str = "") -> bytes:
-    """Return the scenario as TOML text in UTF-8, led by the lines of a comment.
+    """Return the scenario as TOML text in UTF-8, preceded by the lines of a comment.
 
-    Floats keep every bit: each is written as the shortest decimal that reads back as itself.
+    No float loses a bit: each is written as the shortest decimal that reads back as the same float.
     """
     lines = [*_comment(comment), *_top(scenario)]
     if scenario.link != Link():
@@ -93,7 +93,7 @@ def _path(path: GivenPath) -> Iterator[str]:
 
 
 def _listed(key: str, items: Iterable[str]) -> Iterator[str]:
-    """Yield a list on one line when it is short, else an item a line."""
+    """Yield a list on one line if it is short, otherwise with one item per line."""
     texts = list(items)
     line = f"{key} = [{', '.join(texts)}]"
     if len(line) <= WIDTH:

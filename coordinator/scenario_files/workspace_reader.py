@@ -1,8 +1,9 @@
 """The workspace table of a scenario file: outlines, obstacles and the map, made into polygons.
 
-Decides: which keys the table may have and how a map and polygons add up.  Must not know: map
-formats (scenario_files/maps/map_reader.py), ranges and geometry (scenario/checks.py).  What comes
-out needs no map file any more: logs, plans and replays carry the polygons.
+Decides: which keys the table may have and how the polygons of a map and of the table are combined.
+Must not know: map formats (scenario_files/maps/map_reader.py), ranges and geometry
+(scenario/checks.py).  The result no longer depends on the map file: logs, plans and replays carry
+the polygons.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ MOST_NOTES: Final = 100
 
 
 def read_workspace(value: object, folder: Path, problems: list[str]) -> Workspace:
-    """Return the workspace of a table; a map's path is relative to the folder.
+    """Return the workspace that a table describes; the path of a map is relative to `folder`.
 
-    Obstacles that the file gives come before those of the map.  `problems` gets a line for
-    everything that is wrong, those of the map file included.
+    Obstacles listed in the table come before those of the map.  One line for each problem, in the
+    table or in the map file, is appended to `problems`.
     """
     table = Table(value, "workspace", KEYS, (), problems)
     given = table.values.keys()
@@ -66,7 +67,7 @@ def read_workspace(value: object, folder: Path, problems: list[str]) -> Workspac
 
 
 def _part(table: Table) -> MapPart | None:
-    """Return which obstacles came from a map when it was read: see scenarios written by `run`."""
+    """Return which obstacles came from a map; only scenarios written by `run` have this entry."""
     if "from_map" not in table.values:
         return None
     try:
@@ -102,7 +103,7 @@ def _map(table: Table, folder: Path) -> FloorMap:
 
 
 def _notes(table: Table) -> tuple[str, ...]:
-    """Return what was noted when a map was read: it stands in scenarios written by `run`."""
+    """Return the notes made when a map was read; only scenarios written by `run` contain them."""
     notes = table.items("notes", "texts")[:MOST_NOTES]
     for index, note in enumerate(notes):
         if not isinstance(note, str) or not note.isprintable():
@@ -120,7 +121,7 @@ def _box(table: Table) -> tuple[Point, ...]:
 
 
 def _polygon(value: object, where: str, problems: list[str]) -> tuple[Point, ...]:
-    """Return the corners without repeated ones (a closing one too); empty when they are bad."""
+    """Return the corners without repetitions (nor a closing corner); empty if they are invalid."""
     if not isinstance(value, list):
         problems.append(f"{where}: {show(value)} is not a list of corners [[x, y], ...]")
         return ()

@@ -1,8 +1,8 @@
-"""Occupied cells of a grid made into few simple polygons that cover every one of them.
+"""Covering the occupied cells of a grid with few simple polygons.
 
-Decides: how cells with holes are cut into pieces without, and what a grid's place on the floor is.
-Must not know: files and formats.  Cells that share an edge belong together; cells that only touch
-at a corner become two polygons that touch there, which blocks as well.
+Decides: how a region with holes is cut into pieces without holes, and where a grid lies on the
+floor.  Must not know: files and formats.  Cells that share an edge belong to one region; cells that
+only touch at a corner become two polygons that touch there, and nothing passes between these.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from coordinator.scenario_files.maps.outlines import Labels, bridge, trace
 MOST_CELLS: Final = 16_777_216
 """No grid has more cells (4,096 by 4,096)."""
 MOST_CORNERS: Final = 1_000_000
-"""More corners than this before any are saved are the mark of noise, not of a floor."""
+"""If the exact outlines have more corners than this, the map shows noise and not a floor."""
 
 Cells = NDArray[np.bool_]
 Window = tuple[slice, ...]
 
 
 class TooManyCornersError(ValueError):
-    """The cells are too scattered to be polygons; the text tells both numbers."""
+    """The outlines have too many corners; the text states how many, and how many are allowed."""
 
 
 class Grid(NamedTuple):
-    """Cells on the floor: `occupied` (rows, columns), the first row lies lowest (smallest y).
+    """Cells on the floor: `occupied` (rows, columns); the first row has the smallest y.
 
     `cell` [m]; (x, y) [m] is the lower left corner of the first cell, `yaw` [rad] turns the grid
     around it.
@@ -56,7 +56,7 @@ class Grid(NamedTuple):
         return self.place(np.array([(0, 0), (columns, 0), (columns, rows), (0, rows)]))
 
     def obstacles(self, most_growth: float) -> tuple[tuple[tuple[Point, ...], ...], float]:
-        """Return the polygons [m] and by how much [m] they grew, at most `most_growth` [m]."""
+        """Return polygons [m] and by how much [m] they exceed the cells; at most `most_growth`."""
         outlines, growth = outline_cells(self.occupied, most_growth / self.cell)
         return tuple(map(self.place, outlines)), growth * self.cell
 
@@ -79,7 +79,7 @@ def outline_cells(occupied: Cells, most: float) -> tuple[list[NDArray[np.int64]]
 
 
 def _pieces_without_holes(occupied: Cells) -> tuple[Labels, int]:
-    """Return numbered pieces of the cells (with a free rim); those that have holes are cut."""
+    """Label the pieces of the cells (with a free rim) and count them; cut pieces with holes."""
     labels = np.empty(occupied.shape, np.int32)
     pieces = ndimage.label(occupied, output=labels)
     turns, count = _corners(labels, pieces)
@@ -88,7 +88,7 @@ def _pieces_without_holes(occupied: Cells) -> tuple[Labels, int]:
             f"its outlines have {count.sum()} corners, more than {MOST_CORNERS}: "
             "that is noise rather than a floor, filter it first"
         )
-    # An outline turns left four times more often than right, unless there is a hole or a pinch.
+    # An outline has four more left turns than right turns, unless there is a hole or a pinch.
     windows = ndimage.find_objects(labels)
     waiting = [(int(piece), windows[piece - 1]) for piece in np.flatnonzero(turns != 4) if piece]
     while waiting:
@@ -107,7 +107,7 @@ def _pieces_without_holes(occupied: Cells) -> tuple[Labels, int]:
 
 
 def _halves(mask: Cells) -> list[Window]:
-    """Return the two halves that a piece is cut into, through its middle hole; none without."""
+    """Return the two halves of a piece, cut through its middle hole; empty if it has no hole."""
     holes, number = ndimage.label(np.pad(~mask, 1, constant_values=True))
     if number == 1:
         return []
@@ -119,7 +119,7 @@ def _halves(mask: Cells) -> list[Window]:
 
 
 def _within(box: Window, half: Window, window: Window) -> Window:
-    """Return a box, told within a half of a window, as a box of the whole."""
+    """Convert a box relative to a half of a window into a box relative to the whole grid."""
     starts = [h.start + w.start for h, w in zip(half, window, strict=True)]
     return tuple(
         slice(b.start + start, b.stop + start) for b, start in zip(box, starts, strict=True)
@@ -127,7 +127,7 @@ def _within(box: Window, half: Window, window: Window) -> Window:
 
 
 def _corners(labels: Labels, pieces: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return for each label what its outline turns left more often than right, and its corners.
+    """Return for each label its left turns minus its right turns, and its number of corners.
 
     A corner where a piece touches itself counts as two right turns.
     """

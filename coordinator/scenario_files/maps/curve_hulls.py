@@ -1,8 +1,8 @@
 """Lines, arcs and splines of a drawing as chains of hulls that contain them.
 
 Decides: how finely a curve is cut.  Must not know: files and their entities.  A hull is an array
-(k, 2): a piece of the curve runs from its first to its last point and lies inside the convex hull
-of all of them, which is nowhere farther than the tolerance from the piece.
+(k, 2) of points: a piece of the curve runs from the first to the last of them and lies inside the
+convex hull of all.  No point of that convex hull is farther than the tolerance from the piece.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ Array = NDArray[np.float64]
 Hulls = list[Array]
 
 MOST_HULLS: Final = 100_000
-"""A curve that needs more is refused: the tolerance is out of all proportion."""
+"""A curve that needs more hulls is refused: the tolerance is far too small for its size."""
 _WIDEST: Final = math.pi / 8
 """Half the angle of the longest piece of an arc: a circle has at least eight pieces."""
 _MOST_CUTS: Final = 40
-"""A piece of a spline is halved at most so often."""
+"""How many times a piece of a spline is halved at most."""
 
 
 class CurveError(ValueError):
@@ -29,7 +29,7 @@ class CurveError(ValueError):
 
 
 def line(*points: tuple[float, float]) -> Hulls:
-    """Return the hulls of straight lines from point to point; none between equal ones."""
+    """Return the hulls of straight lines from point to point; none between equal points."""
     corners = np.array(points, np.float64)
     return [corners[i : i + 2] for i in range(len(corners) - 1) if points[i] != points[i + 1]]
 
@@ -39,9 +39,10 @@ def arc(
 ) -> Hulls:
     """Return the hulls of center + major cos t + minor sin t, t from `start` over `sweep` [rad].
 
-    A piece is a triangle: its ends and where their tangents meet.  On a circle of radius r and over
-    an angle of 2 h the tip is r (1 / cos h - 1) from the curve, the chord less; an ellipse is the
-    picture of a circle, and no farther from its hulls than that of its longer half axis.
+    Each hull is a triangle: the ends of the piece and the intersection of the tangents there.  On a
+    circle of radius r and over an angle of 2 h, the tip is r (1 / cos h - 1) from the curve and the
+    chord is nearer than that.  An ellipse is the affine image of a circle; it is no farther from
+    its hulls than the circle around its longer half axis is from the hulls of that circle.
     """
     radius = max(math.hypot(*major), math.hypot(*minor))
     if not radius * tolerance > 0.0:
@@ -94,7 +95,7 @@ def _beziers(degree: int, knots: Array, points: Array) -> Hulls:
     for knot in inside:
         many = np.count_nonzero(knots == knot)
         if many > degree and low < knot < high:
-            raise CurveError("is broken in two by a knot that stands too often")
+            raise CurveError("is broken in two by a knot that is repeated too often")
         for _ in range(degree - many):
             span = int(np.searchsorted(knots, knot, side="right")) - 1
             moved = np.arange(span - degree + 1, span + 1)
@@ -126,7 +127,7 @@ def _flat(bezier: Array, tolerance: float) -> Hulls:
 
 
 def _height(hull: Array) -> float:
-    """Return how far the hull reaches from its chord."""
+    """Return the greatest distance of the hull's points from its chord."""
     chord = hull[-1] - hull[0]
     square = float(chord @ chord)
     along = (hull - hull[0]) @ chord / square if square > 0.0 else np.zeros(len(hull))

@@ -1,8 +1,8 @@
 """DXF drawings as polygons: every closed outline of a layer is a solid obstacle.
 
-Decides: units, layers, what is joined to an outline, and that obstacles grow around curves while
-the floor shrinks.  Must not know: how an entity is followed (dxf_entities.py).  Needs the
-extra ezdxf.
+Decides: units, layers, which entities are joined to an outline, and that approximating curves
+enlarges obstacles and shrinks the floor.  Must not know: how an entity is approximated
+(dxf_entities.py).  Needs the optional package ezdxf.
 """
 
 from __future__ import annotations
@@ -43,27 +43,28 @@ from coordinator.scenario_files.maps.rings import Part, join, polygon_of
 
 MOST_BYTES: Final = 64_000_000
 MOST_FAULTS: Final = 50
-"""So many faulty entities are told one by one."""
+"""At most so many faulty entities are listed one by one."""
 UNITS: Final = {
     0: ("no unit, taken as metres", 1.0), 1: ("inches", 0.0254), 2: ("feet", 0.3048),
     4: ("mm", 1e-3), 5: ("cm", 1e-2), 6: ("m", 1.0), 14: ("dm", 0.1),
 }  # fmt: skip
-"""$INSUNITS, by what it is called and in metres."""
+"""The values of $INSUNITS, each with the unit's name and its length in metres."""
 TOLERANCE: Final = 0.005
-"""Outlines leave curves by at most this [m] unless the scenario says otherwise."""
+"""Outlines deviate from curves by at most this [m] unless the scenario says otherwise."""
 FINEST: Final = 1e-5
-"""No smaller tolerance [m] is asked of curves."""
+"""The least tolerance [m] that a scenario may ask for."""
 
 _BROKEN: Final = (
     OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, AssertionError,
     RuntimeError, StopIteration, MemoryError, EOFError, struct.error,
 )  # fmt: skip
-"""What ezdxf raises on files that are no drawing or a damaged one, beside its own errors."""
+"""What ezdxf raises, besides its own errors, on damaged files and files that are no drawing."""
 
 
 def read_dxf_map(path: Path, options: MapOptions) -> FloorMap:
-    """Read a drawing's layer (all without one); its extent is the floor without a boundary layer.
+    """Read one layer of a drawing, or all layers if the options name none.
 
+    If the options name no boundary layer, the bounding box of the obstacles is the floor.
     Raises InputError with every problem, as `FILE: entity and layer: what is wrong`.
     """
     tolerance = TOLERANCE if options.map_error is None else options.map_error
@@ -105,7 +106,7 @@ def _polygons(
 def _faults(
     solids: Sequence[shapely.Polygon], floors: Sequence[shapely.Polygon], options: MapOptions
 ) -> list[str]:
-    """Return what is wrong with sound outlines together."""
+    """Return what is wrong with a set of outlines each of which is valid."""
     if options.boundary_layer and len(floors) != 1:
         return [f"layer {options.boundary_layer}: {len(floors)} closed outlines, a floor has one"]
     if not solids and not floors:
@@ -121,9 +122,9 @@ def _load(path: Path) -> tuple[object, list[DXFEntity]]:
         drawing = readfile(path)
         return drawing.header.get("$INSUNITS", 0), list(drawing.modelspace())
     except DXFError as error:
-        problem = f"is no whole DXF file: {printable(str(error))}"
+        problem = f"is not a complete DXF file: {printable(str(error))}"
     except _BROKEN:
-        problem = "is no whole DXF file"
+        problem = "is not a complete DXF file"
     raise fail(path, [problem])
 
 

@@ -1,7 +1,7 @@
 """Entities of a DXF drawing as chains of hulls.
 
-Decides: which entities are outlines and how each is followed.  Must not know: layers, units, what
-encloses what.  All lengths are in the drawing's unit.
+Decides: which entities are outlines and how each is approximated.  Must not know: layers, units,
+which outline encloses which.  All lengths are in the drawing's unit.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ REMARKS: Final = (
     "TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "ARC_DIMENSION", "LEADER", "MULTILEADER",
     "TOLERANCE", "POINT", "RAY", "XLINE", "VIEWPORT",
 )  # fmt: skip
-"""What stands in a drawing for its readers and encloses nothing."""
+"""Annotations for people who read the drawing; they enclose nothing."""
 
 _FRAME: Final = 16
-"""The flag of a polyline's vertex that only guides its curve."""
+"""The flag of a polyline's vertex that is a control point of a spline and not on the line."""
 
 Corner = tuple[float, float, float]
 """A polyline's corner: x, y and the bulge of the edge that follows."""
@@ -45,14 +45,14 @@ def layer_of(entity: DXFEntity) -> str:
 
 
 def name_of(entity: DXFEntity) -> str:
-    """Return how a person finds the entity in the drawing."""
+    """Return a name by which a person finds the entity in the drawing."""
     return printable(f"{entity.dxftype()} #{entity.dxf.handle} on layer {layer_of(entity)}")
 
 
 def hulls_of(entity: DXFEntity, tolerance: float) -> Hulls:
-    """Return the hulls of an entity, in order; closed ones end where they begin.
+    """Return the hulls of an entity, in order; those of a closed entity end where they begin.
 
-    Raises CurveError when it cannot be followed.
+    Raises CurveError when the entity cannot be approximated.
     """
     hulls: Hulls = []
     if isinstance(entity, Line):
@@ -75,7 +75,7 @@ def hulls_of(entity: DXFEntity, tolerance: float) -> Hulls:
 
 
 def _mirrored(entity: DXFEntity, hulls: Hulls) -> Hulls:
-    """Return what is drawn in the entity's own plane as seen from above."""
+    """Return hulls drawn in the entity's own plane as they look from above."""
     x, y, z = entity.dxf.extrusion
     if math.hypot(x, y) > 1e-6 * abs(z):
         raise CurveError("does not lie in the plane of the drawing")
@@ -125,6 +125,6 @@ def _polyline(corners: Sequence[Corner], closed: bool, tolerance: float) -> Hull
 
 
 def _turn(angle: float) -> float:
-    """Return an angle as a turn to the left, a whole one for none."""
+    """Return an angle as a turn to the left in (0, 2 pi]; zero becomes a full turn."""
     turn = angle % (2.0 * math.pi)
     return turn if turn > 1e-12 else 2.0 * math.pi

@@ -1,7 +1,7 @@
-"""What every reader of maps takes and gives back, and how it opens files.
+"""The arguments and results that all map readers share, and how they open files.
 
-Decides: the form of a map once read, the sentence that tells how exact it is, which files are
-opened at all.  Must not know: any format.
+Decides: the form of a map once it has been read, the sentence that reports how exact it is, and
+which files are opened at all.  Must not know: any format.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class FloorMap(NamedTuple):
     """A map as polygons [m]: the floor's outline, counter-clockwise, and what stands on it.
 
     Obstacles are simple polygons without holes; they may touch and overlap.  `note` is one
-    sentence for the report: what was read and by how much obstacles grew.
+    sentence for the report: what was read and by how much obstacles were enlarged.
     """
 
     boundary: tuple[Point, ...]
@@ -30,10 +30,10 @@ class FloorMap(NamedTuple):
 
 
 class MapOptions(NamedTuple):
-    """What a scenario says about its map; empty and None stand for a format's default.
+    """What a scenario says about its map; "" and None stand for the default of the format.
 
     `layer`, `boundary_layer`: layers of a drawing; `cell`: size of a cell [m] where the file does
-    not tell; `map_error`: how far obstacles may grow to need fewer corners [m].
+    not state it; `map_error`: how far [m] obstacles may be enlarged to save corners.
     """
 
     layer: str = ""
@@ -43,7 +43,7 @@ class MapOptions(NamedTuple):
 
 
 def describe(path: Path, what: str, obstacles: Sequence[Sequence[Point]], growth: float) -> str:
-    """Return the note of a map; `growth` [m] is told rounded up to 0.1 mm."""
+    """Return the note about a map; `growth` [m] is reported rounded up to 0.1 mm."""
     corners = sum(map(len, obstacles))
     added = f"at most {math.ceil(growth * 1e4) / 1e4:g} m added" if growth > 0.0 else "none added"
     return (
@@ -58,7 +58,7 @@ def fail(path: Path, problems: Iterable[str]) -> InputError:
 
 
 def check_file(path: Path, most: int) -> None:
-    """Raise InputError unless the path is that of a plain file of at most so many bytes."""
+    """Raise InputError unless the path leads to a regular file of at most `most` bytes."""
     try:
         status = path.stat()
     except (OSError, ValueError) as error:
@@ -70,7 +70,7 @@ def check_file(path: Path, most: int) -> None:
 
 
 def read_bytes(path: Path, most: int) -> bytes:
-    """Read a plain file of at most so many bytes; raises InputError."""
+    """Read a regular file of at most `most` bytes; raises InputError if that is impossible."""
     check_file(path, most)
     try:
         return path.read_bytes()

@@ -1,7 +1,7 @@
-"""A map file of any known kind, as polygons.
+"""Reading a map file of any known kind as polygons.
 
-Decides: which reader reads which suffix, and which options fit it.  Must not know: the formats.
-A reader's libraries are imported when a map of its kind is read.
+Decides: which reader reads which suffix, and which options it accepts.  Must not know: the
+formats.  The libraries that a reader needs are imported only when a map of its kind is read.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ FITTING: Final = {
     ".map": ("cell", "map_error"),
     ".dxf": ("layer", "boundary_layer", "map_error"),
 }
-"""The options of workspace that mean something for a kind of map."""
+"""The options of the workspace table that each kind of map accepts."""
 
 
 def read_map(path: Path, options: MapOptions = DEFAULTS) -> FloorMap:

@@ -2,7 +2,7 @@
 
 Decides: which characters block, and the wording of each fault.  Must not know: how cells become
 polygons.  Format: https://movingai.com/benchmarks/formats.html.  The first line of cells is the top
-row.  Swamp is passable from ordinary ground, water is not.
+row.  Swamp can be entered from ordinary ground, water cannot.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from coordinator.scenario_files.maps.floor_map import (
 FREE: Final = b".GS"
 BLOCKED: Final = b"@OTW"
 MOST_FAULTS: Final = 20
-"""So many bad cells are told one by one."""
+"""At most so many faults are listed one by one."""
 _SIZE: Final = re.compile(rb"(height|width)\s+(\d{1,9})")
 _BAD: Final = re.compile(rb"[^.GS@OTW]")
 
 
 def read_movingai_map(path: Path, options: MapOptions) -> FloorMap:
-    """Read a .map; cells are 1 m wide and outlines exact unless the options tell otherwise.
+    """Read a .map file; cells are 1 m wide and outlines exact unless the options say otherwise.
 
     Raises InputError with every problem, as `FILE: line, column: what is wrong`.
     """
@@ -90,7 +90,7 @@ def _row_faults(rows: list[bytes], rest: list[bytes], height: int, width: int) -
         faults.append(f"line {4 + len(rows)}: the file ends after {len(rows)} of {height} rows")
     for number, line in enumerate(rest, start=5 + height):
         if line.strip():
-            faults.append(f"line {number}: {show(_text(line))} stands after the last row")
+            faults.append(f"line {number}: {show(_text(line))} comes after the last row")
     if len(faults) > MOST_FAULTS:
         faults[MOST_FAULTS:] = [f"and {len(faults) - MOST_FAULTS} more faults of this kind"]
     return faults

@@ -1,7 +1,7 @@
-"""Lines and curves joined to closed outlines, and outlines made into polygons.
+"""Joining lines and curves to closed outlines, and making polygons of outlines.
 
-Decides: which ends meet, what is open, and that a polygon contains what its outline encloses (or
-is contained in it, for a floor).  Must not know: files and entities.
+Decides: which ends meet, which outlines are open, and that a polygon contains the area that its
+outline encloses (or, for a floor, lies within that area).  Must not know: files and entities.
 """
 
 from __future__ import annotations
@@ -20,17 +20,20 @@ from coordinator.scenario.checks import ring_fault
 from coordinator.scenario_files.maps.curve_hulls import Array, Hulls
 
 JOIN: Final = 1e-6
-"""Ends meet when they are nearer than this share of the size of all that is drawn."""
+"""Ends meet if their distance is less than this share of the size of the drawing."""
 _FINER: Final = (1.0, 0.1, 0.01, 0.001)
-"""Tolerances that are tried, as shares, where an outline comes near to itself."""
+"""Shares of the tolerance that are tried in turn where an outline comes near to itself."""
 _STRAIGHT: Final = 1e-9
-"""Corners that turn an edge by less than this [m] are left out: tangents meet in one line."""
+"""Corners within this distance [m] of a straight edge are removed: tangents often meet in line."""
 _NAMED: Final = 3
-"""So many parts of an outline are named."""
+"""A message names at most so many parts of an outline."""
 
 
 class Part(NamedTuple):
-    """A line or curve: its name, its hulls [m] for a tolerance [m], and those hulls."""
+    """A line or curve: its name, a function from a tolerance [m] to hulls [m], and its hulls.
+
+    `backwards`: whether its outline runs through it from its end to its beginning.
+    """
 
     name: str
     follow: Callable[[float], Hulls]
@@ -39,7 +42,7 @@ class Part(NamedTuple):
 
 
 def join(parts: Sequence[Part], problems: list[str]) -> list[list[Part]]:
-    """Return the closed outlines, each as its parts in order; notes what stays open."""
+    """Return the closed outlines, each as its parts in order; note in `problems` what is open."""
     if not parts:
         return []
     ends = np.array([(part.hulls[0][0], part.hulls[-1][-1]) for part in parts]).reshape(-1, 2)
@@ -59,7 +62,7 @@ def join(parts: Sequence[Part], problems: list[str]) -> list[list[Part]]:
             reason = (
                 f"open, so it encloses nothing; it ends at ({x:g}, {y:g}) m"
                 if degree[node] == 1
-                else f"{degree[node]} ends meet at ({x:g}, {y:g}) m, an outline has one way round"
+                else f"{degree[node]} ends meet at ({x:g}, {y:g}) m, an outline must not branch"
             )
             problems.append(f"{_names([parts[i] for i in members])}: {reason}")
         elif len(members):
@@ -72,7 +75,8 @@ def polygon_of(
 ) -> shapely.Polygon | None:
     """Return the polygon of a closed outline, or note why there is none.
 
-    It contains the true area (`grow`) or lies within it, and leaves it by at most `tolerance` [m].
+    The polygon contains the enclosed area if `grow` is set and lies within it otherwise.  It
+    deviates from that area by at most `tolerance` [m].
     """
     for share in _FINER:
         hulls = [hull for part in outline for hull in _hulls(part, tolerance, share)]
@@ -86,7 +90,7 @@ def polygon_of(
 
 
 def _meeting(ends: Array, parts: Sequence[Part]) -> NDArray[np.int64]:
-    """Return the number of the node that each end belongs to."""
+    """Return for each end the index of its node; ends that meet share a node."""
     places = np.concatenate([hull for part in parts for hull in part.hulls])
     reach = JOIN * float(np.ptp(places, axis=0).max())
     different, which = np.unique(ends, axis=0, return_inverse=True)
@@ -118,7 +122,10 @@ def _hulls(part: Part, tolerance: float, share: float) -> Hulls:
 
 
 def _polygon(hulls: Hulls, grow: bool) -> tuple[shapely.Polygon | None, shapely.Polygon | None]:
-    """Return the polygon of the chords, and that which takes the hulls in (or leaves them out)."""
+    """Return the polygon of the chords, and that polygon united with (or minus) the hulls.
+
+    Either is None where it is not a simple polygon.
+    """
     corners = np.array([hull[0] for hull in hulls])
     if len(corners) < 3:
         return None, None

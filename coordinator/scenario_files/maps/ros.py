@@ -1,8 +1,8 @@
 """ROS map_server maps (YAML and an image) as polygons.
 
-Decides: the meaning of a pixel, exactly as map_server and nav2_map_server have it in the modes
-`trinary` and `scale`, and that whatever is not free blocks: nobody knows what stands in unknown
-cells.  Must not know: how cells become polygons.  Formats: https://wiki.ros.org/map_server.
+Decides: the meaning of a pixel, exactly as in the modes `trinary` and `scale` of map_server and
+nav2_map_server, and that every cell that is not free blocks: unknown cells may be occupied.  Must
+not know: how cells become polygons.  Formats: https://wiki.ros.org/map_server.
 """
 
 from __future__ import annotations
@@ -57,11 +57,11 @@ _BROKEN: Final = (
     MemoryError, struct.error, zlib.error, Image.DecompressionBombError,
     Image.DecompressionBombWarning,
 )  # fmt: skip
-"""What Pillow raises on files that are no picture or a damaged one."""
+"""What Pillow raises on damaged files and files that are no picture."""
 
 
 class _Settings(NamedTuple):
-    """The YAML file: lengths [m], yaw [rad], thresholds as shares of occupation."""
+    """The contents of the YAML file: lengths [m], yaw [rad], thresholds of occupancy (0 to 1)."""
 
     image: str
     resolution: float
@@ -73,7 +73,7 @@ class _Settings(NamedTuple):
 
 
 class _PlainLoader(yaml.SafeLoader):
-    """Reads YAML without aliases: a few of them, merged, make a document without end."""
+    """Loads YAML but refuses aliases: a few nested ones can expand to a huge document."""
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
@@ -83,7 +83,9 @@ class _PlainLoader(yaml.SafeLoader):
 
 
 def read_ros_map(path: Path, options: MapOptions) -> FloorMap:
-    """Read a map's YAML and image; obstacles grow by at most one cell unless options say other.
+    """Read a map's YAML file and image.
+
+    Obstacles are enlarged by at most one cell unless the options say otherwise.
 
     Raises InputError with every problem, as `FILE: field: what is wrong`.
     """
@@ -130,7 +132,7 @@ def _settings(path: Path) -> _Settings:
 
 
 def _load(path: Path) -> object:
-    """Return the YAML document; a fault is told with its line."""
+    """Return the YAML document; errors name the line."""
     text = read_bytes(path, MOST_YAML_BYTES)
     try:
         document: object = yaml.load(text, _PlainLoader)
@@ -150,7 +152,7 @@ def _load(path: Path) -> object:
 
 
 def _number(value: object, where: str, quantity: Quantity, problems: list[str]) -> float:
-    """Return a number, NaN when it is bad; YAML 1.1 takes 1e-3, without a point, for text."""
+    """Return a number, or NaN if invalid; YAML 1.1 reads 1e-3, without a point, as text."""
     try:
         number: object = float(value) if isinstance(value, str) else value
     except ValueError:

@@ -127,7 +127,7 @@ def test_a_straight_polyline_needs_no_rounding():
         (given("R1", ((1.0, 1.0), (1.0, 1.0)), 1), "has no length"),
         (
             given("R1", ((1.0, 1.0), (1.0, 1.0), (5.0, 1.5), (9.0, 2.0)), 3),
-            "has no direction at (1.00, 1.00), where control points stand twice",
+            "has no direction at (1.00, 1.00), where control points are repeated",
         ),
     ],
 )
@@ -212,7 +212,7 @@ def test_a_path_stands_in_place_of_start_and_goal():
     with pytest.raises(InputError) as refused:
         parse_scenario(f"{HEAD}max_speed = 0.5\n{path}".encode(), "given.toml")
     (line,) = refused.value.problems
-    assert line.startswith("given.toml: robots[0].start: stands beside path")
+    assert line.startswith("given.toml: robots[0].start: is given as well as path")
 
 
 def test_ends_of_paths_are_told_by_their_control_points():

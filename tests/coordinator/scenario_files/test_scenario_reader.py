@@ -134,7 +134,7 @@ UNREADABLE = {
     "TOML that ends early": (b"a = 1\nb = [1,", "bad.toml", "line 2: "),
     "a TOML key that stands twice": (b"a = 1\na = 2", "bad.toml", "line 2: "),
     "JSON with a syntax error": (b'{"a": 1,\n,}', "bad.toml", "line 2: "),
-    "a JSON key that stands twice": (b'{"a": 1, "a": 2}', "bad.json", "a: the key stands twice"),
+    "a JSON key that stands twice": (b'{"a": 1, "a": 2}', "bad.json", "a: the key appears"),
     "JSON that is a list": (b"[]", "bad.json", "file: a list of 0 is not a table"),
     "lists in lists without end": (b"a = " + b"[" * 100_000, "bad.toml", "nested too deeply"),
     "an integer of 5000 digits": (b"a = 1" + b"0" * 5000, "bad.toml", "too many digits"),

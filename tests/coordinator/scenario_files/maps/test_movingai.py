@@ -60,7 +60,7 @@ FAULTS = {
     "a long row": (b"TWS..\n", b"TWS.\n", "line 6: 5 cells where the width is 4"),
     "a row too few": (b"\n\n", b"\n....\n", "line 7: 0 cells where the width is 4"),
     "a file cut off": (b"TWS.", b"TWS.\n....\n", "line 6: the file ends after 2 of 3 rows"),
-    "a row too many": (b"....\n..@\n", b"....\n", "line 8: '..@' stands after the last row"),
+    "a row too many": (b"....\n..@\n", b"....\n", "line 8: '..@' comes after the last row"),
 }
 
 
