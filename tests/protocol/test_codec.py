@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol import codec, packing
+from protocol import codec, plan_bytes
 from protocol.messages import (
     MAX_MESSAGE_BYTES,
     Clock,
@@ -35,7 +35,7 @@ def packed(most, multiple=1):
     lists = st.integers(0, most).flatmap(
         lambda n: st.lists(numbers, min_size=n * multiple, max_size=n * multiple)
     )
-    return lists.map(packing.pack_floats)
+    return lists.map(plan_bytes.pack_floats)
 
 
 offsets = st.integers(-32_768, 32_767)
@@ -57,7 +57,7 @@ plans = st.builds(
     ).map(b"".join),
     stops=st.lists(
         st.tuples(st.floats(0.0, 100.0, width=32), st.integers(-(2**63), 2**63 - 1)), max_size=4
-    ).map(packing.pack_stops),
+    ).map(plan_bytes.pack_stops),
     checksum=st.just(0),
     lease_ms=st.integers(1, 65_535),
     clock_ms=st.integers(1, 65_535),

@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from protocol import codec, packing
+from protocol import codec, plan_bytes
 from protocol.messages import (
     MAX_MESSAGE_BYTES,
     Admit,
@@ -34,7 +34,7 @@ GOLDEN = [line.split() for line in make_messages.FILE.read_text().splitlines()]
 
 
 def a_plan(points=12, knots=9, profile=13, stops=3, levels=8):
-    speeds, speed_knots = packing.pack_profile(
+    speeds, speed_knots = plan_bytes.pack_profile(
         [(0.2 * i, 0.1 * (i % levels)) for i in range(profile)]
     )
     return codec.seal(
@@ -46,12 +46,12 @@ def a_plan(points=12, knots=9, profile=13, stops=3, levels=8):
             track_mm=25,
             brake_mmps2=500,
             degree=3,
-            points=packing.pack_floats([0.1 * i for i in range(2 * points)]),
-            knots=packing.pack_floats([1.3 * i for i in range(knots)]),
+            points=plan_bytes.pack_floats([0.1 * i for i in range(2 * points)]),
+            knots=plan_bytes.pack_floats([1.3 * i for i in range(knots)]),
             weights=b"",
             speeds=speeds,
             profile=speed_knots,
-            stops=packing.pack_stops([(1.1 * i, i * 10**10) for i in range(stops)]),
+            stops=plan_bytes.pack_stops([(1.1 * i, i * 10**10) for i in range(stops)]),
             checksum=0,
         )
     )
@@ -74,7 +74,7 @@ def test_the_golden_file_is_what_its_script_makes_and_holds_every_message():
 
 def test_a_message_too_long_for_a_robot_is_refused_at_the_sender_with_both_numbers():
     longest = a_plan(points=440)
-    with pytest.raises(packing.OversizeError) as caught:
+    with pytest.raises(plan_bytes.OversizeError) as caught:
         codec.encode(msgspec.structs.replace(longest, profile=bytes(1_000)))
     spoken = str(caught.value)
     real = len(msgspec.msgpack.encode(longest)) - len(longest.profile) + 1_000 + 1
@@ -96,24 +96,26 @@ def test_a_report_on_the_move_is_at_most_14_bytes_long():
 
 def test_packed_numbers_come_back_as_float32():
     numbers = [0.0, -1.5, 3.0e38, 2.0**-149]
-    assert packing.unpack_floats(packing.pack_floats(numbers)) == pytest.approx(numbers, rel=1e-7)
-    assert packing.pack_floats([1.0]) == b"\x00\x00\x80\x3f"
+    assert plan_bytes.unpack_floats(plan_bytes.pack_floats(numbers)) == pytest.approx(
+        numbers, rel=1e-7
+    )
+    assert plan_bytes.pack_floats([1.0]) == b"\x00\x00\x80\x3f"
     knots = [(0.0, 0.0), (0.5, 0.25), (1.5, 0.25), (2.0, 0.0)]
-    speeds, profile = packing.pack_profile(knots)
+    speeds, profile = plan_bytes.pack_profile(knots)
     assert (len(speeds), len(profile)) == (8, 20)
-    assert packing.unpack_profile(speeds, profile) == knots
+    assert plan_bytes.unpack_profile(speeds, profile) == knots
     stops = [(0.5, -1), (2.0, 2**62)]
-    assert packing.unpack_stops(packing.pack_stops(stops)) == stops
+    assert plan_bytes.unpack_stops(plan_bytes.pack_stops(stops)) == stops
 
 
 def test_packing_and_unpacking_refuse_what_does_not_fit():
     with pytest.raises(OverflowError):
-        packing.pack_floats([1e39])
+        plan_bytes.pack_floats([1e39])
     with pytest.raises(ValueError, match="5 bytes"):
-        packing.unpack_floats(bytes(5))
+        plan_bytes.unpack_floats(bytes(5))
     with pytest.raises(ValueError, match="1 speeds"):
-        packing.unpack_profile(bytes(4), b"\0\0\0\0\1")
-    with pytest.raises(packing.OversizeError, match="257 different speeds"):
-        packing.pack_profile([(float(i), float(i)) for i in range(257)])
+        plan_bytes.unpack_profile(bytes(4), b"\0\0\0\0\1")
+    with pytest.raises(plan_bytes.OversizeError, match="257 different speeds"):
+        plan_bytes.pack_profile([(float(i), float(i)) for i in range(257)])
     with pytest.raises(ValueError, match="13 bytes"):
-        packing.unpack_stops(bytes(13))
+        plan_bytes.unpack_stops(bytes(13))

@@ -19,7 +19,7 @@ from coordinator.log.records import Log
 from coordinator.plan import plan_file
 from coordinator.plan.document import Path as PlanPath
 from coordinator.plan.document import PlanDocument, Reason, RobotPlan, Stop
-from protocol import codec, keys, packing, phases
+from protocol import codec, keys, phases, plan_bytes
 from protocol.messages import Clock, Command, Hello, NewTimes, Pace, Plan, Refusal, Report, Rest
 
 SECOND = 1_000_000_000
@@ -28,12 +28,12 @@ GO_AT = BEGIN + 2 * SECOND
 
 
 def plan_message(robot: str) -> Plan:
-    points = packing.pack_points([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)])
-    speeds, profile = packing.pack_profile([(0.0, 0.5), (3.0, 0.0)])
+    points = plan_bytes.pack_points([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)])
+    speeds, profile = plan_bytes.pack_profile([(0.0, 0.5), (3.0, 0.0)])
     return codec.seal(
         Plan(
             1, 9, robot, SECOND // 2, 20, 500, 3, points,
-            packing.pack_floats([1.0]), b"", speeds, profile, b"", 0,
+            plan_bytes.pack_floats([1.0]), b"", speeds, profile, b"", 0,
         )
     )  # fmt: skip
 
