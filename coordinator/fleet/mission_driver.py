@@ -13,6 +13,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from coordinator.fleet.core import Fleet
@@ -77,15 +78,19 @@ class Journal(ABC):
         """Have the records so far written soon."""
 
 
+Outcome = Callable[[int], None]
+"""Puts what a job has found into effect, at a time [ns]."""
+
+
 @dataclass(frozen=True, eq=False)
 class Job:
     """Work that takes long and changes nothing, which a shell does in a thread beside the fleet.
 
-    The shell passes the job and what `work` returned to `MissionDriver.finish`.
+    The shell passes the job and the outcome that `work` returned to `MissionDriver.finish`.
     """
 
     wanted: Request | Lateness
-    work: Callable[[], Recovery | PackedPlan | None]
+    work: Callable[[], Outcome]
 
 
 class MissionDriver:
@@ -145,27 +150,23 @@ class MissionDriver:
         request, late = self.mission.request(now_ns), self.mission.late()
         jobs = []
         if request is not None:
-            jobs.append(Job(request, lambda: self.mission.solve(request)))
+            jobs.append(Job(request, partial(self._solve, request)))
         if late is not None:
-            jobs.append(Job(late, lambda: self.mission.retime(late)))
+            jobs.append(Job(late, partial(self._retime, late)))
         self._jobs |= {type(job.wanted): job for job in jobs}
         self._plans = self.fleet.plans()
         return jobs
 
-    def is_wanted(self, job: Job) -> bool:
-        """Return whether a job's outcome is still needed."""
-        return self._jobs.get(type(job.wanted)) is job
+    def under_way(self, kind: type[Request | Lateness]) -> Job | None:
+        """Return the job for a plan, or for new times, whose outcome is needed; None if none is."""
+        return self._jobs.get(kind)
 
-    def finish(self, job: Job, found: Recovery | PackedPlan | None, now_ns: int) -> None:
-        """Take in what a job has found, unless its outcome is no longer needed."""
-        if not self.is_wanted(job):
-            return
-        del self._jobs[type(job.wanted)]
-        if isinstance(job.wanted, Lateness):
-            self._take_times(job.wanted, found, now_ns)
-        else:
-            self._adopt(job.wanted, found, now_ns)
-        self._plans = self.fleet.plans()
+    def finish(self, job: Job, outcome: Outcome, now_ns: int) -> None:
+        """Put the outcome of a job into effect, unless it is no longer needed."""
+        if self._jobs.get(type(job.wanted)) is job:
+            del self._jobs[type(job.wanted)]
+            outcome(now_ns)
+            self._plans = self.fleet.plans()
 
     def tell_drops(self, now_ns: int, last: bool = False) -> None:
         """Record how many messages were dropped, at most every _TELL_DROPS and at the end."""
@@ -195,9 +196,15 @@ class MissionDriver:
         is_still = phase == FREEZE and self.fleet.is_settled(now_ns)
         return self.is_withheld or phase == HOLD or is_still
 
-    def _adopt(self, asked: Request, found: object, now_ns: int) -> None:
+    def _solve(self, asked: Request) -> Outcome:
+        return partial(self._adopt, asked, self.mission.solve(asked))
+
+    def _retime(self, asked: Lateness) -> Outcome:
+        return partial(self._take_times, asked, self.mission.retime(asked))
+
+    def _adopt(self, asked: Request, found: Recovery, now_ns: int) -> None:
         """Begin the next epoch, unless it cannot be logged."""
-        if self._journal.error is not None or not isinstance(found, Recovery):
+        if self._journal.error is not None:
             return
         messages = self.mission.adopt(asked, found, now_ns)
         if messages is None:
@@ -207,10 +214,9 @@ class MissionDriver:
             self._journal.keep(found.document)
         self._say(messages, now_ns)
 
-    def _take_times(self, asked: Lateness, found: object, now_ns: int) -> None:
+    def _take_times(self, asked: Lateness, found: PackedPlan | None, now_ns: int) -> None:
         """Send new times once they are in the log, or freeze without them."""
-        is_logged = self._journal.sync()
-        plan = found if is_logged and isinstance(found, PackedPlan) else None
+        plan = found if self._journal.sync() else None
         messages = self.mission.take_times(asked, plan, now_ns)
         if messages is None:
             return

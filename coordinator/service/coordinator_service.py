@@ -19,12 +19,10 @@ from coordinator.fleet.intake import Arrival
 from coordinator.fleet.log_records import link_record
 from coordinator.fleet.missing_robots import missing_in_words
 from coordinator.fleet.mission import Mission
-from coordinator.fleet.mission_driver import Job, Journal, MissionDriver
-from coordinator.fleet.recovery import Recovery
+from coordinator.fleet.mission_driver import Job, Journal, MissionDriver, Outcome
 from coordinator.log.head import plan_file
 from coordinator.log.recorder import Recorder
 from coordinator.plan.document import PlanDocument
-from coordinator.plan.wire import PackedPlan
 from protocol import keys
 from protocol.phases import HOLD
 from protocol.timing import COMMAND_PERIOD, SECOND
@@ -102,7 +100,7 @@ class Service:
         self._door = threading.Lock()
         self._arrived = asyncio.Event()
         self._is_waking = False
-        self._under_way: list[tuple[Job, asyncio.Future[Recovery | PackedPlan | None]]] = []
+        self._under_way: list[tuple[Job, asyncio.Future[Outcome]]] = []
 
     async def run(self, patience_s: float) -> bool:
         """Run until nothing is left to do; return whether every robot has arrived.

@@ -32,7 +32,7 @@ from coordinator.fleet.log_records import (
     router_key,
 )
 from coordinator.fleet.mission import Mission
-from coordinator.fleet.mission_driver import Job, Journal, MissionDriver
+from coordinator.fleet.mission_driver import Journal, MissionDriver
 from coordinator.log.head import WRITTEN_BY
 from coordinator.log.log_file import RESUMED, log_from_bytes
 from coordinator.log.records import Log, Record
@@ -180,7 +180,6 @@ class _Rerun(Journal):
         self._fleet = mission.fleet
         self._attachments = attachments
         self._due: deque[Outgoing] = deque()
-        self._wanted: dict[type, Job] = {}
         self._plan_differs = ""
         self._sent: dict[str, int] = {"plan": 0, "command": 0}
 
@@ -250,7 +249,7 @@ class _Rerun(Journal):
         if record.key == router_key(name):
             self._driver.hear_router(record.payload == LINK_UP, now_ns)
         elif record.key == quiet_key(name) or (kind == "command" and is_sent):
-            self._wanted |= {type(job.wanted): job for job in self._driver.look(now_ns)}
+            self._driver.look(now_ns)
         elif not is_sent:
             changed = self._is_tick(record) if kind == "command" else ""
             return changed or self._hear(record)
@@ -283,8 +282,8 @@ class _Rerun(Journal):
         self, kind: type[Request | Lateness], logged: Request | Lateness | None, now_ns: int
     ) -> str:
         """Do a job again that the log says was done, and give its outcome to the driver."""
-        job = self._wanted.pop(kind, None)
-        if job is None or not self._driver.is_wanted(job):
+        job = self._driver.under_way(kind)
+        if job is None:
             return "the core asks for no plan and no new times here"
         if job.wanted != logged:
             return "the robots do not stand where the log says"

@@ -18,8 +18,7 @@ import msgspec
 
 from coordinator.base.errors import InputError
 from coordinator.log.blackbox_attachments import unpacked
-from coordinator.log.log_file import RESUMED, log_from_bytes, read_log
-from coordinator.log.records import Log
+from coordinator.log.log_file import RESUMED, logs_before, read_log
 from coordinator.plan.plan_file import read
 from coordinator.view.scene import Scene
 from coordinator.view.scene_log import scene_of_logs
@@ -41,7 +40,10 @@ def read_scene(source: Path) -> Scene:
     if source.suffix != ".mcap":
         return scene_of_plan(read(source))
     log = read_log(source)
-    scene = scene_of_logs(_with_those_before(str(source), log))
+    logs = [*logs_before(log, str(source)), log]
+    depths = range(len(logs) - 1, -1, -1)
+    names = [f"{source}{f': {RESUMED}' * depth}" for depth in depths]
+    scene = scene_of_logs(list(zip(names, logs, strict=True)))
     try:
         boxes = unpacked(log.attachments)
         if boxes:
@@ -52,15 +54,6 @@ def read_scene(source: Path) -> Scene:
         left_out = [f"without black boxes: {problem}" for problem in error.problems]
         return msgspec.structs.replace(scene, notes=[*scene.notes, *left_out])
     return msgspec.structs.replace(scene, ghosts=ghosts)
-
-
-def _with_those_before(name: str, log: Log) -> list[tuple[str, Log]]:
-    """Return the logs that a log resumes from, oldest first, and then that log."""
-    before = log.attachments.get(RESUMED)
-    if before is None:
-        return [(name, log)]
-    inner = f"{name}: {RESUMED}"
-    return [*_with_those_before(inner, log_from_bytes(before, inner)), (name, log)]
 
 
 @contextmanager

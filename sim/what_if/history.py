@@ -18,15 +18,16 @@ from typing import Final
 from msgspec.structs import replace
 
 from coordinator.base.errors import InputError
+from coordinator.findings.traffic_numbers import first_go
 from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.mission import Mission
-from coordinator.log.log_file import RESUMED, log_from_bytes, read_log
+from coordinator.log.log_file import RESUMED, logs_before, read_log
 from coordinator.log.records import Log, Record
 from coordinator.service.replay import run_again
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Command, Hello, Report, Rest
-from protocol.phases import GO, OVER
+from protocol.messages import Hello, Report, Rest
+from protocol.phases import OVER
 from protocol.timing import REPORT_TIMEOUT, SECOND
 
 _SPOKEN: Final = ("hello", "report", "alive")
@@ -76,10 +77,12 @@ def read_history(path: Path, until: float) -> History:
     Raises InputError when the log cannot be run again, when no robot was ever sent off, or when
     the log or the fleet's mission ends before `until`.
     """
-    logs, before = _chain(str(path), read_log(path))
+    newest = read_log(path)
+    logs = [*logs_before(newest, str(path)), newest]
+    before = [log.attachments[RESUMED] for log in logs[1:]]
     if logs[-1].metadata.get("passive") == "yes":
         raise InputError([f"{path}: a listener's recording; only a coordinator's log can continue"])
-    began_ns = _first_go(logs)
+    began_ns = first_go(logs, 0)
     if began_ns is None:
         raise InputError([f"{path}: --until: no robot was ever sent on its way"])
     until_ns = began_ns + round(until * SECOND)
@@ -101,27 +104,6 @@ def read_history(path: Path, until: float) -> History:
         raise InputError([f"{path}: --until: the mission had ended by {until:g} s"])
     robots = _robots(logs, mission.fleet.members)
     return History(logs, before, until_ns, began_ns, mission, robots)
-
-
-def _chain(name: str, log: Log) -> tuple[list[Log], list[bytes]]:
-    """Return a log after the logs that it was resumed from, and the bytes of those earlier logs."""
-    data = log.attachments.get(RESUMED)
-    if data is None:
-        return [log], []
-    inner = f"{name}: {RESUMED}"
-    logs, before = _chain(inner, log_from_bytes(data, inner))
-    return [*logs, log], [*before, data]
-
-
-def _first_go(logs: list[Log]) -> int | None:
-    """Return the time zero [ns] of the first epoch's plan; None when there was no GO."""
-    for log in logs:
-        for record in log.records:
-            if record.key.endswith("/command"):
-                command = decode("command", record.payload)
-                if isinstance(command, Command) and command.phase == GO:
-                    return command.start_ns
-    return None
 
 
 def _robots(logs: list[Log], fleet: Container[str]) -> dict[str, Known]:

@@ -15,12 +15,10 @@ from coordinator.fleet.core import Fleet
 from coordinator.fleet.intake import Arrival
 from coordinator.fleet.log_records import link_record
 from coordinator.fleet.mission import Mission
-from coordinator.fleet.mission_driver import Job, Journal, MissionDriver
-from coordinator.fleet.recovery import Recovery
+from coordinator.fleet.mission_driver import Job, Journal, MissionDriver, Outcome
 from coordinator.log.head import plan_file
 from coordinator.log.log_file import log_from_bytes
 from coordinator.plan.document import PlanDocument
-from coordinator.plan.wire import PackedPlan
 from coordinator.schedule.lateness import Lateness
 from coordinator.service.replay import go_on
 from protocol import keys
@@ -90,7 +88,7 @@ class VirtualService:
 
     def _drive(self, mission: Mission) -> None:
         self.driver = MissionDriver(mission, VirtualJournal(self._logs), self._put)
-        self._under_way: list[tuple[int, Job, Recovery | PackedPlan | None]] = []
+        self._under_way: list[tuple[int, Job, Outcome]] = []
 
     def begin(self) -> None:
         """Open the link: from now on the core receives, looks at the time, and sends."""
@@ -121,8 +119,8 @@ class VirtualService:
         self.driver.tell_drops(now_ns)
         for one in [one for one in self._under_way if one[0] <= now_ns]:
             self._under_way.remove(one)
-            _, job, found = one
-            self.driver.finish(job, found, now_ns)
+            _, job, outcome = one
+            self.driver.finish(job, outcome, now_ns)
 
     def take_arrivals(self) -> None:
         """Pass the messages that have arrived to the driver."""
