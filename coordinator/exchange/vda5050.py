@@ -9,12 +9,11 @@ Source: https://github.com/VDA5050/VDA5050, json_schemas/order.schema
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Literal
 
 import msgspec
 
 Version = Literal["2.1.0", "3.0.0"]
-VERSIONS: Final[tuple[Version, ...]] = ("2.1.0", "3.0.0")
 
 
 class ControlPoint(msgspec.Struct, frozen=True):

@@ -6,13 +6,11 @@ Decides: the facts that a new plan starts from.  Must not know: paths and floors
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Literal
 
 import msgspec
 
 State = Literal["rests", "arrived", "lost", "unfit"]
-
-ABLE: Final[tuple[State, ...]] = ("rests", "arrived")
 
 
 class Standing(msgspec.Struct, frozen=True, kw_only=True):

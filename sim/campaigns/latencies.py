@@ -20,8 +20,6 @@ from sim.world.virtual_fleet import World
 _STILL = 1e-6
 """A shorter distance [m] between two rows counts as no motion."""
 
-_DEADLY = ("kill", "hang")
-
 
 class Latencies(msgspec.Struct, frozen=True):
     """Latencies [s], with one entry for each robot that died while it was under way.
