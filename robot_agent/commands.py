@@ -1,6 +1,6 @@
 """The robot's command: agent.
 
-Decides: options, and which driver stands behind the agent.
+Decides: the options of `agent`, and which driver it uses.
 """
 
 from __future__ import annotations
@@ -22,43 +22,79 @@ from robot_agent.loop import FixedRateLoop
 commands = typer.Typer()
 
 _FARTHEST: Final = 1e6
-"""A robot does not stand so far [m] away."""
+"""Coordinates of `--at` beyond this [m] are refused."""
 
 
 @commands.command(rich_help_panel="Run")
 def agent(
     robot: Annotated[str, typer.Argument(help="The robot's name in the scenario.")],
     connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
-    fleet: Annotated[str | None, typer.Option(help="Fleet; without it the first heard.")] = None,
-    driver: Annotated[str, typer.Option(help="MODULE:CLASS or FILE.py:CLASS of the driver.")] = (
+    fleet: Annotated[
+        str | None, typer.Option(help="Name of the fleet; by default the first one heard.")
+    ] = None,
+    driver: Annotated[str, typer.Option(help="The driver: MODULE:CLASS or FILE.py:CLASS.")] = (
         "sim.world.body:SimulatedBody"
     ),
-    radius: Annotated[float, typer.Option(min=0.0, help="Metres; 0: as planned.")] = 0.0,
-    max_speed: Annotated[float, typer.Option(min=0.0, help="m/s; 0: as planned.")] = 0.0,
-    max_accel: Annotated[float, typer.Option(min=0.0, help="m/s^2; inf: starts at once.")] = 0.0,
-    blackbox: Annotated[Path | None, typer.Option(help="Write true poses to this CSV.")] = None,
-    speed: Annotated[float, typer.Option(min=0.01, max=1000.0, help="Times real time.")] = 1.0,
+    radius: Annotated[
+        float, typer.Option(min=0.0, help="Radius of the body, metres; 0: as in the scenario.")
+    ] = 0.0,
+    max_speed: Annotated[
+        float, typer.Option(min=0.0, help="Greatest speed, m/s; 0: as in the scenario.")
+    ] = 0.0,
+    max_accel: Annotated[
+        float,
+        typer.Option(
+            min=0.0, help="Greatest acceleration, m/s^2; 0: as in the scenario, inf: no limit."
+        ),
+    ] = 0.0,
+    blackbox: Annotated[
+        Path | None, typer.Option(help="Write the true poses to this CSV file.")
+    ] = None,
+    speed: Annotated[
+        float,
+        typer.Option(
+            min=0.01,
+            max=1000.0,
+            help="Speed of the fleet's clock; 1 is real time, 2 twice as fast.",
+        ),
+    ] = 1.0,
     wait: Annotated[
-        float, typer.Option(min=0.0, max=86_400.0, help="Seconds to try to reach a coordinator.")
+        float,
+        typer.Option(min=0.0, max=86_400.0, help="Seconds to wait for a link to the coordinator."),
     ] = 10.0,
     give_up: Annotated[
-        float, typer.Option(min=0.0, max=1e6, help="Seconds of silence to end after; 0: never.")
+        float,
+        typer.Option(
+            min=0.0, max=1e6, help="End after so many seconds without the coordinator; 0: never."
+        ),
     ] = 0.0,
-    rate: Annotated[int, typer.Option(min=20, max=1000, help="Ticks a second.")] = 100,
+    rate: Annotated[int, typer.Option(min=20, max=1000, help="Control ticks per second.")] = 100,
     stats: Annotated[
-        bool, typer.Option("--stats", help="Count ticks: a JSON line per phase and at the end.")
+        bool,
+        typer.Option(
+            "--stats", help="Print how long ticks take: a JSON line per phase, and one at the end."
+        ),
     ] = False,
     at: Annotated[
         tuple[float, float, float] | None,
-        typer.Option(metavar="X Y HEADING", help="Where it stands, metres and radians."),
+        typer.Option(
+            metavar="X Y HEADING",
+            help="Where the robot stands: x, y in metres, heading in radians.",
+        ),
     ] = None,
     keys: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder of its keys; the link is tls/HOST:PORT then."),
+        typer.Option(
+            metavar="DIR", help="Folder of the robot's keys; the link is tls/HOST:PORT then."
+        ),
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Tell nothing but why it ends.")] = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", help="Print nothing but why the agent ends.")
+    ] = False,
 ) -> None:
-    """Run one robot; its body is simulated unless another driver is named.
+    """Run the agent of one robot.
+
+    Without --driver the robot's body is simulated.
 
     Example: splinefleet agent R1 --connect tcp/127.0.0.1:7447
     """
@@ -68,7 +104,7 @@ def agent(
 
     for option, value in (("--wait", wait), ("--give-up", give_up), ("--speed", speed)):
         if not math.isfinite(value):
-            raise typer.BadParameter(f"{value} is no number of seconds", param_hint=option)
+            raise typer.BadParameter(f"{value} is not a number of seconds", param_hint=option)
     _check_name(robot, "ROBOT")
     if fleet is not None:
         _check_name(fleet, "--fleet")
@@ -79,7 +115,7 @@ def agent(
     if at is not None:
         if not all(abs(number) < _FARTHEST for number in at):
             where = " ".join(f"{number:g}" for number in at)
-            raise typer.BadParameter(f"{where} is no place", param_hint="--at")
+            raise typer.BadParameter(f"{where} is not a place", param_hint="--at")
         body.place(*at)
     files = None if keys is None else read_key_files(keys, "robot", robot)
     if files is not None and (warning := files.warning()):
@@ -117,12 +153,12 @@ def agent(
 
 
 def _tell(text: str) -> None:
-    """Write a line for people to stderr, with the time of day."""
+    """Print a line with the time of day on stderr."""
     typer.echo(f"{time_of_day()} {text}", err=True)
 
 
 def _print_counts(state: str, loop: FixedRateLoop) -> None:
-    """Print what the loop has counted until a change of phase."""
+    """Print what the loop counted, when the phase changes."""
     counts = {
         "state": state,
         "ticks": loop.ticks,
@@ -135,7 +171,7 @@ def _print_counts(state: str, loop: FixedRateLoop) -> None:
 
 
 def _count_nothing(_state: str, _loop: FixedRateLoop) -> None:
-    """Keep quiet about the loop."""
+    """Print nothing about the loop."""
 
 
 def _check_name(name: str, option: str) -> None:

@@ -1,7 +1,7 @@
-"""The driver that `--driver` names: found, imported, made; or what was looked for, and where.
+"""Find, import and make the driver that `--driver` names.
 
-Decides: how a driver is named, and what is told of one that does not work.  Must not know: what
-drivers do.
+Decides: how a driver is named, and what the user is told when it cannot be loaded.  Must not know:
+what drivers do.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from typing import Final
 from robot_agent.driver import Driver
 
 _MODULE: Final = "splinefleet_driver"
-"""A driver's file is imported by this name: its own may be that of a module in use."""
+"""A driver's file is imported under this name: its own name may be that of a loaded module."""
 
 
 class DriverNameError(Exception):
-    """No driver can be made of what `--driver` names; the text says why, in one line."""
+    """The driver that `--driver` names cannot be made; the text says why, in one line."""
 
 
 def make_driver(name: str, max_accel: float) -> Driver:
     """Return the driver named MODULE:CLASS or FILE.py:CLASS, made for an acceleration [m/s^2].
 
-    Modules beside a file are found too, after those that are installed.  Without an acceleration
-    (0) it is made for any.  Raises DriverNameError.
+    A driver's file may import modules from its own folder; installed modules come first.  An
+    acceleration of 0 means that the user gave none.  Raises DriverNameError.
     """
     place, _, wanted = name.rpartition(":")
     if not place or not wanted:
@@ -42,14 +42,14 @@ def make_driver(name: str, max_accel: float) -> Driver:
     if not hasattr(module, wanted):
         found = ", ".join(_classes(module))
         raise DriverNameError(
-            f"{name}: no {wanted}, {'there are ' + found if found else 'nor any class'}"
+            f"{name}: no {wanted}, {'it has ' + found if found else 'it has no class'}"
         )
     try:
         made = getattr(module, wanted)(max_accel or math.inf)
     except (Exception, SystemExit) as error:
         raise DriverNameError(f"{name}: {_failure(error)}") from None
     if not isinstance(made, Driver):
-        raise DriverNameError(f"{name} is no Driver")
+        raise DriverNameError(f"{name} is not a Driver")
     return made
 
 
@@ -76,14 +76,14 @@ def _finder(module: str) -> Callable[[], ModuleType]:
 
 
 def _run(file: Path) -> ModuleType:
-    """Return the module that a file makes."""
+    """Import a file and return its module."""
     path = file.absolute()
     if not path.is_file():
         raise DriverNameError(f"no file {path}")
     loader = importlib.machinery.SourceFileLoader(_MODULE, str(path))
     spec = importlib.util.spec_from_file_location(_MODULE, path, loader=loader)
     if spec is None:
-        raise DriverNameError(f"{path} is no module")
+        raise DriverNameError(f"{path} is not a Python module")
     sys.path.append(str(path.parent))
     module = sys.modules[_MODULE] = importlib.util.module_from_spec(spec)
     loader.exec_module(module)
@@ -91,7 +91,7 @@ def _run(file: Path) -> ModuleType:
 
 
 def _classes(module: ModuleType) -> Iterable[str]:
-    """Name the classes that a module defines, and the drivers that it imports."""
+    """Yield the names of the classes that a module defines and of the drivers that it imports."""
     for name, value in vars(module).items():
         if not isinstance(value, type) or value is Driver:
             continue
@@ -100,7 +100,7 @@ def _classes(module: ModuleType) -> Iterable[str]:
 
 
 def _failure(error: BaseException) -> str:
-    """Say in which file and line an import failed, and why."""
+    """Return in which file and line an import failed, and why."""
     if isinstance(error, SyntaxError):
         file, line = error.filename, error.lineno
     else:
@@ -117,7 +117,7 @@ def _failure(error: BaseException) -> str:
 
 
 def _not_found(error: ModuleNotFoundError) -> str:
-    """Say which module was not found, and in which folders it was looked for."""
+    """Return which module was not found, and the folders that were searched."""
     parent = (error.name or "").rpartition(".")[0]
     folders = getattr(sys.modules.get(parent), "__path__", None) if parent else sys.path
     if error.name is None or folders is None:

@@ -1,8 +1,8 @@
-"""The fixed-rate loop: the robot's heartbeat.
+"""The control loop, which calls a tick at a fixed rate.
 
-Decides: when the next tick is due and that a failed one stops the motors.  Must not know: what a
-tick does.  The only place in the project that catches every exception, because a robot must
-outlive a bug in its own program.
+Decides: when the next tick is due, and that the motors stop after a tick that failed.  Must not
+know: what a tick does.  Only this module catches every exception, because a robot must keep running
+when its own program has a bug.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ PERIOD_NS = 10_000_000
 class FixedRateLoop:
     """Calls `tick(now_ns)` every period until it returns False.
 
-    Deadlines are `start += period`, so that lateness does not add up; a tick that ends after the
-    next deadline counts as an overrun, and deadlines already gone are left out rather than made up
-    for.  A tick that raises counts as a failure and is answered by `rescues(error)`, in order,
-    each of them called even when the one before failed.  Counted: `ticks`, `overruns`, `failures`,
-    and `worst_ns`, the longest tick.
+    Each deadline is the one before plus the period, so delays do not add up.  A tick that ends
+    after the next deadline counts as an overrun; missed deadlines are skipped.  A tick that raises
+    counts as a failure: each function in `rescues` is called with the error, in order, even when
+    the one before it raised.  The loop counts `ticks`, `overruns`, `failures` and `worst_ns`, the
+    duration of the longest tick [ns].
     """
 
     def __init__(

@@ -46,44 +46,65 @@ def key_prefix(prefix: str) -> str:
 @commands.command(rich_help_panel="Inspect")
 def replay(
     log: LogFile,
-    check: Annotated[bool, typer.Option("--check", help="Run the log again, compare.")] = False,
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check",
+            help="Compute the coordinator's messages again from the log and compare them.",
+        ),
+    ] = False,
     speed: Speed = 1.0,
     listen: Annotated[
-        str | None, typer.Option(help="tcp/HOST:PORT, by default tcp/127.0.0.1:7447.")
+        str | None, typer.Option(help="tcp/HOST:PORT to listen on; by default tcp/127.0.0.1:7447.")
     ] = None,
     since: Annotated[
-        float, typer.Option("--from", callback=within(0.0), help="Seconds into the log.")
+        float,
+        typer.Option("--from", callback=within(0.0), help="Begin so many seconds into the log."),
     ] = 0.0,
-    to: Annotated[float | None, typer.Option(min=0.0, help="Seconds into the log.")] = None,
+    to: Annotated[
+        float | None, typer.Option(min=0.0, help="End so many seconds into the log.")
+    ] = None,
     keys: Annotated[
-        str, typer.Option(callback=key_pattern, help="Only these; * is a part, ** any number.")
+        str,
+        typer.Option(
+            callback=key_pattern,
+            help="Publish only these keys; * is one part of a key, ** any number.",
+        ),
     ] = "**",
     prefix: Annotated[
-        str, typer.Option(callback=key_prefix, help="Put before every key, with a slash.")
+        str, typer.Option(callback=key_prefix, help="Put this and a slash before every key.")
     ] = "",
     wait_listener: Annotated[
-        float, typer.Option(callback=within(0.0, 86_400.0), help="Seconds to wait for a listener.")
+        float,
+        typer.Option(callback=within(0.0, 86_400.0), help="Wait so many seconds for a listener."),
     ] = 0.0,
     until: Annotated[
         float | None,
-        typer.Option(min=0.0, help="Go on in virtual time from so many seconds after GO."),
+        typer.Option(
+            min=0.0, help="Continue the run in virtual time from so many seconds after GO."
+        ),
     ] = None,
     fault: Annotated[
         list[str] | None,
-        typer.Option(metavar="SPEC", help=f"With --until, repeatable: {fault_help()}."),
+        typer.Option(metavar="SPEC", help=f"With --until: a fault, repeatable. {fault_help()}."),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="With --until: folder of the new run.")] = None,
-    seed: Annotated[int, typer.Option(help="With --until: chances of link and clocks.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="With --until: folder for the new run.")] = None,
+    seed: Annotated[
+        int, typer.Option(help="With --until: seed of losses, delays and clock errors.")
+    ] = 0,
     key_folder: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="The fleet's keys: only observers may listen, over TLS."),
+        typer.Option(
+            metavar="DIR",
+            help="Folder of the fleet's keys; only its observers may listen, over TLS.",
+        ),
     ] = None,
     insecure: Insecure = False,
     as_json: Json = False,
 ) -> None:
-    """Publish a log's traffic again, check that a rerun gives the same, or continue from a moment.
+    """Publish a log again, check it (--check), or continue the run from a moment (--until).
 
-    Without a listener after --wait-listener seconds nothing is played, exit code 1.
+    If nobody listens after --wait-listener seconds, nothing is published and the exit code is 1.
 
     Example: splinefleet replay runs/demo/run.mcap --until 8 --fault kill:R3@9 --out runs/what-if
     """

@@ -40,24 +40,28 @@ def scenario(
     kind: Annotated[
         str, typer.Argument(metavar="KIND", help=", ".join(get_args(Kind)) + ".", callback=known)
     ],
-    robots: Annotated[int, typer.Option(help="How many robots.")] = 17,
-    seed: Annotated[int, typer.Option(help="Another seed, another scenario.")] = 1,
+    robots: Annotated[int, typer.Option(help="Number of robots.")] = 17,
+    seed: Annotated[int, typer.Option(help="Seed of the random choices.")] = 1,
     output: Annotated[
         Path | None,
         typer.Option(
             "-o",
             "--output",
-            help="FILE.toml or FILE.json; else stdout.",
+            help="FILE.toml or FILE.json; by default stdout.",
             callback=writable(".toml", ".json"),
         ),
     ] = None,
     size: Annotated[
         Size | None, typer.Option(metavar="W H", help="Width and height of the floor, metres.")
     ] = None,
-    obstacles: Annotated[int | None, typer.Option(min=0, help="How many obstacles.")] = None,
-    headings: Annotated[bool, typer.Option("--headings", help="Headings at both ends.")] = False,
-    vias: Annotated[int, typer.Option(min=0, max=20, help="Via points a robot.")] = 0,
-    mixed: Annotated[bool, typer.Option("--mixed", help="Unequal radii and speeds.")] = False,
+    obstacles: Annotated[int | None, typer.Option(min=0, help="Number of obstacles.")] = None,
+    headings: Annotated[
+        bool, typer.Option("--headings", help="Give every robot a start and a goal heading.")
+    ] = False,
+    vias: Annotated[int, typer.Option(min=0, max=20, help="Via points per robot.")] = 0,
+    mixed: Annotated[
+        bool, typer.Option("--mixed", help="Give robots different radii and speeds.")
+    ] = False,
 ) -> None:
     """Make a scenario file: a floor of some kind with robots that have somewhere to go.
 
@@ -100,25 +104,42 @@ def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder of the run; replaces an earlier run of the same fleet."),
+        typer.Option(
+            help="Folder for the run; an earlier run of the same fleet there is replaced."
+        ),
     ] = None,
     speed: Annotated[
         float,
-        typer.Option(callback=within(0.1, 20.0), help="Times real time; late robots stop."),
+        typer.Option(
+            callback=within(0.1, 20.0),
+            help="Speed of the fleet's clock; 1 is real time. Robots that cannot keep up stop.",
+        ),
     ] = 1.0,
     fault: Annotated[
         list[str] | None,
-        typer.Option(metavar="SPEC", help=f"At SECONDS after GO, repeatable: {fault_help()}."),
+        typer.Option(
+            metavar="SPEC", help=f"A fault, SECONDS after GO, repeatable. {fault_help()}."
+        ),
     ] = None,
-    effort: Annotated[int, typer.Option(min=0, max=100_000, help="Improvement rounds.")] = 20,
+    effort: Annotated[
+        int,
+        typer.Option(
+            min=0, max=100_000, help="How many tries the planner has to find a better robot order."
+        ),
+    ] = 20,
     connect: Annotated[
-        str | None, typer.Option(help="tcp/HOST:PORT of a router at which all meet.")
+        str | None,
+        typer.Option(
+            help="tcp/HOST:PORT of a router that the coordinator and the robots connect to."
+        ),
     ] = None,
     keys: Keys = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Replace the run of another fleet too.")
+        bool, typer.Option("--force", help="Also replace the run of another fleet.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the result as JSON on stdout.")
+    ] = False,
 ) -> None:
     """Run a fleet: one coordinator and one process per robot, on this machine.
 
@@ -154,9 +175,11 @@ def run(
 @commands.command(rich_help_panel="Inspect")
 def judge(
     source: Annotated[Path, typer.Argument(help="Folder of a run, or its log.")],
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the result as JSON on stdout.")
+    ] = False,
 ) -> None:
-    """Tell from the black boxes what truly happened: who touched what, arrivals, tracking error.
+    """Find out from the black boxes what happened: collisions, arrivals, tracking errors.
 
     The folder holds plan.json or the coordinator's log (run.mcap, run-2.mcap, ...), which has the
     plans in it, and ROBOT.csv or blackbox/ROBOT.csv of every robot.  A log stands for its folder.
@@ -178,34 +201,49 @@ def judge(
 @commands.command(rich_help_panel="Run")
 def campaign(
     scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
-    seeds: Annotated[int, typer.Option(min=1, help="How many runs.")] = 100,
+    seeds: Annotated[int, typer.Option(min=1, help="Number of runs.")] = 100,
     from_seed: Annotated[int, typer.Option(min=0, help="Seed of the first run.")] = 0,
     faults: Annotated[
-        str | None, typer.Option(metavar="KINDS", help="Draw only these kinds, comma-separated.")
+        str | None,
+        typer.Option(
+            metavar="KINDS",
+            help="Kinds of faults to draw from, separated by commas; by default all.",
+        ),
     ] = None,
     fault: Annotated[
         list[str] | None,
-        typer.Option(metavar="SPEC", help=f"Only these (or none), repeatable: {script_help()}."),
+        typer.Option(
+            metavar="SPEC",
+            help=f"A fault in place of random ones, repeatable; none: no fault. {script_help()}.",
+        ),
     ] = None,
     loss: Annotated[
-        float, typer.Option(callback=within(0.0, 0.3), help="Greatest share lost.")
+        float,
+        typer.Option(
+            callback=within(0.0, 0.3), help="Greatest share of messages that a link loses."
+        ),
     ] = 0.3,
     delay_ms: Annotated[
-        float, typer.Option(callback=within(0.0, 300.0), help="Greatest delay.")
+        float,
+        typer.Option(
+            callback=within(0.0, 300.0), help="Greatest delay of a message, milliseconds."
+        ),
     ] = 300.0,
     tau: Annotated[
         float | None,
         typer.Option(
-            help="Plan with this tau, in seconds, in place of the sum of all faults.",
+            help="Tau of the plan, seconds; by default it covers all kinds of faults.",
             callback=lambda value: value if value is None else within(0.0, 60.0)(value),
         ),
     ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Processes; default: one per core.")] = (
-        os.cpu_count() or 1
-    ),
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    jobs: Annotated[
+        int, typer.Option(min=1, help="Number of processes; by default one per core.")
+    ] = (os.cpu_count() or 1),
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the result as JSON on stdout.")
+    ] = False,
 ) -> None:
-    """Run a fleet many times in virtual time, on links and with faults that the seeds decide.
+    """Run a fleet many times in virtual time; seeds decide its links and faults.
 
     Example: splinefleet campaign examples/paper_five.toml --seeds 100
     """

@@ -45,26 +45,43 @@ class Kind:
 
 KINDS: Final = {
     "kill": Kind("the process ends at once", "kill"),
-    "hang": Kind("the process stands still", "stop"),
-    "slow": Kind("wheels turn at SHARE of what is ordered", "body", "SHARE", None, most=1.0),
-    "stall": Kind("the base stands still, without SECONDS for ever", "body", "SECONDS", math.inf),
+    "hang": Kind("the process is stopped and does not go on", "stop"),
+    "slow": Kind(
+        "the wheels turn at SHARE of the speed commanded", "body", "SHARE", None, most=1.0
+    ),
+    "stall": Kind(
+        "the base does not move for SECONDS; without SECONDS, for ever", "body", "SECONDS", math.inf
+    ),
     "skid": Kind(
-        "the body slides METRES (0.1) to its left in 0.2 s", "body", "METRES", 0.1, -10.0, 10.0
+        "the body slides METRES to its left in 0.2 s; 0.1 by default",
+        "body",
+        "METRES",
+        0.1,
+        -10.0,
+        10.0,
     ),
     "cut": Kind("no network for SECONDS", "cut", "SECONDS", None, ending="heal"),
     "clock-step": Kind(
-        "the wall clock jumps: nothing is expected to happen",
+        "the wall clock jumps by SECONDS; nobody should notice",
         "body",
         "SECONDS",
         None,
         -1e9,
         1e9,
     ),
-    "corrupt": Kind("random bytes on its keys for SECONDS (3)", "babble", "SECONDS", 3.0),
-    "coordinator-kill": Kind("it ends at once", "kill"),
-    "coordinator-hang": Kind("it stands still, after 5 s it ends", "stop", "", 5.0, ending="kill"),
+    "corrupt": Kind(
+        "random bytes are sent on its keys for SECONDS; 3 by default", "babble", "SECONDS", 3.0
+    ),
+    "coordinator-kill": Kind("the coordinator ends at once", "kill"),
+    "coordinator-hang": Kind(
+        "the coordinator is stopped and ends after 5 s", "stop", "", 5.0, ending="kill"
+    ),
     "coordinator-restart": Kind(
-        "it ends at once and SECONDS (3) later resumes", "kill", "SECONDS", 3.0, ending="resume"
+        "the coordinator ends at once and another resumes SECONDS later; 3 by default",
+        "kill",
+        "SECONDS",
+        3.0,
+        ending="resume",
     ),
 }
 

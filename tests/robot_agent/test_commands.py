@@ -11,7 +11,7 @@ def test_a_robot_stands_nowhere_but_at_a_place(place):
     options = ["R1", "--connect", "tcp/127.0.0.1:1", "--at", *place.split()]
     done = CliRunner().invoke(commands, options)
     assert done.exit_code == 2
-    assert "is no place" in done.output
+    assert "is not a place" in done.output
 
 
 @pytest.mark.parametrize("name", [".", "..", "a/b", "R*", ""])

@@ -43,7 +43,7 @@ def told(driver):
 
 @pytest.mark.parametrize("place", ["our_base.py", "./our_base.py", "{folder}/our_base.py"])
 def test_a_driver_is_found_in_a_file_named_by_its_path(folder, place):
-    assert "is no place" in told(place.format(folder=folder) + ":Base")
+    assert "is not a place" in told(place.format(folder=folder) + ":Base")
 
 
 def test_a_driver_is_found_in_a_file_of_another_folder_together_with_the_modules_beside_it(
@@ -51,18 +51,18 @@ def test_a_driver_is_found_in_a_file_of_another_folder_together_with_the_modules
 ):
     (folder / "elsewhere").mkdir()
     monkeypatch.chdir(folder / "elsewhere")
-    assert "is no place" in told("../our_base.py:Base")
+    assert "is not a place" in told("../our_base.py:Base")
 
 
 def test_a_driver_is_found_in_a_module_of_the_search_path(folder, monkeypatch):
     monkeypatch.syspath_prepend(folder)
-    assert "is no place" in told("our_base:Base")
-    assert "is no place" in told("sim.world.body:SimulatedBody")
+    assert "is not a place" in told("our_base:Base")
+    assert "is not a place" in told("sim.world.body:SimulatedBody")
 
 
 def test_a_file_of_the_name_of_a_module_in_use_takes_its_place_for_nobody(folder):
     (folder / "json.py").write_text("from sim.world.body import SimulatedBody as Base\n")
-    assert "is no place" in told("json.py:Base")
+    assert "is not a place" in told("json.py:Base")
     assert sys.modules["json"].__file__ != str(folder / "json.py")
 
 
@@ -110,13 +110,11 @@ def test_a_driver_file_that_fails_says_at_which_line_and_why(folder, text, what)
 
 
 def test_of_a_class_that_is_not_there_the_classes_that_are_get_told():
-    assert "our_base.py:Bass: no Bass, there are SimulatedBody, Base, Arm" in line(
-        "our_base.py:Bass"
-    )
+    assert "our_base.py:Bass: no Bass, it has SimulatedBody, Base, Arm" in line("our_base.py:Bass")
     said = line("sim.world.body:Body")
-    assert "sim.world.body:Body: no Body, there are " in said
+    assert "sim.world.body:Body: no Body, it has " in said
     assert "SimulatedBody" in said
-    assert "no Base, nor any class" in line("wheels_of_base.py:Base")
+    assert "no Base, it has no class" in line("wheels_of_base.py:Base")
 
 
 @pytest.mark.parametrize("place", ["our_base", "our_base.py", ":Base", "our_base.py:", ""])
@@ -126,7 +124,7 @@ def test_a_driver_is_a_module_or_file_and_a_class(place):
 
 def test_what_is_no_driver_is_told_so():
     assert "our_base.py:Arm: Arm() takes no arguments" in line("our_base.py:Arm")
-    assert "builtins:float is no Driver" in line("builtins:float")
+    assert "builtins:float is not a Driver" in line("builtins:float")
 
 
 def line(driver):

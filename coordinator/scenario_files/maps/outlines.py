@@ -1,4 +1,7 @@
-"""Outlines of pieces made of cells: traced exactly, then staircases bridged outwards.
+"""Outlines of connected pieces of grid cells: traced exactly, then simplified outwards.
+
+A wall that is slanted to the grid has an outline of many small steps, a staircase.  A bridge is a
+chord that replaces a staircase and lies outside of it, so that nothing solid is uncovered.
 
 Decides: which corners an outline keeps.  Must not know: files, metres.  All coordinates are corners
 of the grid: x counts columns, y counts rows upwards; cell (y, x) covers [x, x + 1] by [y, y + 1].
@@ -18,18 +21,18 @@ Labels = NDArray[np.int32]
 Corners = NDArray[np.int64]
 
 _GAP = 48
-"""A bridge is looked for this many corners beyond the farthest one found."""
+"""The search for a longer bridge ends this many corners after the longest one found so far."""
 _SHORT = 3
-"""A single step wider or higher than this [cells] is no staircase and stays as it is."""
+"""A single step wider or higher than this [cells] is kept as it is."""
 
 
 @compiled
 def trace(labels: Labels, pieces: int, count: int) -> tuple[Corners, NDArray[np.int64]]:
     """Return the corners (count, 2) of all outlines, counter-clockwise, and where each begins.
 
-    Labels run from 1 to `pieces` (some may be absent, 0 is free).  Every piece is connected by
-    edges and has neither a hole nor a corner where it touches itself; `count` is the number of
-    their corners.  The first corner of an outline is convex.
+    Labels are 1 to `pieces`, and 0 for free cells; a label may be absent.  The cells of a piece are
+    connected by their edges; a piece has no hole and touches itself at no corner.  `count` is the
+    number of corners of all pieces.  The first corner of each outline is convex.
     """
     ahead = np.array([(0, 0, 0, -1), (-1, 0, 0, 0), (-1, -1, -1, 0), (0, -1, -1, -1)])
     step = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
@@ -65,12 +68,12 @@ def trace(labels: Labels, pieces: int, count: int) -> tuple[Corners, NDArray[np.
 def bridge(
     corners: Corners, begins: NDArray[np.int64], taken: NDArray[np.bool_], most: float
 ) -> tuple[NDArray[np.bool_], float]:
-    """Return which corners stay when staircases are bridged outwards, and the largest growth.
+    """Return which corners stay when bridges replace staircases, and by how much outlines grow.
 
-    A bridge is a chord between two convex corners with the outline between them on its inner side;
-    what it gains lies at most `most` [cells] from the outline.  It goes through no taken cell and
-    touches none from outside; the free cells that it goes through become taken.  So outlines stay
-    simple, nothing is uncovered, and two bridges never meet in a passage.
+    A bridge joins two convex corners; the outline between them lies on its inner side.  The area
+    between bridge and outline is nowhere farther than `most` [cells] from the outline; the greatest
+    such distance is the growth [cells].  A bridge crosses only free cells, which count as taken
+    from then on.  So outlines stay simple polygons and two bridges never meet in a passage.
     """
     keep = np.ones(len(corners), np.bool_)
     growth = 0.0
@@ -107,10 +110,10 @@ def _turns_left(corners: Corners, first: int, n: int, at: int) -> bool:
 
 @compiled
 def _growth(corners: Corners, first: int, n: int, at: int, end: int, most: float) -> float:
-    """Return how far [cells] a chord's gain lies from the outline; -1 when outside or too far.
+    """Return how far [cells] a bridge grows the outline; -1 when it may not be built.
 
-    No gain is farther than the outline is deep.  Straight slanted walls are digital lines, up to
-    sqrt(2) deep, though: for stairs that rise and turn in one way only there is a closer bound.
+    The depth of the outline below the chord bounds the growth.  For a straight slanted wall that
+    bound is as large as sqrt(2), so `_stair_growth` gives a tighter one for stairs that only rise.
     """
     x0, y0 = corners[first + at]
     dx, dy = corners[first + end % n, 0] - x0, corners[first + end % n, 1] - y0
@@ -134,12 +137,12 @@ def _growth(corners: Corners, first: int, n: int, at: int, end: int, most: float
 
 @compiled
 def _stair_growth(corners: Corners, first: int, n: int, at: int, end: int, most: float) -> float:
-    """Return the growth of a bridge over stairs, or -1 when it is above `most`.
+    """Return the growth of a bridge over a staircase [cells], or -1 when it exceeds `most`.
 
-    The outline runs from tip to tip over a notch.  Of all that the chord gains there, a point of
-    the chord lies farthest from the stairs: turned so that the chord rises to the right, it is no
-    farther than from the tread above it, which comes nearer, and than from the riser on its left,
-    which falls behind.  So the farthest point is where both are equal, or right below the tip.
+    Between two tips the outline has a notch, which the chord covers.  The point of the notch that
+    is farthest from the stairs lies on the chord.  Turn the grid so that the chord rises to the
+    right: along the chord the distance to the tread falls and the distance to the riser grows.  So
+    the farthest point is where both are equal, or below the tip.
     """
     dx = corners[first + end % n, 0] - corners[first + at, 0]
     dy = corners[first + end % n, 1] - corners[first + at, 1]
@@ -168,7 +171,10 @@ def _stair_growth(corners: Corners, first: int, n: int, at: int, end: int, most:
 
 @compiled
 def _walk(taken: NDArray[np.bool_], x0: int, y0: int, x1: int, y1: int, take: bool) -> bool:
-    """Take the cells that a chord goes through, or tell whether it may; outside is its right."""
+    """Take the cells that a chord crosses (`take`), or tell whether all are free.
+
+    The outside of the outline is to the right of the chord.
+    """
     dx, dy = x1 - x0, y1 - y0
     if dx == 0 or dy == 0:
         return _walk_along(taken, x0, y0, dx, dy, take)
@@ -190,7 +196,7 @@ def _walk(taken: NDArray[np.bool_], x0: int, y0: int, x1: int, y1: int, take: bo
 
 @compiled
 def _walk_along(taken: NDArray[np.bool_], x0: int, y0: int, dx: int, dy: int, take: bool) -> bool:
-    """Do what `_walk` does for a chord on a grid line: it goes through the cells inside it."""
+    """Do the same as `_walk` for a chord along a grid line, with the cells on its inner side."""
     for i in range(abs(dx) + abs(dy)):
         if dx != 0:
             x = min(x0, x0 + dx) + i
