@@ -15,9 +15,9 @@ from collections.abc import Callable
 
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.events import Incident
+from coordinator.fleet.hold_reasons import missing_in_words
 from coordinator.fleet.intake import Arrival
 from coordinator.fleet.log_records import link_record
-from coordinator.fleet.missing_robots import missing_in_words
 from coordinator.fleet.mission import Mission
 from coordinator.fleet.mission_driver import Job, Journal, MissionDriver, Outcome
 from coordinator.log.head import plan_file

@@ -16,8 +16,8 @@ from typing import Final
 from coordinator.base.console import answer_json, tell_now, write_file
 from coordinator.base.errors import InputError
 from coordinator.fleet.core import Fleet
+from coordinator.fleet.hold_reasons import RollCall
 from coordinator.fleet.member import STRIKES
-from coordinator.fleet.missing_robots import RollCall
 from coordinator.fleet.mission import Mission
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.log.head import first_head, resumed

@@ -1,8 +1,8 @@
 """Whom a coordinator says that it waits for: after a second, why, and when that changes."""
 
+from coordinator.fleet.hold_reasons import PATIENCE, RollCall, missing_in_words
 from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.member import Member
-from coordinator.fleet.missing_robots import PATIENCE, RollCall, missing_in_words
 from protocol.phases import ARMED, BRAKING, CLOCK_UNSURE, FREEZE, FROZEN, HOLD, IDLE, OFF_PATH
 from protocol.timing import SECOND
 from tests.coordinator.fleet.fleet_floor import Floor
