@@ -74,7 +74,10 @@ def deviation_and_length(piece: Array) -> tuple[float, float]:
 
 @compiled
 def cut_piece(piece: Array, part: float, left: Array, right: Array) -> None:
-    """Cut a Bezier piece at a share of its parameter: de Casteljau."""
+    """Write both parts of a Bezier piece, cut at the parameter `part`, to `left` and `right`.
+
+    All are (degree + 1, 3); the parameter of each runs from 0 to 1.  De Casteljau's algorithm.
+    """
     count = len(piece)
     for axis in range(3):
         for i in range(count):

@@ -198,7 +198,7 @@ def _cross(stack: PairStack, top: int, degrees: tuple[int, int], tolerance: floa
 
 @compiled
 def _examine(stack: PairStack, top: int, degrees: tuple[int, int], tolerance: float) -> int:
-    """Decide the pair on top: APART, CROSS, RUN or CUT; write where it meets to `found`."""
+    """Return the verdict on the pair on top; for CROSS and RUN, write where it meets to `found`."""
     relation, a, b = stack.relation[top], stack.shape[0], stack.shape[1]
     survey(stack.lifted[top, 0], degrees[0], stack.corners[0], a)
     survey(stack.lifted[top, 1], degrees[1], stack.corners[1], b)

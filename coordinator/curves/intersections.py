@@ -17,7 +17,7 @@ from coordinator.curves.crossing_kernels import PAIR, PLACE_X, U, V
 from coordinator.curves.intersection_kind_kernels import IntersectionTables, find_all
 from coordinator.curves.knots import bezier_pieces
 from coordinator.curves.nurbs import Array, Nurbs
-from coordinator.curves.nurbs_kernels import Indices
+from coordinator.curves.nurbs_kernels import Indices, W
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def _prepare(curves: Sequence[Nurbs]) -> tuple[Pieces, Array, float]:
     borders, lifted = [], []
     for curve in curves:
         degree, knots, control = curve.lifted
-        control = np.column_stack(((curve.points - origin) * control[:, 2:], control[:, 2]))
+        control = np.column_stack(((curve.points - origin) * control[:, W:], control[:, W]))
         ends, its = bezier_pieces(degree, knots, control)
         borders.append(np.column_stack((ends[:-1], ends[1:])))
         lifted.append(its)
@@ -120,5 +120,5 @@ def _sorted(rows: Array) -> Array:
 
 def _boxes(lifted: Array) -> Array:
     """Return the boxes (m, 4) of the control points of Bezier pieces (m, degree + 1, 3)."""
-    corners = lifted[:, :, :2] / lifted[:, :, 2:]
+    corners = lifted[:, :, :W] / lifted[:, :, W:]
     return np.concatenate((corners.min(axis=1), corners.max(axis=1)), axis=1)

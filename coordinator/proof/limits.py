@@ -13,7 +13,7 @@ import numpy as np
 
 from coordinator.curves.knots import bezier_pieces
 from coordinator.curves.nurbs import Array
-from coordinator.curves.nurbs_kernels import arc_table, series
+from coordinator.curves.nurbs_kernels import W, arc_table, series
 from coordinator.plan.document import Limits
 from coordinator.plan.wire import Driven
 from coordinator.proof.limit_kernels import too_sharp
@@ -51,7 +51,7 @@ def limit_failures(driven: Driven, limits: Limits) -> list[str]:
 def _corner_failures(driven: Driven) -> list[str]:
     """Return a sentence for each corner of a curve: a border of spans where its direction jumps."""
     borders, pieces = bezier_pieces(*driven.curve.lifted)
-    corners = pieces[:, :, :2] / pieces[:, :, 2:]
+    corners = pieces[:, :, :W] / pieces[:, :, W:]
     inner = zip(borders[1:-1].tolist(), corners[:-1], corners[1:], strict=True)
     failures = []
     for u, before, after in inner:

@@ -37,6 +37,7 @@ _TIME, _X, _Y, _S = range(4)
 
 _ROUNDS: Final = 24
 _MOST_PARTS: Final = 64.0
+"""Pieces are cut at most this often, each time into at most so many parts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,7 @@ class Pieces:
 
 
 class Flights:
-    """The motions of a whole fleet: c_i(t) of design section 1, from plan time 0 to the last end.
+    """The motions c_i(t) of a fleet, from plan time 0 until 1 s after the last robot has arrived.
 
     Before and after that, robots stand at their starts and goals, so other times add no places.
     """
@@ -70,7 +71,7 @@ class Flights:
         self._noise = _ARC_ERRORS * np.array([one.arc_error for one in driven])
 
     def pieces(self, tolerance: float) -> Pieces:
-        """Return all motions in pieces that deviate by at most `tolerance` [m], as `split` does."""
+        """Return all motions in pieces; `tolerance` [m] bounds their deviation as in `split`."""
         legs = np.arange(len(self._legs))
         ends = self._nodes(np.repeat(legs, 2), self._legs[:, (_LEG_BEGIN, _LEG_END)].ravel())
         return self.split(self._pieces(ends, legs, np.arange(0, 2 * len(legs), 2)), tolerance)[0]
