@@ -1,10 +1,11 @@
-"""Compiled: one rational Bezier piece of a curve, and when two of them cannot meet.
+"""Compiled: rational Bezier pieces of curves, and when two of them cannot meet.
 
-With positive weights the tangents of a piece lie in the cone of the legs of its control polygon
-(Saito, Wang and Sederberg 1995).
+`lifted` (degree + 1, 3) holds the homogeneous control points of a piece, its parameter t runs from
+0 to 1.  A leg is the vector between neighbouring control points.  With positive weights all
+tangents of a piece lie in the cone that its legs span (Saito, Wang and Sederberg 1995).
 
-Decides: where a piece and its tangents are, how it is halved.  Must not know: which pairs are
-looked at, what their meeting is.
+Decides: where a piece and its tangents are, how it is halved.  Must not know: which pairs of
+pieces are compared, or what an intersection is.
 """
 
 from __future__ import annotations
@@ -16,28 +17,33 @@ import numpy as np
 import numpy.typing as npt
 
 from coordinator.base.compiled import compiled
+from coordinator.curves.nurbs_kernels import W, X, Y
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
+X0, Y0, X1, Y1 = range(4)
+"""Columns of a box [m]: least x and y, greatest x and y."""
+
 CHORD_X, CHORD_Y, LENGTH, LEAST_SLOPE, MOST_SLOPE, LEAST_OFFSET, MOST_OFFSET, SIZE = range(4, 12)
 """Columns of a shape (12,), which `survey` writes, after the four of its box: the unit vector along
 the chord, the chord's length [m], least and greatest slope of the legs against the chord (infinite
-when a leg runs back), least and greatest offset from the chord [m], the larger side of the box
-[m]."""
+if a leg runs backwards), least and greatest offset of control points from the chord [m], the larger
+side of the box [m]."""
 
 _STEPS: Final = 64
 _NO_LENGTH: Final = 1e-300
 
 _SHRUNK: Final = 0.75
-"""Curves are trimmed again as long as that leaves fewer pairs of pieces, by this share."""
+"""Curves are trimmed again if the last time left less than this share of the pairs of pieces."""
 
 
 class Pieces(NamedTuple):
     """Curves as rational Bezier pieces; curve c has those from first[c] to first[c + 1] - 1.
 
-    first (n + 1,), degree (n,); of each piece: start (p,), its first row in `control` (m, 3), the
-    homogeneous control points; borders (p, 2) of its parameter; boxes (p, 4): least x, y, greatest.
+    Of n curves: first (n + 1,) and degree (n,).  Of p pieces: start (p,), the first row of each in
+    `control` (m, 3), the homogeneous control points of all; borders (p, 2), the parameters of the
+    curve where the piece begins and ends; boxes (p, 4) [m], which hold the pieces.
     """
 
     first: Indices
@@ -48,9 +54,43 @@ class Pieces(NamedTuple):
     boxes: Array
 
 
+class CurvePair(NamedTuple):
+    """Two curves among the pieces, by their numbers; `one` and `other` may be the same."""
+
+    pieces: Pieces
+    one: int
+    other: int
+
+
+class Facing(NamedTuple):
+    """The pieces of two curves that may meet: from `begin` to `end`, the latter excluded."""
+
+    begin: int
+    end: int
+    its_begin: int
+    its_end: int
+
+
+class Tangent(NamedTuple):
+    """A point x, y [m] of a curve and the derivative dx, dy by the parameter there."""
+
+    x: float
+    y: float
+    dx: float
+    dy: float
+
+
+class Foot(NamedTuple):
+    """A point x, y [m] of a piece and its parameter t."""
+
+    t: float
+    x: float
+    y: float
+
+
 @compiled
-def place(lifted: Array, degree: int, t: float, work: Array) -> tuple[float, float, float, float]:
-    """Return point and derivative x, y, x', y' of a piece at t; beyond [0, 1] it runs straight."""
+def place(lifted: Array, degree: int, t: float, work: Array) -> Tangent:
+    """Return a piece's point and derivative at t; outside [0, 1] the piece is extended straight."""
     at = min(max(t, 0.0), 1.0)
     rest = 1.0 - at
     for i in range(degree + 1):
@@ -60,56 +100,52 @@ def place(lifted: Array, degree: int, t: float, work: Array) -> tuple[float, flo
         for i in range(level):
             for axis in range(3):
                 work[i, axis] = rest * work[i, axis] + at * work[i + 1, axis]
-    w = rest * work[0, 2] + at * work[1, 2]
-    x = (rest * work[0, 0] + at * work[1, 0]) / w
-    y = (rest * work[0, 1] + at * work[1, 1]) / w
-    rate = work[1, 2] - work[0, 2]
-    dx = degree * (work[1, 0] - work[0, 0] - rate * x) / w
-    dy = degree * (work[1, 1] - work[0, 1] - rate * y) / w
-    return x + (t - at) * dx, y + (t - at) * dy, dx, dy
+    w = rest * work[0, W] + at * work[1, W]
+    x = (rest * work[0, X] + at * work[1, X]) / w
+    y = (rest * work[0, Y] + at * work[1, Y]) / w
+    rate = work[1, W] - work[0, W]
+    dx = degree * (work[1, X] - work[0, X] - rate * x) / w
+    dy = degree * (work[1, Y] - work[0, Y] - rate * y) / w
+    return Tangent(x + (t - at) * dx, y + (t - at) * dy, dx, dy)
 
 
 @compiled
 def survey(lifted: Array, degree: int, corners: Array, shape: Array) -> None:
-    """Write down where a piece is: its box (least x, y, greatest) and the columns named above."""
+    """Write a piece's control points to `corners` (degree + 1, 2) [m], and its shape to `shape`."""
     for axis in range(2):
-        shape[axis], shape[2 + axis] = math.inf, -math.inf
+        low, high = X0 + axis, X1 + axis
+        shape[low], shape[high] = math.inf, -math.inf
         for i in range(degree + 1):
-            corners[i, axis] = lifted[i, axis] / lifted[i, 2]
-            shape[axis] = min(shape[axis], corners[i, axis])
-            shape[2 + axis] = max(shape[2 + axis], corners[i, axis])
+            corners[i, axis] = lifted[i, axis] / lifted[i, W]
+            shape[low] = min(shape[low], corners[i, axis])
+            shape[high] = max(shape[high], corners[i, axis])
     ex, ey = corners[degree, 0] - corners[0, 0], corners[degree, 1] - corners[0, 1]
     size = math.sqrt(ex * ex + ey * ey)
     ex, ey = (ex / size, ey / size) if size > _NO_LENGTH else (1.0, 0.0)
     shape[CHORD_X], shape[CHORD_Y], shape[LENGTH] = ex, ey, size
-    shape[LEAST_SLOPE], shape[MOST_SLOPE], shape[LEAST_OFFSET], shape[MOST_OFFSET] = (
-        math.inf,
-        -math.inf,
-        0.0,
-        0.0,
-    )
+    shape[LEAST_SLOPE], shape[MOST_SLOPE] = math.inf, -math.inf
+    shape[LEAST_OFFSET] = shape[MOST_OFFSET] = 0.0
     for i in range(degree):
         dx, dy = corners[i + 1, 0] - corners[i, 0], corners[i + 1, 1] - corners[i, 1]
         along, across = dx * ex + dy * ey, ex * dy - ey * dx
         if along > 0.0:
-            shape[LEAST_SLOPE], shape[MOST_SLOPE] = (
-                min(shape[LEAST_SLOPE], across / along),
-                max(shape[MOST_SLOPE], across / along),
-            )
+            shape[LEAST_SLOPE] = min(shape[LEAST_SLOPE], across / along)
+            shape[MOST_SLOPE] = max(shape[MOST_SLOPE], across / along)
         elif along < 0.0 or across != 0.0 or size <= _NO_LENGTH:
             shape[LEAST_SLOPE], shape[MOST_SLOPE] = -math.inf, math.inf
         dx, dy = corners[i + 1, 0] - corners[0, 0], corners[i + 1, 1] - corners[0, 1]
         offset = ex * dy - ey * dx
-        shape[LEAST_OFFSET], shape[MOST_OFFSET] = (
-            min(shape[LEAST_OFFSET], offset),
-            max(shape[MOST_OFFSET], offset),
-        )
-    shape[SIZE] = max(shape[2] - shape[0], shape[3] - shape[1])
+        shape[LEAST_OFFSET] = min(shape[LEAST_OFFSET], offset)
+        shape[MOST_OFFSET] = max(shape[MOST_OFFSET], offset)
+    shape[SIZE] = max(shape[X1] - shape[X0], shape[Y1] - shape[Y0])
 
 
 @compiled
 def beside(shape: Array, corners: Array, others: Array, degree: int, tolerance: float) -> bool:
-    """Tell whether another piece's hull is off the strip along a piece's chord."""
+    """Tell whether another piece is outside the strip along a piece's chord that holds this piece.
+
+    shape, corners: of the piece; others (degree + 1, 2) [m]: control points of the other piece.
+    """
     least, greatest = math.inf, -math.inf
     for i in range(degree + 1):
         dx, dy = others[i, 0] - corners[0, 0], others[i, 1] - corners[0, 1]
@@ -124,22 +160,21 @@ def beside(shape: Array, corners: Array, others: Array, degree: int, tolerance: 
 def boxes_apart(one: Array, other: Array, tolerance: float) -> bool:
     """Tell whether two boxes are farther apart than the tolerance."""
     return bool(
-        one[0] > other[2] + tolerance
-        or other[0] > one[2] + tolerance
-        or one[1] > other[3] + tolerance
-        or other[1] > one[3] + tolerance
+        one[X0] > other[X1] + tolerance
+        or other[X0] > one[X1] + tolerance
+        or one[Y0] > other[Y1] + tolerance
+        or other[Y0] > one[Y1] + tolerance
     )
 
 
 @compiled
-def facing(
-    pieces: Pieces, one: int, other: int, tolerance: float, box: Array
-) -> tuple[int, int, int, int]:
-    """Return the first piece and the one after the last of two curves that may meet.
+def facing(pair: CurvePair, tolerance: float, box: Array) -> Facing:
+    """Return which pieces of two curves may come within the tolerance [m] of each other.
 
-    Every piece before and after them is apart from all of the other curve that are left.  `box`
-    (4,): room to work in.
+    Pieces at both ends of a curve are left out if their boxes are apart from the box around what is
+    left of the other curve.  box (4,) is a workspace.
     """
+    pieces, one, other = pair
     begin, end = pieces.first[one], pieces.first[one + 1]
     its_begin, its_end = pieces.first[other], pieces.first[other + 1]
     left, before = (end - begin) * (its_end - its_begin), math.inf
@@ -149,22 +184,21 @@ def facing(
         _cover(pieces.boxes, begin, end, box)
         its_begin, its_end = _trimmed(pieces.boxes, its_begin, its_end, box, tolerance)
         left, before = (end - begin) * (its_end - its_begin), float(left)
-    return begin, end, its_begin, its_end
+    return Facing(begin, end, its_begin, its_end)
 
 
 @compiled
 def _cover(boxes: Array, begin: int, end: int, box: Array) -> None:
-    """Write down the box around some of the boxes."""
-    box[0], box[1], box[2], box[3] = math.inf, math.inf, -math.inf, -math.inf
+    """Write the box around boxes[begin:end] to `box`."""
+    box[X0], box[Y0], box[X1], box[Y1] = math.inf, math.inf, -math.inf, -math.inf
     for i in range(begin, end):
-        for axis in range(2):
-            box[axis] = min(box[axis], boxes[i, axis])
-            box[2 + axis] = max(box[2 + axis], boxes[i, 2 + axis])
+        box[X0], box[Y0] = min(box[X0], boxes[i, X0]), min(box[Y0], boxes[i, Y0])
+        box[X1], box[Y1] = max(box[X1], boxes[i, X1]), max(box[Y1], boxes[i, Y1])
 
 
 @compiled
 def _trimmed(boxes: Array, begin: int, end: int, box: Array, tolerance: float) -> tuple[int, int]:
-    """Return which of some boxes are left without those at both ends that are apart from a box."""
+    """Return boxes[begin:end] as a range, without those at its ends that are apart from `box`."""
     while begin < end and boxes_apart(boxes[begin], box, tolerance):
         begin += 1
     while begin < end and boxes_apart(boxes[end - 1], box, tolerance):
@@ -174,7 +208,10 @@ def _trimmed(boxes: Array, begin: int, end: int, box: Array, tolerance: float) -
 
 @compiled
 def cones_apart(a: Array, b: Array) -> bool:
-    """Tell whether no line is parallel to a tangent of both; slopes are between -1 and 1."""
+    """Tell whether no tangent of a piece is parallel to one of another, given their shapes.
+
+    The slopes have to be between -1 and 1.
+    """
     sense = 1.0 if a[CHORD_X] * b[CHORD_X] + a[CHORD_Y] * b[CHORD_Y] >= 0.0 else -1.0
     right, left = a[CHORD_X] - a[LEAST_SLOPE] * a[CHORD_Y], a[CHORD_X] - a[MOST_SLOPE] * a[CHORD_Y]
     right_y, left_y = (
@@ -196,7 +233,7 @@ def cones_apart(a: Array, b: Array) -> bool:
 
 @compiled
 def rises(shape: Array, ex: float, ey: float) -> bool:
-    """Tell whether all tangents of a piece clearly point along e."""
+    """Tell whether all tangents of a piece clearly point in the direction of the unit vector e."""
     along, across = (
         shape[CHORD_X] * ex + shape[CHORD_Y] * ey,
         shape[CHORD_X] * ey - shape[CHORD_Y] * ex,
@@ -205,20 +242,22 @@ def rises(shape: Array, ex: float, ey: float) -> bool:
 
 
 @compiled
-def foot(
-    lifted: Array, degree: int, ex: float, ey: float, at: float, work: Array
-) -> tuple[float, float, float]:
-    """Return the t at which a piece that rises or falls along e is `at` there, and its place."""
-    x, y, dx, dy = place(lifted, degree, 0.0, work)
-    begin = x * ex + y * ey
-    x, y, dx, dy = place(lifted, degree, 1.0, work)
-    end = x * ex + y * ey
+def foot(lifted: Array, degree: int, ex: float, ey: float, at: float, work: Array) -> Foot:
+    """Return the point p of a piece with p . e = `at` [m], for a unit vector e.
+
+    Along the piece p . e has to increase everywhere or decrease everywhere.  Newton's method, kept
+    between bounds by bisection.
+    """
+    p = place(lifted, degree, 0.0, work)
+    begin = p.x * ex + p.y * ey
+    p = place(lifted, degree, 1.0, work)
+    end = p.x * ex + p.y * ey
     low, high, t = 0.0, 1.0, (at - begin) / (end - begin)
     for _ in range(_STEPS):
         t = min(max(t, 0.0), 1.0)
-        x, y, dx, dy = place(lifted, degree, t, work)
-        miss = at - (x * ex + y * ey)
-        step = miss / (dx * ex + dy * ey)
+        p = place(lifted, degree, t, work)
+        miss = at - (p.x * ex + p.y * ey)
+        step = miss / (p.dx * ex + p.dy * ey)
         if miss == 0.0 or abs(step) < 1e-15:
             break
         if (miss > 0.0) == (end > begin):
@@ -228,12 +267,12 @@ def foot(
         t = t + step if low < t + step < high else 0.5 * (low + high)
         if high - low < 1e-15:
             break
-    return t, x, y
+    return Foot(t, p.x, p.y)
 
 
 @compiled
 def halve(lifted: Array, degree: int, halves: Array) -> None:
-    """Halve a piece by de Casteljau: its middle becomes a knot as often as the degree."""
+    """Write both halves of a piece to `halves` (2, degree + 1, 3), by de Casteljau's algorithm."""
     for i in range(degree + 1):
         for axis in range(3):
             halves[1, i, axis] = lifted[i, axis]

@@ -3,11 +3,12 @@
 Decides: how far a curve may be from its approximation, and which parameter has a given arc length,
 to a given tolerance.  Must not know: floors, robots or what the bounds are for.
 
-Two facts carry everything.  With positive weights a curve is a convex combination of its control
-points, so a Bezier piece lies in the hull of its own.  And the share of the inner control points
-in it is at most m W / (m W + (1 - m) e), with m = 1 - 2^(1 - degree), W the largest inner and e
-the least outer weight (3/4 for a polynomial cubic): by that factor the piece is nearer to its
-chord than the farthest control point is.
+Everything follows from two facts.  With positive weights a point of a curve is a convex combination
+of control points, so a Bezier piece lies in the convex hull of its own.  In this combination the
+inner control points together have a share of at most m W / (m W + (1 - m) e), with
+m = 1 - 2^(1 - degree), W the largest inner and e the least outer weight (3/4 for a polynomial
+cubic).  The distance of the piece from its chord is at most this share of the distance of the
+farthest control point.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import numpy.typing as npt
 from coordinator.base.compiled import compiled
 from coordinator.curves.knots import bezier_pieces
 from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.curves.nurbs_kernels import W, X, Y
 
 _ROUNDING: Final = 1e-12
 """Allowance for rounding in every bound, as a share of the largest coordinate."""
@@ -29,15 +31,19 @@ _ROUNDING: Final = 1e-12
 _DEPTH: Final = 16
 _STEPS: Final = 64
 
+_START, _DEVIATION, _CORNERS = range(3)
+"""Columns of the pieces that `_halve` returns: the parameter where a piece begins, its deviation
+[m], and from _CORNERS on its control points x, y, x, y ... [m]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """A curve as m pieces, end to end.
+    """A curve as m Bezier pieces, end to end.
 
-    u (m + 1,): the parameters where pieces end.  corners (m, degree + 1, 2) [m]: a piece runs from
-    its first corner to its last, in the convex hull of all its corners.  deviation (m,) [m]: no
-    point of a piece is farther than this from the chord between its ends, and no point of the
-    chord farther from the piece.
+    u (m + 1,): the parameters between pieces and at both ends.  corners (m, degree + 1, 2) [m]: a
+    piece runs from its first corner to its last, in the convex hull of all its corners.
+    deviation (m,) [m]: no point of a piece is farther than this from the chord between its ends,
+    and no point of the chord is farther than this from the piece.
     """
 
     u: Array
@@ -51,7 +57,7 @@ class Chain:
 
     @property
     def lengths(self) -> tuple[float, float]:
-        """Least and greatest length [m] that the curve can have: its chords', its polygons'."""
+        """Bounds of the curve's length [m]: the lengths of all chords and of all polygons."""
         chords = np.hypot(*np.diff(self.points, axis=0).T)
         polygons = np.hypot(*np.diff(self.corners, axis=1).T)
         return float(chords.sum()), float(polygons.sum())
@@ -63,9 +69,9 @@ class Chain:
 
     @property
     def boxes(self) -> Array:
-        """Boxes that hold the pieces: least x, y, greatest x, y, (m, 4) [m].
+        """Boxes (m, 4) [m] that hold the pieces: least x and y, greatest x and y.
 
-        No side is farther out than the piece itself by more than its deviation.
+        No side is farther from its piece than the piece's deviation.
         """
         spare = _ROUNDING * np.abs(self.corners).max()
         chord = self.corners[:, (0, -1)]
@@ -78,9 +84,10 @@ class Chain:
 def flatten(curve: Nurbs, tolerance: float) -> Chain:
     """Return the curve in pieces that deviate from their chords by at most `tolerance` [m].
 
-    Spans are halved until it is so (the bounds shrink to a quarter with each halving), at most 16
-    times: `bound` tells what was reached, rounding included.  Raises ValueError for a tolerance
-    below rounding, weights that are not positive, and curves of degree 0.
+    Spans are halved at most 16 times; each halving reduces the deviation to about a quarter.
+    `Chain.bound` tells what was reached, rounding errors included.  With an infinite tolerance
+    there is one piece per span.  Raises ValueError for a tolerance below the rounding error,
+    weights that are not positive, and curves of degree 0.
     """
     spare = _ROUNDING * float(np.abs(curve.points).max())
     if not tolerance > 2.0 * spare:
@@ -91,20 +98,16 @@ def flatten(curve: Nurbs, tolerance: float) -> Chain:
         )
     borders, pieces = bezier_pieces(*curve.lifted)
     found = _halve(borders, pieces, tolerance - spare)
-    corners = found[:, 2:].reshape(-1, curve.degree + 1, 2)
-    return Chain(np.append(found[:, 0], borders[-1]), corners, found[:, 1] + spare)
-
-
-def hulls(curve: Nurbs) -> Chain:
-    """Return one piece per knot span: the local convex hulls of the curve in Bezier form.
-
-    They are tighter than those of the degree + 1 control points of the curve itself.
-    """
-    return flatten(curve, math.inf)
+    corners = found[:, _CORNERS:].reshape(-1, curve.degree + 1, 2)
+    u = np.append(found[:, _START], borders[-1])
+    return Chain(u, corners, found[:, _DEVIATION] + spare)
 
 
 def bounds(curve: Nurbs, tolerance: float) -> Array:
-    """Return least x, y, greatest x, y of the curve, (4,) [m], each at most `tolerance` out."""
+    """Return a box (4,) [m] that holds the curve, at most `tolerance` [m] too large on each side.
+
+    Its entries are least x and y, greatest x and y.
+    """
     boxes = flatten(curve, tolerance).boxes
     return np.concatenate((boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)))
 
@@ -112,8 +115,8 @@ def bounds(curve: Nurbs, tolerance: float) -> Array:
 def parameter_of(curve: Nurbs, s: npt.ArrayLike, tolerance: float = 1e-10) -> Array:
     """Return the parameters (m,) whose `arc_at` is s (m,) [m] to a tolerance [m]; s is clamped.
 
-    Newton's method from `parameter_at`, kept between bounds by halving.  A tolerance below
-    rounding (about 1e-15 of the length) gives what rounding allows.
+    Newton's method from `parameter_at`, kept between bounds by bisection.  With a tolerance below
+    the rounding error, about 1e-15 of the length, the result is as accurate as rounding allows.
     """
     wanted = np.clip(np.array(s, dtype=np.float64, ndmin=1), 0.0, curve.length)
     u = curve.parameter_at(wanted)
@@ -133,28 +136,31 @@ def parameter_of(curve: Nurbs, s: npt.ArrayLike, tolerance: float = 1e-10) -> Ar
 
 @compiled
 def _deviation(lifted: Array) -> float:
-    """Return a bound on the distance of a Bezier curve (degree + 1, 3) from its chord [m]."""
+    """Return an upper bound of the distance [m] of a piece (degree + 1, 3) from its chord."""
     degree = len(lifted) - 1
-    x, y = lifted[0, 0] / lifted[0, 2], lifted[0, 1] / lifted[0, 2]
-    along = lifted[degree, 0] / lifted[degree, 2] - x
-    across = lifted[degree, 1] / lifted[degree, 2] - y
+    x, y = lifted[0, X] / lifted[0, W], lifted[0, Y] / lifted[0, W]
+    along = lifted[degree, X] / lifted[degree, W] - x
+    across = lifted[degree, Y] / lifted[degree, W] - y
     square = along * along + across * across
     far = heaviest = 0.0
     for i in range(1, degree):
-        dx, dy = lifted[i, 0] / lifted[i, 2] - x, lifted[i, 1] / lifted[i, 2] - y
+        dx, dy = lifted[i, X] / lifted[i, W] - x, lifted[i, Y] / lifted[i, W] - y
         part = (dx * along + dy * across) / square if square > 0.0 else 0.0
         part = min(max(part, 0.0), 1.0)
         dx, dy = dx - part * along, dy - part * across
         far = max(far, dx * dx + dy * dy)
-        heaviest = max(heaviest, lifted[i, 2])
+        heaviest = max(heaviest, lifted[i, W])
     inner = (1.0 - 0.5 ** (degree - 1)) * heaviest
-    outer = 0.5 ** (degree - 1) * min(lifted[0, 2], lifted[degree, 2])
+    outer = 0.5 ** (degree - 1) * min(lifted[0, W], lifted[degree, W])
     return float(math.sqrt(far) * inner / (inner + outer))
 
 
 @compiled
 def _cut(waiting: Array, top: int) -> None:
-    """Halve the Bezier curve waiting[top] by de Casteljau: right half there, left one above."""
+    """Halve the Bezier piece waiting[top] by de Casteljau's algorithm.
+
+    The right half replaces it, the left half is written to waiting[top + 1].
+    """
     count = waiting.shape[1]
     for i in range(count):
         for axis in range(3):
@@ -166,7 +172,7 @@ def _cut(waiting: Array, top: int) -> None:
 
 @compiled
 def _doubled(values: Array) -> Array:
-    """Return a copy (m, n) with room for as many rows again."""
+    """Return a copy of a table (m, n) with twice as many rows."""
     wider = np.empty((2 * len(values), values.shape[1]))
     for i in range(len(values)):
         for j in range(values.shape[1]):
@@ -176,12 +182,13 @@ def _doubled(values: Array) -> Array:
 
 @compiled
 def _halve(borders: Array, pieces: Array, tolerance: float) -> Array:
-    """Halve Bezier curves (n, degree + 1, 3) between borders (n + 1,) until near their chords.
+    """Halve Bezier pieces (n, degree + 1, 3) until they deviate by <= tolerance [m] from chords.
 
-    Returns a row per piece: where it begins, its deviation, and its corners x, y, x, y ...
+    borders (n + 1,): the parameters where pieces begin and end.  Returns a row for each of the new
+    pieces, with the columns named above.
     """
     corners = pieces.shape[1]
-    found, count = np.empty((4 * len(borders), 2 + 2 * corners)), 0
+    found, count = np.empty((4 * len(borders), _CORNERS + 2 * corners)), 0
     waiting, level = np.empty((_DEPTH + 1, corners, 3)), np.zeros(_DEPTH + 1, np.int64)
     for span in range(len(pieces)):
         for i in range(corners):
@@ -199,10 +206,11 @@ def _halve(borders: Array, pieces: Array, tolerance: float) -> Array:
                 continue
             if count == len(found):
                 found = _doubled(found)
-            found[count, 0], found[count, 1] = begin, far
+            found[count, _START], found[count, _DEVIATION] = begin, far
             for i in range(corners):
                 for axis in range(2):
-                    found[count, 2 + 2 * i + axis] = waiting[top, i, axis] / waiting[top, i, 2]
+                    at = _CORNERS + 2 * i + axis
+                    found[count, at] = waiting[top, i, axis] / waiting[top, i, W]
             begin += width * 0.5 ** level[top]
             count, top = count + 1, top - 1
     return found[:count]

@@ -1,11 +1,12 @@
-"""Compiled: a curve cut into chords that stay within a tolerance, proven by its control points.
+"""Compiled: a curve cut into chords whose deviation is proven from its control points.
 
-A Bezier piece with positive weights lies in the hull of its control points and is no longer than
-its control polygon.  The share of the inner control points in it is at most m W / (m W + (1 - m) e)
-with m = 1 - 2^(1 - degree), W the largest inner and e the least outer weight, and by that factor
-it is nearer to its chord than they are.
+A Bezier piece with positive weights lies in the convex hull of its control points and is no longer
+than its control polygon.  The inner control points together have a share of at most
+m W / (m W + (1 - m) e) in each of its points, with m = 1 - 2^(1 - degree), W the largest inner and
+e the least outer weight.  The distance of the piece from its chord is at most this share of the
+distance of the farthest control point.
 
-Decides: where a curve is cut and how far its chords are out.  Must not know: what chords are for.
+Decides: where a curve is cut and how far its chords deviate.  Must not know: what chords are for.
 """
 
 from __future__ import annotations
@@ -16,31 +17,46 @@ from typing import Final
 import numpy as np
 
 from coordinator.base.compiled import compiled
-from coordinator.curves.nurbs_kernels import Array, Indices, measure
+from coordinator.curves.nurbs_kernels import (
+    SPEED,
+    ArcTable,
+    Array,
+    Indices,
+    Series,
+    W,
+    X,
+    Y,
+    measure,
+)
+
+START, START_X, START_Y, DEVIATION, LONGEST = range(5)
+"""Columns of the parts that `cut_evenly` returns: the parameter and place [m] where a part begins,
+its greatest deviation [m] from a chord driven at constant speed, and its greatest length [m]."""
 
 _ROUNDING: Final = 1e-15
-"""Share of all lengths that a sum of them may be out by."""
+"""Rounding error of a sum of lengths, as a share of it."""
 _AIM: Final = 0.95
-"""Share of the tolerance that steps aim at."""
+"""The deviation that a step aims at, as a share of the tolerance."""
 _PLACES: Final = (0.21132486540518713, 0.7886751345948129)
-"""Where in a cell the slope of a cubic Hermite piece is out most."""
+"""Where in a cell, as a share of it, the slope of a cubic Hermite polynomial is worst."""
 
 
 @compiled
-def judge(piece: Array) -> tuple[float, float]:
-    """Return how far a Bezier piece is from its chord travelled evenly, and its longest length.
+def deviation_and_length(piece: Array) -> tuple[float, float]:
+    """Return upper bounds of a Bezier piece's deviation and length [m]; piece is (degree + 1, 3).
 
-    Across the chord it is out by what its control points allow; along it by at most what it can be
-    longer than the chord.
+    The deviation is the distance from a point that drives the chord at constant speed.  Across the
+    chord it follows from the control points; along the chord it is at most the difference of the
+    lengths of piece and chord.
     """
     degree = len(piece) - 1
-    x, y = piece[0, 0] / piece[0, 2], piece[0, 1] / piece[0, 2]
-    along = piece[degree, 0] / piece[degree, 2] - x
-    across = piece[degree, 1] / piece[degree, 2] - y
+    x, y = piece[0, X] / piece[0, W], piece[0, Y] / piece[0, W]
+    along = piece[degree, X] / piece[degree, W] - x
+    across = piece[degree, Y] / piece[degree, W] - y
     square = along * along + across * across
     far = heaviest = polygon = last_x = last_y = 0.0
     for i in range(1, degree + 1):
-        dx, dy = piece[i, 0] / piece[i, 2] - x, piece[i, 1] / piece[i, 2] - y
+        dx, dy = piece[i, X] / piece[i, W] - x, piece[i, Y] / piece[i, W] - y
         polygon += math.sqrt((dx - last_x) * (dx - last_x) + (dy - last_y) * (dy - last_y))
         last_x, last_y = dx, dy
         if i < degree:
@@ -48,9 +64,9 @@ def judge(piece: Array) -> tuple[float, float]:
             part = min(max(part, 0.0), 1.0)
             dx, dy = dx - part * along, dy - part * across
             far = max(far, dx * dx + dy * dy)
-            heaviest = max(heaviest, piece[i, 2])
+            heaviest = max(heaviest, piece[i, W])
     inner = (1.0 - 0.5 ** (degree - 1)) * heaviest
-    outer = 0.5 ** (degree - 1) * min(piece[0, 2], piece[degree, 2])
+    outer = 0.5 ** (degree - 1) * min(piece[0, W], piece[degree, W])
     far *= (inner / (inner + outer)) ** 2
     longer = max(polygon - math.sqrt(square), 0.0)
     return math.sqrt(far + longer * longer), polygon
@@ -58,7 +74,10 @@ def judge(piece: Array) -> tuple[float, float]:
 
 @compiled
 def cut_piece(piece: Array, part: float, left: Array, right: Array) -> None:
-    """Cut a Bezier piece at a share of its parameter: de Casteljau."""
+    """Write both parts of a Bezier piece, cut at the parameter `part`, to `left` and `right`.
+
+    All are (degree + 1, 3); the parameter of each runs from 0 to 1.  De Casteljau's algorithm.
+    """
     count = len(piece)
     for axis in range(3):
         for i in range(count):
@@ -71,7 +90,7 @@ def cut_piece(piece: Array, part: float, left: Array, right: Array) -> None:
 
 @compiled
 def roomy(table: Array, count: int) -> Array:
-    """Return a table (n, k) with room for more than `count` rows, the first ones kept."""
+    """Return a table (n, k) with more than `count` rows: this one, or a longer copy."""
     if count < len(table):
         return table
     wider = np.empty((2 * count + 8, table.shape[1]), table.dtype)
@@ -81,18 +100,18 @@ def roomy(table: Array, count: int) -> Array:
 
 @compiled
 def cut_evenly(borders: Array, pieces: Array, tolerance: float) -> Array:
-    """Cut Bezier pieces (n, degree + 1, 3) between borders (n + 1,) until near their chords.
+    """Cut a curve's Bezier pieces (n, degree + 1, 3) into parts that deviate by <= tolerance [m].
 
-    Returns a row per part: where it begins (u, x, y), how far it is out, its longest length.  The
-    distance from the chord grows with the square of a step, so each step tells the next one; what
-    is left at the end of a piece is cut evenly.
+    borders (n + 1,): the parameters where pieces begin and end.  Returns a row (5,) per part, with
+    the columns named above.  The deviation grows with the square of the step, so the size of each
+    step follows from the deviation of the one before.  The rest of a piece is cut evenly.
     """
     found, count = np.empty((8 * len(borders), 5)), 0
     rest, left, right = np.empty_like(pieces[0]), np.empty_like(pieces[0]), np.empty_like(pieces[0])
     for piece in range(len(pieces)):
         begin, end, grown = borders[piece], borders[piece + 1], False
         rest[:] = pieces[piece]
-        step = (end - begin) * min(math.sqrt(_AIM * tolerance / judge(rest)[0]), 1.0)
+        step = (end - begin) * min(math.sqrt(_AIM * tolerance / deviation_and_length(rest)[0]), 1.0)
         while begin < end:
             remaining = end - begin
             part = min(step / remaining, 1.0)
@@ -102,7 +121,7 @@ def cut_evenly(borders: Array, pieces: Array, tolerance: float) -> Array:
             if part < 1.0:
                 cut_piece(rest, part, left, right)
                 taken = left
-            far, longest = judge(taken)
+            far, longest = deviation_and_length(taken)
             change = math.sqrt(_AIM * tolerance / far)
             if far > tolerance:
                 step = part * remaining * min(max(change, 0.2), 0.9)
@@ -113,8 +132,10 @@ def cut_evenly(borders: Array, pieces: Array, tolerance: float) -> Array:
                 continue
             grown = False
             found = roomy(found, count)
-            found[count, 0], found[count, 3], found[count, 4] = begin, far, longest
-            found[count, 1], found[count, 2] = rest[0, 0] / rest[0, 2], rest[0, 1] / rest[0, 2]
+            found[count, START] = begin
+            found[count, START_X] = rest[0, X] / rest[0, W]
+            found[count, START_Y] = rest[0, Y] / rest[0, W]
+            found[count, DEVIATION], found[count, LONGEST] = far, longest
             count += 1
             if part == 1.0:
                 break
@@ -127,17 +148,19 @@ def cut_evenly(borders: Array, pieces: Array, tolerance: float) -> Array:
 def join_straight(
     parts: Array, ends: Array, s: Array, tolerance: float, scale: float
 ) -> tuple[Indices, float]:
-    """Join neighbouring parts to chords; return where chords begin and end, and their error [m].
+    """Join neighbouring parts (m, 5) to longer chords that deviate by at most `tolerance` [m].
 
-    ends (m + 1, 2) and s (m + 1,) are the places between parts.  A curve of length L over a chord c
-    is at most L t from its one and L (1 - t) from its other end, so by Stewart's theorem its
-    distance from the point at share t of the chord is at most sqrt(t (1 - t) (L^2 - c^2)).
+    ends (m + 1, 2) [m] and s (m + 1,) [m]: places and arc lengths between parts; scale [m]: the
+    largest coordinate.  Returns the indices of the ends that are kept, and the greatest deviation
+    [m].  At the share t of its length a curve of length L is at most L t from its start and
+    L (1 - t) from its end.  By Stewart's theorem its distance from the point at the share t of its
+    chord c is then at most sqrt(t (1 - t) (L^2 - c^2)).
     """
     keep, count, error = np.zeros(len(parts) + 1, np.int64), 0, 0.0
-    first, longest, far = 0, parts[0, 4], parts[0, 3]
+    first, longest, far = 0, parts[0, LONGEST], parts[0, DEVIATION]
     for i in range(1, len(parts) + 1):
         if i < len(parts):
-            longer = longest + parts[i, 4]
+            longer = longest + parts[i, LONGEST]
             dx, dy = ends[i + 1, 0] - ends[first, 0], ends[i + 1, 1] - ends[first, 1]
             chord = math.sqrt(dx * dx + dy * dy)
             excess = max(longer - chord, 0.0) + _ROUNDING * (scale + longer)
@@ -145,24 +168,23 @@ def join_straight(
             if joined <= tolerance or s[i] <= s[first] or s[i + 1] <= s[i]:
                 longest, far = longer, joined
                 continue
-            longest = parts[i, 4]
+            longest = parts[i, LONGEST]
         error, first, count = max(error, far), i, count + 1
         keep[count] = i
         if i < len(parts):
-            far = parts[i, 3]
+            far = parts[i, DEVIATION]
     return keep[: count + 1], error
 
 
 @compiled
-def inverse_error(
-    borders: Array, powers: Array, table_u: Array, table_s: Array, slope: Array
-) -> float:
-    """Return how far [m] arc lengths may be missed by a cubic Hermite piece per cell.
+def inverse_error(curve: Series, table: ArcTable) -> float:
+    """Return an estimate of the greatest error [m] of `parameters_at`, as an arc length.
 
-    The arguments are those of nurbs_kernels.  The inverse is right at both ends of a cell, so it is
-    out by at most half a cell's size times what its slope is out.  The slope is looked at in two
-    places: where it is out most as long as cells are short.
+    The interpolation is exact at both ends of a cell, so its error is at most half the length of
+    the cell times the error of its slope.  The latter is computed at the two places of each cell
+    where it is greatest if the cell is short.
     """
+    (borders, powers), (table_u, table_s, slope) = curve, table
     worst, span = 0.0, 0
     offsets, rates, work = np.empty(2), np.empty(2), np.empty((6, 2))
     for cell in range(len(table_s) - 1):
@@ -182,5 +204,5 @@ def inverse_error(
             rates[lane] = rate + 6.0 * part * rest * wide / size
         measure(powers[span], offsets, work)
         for lane in range(2):
-            worst = max(worst, 0.5 * size * abs(rates[lane] * work[0, lane] - 1.0))
+            worst = max(worst, 0.5 * size * abs(rates[lane] * work[SPEED, lane] - 1.0))
     return worst

@@ -10,7 +10,14 @@ from typing import Final
 
 import numpy as np
 
-from coordinator.curves.chord_kernels import cut_evenly, inverse_error, join_straight
+from coordinator.curves.chord_kernels import (
+    START,
+    START_X,
+    START_Y,
+    cut_evenly,
+    inverse_error,
+    join_straight,
+)
 from coordinator.curves.knots import bezier_pieces
 from coordinator.curves.nurbs import Array, Nurbs
 
@@ -18,17 +25,18 @@ _ROUNDING: Final = 1e-12
 """Allowance for rounding in the error, as a share of the largest coordinate."""
 
 _CLOSER: Final = 1e-4
-"""What the inverse of the arc length may miss [m] before it is looked at closely."""
+"""From this estimate [m] on, the error of the inverse arc length is sampled instead."""
 _SAMPLES: Final = 16
+"""Parts of a cell between the samples."""
 
 
 @dataclass(frozen=True, eq=False)
 class Chords:
     """A path as n chords: s (n + 1,) [m], points (n + 1, 2) [m] and error [m].
 
-    s are arc lengths that increase from 0 to the length of the path (a path without length is one
-    chord with s = (0, 0)).  For every arc length the curve's point differs from the linear
-    interpolation in s of `points` by at most `error`.
+    s are arc lengths that increase from 0 to the length of the path; a path without length is one
+    chord with s = (0, 0).  At every arc length the curve's point is at most `error` away from
+    `points`, interpolated linearly in s.
     """
 
     s: Array
@@ -37,12 +45,12 @@ class Chords:
 
 
 def chords_of(curve: Nurbs, tolerance: float = 5e-4) -> Chords:
-    """Return a curve as chords whose error is at most `tolerance` [m], along the curve included.
+    """Return a curve as chords whose error, across and along the curve, is at most `tolerance` [m].
 
-    The error is proven for the arc length as it is.  What the curve's own inverse of it misses is
-    added as estimated: it is below a micrometre on smooth paths and may exceed the tolerance where
-    a curve almost stands still in its parameter.  Raises ValueError for a tolerance that rounding
-    takes, weights that are not positive, and curves of degree 0.
+    The error is proven for exact arc lengths.  An estimate of the error of `Nurbs.parameter_at` is
+    added: it is below a micrometre on smooth paths and may exceed the tolerance where |C'| is
+    almost 0.  Raises ValueError for a tolerance below the rounding error, weights that are not
+    positive, and curves of degree 0.
     """
     scale = float(np.abs(curve.points).max())
     spare = _ROUNDING * scale
@@ -55,23 +63,22 @@ def chords_of(curve: Nurbs, tolerance: float = 5e-4) -> Chords:
     if curve.length == 0.0:
         spread = float(np.hypot(*(curve.points - curve.points[0]).T).max())
         return Chords(np.zeros(2), curve.points[[0, 0]], spread + spare)
-    borders, powers = curve._series
-    table = curve._table
-    missed = inverse_error(borders, powers, *table)
+    missed = inverse_error(curve._series, curve._table)
     if missed > _CLOSER:
         missed = _sampled_error(curve)
     allowed = max(tolerance - spare - missed, 0.5 * tolerance)
+    borders = curve._series.borders
     parts = cut_evenly(borders, bezier_pieces(*curve.lifted)[1], allowed)
-    u = np.append(parts[:, 0], borders[-1])
-    ends = np.concatenate((parts[:, 1:3], curve.points[-1:]))
+    u = np.append(parts[:, START], borders[-1])
+    ends = np.concatenate((parts[:, (START_X, START_Y)], curve.points[-1:]))
     s = curve.arc_at(u)
     keep, error = join_straight(parts, ends, s, allowed, scale)
     return Chords(s[keep], ends[keep], error + spare + missed)
 
 
 def _sampled_error(curve: Nurbs) -> float:
-    """Return how far [m] the curve's own inverse misses arc lengths, from samples in all cells."""
-    table = curve._table[1]
+    """Return the error [m] of `Nurbs.parameter_at`, as an arc length, from samples in all cells."""
+    ends = curve._table.s
     share = np.arange(1, _SAMPLES) / _SAMPLES
-    s = (table[:-1, None] + np.diff(table)[:, None] * share).ravel()
+    s = (ends[:-1, None] + np.diff(ends)[:, None] * share).ravel()
     return 1.25 * float(np.abs(curve.arc_at(curve.parameter_at(s)) - s).max())

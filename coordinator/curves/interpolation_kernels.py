@@ -1,6 +1,6 @@
-"""Compiled: interpolation of values and times between known places, for many places at a time.
+"""Compiled: interpolation between the knots of a table, for many places at a time.
 
-Decides: what lies between knots.  Must not know: whose path it is.
+Decides: which values and times lie between knots.  Must not know: whose path it is.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from coordinator.curves.nurbs import Array
 
 @compiled
 def between(known: Array, values: Array, at: Array) -> Array:
-    """Return the values (m,) at places (m,), linear between known ones (n,) that never decrease.
+    """Return the values at places `at` (m,), linear between `values` (n,) at places `known` (n,).
 
-    Where known places repeat, the value before them counts up to there.
+    `known` must not decrease.  Where it has equal entries, the first of their values is returned.
+    Outside `known` the nearest value is returned.
     """
     found = np.empty(len(at))
     for i in range(len(at)):
@@ -30,9 +31,9 @@ def between(known: Array, values: Array, at: Array) -> Array:
 
 @compiled
 def times_at(knots_s: Array, knots_w: Array, s: Array) -> Array:
-    """Return the times [s] since the first knot at arc lengths s (m,) [m] within the knots.
+    """Return the times (m,) [s] from the first knot to arc lengths s (m,) [m] between the knots.
 
-    knots_s (n,) [m], knots_w (n,): v^2 there, linear in s between them.
+    knots_s (n,) [m]; knots_w (n,) [m^2/s^2]: v^2 at the knots, linear in s between them.
     """
     begun = np.zeros(len(knots_s))
     for k in range(1, len(knots_s)):

@@ -1,24 +1,26 @@
 """Compiled: the search for all places at which two curves come within a tolerance of each other.
 
-Algorithm 1 of the paper, made to find all: where two local convex hulls meet, knots are inserted
-half-way (a rational Bezier piece is halved), until a pair of pieces is decided:
+Algorithm 1 of the paper, extended to find all of them.  Where the local convex hulls of two pieces
+meet, knots are inserted half-way (a rational Bezier piece is halved), until each pair of pieces is
+decided by one of these rules:
 
-- hulls, or the strips along their chords, farther apart than the tolerance: nothing there;
-- cones of tangents without a common line: at most one crossing, and Newton's method finds it;
-- both rise along one axis and are within twice the tolerance of each other wherever both are: they
-  run together.  Different irreducible curves of degrees k and l meet in at most k l points, so
-  k l + 1 places are looked at.
+- The hulls, or the strips along the chords, are farther apart than the tolerance: no intersection.
+- No tangent of one piece is parallel to one of the other: at most one crossing, which Newton's
+  method finds.
+- Both are monotonic in one direction and within twice the tolerance of each other: they run
+  together.  Different irreducible curves of degrees k and l meet in at most k l points, so it is
+  enough to compare them in k l + 1 places.
 
-The source of the algorithm is Moerken, Reimers and Schulz 2009.  Whatever is left at the size of
-the tolerance counts as running together, so every pair is decided.
+The source of the algorithm is Moerken, Reimers and Schulz 2009.  Pieces as small as the tolerance
+that are still near each other count as running together, so every pair is decided.
 
-Decides: which pairs of pieces meet.  Must not know: which of the answers are the same place.
+Decides: which pairs of pieces meet.  Must not know: which results belong to one intersection.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.bezier_kernels import (
@@ -29,7 +31,7 @@ from coordinator.curves.bezier_kernels import (
     MOST_SLOPE,
     SIZE,
     Array,
-    Pieces,
+    CurvePair,
     beside,
     boxes_apart,
     cones_apart,
@@ -44,116 +46,138 @@ from coordinator.curves.pair_stack_kernels import (
     ROOM,
     SAME,
     STRANGERS,
-    Desk,
-    cut,
-    lay_out,
-    settle,
+    U0,
+    U1,
+    V0,
+    V1,
+    PairStack,
+    append_found,
+    halve_top,
+    start,
 )
 
 APART: Final = 0
 CROSS: Final = 1
 RUN: Final = 2
 CUT: Final = 3
+"""Verdicts on a pair of pieces: they are apart, cross once, run together, or have to be halved."""
 
 _STEPS: Final = 16
 _FLAT: Final = 0.05
 """Sine of the angle between chords below which pieces may run together."""
 _BUDGET: Final = 300_000
-"""Looks at pairs of pieces that two curves may take ..."""
+"""Pairs of pieces that a limited search for two curves examines at most ..."""
 _FAIR: Final = 200
-"""... and those that each pair of whole pieces whose boxes meet may take besides."""
+"""... with as many more for each pair of whole pieces whose boxes meet."""
+
+
+class _Gap(NamedTuple):
+    """The distance [m] of points t and its_t of two pieces."""
+
+    size: float
+    t: float
+    its_t: float
 
 
 @compiled
 def _gap_at(
-    desk: Desk, top: int, degrees: tuple[int, int], ex: float, ey: float, at: float
-) -> float:
-    """Return how far apart two pieces are across e at a place along e; leaves both t in found."""
-    t, x, y = foot(desk.lifted[top, 0], degrees[0], ex, ey, at, desk.work)
-    other, its_x, its_y = foot(desk.lifted[top, 1], degrees[1], ex, ey, at, desk.work)
-    desk.found[0], desk.found[1] = t, other
-    return abs(ex * (its_y - y) - ey * (its_x - x))
+    stack: PairStack, top: int, degrees: tuple[int, int], ex: float, ey: float, at: float
+) -> _Gap:
+    """Return the gap of two pieces across the unit vector e, where both have p . e = `at`."""
+    mine = foot(stack.lifted[top, 0], degrees[0], ex, ey, at, stack.work)
+    its = foot(stack.lifted[top, 1], degrees[1], ex, ey, at, stack.work)
+    return _Gap(abs(ex * (its.y - mine.y) - ey * (its.x - mine.x)), mine.t, its.t)
 
 
 @compiled
-def _alongside(desk: Desk, top: int, degrees: tuple[int, int], tolerance: float) -> int:
-    """Decide two pieces by what they do along their common direction: APART, RUN or CUT."""
-    a, b = desk.shape[0], desk.shape[1]
+def _remember(stack: PairStack, begin: _Gap, end: _Gap) -> None:
+    """Write where the pair on top runs together to `found`."""
+    stack.found[U0], stack.found[U1] = begin.t, end.t
+    stack.found[V0], stack.found[V1] = begin.its_t, end.its_t
+
+
+@compiled
+def _alongside(stack: PairStack, top: int, degrees: tuple[int, int], tolerance: float) -> int:
+    """Decide a pair by comparing the pieces along the mean direction of their chords.
+
+    Returns APART, RUN (and writes where to `found`) or CUT.
+    """
+    a, b = stack.shape[0], stack.shape[1]
     sense = 1.0 if a[CHORD_X] * b[CHORD_X] + a[CHORD_Y] * b[CHORD_Y] >= 0.0 else -1.0
     ex, ey = a[CHORD_X] + sense * b[CHORD_X], a[CHORD_Y] + sense * b[CHORD_Y]
     size = math.sqrt(ex * ex + ey * ey)
     ex, ey = ex / size, ey / size
     if not (rises(a, ex, ey) and rises(b, sense * ex, sense * ey)):
         return CUT
-    if sense > 0.0 and desk.relation[top] == NEIGHBOURS:
+    if sense > 0.0 and stack.relation[top] == NEIGHBOURS:
         return APART
-    p, q = desk.corners[0], desk.corners[1]
+    p, q = stack.corners[0], stack.corners[1]
     first, last = (0, degrees[1]) if sense > 0.0 else (degrees[1], 0)
     low = max(p[0, 0] * ex + p[0, 1] * ey, q[first, 0] * ex + q[first, 1] * ey)
     high = min(p[degrees[0], 0] * ex + p[degrees[0], 1] * ey, q[last, 0] * ex + q[last, 1] * ey)
     if high - low <= tolerance:
-        middle = 0.5 * (low + high)
-        near = high - low >= -tolerance
-        near = near and _gap_at(desk, top, degrees, ex, ey, middle) <= 2.0 * tolerance
-        desk.found[2], desk.found[3] = desk.found[1], desk.found[1]
-        desk.found[1] = desk.found[0]
-        return RUN if near and desk.relation[top] == STRANGERS else APART
+        if high - low < -tolerance or stack.relation[top] != STRANGERS:
+            return APART
+        gap = _gap_at(stack, top, degrees, ex, ey, 0.5 * (low + high))
+        _remember(stack, gap, gap)
+        return RUN if gap.size <= 2.0 * tolerance else APART
     part = 0.41
     for _ in range(degrees[0] * degrees[1] + 1):
-        if _gap_at(desk, top, degrees, ex, ey, low + part * (high - low)) > 2.0 * tolerance:
+        if _gap_at(stack, top, degrees, ex, ey, low + part * (high - low)).size > 2.0 * tolerance:
             return CUT
         part = (part + 0.618033988749895) % 1.0
-    if _gap_at(desk, top, degrees, ex, ey, high) > 2.0 * tolerance:
+    end = _gap_at(stack, top, degrees, ex, ey, high)
+    if end.size > 2.0 * tolerance:
         return CUT
-    end, its_end = desk.found[0], desk.found[1]
-    if _gap_at(desk, top, degrees, ex, ey, low) > 2.0 * tolerance:
+    begin = _gap_at(stack, top, degrees, ex, ey, low)
+    if begin.size > 2.0 * tolerance:
         return CUT
-    begin, its_begin = desk.found[0], desk.found[1]
-    desk.found[0], desk.found[1], desk.found[2], desk.found[3] = begin, end, its_begin, its_end
+    _remember(stack, begin, end)
     return RUN
 
 
 @compiled
-def _touch(desk: Desk, top: int, degrees: tuple[int, int], tolerance: float) -> int:
-    """Look whether pieces whose only crossing is off their ends still come within tolerance."""
-    a, b, found = desk.lifted[top, 0], desk.lifted[top, 1], desk.found
-    s, t = min(max(found[0], 0.0), 1.0), min(max(found[2], 0.0), 1.0)
+def _touch(stack: PairStack, top: int, degrees: tuple[int, int], tolerance: float) -> int:
+    """Decide pieces that would cross beyond an end: RUN if they come within tolerance, or APART.
+
+    Starts from the parameters in `found` and projects each piece's point on the other in turn.
+    """
+    a, b, found = stack.lifted[top, 0], stack.lifted[top, 1], stack.found
+    s, t = min(max(found[U0], 0.0), 1.0), min(max(found[V0], 0.0), 1.0)
     gap = math.inf
     for _ in range(4):
-        x, y, dx, dy = place(a, degrees[0], s, desk.work)
-        its_x, its_y, its_dx, its_dy = place(b, degrees[1], t, desk.work)
+        x, y, dx, dy = place(a, degrees[0], s, stack.work)
+        its_x, its_y, its_dx, its_dy = place(b, degrees[1], t, stack.work)
         rate = its_dx * its_dx + its_dy * its_dy
         if rate > 0.0:
             t -= ((its_x - x) * its_dx + (its_y - y) * its_dy) / rate
             t = min(max(t, 0.0), 1.0)
-        its_x, its_y, its_dx, its_dy = place(b, degrees[1], t, desk.work)
+        its_x, its_y, its_dx, its_dy = place(b, degrees[1], t, stack.work)
         rate = dx * dx + dy * dy
         if rate > 0.0:
             s += ((its_x - x) * dx + (its_y - y) * dy) / rate
             s = min(max(s, 0.0), 1.0)
-        x, y, dx, dy = place(a, degrees[0], s, desk.work)
+        x, y, dx, dy = place(a, degrees[0], s, stack.work)
         gap = math.sqrt((its_x - x) ** 2 + (its_y - y) ** 2)
-    found[0], found[1], found[2], found[3] = s, s, t, t
+    found[U0], found[U1], found[V0], found[V1] = s, s, t, t
     return RUN if gap <= tolerance else APART
 
 
 @compiled
-def _cross(desk: Desk, top: int, degrees: tuple[int, int], tolerance: float) -> int:
-    """Find the only crossing of two pieces, prolonged straight: CROSS, APART, or CUT if unsure."""
-    a, b = desk.lifted[top, 0], desk.lifted[top, 1]
+def _cross(stack: PairStack, top: int, degrees: tuple[int, int], tolerance: float) -> int:
+    """Find the only crossing of two pieces, extended straight at their ends, by Newton's method.
+
+    Returns CROSS or RUN (and writes where to `found`), APART, or CUT if the method fails.
+    """
+    a, b = stack.lifted[top, 0], stack.lifted[top, 1]
     s = t = 0.5
     for step in range(_STEPS):
-        x, y, dx, dy = place(a, degrees[0], s, desk.work)
-        its_x, its_y, its_dx, its_dy = place(b, degrees[1], t, desk.work)
+        x, y, dx, dy = place(a, degrees[0], s, stack.work)
+        its_x, its_y, its_dx, its_dy = place(b, degrees[1], t, stack.work)
         if step == 0:
-            dx, dy = (
-                desk.shape[0, CHORD_X] * desk.shape[0, LENGTH],
-                desk.shape[0, CHORD_Y] * desk.shape[0, LENGTH],
-            )
-            its_dx, its_dy = (
-                desk.shape[1, CHORD_X] * desk.shape[1, LENGTH],
-                desk.shape[1, CHORD_Y] * desk.shape[1, LENGTH],
-            )
+            mine, its = stack.shape[0], stack.shape[1]
+            dx, dy = mine[CHORD_X] * mine[LENGTH], mine[CHORD_Y] * mine[LENGTH]
+            its_dx, its_dy = its[CHORD_X] * its[LENGTH], its[CHORD_Y] * its[LENGTH]
         x, y = its_x - x, its_y - y
         det = dy * its_dx - dx * its_dy
         if det == 0.0:
@@ -166,19 +190,19 @@ def _cross(desk: Desk, top: int, degrees: tuple[int, int], tolerance: float) -> 
         return CUT
     out = max(-s, s - 1.0, 0.0) * math.sqrt(dx * dx + dy * dy)
     its_out = max(-t, t - 1.0, 0.0) * math.sqrt(its_dx * its_dx + its_dy * its_dy)
-    desk.found[0], desk.found[1], desk.found[2], desk.found[3] = s, s, t, t
+    stack.found[U0], stack.found[U1], stack.found[V0], stack.found[V1] = s, s, t, t
     if out == 0.0 and its_out == 0.0:
         return CROSS
-    return _touch(desk, top, degrees, tolerance) if out + its_out < 1e4 * tolerance else APART
+    return _touch(stack, top, degrees, tolerance) if out + its_out < 1e4 * tolerance else APART
 
 
 @compiled
-def _examine(desk: Desk, top: int, degrees: tuple[int, int], tolerance: float) -> int:
-    """Decide the pair on top: APART, CROSS or RUN (where, is left in found), or CUT."""
-    relation, a, b = desk.relation[top], desk.shape[0], desk.shape[1]
-    survey(desk.lifted[top, 0], degrees[0], desk.corners[0], a)
-    survey(desk.lifted[top, 1], degrees[1], desk.corners[1], b)
-    p, q = desk.corners[0], desk.corners[1]
+def _examine(stack: PairStack, top: int, degrees: tuple[int, int], tolerance: float) -> int:
+    """Return the verdict on the pair on top; for CROSS and RUN, write where it meets to `found`."""
+    relation, a, b = stack.relation[top], stack.shape[0], stack.shape[1]
+    survey(stack.lifted[top, 0], degrees[0], stack.corners[0], a)
+    survey(stack.lifted[top, 1], degrees[1], stack.corners[1], b)
+    p, q = stack.corners[0], stack.corners[1]
     if relation == STRANGERS and (
         boxes_apart(a, b, tolerance)
         or beside(a, p, q, degrees[1], tolerance)
@@ -186,7 +210,7 @@ def _examine(desk: Desk, top: int, degrees: tuple[int, int], tolerance: float) -
     ):
         return APART
     if top + 4 > ROOM or max(a[SIZE], b[SIZE]) <= 0.5 * tolerance:
-        desk.found[:] = 0.5
+        stack.found[:] = 0.5
         return RUN if relation == STRANGERS else APART
     if relation == SAME:
         return APART if a[MOST_SLOPE] < math.inf else CUT
@@ -194,41 +218,43 @@ def _examine(desk: Desk, top: int, degrees: tuple[int, int], tolerance: float) -
         return CUT
     disjoint = cones_apart(a, b)
     if not disjoint or abs(a[CHORD_X] * b[CHORD_Y] - a[CHORD_Y] * b[CHORD_X]) < _FLAT:
-        verdict = _alongside(desk, top, degrees, tolerance)
+        verdict = _alongside(stack, top, degrees, tolerance)
         if verdict != CUT:
             return verdict
     if disjoint:
-        return APART if relation == NEIGHBOURS else _cross(desk, top, degrees, tolerance)
+        return APART if relation == NEIGHBOURS else _cross(stack, top, degrees, tolerance)
     return CUT
 
 
 @compiled
 def search(
-    pieces: Pieces, one: int, other: int, tolerance: float, limited: bool, desk: Desk, rows: Array
+    pair: CurvePair, tolerance: float, limited: bool, stack: PairStack, rows: Array
 ) -> tuple[Array, int]:
-    """Find where two curves (or, the same one twice, a curve and itself) come together.
+    """Find where two curves, or a curve and itself, come within the tolerance [m] of each other.
 
-    Returns rows (kind, u0, u1, v0, v1) and how many count, -1 when that takes longer than is fair:
-    the curves then run beside each other at little more than the tolerance.
+    Returns a table with the columns U0, U1, V0, V1 and KIND, and how many of its rows are results.
+    `rows` is the table that is used until it is full.  A limited search that takes too long gives
+    up and returns -1: the curves then run beside each other at little more than the tolerance.
     """
+    pieces, one, other = pair
     degrees, count, budget = (pieces.degree[one], pieces.degree[other]), 0, _BUDGET
-    begin, end, its_begin, its_end = facing(pieces, one, other, tolerance, desk.found)
+    begin, end, its_begin, its_end = facing(pair, tolerance, stack.found)
     for i in range(begin, end):
         for j in range(i if one == other else its_begin, its_end):
             if boxes_apart(pieces.boxes[i], pieces.boxes[j], tolerance):
                 continue
-            lay_out(pieces, i, j, degrees, one == other, desk)
+            start(pair, i, j, degrees, stack)
             top, budget = 0, budget + _FAIR
             while top >= 0:
                 budget -= 1
                 if limited and budget < 0:
                     return rows, -1
-                verdict = _examine(desk, top, degrees, tolerance)
+                verdict = _examine(stack, top, degrees, tolerance)
                 if verdict == CUT:
-                    top = cut(desk, top, degrees)
+                    top = halve_top(stack, top, degrees)
                     continue
                 if verdict != APART:
-                    rows = settle(desk, top, verdict, rows, count)
+                    rows = append_found(stack, top, verdict, rows, count)
                     count += 1
                 top -= 1
     return rows, count

@@ -1,72 +1,115 @@
-"""Compiled: the meetings of curves, made of the rows that the search finds.
+"""Compiled: points and overlaps, made from what the search for intersections finds.
 
-A meeting is a place at which two curves are within a tolerance of each other; one stretch of that
-kind is one meeting.  It is an overlap when pieces of both curves lie on one another from a border
-of one of their pieces to another, as irreducible curves do; otherwise it is a point: the crossing,
-or where the tangents are parallel.
+Wherever two curves stay within a tolerance of each other, they have one intersection.  It is an
+overlap if both curves coincide from one border of a piece to another, as irreducible curves do.
+Otherwise it is a point: the crossing, or the place where the tangents are parallel.
 
-Decides: which of the places that the search finds are the same, and what kind they are.  Must not
-know: how they are searched for.
+Decides: which results of the search belong to one intersection, and of what kind it is.  Must not
+know: how the search works.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from coordinator.base.compiled import compiled
-from coordinator.curves.bezier_kernels import Array, Indices, Pieces
-from coordinator.curves.crossing_kernels import compare, is_trivial, point_at, touch_in
+from coordinator.curves.bezier_kernels import Array, CurvePair, Indices, Pieces
+from coordinator.curves.crossing_kernels import (
+    PAIR,
+    PLACE_X,
+    PLACE_Y,
+    U,
+    V,
+    is_trivial,
+    point_at,
+    project,
+    touch_in,
+)
 from coordinator.curves.intersection_kernels import CROSS, search
-from coordinator.curves.pair_stack_kernels import Desk, make_desk
+from coordinator.curves.pair_stack_kernels import KIND, U0, U1, V0, V1, PairStack, make_stack
 
 _COARSE: Final = 1e-4
-"""Up to this tolerance [m] a search that takes too long is made again, ten times coarser."""
+"""Below this tolerance [m] a search that takes too long is repeated with a tenfold tolerance."""
 _REACH: Final = 0.03
-"""Places farther apart [m] are never one meeting, unless an overlap joins them."""
+"""Results farther apart [m] belong to one intersection only if an overlap joins them."""
 _SAME: Final = 1e-7
-"""Crossings of one stretch that are nearer [m] are one; others bound a touch."""
+"""Crossings of one intersection that are nearer [m] count once; others are the ends of a touch."""
 _SHORTEST: Final = 1e-6
+"""Least length [m] of an overlap that begins and ends at borders of pieces ..."""
 _LONG: Final = 0.25
-"""Overlaps are longer [m]; those that do not begin and end at borders, longer than that."""
+"""... and of any other overlap."""
+
+
+class IntersectionTables(NamedTuple):
+    """The intersections of many pairs of curves.
+
+    points (n, 5) have the columns U, V, PLACE_X, PLACE_Y, PAIR; overlaps (m, 5) have U0, U1, V0,
+    V1, PAIR.  tolerances [m], one per pair: what was used, which is coarser than what was asked
+    for if the search took too long.
+    """
+
+    points: Array
+    overlaps: Array
+    tolerances: Array
+
+
+class _Results(NamedTuple):
+    """What the search found for a pair of curves, sorted by least x.
+
+    rows (n, 5): ranges and kinds.  ends (n, 2, 2) [m]: the first curve's places at U0 and U1.
+    group (n,): disjoint sets of results that belong to one intersection; each entry is the index of
+    another member, or the result's own index if it is the root of its set.  overlap (n,): at a
+    root, whether the set is an overlap.
+    """
+
+    rows: Array
+    ends: Array
+    group: Indices
+    overlap: npt.NDArray[np.bool_]
+
+
+class _Point(NamedTuple):
+    """Parameters u and v on two curves, and the place x, y [m] there."""
+
+    u: float
+    v: float
+    x: float
+    y: float
 
 
 @compiled
-def find_all(pieces: Pieces, pairs: Indices, tolerance: float) -> tuple[Array, Array, Array]:
-    """Return points (pair, u, v, x, y), overlaps (pair, u0, u1, v0, v1), tolerances (pairs,) [m].
-
-    The tolerance of a pair is coarser than what is asked for when its search took too long.
-    """
-    desk = make_desk(int(np.max(pieces.degree)) + 1)
+def find_all(pieces: Pieces, pairs: Indices, tolerance: float) -> IntersectionTables:
+    """Return the intersections of each pair (m, 2) of curves, to a tolerance [m]."""
+    stack = make_stack(int(np.max(pieces.degree)) + 1)
     rows, points, overlaps = np.empty((64, 5)), np.empty((64, 5)), np.empty((16, 5))
     used = np.full(len(pairs), tolerance)
     found = over = 0
-    for pair in range(len(pairs)):
-        one, other, fine = pairs[pair, 0], pairs[pair, 1], tolerance
-        rows, count = search(pieces, one, other, fine, fine < _COARSE, desk, rows)
+    for number in range(len(pairs)):
+        pair, fine = CurvePair(pieces, pairs[number, 0], pairs[number, 1]), tolerance
+        rows, count = search(pair, fine, fine < _COARSE, stack, rows)
         while count < 0:
             fine *= 10.0
-            rows, count = search(pieces, one, other, fine, fine < _COARSE, desk, rows)
-        used[pair] = fine
+            rows, count = search(pair, fine, fine < _COARSE, stack, rows)
+        used[number] = fine
         if count == 0:
             continue
-        new, new_over = _sort_out(pieces, one, other, fine, desk, rows[:count])
+        new, new_over = _sort_out(pair, fine, stack, rows[:count])
+        new[:, PAIR], new_over[:, PAIR] = number, number
         points = _with_room(points, found + len(new))
         overlaps = _with_room(overlaps, over + len(new_over))
-        for k in range(len(new)):
-            points[found + k, 0], points[found + k, 1:] = pair, new[k]
-        for k in range(len(new_over)):
-            overlaps[over + k, 0], overlaps[over + k, 1:] = pair, new_over[k]
+        points[found : found + len(new)] = new
+        overlaps[over : over + len(new_over)] = new_over
         found, over = found + len(new), over + len(new_over)
-    return points[:found], overlaps[:over], used
+    return IntersectionTables(points[:found], overlaps[:over], used)
 
 
 @compiled
 def _with_room(values: Array, count: int) -> Array:
-    """Return the values, in a longer array when they have no room for so many."""
+    """Return a table with at least `count` rows: this one, or a longer copy."""
     if count <= len(values):
         return values
     longer = np.empty((2 * count, values.shape[1]))
@@ -76,95 +119,80 @@ def _with_room(values: Array, count: int) -> Array:
 
 @compiled
 def _sort_out(
-    pieces: Pieces, one: int, other: int, tolerance: float, desk: Desk, rows: Array
+    pair: CurvePair, tolerance: float, stack: PairStack, rows: Array
 ) -> tuple[Array, Array]:
-    """Return points (n, 4), u, v, x, y, and overlaps (m, 4) that rows of a search amount to."""
+    """Return the points (n, 5) and overlaps (m, 5) of a pair, without PAIR, from search rows."""
     count, far = len(rows), 2.0 * tolerance
-    ends, least = np.empty((count, 4)), np.empty(count)
+    ends, least = np.empty((count, 2, 2)), np.empty(count)
     for i in range(count):
-        ends[i, 0], ends[i, 1], _, _ = point_at(pieces, one, rows[i, 1], desk)
-        ends[i, 2], ends[i, 3], _, _ = point_at(pieces, one, rows[i, 2], desk)
-        least[i] = min(ends[i, 0], ends[i, 2])
+        for k in range(2):
+            place = point_at(pair.pieces, pair.one, rows[i, U0 + k], stack)
+            ends[i, k, 0], ends[i, k, 1] = place.x, place.y
+        least[i] = min(ends[i, 0, 0], ends[i, 1, 0])
     order = np.argsort(least)
-    rows, ends = rows[order], ends[order]
-    group, part = np.arange(count), np.zeros(count, np.bool_)
-    _gather(pieces, one, other, rows, ends, group, part, True, far, desk)
-    overlaps = _overlaps(pieces, one, other, rows, ends, group, part)
-    _gather(pieces, one, other, rows, ends, group, part, False, far, desk)
-    return _points(pieces, one, other, tolerance, desk, rows, ends, group, part), overlaps
+    results = _Results(rows[order], ends[order], np.arange(count), np.zeros(count, np.bool_))
+    _unite(pair, results, True, far, stack)
+    overlaps = _overlaps(pair, results)
+    _unite(pair, results, False, far, stack)
+    return _points(pair, results, tolerance, stack), overlaps
 
 
 @compiled
-def _gather(
-    pieces: Pieces,
-    one: int,
-    other: int,
-    rows: Array,
-    ends: Array,
-    group: Indices,
-    part: npt.NDArray[np.bool_],
-    stretches: bool,
-    far: float,
-    desk: Desk,
+def _unite(
+    pair: CurvePair, results: _Results, stretches: bool, far: float, stack: PairStack
 ) -> None:
-    """Unite the groups of rows, sorted by least x, that are one meeting.
+    """Unite the groups of results between which the curves stay within `far` [m] of each other.
 
-    Either of stretches that run the same way, or of whatever is no part of an overlap; what is
-    one with an overlap becomes part of it.
+    `stretches`: only of stretches that run in the same direction.  Otherwise of all results, but
+    two overlaps are never united; what is united with an overlap becomes part of it.
     """
+    rows, ends, group, overlap = results
     for i in range(len(rows)):
-        reach = max(ends[i, 0], ends[i, 2]) + _REACH
+        reach = max(ends[i, 0, 0], ends[i, 1, 0]) + _REACH
         for j in range(i + 1, len(rows)):
-            if min(ends[j, 0], ends[j, 2]) > reach:
+            if min(ends[j, 0, 0], ends[j, 1, 0]) > reach:
                 break
             here, there = _root(group, i), _root(group, j)
-            if here == there or (part[here] and part[there]):
+            if here == there or (overlap[here] and overlap[there]):
                 continue
-            if stretches and _way(rows, i) * _way(rows, j) <= 0.0:
+            if stretches and _sense(rows[i]) * _sense(rows[j]) <= 0.0:
                 continue
-            if _joined(pieces, one, other, rows, ends, i, j, far, desk):
-                if part[there]:
+            if _connected(pair, results, i, j, far, stack):
+                if overlap[there]:
                     here, there = there, here
                 group[there] = here
 
 
 @compiled
-def _joined(
-    pieces: Pieces,
-    one: int,
-    other: int,
-    rows: Array,
-    ends: Array,
-    i: int,
-    j: int,
-    far: float,
-    desk: Desk,
+def _connected(
+    pair: CurvePair, results: _Results, i: int, j: int, far: float, stack: PairStack
 ) -> bool:
-    """Tell whether between two rows the curves stay within a distance of each other."""
+    """Tell whether the curves stay within `far` [m] of each other between results i and j."""
+    rows, ends = results.rows, results.ends
     for k in range(2):
         for m in range(2):
-            dx, dy = ends[i, 2 * k] - ends[j, 2 * m], ends[i, 2 * k + 1] - ends[j, 2 * m + 1]
+            dx, dy = ends[i, k, 0] - ends[j, m, 0], ends[i, k, 1] - ends[j, m, 1]
             if max(abs(dx), abs(dy)) > _REACH:
                 continue
             close = True
             for step in range(1, 4):
-                u = rows[i, 1 + k] + 0.25 * step * (rows[j, 1 + m] - rows[i, 1 + k])
-                v = rows[i, 3 + k] + 0.25 * step * (rows[j, 3 + m] - rows[i, 3 + k])
-                close = close and compare(pieces, one, other, u, v, desk)[1] <= far
+                u = rows[i, U0 + k] + 0.25 * step * (rows[j, U0 + m] - rows[i, U0 + k])
+                v = rows[i, V0 + k] + 0.25 * step * (rows[j, V0 + m] - rows[i, V0 + k])
+                close = close and project(pair, u, v, stack).gap <= far
             if close:
                 return True
     return False
 
 
 @compiled
-def _way(rows: Array, i: int) -> float:
-    """Return 1 or -1 for a stretch that runs with or against the other curve, 0 for a point."""
-    return float(np.sign((rows[i, 2] - rows[i, 1]) * (rows[i, 4] - rows[i, 3])))
+def _sense(row: Array) -> float:
+    """Return 1 if the curves run in the same direction along a result, -1 if not, 0 in a point."""
+    return float(np.sign((row[U1] - row[U0]) * (row[V1] - row[V0])))
 
 
 @compiled
 def _root(group: Indices, i: int) -> int:
-    """Return what stands for a group, the way to it shortened."""
+    """Return the root of the set that i belongs to, and shorten the way to it (path halving)."""
     while group[i] != i:
         group[i] = group[group[i]]
         i = group[i]
@@ -172,48 +200,39 @@ def _root(group: Indices, i: int) -> int:
 
 
 @compiled
-def _overlaps(
-    pieces: Pieces,
-    one: int,
-    other: int,
-    rows: Array,
-    ends: Array,
-    group: Indices,
-    part: npt.NDArray[np.bool_],
-) -> Array:
-    """Return the overlaps (m, 4) among groups of stretches; marks what stands for such a group."""
+def _overlaps(pair: CurvePair, results: _Results) -> Array:
+    """Return the overlaps (m, 5) among the groups of stretches, and mark them in `overlap`."""
+    rows, ends, group, overlap = results
     count = len(rows)
-    whole, inner, sizes = _ranges(count), _ranges(count), np.zeros((count, 3))
+    whole, inner = _empty_ranges(count), _empty_ranges(count)
+    length, inner_length = np.zeros(count), np.zeros(count)
     for i in range(count):
         head = _root(group, i)
         for k in range(2):
-            u, v = rows[i, 1 + k], rows[i, 3 + k]
-            _stretch(whole[head], u, v)
-            if _is_border(pieces, one, u) or _is_border(pieces, other, v):
-                _stretch(inner[head], u, v)
+            u, v = rows[i, U0 + k], rows[i, V0 + k]
+            _extend(whole[head], u, v)
+            if _is_border(pair.pieces, pair.one, u) or _is_border(pair.pieces, pair.other, v):
+                _extend(inner[head], u, v)
     for i in range(count):
         head = _root(group, i)
-        size = math.sqrt((ends[i, 2] - ends[i, 0]) ** 2 + (ends[i, 3] - ends[i, 1]) ** 2)
-        sizes[head, 0] += size
-        if (
-            inner[head, 0]
-            <= min(rows[i, 1], rows[i, 2])
-            <= max(rows[i, 1], rows[i, 2])
-            <= inner[head, 1]
-        ):
-            sizes[head, 1] += size
-    found, total = np.empty((count, 4)), 0
+        dx, dy = ends[i, 1, 0] - ends[i, 0, 0], ends[i, 1, 1] - ends[i, 0, 1]
+        size = math.sqrt(dx**2 + dy**2)
+        length[head] += size
+        low, high = min(rows[i, U0], rows[i, U1]), max(rows[i, U0], rows[i, U1])
+        if inner[head, U0] <= low <= high <= inner[head, U1]:
+            inner_length[head] += size
+    found, total = np.empty((count, 5)), 0
     for head in range(count):
-        if sizes[head, 1] > _SHORTEST or sizes[head, 0] > _LONG:
-            found[total] = inner[head] if sizes[head, 1] > _SHORTEST else whole[head]
-            part[head] = True
+        if inner_length[head] > _SHORTEST or length[head] > _LONG:
+            found[total] = inner[head] if inner_length[head] > _SHORTEST else whole[head]
+            overlap[head] = True
             total += 1
     return found[:total]
 
 
 @compiled
 def _is_border(pieces: Pieces, curve: int, u: float) -> bool:
-    """Tell whether a parameter is where a piece of a curve begins or ends."""
+    """Tell whether a piece of a curve begins or ends at a parameter."""
     for k in range(pieces.first[curve], pieces.first[curve + 1]):
         if u == pieces.borders[k, 0] or u == pieces.borders[k, 1]:
             return True
@@ -221,66 +240,61 @@ def _is_border(pieces: Pieces, curve: int, u: float) -> bool:
 
 
 @compiled
-def _ranges(count: int) -> Array:
-    """Return ranges (count, 4) that hold nothing yet: least u, greatest u, v there."""
-    ranges = np.zeros((count, 4))
-    ranges[:, 0], ranges[:, 1] = math.inf, -math.inf
+def _empty_ranges(count: int) -> Array:
+    """Return ranges (count, 5), columns U0, U1, V0, V1 and one for PAIR, that hold nothing yet."""
+    ranges = np.zeros((count, 5))
+    ranges[:, U0], ranges[:, U1] = math.inf, -math.inf
     return ranges
 
 
 @compiled
-def _stretch(range_of: Array, u: float, v: float) -> None:
-    """Make a range (least u, greatest u, v there) take in a place."""
-    if u < range_of[0]:
-        range_of[0], range_of[2] = u, v
-    if u > range_of[1]:
-        range_of[1], range_of[3] = u, v
+def _extend(span: Array, u: float, v: float) -> None:
+    """Extend a range so that it holds u; V0 and V1 are the v at its least and greatest u."""
+    if u < span[U0]:
+        span[U0], span[V0] = u, v
+    if u > span[U1]:
+        span[U1], span[V1] = u, v
 
 
 @compiled
-def _points(
-    pieces: Pieces,
-    one: int,
-    other: int,
-    tolerance: float,
-    desk: Desk,
-    rows: Array,
-    ends: Array,
-    group: Indices,
-    part: npt.NDArray[np.bool_],
-) -> Array:
-    """Return the points (n, 4), u, v, x, y, that groups of rows amount to."""
+def _points(pair: CurvePair, results: _Results, tolerance: float, stack: PairStack) -> Array:
+    """Return the points (n, 5) among the groups of results that are no overlaps."""
+    rows, ends, group, overlap = results
     count = len(rows)
-    whole, found, total = _ranges(count), np.empty((count, 4)), 0
+    whole, found, total = _empty_ranges(count), np.empty((count, 5)), 0
     start, follow = np.full(count, -1), np.full(count, -1)
     for i in range(count - 1, -1, -1):
         head = _root(group, i)
         follow[i], start[head] = start[head], i
     for head in range(count):
         i, begin = start[head], total
-        if i < 0 or part[head]:
+        if i < 0 or overlap[head]:
             continue
         while i >= 0:
             for k in range(2):
-                _stretch(whole[head], rows[i, 1 + k], rows[i, 3 + k])
-            if rows[i, 0] == CROSS:
-                total = _add(found, begin, total, rows[i, 1], rows[i, 3], ends[i])
+                _extend(whole[head], rows[i, U0 + k], rows[i, V0 + k])
+            if rows[i, KIND] == CROSS:
+                crossing = _Point(rows[i, U0], rows[i, V0], ends[i, 0, 0], ends[i, 0, 1])
+                total = _add(found, begin, total, crossing)
             i = follow[i]
         if total != begin + 1:
-            u, v, gap = touch_in(pieces, one, other, whole[head], desk)
-            if gap <= (2.0 * tolerance if total > begin else tolerance):
-                x, y, _, _ = point_at(pieces, one, u, desk)
-                total = _add(found, begin, begin, u, v, np.array([x, y]))
-        if one == other and total > begin and is_trivial(pieces, one, found[begin], desk):
+            touch = touch_in(pair, whole[head], stack)
+            if touch.gap <= (2.0 * tolerance if total > begin else tolerance):
+                place = point_at(pair.pieces, pair.one, touch.u, stack)
+                point = _Point(touch.u, touch.v, place.x, place.y)
+                total = _add(found, begin, begin, point)
+        itself = pair.one == pair.other
+        if itself and total > begin and is_trivial(pair.pieces, pair.one, found[begin], stack):
             total = begin
     return found[:total]
 
 
 @compiled
-def _add(found: Array, begin: int, total: int, u: float, v: float, at: Array) -> int:
-    """Add a point to those found since `begin`, unless it is among them; how many there are."""
+def _add(found: Array, begin: int, total: int, point: _Point) -> int:
+    """Add a point to found[begin:total] unless it is among them; return the new total."""
     for k in range(begin, total):
-        if max(abs(found[k, 2] - at[0]), abs(found[k, 3] - at[1])) <= _SAME:
+        if max(abs(found[k, PLACE_X] - point.x), abs(found[k, PLACE_Y] - point.y)) <= _SAME:
             return total
-    found[total, 0], found[total, 1], found[total, 2], found[total, 3] = u, v, at[0], at[1]
+    found[total, U], found[total, V] = point.u, point.v
+    found[total, PLACE_X], found[total, PLACE_Y] = point.x, point.y
     return total + 1

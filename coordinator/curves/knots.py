@@ -1,8 +1,8 @@
-"""The same curve with other control points: knots inserted, curves cut, pieces, Bezier form.
+"""The same curve with other control points: knots inserted, pieces cut out, Bezier form.
 
-Decides: how knots and control points change while the curve stays the same.  All computations use
-homogeneous coordinates and so include the weights; control points that need not change are copied
-bit for bit.  Must not know: what a curve is used for.
+Decides: how knots and control points change while the curve stays the same.  Computations use
+homogeneous coordinates, so they include the weights.  Control points that need not change are
+copied bit by bit.  Must not know: what a curve is used for.
 
 Source: Boehm's knot insertion, as in Piegl and Tiller, The NURBS Book, Eq. (5.15).
 """
@@ -14,21 +14,22 @@ import numpy.typing as npt
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.curves.nurbs_kernels import W
 
 Indices = npt.NDArray[np.int64]
 
 
 def insert_knot(curve: Nurbs, u: float, times: int = 1) -> Nurbs:
-    """Return the curve with a knot inserted; ValueError as in `refine`."""
+    """Return the curve with a knot inserted `times` times; raises ValueError as `refine` does."""
     return refine(curve, [u] * times)
 
 
 def refine(curve: Nurbs, knots: npt.ArrayLike) -> Nurbs:
     """Return the curve with all these knots inserted; they may be in any order and repeated.
 
-    The degree stays, each knot adds a control point, and only those control points change whose
-    basis functions have an inserted knot inside their support.  Raises ValueError for a knot that
-    is not inside the domain, or whose multiplicity would exceed the degree.
+    The degree stays the same and each knot adds a control point.  Only those control points change
+    whose basis functions have an inserted knot inside their support.  Raises ValueError for a knot
+    that is not inside the domain, or whose multiplicity would exceed the degree.
     """
     added = np.sort(np.array(knots, dtype=np.float64, ndmin=1))
     _check(curve, added)
@@ -37,18 +38,9 @@ def refine(curve: Nurbs, knots: npt.ArrayLike) -> Nurbs:
     merged, control, origin = _insert(*curve.lifted, added)
     old = np.maximum(origin, 0)
     kept = origin >= 0
-    points = np.where(kept[:, None], curve.points[old], control[:, :2] / control[:, 2:])
-    weights = np.where(kept, curve.weights[old], control[:, 2])
+    points = np.where(kept[:, None], curve.points[old], control[:, :W] / control[:, W:])
+    weights = np.where(kept, curve.weights[old], control[:, W])
     return Nurbs(curve.degree, merged, points, weights)
-
-
-def split(curve: Nurbs, u: float) -> tuple[Nurbs, Nurbs]:
-    """Return the curve up to u and from u on, each with a parameter that runs from 0.
-
-    Both have the same control point at the cut.  Raises ValueError for u outside the domain or at
-    one of its ends.
-    """
-    return piece(curve, 0.0, u), piece(curve, u, float(curve.knots[-1]))
 
 
 def piece(curve: Nurbs, u0: float, u1: float) -> Nurbs:
@@ -72,17 +64,17 @@ def piece(curve: Nurbs, u0: float, u1: float) -> Nurbs:
 
 
 def bezier_form(curve: Nurbs) -> Nurbs:
-    """Return the curve with every inner knot as often as the degree.
+    """Return the curve with the multiplicity of every inner knot raised to the degree.
 
-    The control points of span j are then those from degree * j to degree * (j + 1), both included:
-    a rational Bezier curve.
+    Each span is then a rational Bezier curve: span j has the control points from degree * j to
+    degree * (j + 1), both included.
     """
     inner, times = np.unique(curve.knots[curve.degree + 1 : -curve.degree - 1], return_counts=True)
     return refine(curve, np.repeat(inner, curve.degree - times))
 
 
 def beziers(curve: Nurbs) -> list[Nurbs]:
-    """Return one rational Bezier curve per span, its parameter from 0 to the width of the span."""
+    """Return one rational Bezier curve per span; its parameter runs from 0 to the span's width."""
     degree, form = curve.degree, bezier_form(curve)
     pieces = []
     for index, width in enumerate(np.diff(np.unique(curve.knots)).tolist()):
@@ -92,14 +84,8 @@ def beziers(curve: Nurbs) -> list[Nurbs]:
     return pieces
 
 
-def reverse(curve: Nurbs) -> Nurbs:
-    """Return the curve driven from its end to its start."""
-    knots = curve.knots[-1] - curve.knots[::-1]
-    return Nurbs(curve.degree, knots, curve.points[::-1].copy(), curve.weights[::-1].copy())
-
-
 def _check(curve: Nurbs, added: Array) -> None:
-    """Raise ValueError when a curve cannot take these knots."""
+    """Raise ValueError if these knots (m,), which are sorted, cannot be inserted."""
     end = float(curve.knots[-1])
     outside = added[~((added > 0.0) & (added < end))]
     if len(outside):
@@ -116,9 +102,9 @@ def _check(curve: Nurbs, added: Array) -> None:
 def _insert(
     degree: int, knots: Array, control: Array, added: Array
 ) -> tuple[Array, Array, Indices]:
-    """Insert knots one by one: knots, homogeneous control points, and where each comes from.
+    """Insert knots one by one; return the knots, control points (n, 3) and their origins (n,).
 
-    That is the index of the old control point of which it is a copy, or -1.
+    The origin of a control point is the index of the old one that it is a copy of, or -1.
     """
     count, total = len(control), len(control) + len(added)
     merged, points = np.empty(total + degree + 1), np.empty((total, 3))
@@ -152,10 +138,11 @@ def _insert(
 
 @compiled
 def bezier_pieces(degree: int, knots: Array, control: Array) -> tuple[Array, Array]:
-    """Return the borders (m + 1,) of a curve's m spans, and each as a Bezier curve.
+    """Return the borders (m + 1,) of a curve's m spans, and the spans as Bezier curves.
 
-    These are homogeneous control points (m, degree + 1, 3), from `control` (n, 3): control point j
-    is the blossom of degree - j times the span's beginning and j times its end.
+    The latter are homogeneous control points (m, degree + 1, 3), from `control` (n, 3).  Control
+    point j is the blossom whose arguments are degree - j times the span's start and j times its
+    end.
     """
     count = len(control)
     borders, pieces = np.empty(count - degree + 1), np.empty((count - degree, degree + 1, 3))

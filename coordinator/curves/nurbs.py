@@ -1,14 +1,16 @@
 """Planar NURBS curves on arrays: evaluation, derivatives, arc length and its inverse.
 
-Decides: the numerics of Eq. (5)-(14); nurbs_kernels.py holds the loops, knots.py changes the
-control points of a curve, bounds.py proves where it runs.  Must not know: robots, floors or wire
-formats.  protocol/curve.py is the robot's scalar twin; tests hold the two together.
+Decides: the interface to the numerics of Eq. (5)-(14) of the paper, which nurbs_kernels.py
+computes.  knots.py changes the control points of a curve, bounds.py proves where it runs.  Must not
+know: robots, floors or wire formats.  protocol/curve.py computes the same, one point at a time, on
+the robot; tests compare the two.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,12 +20,24 @@ from coordinator.curves import nurbs_kernels as kernels
 Array = npt.NDArray[np.float64]
 
 
+class Homogeneous(NamedTuple):
+    """A curve in homogeneous coordinates: degree, knots and control points (n, 3).
+
+    Rows of `control` are (w x, w y, w).
+    """
+
+    degree: int
+    knots: Array
+    control: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Nurbs:
-    """C(u) = sum_j R_j(u) q_j, Eq. (5) and (7).
+    """A NURBS curve C(u) = sum_j R_j(u) q_j, Eq. (5) and (7), with n control points.
 
-    degree k; knots (n + k + 1,), clamped, from 0; points (n, 2) [m]; weights (n,) positive.
-    Raises ValueError when the shapes do not fit.  The arrays must not change afterwards.
+    degree k; knots (n + k + 1,), a clamped knot vector that starts at 0; points (n, 2) [m];
+    weights (n,), positive.  Raises ValueError when the shapes do not fit.  The arrays must not be
+    changed afterwards.
     """
 
     degree: int
@@ -47,16 +61,16 @@ class Nurbs:
             )
 
     @cached_property
-    def lifted(self) -> tuple[int, Array, Array]:
-        """Degree, knots and homogeneous control points (n, 3), (w x, w y, w), for kernels."""
+    def lifted(self) -> Homogeneous:
+        """The curve in homogeneous coordinates, in the form that kernels take."""
         control = np.column_stack((self.points * self.weights[:, None], self.weights))
-        return self.degree, _numbers(self.knots), control
+        return Homogeneous(self.degree, _numbers(self.knots), control)
 
     def derivatives(self, u: npt.ArrayLike, order: int) -> list[Array]:
-        """Return C and its derivatives up to `order` (any) at parameters u (m,).
+        """Return C and its derivatives up to any `order` at parameters u (m,), each (m, 2).
 
-        Each is (m, 2).  Quotient rule on A = w C, Eq. (9)-(12); outside the domain u is clamped.
-        At a knot where a derivative jumps it is the one to the right.
+        Computed by the quotient rule on A = w C, Eq. (9)-(12).  Parameters are clamped to the
+        domain.  At a knot where a derivative jumps, its right limit is returned.
         """
         return list(kernels.derivatives(*self.lifted, _numbers(u), order))
 
@@ -65,38 +79,37 @@ class Nurbs:
         return self.derivatives(u, 0)[0]
 
     def curvature(self, u: npt.ArrayLike) -> Array:
-        """Return the signed curvature [1/m], (m,), left turns positive."""
+        """Return the signed curvature (m,) [1/m] at parameters u (m,); left turns are positive."""
         _, first, second = self.derivatives(u, 2)
         cross = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
         speed = np.maximum(np.hypot(first[:, 0], first[:, 1]), 1e-12)
         return np.asarray(cross / (speed * speed * speed))
 
     @cached_property
-    def _series(self) -> tuple[Array, Array]:
-        """Borders of spans, and the curve on each as a polynomial."""
+    def _series(self) -> kernels.Series:
         return kernels.series(*self.lifted)
 
     @cached_property
-    def _table(self) -> tuple[Array, Array, Array]:
-        """Cell borders u, arc lengths s there, and du/ds there."""
+    def _table(self) -> kernels.ArcTable:
         return kernels.arc_table(*self._series)
 
     @cached_property
     def length(self) -> float:
         """Arc length of the whole curve [m]."""
-        return float(self._table[1][-1])
+        return float(self._table.s[-1])
 
     def parameter_at(self, s: npt.ArrayLike) -> Array:
         """Return the parameters (m,) at arc lengths s (m,) [m], clamped to [0, length].
 
-        Good to micrometres on smooth paths, and the robots do the same; bounds.parameter_of is
-        the exact one.
+        Accurate to micrometres on smooth paths; robots interpolate in the same way.  Use
+        bounds.parameter_of where that is not accurate enough.
         """
         return kernels.parameters_at(*self._table, _numbers(s))
 
     def arc_at(self, u: npt.ArrayLike) -> Array:
         """Return the arc lengths (m,) [m] from the start to parameters u (m,)."""
-        return kernels.arcs_at(*self._series, *self._table[:2], _numbers(u))
+        table = self._table
+        return kernels.arcs_at(*self._series, table.u, table.s, _numbers(u))
 
     def at_arc(self, s: npt.ArrayLike) -> Array:
         """Return the points (m, 2) [m] at arc lengths s (m,) [m]."""
@@ -116,5 +129,5 @@ def nurbs(
 
 
 def _numbers(values: npt.ArrayLike) -> Array:
-    """Return a fresh, contiguous, writable array (m,): the one layout kernels are compiled for."""
+    """Return a new, contiguous, writable array (m,): kernels are compiled for this layout only."""
     return np.array(values, dtype=np.float64, ndmin=1, order="C")

@@ -1,17 +1,17 @@
-"""The inner loops of curves: derivatives, the table of arc lengths and its inverse.
+"""Compiled: derivatives of NURBS curves, the table of arc lengths and its inverse.
 
-Decides: how the numbers of nurbs.py are computed, in compiled code.  Must not know: anything but
-arrays; callers check shapes, nothing here does.
+Decides: how the numbers of nurbs.py are computed.  Must not know: anything but arrays.  Shapes are
+not checked here; callers do that.
 
-`control` holds homogeneous control points (n, 3): w x, w y, w.  `knots` (n + degree + 1,) run up
-from 0 and are clamped.  Parameters outside the domain are moved into it, NaN stays NaN.  Numbers
-of equations are those of the paper.
+A curve is C = A / w, where A = w C.  `control` (n, 3) holds its homogeneous control points, rows
+(w x, w y, w).  `knots` (n + degree + 1,) is a clamped knot vector that starts at 0.  Parameters
+outside the domain are clamped; NaN stays NaN.  Equation numbers refer to the paper.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,21 +21,52 @@ from coordinator.base.compiled import compiled
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
+X, Y, W = range(3)
+"""Components of a homogeneous control point (w x, w y, w); X and Y also of a point."""
+
+RATE, SPEED = 3, 0
+"""Rows of the workspace (6, m) of `measure`: rows RATE + X, RATE + Y and RATE + W receive the
+derivatives of (A, w); the result |C'| is written to row SPEED."""
+
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _CELLS: Final = 16
 """Cells of the table of arc lengths in a span."""
 _BORDERS = np.linspace(-1.0, 1.0, _CELLS + 1)
 _PLACES = np.append(_BORDERS, np.add.outer(_BORDERS[:-1], (_NODES + 1.0) / _CELLS))
-"""Borders of a span's cells, then all their nodes; the span runs from -1 to 1."""
+"""The ends of a span's cells, then the quadrature nodes of all cells, on a span from -1 to 1."""
 _BLOCK: Final = 64
-"""Points handled at a time: their intermediate results stay in the nearest cache."""
+"""Points that are evaluated together: the intermediate results then fit into the L1 cache."""
+
+
+class Series(NamedTuple):
+    """The polynomials (A, w) on the n spans of a curve that are not empty.
+
+    borders (n + 1,): the parameters where spans begin and end.  powers (n, degree + 1, 3): Taylor
+    series about the middle of each span; row r has the coefficients of the r-th power of the
+    distance from the middle.
+    """
+
+    borders: Array
+    powers: Array
+
+
+class ArcTable(NamedTuple):
+    """Arc lengths of a curve at the ends of m cells: parameters u, arc lengths s [m] and du/ds.
+
+    All are (m + 1,).
+    """
+
+    u: Array
+    s: Array
+    slope: Array
 
 
 @compiled
 def find_interval(borders: Array, first: int, last: int, at: float, guess: int) -> int:
-    """Return the i in [first, last] with borders[i] <= at < borders[i + 1], else the nearer end.
+    """Return the i in [first, last] with borders[i] <= at < borders[i + 1].
 
-    A guess in [first, last] makes neighbouring questions cheap.
+    Returns `first` or `last` when `at` lies before or after all of these intervals.  The search is
+    quick if `guess`, which has to be in [first, last], is the answer.
     """
     if borders[guess] <= at < borders[guess + 1]:
         return guess
@@ -50,7 +81,7 @@ def find_interval(borders: Array, first: int, last: int, at: float, guess: int) 
 
 @compiled
 def clamp(at: float, high: float) -> float:
-    """Return a number moved into [0, high]; NaN stays NaN."""
+    """Return a number clamped to [0, high]; NaN stays NaN."""
     if at < 0.0:
         return 0.0
     return high if at > high else at
@@ -58,9 +89,10 @@ def clamp(at: float, high: float) -> float:
 
 @compiled
 def differences(degree: int, knots: Array, control: Array, order: int) -> Array:
-    """Return the control points of the derivatives of (A, w) up to an order: (order + 1, n, 3).
+    """Return the control points of (A, w) and of its derivatives up to `order`, (order + 1, n, 3).
 
-    Row r belongs to degree - r and knots[r:-r]; its first n - r entries count.
+    Entry r is the r-th derivative, a spline of degree - r with the knots knots[r:-r].  Only its
+    first n - r control points are used.
     """
     count = len(control)
     rows = np.zeros((order + 1, count, 3))
@@ -77,10 +109,10 @@ def differences(degree: int, knots: Array, control: Array, order: int) -> Array:
 
 
 @compiled
-def around(degree: int, knots: Array, u: Array) -> tuple[Array, Indices, Array]:
-    """Return parameters (m,) in the domain, their spans (m,), and the knots that matter there.
+def locate(degree: int, knots: Array, u: Array) -> tuple[Array, Indices, Array]:
+    """Return the clamped parameters (m,), their spans (m,), and the knots near them.
 
-    Those are knots[span - degree + 1] to knots[span + degree], (2 degree, m).
+    The latter are knots[span - degree + 1] to knots[span + degree], (2 * degree, m).
     """
     at, spans = np.empty(len(u)), np.empty(len(u), np.int64)
     near, span = np.empty((2 * degree, len(u))), degree
@@ -96,11 +128,12 @@ def around(degree: int, knots: Array, u: Array) -> tuple[Array, Indices, Array]:
 
 @compiled
 def lift(degree: int, knots: Array, rows: Array, u: Array) -> Array:
-    """Return (A, w) and the derivatives that `rows` of `differences` hold, at u: (rows, 3, m).
+    """Return (A, w) and its derivatives at parameters u (m,): (order + 1, 3, m).
 
-    De Boor's algorithm, one step for all points at a time.
+    `rows` are the control points that `differences` returns.  De Boor's algorithm, each step for
+    all points together.
     """
-    at, spans, near = around(degree, knots, u)
+    at, spans, near = locate(degree, knots, u)
     lifted, work = np.zeros((len(rows), 3, len(u))), np.empty((degree + 1, 3, len(u)))
     for r in range(min(len(rows) - 1, degree) + 1):
         for i in range(r, degree + 1):
@@ -125,7 +158,7 @@ def lift(degree: int, knots: Array, rows: Array, u: Array) -> Array:
 
 @compiled
 def derivatives(degree: int, knots: Array, control: Array, u: Array, order: int) -> Array:
-    """Return C and its derivatives at u (m,): (order + 1, m, 2).
+    """Return C and its derivatives up to `order` at parameters u (m,): (order + 1, m, 2).
 
     Eq. (9)-(12) for any order: C^(r) = (A^(r) - sum_{i=1..r} (r over i) w^(i) C^(r-i)) / w.
     """
@@ -139,22 +172,18 @@ def derivatives(degree: int, knots: Array, control: Array, u: Array, order: int)
                 choose = choose * (r - i + 1) / i
                 for axis in range(2):
                     for lane in range(lifted.shape[2]):
-                        known = lifted[i, 2, lane] * lifted[r - i, axis, lane]
+                        known = lifted[i, W, lane] * lifted[r - i, axis, lane]
                         lifted[r, axis, lane] -= choose * known
             for lane in range(lifted.shape[2]):
                 for axis in range(2):
-                    lifted[r, axis, lane] /= lifted[0, 2, lane]
+                    lifted[r, axis, lane] /= lifted[0, W, lane]
                     places[r, start + lane, axis] = lifted[r, axis, lane]
     return places
 
 
 @compiled
-def series(degree: int, knots: Array, control: Array) -> tuple[Array, Array]:
-    """Return the borders (n + 1,) of the n spans that are not empty, and (A, w) on each of them.
-
-    These are Taylor series about the middle of the span, exact but for rounding:
-    (n, degree + 1, 3), so that row r belongs to the power r of the distance from the middle.
-    """
+def series(degree: int, knots: Array, control: Array) -> Series:
+    """Return the Taylor series of (A, w) on each span; they are exact but for rounding."""
     borders, middles, count = np.zeros(len(knots)), np.empty(len(knots)), 0
     for i in range(len(knots) - 1):
         if knots[i] < knots[i + 1]:
@@ -170,14 +199,14 @@ def series(degree: int, knots: Array, control: Array) -> tuple[Array, Array]:
         for span in range(len(middles)):
             for axis in range(3):
                 powers[span, r, axis] = lifted[r, axis, span] / factorial
-    return borders, powers
+    return Series(borders, powers)
 
 
 @compiled
 def measure(powers: Array, offsets: Array, work: Array) -> None:
-    """Leave |C'| in work[0] at distances (m,) from the middle of a span.
+    """Write |C'| at distances (m,) from the middle of a span to work[SPEED].
 
-    powers (degree + 1, 3) is the span's entry of `series`; work (6, m) is written over.
+    powers (degree + 1, 3): the span's Taylor series.  work (6, m) is overwritten.
     """
     for axis in range(6):
         for lane in range(len(offsets)):
@@ -186,21 +215,22 @@ def measure(powers: Array, offsets: Array, work: Array) -> None:
         for axis in range(3):
             power = powers[r, axis]
             for lane in range(len(offsets)):
-                value, slope = work[axis, lane], work[3 + axis, lane]
-                work[3 + axis, lane] = slope * offsets[lane] + value
+                value, slope = work[axis, lane], work[RATE + axis, lane]
+                work[RATE + axis, lane] = slope * offsets[lane] + value
                 work[axis, lane] = value * offsets[lane] + power
     for lane in range(len(offsets)):
-        w, rate = work[2, lane], work[5, lane]
-        x = work[3, lane] - rate * (work[0, lane] / w)
-        y = work[4, lane] - rate * (work[1, lane] / w)
-        work[0, lane] = math.sqrt(x * x + y * y) / w
+        w, rate = work[W, lane], work[RATE + W, lane]
+        x = work[RATE + X, lane] - rate * (work[X, lane] / w)
+        y = work[RATE + Y, lane] - rate * (work[Y, lane] / w)
+        work[SPEED, lane] = math.sqrt(x * x + y * y) / w
 
 
 @compiled
 def integral(values: Array, first: int) -> float:
-    """Return the integral over [-1, 1] of what has these values, from `first` on, at the nodes.
+    """Return the integral over [-1, 1] of a function, given its values at the 8 Gauss nodes.
 
-    Summed in pairs the weights are exactly 2: straight lines have their exact length.
+    The values at the nodes are values[first], values[first + 1] and so on.  Adding them in pairs
+    makes the weights add up to exactly 2, so that a straight line has its exact length.
     """
     last, total = first + len(_NODES) - 1, 0.0
     for node in range(len(_NODES) // 2):
@@ -209,12 +239,12 @@ def integral(values: Array, first: int) -> float:
 
 
 @compiled
-def arc_table(borders: Array, powers: Array) -> tuple[Array, Array, Array]:
-    """Return borders u of cells, 16 to a span, the arc lengths s there and du/ds there.
+def arc_table(borders: Array, powers: Array) -> ArcTable:
+    """Return the arc-length table of a curve's Series, with 16 cells per span.
 
-    borders and powers are those of `series`.  Gauss quadrature with 8 nodes a cell; cells without
-    length are left out (of a curve without length all but the last).  Half widths are taken from
-    the borders, so that rounding cancels along a straight line.
+    Each cell is measured by Gauss quadrature with 8 nodes.  Cells without length are left out; a
+    curve without length keeps its last cell.  The width of a cell is computed from its rounded
+    ends, so that rounding errors cancel along a straight line.
     """
     count = _CELLS * len(powers)
     u, s, slope = np.zeros(count + 1), np.zeros(count + 1), np.empty(count + 1)
@@ -227,18 +257,21 @@ def arc_table(borders: Array, powers: Array) -> tuple[Array, Array, Array]:
             u[here + 1] = borders[span] + width * ((cell + 1) / _CELLS)
             if cell == _CELLS - 1:
                 u[here + 1] = borders[span + 1]
-            slope[here] = 1.0 / max(work[0, cell], 1e-9)
-            size = 0.5 * (u[here + 1] - u[here]) * integral(work[0], first)
+            slope[here] = 1.0 / max(work[SPEED, cell], 1e-9)
+            size = 0.5 * (u[here + 1] - u[here]) * integral(work[SPEED], first)
             keep[here + 1] = size > 0.0
             s[here + 1] = s[here] + (size if size > 0.0 else 0.0)
-    slope[count] = 1.0 / max(work[0, _CELLS], 1e-9)
+    slope[count] = 1.0 / max(work[SPEED, _CELLS], 1e-9)
     keep[count] |= s[count] == 0.0
-    return u[keep], s[keep], slope[keep]
+    return ArcTable(u[keep], s[keep], slope[keep])
 
 
 @compiled
 def arcs_at(borders: Array, powers: Array, table_u: Array, table_s: Array, u: Array) -> Array:
-    """Return the arc lengths (m,) [m] from the start to parameters u (m,)."""
+    """Return the arc lengths (m,) [m] from the start to parameters u (m,).
+
+    borders, powers: the curve's Series.  table_u, table_s: from its ArcTable.
+    """
     arcs, offsets, work = np.empty(len(u)), np.empty(len(_NODES)), np.empty((6, len(_NODES)))
     cell = span = 0
     for point in range(len(u)):
@@ -253,13 +286,16 @@ def arcs_at(borders: Array, powers: Array, table_u: Array, table_s: Array, u: Ar
         for node in range(len(_NODES)):
             offsets[node] = here + half + half * _NODES[node] - middle
         measure(powers[span], offsets, work)
-        arcs[point] = table_s[cell] + half * integral(work[0], 0)
+        arcs[point] = table_s[cell] + half * integral(work[SPEED], 0)
     return arcs
 
 
 @compiled
 def parameters_at(table_u: Array, table_s: Array, slope: Array, s: Array) -> Array:
-    """Return the parameters (m,) at arc lengths s (m,) [m]: a cubic Hermite piece per cell."""
+    """Return the parameters (m,) at arc lengths s (m,) [m].
+
+    They are interpolated by a cubic Hermite polynomial in each cell of an ArcTable.
+    """
     parameters, cell = np.empty(len(s)), 0
     for point in range(len(s)):
         at = clamp(s[point], table_s[-1])

@@ -1,7 +1,7 @@
-"""Compiled: the workspace of the search for intersections, a stack of pairs of curve pieces.
+"""Compiled: the stack of pairs of curve pieces that the search for intersections has to decide.
 
-Decides: the layout of this workspace (the desk), and which pairs replace a pair that is halved.
-Must not know: which pairs meet.
+Decides: the layout of the stack, and which pairs replace a pair that is halved.  Must not know:
+which pairs meet.
 """
 
 from __future__ import annotations
@@ -11,25 +11,31 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from coordinator.base.compiled import compiled
-from coordinator.curves.bezier_kernels import (
-    SIZE,
-    Array,
-    Indices,
-    Pieces,
-    halve,
-)
+from coordinator.curves.bezier_kernels import SIZE, Array, CurvePair, Indices, halve
 
 STRANGERS: Final = 0
 NEIGHBOURS: Final = 1
-"""The second piece begins where the first one ends: that common point is no intersection."""
+"""The second piece begins where the first one ends: this common point is no intersection."""
 SAME: Final = 2
 
+U0, U1, V0, V1, KIND = range(5)
+"""Entries of a range: the parameters where it begins and ends, on the first curve (U0, U1) and on
+the second (V0, V1).  Results of the search are rows of these and a kind, CROSS or RUN."""
+
 ROOM: Final = 256
-"""Pairs that can wait: halving both pieces leaves three, and 2^-80 of a piece is no piece."""
+"""Size of the stack.  Halving both pieces adds three pairs at most, so there is room for pieces as
+small as 2^-80 of the first one."""
 
 
-class Desk(NamedTuple):
-    """Room to work in: waiting pairs (their control points, parameters, relation), and scratch."""
+class PairStack(NamedTuple):
+    """The pairs that wait to be decided, and a workspace for the one on top.
+
+    Of each pair: lifted (ROOM, 2, degree + 1, 3), the homogeneous control points of both pieces;
+    spans (ROOM, 4), their parameters U0, U1, V0, V1; relation (ROOM,), one of STRANGERS, NEIGHBOURS
+    and SAME.  Of both pieces on top: halves (2, 2, degree + 1, 3); corners (2, degree + 1, 2) [m],
+    their control points; shape (2, 12), what `survey` tells; found (4,), where they meet, as shares
+    of their spans.  work (degree + 1, 3) is for de Casteljau's algorithm.
+    """
 
     lifted: Array
     spans: Array
@@ -42,9 +48,9 @@ class Desk(NamedTuple):
 
 
 @compiled
-def make_desk(corners: int) -> Desk:
-    """Return a desk for pieces with up to this many control points."""
-    return Desk(
+def make_stack(corners: int) -> PairStack:
+    """Return a stack for pieces with up to `corners` control points."""
+    return PairStack(
         np.empty((ROOM, 2, corners, 3)),
         np.empty((ROOM, 4)),
         np.empty(ROOM, np.int64),
@@ -57,60 +63,64 @@ def make_desk(corners: int) -> Desk:
 
 
 @compiled
-def lay_out(
-    pieces: Pieces, i: int, j: int, degrees: tuple[int, int], same: bool, desk: Desk
-) -> None:
-    """Put a pair of whole pieces on the desk."""
+def start(pair: CurvePair, i: int, j: int, degrees: tuple[int, int], stack: PairStack) -> None:
+    """Make pieces i and j of two curves the only pair on the stack."""
+    pieces = pair.pieces
     for side, piece in ((0, i), (1, j)):
         for k in range(degrees[side] + 1):
-            desk.lifted[0, side, k] = pieces.control[pieces.start[piece] + k]
+            stack.lifted[0, side, k] = pieces.control[pieces.start[piece] + k]
         for k in range(2):
-            desk.spans[0, 2 * side + k] = pieces.borders[piece, k]
-    desk.relation[0] = max(SAME - (j - i), STRANGERS) if same else STRANGERS
+            stack.spans[0, 2 * side + k] = pieces.borders[piece, k]
+    same = pair.one == pair.other
+    stack.relation[0] = max(SAME - (j - i), STRANGERS) if same else STRANGERS
 
 
 @compiled
-def cut(desk: Desk, top: int, degrees: tuple[int, int]) -> int:
-    """Put the halves of the pair on top in its place, of the longer piece or both; the new top."""
-    relation, span = desk.relation[top], desk.spans[top].copy()
+def halve_top(stack: PairStack, top: int, degrees: tuple[int, int]) -> int:
+    """Halve the longer piece on top, or both; replace the pair by the new ones, return the new top.
+
+    Both are halved if neither is more than twice as large as the other.
+    """
+    relation, span = stack.relation[top], stack.spans[top].copy()
     parts = np.ones(2, np.int64)
     for side in range(2):
-        if desk.shape[side, SIZE] >= 0.5 * desk.shape[1 - side, SIZE]:
+        if stack.shape[side, SIZE] >= 0.5 * stack.shape[1 - side, SIZE]:
             parts[side] = 2
-            halve(desk.lifted[top, side], degrees[side], desk.halves[side])
+            halve(stack.lifted[top, side], degrees[side], stack.halves[side])
         else:
-            desk.halves[side, 0] = desk.lifted[top, side]
+            stack.halves[side, 0] = stack.lifted[top, side]
     top -= 1
     for i in range(parts[0]):
         for j in range(parts[1]):
             if relation == SAME and i > j:
                 continue
             top += 1
-            desk.relation[top] = STRANGERS
+            stack.relation[top] = STRANGERS
             if relation == SAME:
-                desk.relation[top] = SAME if i == j else NEIGHBOURS
+                stack.relation[top] = SAME if i == j else NEIGHBOURS
             elif relation == NEIGHBOURS and i == parts[0] - 1 and j == 0:
-                desk.relation[top] = NEIGHBOURS
+                stack.relation[top] = NEIGHBOURS
             for side, half in ((0, i), (1, j)):
-                desk.lifted[top, side] = desk.halves[side, half]
+                stack.lifted[top, side] = stack.halves[side, half]
                 begin, end = span[2 * side], span[2 * side + 1]
                 if parts[side] == 2:
                     middle = 0.5 * (begin + end)
                     begin, end = (begin, middle) if half == 0 else (middle, end)
-                desk.spans[top, 2 * side], desk.spans[top, 2 * side + 1] = begin, end
+                stack.spans[top, 2 * side], stack.spans[top, 2 * side + 1] = begin, end
     return top
 
 
 @compiled
-def settle(desk: Desk, top: int, verdict: int, rows: Array, count: int) -> Array:
-    """Append what was found on top to the rows, which may move."""
+def append_found(stack: PairStack, top: int, kind: int, rows: Array, count: int) -> Array:
+    """Append where the pair on top meets to `count` rows; return them or a longer copy."""
     if count == len(rows):
         longer = np.empty((2 * count, 5))
         longer[:count] = rows
         rows = longer
-    rows[count, 0] = verdict
-    for k in range(4):
-        begin, end = desk.spans[top, k // 2 * 2], desk.spans[top, k // 2 * 2 + 1]
-        t = desk.found[k]
-        rows[count, 1 + k] = end if t == 1.0 else begin + t * (end - begin)
+    rows[count, KIND] = kind
+    for side in range(2):
+        begin, end = stack.spans[top, 2 * side], stack.spans[top, 2 * side + 1]
+        for k in range(2 * side, 2 * side + 2):
+            t = stack.found[k]
+            rows[count, k] = end if t == 1.0 else begin + t * (end - begin)
     return rows

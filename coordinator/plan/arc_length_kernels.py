@@ -8,17 +8,17 @@ from __future__ import annotations
 import numpy as np
 
 from coordinator.base.compiled import compiled
-from coordinator.curves.nurbs_kernels import Array, measure
+from coordinator.curves.nurbs_kernels import SPEED, ArcTable, Array, measure
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 @compiled
-def robot_table(borders: Array, powers: Array, cells: int) -> tuple[Array, Array, Array]:
-    """Return borders u of cells, so many to a span, the arc lengths s there, and du/ds there.
+def robot_table(borders: Array, powers: Array, cells: int) -> ArcTable:
+    """Return the robot's arc-length table of a curve's Series, with `cells` cells per span.
 
-    The robot keeps the latter as float32.  borders and powers are those of `series`.  Gauss
-    quadrature with 5 nodes a cell; cells without length are left out.
+    The robot keeps du/ds as float32.  Each cell is measured by Gauss quadrature with 5 nodes; cells
+    without length are left out.
     """
     size = cells * len(powers) + 1
     u, s, slope = np.zeros(size), np.zeros(size), np.empty(size)
@@ -34,8 +34,8 @@ def robot_table(borders: Array, powers: Array, cells: int) -> tuple[Array, Array
             offsets[-1] = u0 - middle
             measure(powers[span], offsets, work)
             if grown:
-                slope[count] = np.float32(1.0 / max(work[0, -1], 1e-9))
-            length = 0.5 * (u1 - u0) * np.sum(_WEIGHTS * work[0, :-1])
+                slope[count] = np.float32(1.0 / max(work[SPEED, -1], 1e-9))
+            length = 0.5 * (u1 - u0) * np.sum(_WEIGHTS * work[SPEED, :-1])
             grown = length > 0.0
             if grown:
                 count += 1
@@ -43,5 +43,5 @@ def robot_table(borders: Array, powers: Array, cells: int) -> tuple[Array, Array
     if grown:
         offsets[-1] = 0.5 * (borders[-1] - borders[-2])
         measure(powers[-1], offsets, work)
-        slope[count] = np.float32(1.0 / max(work[0, -1], 1e-9))
-    return u[: count + 1], s[: count + 1], slope[: count + 1]
+        slope[count] = np.float32(1.0 / max(work[SPEED, -1], 1e-9))
+    return ArcTable(u[: count + 1], s[: count + 1], slope[: count + 1])

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from coordinator.curves.crossing_kernels import PAIR, PLACE_X, U, V
 from coordinator.curves.intersections import intersection_tables
 from coordinator.curves.nurbs import Array, Nurbs
 
@@ -93,10 +94,11 @@ class CrossingSearch:
 
 
 def _table(curves: Sequence[Nurbs], pairs: npt.NDArray[np.int64]) -> Array:
-    points = intersection_tables(curves, pairs, _SAME)[0]
-    whose = pairs[points[:, 0].astype(np.int64)]
-    s_a, s_b = (_arcs(curves, whose[:, side], points[:, 1 + side]) for side in (0, 1))
-    return np.column_stack((points[:, 0], points[:, 3:], s_a, s_b))
+    points = intersection_tables(curves, pairs, _SAME).points
+    number, places = points[:, PAIR], points[:, PLACE_X:PAIR]
+    a, b = pairs[number.astype(np.int64)].T
+    s_a, s_b = _arcs(curves, a, points[:, U]), _arcs(curves, b, points[:, V])
+    return np.column_stack((number, places, s_a, s_b))
 
 
 def _arcs(curves: Sequence[Nurbs], whose: npt.NDArray[np.int64], u: Array) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 
 from coordinator.curves.knots import bezier_pieces
 from coordinator.curves.nurbs import Array
-from coordinator.curves.nurbs_kernels import arc_table, series
+from coordinator.curves.nurbs_kernels import W, arc_table, series
 from coordinator.plan.document import Limits
 from coordinator.plan.wire import Driven
 from coordinator.proof.limit_kernels import too_sharp
@@ -51,7 +51,7 @@ def limit_failures(driven: Driven, limits: Limits) -> list[str]:
 def _corner_failures(driven: Driven) -> list[str]:
     """Return a sentence for each corner of a curve: a border of spans where its direction jumps."""
     borders, pieces = bezier_pieces(*driven.curve.lifted)
-    corners = pieces[:, :, :2] / pieces[:, :, 2:]
+    corners = pieces[:, :, :W] / pieces[:, :, W:]
     inner = zip(borders[1:-1].tolist(), corners[:-1], corners[1:], strict=True)
     failures = []
     for u, before, after in inner:
@@ -77,19 +77,20 @@ def _bend_failures(driven: Driven, limits: Limits) -> list[str]:
     if limits.max_lateral_accel is None and not limits.min_turn_radius > 0.0:
         return []
     line, failures = driven.timeline, _corner_failures(driven)
-    borders, powers = series(*driven.curve.lifted)
-    shape = (borders, powers, *arc_table(borders, powers))
+    curve = series(*driven.curve.lifted)
+    table = arc_table(*curve)
     knots = np.array([*line.s0, line.length])
     if limits.max_lateral_accel is not None:
-        squares = np.square(np.column_stack((line.v0, line.v1))).ravel()
+        squares = np.square(np.column_stack((line.v0, line.v1)))
         most = limits.max_lateral_accel * _LATERAL
-        at = too_sharp(*shape, knots, squares, most)
+        at = too_sharp(curve, table, knots, squares, most)
         if at >= 0.0:
             failures.append(
                 f"{driven.id} takes a bend above {limits.max_lateral_accel} m/s^2 at {at:.2f} m"
             )
     if limits.min_turn_radius > 0.0:
-        at = too_sharp(*shape, knots, np.ones(2 * len(line.s0)), _TURN / limits.min_turn_radius)
+        ones, most = np.ones((len(line.s0), 2)), _TURN / limits.min_turn_radius
+        at = too_sharp(curve, table, knots, ones, most)
         if at >= 0.0:
             failures.append(
                 f"{driven.id} turns tighter than {limits.min_turn_radius} m at {at:.2f} m"

@@ -17,12 +17,10 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from coordinator.curves.nurbs import Array
 from coordinator.plan.wire import Driven
-
-Indices = npt.NDArray[np.int64]
+from coordinator.proof.separation_kernels import BEGIN, DEVIATION, END, Indices
 
 _ROUNDING: Final = 1e-9
 """By how much [m] rounding may make a measured arc length too short."""
@@ -30,17 +28,23 @@ _ROUNDING: Final = 1e-9
 _ARC_ERRORS: Final = 2.5
 """Uncertainty of a place in arc errors: one at an end, one between, the rest for measuring."""
 
+_LEG_BEGIN, _LEG_END, _LEG_S, _LEG_V, _LEG_RATE = range(5)
+"""Columns of legs (n, 5): begin and end [s], arc length [m] and speed [m/s] at the begin,
+acceleration [m/s^2]."""
+
+_TIME, _X, _Y, _S = range(4)
+"""Columns of nodes (m, 4): time [s], place [m] and exact arc length [m]."""
+
 _ROUNDS: Final = 24
 _MOST_PARTS: Final = 64.0
+"""Pieces are cut at most this often, each time into at most so many parts."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
     """Motions of robots in m pieces, sorted by robot, then time.
 
-    rows (m, 7): begin and end [s], x, y at the begin, x, y at the end [m], deviation [m].  The
-    deviation bounds the distance between the robot and the point that drives the piece at constant
-    speed.  robot (m,), leg (m,): indices.
+    rows (m, 7): their columns are named in separation_kernels.py.  robot (m,), leg (m,): indices.
     """
 
     rows: Array
@@ -53,7 +57,7 @@ class Pieces:
 
 
 class Flights:
-    """The motions of a whole fleet: c_i(t) of design section 1, from plan time 0 to the last end.
+    """The motions c_i(t) of a fleet, from plan time 0 until 1 s after the last robot has arrived.
 
     Before and after that, robots stand at their starts and goals, so other times add no places.
     """
@@ -67,9 +71,9 @@ class Flights:
         self._noise = _ARC_ERRORS * np.array([one.arc_error for one in driven])
 
     def pieces(self, tolerance: float) -> Pieces:
-        """Return all motions in pieces that deviate by at most `tolerance` [m], as `split` does."""
+        """Return all motions in pieces; `tolerance` [m] bounds their deviation as in `split`."""
         legs = np.arange(len(self._legs))
-        ends = self._nodes(np.repeat(legs, 2), self._legs[:, :2].ravel())
+        ends = self._nodes(np.repeat(legs, 2), self._legs[:, (_LEG_BEGIN, _LEG_END)].ravel())
         return self.split(self._pieces(ends, legs, np.arange(0, 2 * len(legs), 2)), tolerance)[0]
 
     def split(self, pieces: Pieces, tolerance: float) -> tuple[Pieces, Indices]:
@@ -79,7 +83,7 @@ class Flights:
         """
         origin = np.arange(len(pieces.rows))
         for _ in range(_ROUNDS):
-            excess = (pieces.rows[:, 6] - self._noise[pieces.robot]) / tolerance
+            excess = (pieces.rows[:, DEVIATION] - self._noise[pieces.robot]) / tolerance
             rough = np.flatnonzero(excess > 1.0)
             if not len(rough):
                 break
@@ -99,18 +103,18 @@ class Flights:
         return np.asarray(s + passed * (v + 0.5 * rate * passed))
 
     def _nodes(self, leg: Indices, time: Array) -> Array:
-        """Return time, x, y and the true arc length at times (m,) of legs (m,), sorted: (m, 4)."""
+        """Return nodes (m, 4) at times (m,) of legs (m,), which have to be sorted by robot."""
         robot = self._robot[leg]
         s = self._arcs(leg, time)
         nodes = np.empty((len(time), 4))
-        nodes[:, 0] = time
+        nodes[:, _TIME] = time
         borders = np.searchsorted(robot, np.arange(len(self.driven) + 1))
         for index, (first, end) in enumerate(pairwise(borders.tolist())):
             if first < end:
                 curve = self.driven[index].curve
                 u = curve.parameter_at(s[first:end])
-                nodes[first:end, 1:3] = curve.evaluate(u)
-                nodes[first:end, 3] = curve.arc_at(u)
+                nodes[first:end, _X : _Y + 1] = curve.evaluate(u)
+                nodes[first:end, _S] = curve.arc_at(u)
         return nodes
 
     def _cut(self, pieces: Pieces, parts: Indices) -> Pieces:
@@ -118,9 +122,9 @@ class Flights:
         owner = np.repeat(np.arange(len(parts)), parts + 1)
         last = np.cumsum(parts + 1) - 1
         step = np.arange(len(owner)) - (last - parts)[owner]
-        begin, end = pieces.rows[owner, 0], pieces.rows[owner, 1]
+        begin, end = pieces.rows[owner, BEGIN], pieces.rows[owner, END]
         time = begin + (end - begin) * (step / parts[owner])
-        time[last] = pieces.rows[:, 1]
+        time[last] = pieces.rows[:, END]
         nodes = self._nodes(pieces.leg[owner], time)
         inner = np.flatnonzero(step < parts[owner])
         return self._pieces(nodes, pieces.leg[owner[inner]], inner)
@@ -128,20 +132,22 @@ class Flights:
     def _pieces(self, nodes: Array, leg: Indices, first: Indices) -> Pieces:
         """Return the pieces from nodes `first` (m,) to the next ones, with their deviation."""
         begin, end = nodes[first], nodes[first + 1]
-        moves, rate = self._legs[leg, 3:].any(axis=1), self._legs[leg, 4]
-        straight = np.hypot(end[:, 1] - begin[:, 1], end[:, 2] - begin[:, 2])
-        excess = np.maximum(end[:, 3] - begin[:, 3] - straight, 0.0) + _ROUNDING
+        rate = self._legs[leg, _LEG_RATE]
+        moves = (self._legs[leg, _LEG_V] != 0.0) | (rate != 0.0)
+        straight = np.hypot(end[:, _X] - begin[:, _X], end[:, _Y] - begin[:, _Y])
+        excess = np.maximum(end[:, _S] - begin[:, _S] - straight, 0.0) + _ROUNDING
         curved = np.hypot(0.5 * np.sqrt(excess * (2.0 * straight + excess)), excess)
-        duration = end[:, 0] - begin[:, 0]
+        duration = end[:, _TIME] - begin[:, _TIME]
         robot = self._robot[leg]
         uneven = 0.125 * np.abs(rate) * duration * duration + self._noise[robot]
         deviation = np.where(moves, curved + uneven, 0.0)
-        rows = np.column_stack((begin[:, 0], end[:, 0], begin[:, 1:3], end[:, 1:3], deviation))
+        places = begin[:, _X : _Y + 1], end[:, _X : _Y + 1]
+        rows = np.column_stack((begin[:, _TIME], end[:, _TIME], *places, deviation))
         return Pieces(rows, robot, leg)
 
 
 def _legs(driven: Driven, finish: float) -> Array:
-    """Return a row per leg or rest: begin and end [s], s [m] and v [m/s] at the begin, m/s^2."""
+    """Return the legs (n, 5) of a motion, with a leg for each time at rest."""
     line = driven.timeline
     t0, t1, s0 = np.array(line.t0), np.array(line.t1), np.array(line.s0)
     v0, v1 = np.array(line.v0), np.array(line.v1)
@@ -152,4 +158,4 @@ def _legs(driven: Driven, finish: float) -> Array:
     legs = np.stack((resting, driving), axis=1).reshape(-1, 5)
     parked = (line.finish, finish, line.length, 0.0, 0.0)
     legs = np.vstack((legs, parked))
-    return legs[legs[:, 0] < legs[:, 1]]
+    return legs[legs[:, _LEG_BEGIN] < legs[:, _LEG_END]]

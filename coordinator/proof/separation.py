@@ -21,7 +21,17 @@ import numpy as np
 from coordinator.curves.nurbs import Array
 from coordinator.plan.wire import Driven
 from coordinator.proof.motion_pieces import Flights, Pieces
-from coordinator.proof.separation_kernels import Indices, finer_pairs, near_pairs
+from coordinator.proof.separation_kernels import (
+    BEGIN,
+    END,
+    HIGH,
+    LOW,
+    X0,
+    X1,
+    Indices,
+    finer_pairs,
+    near_pairs,
+)
 
 _COARSE: Final = 2e-2
 _FINER: Final = (1e-3, 5e-5)
@@ -56,7 +66,7 @@ class Closest:
 
 @dataclass(frozen=True, eq=False)
 class _Candidates:
-    """Pairs (m, 2) of pieces (indices), and rows (m, 4) of separation_kernels.py about them."""
+    """Pairs (m, 2) of pieces (indices), and for each a row (4,) as in separation_kernels.py."""
 
     pieces: Pieces
     pairs: Indices
@@ -119,8 +129,8 @@ class Separation:
         for tolerance in _FINER:
             group = self._groups(candidates, each)
             least = np.full(group.max(initial=-1) + 1, limit)
-            np.minimum.at(least, group, candidates.found[:, 1])
-            promising = np.flatnonzero(candidates.found[:, 0] <= least[group])
+            np.minimum.at(least, group, candidates.found[:, HIGH])
+            promising = np.flatnonzero(candidates.found[:, LOW] <= least[group])
             used, pairs = np.unique(candidates.pairs[promising], return_inverse=True)
             finer, origin = self._flights.split(candidates.pieces.pick(used), tolerance)
             needs = keep[candidates.robots[promising]].sum(axis=1)
@@ -162,5 +172,6 @@ class Separation:
 
 def _place(piece: Array, time: float) -> Array:
     """Return the place (2,) [m] on a piece at a time [s]."""
-    part = (time - piece[0]) / (piece[1] - piece[0])
-    return np.asarray(piece[2:4] + part * (piece[4:6] - piece[2:4]))
+    part = (time - piece[BEGIN]) / (piece[END] - piece[BEGIN])
+    start, end = piece[X0 : X0 + 2], piece[X1 : X1 + 2]
+    return np.asarray(start + part * (end - start))

@@ -1,9 +1,6 @@
 """Compiled: how near straight pieces of motion come, for all times no more than tau apart.
 
-A piece is a row of flight.Pieces: from when to when, from x, y to x, y, deviation.  `keep` (n,) [m]
-is each robot's part of a pair's need; slack is the distance less the need.
-Candidates are rows (low, high, t_a, t_b): the least slack of a pair of pieces lies in [low, high],
-and near the times t_a, t_b.
+`keep` (n,) [m] is each robot's part of a pair's need; slack is the distance less the need.
 
 Decides: which pairs of pieces come near.  Must not know: curves, or what is enough.
 """
@@ -11,6 +8,7 @@ Decides: which pairs of pieces come near.  Must not know: curves, or what is eno
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,20 +18,47 @@ from coordinator.base.compiled import compiled
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
+BEGIN, END, X0, Y0, X1, Y1, DEVIATION = range(7)
+"""Columns of pieces (m, 7): begin and end [s], the places there [m], and the greatest distance [m]
+of the robot from a point that drives the piece at constant speed."""
+
+LOW, HIGH, TIME_A, TIME_B = range(4)
+"""Columns of candidates (m, 4), one per pair of pieces: bounds [m] of the pair's least slack, and
+the times [s] at which the distance of the points on the pieces is least."""
+
+_LEFT, _BOTTOM, _RIGHT, _TOP = range(4)
+"""Columns of boxes (n, 4) [m]."""
+
+
+class Nearest(NamedTuple):
+    """The least distance [m] of points that drive two pieces, and the time [s] on each piece."""
+
+    distance: float
+    t_a: float
+    t_b: float
+
+
+class _Edge(NamedTuple):
+    """Pairs of times (t_a + rate_a * k, t_b + rate_b * k) [s] for 0 <= k <= most."""
+
+    t_a: float
+    t_b: float
+    rate_a: float
+    rate_b: float
+    most: float
+
 
 @compiled
-def _on_edge(
-    a: Array, b: Array, t_a: float, t_b: float, rate_a: float, rate_b: float, most: float,
-    best: Array,
-) -> None:  # fmt: skip
-    """Leave in `best` (3,) what is nearer at times (t_a + rate_a k, t_b + rate_b k), k <= most."""
+def _nearer(a: Array, b: Array, edge: _Edge, best: Nearest) -> Nearest:
+    """Return what is nearer: `best` or the nearest points of two pieces (7,) on an edge."""
+    t_a, t_b, rate_a, rate_b, most = edge
     if most < 0.0:
-        return
-    span_a, span_b = a[1] - a[0], b[1] - b[0]
-    part_a, part_b = (t_a - a[0]) / span_a, (t_b - b[0]) / span_b
-    ax, ay, bx, by = a[4] - a[2], a[5] - a[3], b[4] - b[2], b[5] - b[3]
-    x = a[2] + part_a * ax - b[2] - part_b * bx
-    y = a[3] + part_a * ay - b[3] - part_b * by
+        return best
+    span_a, span_b = a[END] - a[BEGIN], b[END] - b[BEGIN]
+    part_a, part_b = (t_a - a[BEGIN]) / span_a, (t_b - b[BEGIN]) / span_b
+    ax, ay, bx, by = a[X1] - a[X0], a[Y1] - a[Y0], b[X1] - b[X0], b[Y1] - b[Y0]
+    x = a[X0] + part_a * ax - b[X0] - part_b * bx
+    y = a[Y0] + part_a * ay - b[Y0] - part_b * by
     dx = rate_a * ax / span_a - rate_b * bx / span_b
     dy = rate_a * ay / span_a - rate_b * by / span_b
     square, k = dx * dx + dy * dy, 0.0
@@ -41,112 +66,134 @@ def _on_edge(
         k = min(max(-(x * dx + y * dy) / square, 0.0), most)
     x, y = x + k * dx, y + k * dy
     distance = math.sqrt(x * x + y * y)
-    if distance < best[0]:
-        best[0], best[1], best[2] = distance, t_a + rate_a * k, t_b + rate_b * k
+    if distance < best.distance:
+        return Nearest(distance, t_a + rate_a * k, t_b + rate_b * k)
+    return best
 
 
 @compiled
-def nearest(a: Array, b: Array, tau: float, best: Array) -> None:
-    """Leave in `best` (3,) the least distance [m] of two pieces at times <= tau apart, and when.
+def nearest(a: Array, b: Array, tau: float) -> Nearest:
+    """Return where two pieces (7,) are nearest, among all times no more than tau [s] apart.
 
-    The difference of places is linear in both times, so its length is least where it vanishes or
-    on the border of the allowed times, of at most six edges.  inf where no times are allowed.
+    The distance is infinite if there are no such times.  The vector between the two points is
+    linear in both times, so its length is least where it vanishes, or on one of the at most six
+    edges of the allowed pairs of times.
     """
-    best[0] = math.inf
-    a0, a1, b0, b1 = a[0], a[1], b[0], b[1]
+    best = Nearest(math.inf, math.nan, math.nan)
+    a0, a1, b0, b1 = a[BEGIN], a[END], b[BEGIN], b[END]
     if b0 - tau > a1 or a0 - tau > b1:
-        return
-    ax, ay = (a[4] - a[2]) / (a1 - a0), (a[5] - a[3]) / (a1 - a0)
-    bx, by = (b[4] - b[2]) / (b1 - b0), (b[5] - b[3]) / (b1 - b0)
+        return best
+    ax, ay = (a[X1] - a[X0]) / (a1 - a0), (a[Y1] - a[Y0]) / (a1 - a0)
+    bx, by = (b[X1] - b[X0]) / (b1 - b0), (b[Y1] - b[Y0]) / (b1 - b0)
     cross = ax * by - ay * bx
     if cross != 0.0:
-        x, y = b[2] - a[2], b[3] - a[3]
+        x, y = b[X0] - a[X0], b[Y0] - a[Y0]
         t_a, t_b = a0 + (x * by - y * bx) / cross, b0 + (x * ay - y * ax) / cross
         if a0 <= t_a <= a1 and b0 <= t_b <= b1 and abs(t_a - t_b) <= tau:
-            _on_edge(a, b, t_a, t_b, 0.0, 0.0, 0.0, best)
+            best = _nearer(a, b, _Edge(t_a, t_b, 0.0, 0.0, 0.0), best)
     for time in (a0, a1):
         low, high = max(b0, time - tau), min(b1, time + tau)
-        _on_edge(a, b, time, low, 0.0, 1.0, high - low, best)
+        best = _nearer(a, b, _Edge(time, low, 0.0, 1.0, high - low), best)
     for time in (b0, b1):
         low, high = max(a0, time - tau), min(a1, time + tau)
-        _on_edge(a, b, low, time, 1.0, 0.0, high - low, best)
+        best = _nearer(a, b, _Edge(low, time, 1.0, 0.0, high - low), best)
     for shift in (-tau, tau):
         low, high = max(a0, b0 - shift), min(a1, b1 - shift)
-        _on_edge(a, b, low, low + shift, 1.0, 1.0, high - low, best)
+        best = _nearer(a, b, _Edge(low, low + shift, 1.0, 1.0, high - low), best)
+    return best
 
 
 @compiled
-def _apart(a: Array, b: Array) -> float:
-    """Return a bound [m] below the distance of the lines of two pieces, from their boxes."""
-    x = max(min(b[2], b[4]) - max(a[2], a[4]), min(a[2], a[4]) - max(b[2], b[4]), 0.0)
-    y = max(min(b[3], b[5]) - max(a[3], a[5]), min(a[3], a[5]) - max(b[3], b[5]), 0.0)
+def _box_distance(a: Array, b: Array) -> float:
+    """Return the distance [m] of the boxes around two pieces, a lower bound of their distance."""
+    x = max(min(b[X0], b[X1]) - max(a[X0], a[X1]), min(a[X0], a[X1]) - max(b[X0], b[X1]), 0.0)
+    y = max(min(b[Y0], b[Y1]) - max(a[Y0], a[Y1]), min(a[Y0], a[Y1]) - max(b[Y0], b[Y1]), 0.0)
     return math.sqrt(x * x + y * y)
+
+
+class _Found(NamedTuple):
+    """Pairs (m, 2) of pieces and their candidates (m, 4), of which the first `size` are in use."""
+
+    pairs: Indices
+    candidates: Array
+    size: int
+
+
+@compiled
+def _nothing() -> _Found:
+    return _Found(np.empty((1024, 2), np.int64), np.empty((1024, 4)), 0)
 
 
 @compiled
 def _compare(
     rows: Array, range_a: Indices, range_b: Indices, need: float, tau: float, limit: float,
-    pairs: Indices, found: Array, count: int,
-) -> tuple[Indices, Array, int, float]:  # fmt: skip
-    """Append the pairs of pieces in two ranges that may have the least slack up to a limit [m].
+    found: _Found,
+) -> tuple[_Found, float]:  # fmt: skip
+    """Append the pairs of pieces from two ranges that may have the least slack, if <= limit [m].
 
-    Returns pairs, found, their count, and the limit or the least `high`, whichever is smaller.
+    Also returns the limit or the least upper bound of the slack, whichever is smaller.
     """
-    first, best = count, np.empty(3)
+    pairs, candidates, count = found
+    first = count
     for p in range(range_a[0], range_a[1]):
         a = rows[p]
         for q in range(range_b[0], range_b[1]):
             b = rows[q]
-            free = need + a[6] + b[6]
-            if b[0] - tau > a[1] or a[0] - tau > b[1] or _apart(a, b) - free > limit:
+            free = need + a[DEVIATION] + b[DEVIATION]
+            if b[BEGIN] - tau > a[END] or a[BEGIN] - tau > b[END]:
                 continue
-            nearest(a, b, tau, best)
-            low = best[0] - free
+            if _box_distance(a, b) - free > limit:
+                continue
+            best = nearest(a, b, tau)
+            low = best.distance - free
             if low > limit:
                 continue
-            if count == len(found):
+            if count == len(candidates):
                 pairs = np.concatenate((pairs, np.empty_like(pairs)))
-                found = np.concatenate((found, np.empty_like(found)))
+                candidates = np.concatenate((candidates, np.empty_like(candidates)))
             pairs[count, 0], pairs[count, 1] = p, q
-            found[count, 0], found[count, 1] = low, best[0] - need + a[6] + b[6]
-            found[count, 2], found[count, 3] = best[1], best[2]
-            limit = min(limit, found[count, 1])
+            high = best.distance - need + a[DEVIATION] + b[DEVIATION]
+            candidates[count, LOW], candidates[count, HIGH] = low, high
+            candidates[count, TIME_A], candidates[count, TIME_B] = best.t_a, best.t_b
+            limit = min(limit, high)
             count += 1
     kept = first
     for row in range(first, count):
-        if found[row, 0] <= limit:
-            pairs[kept], found[kept] = pairs[row], found[row]
+        if candidates[row, LOW] <= limit:
+            pairs[kept], candidates[kept] = pairs[row], candidates[row]
             kept += 1
-    return pairs, found, kept, limit
+    return _Found(pairs, candidates, kept), limit
 
 
 @compiled
 def _boxes(
     rows: Array, first: Indices, keep: Array, begin: float, end: float, ranges: Indices
 ) -> Array:
-    """Return least x, y, greatest x, y of each robot's disc `keep` from `begin` to `end`, (n, 4).
+    """Return the boxes (n, 4) that hold each robot's disc of radius `keep` from `begin` to `end`.
 
-    Moves ranges (n, 2) on to the pieces of that time; they have to begin at earlier ones.
+    Sets ranges (n, 2) to each robot's pieces in that time; before, each has to begin at one of the
+    robot's earlier pieces.
     """
     boxes = np.empty((len(keep), 4))
     for robot in range(len(keep)):
         p, last = ranges[robot, 0], first[robot + 1]
-        while p < last - 1 and rows[p, 1] < begin:
+        while p < last - 1 and rows[p, END] < begin:
             p += 1
         ranges[robot, 0] = p
         x0 = y0 = math.inf
         x1 = y1 = -math.inf
-        while p < last and (p == ranges[robot, 0] or rows[p, 0] <= end):
-            row, wide = rows[p], keep[robot] + rows[p, 6]
+        while p < last and (p == ranges[robot, 0] or rows[p, BEGIN] <= end):
+            row, wide = rows[p], keep[robot] + rows[p, DEVIATION]
             for time in (begin, end):
-                part = min(max((time - row[0]) / (row[1] - row[0]), 0.0), 1.0)
-                x = row[2] + part * (row[4] - row[2])
-                y = row[3] + part * (row[5] - row[3])
+                part = min(max((time - row[BEGIN]) / (row[END] - row[BEGIN]), 0.0), 1.0)
+                x = row[X0] + part * (row[X1] - row[X0])
+                y = row[Y0] + part * (row[Y1] - row[Y0])
                 x0, y0 = min(x0, x - wide), min(y0, y - wide)
                 x1, y1 = max(x1, x + wide), max(y1, y + wide)
             p += 1
         ranges[robot, 1] = p
-        boxes[robot, 0], boxes[robot, 1], boxes[robot, 2], boxes[robot, 3] = x0, y0, x1, y1
+        boxes[robot, _LEFT], boxes[robot, _BOTTOM] = x0, y0
+        boxes[robot, _RIGHT], boxes[robot, _TOP] = x1, y1
     return boxes
 
 
@@ -154,53 +201,53 @@ def _boxes(
 def near_pairs(
     rows: Array, first: Indices, keep: Array, tau: float, block: float, limit: float, each: bool
 ) -> tuple[Indices, Array]:
-    """Return the pairs of pieces (m, 2) that may have the least slack, if below a limit [m].
+    """Return the pairs of pieces (m, 2) that may have the least slack, if it is below a limit [m].
 
-    `first` (n + 1,): where the pieces of each robot begin.  `each`: for every pair of robots
-    instead of all pairs together; pieces beyond a pair's least may be included.  Time is divided
-    into blocks; in each block a sweep compares the boxes that robots cover.  A pair may occur more
-    than once.  Also returns the candidates (m, 4) of the pairs.
+    rows (k, 7): pieces, of robot r from first[r] to first[r + 1]; block [s]: time is divided into
+    blocks of this length, and in each a sweep along x compares the boxes that robots cover.
+    `each`: look for the least slack of every pair of robots instead of the least of all.  A pair of
+    pieces may be returned more than once, or without having the least slack.  Also returns the
+    candidates (m, 4).
     """
-    pairs, found, count = np.empty((1024, 2), np.int64), np.empty((1024, 4)), 0
+    found = _nothing()
     ranges = np.empty((len(keep), 2), np.int64)
     ranges[:, 0] = first[:-1]
     spare = 0.5 * tau + 1e-6
-    for number in range(int(rows[-1, 1] / block) + 1):
+    for number in range(int(rows[-1, END] / block) + 1):
         begin, end = number * block - spare, (number + 1) * block + spare
         boxes = _boxes(rows, first, keep, begin, end, ranges)
-        order = np.argsort(boxes[:, 0])
+        order = np.argsort(boxes[:, _LEFT])
         for i in range(len(order)):
             a = order[i]
             for j in range(i + 1, len(order)):
                 b = order[j]
-                if boxes[b, 0] - boxes[a, 2] > limit:
+                if boxes[b, _LEFT] - boxes[a, _RIGHT] > limit:
                     break
-                if boxes[b, 1] - boxes[a, 3] > limit or boxes[a, 1] - boxes[b, 3] > limit:
+                if boxes[b, _BOTTOM] - boxes[a, _TOP] > limit:
+                    continue
+                if boxes[a, _BOTTOM] - boxes[b, _TOP] > limit:
                     continue
                 one, other = (a, b) if a < b else (b, a)
-                pairs, found, count, least = _compare(
-                    rows, ranges[one], ranges[other], keep[a] + keep[b], tau, limit,
-                    pairs, found, count,
-                )  # fmt: skip
+                need = keep[a] + keep[b]
+                found, least = _compare(rows, ranges[one], ranges[other], need, tau, limit, found)
                 if not each:
                     limit = least
-    return pairs[:count], found[:count]
+    return found.pairs[: found.size], found.candidates[: found.size]
 
 
 @compiled
 def finer_pairs(
     rows: Array, parents: Indices, parts: Indices, needs: Array, tau: float, limits: Array
 ) -> tuple[Indices, Array]:
-    """Return the pairs of parts that may have the least slack below a limit of their own [m].
+    """Return the pairs of finer pieces that may have the least slack, if below a limit [m].
 
-    parents (m, 2): pairs of pieces, each now the parts from parts[piece] up to parts[piece + 1];
-    needs (m,) [m]: the least distance allowed; limits (m,).  Also returns their candidates.
+    rows (k, 7): the finer pieces, of which those from parts[p] to parts[p + 1] replace piece p.
+    parents (n, 2): pairs of replaced pieces, each with its need and its limit: needs (n,) [m],
+    limits (n,) [m].  Also returns the candidates (m, 4).
     """
-    pairs, found, count = np.empty((1024, 2), np.int64), np.empty((1024, 4)), 0
+    found = _nothing()
     for row in range(len(parents)):
         p, q = parents[row, 0], parents[row, 1]
-        pairs, found, count, _ = _compare(
-            rows, parts[p : p + 2], parts[q : q + 2], needs[row], tau, limits[row],
-            pairs, found, count,
-        )  # fmt: skip
-    return pairs[:count], found[:count]
+        its, others = parts[p : p + 2], parts[q : q + 2]
+        found, _ = _compare(rows, its, others, needs[row], tau, limits[row], found)
+    return found.pairs[: found.size], found.candidates[: found.size]

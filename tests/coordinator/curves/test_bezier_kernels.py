@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coordinator.curves.bezier_kernels import Pieces, boxes_apart, facing
+from coordinator.curves.bezier_kernels import CurvePair, Pieces, boxes_apart, facing
 from tests.sweeps import seeds
 
 
@@ -20,7 +20,7 @@ def pieces_of(*chains):
 
 
 def left_of(pieces, tolerance=1e-3, one=0, other=1):
-    return facing(pieces, one, other, tolerance, np.empty(4))
+    return facing(CurvePair(pieces, one, other), tolerance, np.empty(4))
 
 
 def walk(random, count):

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from coordinator.curves.bounds import bounds, flatten, hulls, parameter_of
+from coordinator.curves.bounds import bounds, flatten, parameter_of
 from coordinator.curves.nurbs import nurbs
 from tests.coordinator.curves.random_curves import (
     a_smooth_path,
@@ -73,7 +73,7 @@ def test_boxes_hold_the_curve_and_are_no_wider_than_the_deviation(curve, toleran
 @settings(max_examples=30, derandomize=True, deadline=None)
 @given(any_curves())
 def test_local_hulls_hold_their_spans(curve):
-    chain = hulls(curve)
+    chain = flatten(curve, math.inf)
     np.testing.assert_array_equal(chain.u, np.unique(curve.knots))
     places = samples(curve, chain, 60)
     for corners, held in zip(chain.corners, places, strict=True):
@@ -83,7 +83,7 @@ def test_local_hulls_hold_their_spans(curve):
 
 def test_local_hulls_are_inside_those_of_the_curves_own_control_points():
     curve = random_curve(3)
-    for index, corners in enumerate(hulls(curve).corners):
+    for index, corners in enumerate(flatten(curve, math.inf).corners):
         own = shapely.MultiPoint(curve.points[index : index + 4]).convex_hull
         assert own.buffer(1e-9).covers(shapely.MultiPoint(corners).convex_hull)
 

@@ -17,8 +17,6 @@ from coordinator.curves.knots import (
     insert_knot,
     piece,
     refine,
-    reverse,
-    split,
 )
 from coordinator.curves.nurbs import nurbs
 from tests.coordinator.curves.random_curves import any_curves, full_circle, random_curve
@@ -134,9 +132,9 @@ def test_a_knot_more_often_than_the_degree_is_refused():
 
 @settings(max_examples=40, derandomize=True, deadline=None)
 @given(any_curves(), shares)
-def test_the_halves_of_a_split_curve_meet_and_are_the_curve(curve, share):
+def test_the_halves_of_a_cut_curve_meet_and_are_the_curve(curve, share):
     cut = 10.0 * share
-    left, right = split(curve, cut)
+    left, right = piece(curve, 0.0, cut), piece(curve, cut, 10.0)
     np.testing.assert_array_equal(left.points[-1], right.points[0])
     for half, size in ((left, cut), (right, 10.0 - cut)):
         ends = half.knots[: half.degree + 1], half.knots[-half.degree - 1 :]
@@ -149,10 +147,10 @@ def test_the_halves_of_a_split_curve_meet_and_are_the_curve(curve, share):
     assert left.length + right.length == pytest.approx(curve.length, rel=1e-3)
 
 
-def test_a_curve_can_be_split_at_any_of_its_knots():
+def test_a_curve_can_be_cut_at_any_of_its_knots():
     curve = random_curve(2, doubled=True)
     for cut in set(curve.knots[4:-4].tolist()):
-        left, right = split(curve, cut)
+        left, right = piece(curve, 0.0, cut), piece(curve, cut, 10.0)
         place = naive_point(3, curve.knots, curve.points, curve.weights, cut)
         np.testing.assert_allclose([left.points[-1], right.points[0]], [place, place], atol=1e-12)
 
@@ -190,11 +188,3 @@ def test_a_circle_is_in_bezier_form_already():
     circle = full_circle()
     assert bezier_form(circle) is circle
     assert [bezier.length for bezier in beziers(circle)] == pytest.approx([math.pi / 2] * 4)
-
-
-def test_a_reversed_curve_runs_back():
-    curve = random_curve(7)
-    back = reverse(curve)
-    np.testing.assert_allclose(back.evaluate(10.0 - U), curve.evaluate(U), atol=1e-11)
-    np.testing.assert_allclose(back.curvature(10.0 - U), -curve.curvature(U), rtol=1e-6, atol=1e-6)
-    np.testing.assert_array_equal(reverse(back).points, curve.points)

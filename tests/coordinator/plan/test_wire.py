@@ -155,8 +155,9 @@ def test_a_length_that_is_out_is_told_with_its_size_and_place():
     chain, length = wire.flatten(curve, wire.FLAT), curve.length
     allowed = 2.5e-4 + 1e-4 * length
     for share in (-1.3, 1.3):
-        u, s, slope = curve._table
-        vars(curve)["_table"] = u, s + (s > 2.0) * share * allowed, slope
+        table = curve._table
+        longer = table.s + (table.s > 2.0) * share * allowed
+        vars(curve)["_table"] = table._replace(s=longer)
         vars(curve)["length"] = length + share * allowed
         with pytest.raises(ValueError, match="uncertain by") as refusal:
             wire._check_length(curve, chain)

@@ -20,14 +20,14 @@ def sharpest(curve, knots_s, squares, count=200_000):
     s = np.unique(np.concatenate((np.linspace(0.0, curve.length, count), knots_s)))
     leg = np.clip(np.searchsorted(knots_s, s, side="right") - 1, 0, len(knots_s) - 2)
     part = (s - knots_s[leg]) / np.diff(knots_s)[leg]
-    first, last = squares[2 * leg], squares[2 * leg + 1]
+    first, last = squares[leg].T
     bend = np.abs(curve.curvature(curve.parameter_at(s)))
     return float(np.max((first + np.clip(part, 0.0, 1.0) * (last - first)) * bend))
 
 
 def asked(curve, knots_s, squares, most):
-    borders, powers = series(*curve.lifted)
-    return too_sharp(borders, powers, *arc_table(borders, powers), knots_s, squares, most)
+    form = series(*curve.lifted)
+    return too_sharp(form, arc_table(*form), knots_s, squares, most)
 
 
 @pytest.mark.parametrize("seed", seeds(12))
@@ -35,7 +35,7 @@ def test_a_limit_is_proven_above_the_sharpest_place_and_refused_below_it(seed):
     dice = np.random.default_rng(seed)
     curve = random_curve(dice)
     knots_s = np.linspace(0.0, curve.length, 5)
-    squares = dice.uniform(0.1, 1.0, 8)
+    squares = dice.uniform(0.1, 1.0, (4, 2))
     most = sharpest(curve, knots_s, squares)
     assert asked(curve, knots_s, squares, 1.001 * most) == -1.0
     at = asked(curve, knots_s, squares, 0.999 * most)
@@ -45,7 +45,7 @@ def test_a_limit_is_proven_above_the_sharpest_place_and_refused_below_it(seed):
 def test_a_peak_of_millimetres_is_found():
     points = [(0, 0), (1, 0), (1.98, 0), (2, 0.01), (2.02, 0), (3, 0), (4, 0)]
     curve = nurbs(3, [0, 0, 0, 0, 0.496, 0.5, 0.504, 1, 1, 1, 1], points)
-    ends, ones = np.array([0.0, curve.length]), np.ones(2)
+    ends, ones = np.array([0.0, curve.length]), np.ones((1, 2))
     most = float(np.abs(curve.curvature(np.linspace(0.0, 1.0, 100_001))).max())
     assert asked(curve, ends, ones, 0.999 * most) == pytest.approx(0.5 * curve.length, abs=0.1)
     assert asked(curve, ends, ones, 1.001 * most) == -1.0
@@ -53,7 +53,7 @@ def test_a_peak_of_millimetres_is_found():
 
 def test_a_straight_line_is_never_too_sharp():
     curve = nurbs(3, [0, 0, 0, 0, 1, 1, 1, 1], [(1, 1), (2, 2), (3, 3), (5, 5)])
-    assert asked(curve, np.array([0.0, curve.length]), np.full(2, 100.0), 1e-6) == -1.0
+    assert asked(curve, np.array([0.0, curve.length]), np.full((1, 2), 100.0), 1e-6) == -1.0
 
 
 CORNERS = {

@@ -9,7 +9,7 @@ from coordinator.plan.document import Path, PlanDocument, RobotPlan, Stop
 from coordinator.plan.wire import drive
 from coordinator.proof.motion_pieces import Flights
 from coordinator.proof.separation import Separation
-from coordinator.proof.separation_kernels import nearest
+from coordinator.proof.separation_kernels import BEGIN, DEVIATION, END, X0, X1, nearest
 from coordinator.proof.tau_safety import prove_separation
 from coordinator.proof.verify import prove_document
 from coordinator.scenario.margin import RESOLUTION, TOLERANCE
@@ -131,16 +131,18 @@ def test_no_robot_is_farther_from_its_pieces_than_they_say(seed, tolerance):
     fleet = a_fleet(seed, 3)
     flights = Flights(fleet)
     pieces = flights.pieces(tolerance)
-    assert pieces.rows[:, 6].max() <= tolerance + 3.0 * max(one.arc_error for one in fleet)
+    assert pieces.rows[:, DEVIATION].max() <= tolerance + 3.0 * max(one.arc_error for one in fleet)
     for index, driven in enumerate(fleet):
         rows = pieces.rows[pieces.robot == index]
-        assert rows[0, 0] == 0.0
-        assert rows[-1, 1] == flights.finish
-        np.testing.assert_array_equal(rows[1:, 0], rows[:-1, 1])
+        begin, end = rows[:, BEGIN], rows[:, END]
+        assert begin[0] == 0.0
+        assert end[-1] == flights.finish
+        np.testing.assert_array_equal(begin[1:], end[:-1])
         part = np.random.default_rng(seed).uniform(0.0, 1.0, len(rows))
-        true = places(driven, rows[:, 0] + part * (rows[:, 1] - rows[:, 0]))
-        straight = rows[:, 2:4] + part[:, None] * (rows[:, 4:6] - rows[:, 2:4])
-        assert (np.hypot(*(true - straight).T) <= rows[:, 6] + 1e-9).all()
+        true = places(driven, begin + part * (end - begin))
+        first, last = rows[:, X0 : X0 + 2], rows[:, X1 : X1 + 2]
+        straight = first + part[:, None] * (last - first)
+        assert (np.hypot(*(true - straight).T) <= rows[:, DEVIATION] + 1e-9).all()
 
 
 @pytest.mark.parametrize("seed", seeds(80))
@@ -153,8 +155,7 @@ def test_the_nearest_moment_of_two_pieces_is_that_of_a_grid(seed):
     if dice.random() < 0.2:
         b[4:6] = b[2:4] + (a[4:6] - a[2:4]) * (b[1] - b[0]) / (a[1] - a[0])
     tau = float(dice.choice([0.0, 0.3, 1.0, 5.0]))
-    best = np.empty(3)
-    nearest(a, b, tau, best)
+    best = nearest(a, b, tau)
     t_a = np.linspace(a[0], a[1], 201)[:, None]
     allowed = [np.clip(t_a + tau * part, b[0], b[1]) for part in np.linspace(-1.0, 1.0, 201)]
     t_b = np.concatenate(allowed, axis=1)
@@ -164,12 +165,12 @@ def test_the_nearest_moment_of_two_pieces_is_that_of_a_grid(seed):
         for i in (2, 3)
     )  # fmt: skip
     gap = np.where(np.abs(t_a - t_b) <= tau + 1e-12, np.hypot(x, y), np.inf).min()
-    assert best[0] <= gap + 1e-9
+    assert best.distance <= gap + 1e-9
     if np.isfinite(gap):
-        assert best[0] >= gap - 0.06
-        assert a[0] - 1e-9 <= best[1] <= a[1] + 1e-9
-        assert b[0] - 1e-9 <= best[2] <= b[1] + 1e-9
-        assert abs(best[1] - best[2]) <= tau + 1e-9
+        assert best.distance >= gap - 0.06
+        assert a[0] - 1e-9 <= best.t_a <= a[1] + 1e-9
+        assert b[0] - 1e-9 <= best.t_b <= b[1] + 1e-9
+        assert abs(best.t_a - best.t_b) <= tau + 1e-9
 
 
 def straight(name, start, goal, radius):
