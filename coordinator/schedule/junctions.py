@@ -22,7 +22,8 @@ from coordinator.schedule.conflict_zones import Indices, Zones, find_zones
 from coordinator.schedule.forbidden_interval_kernels import Known, Rows
 from coordinator.schedule.track import CELL, Track
 from coordinator.schedule.waiting_kernels import Ride, times_left
-from coordinator.schedule.zone_table_kernels import robot_rows
+from coordinator.schedule.zone_kernels import CELL_NUMBER, HIGH, LOW, Polyline
+from coordinator.schedule.zone_table_kernels import RobotZones, ZoneChords, robot_rows
 
 _MOST_ROWS: Final = 20_000_000
 """Most rows, 40 bytes each, in the cache; when there are more, the cache is emptied."""
@@ -208,14 +209,13 @@ class Junctions:
         reach += self._errors[index] + self._errors[others]
         span = self.spans(index)
         room = int((span[:, 1] - span[:, 0]).sum() / track.cell) + 4 * len(mine)
-        first, rows = robot_rows(
-            index, mine, others, zones.first, zones.pairs, *self._chords, reach, track.cell, room
-        )
-        cell = np.minimum(rows[:, 0].astype(np.int64), track.cells - 1)
+        shared, chords = RobotZones(mine, others, reach), ZoneChords(zones.first, zones.pairs)
+        first, rows = robot_rows(index, shared, chords, *self._lines, track.cell, room)
+        cell = np.minimum(rows[:, CELL_NUMBER].astype(np.int64), track.cells - 1)
         begin, end = np.empty((2, len(cell)))
         entered, passed = np.empty((2, len(mine)))
         known = Known(begin, end, entered, passed, np.zeros(len(mine), np.int64))
-        low, high = rows[:, 1].copy(), rows[:, 2].copy()
+        low, high = rows[:, LOW].copy(), rows[:, HIGH].copy()
         return Rows(first, cell, low, high, others, span[:, 0].copy()), known
 
     def _find(self, executor: Executor | None, among: Sequence[int] | None = None) -> Zones:
@@ -228,11 +228,11 @@ class Junctions:
         self._spans: dict[int, npt.NDArray[np.float64]] = {}
         chords = [track.chords for track in self.tracks]
         self._errors = np.array([path.error for path in chords])
-        self._chords = (
-            np.cumsum([0, *(len(path.s) for path in chords)]),
+        lines = Polyline(
             np.concatenate([path.s for path in chords]),
             np.concatenate([path.points for path in chords]),
         )
+        self._lines = np.cumsum([0, *(len(path.s) for path in chords)]), lines
         robots = np.concatenate((self.zones.a, self.zones.b))
         order = np.argsort(robots, kind="stable")
         self._zones = order % max(len(self.zones.a), 1)
