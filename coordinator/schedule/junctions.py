@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -20,8 +20,9 @@ import numpy.typing as npt
 
 from coordinator.schedule.conflict_zones import Indices, Zones, find_zones
 from coordinator.schedule.forbidden_interval_kernels import Known, Rows
+from coordinator.schedule.safe_interval_kernels import Approach
 from coordinator.schedule.track import CELL, Track
-from coordinator.schedule.waiting_kernels import Ride, times_left
+from coordinator.schedule.waiting_kernels import times_left
 from coordinator.schedule.zone_kernels import CELL_NUMBER, HIGH, LOW, Polyline
 from coordinator.schedule.zone_table_kernels import RobotZones, ZoneChords, robot_rows
 
@@ -45,23 +46,6 @@ acceleration."""
 
 _PLACES: Final = 48
 """Most places where a robot may wait, chosen evenly: the search grows with their square."""
-
-
-@dataclass(frozen=True, eq=False)
-class Approach:
-    """The data that the search for one robot's waits reads.
-
-    rows: where its zones forbid something, in the order of `Junctions.zones_of`; known: the last
-    results for these zones, overwritten by every search; span (zones, 2) [m]: where the robot
-    enters and leaves them; ride: its path with stations where it may wait; rest (stations,) [s]:
-    the least time from each station to the goal.
-    """
-
-    rows: Rows
-    known: Known
-    span: npt.NDArray[np.float64]
-    ride: Ride
-    rest: npt.NDArray[np.float64]
 
 
 class Junctions:
