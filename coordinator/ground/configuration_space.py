@@ -1,7 +1,7 @@
-"""The ground for one reach: which straight lines are free for a disc's centre, and shortest ways.
+"""The configuration space of a disc: which straight lines are free for its centre, shortest ways.
 
-One ground serves all robots of the same radius.  The lines of sight between its vertices are
-computed on demand and cached.
+One Ground serves all robots of the same reach.  Lines of sight between its vertices are computed on
+demand and cached.
 
 Decides: what counts as free (touching an obstacle does, entering it does not) and how places are
 looked up.  Must not know: robots, curves or times.

@@ -94,9 +94,9 @@ def _even(curve: Nurbs) -> Nurbs:
 def _measurable(curve: Nurbs) -> Nurbs:
     """Return the same curve with knots inserted until robots compute arc lengths accurately."""
     for _ in range(_HALVINGS):
-        u, s, slopes = measured(curve)
-        middles = 0.5 * (s[:-1] + s[1:])
-        found = parameters_at(u, s, slopes, middles)
+        table = measured(curve)
+        middles = 0.5 * (table.s[:-1] + table.s[1:])
+        found = parameters_at(*table, middles)
         rough = found[np.abs(curve.arc_at(found) - middles) > _ARC_ERROR]
         if len(rough) == 0:
             break

@@ -1,9 +1,12 @@
-"""Compiled: the robot's table of arc lengths, measured as protocol/curve.py measures it.
+"""Compiled: the table of arc lengths that a robot computes for its path.
 
-Decides: nothing; a test holds the two together.  Must not know: messages.
+Decides: nothing; a test checks that the table is that of protocol/curve.py.  Must not know:
+messages.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,12 +16,20 @@ from coordinator.curves.nurbs_kernels import Array, measure
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
-@compiled
-def robot_table(borders: Array, powers: Array, cells: int) -> tuple[Array, Array, Array]:
-    """Return borders u of cells, so many to a span, the arc lengths s there, and du/ds there.
+class ArcTable(NamedTuple):
+    """The borders (n,) of cells: parameters u, arc lengths s [m] and du/ds, as float32 values."""
 
-    The robot keeps the latter as float32.  borders and powers are those of `series`.  Gauss
-    quadrature with 5 nodes a cell; cells without length are left out.
+    u: Array
+    s: Array
+    slope: Array
+
+
+@compiled
+def robot_table(borders: Array, powers: Array, cells: int) -> ArcTable:
+    """Return the robot's table of arc lengths, with `cells` cells in each knot span.
+
+    borders, powers: those of nurbs_kernels.series.  Arc lengths come from Gauss quadrature with 5
+    nodes per cell.  Cells without length are left out.
     """
     size = cells * len(powers) + 1
     u, s, slope = np.zeros(size), np.zeros(size), np.empty(size)
@@ -44,4 +55,4 @@ def robot_table(borders: Array, powers: Array, cells: int) -> tuple[Array, Array
         offsets[-1] = 0.5 * (borders[-1] - borders[-2])
         measure(powers[-1], offsets, work)
         slope[count] = np.float32(1.0 / max(work[0, -1], 1e-9))
-    return u[: count + 1], s[: count + 1], slope[: count + 1]
+    return ArcTable(u[: count + 1], s[: count + 1], slope[: count + 1])

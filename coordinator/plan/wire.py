@@ -21,7 +21,7 @@ from coordinator.base.errors import PartsError
 from coordinator.curves.bounds import Chain, flatten
 from coordinator.curves.nurbs import Array, Nurbs, nurbs
 from coordinator.curves.nurbs_kernels import parameters_at, series
-from coordinator.plan.arc_length_kernels import robot_table
+from coordinator.plan.arc_length_kernels import ArcTable, robot_table
 from coordinator.plan.document import Path, PlanDocument, RobotPlan
 from coordinator.scenario.link_times import link_times
 from coordinator.scenario.margin import ARC_ERROR, track_mm_for
@@ -160,10 +160,7 @@ def unpack(payload: bytes, radius: float) -> Driven:
 
 
 class _RobotCurve(Curve):
-    """The robot's own curve with its checks, except that a kernel computes the arc-length table.
-
-    table: borders u of the cells, arc lengths s there, and du/ds there.
-    """
+    """The robot's own curve with its checks, except that a kernel computes the arc-length table."""
 
     def __init__(self, curve: Nurbs) -> None:
         self._same = curve
@@ -172,16 +169,16 @@ class _RobotCurve(Curve):
 
     def _measure(self) -> None:
         self.table = measured(self._same)
-        self._cell_s = self.table[1].tolist()
+        self._cell_s = self.table.s.tolist()
 
 
-def measured(curve: Nurbs) -> tuple[Array, Array, Array]:
-    """Return the robot's table of arc lengths: borders u of cells, s [m] and du/ds there."""
+def measured(curve: Nurbs) -> ArcTable:
+    """Return the robot's table of arc lengths of a curve."""
     borders, powers = series(*curve.lifted)
     return robot_table(borders, powers, cells_per_span(len(powers)))
 
 
-def _arc_error(table: tuple[Array, Array, Array], curve: Nurbs, chain: Chain) -> float:
+def _arc_error(table: ArcTable, curve: Nurbs, chain: Chain) -> float:
     """Return the error [m] of the curve's table of arc lengths, measured inside of its cells.
 
     Raises ValueError when the table is not good enough to rely on: extreme weights or knots can
@@ -190,9 +187,9 @@ def _arc_error(table: tuple[Array, Array, Array], curve: Nurbs, chain: Chain) ->
     """
     if curve.weights.max() > _WEIGHT_RATIO * curve.weights.min():
         raise ValueError(f"weights differ by more than {_WEIGHT_RATIO} times")
-    parts = max(2, math.ceil(_PLACES / len(table[1])))
+    parts = max(2, math.ceil(_PLACES / len(table.s)))
     inner = np.arange(1, parts) / parts
-    s = (table[1][:-1, None] + np.diff(table[1])[:, None] * inner).ravel()
+    s = (table.s[:-1, None] + np.diff(table.s)[:, None] * inner).ravel()
     u = curve.parameter_at(s)
     places = curve.evaluate(u)
     apart = np.hypot(*(places - curve.evaluate(parameters_at(*table, s))).T)
