@@ -54,8 +54,8 @@ class Rows(NamedTuple):
 class Known(NamedTuple):
     """What a robot's zones forbid: begin and end (rows,) [s], low and high (zones,) [s].
 
-    All four are those of waiting_kernels.Bans.  stamp (zones,): for which motion of the other robot
-    and which mode they were computed.
+    All four are those of waiting_kernels.ForbiddenTimes.  stamp (zones,): for which motion of the
+    other robot and which mode they were computed.
     """
 
     begin: Array

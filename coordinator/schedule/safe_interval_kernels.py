@@ -26,10 +26,10 @@ from coordinator.schedule.waiting_kernels import (
     END,
     PLACE,
     SOON,
-    Bans,
     Closed,
+    ForbiddenTimes,
     Ride,
-    forbidden,
+    closed_departures,
     passing_time,
     safe_times,
 )
@@ -112,13 +112,13 @@ def search_among(
     """
     rows, known, span, ride, rest = approach
     low, high = forbid(rows, modes, table, ride.elapsed, tau, known)
-    bans = Bans(rows.first, rows.cell, known.begin, known.end, low, high, span)
-    return search(ride, bans, rest, departure, polite)
+    forbidden = ForbiddenTimes(rows.first, rows.cell, known.begin, known.end, low, high, span)
+    return search(ride, forbidden, rest, departure, polite)
 
 
 @compiled
 def search(
-    ride: Ride, bans: Bans, rest: Array, departure: Departure, polite: bool
+    ride: Ride, forbidden: ForbiddenTimes, rest: Array, departure: Departure, polite: bool
 ) -> tuple[Array, float]:
     """Return the rests (n, 3) of the earliest motion, and its arrival [s]; infinite if none.
 
@@ -126,12 +126,12 @@ def search(
     in a zone that the other robot has yet to pass.
     """
     release, leave_by = departure
-    first, times = _intervals(ride, bans, polite and not ride.at_once)
+    first, times = _intervals(ride, forbidden, polite and not ride.at_once)
     if _is_hopeless(first, times, release):
         return np.empty((0, 3)), math.inf
     states, goal = _unreached(first, times), len(ride.stations) - 1
     states.best[0] = release
-    size = len(bans.cell) + len(bans.low) + 1
+    size = len(forbidden.cell) + len(forbidden.low) + 1
     closed = Closed(np.empty(size), np.empty(size), np.empty(size, np.int64))
     extra = 0.0 if ride.at_once else _PER_STOP
     heap = [(release + rest[0], 0, 0)]
@@ -144,7 +144,7 @@ def search(
             return _rests(states, here), states.best[here]
         p = states.station[here]
         latest = times[here, END] if p > 0 else min(times[here, END], leave_by)
-        if polite and ride.at_once and p > 0 and states.best[here] < _patience(ride, bans, p):
+        if polite and ride.at_once and p > 0 and states.best[here] < _patience(ride, forbidden, p):
             latest = states.best[here]
         # Where stops cost no time, moves to the next station suffice, and the robot waits as far
         # along its path as it can.
@@ -153,20 +153,20 @@ def search(
             bound = states.best[here] + lasts + rest[q] + extra * states.stops[here]
             if bound > states.best[-1] + extra * states.stops[-1]:
                 continue
-            order = np.argsort(closed.begins[: forbidden(ride, bans, p, q, closed)])
+            order = np.argsort(closed.begins[: closed_departures(ride, forbidden, p, q, closed)])
             move = _Move(q, latest, lasts, rest[q])
             _reach(states, closed, order, here, move, extra, heap)
     return np.empty((0, 3)), math.inf
 
 
 @compiled
-def _intervals(ride: Ride, bans: Bans, polite: bool) -> tuple[Indices, Array]:
+def _intervals(ride: Ride, forbidden: ForbiddenTimes, polite: bool) -> tuple[Indices, Array]:
     """Return `first` and `times` of _States: when a robot may stand at each of its stations."""
     count = len(ride.stations)
     first, times = np.zeros(count + 1, np.int64), np.empty((count, 2))
     for k in range(count):
         place, cell = ride.stations[k, PLACE], int(ride.stations[k, CELL])
-        safe = safe_times(bans, place, cell, polite and 0 < k < count - 1)
+        safe = safe_times(forbidden, place, cell, polite and 0 < k < count - 1)
         while first[k] + len(safe) > len(times):
             times = np.concatenate((times, np.empty_like(times)))
         times[first[k] : first[k] + len(safe)] = safe
@@ -175,9 +175,9 @@ def _intervals(ride: Ride, bans: Bans, polite: bool) -> tuple[Indices, Array]:
 
 
 @compiled
-def _patience(ride: Ride, bans: Bans, p: int) -> float:
+def _patience(ride: Ride, forbidden: ForbiddenTimes, p: int) -> float:
     """Return the time [s] from which a polite robot may wait at station p; infinite if never."""
-    safe = safe_times(bans, ride.stations[p, PLACE], int(ride.stations[p, CELL]), True)
+    safe = safe_times(forbidden, ride.stations[p, PLACE], int(ride.stations[p, CELL]), True)
     return float(safe[0, BEGIN]) if len(safe) else math.inf
 
 

@@ -25,7 +25,7 @@ from coordinator.schedule.safe_interval_kernels import (
     search_among,
 )
 from coordinator.schedule.timetable import Motions
-from coordinator.schedule.waiting_kernels import PLACE, Bans
+from coordinator.schedule.waiting_kernels import PLACE, ForbiddenTimes
 
 
 @dataclass(frozen=True)
@@ -108,9 +108,11 @@ def rest_of_motion(
         low, high = forbid(rows, modes, motions.table, track.elapsed, junctions.tau, known)
         past = rows.cell <= track.cell_at(begun.s)
         begin = np.where(past, math.inf, known.begin)
-        bans = Bans(rows.first, rows.cell, begin, known.end, low, high, approach.span)
+        forbidden = ForbiddenTimes(
+            rows.first, rows.cell, begin, known.end, low, high, approach.span
+        )
         departure = Departure(begun.release, begun.leave_by)
-        rests, arrival = search(approach.ride, bans, approach.rest, departure, polite)
+        rests, arrival = search(approach.ride, forbidden, approach.rest, departure, polite)
         if arrival < math.inf:
             found = _as_waits(junctions, index, approach, rests)
             if begun.s > 0.0 and (not found or found[0].s > begun.s):

@@ -46,7 +46,7 @@ class Ride(NamedTuple):
     at_once: bool
 
 
-class Bans(NamedTuple):
+class ForbiddenTimes(NamedTuple):
     """What others forbid, zone after zone: rows first[z] to first[z + 1] - 1 belong to zone z.
 
     The robot must not be in cell[r] between begin[r] and end[r] [s].  A zone with low[z] >= high[z]
@@ -149,27 +149,27 @@ def _rows_between(cells: Indices, begin: int, end: int, first: int, last: int) -
 
 
 @compiled
-def safe_times(bans: Bans, s: float, cell: int, polite: bool) -> Array:
+def safe_times(forbidden: ForbiddenTimes, s: float, cell: int, polite: bool) -> Array:
     """Return the intervals (n, 2) [s] in which a robot may stand at s [m], in increasing order.
 
     A polite robot does not stand in a zone before the other one has passed it.
     """
-    zones = len(bans.low)
-    begins, ends = np.empty(len(bans.cell)), np.empty(len(bans.cell))
+    zones = len(forbidden.low)
+    begins, ends = np.empty(len(forbidden.cell)), np.empty(len(forbidden.cell))
     count = 0
     for z in range(zones):
-        begin, end = bans.first[z], bans.first[z + 1]
-        if bans.span[z, BEGIN] > s + SOON or bans.span[z, END] < s - SOON:
+        begin, end = forbidden.first[z], forbidden.first[z + 1]
+        if forbidden.span[z, BEGIN] > s + SOON or forbidden.span[z, END] < s - SOON:
             continue
-        if bans.low[z] >= bans.high[z]:
-            if polite and bans.high[z] == math.inf:
+        if forbidden.low[z] >= forbidden.high[z]:
+            if polite and forbidden.high[z] == math.inf:
                 return np.empty((0, 2))
             continue
-        low, high = _rows_between(bans.cell, begin, end, cell, cell)
+        low, high = _rows_between(forbidden.cell, begin, end, cell, cell)
         for r in range(low, high):
-            if bans.begin[r] < bans.end[r]:
-                begins[count] = -math.inf if polite else bans.begin[r]
-                ends[count] = bans.end[r]
+            if forbidden.begin[r] < forbidden.end[r]:
+                begins[count] = -math.inf if polite else forbidden.begin[r]
+                ends[count] = forbidden.end[r]
                 count += 1
     found = np.empty((count + 1, 2))
     total, now = 0, -math.inf
@@ -185,22 +185,27 @@ def safe_times(bans: Bans, s: float, cell: int, polite: bool) -> Array:
 
 
 @compiled
-def forbidden(ride: Ride, bans: Bans, p: int, q: int, closed: Closed) -> int:
+def closed_departures(ride: Ride, forbidden: ForbiddenTimes, p: int, q: int, closed: Closed) -> int:
     """Write the departures that a move from p to q must not have; return how many intervals."""
     a, b = ride.stations[p], ride.stations[q]
     first, last, count = int(a[CELL]), int(b[CELL]), 0
     cruise = a[TO_LOW] - a[AT_LOW]
-    for z in range(len(bans.low)):
-        begin, end = bans.first[z], bans.first[z + 1]
-        if bans.low[z] >= bans.high[z] or bans.cell[begin] > last or bans.cell[end - 1] < first:
+    for z in range(len(forbidden.low)):
+        begin, end = forbidden.first[z], forbidden.first[z + 1]
+        if (
+            forbidden.low[z] >= forbidden.high[z]
+            or forbidden.cell[begin] > last
+            or forbidden.cell[end - 1] < first
+        ):
             continue
-        if _cruises(ride, p, q, bans.cell[begin], bans.cell[end - 1]):
-            closed.begins[count], closed.ends[count] = bans.low[z] - cruise, bans.high[z] - cruise
+        if _cruises(ride, p, q, forbidden.cell[begin], forbidden.cell[end - 1]):
+            closed.begins[count] = forbidden.low[z] - cruise
+            closed.ends[count] = forbidden.high[z] - cruise
             closed.owners[count] = z
             count += 1
             continue
-        rows = _rows_between(bans.cell, begin, end, first, last)
-        before, count = count, _forbidden_by(ride, bans, p, q, rows, closed, count)
+        rows = _rows_between(forbidden.cell, begin, end, first, last)
+        before, count = count, _forbidden_by(ride, forbidden, p, q, rows, closed, count)
         closed.owners[before:count] = z
     return count
 
@@ -214,7 +219,13 @@ def _cruises(ride: Ride, p: int, q: int, first: int, last: int) -> bool:
 
 @compiled
 def _forbidden_by(
-    ride: Ride, bans: Bans, p: int, q: int, rows: tuple[int, int], closed: Closed, count: int
+    ride: Ride,
+    forbidden: ForbiddenTimes,
+    p: int,
+    q: int,
+    rows: tuple[int, int],
+    closed: Closed,
+    count: int,
 ) -> int:
     """Append what rows[0] to rows[1] - 1 of one zone forbid to `count` intervals; return how many.
 
@@ -224,14 +235,14 @@ def _forbidden_by(
     cruise = ride.stations[p, TO_LOW] - ride.stations[p, AT_LOW]
     earliest, latest = math.inf, -math.inf
     for r in range(rows[0], rows[1]):
-        if bans.begin[r] >= bans.end[r]:
+        if forbidden.begin[r] >= forbidden.end[r]:
             continue
-        cell = bans.cell[r]
+        cell = forbidden.cell[r]
         if _cruises(ride, p, q, cell, cell):
             enters, leaves = cruise + ride.elapsed[cell], cruise + ride.elapsed[cell + 1]
         else:
             enters, leaves = _border(ride, p, q, cell), _border(ride, p, q, cell + 1)
-        low, high = bans.begin[r] - leaves, bans.end[r] - enters
+        low, high = forbidden.begin[r] - leaves, forbidden.end[r] - enters
         if low < latest and high > earliest:
             earliest, latest = min(earliest, low), max(latest, high)
             continue
