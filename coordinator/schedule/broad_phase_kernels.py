@@ -1,8 +1,9 @@
 """Compiled: which stretches of which robots come near each other, found through a grid of cells.
 
-A stretch is a few consecutive chords of one robot.  It is grown by the robot's half of every need
-and entered into all square cells that it then touches.  Where two robots are too near, the place
-halfway between them lies in both grown stretches, so they share a cell.
+A stretch is a few consecutive chords of one robot.  It is grown by the robot's share of every need,
+its radius plus half the margin plus the error of its chords, and entered into all square cells that
+it then touches.  Where two robots are nearer than both shares together, some place between them
+lies in both grown stretches, so they share a cell.
 
 The vertices of all robots are in one array, those of robot r from first[r] to first[r + 1].
 
@@ -26,7 +27,7 @@ cells of the stretch begin and end."""
 MIDDLE_X, MIDDLE_Y, ALONG_X, ALONG_Y, RADIUS, OUT = range(6)
 """Columns of shapes (g, 6) [m] of stretches: the middle of the segment from the first to the last
 vertex, the vector from there to the last vertex, the radius of a circle around the middle that
-holds all vertices, and the greatest distance of a vertex from the segment plus the robot's half of
+holds all vertices, and the greatest distance of a vertex from the segment plus the robot's share of
 every need."""
 
 MINE, THEIRS, OTHER = range(3)
@@ -70,8 +71,8 @@ class Grid(NamedTuple):
 def stretches_of(first: Indices, points: Array, half: Array, size: float) -> tuple[Indices, Array]:
     """Return the stretches of all robots and their shapes.
 
-    Chords join a stretch as long as the segment from its first to its last vertex is no longer than
-    `size` [m].  half (robots,) [m]: each robot's half of every need.
+    Up to MOST_CHORDS chords make one stretch, while the segment from its first to its last vertex
+    is no longer than `size` [m].  half (robots,) [m]: each robot's share of every need.
     """
     stretches = np.empty((len(points), 5), np.int64)
     shapes, count = np.empty((len(points), 6)), 0

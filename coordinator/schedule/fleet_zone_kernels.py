@@ -45,11 +45,12 @@ _NEXT: Final = SIDES
 
 
 class Fleet(NamedTuple):
-    """The chords of n robots; robot r has the vertices from first[r] to first[r + 1].
+    """The chords of n robots; robot r has the vertices first[r] to first[r + 1] - 1.
 
-    asked (n,): 1 for robots to be looked at against all others.  line: the vertices (v,) of all
+    asked (n,): 1 for robots whose zones with all others are wanted.  line: the vertices (v,) of all
     robots; middles (v, 3) [m]: the middles of the chords and half their lengths.  half (n,) [m]:
-    each robot's half of every need, errors included.  grid: the stretches of all robots.
+    each robot's share of every need: its radius, half the margin, the error of its chords.  grid:
+    the stretches of all robots.
     """
 
     asked: Indices
@@ -164,13 +165,7 @@ def zones_of(fleet: Fleet, task: tuple[int, int]) -> FleetZones:
         if not fleet.asked[robot]:
             continue
         found, count = near_stretches(
-            robot,
-            (g, past),
-            fleet.grid,
-            fleet.asked,
-            everybody,
-            stamps,
-            found,
+            robot, (g, past), fleet.grid, fleet.asked, everybody, stamps, found
         )
         if len(keys) < count:
             following, keys = np.empty(2 * count, np.int64), np.empty(2 * count, np.int64)
