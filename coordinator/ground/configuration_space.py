@@ -1,7 +1,7 @@
-"""The ground for one reach: which straight lines are free for a disc's centre, and shortest ways.
+"""The configuration space of a disc: which straight lines are free for its centre, shortest ways.
 
-One ground serves all robots of the same radius.  The lines of sight between its vertices are
-computed on demand and cached.
+One Ground serves all robots of the same reach.  Lines of sight between its vertices are computed on
+demand and cached.
 
 Decides: what counts as free (touching an obstacle does, entering it does not) and how places are
 looked up.  Must not know: robots, curves or times.
@@ -17,7 +17,7 @@ import numpy as np
 
 from coordinator.curves.nurbs import Array
 from coordinator.ground.distance_kernels import Solid, keeping
-from coordinator.ground.grid_kernels import cells_of
+from coordinator.ground.grid_kernels import Frame, Grid, cells_of
 from coordinator.ground.growth import TURN_STEP, Indices, Rings, grow
 from coordinator.ground.shortest_way_kernels import search
 from coordinator.ground.visibility_kernels import Sight, corners_within, sees
@@ -52,7 +52,6 @@ class Ground:
         # A vertex within the reach of something else cannot be a corner of any way.
         free = keeping(turning.turns, turning.turns, np.zeros(len(turning.turns)), bare)
         self.turns = turning.turns[free]
-        first, items = cells_of(blocking.edges, 0.0, self.frame)
         count = len(self.turns)
         rows = np.full((count + 1, 2), -1)
         rows[-1] = 0
@@ -69,9 +68,7 @@ class Ground:
             corners=rings.corners,
             reach=reach - _SLACK,
             room=room,
-            first=first,
-            items=items,
-            frame=self.frame,
+            grid=cells_of(blocking.edges, 0.0, self.frame),
         )
 
     def clear(self, start: Array, end: Array) -> bool:
@@ -102,12 +99,11 @@ class Ground:
             most *= 4
 
     @cached_property
-    def solid_edges(self) -> tuple[Array, Indices, Indices, Array]:
-        """The edges of everything solid, not grown, in a grid for `keeping`."""
+    def solid_edges(self) -> tuple[Array, Grid]:
+        """The edges (m, 4) of everything solid, not grown, and their grid for `keeping`."""
         corners = self.rings.corners
         edges = np.concatenate((corners, corners[self.rings.following]), axis=1)
-        first, items = cells_of(edges, self.reach + _MOST_SAGITTA, self.frame)
-        return edges, first, items, self.frame
+        return edges, cells_of(edges, self.reach + _MOST_SAGITTA, self.frame)
 
     def _spared(self, places: Array) -> Indices:
         """Return the corners with one of the places between their arc and its tangent polygon.
@@ -118,8 +114,8 @@ class Ground:
         return corners_within(places, self.rings.corners, far)
 
 
-def _frame(edges: Array, turns: Array) -> Array:
-    """Return the grid's x0, y0, cell size [m], columns and rows."""
+def _frame(edges: Array, turns: Array) -> Frame:
+    """Return a frame that holds all edges (m, 4) and turns (n, 2) [m]."""
     ends = np.concatenate((edges[:, :2], edges[:, 2:], turns))
     low, high = ends.min(axis=0), ends.max(axis=0)
     wide, tall = (high - low).tolist()
@@ -127,4 +123,4 @@ def _frame(edges: Array, turns: Array) -> Array:
     size = max(math.sqrt(wide * tall / cells), max(wide, tall) / 2000.0, 1e-6)
     x0, y0 = (low - 0.01 * size).tolist()
     columns, rows = math.ceil(wide / size + 0.02), math.ceil(tall / size + 0.02)
-    return np.array((x0, y0, size, max(columns, 1), max(rows, 1)), dtype=np.float64)
+    return Frame(x0, y0, size, max(columns, 1), max(rows, 1))

@@ -1,12 +1,14 @@
 """Compiled: one rounded corner, in closed form and among what it must keep clear of.
 
-A corner at which unit direction t0 turns by theta to t1, rounded over the half-width d on both
-sides: the second derivative by arc length is a hat of height |t1 - t0| / d (see
-paths/spline_fit.py), so
+At a corner the unit direction t0 turns by theta to t1.  It is rounded from d before the corner to d
+behind it, where d is called the half-width.  The second derivative of the rounded corner by arc
+length is a hat function of height |t1 - t0| / d (see paths/spline_fit.py), so
 
     cut of the corner        d / 3 * sin(theta / 2)
     least radius             d * cos(theta / 2)^2 / (2 sin(theta / 2))
     length saved             about 7 / 30 d (1 - cos(theta))
+
+The cut is the distance from the corner to the curve.
 
 Decides: what a width means and costs, and how wide a corner can be.  Must not know: polygons.
 """
@@ -21,6 +23,7 @@ import numpy.typing as npt
 
 from coordinator.base.compiled import compiled
 from coordinator.ground.distance_kernels import Solid, keeps
+from coordinator.ground.grid_kernels import Segment
 
 Flags = npt.NDArray[np.bool_]
 
@@ -31,18 +34,19 @@ NARROWEST: Final = 2e-3
 """No corner is rounded over less [m], where its legs are that long."""
 
 _CHORDS_PER_ROOT: Final = 12.0
-"""Chords over half a corner, by the root of |t1 - t0|: their sagittas are then alike."""
+"""A half of a corner gets about this many chords times the root of |t1 - t0|: the chords of all
+corners then have about the same sagitta for the same half-width."""
 
 _HALVINGS: Final = 7
 _TOO_TIGHT: Final = 1e3
-"""Seconds that a metre of radius short of what the robot can turn counts as."""
+"""The time [s] that each metre costs by which a corner's radius is less than Limits.tightest."""
 
 
 class Limits(NamedTuple):
-    """How a robot takes corners: speed [m/s], acceleration, lateral acceleration [m/s^2].
+    """What bounds a robot in corners: speed [m/s], acceleration and lateral acceleration [m/s^2].
 
-    `easy` [m] is the radius at which a corner costs no speed, `tightest` [m] the one that every
-    corner should have, and `worth` [s] the time that a corner less is worth.
+    `easy` [m]: the radius from which on a corner costs no speed.  `tightest` [m]: the least radius
+    that a corner should have.  `worth` [s]: the time that one corner less is worth.
     """
 
     speed: float
@@ -51,6 +55,21 @@ class Limits(NamedTuple):
     easy: float
     tightest: float
     worth: float
+
+
+class Corner(NamedTuple):
+    """A corner at (x, y) [m] between the unit directions into it (ix, iy) and out of it (ox, oy).
+
+    exact: its rounded curve has to pass through (x, y).
+    """
+
+    x: float
+    y: float
+    ix: float
+    iy: float
+    ox: float
+    oy: float
+    exact: bool
 
 
 @compiled
@@ -75,10 +94,11 @@ def width_for(radius: float, turn: float) -> float:
 
 @compiled
 def cost_of(width: float, turn: float, handling: Limits) -> float:
-    """Return the time [s] that a corner costs against its polygon at full speed; may be < 0.
+    """Return how much longer [s] a corner takes than its two legs at full speed; may be negative.
 
-    Braking from V to the corner's speed v and back costs (V - v)^2 / (a V); the hat lets the robot
-    drive at about v over a third of the corner.
+    Braking from the full speed V to the corner's speed v and speeding up again costs
+    (V - v)^2 / (a V).  The robot drives at about v over a third of the corner, where the hat
+    function is greatest.
     """
     speed, accel, lateral = handling.speed, handling.accel, handling.lateral
     radius = radius_of(width, turn)
@@ -90,23 +110,13 @@ def cost_of(width: float, turn: float, handling: Limits) -> float:
 
 
 @compiled
-def _rounding_keeps(
-    cx: float,
-    cy: float,
-    ix: float,
-    iy: float,
-    ox: float,
-    oy: float,
-    width: float,
-    exact: bool,
-    solid: Solid,
-) -> bool:
-    """Tell whether the corner c between unit directions i and o is clear, rounded over `width`."""
+def _rounding_keeps(corner: Corner, width: float, solid: Solid) -> bool:
+    """Tell whether a corner rounded with the half-width `width` [m] is clear."""
+    cx, cy, ix, iy, ox, oy, exact = corner
     jx, jy = ox - ix, oy - iy
     if exact:
-        # The vertex is moved out by the cut, so that the curve passes its place.
+        # The vertex moves outwards by the cut, so that the curve passes through its place.
         cx, cy = cx - width / 6.0 * jx, cy - width / 6.0 * jy
-    need, discs, edges, first, items, frame = solid
     chords = 2 + int(_CHORDS_PER_ROOT * math.sqrt(math.hypot(jx, jy)))
     step = 1.0 / chords
     ax, ay = cx - width * ix, cy - width * iy
@@ -117,36 +127,26 @@ def _rounding_keeps(
         by = cy + width * (x * iy + bulge * jy)
         hat = 1.0 - abs(x) + (step if x > 0.0 else 0.0)
         sagitta = 0.125 * step * step * width * math.hypot(jx, jy) * hat
-        if not keeps(ax, ay, bx, by, sagitta, need, discs, edges, first, items, frame):
+        if not keeps(Segment(ax, ay, bx, by), sagitta, solid):
             return False
         ax, ay = bx, by
     return True
 
 
 @compiled
-def widest_rounding(
-    cx: float,
-    cy: float,
-    ix: float,
-    iy: float,
-    ox: float,
-    oy: float,
-    most: float,
-    exact: bool,
-    solid: Solid,
-) -> float:
-    """Return the greatest half-width [m] up to `most` that is clear; -1 when none is.
+def widest_rounding(corner: Corner, most: float, solid: Solid) -> float:
+    """Return about the greatest half-width [m] up to `most` that is clear; -1 if none is.
 
-    Found by halving; c (2,) [m] is the corner, i and o the unit directions into and out of it.
+    It is found by bisection of the logarithm, from NARROWEST up.
     """
     low, high = min(NARROWEST, most), most
-    if _rounding_keeps(cx, cy, ix, iy, ox, oy, high, exact, solid):
+    if _rounding_keeps(corner, high, solid):
         return high
-    if not _rounding_keeps(cx, cy, ix, iy, ox, oy, low, exact, solid):
+    if not _rounding_keeps(corner, low, solid):
         return -1.0
     for _ in range(_HALVINGS):
         middle = math.sqrt(low * high)
-        if _rounding_keeps(cx, cy, ix, iy, ox, oy, middle, exact, solid):
+        if _rounding_keeps(corner, middle, solid):
             low = middle
         else:
             high = middle

@@ -1,7 +1,9 @@
-"""Compiled: leading a way around round places, one group of them after the other.
+"""Compiled: leading a way around discs, one group of them after another.
 
-A group of places that a leg enters is passed by the shortest way between where the leg comes near
-and where it leaves them.  Decides: detours.  Must not know: whose places these are.
+A leg of the way that enters a group of discs is replaced by the shortest way from a place before
+the group to a place behind it.
+
+Decides: detours.  Must not know: what stands in the discs.
 """
 
 from __future__ import annotations
@@ -14,37 +16,42 @@ import numpy.typing as npt
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs import Array
-from coordinator.ground.distance_kernels import crossing
+from coordinator.ground.distance_kernels import RADIUS, crossing
 from coordinator.ground.shortest_way_kernels import search
 from coordinator.ground.visibility_kernels import Sight, corners_within, sees
 
 Flags = npt.NDArray[np.bool_]
 
 _ASIDE: Final = 1.5
-"""Detours leave a leg this many radii before a place and come back as far behind it."""
+"""Detours leave a leg this many radii before a disc's centre and come back as far behind it."""
 
 _DETOURS: Final = (0.6, 2.0)
-"""A detour around places is at most this much longer, as a share of their radii together: most are
-much shorter, and are found much sooner among the few corners that can then take part."""
+"""By how much a detour may be longer, as shares of the sum of the discs' radii, tried in turn.  Few
+vertices can take part in a short detour, so the first search is quick, and it mostly succeeds."""
 
 _MOST_DISCS: Final = 3.0
-"""More places than this in one group do not allow a longer detour."""
+"""In a group of more discs than this, only so many of the largest radius count in that sum."""
 
 _PULL: Final = 0.01
+"""A vertex is moved by this much [m] to see whether the way could be shorter."""
+
 _GAIN: Final = 1e-3
-"""Vertices are pulled by this much [m], to find a way that is shorter by at least so much [m]."""
+"""A way that is not shorter by this much [m] is not worth a change."""
 
 _ROUNDS: Final = 6
+"""How often discs that a detour enters may join its group."""
+
 _NO_LIMIT: Final = 1 << 60
 _SPARE_CORNERS: Final = 0.1
+"""At corners nearer to an end than the reach plus this share of it, the arc itself blocks ways."""
 
 
 @compiled
 def lead_around(way: Array, discs: Array, entered: Array, sight: Sight) -> tuple[Array, Flags]:
-    """Return a way (n, 2) [m] led around discs (k, 3), and the discs that leave no room for it.
+    """Return a way (n, 2) [m] led around discs (k, 3), and which discs leave no room for it (k,).
 
-    `entered` (k, 3) are the discs as ways must not enter them, a little smaller.  The way is empty
-    when there is no room.
+    entered (k, 3): the same discs a little smaller; only a way that enters these has to be changed.
+    If there is no room, the returned way is empty.
     """
     closed = np.zeros(len(discs), dtype=np.bool_)
     lost = _inside(way, discs)
@@ -90,7 +97,7 @@ def _inside(places: Array, discs: Array) -> Flags:
     for i in range(len(places)):
         for k in range(len(discs)):
             dx, dy = places[i, 0] - discs[k, 0], places[i, 1] - discs[k, 1]
-            if dx * dx + dy * dy < discs[k, 2] * discs[k, 2]:
+            if dx * dx + dy * dy < discs[k, RADIUS] * discs[k, RADIUS]:
                 found[i] = True
                 break
     return found
@@ -98,7 +105,10 @@ def _inside(places: Array, discs: Array) -> Flags:
 
 @compiled
 def _first_group(leg: Array, discs: Array, hit: Flags) -> Flags:
-    """Return the first of the discs hit that follow each other without a gap; shorten the leg."""
+    """Return which of the discs hit are the first that follow one another without a gap.
+
+    The leg (2, 2) is cut down to the part along them.
+    """
     dx, dy = leg[1, 0] - leg[0, 0], leg[1, 1] - leg[0, 1]
     size = math.hypot(dx, dy)
     chosen = np.flatnonzero(hit)
@@ -127,14 +137,15 @@ def _first_group(leg: Array, discs: Array, hit: Flags) -> Flags:
 def _detour(
     ends: Array, size: float, active: Flags, discs: Array, entered: Array, sight: Sight
 ) -> tuple[Array, Flags]:
-    """Return a way between two places (2, 2) not much longer than `size` [m]; empty when none is.
+    """Return a way between two places (2, 2) not much longer than `size` [m]; empty if none is.
 
-    Discs that it enters join the active ones, which are returned too.
+    It keeps out of the active discs.  Others that it enters become active, and the search is
+    repeated; the active discs are returned too.
     """
     spared = corners_within(ends, sight.corners, sight.reach * (1.0 + _SPARE_CORNERS))
     active = active.copy()
     for _ in range(_ROUNDS):
-        radii = discs[active, 2]
+        radii = discs[active, RADIUS]
         spread = min(radii.sum(), _MOST_DISCS * radii.max()) if len(radii) else 0.0
         for share in _DETOURS:
             longest = size + share * spread
@@ -157,9 +168,10 @@ def _detour(
 def _tautened(
     places: list[tuple[float, float, bool]], discs: Array, entered: Array, sight: Sight
 ) -> Array:
-    """Return a way (n, 2) without needless vertices: straight on, or the short way, where free.
+    """Return a way (n, 2) without vertices past which the straight line is free.
 
-    Loose ones, at which detours left their legs, give way to the shortest way past them.
+    places: x, y [m], and whether a detour leaves its leg there or comes back to it.  Such loose
+    vertices are replaced by the shortest way past them.
     """
     kept = [(places[0][0], places[0][1])]
     short = np.empty((2, 2))
@@ -187,9 +199,9 @@ def _tautened(
 
 @compiled
 def _pulled(way: Array, discs: Array, entered: Array, sight: Sight) -> Array:
-    """Return a way (n, 2) with the vertices that a pull would move replaced by a shorter way.
+    """Return a way (n, 2) in which vertices that are free to move are replaced by a shorter way.
 
-    Where a detour meets a corner of something solid, one of them may have become needless.
+    Where a detour meets a corner of something solid, one of its vertices may not be needed.
     """
     kept = [(way[0, 0], way[0, 1])]
     ends = np.empty((2, 2))
@@ -211,7 +223,7 @@ def _pulled(way: Array, discs: Array, entered: Array, sight: Sight) -> Array:
 
 @compiled
 def _can_be_pulled(ends: Array, x: float, y: float, entered: Array, sight: Sight) -> bool:
-    """Tell whether a vertex between two others is free to move towards the chord of these."""
+    """Tell whether a vertex (x, y) between two others is free to move towards their chord."""
     dx, dy = 0.5 * (ends[0, 0] + ends[1, 0]) - x, 0.5 * (ends[0, 1] + ends[1, 1]) - y
     apart = math.hypot(dx, dy)
     if apart < _GAIN:

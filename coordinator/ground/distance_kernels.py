@@ -6,37 +6,35 @@ Decides: distances.  Must not know: what a line or an edge stands for.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs import Array
-from coordinator.ground.grid_kernels import point_gap
-from coordinator.ground.growth import Indices
+from coordinator.ground.grid_kernels import Grid, Segment, point_gap, segment
+
+RADIUS: Final = 2
+"""Column of discs (k, 3) [m], after x and y."""
 
 
 class Solid(NamedTuple):
-    """What lines must stay clear of: edges (m, 4), by `need` [m], and discs (k, 3).
+    """What lines must stay clear of: edges (m, 4), by `need` [m], and discs (k, 3) [m].
 
-    Each cell of the grid of edges (grid_kernels.py: `first`, `items`, `frame`) lists those that
-    come within the greatest distance that is tested.
+    Each cell of the grid lists the edges that come within the greatest distance that is tested.
     """
 
     need: float
     discs: Array
     edges: Array
-    first: Indices
-    items: Indices
-    frame: Array
+    grid: Grid
 
 
 @compiled
-def _segment_gap(
-    px: float, py: float, qx: float, qy: float, ax: float, ay: float, bx: float, by: float
-) -> float:
-    """Return the distance between the segments p-q and a-b."""
+def _segment_gap(one: Segment, two: Segment) -> float:
+    """Return the distance [m] between two segments."""
+    (px, py, qx, qy), (ax, ay, bx, by) = one, two
     dx, dy, ex, ey = qx - px, qy - py, bx - ax, by - ay
     if (dx * (ay - py) - dy * (ax - px)) * (dx * (by - py) - dy * (bx - px)) < 0.0 and (
         ex * (py - ay) - ey * (px - ax)
@@ -51,17 +49,12 @@ def _segment_gap(
 
 
 @compiled
-def keeps(
-    px: float, py: float, qx: float, qy: float, extra: float,
-    need: float, discs: Array, edges: Array, first: Indices, items: Indices, frame: Array,
-) -> bool:  # fmt: skip
-    """Tell whether p-q stays at least `need + extra` from edges and `extra` from discs [m].
-
-    The fields of a Solid are separate arguments: unpacking it here would take longer than the test.
-    """
+def keeps(line: Segment, extra: float, solid: Solid) -> bool:
+    """Tell whether a line stays `solid.need + extra` [m] from edges and `extra` from discs."""
+    (px, py, qx, qy), (need, discs, edges, (first, items, frame)) = line, solid
     low_x, high_x, low_y, high_y = min(px, qx), max(px, qx), min(py, qy), max(py, qy)
     for k in range(len(discs)):
-        x, y, radius = discs[k, 0], discs[k, 1], discs[k, 2] + extra
+        x, y, radius = discs[k, 0], discs[k, 1], discs[k, RADIUS] + extra
         if (
             low_x - x < radius
             and x - high_x < radius
@@ -69,8 +62,7 @@ def keeps(
             and (y - high_y < radius and point_gap(x, y, px, py, qx, qy) < radius)
         ):
             return False
-    x0, y0, size = frame[0], frame[1], frame[2]
-    columns, rows = int(frame[3]), int(frame[4])
+    x0, y0, size, columns, rows = frame
     pieces = 1 + int(math.hypot(qx - px, qy - py) / size)
     for piece in range(pieces):
         ax, ay = px + (qx - px) * piece / pieces, py + (qy - py) * piece / pieces
@@ -84,10 +76,7 @@ def keeps(
                 cell = r * columns + c
                 for i in range(first[cell], first[cell + 1]):
                     k = items[i]
-                    gap = _segment_gap(
-                        ax, ay, bx, by, edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
-                    )
-                    if gap < need + extra:
+                    if _segment_gap(Segment(ax, ay, bx, by), segment(edges, k)) < need + extra:
                         return False
     return True
 
@@ -99,12 +88,9 @@ def keeping(starts: Array, ends: Array, extra: Array, solid: Solid) -> npt.NDArr
     Line i must stay at least `solid.need + extra[i]` from edges and `extra[i]` from discs [m].
     """
     found = np.empty(len(starts), dtype=np.bool_)
-    need, discs, edges, first, items, frame = solid
     for k in range(len(starts)):
-        found[k] = keeps(
-            starts[k, 0], starts[k, 1], ends[k, 0], ends[k, 1], extra[k],
-            need, discs, edges, first, items, frame,
-        )  # fmt: skip
+        line = Segment(starts[k, 0], starts[k, 1], ends[k, 0], ends[k, 1])
+        found[k] = keeps(line, extra[k], solid)
     return found
 
 
@@ -116,7 +102,7 @@ def crossing(way: Array, discs: Array) -> npt.NDArray[np.bool_]:
         ax, ay, bx, by = way[i, 0], way[i, 1], way[i + 1, 0], way[i + 1, 1]
         x0, x1, y0, y1 = min(ax, bx), max(ax, bx), min(ay, by), max(ay, by)
         for k in range(len(discs)):
-            x, y, radius = discs[k, 0], discs[k, 1], discs[k, 2]
+            x, y, radius = discs[k, 0], discs[k, 1], discs[k, RADIUS]
             if x0 - x < radius and x - x1 < radius and y0 - y < radius and y - y1 < radius:
                 found[i, k] = point_gap(x, y, ax, ay, bx, by) < radius
     return found
@@ -128,7 +114,7 @@ def entered(way: Array, discs: Array) -> npt.NDArray[np.bool_]:
     found = np.zeros(len(discs), dtype=np.bool_)
     x0, x1, y0, y1 = way[:, 0].min(), way[:, 0].max(), way[:, 1].min(), way[:, 1].max()
     for k in range(len(discs)):
-        x, y, radius = discs[k, 0], discs[k, 1], discs[k, 2]
+        x, y, radius = discs[k, 0], discs[k, 1], discs[k, RADIUS]
         if x0 - x >= radius or x - x1 >= radius or y0 - y >= radius or y - y1 >= radius:
             continue
         for i in range(len(way) - 1):

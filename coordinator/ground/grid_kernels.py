@@ -1,8 +1,5 @@
 """Compiled: segments, and a grid of square cells for looking up the edges near a place.
 
-`first` (cells + 1,) and `items` list the edges of each cell; `frame` (5,) is x0, y0, the size of a
-cell [m], columns and rows.
-
 Decides: which cells an edge lies in, how far apart segments are and whether they cross.  Must not
 know: what an edge stands for.
 """
@@ -10,6 +7,7 @@ know: what an edge stands for.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,17 +16,52 @@ from coordinator.curves.nurbs import Array
 from coordinator.ground.growth import Indices
 
 
+class Segment(NamedTuple):
+    """A straight line from (ax, ay) to (bx, by) [m]."""
+
+    ax: float
+    ay: float
+    bx: float
+    by: float
+
+
+class Frame(NamedTuple):
+    """The square cells of a grid: its least x and y, the side of a cell [m], columns and rows."""
+
+    x0: float
+    y0: float
+    size: float
+    columns: int
+    rows: int
+
+
+class Grid(NamedTuple):
+    """Edges by cell: the cell in column c and row r has number k = r * columns + c.
+
+    It lists the edges items[first[k] : first[k + 1]].
+    """
+
+    first: Indices
+    items: Indices
+    frame: Frame
+
+
 @compiled
-def cells_of(edges: Array, reach: float, frame: Array) -> tuple[Indices, Indices]:
-    """Return `first` and `items`: per cell the edges (m, 4) that come within `reach` [m] of it."""
-    x0, y0, size = frame[0], frame[1], frame[2]
-    columns, rows = int(frame[3]), int(frame[4])
+def segment(edges: Array, k: int) -> Segment:
+    """Return edge k of edges (m, 4)."""
+    return Segment(edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3])
+
+
+@compiled
+def cells_of(edges: Array, reach: float, frame: Frame) -> Grid:
+    """Return a grid whose cells list the edges (m, 4) that come within `reach` [m] of them."""
+    x0, y0, size, columns, rows = frame
     first = np.zeros(columns * rows + 1, dtype=np.int64)
     items = np.zeros(0, dtype=np.int64)
     pad = reach + 1e-6 * size
     for fill in range(2):
         for k in range(len(edges)):
-            ax, ay, bx, by = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+            ax, ay, bx, by = segment(edges, k)
             c0 = max(int((min(ax, bx) - pad - x0) / size), 0)
             c1 = min(int((max(ax, bx) + pad - x0) / size), columns - 1)
             r0 = max(int((min(ay, by) - pad - y0) / size), 0)
@@ -54,12 +87,12 @@ def cells_of(edges: Array, reach: float, frame: Array) -> tuple[Indices, Indices
             items = np.zeros(first[-1], dtype=np.int64)
     first[1:] = first[:-1].copy()
     first[0] = 0
-    return first, items
+    return Grid(first, items, frame)
 
 
 @compiled
 def point_gap(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
-    """Return the distance from p to the segment a-b."""
+    """Return the distance [m] from p to the segment a-b."""
     dx, dy = bx - ax, by - ay
     square = dx * dx + dy * dy
     part = 0.0
@@ -69,13 +102,12 @@ def point_gap(px: float, py: float, ax: float, ay: float, bx: float, by: float) 
 
 
 @compiled
-def cross_each_other(
-    px: float, py: float, qx: float, qy: float, ax: float, ay: float, bx: float, by: float
-) -> bool:
-    """Tell whether the segments p-q and a-b cross.
+def cross_each_other(one: Segment, two: Segment) -> bool:
+    """Tell whether two segments cross.
 
-    An end that lies on the other segment counts as lying on one side of it.
+    An end that lies on the other segment counts as lying to the left of it.
     """
+    (px, py, qx, qy), (ax, ay, bx, by) = one, two
     dx, dy = qx - px, qy - py
     if (dx * (ay - py) - dy * (ax - px) >= 0.0) == (dx * (by - py) - dy * (bx - px) >= 0.0):
         return False

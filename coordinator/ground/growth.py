@@ -1,11 +1,13 @@
 """Growing what is solid: the outline that a disc's centre must not cross, as straight edges.
 
-Around a convex corner the true outline is an arc; here it is the tangent polygon of that arc with
-at most 22.5 degrees a vertex, so it contains the arc and exceeds it by at most 2 %.  Along edges it
-is exact.  Edges of neighbouring pieces may cross each other inside solid ground: whoever comes from
-outside meets the outermost first, so no union of polygons is needed.
+Along edges the outline is exact.  Around a convex corner the exact outline is an arc; here it is
+the tangent polygon outside of that arc, which turns by at most 22.5 degrees at each vertex and is
+at most 2 % farther from the corner.  Grown polygons may overlap: their edges then cross each other
+inside solid ground.  A line from outside crosses the outermost edge first, so no union of polygons
+is needed.
 
-Decides: the outline's edges and the corners that a taut way may turn at.  Must not know: who moves.
+Decides: the outline's edges and the vertices at which a taut way may turn.  Must not know: who
+moves.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from coordinator.curves.nurbs import Array
 Indices = npt.NDArray[np.int64]
 
 TURN_STEP: Final = math.pi / 8
-"""Greatest turn [rad] at one vertex of the polygon around a corner."""
+"""Greatest turn [rad] at a vertex of a tangent polygon."""
 
 _OVERLAP: Final = 1e-9
 """Neighbouring edges overlap by this [m]."""
@@ -34,9 +36,9 @@ _STRAIGHT: Final = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Rings:
-    """The corners of all solid polygons, one after another; each ring has its solid on the left.
+    """The corners of all solid polygons, ring after ring; what is solid lies left of each ring.
 
-    corners (n, 2) [m], following (n,): index of the next corner on the same ring.
+    corners (n, 2) [m]; following (n,): the index of the next corner on the same ring.
     """
 
     corners: Array
@@ -44,7 +46,10 @@ class Rings:
 
     @staticmethod
     def of(polygons: Sequence[Sequence[tuple[float, float]]], floor: Array) -> Rings:
-        """Gather obstacles, in either sense of rotation, and the outside of the floor (n, 2)."""
+        """Return the rings of the obstacles and of the outside of the floor (n, 2) [m].
+
+        Polygons may be given clockwise or counterclockwise.
+        """
         rings = [np.array(ring, dtype=np.float64).reshape(-1, 2) for ring in (*polygons, floor)]
         sizes = np.array([len(ring) for ring in rings])
         corners, ring = np.concatenate(rings), np.repeat(np.arange(len(rings)), sizes)
@@ -66,14 +71,17 @@ class Rings:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """What is solid, grown by a distance.
+    """The outline of what is solid, grown by a distance.
 
-    edges (m, 4): x0, y0, x1, y1 [m].  Edge k runs on beyond the grown side of its polygon, into
-    the tangent polygon of corner `owners[k, 0]` at its first end by `beyond[k, 0]` [m], and of
-    corner `owners[k, 1]` at its second (-1, 0: it does not).  An edge between two vertices of one
-    tangent polygon belongs to that corner at both ends, with all of its length.
-    turns (v, 2) [m]: the vertices at which a taut way may turn; before, after (v, 2): the unit
-    directions from there along the outline; around (v,): the corner that each belongs to.
+    edges (m, 4): x0, y0, x1, y1 [m].  owners, beyond (m, 2): an edge of the outline is a side of a
+    solid polygon, moved outwards and made longer at both ends.  At its first end edge k is longer
+    by beyond[k, 0] [m], along the tangent polygon of the corner owners[k, 0]; at its second end by
+    beyond[k, 1], along that of owners[k, 1]; where it is not longer, these are 0 and -1.  An edge
+    between two vertices of one tangent polygon has that corner at both ends, and beyond is
+    infinite.
+    turns (v, 2) [m]: the vertices of the tangent polygons, at which a taut way may turn; before,
+    after (v, 2): the unit directions from there back and on along the outline; around (v,): the
+    corner of each.
     """
 
     edges: Array
@@ -141,14 +149,14 @@ def grow(rings: Rings, distance: float) -> Outline:
 
 
 def _overlapping(edges: Array) -> Array:
-    """Return edges (m, 4) a little longer at both ends: rounding must not leave gaps."""
+    """Return edges (m, 4) a little longer at both ends, so that rounding leaves no gaps."""
     along = edges[:, 2:] - edges[:, :2]
     along *= (_OVERLAP / np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12))[:, None]
     return np.concatenate((edges[:, :2] - along, edges[:, 2:] + along), axis=1)
 
 
 def _following(sizes: Indices) -> Indices:
-    """Return the index of the next corner on the same ring, for rings of given sizes."""
+    """Return the index of the next corner on the same ring, for rings of these sizes."""
     following = np.arange(1, int(sizes.sum()) + 1)
     following[np.cumsum(sizes) - 1] -= sizes
     return following

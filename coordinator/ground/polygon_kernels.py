@@ -1,6 +1,8 @@
-"""Compiled: where the corners of a polygon go, and how wide each is rounded.
+"""Compiled: where the corners of a robot's way go, and how wide each is rounded.
 
-`handling` is how the robot takes corners; `solid` what it keeps clear of.
+A way is an open polygon (n, 2) [m].  `exact` (n,) tells which vertices the curve has to pass
+through: these stay where they are.  `handling` is how the robot takes corners, `solid` what it
+keeps clear of.
 
 Decides: which corners become one, which move out, and their half-widths.  Must not know: curves.
 """
@@ -18,6 +20,7 @@ from coordinator.curves.nurbs import Array
 from coordinator.ground.corner_kernels import (
     NARROWEST,
     STRAIGHT,
+    Corner,
     Limits,
     cost_of,
     radius_of,
@@ -26,13 +29,16 @@ from coordinator.ground.corner_kernels import (
     width_for,
 )
 from coordinator.ground.distance_kernels import Solid, keeps
+from coordinator.ground.grid_kernels import Segment
 
 Flags = npt.NDArray[np.bool_]
 
 _END_SHARE: Final = 0.9
-"""Share of the first and last leg that a corner may take: a knot near the end would stall there."""
+"""Share of the first and last leg that a corner may take: the curve's parameter would almost stand
+still at a knot near the end."""
 
 _WIDEST_MERGED: Final = math.radians(100.0)
+"""Greatest turn of a corner made of two."""
 
 _PUSHES: Final = (0.01, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0)
 """How far [m] a corner may move out, tried in turn."""
@@ -48,18 +54,17 @@ def _trial(
 ) -> tuple[float, bool, float]:
     """Return the time [s] from a over a corner at c to b, whether it is wide enough, its radius.
 
-    Wide enough: no other place could make it wider, or of more use.  The time is infinite where
-    the legs or the corner are not clear; the radius is in metres.
+    A corner is wide enough if it takes half of a leg or costs no speed.  The time is infinite if
+    the legs or the corner are not clear.  The radius is in metres.
     """
     into, onward = math.hypot(c[0] - a[0], c[1] - a[1]), math.hypot(b[0] - c[0], b[1] - c[1])
     if min(into, onward) < STRAIGHT:
         return math.inf, False, 0.0
     ix, iy, ox, oy = (c[0] - a[0]) / into, (c[1] - a[1]) / into, b[0] - c[0], b[1] - c[1]
     ox, oy = ox / onward, oy / onward
-    need, discs, edges, first, items, frame = solid
     if not (
-        keeps(a[0], a[1], c[0], c[1], 0.0, need, discs, edges, first, items, frame)
-        and keeps(c[0], c[1], b[0], b[1], 0.0, need, discs, edges, first, items, frame)
+        keeps(Segment(a[0], a[1], c[0], c[1]), 0.0, solid)
+        and keeps(Segment(c[0], c[1], b[0], b[1]), 0.0, solid)
     ):
         return math.inf, False, 0.0
     time = (into + onward) / handling.speed
@@ -67,7 +72,7 @@ def _trial(
     if abs(turn) < STRAIGHT:
         return time, True, math.inf
     most = min(0.5 * into, 0.5 * onward, width_for(handling.easy, turn))
-    width = widest_rounding(c[0], c[1], ix, iy, ox, oy, most, False, solid)
+    width = widest_rounding(Corner(c[0], c[1], ix, iy, ox, oy, False), most, solid)
     if width < 0.0:
         return math.inf, False, 0.0
     return time + cost_of(width, turn, handling), width >= most, radius_of(width, turn)
@@ -84,8 +89,9 @@ def merge(
 ) -> tuple[Array, Flags]:
     """Make one corner of two neighbours that turn the same way, where that is quicker.
 
-    Only vertices begin..end - 1 of the polygon (n, 2) that are not exact are merged.  Where a
-    corner less is worth some time, so are corners that do not touch, and those that cost no more.
+    Only vertices begin..end - 1 that are not exact are merged, and only neighbours whose easy
+    roundings overlap; if `handling.worth` is positive, all neighbours.  Returns the polygon and
+    `exact`.
     """
     vertices, flags, count = polygon.copy(), exact.copy(), len(polygon)
     corner = np.empty(2)
@@ -138,7 +144,7 @@ def push(
 ) -> Array:
     """Move corners begin..end - 1 outwards, away from what they go around, where that saves time.
 
-    No corner lengthens the way by more than `budget` [m], unless it would be too tight.
+    No corner makes the way longer by more than `budget` [m], unless it was too tight before.
     """
     moved = polygon.copy()
     for i in range(begin, end):
@@ -170,15 +176,15 @@ def push(
 
 @compiled
 def _legs_clear(way: Array, width: float, jx: float, jy: float, solid: Solid) -> float:
-    """Return the greatest half-width [m] up to `width` with clear legs to an exact vertex.
+    """Return a half-width [m] up to `width` at which the legs of an exact vertex are clear.
 
-    way (3, 2): the vertex and its neighbours; it is moved out by the cut, and its legs with it.
+    way (3, 2) [m]: the vertex between its neighbours; (jx, jy): the change of direction there.  The
+    vertex moves outwards by the cut, and the ends of its legs with it.
     """
-    need, discs, edges, first, items, frame = solid
     while width > NARROWEST:
         x, y = way[1, 0] - width / 6.0 * jx, way[1, 1] - width / 6.0 * jy
-        if keeps(way[0, 0], way[0, 1], x, y, 0.0, need, discs, edges, first, items, frame) and (
-            keeps(x, y, way[2, 0], way[2, 1], 0.0, need, discs, edges, first, items, frame)
+        if keeps(Segment(way[0, 0], way[0, 1], x, y), 0.0, solid) and keeps(
+            Segment(x, y, way[2, 0], way[2, 1]), 0.0, solid
         ):
             break
         width *= 0.7
@@ -192,7 +198,7 @@ def widths(
     handling: Limits,
     solid: Solid,
 ) -> Array:
-    """Return the half-width of each vertex (n,) [m]: as wide as is clear and of use."""
+    """Return the half-width (n,) [m] of each vertex: as wide as is clear and saves time."""
     count = len(polygon)
     wish, legs = np.zeros(count), np.zeros(count - 1)
     for i in range(count - 1):
@@ -206,17 +212,8 @@ def widths(
         into = legs[i - 1] * (_END_SHARE if i == 1 else 1.0)
         onward = legs[i] * (_END_SHARE if i == count - 2 else 1.0)
         most = min(into, onward, width_for(handling.easy, turn))
-        wide = widest_rounding(
-            polygon[i, 0],
-            polygon[i, 1],
-            ix,
-            iy,
-            ox,
-            oy,
-            most,
-            exact[i],
-            solid,
-        )
+        corner = Corner(polygon[i, 0], polygon[i, 1], ix, iy, ox, oy, exact[i])
+        wide = widest_rounding(corner, most, solid)
         if exact[i]:
             wide = _legs_clear(polygon[i - 1 : i + 2], wide, ox - ix, oy - iy, solid)
         wish[i] = max(wide, min(NARROWEST, most))

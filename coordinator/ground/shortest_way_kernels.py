@@ -1,6 +1,6 @@
-"""Compiled: the shortest way, by A* that asks for lines of sight only where it gets.
+"""Compiled: the shortest way, by A* that computes lines of sight only where the search gets.
 
-Decides: which way is the shortest.  Must not know: what the places to keep out of stand for.
+Decides: which way is the shortest.  Must not know: what the discs to keep out of stand for.
 """
 
 from __future__ import annotations
@@ -13,22 +13,31 @@ import numpy as np
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs import Array
+from coordinator.ground.distance_kernels import RADIUS
 from coordinator.ground.grid_kernels import point_gap
 from coordinator.ground.growth import Indices
-from coordinator.ground.visibility_kernels import Sight, cuts, look_around, sees, supports
+from coordinator.ground.visibility_kernels import (
+    BEGIN,
+    END,
+    Sight,
+    cuts,
+    look_around,
+    sees,
+    supports,
+)
 
 SIDES: Final = 8
-"""Sides of the tangent polygon that a way around a round place follows."""
+"""Sides of the tangent polygon that a way around a disc follows."""
 
 _TOUCHING: Final = 1e-6
-"""Ways pass round places this much farther out [m] than they must."""
+"""Ways pass discs this much farther out [m] than they must."""
 
 
 @compiled
 def clear_of_discs(px: float, py: float, qx: float, qy: float, discs: Array) -> bool:
     """Tell whether p-q keeps out of discs (k, 3): x, y, radius [m]."""
     for k in range(len(discs)):
-        if point_gap(discs[k, 0], discs[k, 1], px, py, qx, qy) < discs[k, 2]:
+        if point_gap(discs[k, 0], discs[k, 1], px, py, qx, qy) < discs[k, RADIUS]:
             return False
     return True
 
@@ -39,10 +48,14 @@ def search(
 ) -> Array:
     """Return the shortest way (n, 2) [m] from ends[0] to ends[1]; empty when there is none.
 
-    Gives up after `most` places, with NaN; ways longer than `longest` [m] do not count.  Places are
-    numbered: 0 start, 1 goal, the vertices around discs (k, 3) and `turns` (n, 2).  A* whose queue
-    holds steps not yet looked along; a line of sight is tested when its step is the best one left.
-    What vertices see is kept for the next search, unless few of them can take part.
+    It keeps out of discs (k, 3) and is no longer than `longest` [m].  After `most` places the
+    search gives up and returns a single row of NaN.  spared: the corners whose arcs decide, as in
+    `sees`.
+
+    Places are numbered: 0 is the start, 1 the goal, then come the vertices around discs, then those
+    of `turns` that a way so short can reach.  The queue of the A* search holds steps; the line of
+    sight of a step is tested only when the step is taken from the queue.  If all of `turns` take
+    part, what a vertex sees is kept for later searches.
     """
     turns, rows, pool = sight.turns, sight.rows, sight.pool
     more, more_before, more_after = _around(discs)
@@ -52,7 +65,7 @@ def search(
     places = np.concatenate((ends, more, turns[chosen]))
     backward = np.concatenate((np.zeros((2, 2)), more_before, sight.before[chosen]))
     forward = np.concatenate((np.zeros((2, 2)), more_after, sight.after[chosen]))
-    # An end between an arc and its tangent polygon sees vertices from inside.
+    # From an end inside the tangent polygon of an arc, a taut way may cut that polygon's vertices.
     loose = len(spared) > 0 or len(discs) > 0 or sight.room > 0.0
     none = spared[:0]
     cost = np.full(len(places), math.inf)
@@ -81,9 +94,11 @@ def search(
         known = (
             every
             and here >= extra
-            and (rows[here - extra, 0] >= 0 or look_around(here - extra, sight))
+            and (rows[here - extra, BEGIN] >= 0 or look_around(here - extra, sight))
         )
-        row = pool[rows[here - extra, 0] : rows[here - extra, 1]] if known else all_chosen
+        row = all_chosen
+        if known:
+            row = pool[rows[here - extra, BEGIN] : rows[here - extra, END]]
         for i in range(-extra, len(row)):
             there = i + extra if i < 0 else extra + row[i]
             if parent[there] >= 0 or not (
@@ -100,12 +115,12 @@ def search(
 
 @compiled
 def _around(discs: Array) -> tuple[Array, Array, Array]:
-    """Return the vertices around discs, and their unit directions back and on along the outline."""
+    """Return the vertices around discs, and the unit directions back and on along the outline."""
     count = len(discs) * SIDES
     places, back, onward = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2))
     half = math.pi / SIDES
     for k in range(len(discs)):
-        spread = (discs[k, 2] + 2.0 * _TOUCHING) / math.cos(half)
+        spread = (discs[k, RADIUS] + 2.0 * _TOUCHING) / math.cos(half)
         for side in range(SIDES):
             i, angle = k * SIDES + side, 2.0 * half * side
             places[i, 0] = discs[k, 0] + spread * math.cos(angle)
@@ -136,7 +151,8 @@ def _is_step(
 ) -> bool:
     """Tell whether a taut way from `origin` over `here` may go on to `there`.
 
-    It turns towards what it goes around, and touches what it will turn at.
+    A taut way turns at a vertex only towards the outline that the vertex belongs to, and cuts the
+    outline neither there nor at the next vertex.
     """
     hx, hy = places[here, 0], places[here, 1]
     dx, dy = places[there, 0] - hx, places[there, 1] - hy
@@ -162,7 +178,7 @@ def _is_step(
 
 @compiled
 def _trace(parent: Indices) -> Indices:
-    """Return the places from 0 to 1 by their parents; empty when 1 was not reached."""
+    """Return the places on the way from 0 to 1 by their parents; empty if 1 was not reached."""
     if parent[1] < 0:
         return np.zeros(0, dtype=np.int64)
     length, at = 1, 1

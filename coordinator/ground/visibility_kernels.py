@@ -1,4 +1,4 @@
-"""Compiled: lines of sight on grown ground.
+"""Compiled: lines of sight between places on a floor whose solid polygons are grown.
 
 Decides: which lines are free.  Must not know: why an edge is there, and what a line is for.
 """
@@ -12,18 +12,21 @@ import numpy as np
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs import Array
-from coordinator.ground.grid_kernels import cross_each_other, point_gap
+from coordinator.ground.grid_kernels import Grid, Segment, cross_each_other, point_gap, segment
 from coordinator.ground.growth import Indices
+
+BEGIN, END = range(2)
+"""Columns of tables (n, 2) of the two ends of an edge, or of a part of the pool."""
 
 
 class Sight(NamedTuple):
-    """Grown ground (growth.py) in a grid (grid_kernels.py), and what its vertices see.
+    """The outline that blocks sight, and the visibility graph of the vertices at which ways turn.
 
-    turns, before, after (n, 2): vertices that ways turn at; edges (m, 4), owners, beyond (m, 2):
-    the outline that blocks, grown by `reach` [m] from corners (c, 2); the vertices lie farther out
-    by `room` [m].  What vertex v sees is
-    pool[rows[v, 0] : rows[v, 1]], once it has been looked for (-1: not yet); rows[-1, 1] is the
-    end of the pool.
+    edges (m, 4), owners, beyond (m, 2): the outline, those of growth.Outline, grown by `reach` [m]
+    from corners (c, 2); grid: which edges are in which cell.  turns, before, after (n, 2): vertices
+    and directions, those of growth.Outline; they lie farther out by `room` [m].  Vertex v sees the
+    vertices pool[rows[v, BEGIN] : rows[v, END]]; rows[v] is -1 until that has been computed, and
+    rows[-1, END] is the used length of the pool.
     """
 
     turns: Array
@@ -37,50 +40,48 @@ class Sight(NamedTuple):
     corners: Array
     reach: float
     room: float
-    first: Indices
-    items: Indices
-    frame: Array
+    grid: Grid
 
 
 @compiled
-def _spares(
-    px: float, py: float, qx: float, qy: float, k: int, sight: Sight, spared: Indices
-) -> bool:
-    """Tell whether p-q crosses edge k only where a spared corner has it beyond its arc."""
+def _spares(line: Segment, k: int, sight: Sight, spared: Indices) -> bool:
+    """Tell whether a line that crosses edge k does so only near a spared corner.
+
+    There the edge runs on beyond the corner's grown side, where the arc decides instead.
+    """
     edges, owners, beyond = sight.edges, sight.owners, sight.beyond
     cut0, cut1 = 0.0, 0.0
     for corner in spared:
-        if corner != owners[k, 0] and corner != owners[k, 1]:
+        if corner != owners[k, BEGIN] and corner != owners[k, END]:
             continue
-        if owners[k, 0] == corner:
-            cut0 = beyond[k, 0]
-        if owners[k, 1] == corner:
-            cut1 = beyond[k, 1]
+        if owners[k, BEGIN] == corner:
+            cut0 = beyond[k, BEGIN]
+        if owners[k, END] == corner:
+            cut1 = beyond[k, END]
     if cut0 == 0.0 and cut1 == 0.0:
         return False
-    ax, ay, bx, by = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+    ax, ay, bx, by = segment(edges, k)
     length = math.hypot(bx - ax, by - ay)
     if cut0 + cut1 >= length:
         return True
     ux, uy = (bx - ax) / length, (by - ay) / length
     ax, ay, bx, by = ax + cut0 * ux, ay + cut0 * uy, bx - cut1 * ux, by - cut1 * uy
-    return not cross_each_other(px, py, qx, qy, ax, ay, bx, by)
+    return not cross_each_other(line, Segment(ax, ay, bx, by))
 
 
 @compiled
 def sees(px: float, py: float, qx: float, qy: float, sight: Sight, spared: Indices) -> bool:
     """Tell whether the straight line from p to q crosses no edge.
 
-    Of `spared` corners the arc blocks, not the tangent polygon.
-    The grid is walked from cell to cell (Amanatides and Woo 1987).
+    At `spared` corners the arc itself blocks the line, not the tangent polygon around it.  The grid
+    is walked from cell to cell (Amanatides and Woo 1987).
     """
     for corner in spared:
         x, y = sight.corners[corner, 0], sight.corners[corner, 1]
         if point_gap(x, y, px, py, qx, qy) < sight.reach:
             return False
-    first, items, frame, edges = sight.first, sight.items, sight.frame, sight.edges
-    x0, y0, size = frame[0], frame[1], frame[2]
-    columns, rows = int(frame[3]), int(frame[4])
+    line, edges = Segment(px, py, qx, qy), sight.edges
+    first, items, (x0, y0, size, columns, rows) = sight.grid
     c = min(max(int((px - x0) / size), 0), columns - 1)
     r = min(max(int((py - y0) / size), 0), rows - 1)
     last_c = min(max(int((qx - x0) / size), 0), columns - 1)
@@ -98,13 +99,13 @@ def sees(px: float, py: float, qx: float, qy: float, sight: Sight, spared: Indic
         cell = r * columns + c
         for i in range(first[cell], first[cell + 1]):
             k = items[i]
-            if cross_each_other(
-                px, py, qx, qy, edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
-            ) and not (len(spared) and _spares(px, py, qx, qy, k, sight, spared)):
+            if cross_each_other(line, segment(edges, k)) and not (
+                len(spared) and _spares(line, k, sight, spared)
+            ):
                 return False
         if c == last_c and r == last_r:
             return True
-        # Rounding must not lead past the last cell's column or row.
+        # Rounding must not lead beyond the column or row of the last cell.
         if r == last_r or (c != last_c and next_c < next_r):
             c += step_c
             next_c += by_c
@@ -116,7 +117,10 @@ def sees(px: float, py: float, qx: float, qy: float, sight: Sight, spared: Indic
 
 @compiled
 def cuts(dx: float, dy: float, v: int, before: Array, after: Array) -> bool:
-    """Tell quickly that a line along (dx, dy) surely cuts vertex v; `supports` decides the rest."""
+    """Tell quickly whether a line along (dx, dy) surely cuts into the outline at vertex v.
+
+    before, after (n, 2): the directions along the outline.  `supports` decides the doubtful cases.
+    """
     a = dx * before[v, 1] - dy * before[v, 0]
     b = dx * after[v, 1] - dy * after[v, 0]
     slack = 1e-6 * (abs(dx) + abs(dy))
@@ -125,7 +129,7 @@ def cuts(dx: float, dy: float, v: int, before: Array, after: Array) -> bool:
 
 @compiled
 def supports(dx: float, dy: float, v: int, before: Array, after: Array) -> bool:
-    """Tell whether a line along (dx, dy), a unit vector, touches vertex v without cutting it."""
+    """Tell whether a line along the unit vector (dx, dy) at vertex v does not cut the outline."""
     a = dx * before[v, 1] - dy * before[v, 0]
     b = dx * after[v, 1] - dy * after[v, 0]
     return bool((a >= -1e-7 and b >= -1e-7) or (a <= 1e-7 and b <= 1e-7))
@@ -133,10 +137,10 @@ def supports(dx: float, dy: float, v: int, before: Array, after: Array) -> bool:
 
 @compiled
 def look_around(v: int, sight: Sight) -> bool:
-    """Note in the pool which vertices v sees; rows[v] says where.  False when the pool is full."""
+    """Enter the vertices that v sees into the pool; return False when the pool is full."""
     turns, before, after = sight.turns, sight.before, sight.after
-    begin = sight.rows[-1, 1]
-    end, nothing = begin, sight.rows[:0, 0]
+    begin = sight.rows[-1, END]
+    end, nothing = begin, sight.rows[:0, BEGIN]
     for w in range(len(turns)):
         dx, dy = turns[w, 0] - turns[v, 0], turns[w, 1] - turns[v, 1]
         if cuts(dx, dy, v, before, after) or cuts(dx, dy, w, before, after):
@@ -152,7 +156,7 @@ def look_around(v: int, sight: Sight) -> bool:
                 return False
             sight.pool[end] = w
             end += 1
-    sight.rows[v, 0], sight.rows[v, 1], sight.rows[-1, 1] = begin, end, end
+    sight.rows[v, BEGIN], sight.rows[v, END], sight.rows[-1, END] = begin, end, end
     return True
 
 

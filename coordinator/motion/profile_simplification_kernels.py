@@ -1,9 +1,11 @@
-"""The fastest reachable v^2 below a cap, and the same with few knots, never above it.
+"""Compiled: the fastest profile below a cap, and one with fewer knots that is nowhere faster.
 
-Everything here is a polyline of s [m] and v^2 [m^2/s^2].  Merging is greedy: what costs the least
-time goes first, until the time allowed is spent.  A vertex that bends down is dropped: its chord
-lies below.  An edge between two vertices that bend up is dropped: its neighbours, prolonged until
-they meet, lie below.  Neither makes anything steeper.
+A profile is a polyline of v^2 [m^2/s^2] over s [m].  It is simplified greedily: the step that costs
+the least time comes first, until the allowed time is spent.  There are two kinds of steps.  Where
+the slope decreases at a vertex, the vertex is removed: the chord of its neighbours lies below.
+Where it increases at both ends of an edge, the edge is removed and its neighbours are prolonged
+until they meet: they lie below, too.  Neither step makes the profile steeper anywhere.
+
 Decides: which knots are worth sending.  Must not know: curves, robots.
 """
 
@@ -21,14 +23,15 @@ from coordinator.curves.nurbs import Array
 Links = npt.NDArray[np.signedinteger[Any]]
 
 _STRAIGHT: Final = 1e-8
-"""Slopes that differ by this share are the same."""
+"""Slopes that differ by no more than this share count as equal."""
 
 
 @compiled
 def reachable(s: Array, w: Array, rate: float, rests: bool) -> tuple[Array, Array]:
-    """Return the highest polyline below (s, w), both (n,), that is nowhere steeper than `rate`.
+    """Return s, w of the highest polyline below s, w (n,) that is nowhere steeper than `rate`.
 
-    s never decreases; a place that comes twice has the lower value.  `rests`: 0 at both ends.
+    w = v^2.  s never decreases; where it repeats, the least w counts.  With `rests` the polyline is
+    0 at both ends.
     """
     if rests:
         zero = np.zeros(1)
@@ -40,7 +43,7 @@ def reachable(s: Array, w: Array, rate: float, rests: bool) -> tuple[Array, Arra
 
 @compiled
 def _climbed(s: Array, w: Array, rate: float) -> tuple[Array, Array]:
-    """Cut what rises faster than `rate`; where a ramp meets the polyline, a vertex is added."""
+    """Return s, w of the highest polyline below s, w (n,) that rises by at most `rate` a metre."""
     cut_s, cut_w = np.empty(2 * len(s)), np.empty(2 * len(s))
     cut_s[0], cut_w[0] = s[0], w[0]
     count, here = 1, w[0]
@@ -59,9 +62,9 @@ def _climbed(s: Array, w: Array, rate: float) -> tuple[Array, Array]:
 
 @compiled
 def merged(s: Array, w: Array, share: float) -> tuple[Array, Array]:
-    """Return a polyline below (s, w), both (n,), with few vertices and the same ends.
+    """Return s, w of a polyline below s, w (n,) with few vertices and the same ends.
 
-    Driving along it takes at most 1 + share times as long.
+    To drive along it takes at most 1 + share times as long.
     """
     s, w, slope = _edges(s, w)
     last = len(s) - 1
@@ -92,9 +95,10 @@ def merged(s: Array, w: Array, share: float) -> tuple[Array, Array]:
 
 @compiled
 def _edges(s: Array, w: Array) -> tuple[Array, Array, Array]:
-    """Return the vertices at which the slope changes, s and v^2, and the slope after each.
+    """Return s, w of the vertices at which the slope changes, and the slope after each.
 
-    A valley comes twice, with a level edge of length 0: once its neighbours go, it is the floor.
+    The lowest vertex of a valley is returned twice, as a level edge of length 0.  It can grow when
+    the edges beside it are removed, so that the floor of the valley stays as high as it was.
     """
     kept_s, kept_w, slopes = np.empty(2 * len(s)), np.empty(2 * len(s)), np.zeros(2 * len(s))
     count, here = 0, 0
@@ -116,19 +120,19 @@ def _edges(s: Array, w: Array) -> tuple[Array, Array, Array]:
 
 @compiled
 def _bends_down(slope: float, onward: float) -> bool:
-    """Tell whether an edge is followed by one that is not steeper upwards, but for rounding."""
+    """Tell whether the slope `onward` is at most the `slope` before it, but for rounding."""
     return onward - slope <= _STRAIGHT * abs(onward)
 
 
 @compiled
 def _time(s0: float, w0: float, s1: float, w1: float) -> float:
-    """Return the time [s] that an edge takes."""
+    """Return the time [s] that the edge from (s0, w0) to (s1, w1) takes."""
     return 2.0 * (s1 - s0) / (math.sqrt(w0) + math.sqrt(w1)) if s1 > s0 else 0.0
 
 
 @compiled
 def _meeting(s: Array, w: Array, slope: Array, p: int, i: int, j: int) -> tuple[float, float]:
-    """Return where the edge from p to i, prolonged, meets the edge after j: s, v^2."""
+    """Return s, w of the place where the edge from p to i, prolonged, meets the edge after j."""
     x = s[i] + (w[j] - w[i] - slope[j] * (s[j] - s[i])) / (slope[p] - slope[j])
     x = min(max(x, s[i]), s[j])
     if abs(slope[p]) < abs(slope[j]):
@@ -138,7 +142,11 @@ def _meeting(s: Array, w: Array, slope: Array, p: int, i: int, j: int) -> tuple[
 
 @compiled
 def _loss(s: Array, w: Array, slope: Array, before: Links, after: Links, i: int) -> float:
-    """Return the time [s] lost without vertex i or, if it bends up, without the edge after it."""
+    """Return the time [s] that it costs to remove vertex i or the edge after it.
+
+    The edge is meant where the slope increases at i.  The cost is infinite where the edge cannot be
+    removed.
+    """
     p, j = before[i], after[i]
     now = _time(s[p], w[p], s[i], w[i]) + _time(s[i], w[i], s[j], w[j])
     if _bends_down(slope[p], slope[i]):

@@ -1,10 +1,12 @@
-"""Compiled: how strongly a curve bends at most between samples of it.
+"""Compiled: upper bounds on the curvature of a curve between samples.
 
-Between two samples of a knot span the curvature stays below the chord of the samples and an arc
-whose height follows from the second differences; 1 / curvature stays above its own chord once
-this is lowered by 4 k0 k1 / (k0 + k1)^2.  Where that is not precise, or where the tangent turns by
-more than the samples explain, the curve has to be sampled more finely.
-Decides: how precise the samples have to be.  Must not know: speeds.
+Between two samples in a knot span the curvature is bounded by the chord of the samples plus an arc,
+whose height follows from the second differences.  The speed cap is a polyline of 1 / curvature.
+Between curvatures k0 and k1 that polyline lies above 1 / chord, at most by the factor
+(k0 + k1)^2 / (4 k0 k1), by which it is lowered.  Where a bound is not precise enough, or where the
+tangent turns by more than the samples explain, the curve has to be sampled more finely.
+
+Decides: how fine the samples have to be.  Must not know: speeds.
 """
 
 from __future__ import annotations
@@ -26,20 +28,22 @@ _PIECES: Final = 4
 """Number of parts that a cell which is too rough is cut into."""
 
 _ARC: Final = 0.25
-"""Height of the arc between two samples, per second difference: twice that of a parabola."""
+"""Height of the arc between two samples, as a share of the second difference: twice that of a
+parabola."""
 
 _ROUGH: Final = 0.01
-"""Share of a bound that may be uncertain."""
+"""Greatest share of a bound that may be due to the arc or to the lowering of the polyline."""
 
 _TURN: Final = 1e-3
-"""Turn [rad] that samples need not explain."""
+"""The tangent may turn by this much [rad] more between two samples than they explain."""
 
 
 @compiled
 def cells(borders: Array) -> tuple[Array, Flags]:
-    """Return parameters (n,) and whether each cell (n - 1,) between them lies inside a knot span.
+    """Return parameters (n,) of samples, and for each cell (n - 1,) whether it is in a knot span.
 
-    The last one of a span stays short of the knot, where the second derivative may jump.
+    The last sample of a span lies just before the knot, since the second derivative may jump there;
+    the tiny cell from it to the knot counts as outside.
     """
     row = _CELLS_PER_SPAN + 1
     u = np.empty(row * (len(borders) - 1))
@@ -57,7 +61,7 @@ def cells(borders: Array) -> tuple[Array, Flags]:
 
 @compiled
 def finer(u: Array, inside: Flags, rough: Flags) -> tuple[Array, Flags]:
-    """Cut the rough cells between parameters u (n,) into pieces."""
+    """Return what `cells` returns, with the rough cells (n - 1,) cut into pieces."""
     size = len(u) + (_PIECES - 1) * np.count_nonzero(rough)
     fine, within = np.empty(size), np.empty(size - 1, dtype=np.bool_)
     count = 0
@@ -73,9 +77,9 @@ def finer(u: Array, inside: Flags, rough: Flags) -> tuple[Array, Flags]:
 
 @compiled
 def bends(first: Array, second: Array) -> tuple[Array, Array]:
-    """Return the signed curvature [1/m] where derivatives (n, 2) are known, and turns [rad].
+    """Return the signed curvature (n,) [1/m] where a curve has these derivatives (n, 2).
 
-    turns (n - 1,): by how much the tangent turns between neighbours.
+    Also returns by how much the tangent turns from each sample to the next (n - 1,) [rad].
     """
     bend, turned = np.empty(len(first)), np.empty(len(first) - 1)
     for i in range(len(first)):
@@ -91,9 +95,9 @@ def bends(first: Array, second: Array) -> tuple[Array, Array]:
 def highest_bends(
     s: Array, bend: Array, turned: Array, inside: Flags, least: float
 ) -> tuple[Array, Flags]:
-    """Return curvatures (n,), at least `least`, whose 1 / polyline stays below that of the curve.
+    """Return curvatures (n,) of `least` [1/m] or more, and which cells (n - 1,) are too rough.
 
-    Also returns for each cell (n - 1,) whether it is too rough.
+    Between samples the polyline of their reciprocals is nowhere above 1 / curvature of the curve.
     """
     highest = np.maximum(np.abs(bend), least)
     rough = np.zeros(len(inside), dtype=np.bool_)

@@ -112,18 +112,11 @@ def least_time(curve: Nurbs, speed: float, accel: float, lateral: float) -> floa
     return float((2.0 * np.diff(s) / np.where(both > 0.0, both, 1.0)).sum())
 
 
-def speed_knots(limits: SpeedLimits, begin: float, end: float) -> tuple[Array, Array]:
+def speed_knots(limits: SpeedLimits, begin: float, end: float) -> tuple[list[float], list[float]]:
     """Return the fastest motion from rest at `begin` to rest at `end`: knots s [m] and v^2.
 
     Robots without a limit on acceleration have full speed everywhere, even at both ends.
     """
-    s, w = _knots_between(limits, begin, end)
-    return np.array(s), np.array(w)
-
-
-def _knots_between(
-    limits: SpeedLimits, begin: float, end: float
-) -> tuple[list[float], list[float]]:
     places, heights = limits.ceiling
     low, high = ramp_ends(limits, begin)[1], ramp_ends(limits, end)[0]
     if math.isfinite(limits.accel) and low >= high:
@@ -220,7 +213,7 @@ class Motion:
         for begin, end in pairwise(borders):
             self.arrivals.append(now)
             now = max(now, departs.get(begin, 0.0))
-            leg_s, leg_w = _knots_between(limits, begin, end)
+            leg_s, leg_w = speed_knots(limits, begin, end)
             knots_s += leg_s
             knots_w += leg_w
             knots_t.append(now)

@@ -1,6 +1,7 @@
-"""Compiled: the robot's table of arc lengths, measured as protocol/curve.py measures it.
+"""Compiled: the table of arc lengths that a robot computes for its path.
 
-Decides: nothing; a test holds the two together.  Must not know: messages.
+Decides: nothing; a test checks that the table is that of protocol/curve.py.  Must not know:
+messages.
 """
 
 from __future__ import annotations

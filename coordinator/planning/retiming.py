@@ -27,7 +27,14 @@ from coordinator.plan.wire import PackedPlan
 from coordinator.proof.verify import prove_messages
 from coordinator.scenario.model import Scenario
 from coordinator.schedule.conflict_zones import Indices
-from coordinator.schedule.forbidden_interval_kernels import AFTER, BOTH, FIRST, clash, reached
+from coordinator.schedule.forbidden_interval_kernels import (
+    AFTER,
+    BOTH,
+    FIRST,
+    Passage,
+    clash,
+    reached,
+)
 from coordinator.schedule.junctions import Junctions
 from coordinator.schedule.lateness import Lateness
 from coordinator.schedule.safe_intervals import Begun, rest_of_motion
@@ -134,9 +141,10 @@ class _Retiming:
         for k, zone in enumerate(self.junctions.zones_of(index).tolist()):
             other = int(rows.other[k])
             theirs = self.junctions.zones_of(other).tolist().index(zone)
-            ours = (self.junctions.rows_of(other)[0], k, theirs, index, other)
-            apart = clash(rows, *ours, self.motions.table, cell, self.junctions.tau) == math.inf
-            if not apart and self.orders[index][k] == FIRST and other not in found:
+            one = Passage(index, rows, k)
+            two = Passage(other, self.junctions.rows_of(other)[0], theirs)
+            when = clash(one, two, self.motions.table, cell, self.junctions.tau)
+            if when < math.inf and self.orders[index][k] == FIRST and other not in found:
                 found.append(other)
         return found
 

@@ -6,7 +6,6 @@ Decides: the fields, their units and defaults.  Must not know: files
 
 from __future__ import annotations
 
-import math
 from typing import Literal
 
 import msgspec
@@ -104,8 +103,3 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
     def planned_speed(self, robot: Robot) -> float:
         """Return the speed [m/s] that plans may use: the limit less the reserve."""
         return robot.max_speed * (1.0 - self.speed_reserve)
-
-
-def starts_at_once(robot: Robot) -> bool:
-    """Tell whether the robot reaches any speed instantly, as the paper's robots do."""
-    return math.isinf(robot.max_accel)

@@ -1,11 +1,11 @@
-"""Compiled: which stretches of which robots come near, found through a grid of square cells.
+"""Compiled: which stretches of which robots come near each other, found through a grid of cells.
 
-A stretch is a few neighbouring chords of one robot, all within `out` of the segment from its first
-to its last point.  Each is put into the cells that it touches when it is as wide as its robot's
-half of every need; two robots too near meet in a cell, as the place between them is in both.
+A stretch is a few consecutive chords of one robot.  It is grown by the robot's share of every need,
+its radius plus half the margin plus the error of its chords, and entered into all square cells that
+it then touches.  Where two robots are nearer than both shares together, some place between them
+lies in both grown stretches, so they share a cell.
 
-stretches (g, 5) int64, shapes (g, 6) [m] and frame (5,) have the columns named below.
-Vertices of all robots are in one array, robot r from first[r] to first[r + 1].
+The vertices of all robots are in one array, those of robot r from first[r] to first[r + 1].
 
 Decides: which stretches must be looked at together.  Must not know: chords, ellipses, zones.
 """
@@ -13,32 +13,67 @@ Decides: which stretches must be looked at together.  Must not know: chords, ell
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs_kernels import Array, Indices
 
-Grid = tuple[Indices, Indices, Indices, Indices, Array]
-
 ROBOT, BEGIN, END, FIRST_CELL, PAST_CELL = range(5)
-"""Columns of stretches: robot, first and last vertex, first cell and the one past the last."""
+"""Columns of stretches (g, 5): the robot, the first and last vertex, and where in Grid.cells the
+cells of the stretch begin and end."""
 
 MIDDLE_X, MIDDLE_Y, ALONG_X, ALONG_Y, RADIUS, OUT = range(6)
-"""Columns of shapes [m]: the middle, the way from there to the last point, half the length with how
-far vertices are out, and how far they are out with the robot's half of a need."""
+"""Columns of shapes (g, 6) [m] of stretches: the middle of the segment from the first to the last
+vertex, the vector from there to the last vertex, the radius of a circle around the middle that
+holds all vertices, and the greatest distance of a vertex from the segment plus the robot's share of
+every need."""
 
-LEFT, LOW, CELL, COLUMNS, ROWS = range(5)
-"""Entries of a frame: least x and y, the size of a cell [m], numbers of columns and rows."""
+MINE, THEIRS, OTHER = range(3)
+"""Columns of pairs (n, 3) of near stretches: one's own, another robot's, and that robot."""
 
 MOST_CHORDS: Final = 8
-"""Chords in a stretch at most."""
+"""A stretch has at most this many chords."""
+
+
+class Frame(NamedTuple):
+    """The square cells of a grid: its least x and y [m], the side of a cell [m], columns and rows.
+
+    Cells are numbered row after row.
+    """
+
+    left: float
+    low: float
+    cell: float
+    columns: int
+    rows: int
+
+
+class Grid(NamedTuple):
+    """The stretches of a fleet, and the cells that each touches.
+
+    Stretch g touches cells[k] for k from FIRST_CELL to PAST_CELL of its row.  Cell c is touched by
+    items[begin[c] : begin[c + 1]], in increasing order; slots[k] is where in `items` stretch g
+    stands for cells[k].  shown (items, 6): the shapes of the items, in their order.
+    """
+
+    stretches: Indices
+    shapes: Array
+    cells: Indices
+    begin: Indices
+    items: Indices
+    slots: Indices
+    shown: Array
 
 
 @compiled
 def stretches_of(first: Indices, points: Array, half: Array, size: float) -> tuple[Indices, Array]:
-    """Return stretches and shapes: chords are joined up to about `size` [m]."""
+    """Return the stretches of all robots and their shapes.
+
+    Up to MOST_CHORDS chords make one stretch, while the segment from its first to its last vertex
+    is no longer than `size` [m].  half (robots,) [m]: each robot's share of every need.
+    """
     stretches = np.empty((len(points), 5), np.int64)
     shapes, count = np.empty((len(points), 6)), 0
     for robot in range(len(first) - 1):
@@ -77,38 +112,33 @@ def stretches_of(first: Indices, points: Array, half: Array, size: float) -> tup
 
 @compiled
 def columns_in(
-    points: Array, stretch: Indices, pad: float, frame: Array, row: int
+    points: Array, stretch: Indices, pad: float, frame: Frame, row: int
 ) -> tuple[int, int]:
-    """Return the columns that a stretch as wide as `pad` may touch in a row: first, last."""
+    """Return the first and last column that a stretch grown by `pad` [m] may touch in a row."""
     ax, ay = points[stretch[BEGIN], 0], points[stretch[BEGIN], 1]
     dx, dy = points[stretch[END], 0] - ax, points[stretch[END], 1] - ay
     low, high = 0.0, 1.0
     if abs(dy) > 1e-9:
-        below = frame[LOW] + row * frame[CELL] - pad - ay
-        above = below + frame[CELL] + 2.0 * pad
+        below = frame.low + row * frame.cell - pad - ay
+        above = below + frame.cell + 2.0 * pad
         low = max(low, min(below / dy, above / dy) - 1e-9)
         high = min(high, max(below / dy, above / dy) + 1e-9)
     left, right = ax + min(low * dx, high * dx) - pad, ax + max(low * dx, high * dx) + pad
-    first = max(math.floor((left - frame[LEFT]) / frame[CELL]), 0)
-    return first, min(math.floor((right - frame[LEFT]) / frame[CELL]), int(frame[COLUMNS]) - 1)
+    first = max(math.floor((left - frame.left) / frame.cell), 0)
+    return first, min(math.floor((right - frame.left) / frame.cell), frame.columns - 1)
 
 
 @compiled
-def lay_out(points: Array, stretches: Indices, shapes: Array, frame: Array) -> Grid:
-    """Return the grid: cells, begin, items, slots and the shapes of the items.
-
-    The cells of stretch g are cells[k] from FIRST_CELL to PAST_CELL of its row, which are
-    written here.  Cell c holds items[begin[c] : begin[c + 1]], in increasing order; slots[k] is
-    the place of g itself among them.
-    """
-    columns, rows = int(frame[COLUMNS]), int(frame[ROWS])
+def lay_out(points: Array, stretches: Indices, shapes: Array, frame: Frame) -> Grid:
+    """Return stretches in a grid, and write their FIRST_CELL and PAST_CELL."""
+    columns, rows = frame.columns, frame.rows
     begin = np.zeros(columns * rows + 2, np.int64)
     cells, total = np.empty(8 * len(stretches) + 8, np.int64), 0
     for g in range(len(stretches)):
         pad = shapes[g, OUT] + 1e-6
         ay, by = points[stretches[g, BEGIN], 1], points[stretches[g, END], 1]
-        low = max(math.floor((min(ay, by) - pad - frame[LOW]) / frame[CELL]), 0)
-        high = min(math.floor((max(ay, by) + pad - frame[LOW]) / frame[CELL]), rows - 1)
+        low = max(math.floor((min(ay, by) - pad - frame.low) / frame.cell), 0)
+        high = min(math.floor((max(ay, by) + pad - frame.low) / frame.cell), rows - 1)
         stretches[g, FIRST_CELL] = total
         for row in range(low, high + 1):
             c0, c1 = columns_in(points, stretches[g], pad, frame, row)
@@ -133,12 +163,15 @@ def lay_out(points: Array, stretches: Indices, shapes: Array, frame: Array) -> G
             slots[at] = slot
             for k in range(6):
                 shown[slot, k] = shapes[g, k]
-    return cells[:total], begin[:-1], items, slots, shown
+    return Grid(stretches, shapes, cells[:total], begin[:-1], items, slots, shown)
 
 
 @compiled
 def are_apart(one: Array, other: Array) -> bool:
-    """Tell whether circles around two stretches, or a line along one, show that they are apart."""
+    """Tell whether two grown stretches, given by their shapes, surely have no point in common.
+
+    Either their circles are apart, or a line parallel to one of their segments separates them.
+    """
     x, y = other[MIDDLE_X] - one[MIDDLE_X], other[MIDDLE_Y] - one[MIDDLE_Y]
     pad = one[OUT] + other[OUT] + 1e-6
     far = one[RADIUS] + other[RADIUS] + pad
@@ -154,26 +187,25 @@ def are_apart(one: Array, other: Array) -> bool:
 def near_stretches(
     robot: int,
     mine: tuple[int, int],
-    stretches: Indices,
-    shapes: Array,
     grid: Grid,
     asked: Indices,
     everybody: bool,
     stamps: Indices,
     found: Indices,
 ) -> tuple[Indices, int]:
-    """Return pairs of a robot's stretches and others that may be near, (n, 3), and how many.
+    """Return pairs of a robot's stretches and others that may be near them, and how many.
 
-    `mine` are the robot's first stretch and the one past its last, `grid` is the answer of
-    `lay_out`.  Left out are robots before this one that are asked themselves (asked[r] == 1);
-    `everybody`: all are.  Rows of the answer: the two stretches and the other robot; it is `found`
-    or a larger array.  stamps (g,) hold no stretch of this robot yet.
+    The robot's own stretches are those from mine[0] to mine[1] - 1.  Robots before this one that
+    are asked as well (asked[r] == 1) are left out; `everybody` tells that all robots are asked.
+    The pairs are written into `found` (n, 3) or, if it is too small, into a larger copy of it.
+    stamps (stretches,) is used to find each pair once; none of its values may be a stretch of this
+    robot.
     """
-    cells, begin, items, slots, shown = grid
+    stretches, shapes, cells, begin, items, slots, shown = grid
     count = 0
     for g in range(mine[0], mine[1]):
         for at in range(stretches[g, FIRST_CELL], stretches[g, PAST_CELL]):
-            # Stretches before one's own are those of robots that come before.
+            # Lower numbers than one's own belong to this robot or to robots before it.
             start = slots[at] + 1 if everybody else begin[cells[at]]
             for k in range(start, begin[cells[at] + 1]):
                 if are_apart(shapes[g], shown[k]):
@@ -187,14 +219,14 @@ def near_stretches(
                     wider = np.empty((2 * count + 8, 3), np.int64)
                     wider[:count] = found
                     found = wider
-                found[count, 0], found[count, 1], found[count, 2] = g, h, other
+                found[count, MINE], found[count, THEIRS], found[count, OTHER] = g, h, other
                 count += 1
     return found, count
 
 
 @compiled
 def sort_up(values: Indices) -> None:
-    """Sort in place: Shell's method, quick when few are out of order."""
+    """Sort in place by Shell's method, which is quick when few values are out of order."""
     gap = 1
     while gap < len(values) // 3:
         gap = 3 * gap + 1

@@ -22,8 +22,9 @@ import numpy as np
 
 from coordinator.motion.velocity_profile import Motion
 from coordinator.schedule.conflict_zones import Indices
-from coordinator.schedule.forbidden_interval_kernels import AFTER, BOTH, FIRST, FREE, clash
+from coordinator.schedule.forbidden_interval_kernels import AFTER, BOTH, FIRST, FREE, Passage, clash
 from coordinator.schedule.junctions import FEW, Junctions
+from coordinator.schedule.safe_interval_kernels import Departure
 from coordinator.schedule.safe_intervals import earliest_motion
 from coordinator.schedule.timetable import Motions
 
@@ -180,9 +181,9 @@ class ConflictSearch:
                     self.motions,
                     index,
                     modes,
+                    Departure(0.0, self.leave_by),
                     latest=latest,
                     anywhere=self._few,
-                    leave_by=self.leave_by,
                 )
             if motion is None:
                 self._restore(undo[::-1])
@@ -213,8 +214,9 @@ class ConflictSearch:
             if meeting.a in changed or meeting.b in changed:
                 one, two = (self.junctions.rows_of(i)[0] for i in (meeting.a, meeting.b))
                 cell = self.junctions.tracks[meeting.a].cell
-                ours = (meeting.in_a, meeting.in_b, meeting.a, meeting.b)
-                self.clashes[k] = clash(one, two, *ours, table, cell, tau)
+                first = Passage(meeting.a, one, meeting.in_a)
+                second = Passage(meeting.b, two, meeting.in_b)
+                self.clashes[k] = clash(first, second, table, cell, tau)
 
     def _outside(self, index: int) -> Indices:
         """Return the modes of a robot's zones while no zone between chosen robots is decided."""

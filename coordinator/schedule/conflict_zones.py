@@ -17,8 +17,16 @@ import numpy.typing as npt
 
 from coordinator.curves.chords import Chords
 from coordinator.curves.nurbs import Array
-from coordinator.schedule.broad_phase_kernels import lay_out, stretches_of
-from coordinator.schedule.fleet_zone_kernels import Fleet, zones_of
+from coordinator.schedule.broad_phase_kernels import ROBOT, Frame, lay_out, stretches_of
+from coordinator.schedule.fleet_zone_kernels import (
+    ROBOT_A,
+    ROBOT_B,
+    SIZE,
+    Fleet,
+    FleetZones,
+    zones_of,
+)
+from coordinator.schedule.zone_kernels import Polyline
 
 Indices = npt.NDArray[np.int64]
 
@@ -70,7 +78,7 @@ def find_zones(
     tasks = _tasks(fleet)
     if executor is not None:
         return _together(fleet, _run(executor, fleet, tasks))
-    if len(fleet.s) < _MANY or among is not None:
+    if len(fleet.line.s) < _MANY or among is not None:
         return _together(fleet, [zones_of(fleet, (0, len(chords)))])
     with ThreadPoolExecutor(min(os.cpu_count() or 1, len(tasks))) as threads:
         return _together(fleet, _run(threads, fleet, tasks))
@@ -86,8 +94,8 @@ def _gather(
     half = radii + 0.5 * margin + errors
     first = np.zeros(len(chords) + 1, np.int64)
     np.cumsum([len(path.s) for path in chords], out=first[1:])
-    s = np.concatenate([path.s for path in chords])
     points = np.concatenate([path.points for path in chords])
+    line = Polyline(np.concatenate([path.s for path in chords]), points)
     asked = np.ones(len(chords), np.int64)
     if among is not None:
         asked[:] = 0
@@ -96,49 +104,46 @@ def _gather(
     stretches, shapes = stretches_of(first, points, half, _STRETCH * need)
     low, high = points.min(axis=0), points.max(axis=0)
     size = max(_CELL * need, float(np.sqrt(np.prod(high - low + need) / (4 * len(stretches) + 64))))
-    counts = np.floor((high - low) / size) + 1.0
-    frame = np.array([*low, size, *counts])
+    columns, rows = (np.floor((high - low) / size).astype(int) + 1).tolist()
+    frame = Frame(float(low[0]), float(low[1]), size, columns, rows)
     grid = lay_out(points, stretches, shapes, frame)
     steps = 0.5 * np.diff(points, axis=0, append=points[-1:])
     middles = np.column_stack((points + steps, np.hypot(steps[:, 0], steps[:, 1])))
-    return Fleet(asked, first, s, points, middles, half, stretches, shapes, grid)
+    return Fleet(asked, first, line, middles, half, grid)
 
 
 def _tasks(fleet: Fleet) -> list[tuple[int, int]]:
     """Return ranges of robots with about equal work: own stretches times those of later robots."""
     count = len(fleet.half)
-    own = np.bincount(fleet.stretches[:, 0], minlength=count)
+    own = np.bincount(fleet.grid.stretches[:, ROBOT], minlength=count)
     work = np.cumsum(own * (own[::-1].cumsum()[::-1] + 1) * fleet.asked)
     cuts = np.searchsorted(work, work[-1] * np.arange(1, _TASKS) / _TASKS) + 1
     borders = np.unique(np.concatenate(([0], np.minimum(cuts, count), [count]))).tolist()
     return list(itertools.pairwise(borders))
 
 
-_Found = tuple[Indices, Array, npt.NDArray[np.int32]]
-
-
-def find_some(fleet: Fleet, task: tuple[int, int]) -> _Found:
+def find_some(fleet: Fleet, task: tuple[int, int]) -> FleetZones:
     """Return the result of zones_of for one task; an executor's process can call this function."""
     return zones_of(fleet, task)
 
 
-def _run(executor: Executor, fleet: Fleet, tasks: list[tuple[int, int]]) -> list[_Found]:
+def _run(executor: Executor, fleet: Fleet, tasks: list[tuple[int, int]]) -> list[FleetZones]:
     """Return the answers of all tasks, in their order."""
     waiting = [executor.submit(find_some, fleet, task) for task in tasks]
     return [future.result() for future in waiting]
 
 
-def _together(fleet: Fleet, found: list[_Found]) -> Zones:
-    """Return all zones in order, with chords counted from the begin of their robots."""
-    zones = np.concatenate([part[0] for part in found])
-    extent = np.concatenate([part[1] for part in found])
-    pairs = np.concatenate([part[2] for part in found], dtype=np.int64)
-    first = np.append(0, np.cumsum(zones[:, 2]))
-    order = np.lexsort((zones[:, 1], zones[:, 0]))
+def _together(fleet: Fleet, found: list[FleetZones]) -> Zones:
+    """Return all zones in order; each robot's chords are counted from 0."""
+    zones = np.concatenate([part.zones for part in found])
+    extent = np.concatenate([part.extents for part in found])
+    pairs = np.concatenate([part.members for part in found], dtype=np.int64)
+    first = np.append(0, np.cumsum(zones[:, SIZE]))
+    order = np.lexsort((zones[:, ROBOT_B], zones[:, ROBOT_A]))
     if np.any(order[:-1] > order[1:]):
-        sizes = zones[order, 2]
+        sizes = zones[order, SIZE]
         moved = np.append(0, np.cumsum(sizes))
         pairs = pairs[np.arange(len(pairs)) + np.repeat(first[order] - moved[:-1], sizes)]
         zones, extent, first = zones[order], extent[order], moved
-    pairs -= np.repeat(fleet.first[zones[:, :2]], zones[:, 2], axis=0)
-    return Zones(zones[:, 0].copy(), zones[:, 1].copy(), extent, first, pairs)
+    pairs -= np.repeat(fleet.first[zones[:, [ROBOT_A, ROBOT_B]]], zones[:, SIZE], axis=0)
+    return Zones(zones[:, ROBOT_A].copy(), zones[:, ROBOT_B].copy(), extent, first, pairs)

@@ -6,48 +6,75 @@ executors.
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs_kernels import Array, Indices
-from coordinator.schedule.broad_phase_kernels import ROBOT, Grid, near_stretches, sort_up
+from coordinator.schedule.broad_phase_kernels import (
+    MINE,
+    OTHER,
+    ROBOT,
+    THEIRS,
+    Grid,
+    near_stretches,
+    sort_up,
+)
 from coordinator.schedule.zone_assembly_kernels import (
+    CHORD_A,
+    CHORD_B,
+    JOINED,
+    SIDES,
     extents_of,
     join_pairs,
     near_chords,
     zones_in_order,
 )
-from coordinator.schedule.zone_kernels import SLACK
+from coordinator.schedule.zone_kernels import SLACK, Polyline
 
 Short = npt.NDArray[np.int32]
 Number = TypeVar("Number", bound=np.generic)
 
+ROBOT_A, ROBOT_B, SIZE = range(3)
+"""Columns of zones (z, 3): the robots a < b, and the number of pairs of chords."""
+
+_NEXT: Final = SIDES
+"""Column of pairs in which `tell_members` counts, once their sides are no longer needed."""
+
 
 class Fleet(NamedTuple):
-    """A fleet as plain arrays; robot r has the vertices from first[r] to first[r + 1].
+    """The chords of n robots; robot r has the vertices first[r] to first[r + 1] - 1.
 
-    asked (n,): 1 for robots to be looked at against all others.  s (v,), points (v, 2) [m]: all
-    chords; middles (v, 3) [m]: their middles and half lengths.  half (n,) [m]: each robot's half of
-    every need, errors included.  The others are those of near_kernels.
+    asked (n,): 1 for robots whose zones with all others are wanted.  line: the vertices (v,) of all
+    robots; middles (v, 3) [m]: the middles of the chords and half their lengths.  half (n,) [m]:
+    each robot's share of every need: its radius, half the margin, the error of its chords.  grid:
+    the stretches of all robots.
     """
 
     asked: Indices
     first: Indices
-    s: Array
-    points: Array
+    line: Polyline
     middles: Array
     half: Array
-    stretches: Indices
-    shapes: Array
     grid: Grid
+
+
+class FleetZones(NamedTuple):
+    """Zones (z, 3), their extents (z, 4) [m], and their pairs of chords (m, 2), zone after zone.
+
+    Chords are named by the vertices where they begin.
+    """
+
+    zones: Indices
+    extents: Array
+    members: Short
 
 
 @compiled
 def widened(table: npt.NDArray[Number], count: int) -> npt.NDArray[Number]:
-    """Return a table (n, k) with room for `count` rows, the first ones kept."""
+    """Return a table (n, k) with room for `count` rows: the same or a larger copy."""
     if count <= len(table):
         return table
     wider = np.empty((2 * count, table.shape[1]), table.dtype)
@@ -59,14 +86,15 @@ def widened(table: npt.NDArray[Number], count: int) -> npt.NDArray[Number]:
 def by_partner(
     found: Indices, count: int, head: Indices, following: Indices, partners: Indices
 ) -> int:
-    """Chain the rows of `found` robot by robot; return how many robots there are.
+    """Link the rows of `found` (n, 3) that have the same robot; return how many robots there are.
 
-    head[r] is the last row with robot r and following[k] the one before row k, -1 when none; all
-    of `head` is -1 before.  partners: the robots, increasing.
+    head[r] becomes the last row with robot r, and following[k] the last one before row k with the
+    same robot, or -1.  All of `head` must be -1 before.  The robots are written into `partners`,
+    in increasing order.
     """
     total = 0
     for k in range(count):
-        other = found[k, 2]
+        other = found[k, OTHER]
         if head[other] < 0:
             partners[total] = other
             total += 1
@@ -79,14 +107,14 @@ def by_partner(
 def keys_of(
     found: Indices, last: int, following: Indices, base: int, turned: bool, keys: Indices
 ) -> int:
-    """Write the stretches of a chain of rows as increasing keys; return how many.
+    """Write the pairs of stretches in linked rows, back from row `last`, as keys; return how many.
 
-    A key is the stretch of the first robot times `base`, and that of the second; `turned`: the
-    robot looked at is the second one.
+    A key is that of zone_assembly_kernels.near_chords for `base` stretches; keys increase.  With
+    `turned` the robot looked at is the second one of the pair.
     """
     total, k = 0, last
     while k >= 0:
-        g, h = found[k, 0], found[k, 1]
+        g, h = found[k, MINE], found[k, THEIRS]
         keys[total] = h * base + g if turned else g * base + h
         total, k = total + 1, following[k]
     for i in range(total // 2):
@@ -96,38 +124,37 @@ def keys_of(
 
 
 @compiled
-def tell_members(pairs: Indices, order: Indices, begins: Indices, members: Short) -> None:
-    """Write the chords of joined pairs into `members`, zone by zone in the given order.
+def tell_members(pairs: Indices, order: Indices, sizes: Indices, members: Short) -> None:
+    """Write the chords of joined pairs into `members`, zone after zone in the given order.
 
-    pairs[zone, 2] is a counter from here on; begins (z,): how many chords a zone has.
+    order (z,): the first pair of each zone.  Into sizes (z,) goes the number of pairs of each zone.
     """
     for zone in order:
-        pairs[zone, 2] = 0
+        pairs[zone, _NEXT] = 0
     for k in range(len(pairs)):
-        pairs[pairs[k, 3], 2] += 1
+        pairs[pairs[k, JOINED], _NEXT] += 1
     begin = 0
     for k in range(len(order)):
-        begins[k], pairs[order[k], 2] = pairs[order[k], 2], begin
-        begin += begins[k]
+        sizes[k], pairs[order[k], _NEXT] = pairs[order[k], _NEXT], begin
+        begin += sizes[k]
     for k in range(len(pairs)):
-        at = pairs[pairs[k, 3], 2]
-        members[at, 0], members[at, 1] = pairs[k, 0], pairs[k, 1]
-        pairs[pairs[k, 3], 2] += 1
+        at = pairs[pairs[k, JOINED], _NEXT]
+        members[at, 0], members[at, 1] = pairs[k, CHORD_A], pairs[k, CHORD_B]
+        pairs[pairs[k, JOINED], _NEXT] += 1
 
 
 @compiled
-def zones_of(fleet: Fleet, task: tuple[int, int]) -> tuple[Indices, Array, Short]:
-    """Return the zones of the robots asked from task[0] to task[1] with all others.
+def zones_of(fleet: Fleet, task: tuple[int, int]) -> FleetZones:
+    """Return the zones of the robots asked from task[0] to task[1] - 1 with all others.
 
-    Rows (z, 3): a, b, how many pairs of chords; extents (z, 4) [m]; those pairs (m, 2), as vertices
-    where chords begin.  In order of a robot asked, its partner, and the extent.
+    They are in order of the robot asked, the other robot, and the extent.
     """
     zones, extents = np.empty((1024, 3), np.int64), np.empty((1024, 4))
     members, total, told = np.empty((8192, 2), np.int32), 0, 0
     found, pairs = np.empty((1024, 3), np.int64), np.empty((1024, 4), np.int64)
     boxes, order = np.empty((1024, 4)), np.empty(1024, np.int64)
     following, keys = np.empty(1024, np.int64), np.empty(1024, np.int64)
-    owners, base = fleet.stretches[:, ROBOT], len(fleet.stretches)
+    owners, base = fleet.grid.stretches[:, ROBOT], len(fleet.grid.stretches)
     stamps, everybody = np.full(base, -1, np.int64), bool(fleet.asked.all())
     head, partners = np.full(len(fleet.half), -1, np.int64), np.empty(len(fleet.half), np.int64)
     past = int(np.searchsorted(owners, task[0]))
@@ -138,15 +165,7 @@ def zones_of(fleet: Fleet, task: tuple[int, int]) -> tuple[Indices, Array, Short
         if not fleet.asked[robot]:
             continue
         found, count = near_stretches(
-            robot,
-            (g, past),
-            fleet.stretches,
-            fleet.shapes,
-            fleet.grid,
-            fleet.asked,
-            everybody,
-            stamps,
-            found,
+            robot, (g, past), fleet.grid, fleet.asked, everybody, stamps, found
         )
         if len(keys) < count:
             following, keys = np.empty(2 * count, np.int64), np.empty(2 * count, np.int64)
@@ -156,26 +175,20 @@ def zones_of(fleet: Fleet, task: tuple[int, int]) -> tuple[Indices, Array, Short
             head[other] = -1
             reach = fleet.half[robot] + fleet.half[other] + SLACK
             pairs, near = near_chords(
-                keys[:chosen],
-                fleet.stretches,
-                fleet.shapes,
-                fleet.points,
-                fleet.middles,
-                reach,
-                pairs,
+                keys[:chosen], fleet.grid, fleet.line.points, fleet.middles, reach, pairs
             )
             if len(order) < near:
                 boxes, order = np.empty((2 * near, 4)), np.empty(2 * near, np.int64)
             joined = pairs[:near]
             join_pairs(joined)
-            extents_of(joined, fleet.s, fleet.points, reach, boxes)
+            extents_of(joined, fleet.line, reach, boxes)
             pieces = zones_in_order(joined, boxes, order)
             zones, extents = widened(zones, total + pieces), widened(extents, total + pieces)
             members = widened(members, told + near)
             new = zones[total : total + pieces]
-            tell_members(joined, order[:pieces], new[:, 2], members[told:])
+            tell_members(joined, order[:pieces], new[:, SIZE], members[told:])
             for k in range(pieces):
-                new[k, 0], new[k, 1] = min(robot, other), max(robot, other)
+                new[k, ROBOT_A], new[k, ROBOT_B] = min(robot, other), max(robot, other)
                 extents[total + k] = boxes[order[k]]
             total, told = total + pieces, told + near
-    return zones[:total], extents[:total], members[:told]
+    return FleetZones(zones[:total], extents[:total], members[:told])

@@ -1,6 +1,6 @@
-"""Compiled: the times at which robots with known motions forbid another robot its cells.
+"""Compiled: when robots with known motions forbid another robot the cells of its path.
 
-Decides: the forbidden times of the rows of zones.  Must not know: how they are searched.
+Decides: the forbidden times of the rows of zones.  Must not know: how motions are searched.
 """
 
 from __future__ import annotations
@@ -15,15 +15,16 @@ from coordinator.curves.nurbs import Array
 from coordinator.curves.nurbs_kernels import Indices
 
 FREE, BOTH, AFTER, FIRST = 0, 1, 2, 3
-"""What a zone demands of a robot: nothing; not to be near the other one; to pass after it; to pass
-first and, if polite, not to stand in the zone."""
+"""Modes: what a zone demands of a robot.  FREE: nothing.  BOTH: not to be near the other robot,
+whoever passes first.  AFTER: to pass after the other robot.  FIRST: to pass before it; only the
+other one has to wait, but a polite robot does not stand in the zone."""
 
 
 class Timetable(NamedTuple):
-    """The motions of a fleet: robot i's knots s [m], v^2 and t [s] are the first knots[i] of row i.
+    """The motions of a fleet as knots: the first knots[i] entries of row i are those of robot i.
 
-    Rows are (robots, most knots); serial (robots,) is a new number for every new motion; length
-    (robots,) [m] of the paths.
+    s [m], w = v^2 and t [s] (robots, most knots).  serial (robots,): a new number for every new
+    motion.  length (robots,) [m]: the lengths of the paths.
     """
 
     s: Array
@@ -35,10 +36,11 @@ class Timetable(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """One robot's zones as rows: while it is in cell[r], `other` conflicts from low[r] to high[r].
+    """One robot's zones as rows, row after row of zone after zone.
 
-    Rows first[z] to first[z + 1] belong to its zone z, which it has with robot other[z] and enters
-    at enters[z] [m], somewhere in the first cell.
+    Rows first[z] to first[z + 1] - 1 belong to the robot's zone z, which it shares with robot
+    other[z] and enters at enters[z] [m], in the cell of its first row.  While the robot is in
+    cell[r], it is too near where the other one is between low[r] and high[r] [m].
     """
 
     first: Indices
@@ -50,10 +52,10 @@ class Rows(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What a robot's rows forbid, begin and end (rows,) [s], and its zones, low and high (zones,).
+    """What a robot's zones forbid: begin and end (rows,) [s], low and high (zones,) [s].
 
-    Zone times are those of a start from which the robot never stops, as in waiting_kernels.Bans.
-    stamp (zones,) says of which motion of the other robot, and in which mode.
+    All four are those of waiting_kernels.ForbiddenTimes.  stamp (zones,): for which motion of the
+    other robot and which mode they were computed.
     """
 
     begin: Array
@@ -63,9 +65,17 @@ class Known(NamedTuple):
     stamp: Indices
 
 
+class Passage(NamedTuple):
+    """A robot's passage through one of its zones, which has number `zone` in its rows."""
+
+    robot: int
+    rows: Rows
+    zone: int
+
+
 @compiled
 def _within(table: Timetable, robot: int, leg: int, s: float) -> float:
-    """Return when a robot is at s [m] on the leg between two knots."""
+    """Return when a robot is at s [m] on the leg from knot `leg` to the next one."""
     s0, s1 = table.s[robot, leg], table.s[robot, leg + 1]
     passed = min(max(s - s0, 0.0), s1 - s0)
     part = passed / max(s1 - s0, 1e-12)
@@ -82,7 +92,10 @@ def reached(table: Timetable, robot: int, s: float) -> float:
 
 @compiled
 def first_at(table: Timetable, robot: int, s: float, leg: int) -> tuple[float, int]:
-    """Return the time of `reached` and its leg; the search for the leg begins at `leg`."""
+    """Return the time [s] at which a robot reaches s [m], and on which leg; -inf at its start.
+
+    The search for the leg begins at `leg`.
+    """
     if s <= 0.0:
         return -math.inf, leg
     knots, last = table.s[robot], table.knots[robot] - 2
@@ -95,7 +108,10 @@ def first_at(table: Timetable, robot: int, s: float, leg: int) -> tuple[float, i
 
 @compiled
 def last_at(table: Timetable, robot: int, s: float, leg: int) -> tuple[float, int]:
-    """Return when a robot leaves s [m], inf at its goal, and the leg, as `first_at` does."""
+    """Return the time [s] at which a robot leaves s [m], and on which leg; infinite at its goal.
+
+    The search for the leg begins at `leg`.
+    """
     if s >= table.length[robot]:
         return math.inf, leg
     knots, last = table.s[robot], table.knots[robot] - 2
@@ -110,10 +126,10 @@ def last_at(table: Timetable, robot: int, s: float, leg: int) -> tuple[float, in
 def forbid(
     rows: Rows, modes: Indices, table: Timetable, elapsed: Array, tau: float, known: Known
 ) -> tuple[Array, Array]:
-    """Update what a robot's zones forbid; return low and high (zones,) [s].
+    """Bring `known` up to date and return low and high (zones,) [s] for these modes (zones,).
 
-    Zones that demand nothing have low above high; zones to pass first have infinity for both.  The
-    rows of these zones are not updated.
+    FREE zones get low = inf and high = -inf, FIRST zones inf for both; their rows are not updated.
+    elapsed: that of waiting_kernels.Ride.
     """
     zones = len(rows.other)
     low, high = np.full(zones, math.inf), np.full(zones, -math.inf)
@@ -144,25 +160,28 @@ def forbid(
 
 
 @compiled
-def clash(
-    one: Rows, two: Rows, z: int, y: int, a: int, b: int, table: Timetable, cell: float, tau: float
-) -> float:
-    """Return when robots a and b come too near in a zone [s]; infinite if they never do.
+def clash(one: Passage, two: Passage, table: Timetable, cell: float, tau: float) -> float:
+    """Return when two robots come too near in the zone that they both pass [s]; infinite if never.
 
-    It is zone z of the rows `one` of robot a, zone y of the rows `two` of robot b.  They do not if
-    one of them comes after the other throughout the zone.
+    They never do if one of them comes after the other throughout the zone.  `cell` [m]: the length
+    of cells.
     """
-    if _comes_after(one, z, a, table, cell, tau) or _comes_after(two, y, b, table, cell, tau):
+    if _comes_after(one, table, cell, tau) or _comes_after(two, table, cell, tau):
         return math.inf
-    return max(reached(table, a, one.enters[z]), reached(table, b, two.enters[y]), -1.0)
+    return max(
+        reached(table, one.robot, one.rows.enters[one.zone]),
+        reached(table, two.robot, two.rows.enters[two.zone]),
+        -1.0,
+    )
 
 
 @compiled
-def _comes_after(rows: Rows, z: int, mine: int, table: Timetable, cell: float, tau: float) -> bool:
-    """Tell whether robot `mine` comes after the other one at each row of its zone z.
+def _comes_after(passage: Passage, table: Timetable, cell: float, tau: float) -> bool:
+    """Tell whether a robot comes after the other one in each row of a zone.
 
     A robot whose start lies in the zone's first cell, but not in the zone, may come after.
     """
+    mine, rows, z = passage
     other, length = rows.other[z], table.length[mine]
     to = since = 0
     for r in range(rows.first[z], rows.first[z + 1]):

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -20,9 +20,11 @@ import numpy.typing as npt
 
 from coordinator.schedule.conflict_zones import Indices, Zones, find_zones
 from coordinator.schedule.forbidden_interval_kernels import Known, Rows
+from coordinator.schedule.safe_interval_kernels import Approach
 from coordinator.schedule.track import CELL, Track
-from coordinator.schedule.waiting_kernels import Ride, times_left
-from coordinator.schedule.zone_table_kernels import robot_rows
+from coordinator.schedule.waiting_kernels import times_left
+from coordinator.schedule.zone_kernels import CELL_NUMBER, HIGH, LOW, Polyline
+from coordinator.schedule.zone_table_kernels import RobotZones, ZoneChords, robot_rows
 
 _MOST_ROWS: Final = 20_000_000
 """Most rows, 40 bytes each, in the cache; when there are more, the cache is emptied."""
@@ -44,23 +46,6 @@ acceleration."""
 
 _PLACES: Final = 48
 """Most places where a robot may wait, chosen evenly: the search grows with their square."""
-
-
-@dataclass(frozen=True, eq=False)
-class Approach:
-    """The data that the search for one robot's waits reads.
-
-    rows: where its zones forbid something, in the order of `Junctions.zones_of`; known: the last
-    results for these zones, overwritten by every search; span (zones, 2) [m]: where the robot
-    enters and leaves them; ride: its path with stations where it may wait; rest (stations,) [s]:
-    the least time from each station to the goal.
-    """
-
-    rows: Rows
-    known: Known
-    span: npt.NDArray[np.float64]
-    ride: Ride
-    rest: npt.NDArray[np.float64]
 
 
 class Junctions:
@@ -208,14 +193,13 @@ class Junctions:
         reach += self._errors[index] + self._errors[others]
         span = self.spans(index)
         room = int((span[:, 1] - span[:, 0]).sum() / track.cell) + 4 * len(mine)
-        first, rows = robot_rows(
-            index, mine, others, zones.first, zones.pairs, *self._chords, reach, track.cell, room
-        )
-        cell = np.minimum(rows[:, 0].astype(np.int64), track.cells - 1)
+        shared, chords = RobotZones(mine, others, reach), ZoneChords(zones.first, zones.pairs)
+        first, rows = robot_rows(index, shared, chords, *self._lines, track.cell, room)
+        cell = np.minimum(rows[:, CELL_NUMBER].astype(np.int64), track.cells - 1)
         begin, end = np.empty((2, len(cell)))
         entered, passed = np.empty((2, len(mine)))
         known = Known(begin, end, entered, passed, np.zeros(len(mine), np.int64))
-        low, high = rows[:, 1].copy(), rows[:, 2].copy()
+        low, high = rows[:, LOW].copy(), rows[:, HIGH].copy()
         return Rows(first, cell, low, high, others, span[:, 0].copy()), known
 
     def _find(self, executor: Executor | None, among: Sequence[int] | None = None) -> Zones:
@@ -228,11 +212,11 @@ class Junctions:
         self._spans: dict[int, npt.NDArray[np.float64]] = {}
         chords = [track.chords for track in self.tracks]
         self._errors = np.array([path.error for path in chords])
-        self._chords = (
-            np.cumsum([0, *(len(path.s) for path in chords)]),
+        lines = Polyline(
             np.concatenate([path.s for path in chords]),
             np.concatenate([path.points for path in chords]),
         )
+        self._lines = np.cumsum([0, *(len(path.s) for path in chords)]), lines
         robots = np.concatenate((self.zones.a, self.zones.b))
         order = np.argsort(robots, kind="stable")
         self._zones = order % max(len(self.zones.a), 1)

@@ -1,7 +1,8 @@
 """Compiled: the earliest motion of one robot on its path among times that others forbid.
 
-A safe-interval search in one dimension.  States are (station, interval of time in which it may be
-stood at); moves lead from rest at one station to rest at a later one without a stop between.
+Safe-interval path planning (Phillips and Likhachev 2011) in one dimension.  A state is a station
+and an interval of time in which the robot may stand there.  A move leads from rest at one station
+to rest at a later one without a stop on the way.
 
 Decides: where and until when one robot waits.  Must not know: who should go first.
 """
@@ -20,26 +21,56 @@ from coordinator.curves.nurbs import Array
 from coordinator.curves.nurbs_kernels import Indices
 from coordinator.schedule.forbidden_interval_kernels import Known, Rows, Timetable, forbid
 from coordinator.schedule.waiting_kernels import (
+    BEGIN,
     CELL,
+    END,
     PLACE,
     SOON,
-    Bans,
+    Closed,
+    ForbiddenTimes,
     Ride,
-    forbidden,
+    closed_departures,
     passing_time,
     safe_times,
 )
 
+STATION, DEPARTURE, OWNER = range(3)
+"""Columns of rests (n, 3): the station, when the robot leaves it [s], and the number of the zone
+because of which it waits there (-1: none)."""
+
 _PER_STOP: Final = 0.02
-"""A stop more has to bring a robot with an acceleration to its goal earlier by this [s]."""
+"""By how much [s] one more stop must make a robot with limited acceleration arrive earlier."""
+
+
+class Approach(NamedTuple):
+    """The data that the search for one robot's waits reads.
+
+    rows: where its zones forbid something, in the order of `Junctions.zones_of`; known: the last
+    results for these zones, overwritten by every search; span (zones, 2) [m]: where the robot
+    enters and leaves them; ride: its path with stations where it may wait; rest (stations,) [s]:
+    the least time from each station to the goal.
+    """
+
+    rows: Rows
+    known: Known
+    span: Array
+    ride: Ride
+    rest: Array
+
+
+class Departure(NamedTuple):
+    """When a robot may leave its first station: from `release` to `leave_by` [s]."""
+
+    release: float
+    leave_by: float
 
 
 class _States(NamedTuple):
-    """States in order of station and time: first[k] to first[k + 1] are those of station k.
+    """The states (n,): those of station k are first[k] to first[k + 1] - 1, in order of time.
 
-    times (n, 2) [s]: when each may be stood at; best [s]: the earliest arrival known, after `stops`
-    stops; it comes from state `parent` (-1: none), left at `depart` [s] for the sake of zone
-    `owner` (-1: none).
+    times (n, 2) [s]: their intervals; best [s]: the earliest arrival found so far, with `stops`
+    stops before; it comes from state `parent` (-1: none), which the robot left at `depart` [s];
+    zone `owner` forbade it to leave earlier (-1: none did); done: no better arrival is possible.
     """
 
     first: Indices
@@ -53,56 +84,55 @@ class _States(NamedTuple):
     done: npt.NDArray[np.bool_]
 
 
-class _Closed(NamedTuple):
-    """Departures that a move must not have, open intervals [s]; whose; in order of begins."""
+class _Move(NamedTuple):
+    """A move to station `to` that lasts `lasts` [s] and begins by `latest` [s].
 
-    begins: Array
-    ends: Array
-    owners: Indices
-    order: Indices
+    From there the robot needs at least `left` [s] to its goal.
+    """
+
+    to: int
+    latest: float
+    lasts: float
+    left: float
 
 
 @compiled
 def search_among(
-    rows: Rows,
-    known: Known,
-    span: Array,
-    ride: Ride,
-    rest: Array,
+    approach: Approach,
     modes: Indices,
     table: Timetable,
     tau: float,
-    release: float,
+    departure: Departure,
     polite: bool,
-    leave_by: float,
 ) -> tuple[Array, float]:
-    """Search among motions that are known, with what zones ask: `forbid`, then `search`.
+    """Call `forbid` for the motions in `table`, then return what `search` returns.
 
-    One call in place of two: passing arrays to compiled code takes as long as small searches do.
+    modes (zones,): what each zone demands.  A call from Python takes as long as a small search,
+    because of its many arrays: this makes it one call.
     """
+    rows, known, span, ride, rest = approach
     low, high = forbid(rows, modes, table, ride.elapsed, tau, known)
-    bans = Bans(rows.first, rows.cell, known.begin, known.end, low, high, span)
-    return search(ride, bans, rest, release, polite, leave_by)
+    forbidden = ForbiddenTimes(rows.first, rows.cell, known.begin, known.end, low, high, span)
+    return search(ride, forbidden, rest, departure, polite)
 
 
 @compiled
 def search(
-    ride: Ride, bans: Bans, rest: Array, release: float, polite: bool, leave_by: float
+    ride: Ride, forbidden: ForbiddenTimes, rest: Array, departure: Departure, polite: bool
 ) -> tuple[Array, float]:
     """Return the rests (n, 3) of the earliest motion, and its arrival [s]; infinite if none.
 
-    A rest: station, departure [s], the zone that it is for (-1: none).  rest (stations,) [s] bounds
-    the time from a station to the goal from below; the robot leaves its start from `release` to
-    `leave_by` [s].
-    A polite one never waits in a zone which the other robot has yet to pass.
+    rest (stations,) [s]: the least time from each station to the goal.  A polite robot never waits
+    in a zone that the other robot has yet to pass.
     """
-    first, times = _intervals(ride, bans, polite and not ride.at_once)
+    release, leave_by = departure
+    first, times = _intervals(ride, forbidden, polite and not ride.at_once)
     if _is_hopeless(first, times, release):
         return np.empty((0, 3)), math.inf
     states, goal = _unreached(first, times), len(ride.stations) - 1
     states.best[0] = release
-    size = len(bans.cell) + len(bans.low) + 1
-    begins, ends, owners = np.empty(size), np.empty(size), np.empty(size, np.int64)
+    size = len(forbidden.cell) + len(forbidden.low) + 1
+    closed = Closed(np.empty(size), np.empty(size), np.empty(size, np.int64))
     extra = 0.0 if ride.at_once else _PER_STOP
     heap = [(release + rest[0], 0, 0)]
     while len(heap) > 0:
@@ -113,30 +143,30 @@ def search(
         if here == len(times) - 1:
             return _rests(states, here), states.best[here]
         p = states.station[here]
-        latest = times[here, 1] if p > 0 else min(times[here, 1], leave_by)
-        if polite and ride.at_once and p > 0 and states.best[here] < _patience(ride, bans, p):
+        latest = times[here, END] if p > 0 else min(times[here, END], leave_by)
+        if polite and ride.at_once and p > 0 and states.best[here] < _patience(ride, forbidden, p):
             latest = states.best[here]
-        # Where stopping costs no time the next station is as good as any other, and waits come as
-        # late as they can.
+        # Where stops cost no time, moves to the next station suffice, and the robot waits as far
+        # along its path as it can.
         for q in range(min(p + 1, goal) if ride.at_once else goal, p, -1):
             lasts = passing_time(ride, p, q, ride.stations[q, PLACE], 0.0)
             bound = states.best[here] + lasts + rest[q] + extra * states.stops[here]
             if bound > states.best[-1] + extra * states.stops[-1]:
                 continue
-            number = forbidden(ride, bans, p, q, begins, ends, owners)
-            closed = _Closed(begins, ends, owners, np.argsort(begins[:number]))
-            _move(states, closed, here, latest, q, lasts, rest[q], extra, heap)
+            order = np.argsort(closed.begins[: closed_departures(ride, forbidden, p, q, closed)])
+            move = _Move(q, latest, lasts, rest[q])
+            _reach(states, closed, order, here, move, extra, heap)
     return np.empty((0, 3)), math.inf
 
 
 @compiled
-def _intervals(ride: Ride, bans: Bans, polite: bool) -> tuple[Indices, Array]:
-    """Return when a robot may stand at its stations: first (stations + 1,), times (n, 2) [s]."""
+def _intervals(ride: Ride, forbidden: ForbiddenTimes, polite: bool) -> tuple[Indices, Array]:
+    """Return `first` and `times` of _States: when a robot may stand at each of its stations."""
     count = len(ride.stations)
     first, times = np.zeros(count + 1, np.int64), np.empty((count, 2))
     for k in range(count):
         place, cell = ride.stations[k, PLACE], int(ride.stations[k, CELL])
-        safe = safe_times(bans, place, cell, polite and 0 < k < count - 1)
+        safe = safe_times(forbidden, place, cell, polite and 0 < k < count - 1)
         while first[k] + len(safe) > len(times):
             times = np.concatenate((times, np.empty_like(times)))
         times[first[k] : first[k] + len(safe)] = safe
@@ -145,18 +175,20 @@ def _intervals(ride: Ride, bans: Bans, polite: bool) -> tuple[Indices, Array]:
 
 
 @compiled
-def _patience(ride: Ride, bans: Bans, p: int) -> float:
-    """Return from when on a polite robot may wait at a station [s]; infinite if it never may."""
-    safe = safe_times(bans, ride.stations[p, PLACE], int(ride.stations[p, CELL]), True)
-    return float(safe[0, 0]) if len(safe) else math.inf
+def _patience(ride: Ride, forbidden: ForbiddenTimes, p: int) -> float:
+    """Return the time [s] from which a polite robot may wait at station p; infinite if never."""
+    safe = safe_times(forbidden, ride.stations[p, PLACE], int(ride.stations[p, CELL]), True)
+    return float(safe[0, BEGIN]) if len(safe) else math.inf
 
 
 @compiled
 def _is_hopeless(first: Indices, times: Array, release: float) -> bool:
-    """Tell whether the start is not free until the release, or the goal not for ever."""
+    """Tell whether the start is not free until `release` [s], or the goal not for ever."""
     if first[1] == 0 or first[-2] == first[-1]:
         return True
-    return bool(times[0, 0] > -math.inf or times[0, 1] <= release or times[-1, 1] < math.inf)
+    return bool(
+        times[0, BEGIN] > -math.inf or times[0, END] <= release or times[-1, END] < math.inf
+    )
 
 
 @compiled
@@ -173,31 +205,30 @@ def _unreached(first: Indices, times: Array) -> _States:
 
 
 @compiled
-def _move(
+def _reach(
     states: _States,
-    closed: _Closed,
+    closed: Closed,
+    order: Indices,
     here: int,
-    latest: float,
-    q: int,
-    lasts: float,
-    left: float,
+    move: _Move,
     extra: float,
     heap: list[tuple[float, int, int]],
 ) -> None:
-    """Reach the intervals of station q from a state, in every gap between closed departures.
+    """Enter what a move from state `here` can reach into the states and the heap.
 
-    The move begins by `latest`, it lasts `lasts`, from q it takes at least `left` to the goal, and
-    a stop counts `extra` [s].
+    The robot leaves as early as it can in every gap between the closed departures.  `order`: the
+    closed departures by their begins; `extra` [s]: what a stop counts.
     """
     earliest = states.best[here]
+    q, latest, lasts, left = move
     at, whose, k = earliest, -1, 0
     while True:
-        at, whose, k = _next_gap(closed, at, whose, k)
+        at, whose, k = _next_gap(closed, order, at, whose, k)
         if at > latest or at == math.inf:
             return
         until = latest
-        if k < len(closed.order):
-            until = min(closed.begins[closed.order[k]], latest)
+        if k < len(order):
+            until = min(closed.begins[order[k]], latest)
         depart = _rounded(at, until) if at > earliest else at
         there = _interval_at(states, q, depart + lasts)
         stops = states.stops[here]
@@ -208,41 +239,50 @@ def _move(
             states.parent[there], states.depart[there] = here, depart
             states.owner[there] = whose
             heapq.heappush(heap, (depart + lasts + extra * stops + left, stops, there))
-        if k == len(closed.order):
+        if k == len(order):
             return
-        at, whose = closed.ends[closed.order[k]], closed.owners[closed.order[k]]
+        at, whose = closed.ends[order[k]], closed.owners[order[k]]
         k += 1
 
 
 @compiled
-def _next_gap(closed: _Closed, at: float, whose: int, k: int) -> tuple[float, int, int]:
-    """Return the first departure from `at` on that is not closed, for whom, what closes after."""
-    while k < len(closed.order) and closed.begins[closed.order[k]] < at + SOON:
-        if closed.ends[closed.order[k]] > at:
-            at, whose = closed.ends[closed.order[k]], closed.owners[closed.order[k]]
+def _next_gap(
+    closed: Closed, order: Indices, at: float, whose: int, k: int
+) -> tuple[float, int, int]:
+    """Return the first departure from `at` [s] on that is not closed, and the zone before it.
+
+    `whose` is the zone that forbids what is just before `at`.  The third number is where in `order`
+    the next closed interval is; the search for it begins at k.
+    """
+    while k < len(order) and closed.begins[order[k]] < at + SOON:
+        if closed.ends[order[k]] > at:
+            at, whose = closed.ends[order[k]], closed.owners[order[k]]
         k += 1
     return at, whose, k
 
 
 @compiled
 def _rounded(depart: float, latest: float) -> float:
-    """Return a departure rounded up to a millisecond where that is not too late."""
+    """Return a departure [s] rounded up to a millisecond if it is then still by `latest`."""
     later = math.ceil(depart * 1000.0) / 1000.0
     return later if later <= latest else depart
 
 
 @compiled
 def _interval_at(states: _States, q: int, at: float) -> int:
-    """Return which state of station q has a time in its interval; -1 if none."""
+    """Return the state of station q whose interval contains the time `at` [s]; -1 if none does."""
     k = states.first[q + 1] - 1
-    while k >= states.first[q] and states.times[k, 0] > at + SOON:
+    while k >= states.first[q] and states.times[k, BEGIN] > at + SOON:
         k -= 1
-    return int(k) if k >= states.first[q] and at <= states.times[k, 1] else -1
+    return int(k) if k >= states.first[q] and at <= states.times[k, END] else -1
 
 
 @compiled
 def _is_better(states: _States, there: int, arrive: float, stops: int, extra: float) -> bool:
-    """Tell whether a way to a state is better than the one known: earlier, or with fewer stops."""
+    """Tell whether a way to a state is better than the one known: earlier, or with fewer stops.
+
+    `extra` [s]: what a stop counts.
+    """
     if states.done[there]:
         return False
     gain = states.best[there] + extra * states.stops[there] - arrive - extra * stops
@@ -251,7 +291,7 @@ def _is_better(states: _States, there: int, arrive: float, stops: int, extra: fl
 
 @compiled
 def _rests(states: _States, state: int) -> Array:
-    """Follow the parents back: station, departure and zone of every rest on the way (n, 3)."""
+    """Return the rests (n, 3) on the way to a state, found by following the parents back."""
     count, at = 0, state
     while states.parent[at] >= 0:
         count, at = count + 1, states.parent[at]
@@ -260,8 +300,8 @@ def _rests(states: _States, state: int) -> Array:
     for k in range(count - 1, -1, -1):
         before = states.parent[at]
         waited = states.depart[at] > states.best[before]
-        rests[k, 0] = states.station[before]
-        rests[k, 1] = max(states.depart[at], states.best[before])
-        rests[k, 2] = states.owner[at] if waited else -1
+        rests[k, STATION] = states.station[before]
+        rests[k, DEPARTURE] = max(states.depart[at], states.best[before])
+        rests[k, OWNER] = states.owner[at] if waited else -1
         at = before
     return rests

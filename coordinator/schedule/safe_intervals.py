@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -15,10 +16,16 @@ import numpy.typing as npt
 from coordinator.motion.velocity_profile import Motion, Wait
 from coordinator.schedule.conflict_zones import Indices
 from coordinator.schedule.forbidden_interval_kernels import BOTH, FIRST, forbid
-from coordinator.schedule.junctions import FEW, Approach, Junctions
-from coordinator.schedule.safe_interval_kernels import search, search_among
+from coordinator.schedule.junctions import FEW, Junctions
+from coordinator.schedule.safe_interval_kernels import (
+    DEPARTURE,
+    Approach,
+    Departure,
+    search,
+    search_among,
+)
 from coordinator.schedule.timetable import Motions
-from coordinator.schedule.waiting_kernels import PLACE, Bans
+from coordinator.schedule.waiting_kernels import PLACE, ForbiddenTimes
 
 
 @dataclass(frozen=True)
@@ -36,7 +43,9 @@ class Begun:
     beyond: float
 
 
-_EARLIER = 0.02
+ANY_TIME: Final = Departure(0.0, math.inf)
+
+_EARLIER: Final = 0.02
 """How much earlier [s] a robot has to arrive to wait in a zone that others have yet to pass."""
 
 
@@ -45,28 +54,27 @@ def earliest_motion(
     motions: Motions,
     index: int,
     modes: Indices | None = None,
-    release: float = 0.0,
+    departure: Departure = ANY_TIME,
     latest: float = math.inf,
     anywhere: bool = True,
-    leave_by: float = math.inf,
 ) -> Motion | None:
     """Return a robot's earliest motion among the known motions of others; None if there is none.
 
     The robot waits where it cannot block anybody, outside of zones that others have yet to pass.
     With `anywhere` it may wait inside of them if there is no other way, or if that is quicker in a
-    small fleet.  modes (m,): the order that each of its zones demands, as in
-    forbidden_interval_kernels.py.  The robot leaves its start between `release` and `leave_by`
-    [s], and has to arrive before `latest` [s].
+    small fleet.  modes (zones,): what each of its zones demands, as in
+    forbidden_interval_kernels.py; BOTH where the other robot has a motion when left out.  The robot
+    has to arrive before `latest` [s].
     """
     few = len(junctions.tracks) <= FEW
     arrival, waits = math.inf, list[Wait]()
     for polite in (True, False) if anywhere else (True,):
         if arrival == math.inf or few:
             approach = junctions.approach(index, few or not polite)
-            other = _waits(junctions, motions, index, approach, modes, release, polite, leave_by)
+            other = _waits(junctions, motions, index, approach, modes, departure, polite)
             if other[0] < arrival - _EARLIER:
                 arrival, waits = other
-            if arrival < release + float(approach.rest[0]) + _EARLIER:
+            if arrival < departure.release + float(approach.rest[0]) + _EARLIER:
                 break  # whatever it may wait at, nothing is so much earlier
     return Motion(junctions.tracks[index].limits, waits) if arrival < latest else None
 
@@ -77,27 +85,13 @@ def _waits(
     index: int,
     approach: Approach,
     modes: Indices | None,
-    release: float,
+    departure: Departure,
     polite: bool,
-    leave_by: float,
 ) -> tuple[float, list[Wait]]:
     """Return when the robot arrives [s], infinite if never, and its waits."""
-    rows = approach.rows
     if modes is None:
-        modes = np.where(motions.placed[rows.other], BOTH, FIRST)
-    rests, arrival = search_among(
-        rows,
-        approach.known,
-        approach.span,
-        approach.ride,
-        approach.rest,
-        modes,
-        motions.table,
-        junctions.tau,
-        release,
-        polite,
-        leave_by,
-    )
+        modes = np.where(motions.placed[approach.rows.other], BOTH, FIRST)
+    rests, arrival = search_among(approach, modes, motions.table, junctions.tau, departure, polite)
     return float(arrival), _as_waits(junctions, index, approach, rests)
 
 
@@ -114,13 +108,15 @@ def rest_of_motion(
         low, high = forbid(rows, modes, motions.table, track.elapsed, junctions.tau, known)
         past = rows.cell <= track.cell_at(begun.s)
         begin = np.where(past, math.inf, known.begin)
-        bans = Bans(rows.first, rows.cell, begin, known.end, low, high, approach.span)
-        times = (begun.release, polite, begun.leave_by)
-        rests, arrival = search(approach.ride, bans, approach.rest, *times)
+        forbidden = ForbiddenTimes(
+            rows.first, rows.cell, begin, known.end, low, high, approach.span
+        )
+        departure = Departure(begun.release, begun.leave_by)
+        rests, arrival = search(approach.ride, forbidden, approach.rest, departure, polite)
         if arrival < math.inf:
             found = _as_waits(junctions, index, approach, rests)
             if begun.s > 0.0 and (not found or found[0].s > begun.s):
-                depart = float(rests[0, 1])
+                depart = float(rests[0, DEPARTURE])
                 found.insert(0, Wait(begun.s, depart, -1))
             return Motion(track.limits, [*begun.waits, *found])
     return None

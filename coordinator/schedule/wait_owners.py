@@ -21,7 +21,7 @@ from coordinator.schedule.conflict_zones import Indices
 from coordinator.schedule.forbidden_interval_kernels import BOTH, forbid
 from coordinator.schedule.junctions import Junctions
 from coordinator.schedule.timetable import Motions
-from coordinator.schedule.waiting_kernels import Bans, forbidden
+from coordinator.schedule.waiting_kernels import Closed, ForbiddenTimes, closed_departures
 
 _MOST: Final = 0.5
 """A zone that forbids this share of a wait explains it."""
@@ -51,20 +51,20 @@ def _owned(junctions: Junctions, table: Motions, index: int, motion: Motion) -> 
     span = junctions.spans(index)
     modes = np.full(len(rows.other), BOTH)
     low, high = forbid(rows, modes, table.table, track.elapsed, junctions.tau, known)
-    bans = Bans(rows.first, rows.cell, known.begin, known.end, low, high, span)
+    forbidden = ForbiddenTimes(rows.first, rows.cell, known.begin, known.end, low, high, span)
     places = [0.0, *(wait.s for wait in motion.waits if wait.s > 0.0), track.limits.length]
     ride = track.ride(places)
     size = len(rows.cell) + len(mine) + 1
-    begins, ends, owners = np.empty(size), np.empty(size), np.empty(size, np.int64)
+    found = Closed(np.empty(size), np.empty(size), np.empty(size, np.int64))
     at_start = motion.waits[0].s <= 0.0
     arrivals = motion.arrivals[0 if at_start else 1 :]
     waits: list[Wait] = []
     for p, (wait, arrival) in enumerate(zip(motion.waits, arrivals, strict=True), not at_start):
-        count = forbidden(ride, bans, p, p + 1, begins, ends, owners)
+        count = closed_departures(ride, forbidden, p, p + 1, found)
         k = -1
         if wait.owner >= 0 and wait.depart > arrival:
-            closed = np.column_stack((begins, ends))[:count].clip(arrival, wait.depart)
-            k = _forcing(closed, owners[:count], span, _MOST * (wait.depart - arrival))
+            closed = np.column_stack((found.begins, found.ends))[:count].clip(arrival, wait.depart)
+            k = _forcing(closed, found.owners[:count], span, _MOST * (wait.depart - arrival))
         waits.append(wait if k < 0 else replace(wait, owner=int(rows.other[k]), zone=int(mine[k])))
     return Motion(motion.limits, waits)
 

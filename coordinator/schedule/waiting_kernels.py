@@ -1,9 +1,5 @@
 """Compiled: when a robot may stand at a place or leave one, among times that others forbid.
 
-A `ride` is what the search needs to know of a path: `stations` (n, 8) as in track.py; `elapsed`
-(cells + 1,), the time [s] at which a robot that never stops passes each border of a cell;
-`ceiling` (m, 2), the knots of the greatest v^2; the cell size [m].
-
 Decides: which times a rest and a move must not have.  Must not know: how waits are searched.
 """
 
@@ -18,23 +14,29 @@ from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs import Array
 from coordinator.curves.nurbs_kernels import Indices
 
-PLACE: Final = 0
-LOW: Final = 1
-TO_LOW: Final = 2
-AT_LOW: Final = 3
-HIGH: Final = 4
-FROM_HIGH: Final = 5
-AT_HIGH: Final = 6
-CELL: Final = 7
-"""Columns of stations: its place [m]; where a ramp from rest there reaches the ceiling [m], after
-how long [s], and `elapsed` there; the same for the ramp down to it; its cell."""
+PLACE, LOW, TO_LOW, AT_LOW, HIGH, FROM_HIGH, AT_HIGH, CELL = range(8)
+"""Columns of stations: the place [m]; where the ramp up from rest there meets the ceiling [m], how
+long that ramp takes [s], and `elapsed` where it meets it; the same three for the ramp down to rest
+there; the cell of the place."""
+
+BEGIN, END = range(2)
+"""Columns of intervals (n, 2) of times [s] or arc lengths [m]."""
+
+KNOT_S, KNOT_W = range(2)
+"""Columns of a ceiling: s [m] and the greatest v^2 there."""
 
 SOON: Final = 1e-9
 """Times nearer to each other [s] are the same."""
 
 
 class Ride(NamedTuple):
-    """One robot's path as data for the search; `ramp` [m/s^2]; `at_once`: stops cost no time."""
+    """What the search for one robot's waits reads of its path and speed limits.
+
+    stations (n, 8): the places where the robot may stop, start and goal included.  elapsed
+    (cells + 1,) [s]: when a robot that never stops passes the borders of the cells, which are
+    `cell` [m] long.  ceiling (m, 2): the greatest v^2, a polyline over s.  `ramp` [m/s^2]: the
+    acceleration.  `at_once`: the acceleration is unlimited, so stops cost no time.
+    """
 
     stations: Array
     elapsed: Array
@@ -44,13 +46,14 @@ class Ride(NamedTuple):
     at_once: bool
 
 
-class Bans(NamedTuple):
-    """What others forbid, zone after zone: rows first[z] to first[z + 1] belong to zone z.
+class ForbiddenTimes(NamedTuple):
+    """What others forbid, zone after zone: rows first[z] to first[z + 1] - 1 belong to zone z.
 
-    In cell[r] the robot must not be between begin[r] and end[r] [s], unless its zone asks nothing:
-    low[z] is not below high[z].  A robot that does not stop in a zone, and would have left its
-    start at t had it never stopped, must not have t between low[z] and high[z].  span (zones, 2)
-    [m]: where it enters and leaves each zone; cells reach a little farther.
+    The robot must not be in cell[r] between begin[r] and end[r] [s].  A zone with low[z] >= high[z]
+    forbids nothing, whatever its rows say.  A robot that passes a whole zone at the ceiling moves
+    there as if it had left its start at some time t and never stopped; t must not be between low[z]
+    and high[z] [s].  span (zones, 2) [m]: where the robot enters and leaves each zone; the cells of
+    its rows extend a little beyond.
     """
 
     first: Indices
@@ -62,9 +65,20 @@ class Bans(NamedTuple):
     span: Array
 
 
+class Closed(NamedTuple):
+    """Departures that a move must not have: open intervals (n,) [s], and the zones that forbid."""
+
+    begins: Array
+    ends: Array
+    owners: Indices
+
+
 @compiled
 def passing_time(ride: Ride, p: int, q: int, s: float, elapsed: float) -> float:
-    """Return when s [m] is passed after leaving station p for a rest at q; `elapsed` at s [s]."""
+    """Return how long after leaving station p for a rest at q the robot passes s [m].
+
+    `elapsed` [s]: Ride.elapsed at s; it matters only where the robot drives at the ceiling.
+    """
     a, b = ride.stations[p], ride.stations[q]
     if a[LOW] < b[HIGH]:
         if s <= a[LOW]:
@@ -102,15 +116,19 @@ def times_left(ride: Ride) -> Array:
 @compiled
 def _height(ceiling: Array, s: float) -> float:
     """Return the ceiling's v^2 at s [m]."""
-    k = min(max(int(np.searchsorted(ceiling[:, 0], s)), 1), len(ceiling) - 1)
-    low, high = ceiling[k - 1, 0], ceiling[k, 0]
+    k = min(max(int(np.searchsorted(ceiling[:, KNOT_S], s)), 1), len(ceiling) - 1)
+    low, high = ceiling[k - 1, KNOT_S], ceiling[k, KNOT_S]
     part = min(max((s - low) / (high - low), 0.0), 1.0) if high > low else 0.0
-    return float(ceiling[k - 1, 1] + part * (ceiling[k, 1] - ceiling[k - 1, 1]))
+    before, after = ceiling[k - 1, KNOT_W], ceiling[k, KNOT_W]
+    return float(before + part * (after - before))
 
 
 @compiled
 def _border(ride: Ride, p: int, q: int, k: int) -> float:
-    """Return when the border before cell k is passed on the move from p to q, ends included."""
+    """Return how long after leaving station p for q the robot passes the border before cell k.
+
+    A border before p counts as p, one beyond q as q.
+    """
     begin, end = ride.stations[p, PLACE], ride.stations[q, PLACE]
     s = k * ride.cell
     if s <= begin:
@@ -122,97 +140,109 @@ def _border(ride: Ride, p: int, q: int, k: int) -> float:
 
 @compiled
 def _rows_between(cells: Indices, begin: int, end: int, first: int, last: int) -> tuple[int, int]:
-    """Return where rows begin..end - 1, in order of their cells, lie in cells first to last."""
+    """Return the first and past-the-last of rows begin..end - 1 with cells from first to last.
+
+    The rows are in order of their cells.
+    """
     low = begin + int(np.searchsorted(cells[begin:end], first))
     return low, begin + int(np.searchsorted(cells[begin:end], last + 1))
 
 
 @compiled
-def safe_times(bans: Bans, s: float, cell: int, polite: bool) -> Array:
+def safe_times(forbidden: ForbiddenTimes, s: float, cell: int, polite: bool) -> Array:
     """Return the intervals (n, 2) [s] in which a robot may stand at s [m], in increasing order.
 
-    A polite robot stands in a zone only once the other one has passed it.
+    A polite robot does not stand in a zone before the other one has passed it.
     """
-    zones = len(bans.low)
-    begins, ends = np.empty(len(bans.cell)), np.empty(len(bans.cell))
+    zones = len(forbidden.low)
+    begins, ends = np.empty(len(forbidden.cell)), np.empty(len(forbidden.cell))
     count = 0
     for z in range(zones):
-        begin, end = bans.first[z], bans.first[z + 1]
-        if bans.span[z, 0] > s + SOON or bans.span[z, 1] < s - SOON:
+        begin, end = forbidden.first[z], forbidden.first[z + 1]
+        if forbidden.span[z, BEGIN] > s + SOON or forbidden.span[z, END] < s - SOON:
             continue
-        if bans.low[z] >= bans.high[z]:
-            if polite and bans.high[z] == math.inf:
+        if forbidden.low[z] >= forbidden.high[z]:
+            if polite and forbidden.high[z] == math.inf:
                 return np.empty((0, 2))
             continue
-        low, high = _rows_between(bans.cell, begin, end, cell, cell)
+        low, high = _rows_between(forbidden.cell, begin, end, cell, cell)
         for r in range(low, high):
-            if bans.begin[r] < bans.end[r]:
-                begins[count] = -math.inf if polite else bans.begin[r]
-                ends[count] = bans.end[r]
+            if forbidden.begin[r] < forbidden.end[r]:
+                begins[count] = -math.inf if polite else forbidden.begin[r]
+                ends[count] = forbidden.end[r]
                 count += 1
     found = np.empty((count + 1, 2))
     total, now = 0, -math.inf
     for k in np.argsort(begins[:count]):
         if begins[k] > now:
-            found[total, 0], found[total, 1] = now, begins[k]
+            found[total, BEGIN], found[total, END] = now, begins[k]
             total += 1
         now = max(now, ends[k])
     if now < math.inf:
-        found[total, 0], found[total, 1] = now, math.inf
+        found[total, BEGIN], found[total, END] = now, math.inf
         total += 1
     return found[:total]
 
 
 @compiled
-def forbidden(
-    ride: Ride, bans: Bans, p: int, q: int, begins: Array, ends: Array, owners: Indices
-) -> int:
-    """Write the departures (open intervals) that a move from p to q must not have; how many."""
+def closed_departures(ride: Ride, forbidden: ForbiddenTimes, p: int, q: int, closed: Closed) -> int:
+    """Write the departures that a move from p to q must not have; return how many intervals."""
     a, b = ride.stations[p], ride.stations[q]
     first, last, count = int(a[CELL]), int(b[CELL]), 0
     cruise = a[TO_LOW] - a[AT_LOW]
-    for z in range(len(bans.low)):
-        begin, end = bans.first[z], bans.first[z + 1]
-        if bans.low[z] >= bans.high[z] or bans.cell[begin] > last or bans.cell[end - 1] < first:
+    for z in range(len(forbidden.low)):
+        begin, end = forbidden.first[z], forbidden.first[z + 1]
+        if (
+            forbidden.low[z] >= forbidden.high[z]
+            or forbidden.cell[begin] > last
+            or forbidden.cell[end - 1] < first
+        ):
             continue
-        if _cruises(ride, p, q, bans.cell[begin], bans.cell[end - 1]):
-            begins[count], ends[count] = bans.low[z] - cruise, bans.high[z] - cruise
-            owners[count] = z
+        if _cruises(ride, p, q, forbidden.cell[begin], forbidden.cell[end - 1]):
+            closed.begins[count] = forbidden.low[z] - cruise
+            closed.ends[count] = forbidden.high[z] - cruise
+            closed.owners[count] = z
             count += 1
             continue
-        begin, end = _rows_between(bans.cell, begin, end, first, last)
-        more = _forbidden_by(ride, bans, p, q, begin, end, begins[count:], ends[count:])
-        owners[count : count + more] = z
-        count += more
+        rows = _rows_between(forbidden.cell, begin, end, first, last)
+        before, count = count, _forbidden_by(ride, forbidden, p, q, rows, closed, count)
+        closed.owners[before:count] = z
     return count
 
 
 @compiled
 def _cruises(ride: Ride, p: int, q: int, first: int, last: int) -> bool:
-    """Tell whether a move from p to q is on the ceiling from cell `first` to cell `last`."""
+    """Tell whether a move from p to q is at the ceiling from cell `first` to cell `last`."""
     low, high = ride.stations[p, LOW], ride.stations[q, HIGH]
     return bool(low < high and first * ride.cell >= low and (last + 1) * ride.cell <= high)
 
 
 @compiled
 def _forbidden_by(
-    ride: Ride, bans: Bans, p: int, q: int, first: int, past: int, begins: Array, ends: Array
+    ride: Ride,
+    forbidden: ForbiddenTimes,
+    p: int,
+    q: int,
+    rows: tuple[int, int],
+    closed: Closed,
+    count: int,
 ) -> int:
-    """Write the departures that rows first..past - 1 of one zone forbid; how many.
+    """Append what rows[0] to rows[1] - 1 of one zone forbid to `count` intervals; return how many.
 
-    Rows that follow each other forbid times that overlap, and are told as one.
+    What consecutive rows forbid mostly overlaps and becomes one interval.
     """
-    cruise, count = ride.stations[p, TO_LOW] - ride.stations[p, AT_LOW], 0
+    begins, ends = closed.begins, closed.ends
+    cruise = ride.stations[p, TO_LOW] - ride.stations[p, AT_LOW]
     earliest, latest = math.inf, -math.inf
-    for r in range(first, past):
-        if bans.begin[r] >= bans.end[r]:
+    for r in range(rows[0], rows[1]):
+        if forbidden.begin[r] >= forbidden.end[r]:
             continue
-        cell = bans.cell[r]
+        cell = forbidden.cell[r]
         if _cruises(ride, p, q, cell, cell):
             enters, leaves = cruise + ride.elapsed[cell], cruise + ride.elapsed[cell + 1]
         else:
             enters, leaves = _border(ride, p, q, cell), _border(ride, p, q, cell + 1)
-        low, high = bans.begin[r] - leaves, bans.end[r] - enters
+        low, high = forbidden.begin[r] - leaves, forbidden.end[r] - enters
         if low < latest and high > earliest:
             earliest, latest = min(earliest, low), max(latest, high)
             continue

@@ -1,8 +1,8 @@
 """Compiled: where two robots on a pair of chords are too near, and a zone as rows for one robot.
 
-Robot "me" is at p + x d, 0 <= x <= length, and the other one at q + y e: both linear in their arc
-lengths.  |p - q + x d - y e| <= reach is an ellipse in (x, y), a strip when the chords are
-parallel; cut by the rectangle of the two chords it is convex.
+Along a chord a position is linear in the arc length: one robot is at p + x d, the other at q + y e.
+The pairs (x, y) with |p - q + x d - y e| <= reach fill an ellipse, or a strip when the chords are
+parallel.  The part of it within both chords is convex.
 
 Decides: the extents of that set.  Must not know: fleets, nor times.
 """
@@ -10,7 +10,7 @@ Decides: the extents of that set.  Must not know: fleets, nor times.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs_kernels import Array, Indices
@@ -19,12 +19,31 @@ SLACK: Final = 1e-9
 """What every reach is widened by [m], so that rounding misses nothing."""
 
 NEAR, LEFT, BOTTOM = 1, 2, 4
-"""A pair of chords: near at all; near with me at my chord's begin, with the other at theirs."""
+"""Flags of a pair of chords: the robots can be too near at all; they can while the first one is at
+the beginning of its chord (the left side of the rectangle of both), while the second one is at the
+beginning of its own (the bottom side)."""
+
+CELL_NUMBER, LOW, HIGH = range(3)
+"""Columns of rows: the number of a cell, and the least and greatest arc length [m] of the other
+robot in conflict with it."""
+
+
+class Polyline(NamedTuple):
+    """Paths as chords: the arc lengths s (n,) [m] of their vertices, and points (n, 2) [m].
+
+    Chord i leads from vertex i to vertex i + 1.
+    """
+
+    s: Array
+    points: Array
 
 
 @compiled
 def is_near(px: float, py: float, dx: float, dy: float, square: float, reach: float) -> bool:
-    """Tell whether a point p from a segment's begin is near the segment d; squares of lengths."""
+    """Tell whether p is within a distance of the segment from the origin to d.
+
+    `square` is the square of the segment's length, `reach` that of the distance.
+    """
     along = px * dx + py * dy
     if along <= 0.0:
         return px * px + py * py <= reach
@@ -37,9 +56,10 @@ def is_near(px: float, py: float, dx: float, dy: float, square: float, reach: fl
 
 @compiled
 def sides_near(p: Array, i: int, q: Array, j: int, square: float) -> int:
-    """Return NEAR and the sides of the rectangle of chords i and j that hold a conflict, or 0.
+    """Return the flags above for chord i of the points p and chord j of the points q; 0 if apart.
 
-    `square` is that of the reach.  Chords are near when one's end is near the other, or they cross.
+    `square` is the square of the reach.  Two chords are near when an end of one is near the other
+    one, or when they cross.
     """
     dx, dy = p[i + 1, 0] - p[i, 0], p[i + 1, 1] - p[i, 1]
     ex, ey = q[j + 1, 0] - q[j, 0], q[j + 1, 1] - q[j, 1]
@@ -63,10 +83,10 @@ def sides_near(p: Array, i: int, q: Array, j: int, square: float) -> int:
 def extent_in(
     ax: float, ay: float, dx: float, dy: float, ex: float, ey: float, reach: float
 ) -> tuple[float, float]:
-    """Return the least and greatest x of |a + x d - y e| <= reach, 0 <= y <= 1.
+    """Return the least and greatest x with |a + x d - y e| <= reach for some y from 0 to 1.
 
-    There must be such a place.  For fixed y the least x is convex in y: it is least at the
-    ellipse's own leftmost y, or at the end of [0, 1] nearer to it.
+    There must be such an x.  The least x for a given y is a convex function of y.  So its minimum
+    is at the leftmost point of the ellipse, or at the end of [0, 1] that is nearer to that point.
     """
     dd, ee = dx * dx + dy * dy, ex * ex + ey * ey
     if dd == 0.0:
@@ -91,7 +111,7 @@ def extent_in(
 
 @compiled
 def direction(s: Array, p: Array, i: int) -> tuple[float, float]:
-    """Return how chord i goes on per metre of arc length; zeros for one without length."""
+    """Return the derivative of the position on chord i by arc length; zeros if it has no length."""
     size = s[i + 1] - s[i]
     if size <= 0.0:
         return 0.0, 0.0
@@ -100,7 +120,7 @@ def direction(s: Array, p: Array, i: int) -> tuple[float, float]:
 
 @compiled
 def extent_of(s: Array, p: Array, i: int, q: Array, j: int, reach: float) -> tuple[float, float]:
-    """Return the least and greatest arc length on chord i in conflict with chord j."""
+    """Return the least and greatest arc length [m] on chord i of s, p in conflict with chord j."""
     low, high = extent_in(
         p[i, 0] - q[j, 0],
         p[i, 1] - q[j, 1],
@@ -118,45 +138,47 @@ def extent_of(s: Array, p: Array, i: int, q: Array, j: int, reach: float) -> tup
 
 @compiled
 def zone_rows(
-    s_me: Array,
-    p_me: Array,
-    s_other: Array,
-    p_other: Array,
+    me: Polyline,
+    other: Polyline,
     pairs: Indices,
     side: int,
     reach: float,
     cell: float,
     rows: Array,
 ) -> int:
-    """Write one zone as rows (k, low, high) for one robot; return how many, or -needed if too many.
+    """Write one zone as rows (n, 3) for the robot `me`; return how many there are.
 
-    s (n + 1,) and p (n + 1, 2) are both robots' chords, pairs (m, 2) the zone's, `me` in column
-    `side`; reach [m] is the need and both errors.  While my arc length is from k to k + 1 times
-    `cell` [m], that of the other robot in conflict runs from low to high [m], exactly.
+    pairs (m, 2): the zone's pairs of chords, those of `me` in column `side`.  `reach` [m]: the need
+    plus the errors of both paths.  A row tells that while the arc length of `me` lies in cell k,
+    from k to k + 1 times `cell` [m], the arc lengths of the other robot in conflict are those from
+    LOW to HIGH, exactly.  When `rows` has too little room, nothing is written and minus the number
+    of rows is returned.
     """
+    (s, p), q = me, other.points
     reach = reach + SLACK
     least, greatest = math.inf, -math.inf
     for pair in range(len(pairs)):
         i, j = pairs[pair, side], pairs[pair, 1 - side]
-        low, high = extent_of(s_me, p_me, i, p_other, j, reach)
+        low, high = extent_of(s, p, i, q, j, reach)
         least, greatest = min(least, low), max(greatest, high)
     base = math.floor(least / cell)
     count = int(math.floor(greatest / cell) - base) + 1
     if count > len(rows):
         return -count
     for row in range(count):
-        rows[row, 0], rows[row, 1], rows[row, 2] = base + row, math.inf, -math.inf
+        rows[row, CELL_NUMBER], rows[row, LOW], rows[row, HIGH] = base + row, math.inf, -math.inf
     for pair in range(len(pairs)):
         i, j = pairs[pair, side], pairs[pair, 1 - side]
-        _add_rows(s_me, p_me, i, s_other, p_other, j, reach, cell, rows)
+        _widen_rows(me, i, other, j, reach, cell, rows)
     return count
 
 
 @compiled
 def _place(begin: float, end: float, y: float) -> float:
-    """Return the arc length y [m] after a chord's begin, where beyond an end just that end.
+    """Return the arc length `begin` + y [m], limited to the chord from `begin` to `end`.
 
-    A robot stays at its goal for ever, and a rounding before it only for a moment.
+    An arc length at the end is returned exactly: a robot stays at its goal for ever, but passes any
+    place before it, however near, in a moment.
     """
     if y <= 0.0:
         return begin
@@ -164,19 +186,24 @@ def _place(begin: float, end: float, y: float) -> float:
 
 
 @compiled
-def _add_rows(
-    s: Array, p: Array, i: int, t: Array, q: Array, j: int, reach: float, cell: float, rows: Array
+def _widen_rows(
+    me: Polyline, i: int, other: Polyline, j: int, reach: float, cell: float, rows: Array
 ) -> None:
-    """Widen the rows by what chords i and j have in conflict; rows[0, 0] is the first cell."""
+    """Widen LOW to HIGH of the rows by the conflict between chord i of `me` and chord j of `other`.
+
+    The rows are those of consecutive cells.
+    """
+    (s, p), (t, q) = me, other
     begin, end = extent_of(s, p, i, q, j, reach)
     ax, ay = p[i, 0] - q[j, 0], p[i, 1] - q[j, 1]
     dx, dy = direction(s, p, i)
     ex, ey = direction(t, q, j)
-    ee, base = ex * ex + ey * ey, rows[0, 0]
+    ee, base = ex * ex + ey * ey, rows[0, CELL_NUMBER]
     first, last = int(math.floor(begin / cell) - base), int(math.floor(end / cell) - base)
     if ee == 0.0:
         for row in range(first, last + 1):
-            rows[row, 1], rows[row, 2] = min(rows[row, 1], t[j]), max(rows[row, 2], t[j + 1])
+            rows[row, LOW] = min(rows[row, LOW], t[j])
+            rows[row, HIGH] = max(rows[row, HIGH], t[j + 1])
         return
     start, slope = (ax * ex + ay * ey) / ee, (dx * ex + dy * ey) / ee
     across, turn = (ax * ey - ay * ex) / ee, (dx * ey - dy * ex) / ee
@@ -191,16 +218,17 @@ def _add_rows(
         half = math.sqrt(max(square - far * far, 0.0))
         least, greatest = min(low, middle - half), max(high, middle + half)
         low, high = middle - half, middle + half
-        rows[row, 1] = min(rows[row, 1], _place(t[j], t[j + 1], least))
-        rows[row, 2] = max(rows[row, 2], _place(t[j], t[j + 1], greatest))
+        rows[row, LOW] = min(rows[row, LOW], _place(t[j], t[j + 1], least))
+        rows[row, HIGH] = max(rows[row, HIGH], _place(t[j], t[j + 1], greatest))
     dd = dx * dx + dy * dy
     if turn == 0.0 or dd == 0.0:
         return
-    # Where the other robot's arc length is least and greatest, mine is at right angles.
+    # Where the other robot's arc length is least or greatest, the line between both robots is at
+    # right angles to chord i.
     centre, wide = (ax * dy - ay * dx) / (ex * dy - ey * dx), reach * math.sqrt(dd) / abs(turn * ee)
     for sign in (-1.0, 1.0):
         y = centre + sign * wide
         x = s[i] - ((ax - y * ex) * dx + (ay - y * ey) * dy) / dd
         if begin <= x <= end:
             row, y = int(math.floor(x / cell) - base), _place(t[j], t[j + 1], y)
-            rows[row, 1], rows[row, 2] = min(rows[row, 1], y), max(rows[row, 2], y)
+            rows[row, LOW], rows[row, HIGH] = min(rows[row, LOW], y), max(rows[row, HIGH], y)

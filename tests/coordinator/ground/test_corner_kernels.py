@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
-from coordinator.ground.corner_kernels import radius_of, widest_rounding, width_for
+from coordinator.ground.corner_kernels import Corner, radius_of, widest_rounding, width_for
 from coordinator.ground.free_space import DISC_TOLERANCE, Space
 from coordinator.ground.grown_floor import GrownFloor
 from coordinator.ground.polygon_kernels import merge, push, widths
@@ -67,7 +67,7 @@ def test_the_widest_rounding_is_clear_and_one_a_little_wider_is_not(exact):
             outside = shapely.distance(line, shapely.Point(disc[:2])) - disc[2] + DISC_TOLERANCE
             return min(shapely.distance(line, edges) - solid.need, outside)
 
-        width = widest_rounding(*corner, *into, *onward, most, exact, solid)
+        width = widest_rounding(Corner(*corner, *into, *onward, exact), most, solid)
         kind = "none" if width < 0.0 else "limited" if width < most else "free"
         seen[kind] += 1
         if kind == "none":

@@ -75,7 +75,9 @@ def exact_time(s, bend, speed, accel, lateral):
 def check(curve, speed, accel, lateral):
     """Hold a motion against the limits and the exact time; return its number of knots."""
     s, bend = samples(curve)
-    knots_s, knots_w = speed_knots(limits_on(curve, speed, accel, lateral), 0.0, curve.length)
+    knots_s, knots_w = np.array(
+        speed_knots(limits_on(curve, speed, accel, lateral), 0.0, curve.length)
+    )
     w = np.interp(s, knots_s, knots_w)
     assert np.max(w * bend) <= lateral * (1.0 + 1e-9)
     assert np.max(w) <= speed**2 * (1.0 + 1e-9)
@@ -141,7 +143,7 @@ def test_what_is_lost_on_a_leg_is_never_more_than_on_the_whole_path(seed):
     for _ in range(2):
         first, last = sorted(dice.sample(range(len(s)), 2))
         part = slice(first, last + 1)
-        leg = speed_knots(limits, s[first], s[last])
+        leg = np.array(speed_knots(limits, s[first], s[last]))
         assert np.max(np.interp(s[part], *leg) * bend[part]) <= lateral * (1.0 + 1e-9)
         assert np.max(np.abs(np.diff(leg[1])) / np.diff(leg[0])) <= 2.0 * accel * (1.0 + 1e-6)
         exact = exact_time(s[part], bend[part], speed, accel, lateral)

@@ -6,7 +6,7 @@ import numpy as np
 
 from coordinator.curves.chords import chords_of
 from coordinator.curves.nurbs import nurbs
-from coordinator.schedule.zone_kernels import zone_rows
+from coordinator.schedule.zone_kernels import Polyline, zone_rows
 
 CELL = 0.008
 
@@ -33,14 +33,14 @@ def random_path(seed, legs=10, turn=0.7):
 
 def rows_of(zones, k, chords, radii, margin, side, cell=CELL):
     a, b = chords[zones.a[k]], chords[zones.b[k]]
-    me, other = (a, b) if side == 0 else (b, a)
+    me, other = (Polyline(path.s, path.points) for path in ((a, b) if side == 0 else (b, a)))
     reach = radii[zones.a[k]] + radii[zones.b[k]] + margin + a.error + b.error
     pairs = zones.pairs[zones.first[k] : zones.first[k + 1]]
     rows = np.empty((10, 3))
-    count = zone_rows(me.s, me.points, other.s, other.points, pairs, side, reach, cell, rows)
+    count = zone_rows(me, other, pairs, side, reach, cell, rows)
     if count < 0:
         rows = np.empty((-count, 3))
-        count = zone_rows(me.s, me.points, other.s, other.points, pairs, side, reach, cell, rows)
+        count = zone_rows(me, other, pairs, side, reach, cell, rows)
     return rows[:count]
 
 

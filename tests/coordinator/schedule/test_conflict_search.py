@@ -9,7 +9,7 @@ import pytest
 
 from coordinator.motion.velocity_profile import Motion, Wait
 from coordinator.schedule.conflict_search import ConflictSearch
-from coordinator.schedule.forbidden_interval_kernels import AFTER, FREE, clash
+from coordinator.schedule.forbidden_interval_kernels import AFTER, FREE, Passage, clash
 from coordinator.schedule.safe_intervals import earliest_motion
 from coordinator.schedule.timetable import Motions
 from tests.coordinator.schedule.fleets import line
@@ -237,7 +237,13 @@ def test_robots_clash_in_a_zone_when_sampling_says_so(seed):
         table = placed(fleet, motions)
         one, two = junctions.rows_of(0)[0], junctions.rows_of(1)[0]
         tell = [
-            clash(one, two, z, z, 0, 1, table.table, junctions.tracks[0].cell, junctions.tau)
+            clash(
+                Passage(0, one, z),
+                Passage(1, two, z),
+                table.table,
+                junctions.tracks[0].cell,
+                junctions.tau,
+            )
             for z in range(len(one.other))
         ]
         slack = fleet.slack(motions)
@@ -253,21 +259,21 @@ def test_robots_clash_in_a_zone_when_sampling_says_so(seed):
 def test_a_rest_in_a_zone_is_a_clash_until_it_is_left(depart, clashes):
     fleet = fleet_on([line((0, 0), (6, 0)), line((3, -3), (3, 3))])
     tracks = fleet.junctions.tracks
-    rows = [fleet.junctions.rows_of(k)[0] for k in (0, 1)]
+    passages = [Passage(k, fleet.junctions.rows_of(k)[0], 0) for k in (0, 1)]
     resting = Motion(tracks[0].limits, [Wait(3.0, depart, -1)])
     table = placed(fleet, [resting, alone(tracks[1], 10.0)])
-    when = clash(*rows, 0, 0, 0, 1, table.table, tracks[0].cell, 0.5)
+    when = clash(*passages, table.table, tracks[0].cell, 0.5)
     assert (when < math.inf) == clashes
 
 
 def test_a_robot_that_starts_just_before_a_zone_comes_after_the_one_that_has_left_it():
     fleet = fleet_on([line((0, 0), (6, 0)), line((-NEED - 0.002, 0), (3, 0), (3, -3))])
     tracks = fleet.junctions.tracks
-    rows = [fleet.junctions.rows_of(k)[0] for k in (0, 1)]
-    assert 0.0 < rows[1].enters[0] < tracks[1].cell
+    passages = [Passage(k, fleet.junctions.rows_of(k)[0], 0) for k in (0, 1)]
+    assert 0.0 < passages[1].rows.enters[0] < tracks[1].cell
     for depart, clashes in ((1.5, False), (0.2, True)):
         table = placed(fleet, [alone(tracks[0], 0.0), alone(tracks[1], depart)])
-        when = clash(*rows, 0, 0, 0, 1, table.table, tracks[0].cell, 0.5)
+        when = clash(*passages, table.table, tracks[0].cell, 0.5)
         assert (when < math.inf) == clashes
     table = Motions(fleet.junctions.lengths())
     assert ConflictSearch(fleet.junctions, table, [0, 1]).run(math.inf, 3)

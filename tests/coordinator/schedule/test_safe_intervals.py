@@ -10,6 +10,7 @@ import pytest
 from coordinator.motion.velocity_profile import Motion, Wait
 from coordinator.schedule.forbidden_interval_kernels import AFTER, BOTH, FREE
 from coordinator.schedule.junctions import Junctions
+from coordinator.schedule.safe_interval_kernels import Departure
 from coordinator.schedule.safe_intervals import earliest_motion
 from coordinator.schedule.waiting_kernels import PLACE
 from tests.coordinator.schedule.fleets import line
@@ -197,7 +198,7 @@ def test_a_robot_leaves_after_its_release_and_arrives_before_the_latest_or_not_a
     fleet = fleet_on(CROSSING, tau=1.0)
     motions = [alone(fleet.junctions.tracks[0], 1.0)]
     for release in (0.0, 0.7, 4.0, 30.0):
-        found = last_robot(fleet, motions, release=release)
+        found = last_robot(fleet, motions, departure=Departure(release, math.inf))
         assert found.start_time >= release
         assert fleet.slack([*motions, found]) >= -2e-3
     finish = last_robot(fleet, motions).finish

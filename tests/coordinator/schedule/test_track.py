@@ -102,7 +102,7 @@ def test_ramps_meet_the_greatest_speed_at_the_stations_ends(track):
 def test_a_move_between_rests_passes_every_place_when_the_fastest_motion_does(track, shares):
     begin, end = (share * track.limits.length for share in sorted(shares))
     ride = track.ride([begin, end])
-    knots = speed_knots(track.limits, begin, end)
+    knots = np.array(speed_knots(track.limits, begin, end))
     s = np.linspace(begin, end, 41)
     wanted = times_at(*knots, s)
     elapsed = times_at(track.ceiling[:, 0], track.ceiling[:, 1], s)

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coordinator.schedule.waiting_kernels import Bans, safe_times
+from coordinator.schedule.waiting_kernels import ForbiddenTimes, safe_times
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
@@ -22,8 +22,10 @@ def test_safe_times_are_those_in_no_ban_of_the_cell(rows, asks, polite):
     low = np.where(asks[: len(zones)], 0.0, np.inf)
     first = np.cumsum([0, *map(len, zones)])
     spans = 0.01 * np.array([[zone[0][0], zone[-1][0] + 1] for zone in zones]).reshape(-1, 2)
-    bans = Bans(first, cell.astype(int), begin, begin + lasts, low, np.maximum(low, 1.0), spans)
-    found = safe_times(bans, 0.015, 1, polite)
+    forbidden = ForbiddenTimes(
+        first, cell.astype(int), begin, begin + lasts, low, np.maximum(low, 1.0), spans
+    )
+    found = safe_times(forbidden, 0.015, 1, polite)
     assert np.all(found[:, 0] < found[:, 1])
     assert np.all(found[1:, 0] > found[:-1, 1])
     asked = np.repeat(np.array(asks[: len(zones)], bool), np.diff(first))
