@@ -134,11 +134,11 @@ def run_robot(
 
 
 class RobotService:
-    """What happens in one tick; `inbox` counts invalid messages and dropped ones.
+    """Runs the robot tick by tick; `inbox` counts invalid messages and dropped ones.
 
     `clock` is the robot's own and stamps messages that arrive between ticks.  Without it they count
     as arrived at the next tick, which makes the robot less certain of the coordinator's time.
-    `host_clock` stamps the black box where the robot's own clock differs from the host's.
+    `host_clock` stamps the black box; it is needed if the robot's clock differs from the host's.
     """
 
     def __init__(

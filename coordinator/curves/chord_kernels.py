@@ -181,8 +181,8 @@ def inverse_error(curve: Series, table: ArcTable) -> float:
     """Return an estimate of the greatest error [m] of `parameters_at`, as an arc length.
 
     The interpolation is exact at both ends of a cell, so its error is at most half the length of
-    the cell times the error of its slope.  The latter is computed at the two places of each cell
-    where it is greatest if the cell is short.
+    the cell times the error of its slope.  That error is computed at two places of each cell: those
+    where it is greatest in the limit of short cells.
     """
     (borders, powers), (table_u, table_s, slope) = curve, table
     worst, span = 0.0, 0

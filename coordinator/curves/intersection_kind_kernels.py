@@ -121,7 +121,7 @@ def _with_room(values: Array, count: int) -> Array:
 def _sort_out(
     pair: CurvePair, tolerance: float, stack: PairStack, rows: Array
 ) -> tuple[Array, Array]:
-    """Return the points (n, 5) and overlaps (m, 5) of a pair, without PAIR, from search rows."""
+    """Return points (n, 5) and overlaps (m, 5) from the search rows of a pair; no PAIR column."""
     count, far = len(rows), 2.0 * tolerance
     ends, least = np.empty((count, 2, 2)), np.empty(count)
     for i in range(count):

@@ -136,9 +136,10 @@ def _static(story: Story, colours: dict[str, Colour]) -> Iterator[Told]:
 
 
 def _paths(story: Story, colours: dict[str, Colour]) -> Iterator[Told]:
-    """Yield each epoch's paths when it begins, and those of the first at the story's beginning.
+    """Yield the paths of each epoch, stamped with the time at which it begins.
 
-    The paths of the epoch before are deleted.
+    Those of the first epoch are stamped with the story's beginning.  A new epoch deletes the paths
+    of the one before.
     """
     shown: set[str] = set()
     epochs: dict[int, list[Leg]] = {}

@@ -161,7 +161,7 @@ def zone_entity(
 
 
 def _rests(leg: Leg, s: float, since: float) -> bool:
-    """Return whether the leg of a timeline that begins at s, at time `since`, follows a rest."""
+    """Return whether the robot stood at arc length s right before time `since`."""
     return s > 0.0 and leg.driven.timeline.v_at(math.nextafter(since, -math.inf)) == 0.0
 
 

@@ -96,7 +96,7 @@ def take_message(plan: Plan, told: RobotSummary, zero: float) -> None:
 
 
 def _tell_nearest(summary: Summary, document: PlanDocument) -> None:
-    """Fill in each robot's nearest other robot by the plan."""
+    """Fill in for each robot which other robot comes nearest according to the plan."""
     try:
         rides = [ride_of_plan(robot) for robot in document.robots]
     except ValueError:

@@ -33,8 +33,8 @@ _PER_KNOT: Final = 20
 class RideSamples:
     """A path as a polyline and the motion along it; plan times [s], arc lengths [m].
 
-    arcs (m,), places (m, 2): the path.  late [s]: how far behind its plan the robot may be.  From
-    plan time `brake` on it braked at `rate` [m/s^2] (0: it stopped at once) and then rested.
+    arcs (m,), places (m, 2): the path.  late [s]: how far behind its plan the robot may be.
+    `brake`: the plan time from which it braked, at `rate` [m/s^2] (0: it stopped at once), to rest.
     """
 
     line: Timeline

@@ -182,7 +182,7 @@ class Recording:
         return fleet
 
     def wait(self) -> None:
-        """Wait until the fleet is over or the file cannot be written any more."""
+        """Wait until the fleet is in phase OVER or the file can no longer be written."""
         listener, recorder = self.listener, self._recorder
         assert listener is not None
         assert recorder is not None

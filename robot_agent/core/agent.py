@@ -6,7 +6,7 @@ imports only other firmware and the shared numbers; `tick` leaves no memory allo
 
 The rules:
 - A robot moves only in the epoch of the plan it holds, after GO, and only along that plan: never
-  ahead of it, and behind it by less than its share of tau.
+  ahead of it, and never farther behind it than its share of lateness.
 - Whatever goes wrong while it moves makes it brake along its path and freeze.  A robot that has
   braked moves again only with the plan of a later epoch.
 - When another coordinator takes over, the robot drops the old one's plan and clock (leader.py).
@@ -313,7 +313,7 @@ class Agent:
             self._apply(transitions.NOT_READY, now_ns)
 
     def _fail(self, fault: int, now_ns: int) -> None:
-        """Brake and record the fault, unless one other than LATE is recorded already.
+        """Brake, and record the fault if none but LATE is recorded yet.
 
         At the goal the only fault is OFF_PATH.
         """

@@ -64,8 +64,9 @@ _SPARE_SPEED = 1.05
 class Ride:
     """One plan and the robot on it.
 
-    The track tolerance bounds a sum: how far the robot is beside the path or past its ends, plus
-    how far it is ahead of the plan or farther behind than its share of tau allows.
+    The track tolerance limits the sum of two distances: how far the robot is off its path, to the
+    side or past an end, and how far it is from its planned place along the path.  A robot behind
+    its plan counts only with what exceeds its share of lateness.
 
     `rules`: late [ns], lease [ns], track [mm], brake [mm/s^2, 0 stops at once], clock error [ns].
     `path`: the arguments of Curve.  `motion`: the arguments of Timeline.  Raises ValueError when
@@ -138,7 +139,7 @@ class Ride:
         return self._timeline.time_at(s)
 
     def missed(self, time: float) -> bool:
-        """Return whether the robot is farther behind the plan than its share of tau allows."""
+        """Return whether the robot is farther behind its plan than its share of lateness allows."""
         return not self.follower.s >= self._timeline.s_at(time - self.late) - self._bearable()
 
     def seems_late(self) -> bool:

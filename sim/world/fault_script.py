@@ -63,7 +63,7 @@ USUAL: Final = tuple(name for name in KINDS if name != "coordinator-restart")
 
 
 def read_faults(texts: Sequence[str], robots: Sequence[str]) -> list[Fault]:
-    """Parse faults; InputError with a line for each that is not valid."""
+    """Parse faults; raises InputError with one line for each invalid fault."""
     problems = [(text, _problem(text, robots)) for text in texts]
     wrong = [f"--fault {text}: {problem}" for text, problem in problems if problem]
     if wrong:
@@ -92,7 +92,7 @@ def form_of(name: str) -> str:
 
 
 def known_kinds(text: str) -> tuple[str, ...]:
-    """Parse a comma-separated list of kinds; InputError names unknown ones."""
+    """Parse a comma-separated list of kinds; raises InputError that names unknown ones."""
     names = tuple(name.strip() for name in text.split(","))
     unknown = [name for name in names if name not in KINDS]
     if unknown:

@@ -66,7 +66,7 @@ class MemoryNetwork:
             if not 0.0 <= value <= 1.0:
                 raise ValueError(f"{name} is {value}, a probability lies between 0 and 1")
         if not 0 <= delay_ns[0] <= delay_ns[1]:
-            raise ValueError(f"delay_ns {delay_ns} is no range of delays")
+            raise ValueError(f"delay_ns {delay_ns} is not (least, most) with 0 <= least <= most")
         if drop_notice_ns < 0:
             raise ValueError(f"drop_notice_ns is {drop_notice_ns}, a time is not negative")
         self.now_ns = 0

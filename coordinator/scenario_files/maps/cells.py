@@ -86,7 +86,7 @@ def _pieces_without_holes(occupied: Cells) -> tuple[Labels, int]:
     if count.sum() > MOST_CORNERS:
         raise TooManyCornersError(
             f"its outlines have {count.sum()} corners, more than {MOST_CORNERS}: "
-            "that is noise rather than a floor, filter it first"
+            "that is noise rather than a floor; filter the map first"
         )
     # An outline has four more left turns than right turns, unless there is a hole or a pinch.
     windows = ndimage.find_objects(labels)
