@@ -47,7 +47,7 @@ _HASH_SECRET: Final = b"_numba_hashsecret"
 
 
 def load_quickly() -> None:
-    """Make numba load cached machine code without its bitcode; leave unknown numba versions unchanged."""
+    """Make numba load cached code without its bitcode; change nothing in unknown versions."""
     if _knows(_LIBRARY, *_OF_LIBRARIES) and _knows(_ENGINE, *_OF_ENGINES):
         _put_bitcode_off()
         if _knows(_KEPT, "_load_overload", "_guard_against_spurious_io_errors") and (
