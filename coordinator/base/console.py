@@ -19,7 +19,7 @@ answers = Console(soft_wrap=True, highlight=False, emoji=False)
 
 
 def answer_json(value: object) -> None:
-    """Write one JSON object on a line of its own to stdout, at once."""
+    """Write one JSON object on a separate line to stdout, at once."""
     sys.stdout.write(msgspec.json.encode(value).decode() + "\n")
     sys.stdout.flush()
 

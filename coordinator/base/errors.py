@@ -19,7 +19,7 @@ class InputError(Exception):
 
 
 class PartsError(InputError):
-    """For some `robots` of a plan no Plan message exists, or none that they would accept."""
+    """Some `robots` of a plan have no Plan message, or none that they would accept."""
 
     def __init__(self, problems: Sequence[str], robots: Sequence[str]) -> None:
         super().__init__(problems)

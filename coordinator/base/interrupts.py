@@ -58,12 +58,12 @@ def stop_listening() -> None:
 
 
 def was_asked() -> bool:
-    """Tell whether a request has raised KeyboardInterrupt."""
+    """Return whether a request has raised KeyboardInterrupt."""
     return _Requests.asked
 
 
 def is_interrupt(error: BaseException | None) -> bool:
-    """Tell whether an error is a KeyboardInterrupt, or a SystemError that one has caused.
+    """Return whether an error is a KeyboardInterrupt, or a SystemError that one has caused.
 
     A compiled function in which KeyboardInterrupt is raised still returns a value; Python then
     raises a SystemError whose cause or context is the KeyboardInterrupt.

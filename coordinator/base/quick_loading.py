@@ -61,7 +61,7 @@ def load_quickly() -> None:
 
 
 def _knows(owner: _Any, *names: str) -> bool:
-    """Tell whether numba has all the names that are replaced or used here."""
+    """Return whether numba has all the names that are replaced or used here."""
     return all(hasattr(owner, name) for name in names)
 
 

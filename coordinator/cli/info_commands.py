@@ -62,9 +62,10 @@ def info(
 
 
 def _boxes_of(log: Log, beside: Path, asked: Path | None) -> dict[str, TrueCourse]:
-    """Return a log's black boxes.
+    """Return a log's black boxes by robot.
 
-    Unreadable ones raise InputError if the user named their folder; else a message says so.
+    If one of them cannot be read, raise InputError if the user named the folder; otherwise print a
+    message and return none.
     """
     from coordinator.findings.info import courses_of
 
@@ -73,5 +74,5 @@ def _boxes_of(log: Log, beside: Path, asked: Path | None) -> dict[str, TrueCours
     except InputError as error:
         if asked:
             raise
-        tell(f"without black boxes: {error}")
+        tell(f"continues without black boxes: {error}")
         return {}

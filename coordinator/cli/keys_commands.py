@@ -67,7 +67,7 @@ def init(
     for role in ("observer", "operator"):
         made += store.issue(role, [role], _now(), days)
     _tell_made(folder, made)
-    tell(f"{folder / 'authority'} signs further keys: keep it secret; no run needs it")
+    tell(f"{folder / 'authority'} signs further keys: keep it secret; no fleet needs it to run")
 
 
 @keys_commands.command()
@@ -139,7 +139,7 @@ def router(
 ) -> None:
     """Write the configuration of zenohd, the router.
 
-    Write it again whenever a key is made or revoked or a fleet gets a new robot.
+    Run this command again whenever a key is made or revoked or a fleet gets a new robot.
 
     Example: splinefleet keys router hall.toml yard.toml --host router.local
     """
@@ -236,13 +236,13 @@ def _issue(
 
     bad = [name[:60] for name in names if not _fits(name)]
     if bad:
-        raise InputError([f"{name!r} is no name, {NAME_IN_WORDS}" for name in bad])
+        raise InputError([f"{name!r} is not a name, {NAME_IN_WORDS}" for name in bad])
     store = KeyStore(folder)
     _tell_made(folder, store.issue(role, dict.fromkeys(names), _now(), days, hosts))
     for badge in store.register().valid(_now()):
         latest = store.register().next_generation(role, badge.name) - 1
         if badge.role == role and badge.name in names and badge.generation < latest:
-            tell(f"{badge.who}: counts as well as the new key, until it expires or is revoked")
+            tell(f"{badge.who}: the older key stays valid until it expires or is revoked")
 
 
 def _tell_made(folder: Path, made: list[Issued]) -> None:
@@ -252,7 +252,7 @@ def _tell_made(folder: Path, made: list[Issued]) -> None:
 
 
 def _who(text: str) -> tuple[Role, str]:
-    """Read whose keys to revoke: a robot's name, or a role and a name."""
+    """Return the role and name that ROBOT or ROLE/NAME states; raise InputError if invalid."""
     head, _, rest = text.rpartition("/")
     role = next((role for role in ROLES if role == (head or "robot")), None)
     if role is None or not _fits(rest):
@@ -266,7 +266,7 @@ def _who(text: str) -> tuple[Role, str]:
 def _hosts(given: list[str] | None) -> tuple[str, ...]:
     bad = [host[:60] for host in given or [] if not _is_host(host)]
     if bad:
-        raise InputError([f"--host: {host!r} is no name or address" for host in bad])
+        raise InputError([f"--host: {host!r} is neither a name nor an address" for host in bad])
     return tuple(given or ())
 
 

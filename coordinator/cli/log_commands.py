@@ -29,7 +29,7 @@ Force = Annotated[bool, typer.Option("--force", help="Replace an existing file."
 def fleet_name(name: str | None) -> str | None:
     """Check the name of a fleet."""
     if name is not None and not NAME.fullmatch(name):
-        raise typer.BadParameter(f"{name[:60]!r} is no fleet's name")
+        raise typer.BadParameter(f"{name[:60]!r} is not a valid name of a fleet")
     return name
 
 
@@ -63,10 +63,13 @@ def record(
     files = given_keys(keys, "observer")
     use_few_threads()
     why = "" if files is None else ", or this key may not listen: was it revoked?"
-    quiet = f"linked, but nothing is heard: no fleet speaks here{why}; waiting, Ctrl-C ends it"
+    quiet = (
+        f"connected, but no messages arrive: no fleet is active here{why}; waiting, Ctrl-C ends it"
+    )
 
     def say_unheard(robots: Sequence[str]) -> None:
-        tell_now(f"plan not heard: {', '.join(robots)}; the recording is without it", "yellow")
+        names = ", ".join(robots)
+        tell_now(f"plan not heard: {names}; the recording does not contain it", "yellow")
 
     recording = Recording(
         output, speed, replace=force, silence=lambda: tell_now(quiet), unheard=say_unheard
@@ -84,7 +87,7 @@ def record(
 
 def _refuse_existing(output: Path, force: bool) -> None:
     if output.exists() and not force:
-        raise InputError([f"--output: {output} is there already; --force replaces it"])
+        raise InputError([f"--output: {output} already exists; --force replaces it"])
 
 
 def shown(items: Sequence[Item], what: str) -> Iterable[Item]:
@@ -130,13 +133,13 @@ def recover(
     was = "was whole" if whole.complete and not whole.damage else "was not closed"
     tell(f"{log}: {whole.damage or was}")
     if whole.lost:
-        tell(f"{whole.lost} messages are lost whose channel was in a damaged chunk")
+        tell(f"{whole.lost} messages are lost because their channel was in a damaged chunk")
     files = f"{whole.attachments} attachments"
     answers.print(f"{place}: {whole.messages} messages in {whole.chunks} chunks and {files} kept")
 
 
 def _write_at_once(path: Path, content: bytes) -> None:
-    """Write a file atomically: a reader finds all of it, or what was there before."""
+    """Write a file atomically: a reader finds either all of it or the previous file."""
     part = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         write_file(part, content)
@@ -192,7 +195,7 @@ def export(
         return
     story = read_story(source)
     if not story.legs:
-        raise PlanError(f"{source}: no robot was sent on its way, there is no motion to export")
+        raise PlanError(f"{source}: no robot was sent on its way, so there is no motion to export")
     if to == "csv":
         write_file(output, ("\n".join(csv_lines(story, step)) + "\n").encode())
     else:

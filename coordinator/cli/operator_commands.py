@@ -39,9 +39,9 @@ def admit(
 ) -> None:
     """Let a robot take part again: the fleet freezes, and a new plan includes the robot.
 
-    For a robot that was restarted, or that was lost and is heard again.
+    Use it for a robot that was restarted, or that was lost and is heard again.
 
-    Exit code 1 if the robot cannot be admitted, or no new epoch begins within --wait.
+    The exit code is 1 if the robot cannot be admitted, or no new epoch begins within --wait.
 
     Example: splinefleet admit R3 --connect tcp/127.0.0.1:7447
     """
@@ -85,6 +85,8 @@ def admit(
     if asking.admitted:
         tell(f"{fleet}: {asking.answer}")
         return
-    late = f"no new epoch with {robot} within {wait:g} s; is it back, is the fleet under way?"
+    late = (
+        f"no new epoch with {robot} within {wait:g} s; is the robot back and the fleet under way?"
+    )
     tell(asking.answer or late, "red")
     raise typer.Exit(1)

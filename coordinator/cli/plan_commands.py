@@ -75,7 +75,7 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError([f"{folder}: {error.strerror}; the output needs a folder"]) from None
+        raise InputError([f"{folder}: {error.strerror}; the output must be a folder"]) from None
 
 
 def newest_plan(source: Path, what_for: str) -> PlanDocument:
@@ -95,10 +95,10 @@ def newest_plan(source: Path, what_for: str) -> PlanDocument:
     said = plans_said(log, documents)
     documents |= said
     if not documents:
-        raise InputError([f"{source}: holds no plan, there is nothing {what_for}"])
+        raise InputError([f"{source}: holds no plan, so there is nothing {what_for}"])
     last = max(documents)
     if len(documents) > 1:
-        tell(f"{source}: takes the plan of epoch {last}, the last of {len(documents)} in the log")
+        tell(f"{source}: using the plan of epoch {last}, the last of {len(documents)} in the log")
     if last in said:
         for note in said[last].notes:
             tell(f"{source}: {note}")
@@ -139,7 +139,7 @@ def plan(
         Literal["safe", "paper"] | None,
         typer.Option(
             help="How robots wait; paper, Algorithm 2 as printed, is for study only. "
-            "By default what the scenario says."
+            "The default is the scenario's policy."
         ),
     ] = None,
     effort: Effort = 20,
@@ -187,7 +187,7 @@ def verify(
     allow_unproven: Annotated[
         list[str] | None,
         typer.Option(
-            help="Accept the plan even if its file says too little to prove this: clearance or "
+            help="Accept the plan even if its file holds too little to prove this: clearance or "
             "limits; repeatable.",
             callback=one_of("clearance", "limits"),
         ),
@@ -196,7 +196,7 @@ def verify(
 ) -> None:
     """Prove a plan again, from its file alone.
 
-    Exit code 1 if the proof does not hold, or if clearance or limits cannot be proven and
+    The exit code is 1 if the proof does not hold, or if clearance or limits cannot be proven and
     --allow-unproven does not name them.
 
     Example: splinefleet verify plan.json --scenario examples/paper_five.toml
@@ -220,7 +220,7 @@ def verify(
     missing = [name for name in proof.unproven if name not in (allow_unproven or [])]
     for name in missing:
         tell(
-            f"{plan}: {name} is not proven: the file does not say enough; give --scenario FILE, "
+            f"{plan}: {name} is not proven: the file does not hold enough; give --scenario FILE, "
             f"or accept it with --allow-unproven {name}"
         )
     if missing or not proof.holds:
@@ -288,9 +288,9 @@ def plot(
 ) -> None:
     """Draw the floor with paths, crossings and stops, and the distance-time diagram.
 
-    Around the obstacles are their outlines grown by radius + margin, which no centre enters.
-    For a log, the plan of its last epoch is drawn.
-    An .html file is the page of `splinefleet view`, which plays the plan or the log.
+    A line around each obstacle is its outline grown by radius + margin; no robot's centre may
+    cross it.  Of a log, the plan of the last epoch is drawn.  An .html file is the page of
+    `splinefleet view`, which plays the plan or the log.
 
     Example: splinefleet plot plan.json -o plan.svg --robots R1,R3
     """

@@ -38,7 +38,7 @@ def read_quickly() -> None:
     usual = _PARAMETER.get_runtime_param
 
     class Reader:
-        """Stands in for the object that typer asks to read a value."""
+        """A replacement for the object that reads values for typer."""
 
         def coerce(self, value: _Any, param: _Any, ctx: _Any) -> _Any:
             """Return an option's value; raise typer.BadParameter if it is not valid."""
@@ -52,7 +52,10 @@ def read_quickly() -> None:
 
 
 def _plain(value: _Any, param: _Any, ctx: _Any) -> _Any:
-    """Return the value if the option is not given, a text or a path; else _NOT_PLAIN."""
+    """Return a text or path unchanged and None or () for an option that is not given.
+
+    Return _NOT_PLAIN for every value that needs a validator.
+    """
     info, wanted = param.type_descriptor.parameter_info, param.type_descriptor.annotation
     if value is None:
         return () if param.multiple or param.nargs == -1 else None

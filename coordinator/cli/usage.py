@@ -13,7 +13,7 @@ from typing import Any, Final
 import typer
 
 _ARGUMENT: Final = re.compile(r"\{(\w+)\}")
-"""How Typer writes an argument that has no metavar."""
+"""An argument without a metavar, as Typer writes it into the usage line."""
 
 _NUMBERS: Final = {"int": "a whole number", "float": "a number", "bool": "yes or no"}
 _LIMITS: Final = {

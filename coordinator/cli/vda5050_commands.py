@@ -48,12 +48,15 @@ def import_vda5050(
     max_speed: Annotated[
         float,
         typer.Option(
-            callback=within(1e-3, 999.0), help="Speed limit in m/s where an order states none."
+            callback=within(1e-3, 999.0), help="Speed limit in m/s if an order states none."
         ),
     ] = 0.5,
     rounding: Annotated[
         float,
-        typer.Option(callback=within(0.0, 1.0), help="Most metres by which corners may be cut."),
+        typer.Option(
+            callback=within(0.0, 1.0),
+            help="Greatest distance in metres by which corners may be cut.",
+        ),
     ] = 0.02,
 ) -> None:
     """Make a scenario whose robots drive the paths of VDA 5050 orders.

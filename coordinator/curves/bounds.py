@@ -4,8 +4,8 @@ Decides: how far a curve may be from its approximation, and which parameter has 
 to a given tolerance.  Must not know: floors, robots or what the bounds are for.
 
 Everything follows from two facts.  With positive weights a point of a curve is a convex combination
-of control points, so a Bezier piece lies in the convex hull of its own.  In this combination the
-inner control points together have a share of at most m W / (m W + (1 - m) e), with
+of control points, so a Bezier piece lies in the convex hull of its control points.  In this
+combination the inner control points together have a share of at most m W / (m W + (1 - m) e), with
 m = 1 - 2^(1 - degree), W the largest inner and e the least outer weight (3/4 for a polynomial
 cubic).  The distance of the piece from its chord is at most this share of the distance of the
 farthest control point.
@@ -85,9 +85,9 @@ def flatten(curve: Nurbs, tolerance: float) -> Chain:
     """Return the curve in pieces that deviate from their chords by at most `tolerance` [m].
 
     Spans are halved at most 16 times; each halving reduces the deviation to about a quarter.
-    `Chain.bound` tells what was reached, rounding errors included.  With an infinite tolerance
-    there is one piece per span.  Raises ValueError for a tolerance below the rounding error,
-    weights that are not positive, and curves of degree 0.
+    `Chain.bound` is the deviation that was reached, rounding errors included.  With an infinite
+    tolerance there is one piece per span.  Raises ValueError for a tolerance below the rounding
+    error, weights that are not positive, and curves of degree 0.
     """
     spare = _ROUNDING * float(np.abs(curve.points).max())
     if not tolerance > 2.0 * spare:

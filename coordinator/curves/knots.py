@@ -140,9 +140,9 @@ def _insert(
 def bezier_pieces(degree: int, knots: Array, control: Array) -> tuple[Array, Array]:
     """Return the borders (m + 1,) of a curve's m spans, and the spans as Bezier curves.
 
-    The latter are homogeneous control points (m, degree + 1, 3), from `control` (n, 3).  Control
-    point j is the blossom whose arguments are degree - j times the span's start and j times its
-    end.
+    The Bezier curves are homogeneous control points (m, degree + 1, 3), from `control` (n, 3).
+    Control point j is the blossom whose arguments are degree - j times the span's start and j times
+    its end.
     """
     count = len(control)
     borders, pieces = np.empty(count - degree + 1), np.empty((count - degree, degree + 1, 3))

@@ -30,7 +30,7 @@ _ROUNDING: Final = 1e-12
 """Weights that differ from 1 by less are set to 1."""
 
 _NOWHERE: Final = 1e-7
-"""Pieces of less extent [m] are left out: float32 cannot tell such places apart."""
+"""Pieces of less extent [m] are left out: float32 cannot distinguish such places."""
 
 _NARROW: Final = 1e-9
 """The least width of a piece in the parameter, as a share of the curve's."""
@@ -178,7 +178,7 @@ def _smoothness(
 
 
 def _same(one: Array, other: Array) -> bool:
-    """Tell whether two homogeneous control points (3,) are the same."""
+    """Return whether two homogeneous control points (3,) are the same."""
     places = one[:W] / one[W] - other[:W] / other[W]
     near = SAME + 1e-12 * float(np.abs(other[:W] / other[W]).max())
     return bool(np.hypot(*places) <= near and abs(one[W] / other[W] - 1.0) <= SAME)

@@ -1,4 +1,4 @@
-"""Writes a story as an MCAP file that Foxglove, Lichtblick and Rerun open directly.
+"""Writes a story (the motions of a log or plan) as an MCAP file for Foxglove, Lichtblick and Rerun.
 
 Decides: the topics, and at which time each thing appears.  Must not know: shapes
 (foxglove_scene.py, point_clouds.py).
@@ -71,9 +71,10 @@ class Told(NamedTuple):
 
 
 def write_scene(story: Story, step: float, progress: Progress = lambda times, _: times) -> bytes:
-    """Return the file's bytes, the same for the same story; robots are placed every `step` seconds.
+    """Return the file's bytes, which are the same for the same story.
 
-    `progress` is given the times of all frames and yields them.
+    `step` is the time [s] between two frames, each with the places of all robots.  `progress` is
+    called with the times of all frames and yields them.
     """
     stream = io.BytesIO()
     writer = begin_file(stream)
@@ -110,12 +111,12 @@ def _time_ns(zero_ns: int, t: float) -> int:
 
 
 def _stamp(story: Story, t: float) -> Timestamp:
-    """Return a time of the story as time since 1970, the log time of messages with this stamp."""
+    """Return a time of the story as time since 1970, also the log time of its messages."""
     return Timestamp(*divmod(_time_ns(story.zero_ns, t), _SECOND))
 
 
 def _scenes(story: Story) -> list[Told]:
-    """Return all messages but those of motion, sorted by time."""
+    """Return all messages except those that show motion, sorted by time."""
     colours = {name: colour_of(i) for i, name in enumerate(sorted(story.of_robots()))}
     told = [*_static(story, colours), *_paths(story, colours), *_zones(story), *_lines(story)]
     return sorted(told, key=lambda one: one.t)
@@ -162,7 +163,7 @@ def _deletion(name: str, now: Timestamp) -> SceneEntityDeletion:
 
 
 def _zones(story: Story) -> Iterator[Told]:
-    """Yield the zones that robots wait to enter, lit during the waits."""
+    """Yield the zones that robots wait to enter, highlighted during the waits."""
     for epoch, document in story.documents.items():
         legs = {leg.driven.id: leg for leg in story.legs if leg.epoch == epoch}
         for number, reason in enumerate(document.waits):

@@ -145,7 +145,10 @@ def robot_entity(leg: Leg, colour: Colour, now: Timestamp) -> SceneEntity:
 def zone_entity(
     name: str, reason: Reason, mine: Leg, theirs: Leg, lit: bool, now: Timestamp
 ) -> SceneEntity:
-    """Return a zone that a robot waits to enter: both stretches and, if `lit`, who waits."""
+    """Return a zone that a robot waits to enter: the stretches of both paths.
+
+    If `lit`, they are highlighted, and a label says who waits for whom.
+    """
     colour = _LIT if lit else _ZONE
     stretches = [_stretch(mine, reason.zone), _stretch(theirs, reason.their_zone)]
     x, y = mine.driven.curve.at_arc([reason.s])[0].tolist()

@@ -35,15 +35,15 @@ from protocol import codec, keys, phases
 from protocol.messages import Command, Hello, Plan, Report
 
 _UNKNOWN_RADIUS: Final = 0.15
-"""Radius [m] with which a robot is drawn that has never stated its own."""
+"""The radius [m] used to draw a robot that never stated its own."""
 
 
 @dataclass(frozen=True, eq=False)
 class Leg:
     """What one robot drove in one epoch: its plan, whose time zero is `start` [s].
 
-    From plan time `brake` [s] on it braked at `rate` [m/s^2] (0: it stopped at once) and then
-    rested.
+    From plan time `brake` [s] on, the robot braked at `rate` [m/s^2] (0: it stopped at once), and
+    then it rested.
     """
 
     epoch: int
@@ -222,8 +222,8 @@ def _legs(
 ) -> list[Leg]:
     """Return the legs of all robots.
 
-    In a frozen epoch, a robot's leg ends where the robot reported to rest or, without such a
-    report, where its plan has it when it was last heard.
+    In a frozen epoch, a robot's leg ends where the robot reported that it rests.  Without such a
+    report, it ends where the plan has the robot at the time at which it was last heard.
     """
     legs = []
     for epoch, turn in sorted(heard.turns.items()):

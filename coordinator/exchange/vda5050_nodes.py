@@ -51,7 +51,7 @@ def check_ends(order: Mapping[str, Any], edges: list[Named], found: Finder) -> N
         for end in _ENDS:
             name = edge.get(end)
             if name is not None and not (isinstance(name, str) and name in known):
-                found.note(f"{where}.{end}", f"{show(name)} is no node of this order")
+                found.note(f"{where}.{end}", f"{show(name)} is not a node of this order")
 
 
 def _nodes(order: Mapping[str, Any], found: Finder) -> list[Any]:

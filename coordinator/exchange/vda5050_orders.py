@@ -3,7 +3,7 @@
 Nodes are at the start, the stops and the goal.  An edge's trajectory is the piece of the curve
 between its nodes, cut by knot insertion.  The base reaches to the first place where the robot waits
 for another; the rest is the horizon, which a master control releases in time.  Each wait is a
-blocking action with its duration, so that an order says all that a plan does.
+blocking action with its duration, so that an order contains everything that a plan does.
 
 Decides: which parts of a plan an order states.  Must not know: files, clocks (the time is an
 argument).

@@ -156,7 +156,7 @@ def _robot_name(order: Mapping[str, Any], found: Finder) -> str:
     """Return the serial number as a robot's id; a dash replaces characters that ids cannot have."""
     name = order.get("serialNumber")
     if not isinstance(name, str) or not name:
-        found.note("serialNumber", "is missing" if name is None else f"{show(name)} is no name")
+        found.note("serialNumber", "is missing" if name is None else f"{show(name)} is not a name")
         return ""
     name = re.sub(r"[^A-Za-z0-9_.-]", "-", name)[:32]
     return name if name.strip(".") else name.replace(".", "-")
@@ -167,7 +167,7 @@ def _parts(order: Mapping[str, Any], found: Finder) -> tuple[list[Nurbs], float]
     before = len(found.problems)
     edges = found.items(order, "edges", "edges")
     if not edges and len(found.problems) == before:
-        found.note("edges", "is empty, there is nothing to drive")
+        found.note("edges", "is empty, so there is nothing to drive")
     named = [(f"edges[{i}]", edge) for i, edge in enumerate(edges)]
     for where, edge in named:
         if not isinstance(edge, dict):
@@ -223,7 +223,7 @@ def _trajectory(edge: Mapping[str, Any], where: str, found: Finder) -> Nurbs | N
         return None
     curve = exact(path)
     if not np.ptp(curve.points, axis=0).max() > LEAST_STEP:
-        found.note(f"{where}.controlPoints", "are all in one place, there is nothing to drive")
+        found.note(f"{where}.controlPoints", "are all in one place, so there is nothing to drive")
         return None
     return curve
 

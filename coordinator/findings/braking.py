@@ -1,9 +1,10 @@
 """Finds from a robot's reports where it left its plan for good; used by page, export and info.
 
-Decides three cases.  A robot is taken to have braked at the constant rate of its plan, and to have
-come to rest where it reported.  If it rested sooner after its first report of braking than braking
-takes, it was stopped at once, at the time at which its plan has it at that place.  If it was not
-heard again, it stands still from when it was last heard.  Must not know: logs, pictures.
+Decides three cases.  Usually a robot is assumed to have braked at the constant rate of its plan,
+and to have come to rest where it reported.  If it rested much sooner after its first report of
+braking than braking takes, it is assumed to have stopped at once, at the time at which its plan has
+it at that place.  If it was not heard again, it is assumed to stand still from the time at which it
+was last heard.  Must not know: logs, pictures.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class Broken(NamedTuple):
 class Words:
     """What one robot reported in one epoch; times [ns] are on the listener's clock.
 
-    `phase`: its last phase.  `rest`: the arc length [m] at which it first reported to rest.
+    `phase`: its last phase.  `rest`: the arc length [m] where it first reported that it rests.
     `stopping_ns`: since when it has reported that it brakes or rests.  `stopped_ns`: since when it
     has reported that it rests.
     """
@@ -51,7 +52,7 @@ class Words:
         """Record a phase; return whether the robot has begun to stop."""
         fresh = self.stopping_ns is None and phase in (BRAKING, FROZEN)
         self.phase, self.last_ns = phase, now_ns
-        if phase == MOVING:  # on its way again, by new times
+        if phase == MOVING:  # it moves again, on new times
             self.stopping_ns = self.stopped_ns = None
         if fresh:
             self.stopping_ns = now_ns
@@ -64,8 +65,8 @@ class Words:
     ) -> Broken | None:
         """Return where the robot left its plan; None if it did not.
 
-        rate: how it brakes [m/s^2]; start_ns: the plan's time zero; frozen_ns: when the fleet was
-        commanded to stop, None if it was not.
+        rate: its deceleration [m/s^2]; start_ns: the plan's time zero; frozen_ns: when the fleet
+        was commanded to stop, None if it was not.
         """
         if self.rest is not None:
             brake = brakes_at(line, self.rest, rate)
@@ -95,7 +96,7 @@ class Said:
         self._last_ns: dict[str, int] = {}
 
     def take(self, report: Report, robot: str, now_ns: int) -> bool:
-        """Record a report; return whether it says that, or where, the robot has left its plan."""
+        """Record a report; return whether the robot began to stop or first stated its rest."""
         self._last_ns[robot] = now_ns
         fresh = self.of(report.epoch, robot).take_phase(report.phase, now_ns)
         if report.rest is None:
@@ -126,7 +127,7 @@ class Said:
 def brakes_at(line: Timeline, s: float, rate: float) -> float:
     """Return when [s] a robot that rests at arc length s [m] began to brake; inf if it did not.
 
-    rate: how it brakes [m/s^2]; 0 means that it stops at once.
+    rate: its deceleration [m/s^2]; 0 means that it stops at once.
     """
 
     def rests(t: float) -> float:

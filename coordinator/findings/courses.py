@@ -30,13 +30,13 @@ Turn = tuple[int, int]
 """An epoch, and how often new times have replaced its times."""
 
 _ROW: Final = 0.02
-"""Most time [s] by which a black box's row may be off; it is written once per control tick."""
+"""Greatest error [s] of the time of a black box's row; a row is written once per control tick."""
 
 
 class Courses:
-    """Collects the robots' courses; `info` calls `hear` with every message that counts.
+    """The robots' courses; `info` calls `hear` with every valid message of the fleet.
 
-    `zero_ns`: the time from which times count.  `lag_ns`: how far the log's clock is ahead of the
+    `zero_ns`: the log time that counts as 0.  `lag_ns`: how far the log's clock is ahead of the
     coordinator's.  `boot`: the coordinator whose Commands count, "" for any.
     """
 
@@ -50,7 +50,7 @@ class Courses:
         self._end = 0.0
 
     def hear(self, message: Message, robot: str, record: Record) -> None:
-        """Record what a message says of plans and times."""
+        """Record what a message says about plans and times."""
         now = (record.log_ns - self._zero_ns) / 1e9
         self._end = max(self._end, now)
         if isinstance(message, Command) and self._boot in ("", str(message.boot)):
@@ -100,7 +100,7 @@ class Courses:
             )
 
     def _times(self, boxes: list[TrueCourse]) -> Array:
-        """Return the times to look at, from the first GO to the end; none without a GO."""
+        """Return the sample times, from the first GO to the end; none without a GO."""
         if not self._starts:
             return np.empty(0)
         ends = (float(box.t[-1]) for box in boxes)
@@ -123,7 +123,7 @@ class Courses:
         return self._starts[turn[0]] if turn[1] == 0 else self._begins[turn]
 
     def _halted(self, epoch: int, robot: str, ride: RideSamples) -> RideSamples:
-        """Return the ride, cut off where the robot left its plan if it did."""
+        """Return the ride; if the robot left its plan, the ride ends there."""
         start_ns = self._zero_ns + round(self._starts[epoch] * SECOND)
         words = self._said.of(epoch, robot)
         broken = words.broken(ride.line, ride.rate, start_ns, self._frozen.get(epoch))
@@ -145,8 +145,8 @@ class Courses:
     def _tracking(self, rides: list[tuple[Turn, RideSamples]], box: TrueCourse) -> float | None:
         """Return the greatest distance [m] from the plans while they applied; None without plans.
 
-        New times apply from when the robot keeps to them: a late robot that stood has taken them
-        then.
+        New times apply from the first row at which the robot keeps to a timetable again; a late
+        robot that had stopped has adopted them by then.
         """
         worst: list[float] = []
         held = {turn: box.timed_from(self._begins[turn]) for turn, _ in rides if turn[1]}

@@ -1,4 +1,4 @@
-"""Sums up a log: epochs, arrivals, waits, faults, bytes, who came near whom.
+"""Sums up a log: epochs, arrivals, waits, faults, bytes, and each robot's nearest other robot.
 
 Decides: how a log is summed up.  Must not know: files (log/log_file.py and true_course.py read
 them), what a plan should look like, or how the summary is shown (info_table.py).
@@ -77,7 +77,7 @@ def courses_of(log: Log, folders: Iterable[Path]) -> dict[str, TrueCourse]:
 
 
 class _Telling:
-    """Goes through a log once and fills in the summary."""
+    """One pass through a log, which fills in the summary."""
 
     def __init__(self, log: Log, boxes: Mapping[str, TrueCourse], before: Sequence[Log]) -> None:
         records = log.records
@@ -199,14 +199,14 @@ class _Telling:
         self._tell(message, robot, record)
 
     def _tell_refused(self, kind: str, robot: str, record: Record) -> None:
-        """Record why somebody who is no robot of the fleet was refused, and nothing else."""
+        """Record why a sender that is not a robot of the fleet was refused, and nothing else."""
         message = codec.decode(kind, record.payload)
         if isinstance(message, Refusal):
             self._tell_fault(record.log_ns, robot, message.reason, "refusal")
         self.summary.bad_messages += message is None and kind != "alive"
 
     def _count_stranger(self, record: Record) -> None:
-        """Record a refused link; count payloads on the fleet's keys that are no messages."""
+        """Record a refused link; count payloads on the fleet's keys that are not messages."""
         denial = denial_of(record.payload) if is_denial_key(record.key) else None
         if denial is not None:
             self._tell_fault(record.log_ns, "", denial.text, "denied")

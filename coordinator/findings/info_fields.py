@@ -21,7 +21,7 @@ class Traffic(msgspec.Struct):
 
 
 class PhaseChange(msgspec.Struct):
-    """The Command stated this phase from `t` [s] on."""
+    """A phase, and the time `t` [s] from which the Command stated it."""
 
     t: float
     phase: str
@@ -78,8 +78,8 @@ class NearestSummary(msgspec.Struct, frozen=True):
 class RobotSummary(msgspec.Struct):
     """One robot: facts of its plan, the last one with a GO, and of its messages; times [s].
 
-    `late`: how long after the plan's finish its arrival was heard of, which is up to a report
-    period more than it was late.  `reports_lost`: gaps in the sequence numbers of its Reports.
+    `late`: how long after the planned finish its arrival was reported; the robot itself was late by
+    up to one report period less.  `reports_lost`: gaps in the sequence numbers of its Reports.
     `true_arrival` and `tracking_error` [m], the greatest distance from its plans, are from its
     black box.
     """
@@ -146,7 +146,7 @@ class Broadcast(msgspec.Struct, frozen=True):
 
     The broadcasting fleet's numbers count deliveries and their payload, as if each robot sent
     `position_bytes` to each other robot `rate` times a second for `seconds`, from the first GO to
-    the last arrival.  Of this fleet, a Command counts once for each robot that it reaches.
+    the last arrival.  In our own numbers, a Command counts once for each robot that it reaches.
     """
 
     robots: int

@@ -74,10 +74,10 @@ def _headline(told: Summary) -> Table:
         ("tau", _seconds(told.tau)),
         ("log", f"{told.duration:.2f} s, {state}"),
         ("times", _zero(told.zero)),
-        ("messages", f"{told.messages}, of them {told.bad_messages} bad"),
+        ("messages", f"{told.messages}, of which {told.bad_messages} are invalid"),
         ("dropped", _dropped(told.dropped)),
         ("lost on the way", f"{told.lost_messages}, by gaps in the sequence numbers"),
-        ("positions on the wire", str(told.positions_on_wire)),
+        ("position messages", str(told.positions_on_wire)),
         ("largest plan", f"{told.largest_plan_bytes} bytes"),
         ("largest message to a robot", f"{told.largest_message_to_robot_bytes} bytes"),
         ("busiest robot sent", "-" if rate is None else f"{rate:.1f} bytes/s"),
@@ -94,7 +94,7 @@ def _dropped(dropped: dict[str, int]) -> str:
 
 
 def _zero(zero: float | None) -> str:
-    """Return a text that says from when times count."""
+    """Return a text that says which instant the times count from."""
     if zero is None:
         return "in s from the log's first message; there was no GO"
     place = f"{zero:.2f} s into the log" if zero >= 0.0 else f"{-zero:.2f} s before the log begins"
@@ -158,10 +158,10 @@ def _robots(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
 
 
 def _arrivals(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
-    """Return when robots arrived, how far they were off their plans, and who came nearest."""
+    """Return when robots arrived, how far they were off their plans, and their nearest robots."""
     known = ("heard s", "late s", "true s", "off plan mm") if driven else ()
     names = ["robot", "planned s", *known, "nearest", "m", "at s"]
-    table = plain_table(*names, title="arrivals, and who came nearest")
+    table = plain_table(*names, title="arrivals, and each robot's nearest other robot")
     for name, robot in sorted(robots.items()):
         off = None if robot.tracking_error is None else 1000.0 * robot.tracking_error
         heard = [robot.arrived, robot.late, robot.true_arrival]
@@ -187,7 +187,7 @@ def _faults(told: Summary) -> Table:
 
 def _freezes(freezes: list[FreezeSummary]) -> Table:
     table = plain_table(
-        "at", "epoch", "noticed for", "silent for", "all at rest", "next GO", title="freezes"
+        "at", "epoch", "noticed after", "silent for", "all at rest", "next GO", title="freezes"
     )
     for freeze in freezes:
         times = (freeze.notice, freeze.silence, freeze.rest, freeze.go)
@@ -207,7 +207,7 @@ def _latencies(latencies: dict[str, Percentiles]) -> Table:
 def _keys(told: Summary) -> Table:
     root = f"{ROOT}/{told.fleet}/"
     table = plain_table(
-        "key", "messages", "bytes", "messages/s", "bytes/s", title=f"keys, ours below {root}"
+        "key", "messages", "bytes", "messages/s", "bytes/s", title=f"keys, relative to {root}"
     )
     for key, traffic in sorted(told.keys.items()):
         table.add_row(

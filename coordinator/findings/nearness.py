@@ -63,7 +63,7 @@ def _pairs(tracks: Array) -> list[tuple[float, int, int]]:
 
 
 def _least(times: Array, apart: Array) -> tuple[float, float]:
-    """Return the least length [m] of a vector that moves straight between rows, and when [s]."""
+    """Return the least length [m] of a vector that is linear between rows, and when [s]."""
     if len(times) == 1:
         return float(np.hypot(*apart[0])), float(times[0])
     step = np.diff(apart, axis=0)

@@ -84,7 +84,7 @@ def take_plans(
 
 
 def take_message(plan: Plan, told: RobotSummary, zero: float) -> None:
-    """Fill in a robot's times and stops from its Plan message, for a log without attached plan."""
+    """Fill in a robot's times and stops from its Plan message, if the log holds no plan file."""
     motion = unpack_plan(plan).motion
     try:
         told.planned_finish = zero + Timeline(*motion).finish

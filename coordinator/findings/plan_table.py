@@ -18,11 +18,11 @@ from coordinator.plan.document import PlanDocument, Proof, RobotPlan
 from coordinator.proof.wording import slack_of, survived
 
 _ROBOTS: Final = 30
-"""Most robots shown, those that finish last; drawing 1000 rows takes longer than proving them."""
+"""Greatest number of robots shown, those that finish last; 1000 rows take longer than the proof."""
 _NOTES: Final = 12
-"""Most notes shown below the table; a crowded floor has hundreds."""
+"""Greatest number of notes shown below the table; a crowded floor has hundreds."""
 _WAITS: Final = 10
-"""Most waits shown, the longest ones; `splinefleet info` shows all of them."""
+"""Greatest number of waits shown, the longest ones; `splinefleet info` shows all of them."""
 
 
 def render(document: PlanDocument) -> RenderableType:

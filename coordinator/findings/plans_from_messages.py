@@ -1,4 +1,4 @@
-"""Puts plans together from the messages, where no file holds them.
+"""Puts plans together from messages, for plans that no file holds.
 
 Decides: the document of a plan that is known from Plan and NewTimes messages alone.  Must not know:
 links, pictures.  Floor, proof and crossings are not on the wire.  Nor is why robots wait, but
@@ -28,12 +28,15 @@ RADIUS: Final = 0.15
 """Radius [m] of a robot that did not state its own."""
 
 FROM_MESSAGES: Final = (
-    "epoch {epoch}: the plan as the messages have it, without floor, crossings and proof"
+    "epoch {epoch}: the plan is put together from messages, without floor, crossings and proof"
 )
 
 
 class SaidPlans:
-    """Adds messages to the documents, which are by epoch; `known` gives the floor and radii."""
+    """The plans that messages contain, put into `documents` by epoch.
+
+    `known`: a plan that gives the floor and the radii.
+    """
 
     def __init__(self, documents: dict[int, PlanDocument], known: PlanDocument | None) -> None:
         self._documents = documents
@@ -52,7 +55,7 @@ class SaidPlans:
         return False
 
     def _take_plan(self, plan: Plan, fleet: str, anew: bool = False) -> bool:
-        """Add a robot's plan to its epoch's document; skip a plan that makes no sense."""
+        """Add a robot's plan to its epoch's document; skip an invalid plan."""
         document = self._documents.get(plan.epoch, _document(plan, fleet, self._known))
         self._plans.setdefault((plan.epoch, plan.robot), plan)
         if not anew and any(robot.id == plan.robot for robot in document.robots):
@@ -107,7 +110,7 @@ def _with_notes(document: PlanDocument, drivers: Collection[str]) -> PlanDocumen
     missing = sorted(set(drivers) - {robot.id for robot in document.robots})
     if missing:
         notes.append(
-            f"epoch {document.epoch}: {', '.join(missing)} cannot be drawn, its plan was not heard"
+            f"epoch {document.epoch}: {', '.join(missing)} cannot be drawn: plan not heard"
         )
     return msgspec.structs.replace(document, notes=notes)
 
@@ -126,7 +129,7 @@ def _document(plan: Plan, fleet: str, known: PlanDocument | None) -> PlanDocumen
 
 
 def _robot_plan(plan: Plan, radius: float) -> RobotPlan:
-    """Return a robot's part as in a plan file; raise ValueError if the message makes no sense."""
+    """Return a robot's part as in a plan file; raise ValueError if the message is invalid."""
     driven = unpack(encode(plan), radius)
     profile_s, profile_v, stop_s, departs = unpack_plan(plan).motion
     rows = list(zip(stop_s, driven.timeline.arrivals, departs, strict=True))
@@ -153,5 +156,7 @@ def _limits(plan: Plan, speed: float) -> Limits | None:
     """Return the robot's limits as far as its Plan states them: how it brakes, if not at once."""
     if not plan.brake_mmps2:
         return None
-    accel = math.nextafter(plan.brake_mmps2 / 1000.0, math.inf)  # so that it packs to the same
+    accel = math.nextafter(
+        plan.brake_mmps2 / 1000.0, math.inf
+    )  # so that packing gives the same value
     return Limits(max_speed=speed, max_accel=accel)

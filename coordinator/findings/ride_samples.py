@@ -80,7 +80,7 @@ def times_between(begin: float, end: float) -> Array:
 
 
 def ride_of_message(plan: Plan) -> RideSamples:
-    """Return what a Plan message makes a robot drive; ValueError when it makes no sense."""
+    """Return the ride that a Plan message describes; raise ValueError if the message is invalid."""
     late_ns, _, _, brake_mmps2, _ = unpack_plan(plan).rules
     return _ride(
         unpack_plan(plan).path, unpack_plan(plan).motion, late_ns / SECOND, brake_mmps2 / 1000.0
@@ -88,7 +88,7 @@ def ride_of_message(plan: Plan) -> RideSamples:
 
 
 def ride_of_plan(robot: RobotPlan) -> RideSamples:
-    """Return what a plan document makes a robot drive; ValueError when it makes no sense."""
+    """Return the ride that a plan document describes; raise ValueError if it is invalid."""
     path = robot.path
     xs, ys = zip(*path.control_points, strict=True)
     rests = [(stop.s, stop.depart) for stop in robot.stops]
@@ -112,7 +112,7 @@ def _ride(
     line = Timeline(*motion)
     degree, knots, xs, ys, weights = path
     if len(xs) <= degree or len(knots) != len(xs) + degree + 1 or not knots[-1] > knots[0]:
-        raise ValueError("the path is no curve")
+        raise ValueError("the path is not a curve")
     places = _places(degree, np.array(knots), np.column_stack((xs, ys)), np.array(weights))
     arcs = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))))
     if not (np.isfinite(arcs).all() and arcs[-1] > 0.0):
@@ -121,7 +121,7 @@ def _ride(
 
 
 def _places(degree: int, knots: Array, points: Array, weights: Array) -> Array:
-    """Return the curve sampled, its knots included, (m, 2); de Boor's algorithm on all at once."""
+    """Return samples (m, 2) of a curve, its knots included, all by de Boor's algorithm at once."""
     count = max(_SAMPLES, _PER_KNOT * len(knots))
     u = np.union1d(np.linspace(knots[0], knots[-1], count), knots)
     span = np.clip(np.searchsorted(knots, u, side="right") - 1, degree, len(points) - 1)

@@ -1,7 +1,7 @@
 """Counts latencies, losses and traffic of a log.
 
-Decides: from which moments latencies count, and what a broadcasting fleet would have sent.  Must
-not know: files, epochs' plans, or how numbers are shown.
+Decides: when each latency begins and ends, and what a broadcasting fleet would have sent.  Must not
+know: files, epochs' plans, or how numbers are shown.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ POSITION_BYTES: Final = 24
 """x, y and heading as float64: the least that a broadcast position takes."""
 
 _LONGEST_GAP: Final = 10_000
-"""A wider gap in sequence numbers is no loss: another process sends under that name."""
+"""A wider gap in sequence numbers is not a loss: another process sends under that name."""
 
 _UNDER_WAY: Final = (phases.MOVING, phases.BRAKING)
 
@@ -98,7 +98,7 @@ class _Speaker:
 
 
 class Numbers:
-    """Counts the messages of a log; `info` calls `hear` with every message that counts.
+    """Counters of a log's messages; `info` calls `hear` with every valid message of the fleet.
 
     `stopped_nobody`: whether the last FREEZE came when all robots of the epoch had arrived.  Such a
     FREEZE ends an epoch in which others of the fleet had no part; it is not reported as a freeze.

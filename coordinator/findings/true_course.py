@@ -25,7 +25,7 @@ _OLDER: Final = "t,x,y,heading,s,phase"
 
 _PHASE: Final = 5
 _PARTS: Final = 12
-"""Number of places between a robot's due place and its latest allowed one that are compared."""
+"""Number of places compared: from where a robot is due to where it is if as late as allowed."""
 
 _ALIKE: Final = 1e-4
 """Spacing [m] of the places that are compared for a robot that brakes or rests."""
@@ -62,9 +62,9 @@ class TrueCourse:
     def off(self, ride: RideSamples, start: float, row: float) -> float:
         """Return the greatest distance [m] from a plan whose time zero is `start`.
 
-        A robot under way is compared with all places that the plan gives it from its share of
-        lateness ago until now, one that has left its timetable with all places that the plan has
-        given it so far.  row [s]: by how much a row's time may be off.
+        A robot under way is compared with all places where the plan has it between its share of
+        lateness ago and now.  A robot that has left its timetable is compared with all places where
+        the plan has had it so far.  row [s]: by how much a row's time may be off.
         """
         now = ride.arcs_at(self.t - start + row)
         ago = ride.arcs_at(self.t - start - ride.late - row)
@@ -95,7 +95,7 @@ def read_course(path: Path) -> TrueCourse:
         rows.pop()
     for number, line in enumerate(rows, start=2):
         if line.count(",") != commas:
-            raise InputError([f"{path}: line {number}: is no row of a black box"])
+            raise InputError([f"{path}: line {number}: is not a row of a black box"])
     phases = [line.split(",")[_PHASE] for line in rows]
     table = _numbers(path, rows)
     if not np.isfinite(table).all() or np.any(np.diff(table[:, 0]) < 0.0):
@@ -115,7 +115,7 @@ def _numbers(path: Path, rows: list[str]) -> Array:
     except ValueError as error:
         at = re.search(r"row (\d+)", str(error))
         line = f"line {int(at[1]) + 2}: " if at else ""
-        raise InputError([f"{path}: {line}is no row of a black box"]) from None
+        raise InputError([f"{path}: {line}is not a row of a black box"]) from None
 
 
 def courses_in(folders: Iterable[Path], robots: Iterable[str]) -> dict[str, TrueCourse]:

@@ -1,4 +1,4 @@
-"""Finds from plans alone for whom robots wait, which is not on the wire.
+"""Finds from plans alone for whom robots wait, since no message states it.
 
 Decides: a robot waits for the first one ahead of it that it would have met after half the wait, as
 in the planner (schedule/wait_owners.py); if there is none, for the one that it follows most
@@ -25,7 +25,7 @@ _STEP: Final = 0.2
 """Step between the sampled places of a path, as a share of the robot's radius."""
 
 _MOST: Final = 400
-"""Most places at which a path is sampled."""
+"""Greatest number of places at which a path is sampled."""
 
 _FORCED: Final = 1.0
 """A robot that is followed with more time to spare [s] than this does not force a short wait."""

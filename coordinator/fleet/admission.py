@@ -21,7 +21,7 @@ _REFUSALS_TOLD: Final = 100
 
 
 class Door:
-    """Decides about Hellos and Admits of a fleet, and appends what happened to `incidents`."""
+    """The answers to a fleet's Hellos and Admits; what happened is appended to `incidents`."""
 
     def __init__(self, fleet: str, members: Roster, incidents: list[Incident]) -> None:
         self._fleet = fleet
@@ -77,10 +77,10 @@ class Door:
             self._tell_denied(robot, f"{robot} is not given up yet, ask again", now_ns)
             return False
         if not admission.is_at_door(member.timeout_ns, now_ns):
-            self._tell_denied(robot, f"{robot} has come back and is not heard any more", now_ns)
+            self._tell_denied(robot, f"{robot} has come back but is no longer heard", now_ns)
             return False
         if admission.refuses(boot):
-            reason = "was waited for and did not say where it stands; does its driver know?"
+            reason = "has not said in time where it stands; does its driver know?"
             return self._deny(robot, boot, f"{robot} {reason}", now_ns)
         if admission.ask(boot, now_ns):
             self._tell_admitted(robot, now_ns)
@@ -172,7 +172,7 @@ def _admit(member: Member) -> str:
 
 
 def _what_becomes_of(member: Member) -> str:
-    """Say what will happen to a robot that was lost and is heard again."""
+    """Return words for what will happen to a robot that was lost and is heard again."""
     if member.finished:
         return "it has arrived"
     if member.planned:
@@ -183,7 +183,7 @@ def _what_becomes_of(member: Member) -> str:
 
 
 def _why_in_already(member: Member) -> str:
-    """Say why a robot that is heard need not be admitted."""
+    """Return words for why a robot that is heard need not be admitted."""
     if member.phase in (MOVING, BRAKING):
         return f"{member.id} is driving already"
     if member.finished:

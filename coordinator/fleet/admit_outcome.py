@@ -12,7 +12,7 @@ from protocol.messages import Command, Message, Plan, Refusal
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, OVER
 
 _MOST_WITHOUT: Final = 2
-"""After so many epochs without the robot the request ends, so that the fleet freezes no more."""
+"""The request ends after this many epochs without the robot, so that the fleet can drive on."""
 
 
 class Asking:
@@ -48,7 +48,7 @@ class Asking:
     def _hear_command(self, command: Command) -> None:
         self._frozen |= self._asked and command.phase == FREEZE
         if command.phase == OVER:
-            self.answer = f"the fleet is over, without {self._robot}"
+            self.answer = f"the fleet has ended without {self._robot}"
         elif self._frozen and command.phase != FREEZE and command.epoch == self._epoch:
             self.admitted = True
             self.answer = f"epoch {command.epoch}, {COMMAND_NAMES[command.phase]}"
@@ -56,5 +56,5 @@ class Asking:
             self._frozen = False  # That freeze may have been for another robot.
             self._without += 1
             if self._without == _MOST_WITHOUT:
-                without = f"goes on without {self._robot}, its coordinator says why"
+                without = f"goes on without {self._robot}; the coordinator's output says why"
                 self.answer = f"epoch {command.epoch} {without}"

@@ -3,9 +3,9 @@
 The phase is HOLD until every robot that has a part in the epoch is armed; then it is GO, with a
 common start time.  In GO, the phase turns to FREEZE when a robot falls silent, reports a fault,
 stops, or misses the task deadline.  When a robot is late, the others may get new times instead
-(`take_times`).  A frozen fleet that rests is planned anew (`adopt`), and the next epoch begins in
-HOLD.  When all robots have arrived, the phase is OVER.  The Command of every tick states the phase
-anew, so a lost message changes nothing.  An event that is not listed for a phase changes nothing
+(`take_times`).  A frozen fleet that rests gets a new plan (`adopt`), and the next epoch begins in
+HOLD.  When all robots have arrived, the phase is OVER.  Every tick sends a Command that states the
+phase, so a lost message changes nothing.  An event that is not listed for a phase changes nothing
 either.
 
 The same inputs give the same bytes; replay relies on it.
@@ -92,8 +92,7 @@ class Fleet(FleetState):
     def tick(self, now_ns: int) -> list[Outgoing]:
         """Act on the time and return the Command; to be called every COMMAND_PERIOD.
 
-        Nothing is returned as long as a moving robot has not been heard again after the coordinator
-        was away.
+        After the coordinator was away, return nothing until each moving robot has been heard again.
         """
         moving = [m.id for m in self.members.planned if self.phase == GO and m.phase != DONE]
         was_away = self._absence.look(now_ns, moving)
@@ -133,7 +132,7 @@ class Fleet(FleetState):
     ) -> list[Outgoing] | None:
         """Return the NewTimes messages to send to these robots; freeze if `times` is empty.
 
-        Return None if these new times are needed no longer.
+        Return None if these new times are no longer needed.
         """
         if self.phase != GO or not self._delay.awaits(late):
             return None

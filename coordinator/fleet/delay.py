@@ -52,7 +52,7 @@ class Delay:
         return "" if self._member is None else self._member.id
 
     def begin(self, member: Member, times: EpochTimes, now_ns: int) -> bool:
-        """Begin a delay if the others may drive on although this robot stopped; return whether so.
+        """Begin a delay if the others may drive on although this robot stopped; return whether.
 
         A robot gets one delay in an epoch.  One that is late again needs another path.
         """
@@ -68,7 +68,7 @@ class Delay:
     def bears(self, member: Member, now_ns: int) -> bool:
         """Return whether this robot is the late one and the others may still drive on.
 
-        They may not if it stands for another reason, or stands although it has its new times.
+        They may not if a fault stopped the robot, or if it stands although it has its new times.
         """
         told = self._is_told and member.id not in self.missing
         known = self._member is member and member.fault == LATE and not told
@@ -79,7 +79,7 @@ class Delay:
         return self._member is not None and now_ns > self._until_ns
 
     def hear(self, member: Member, pace: Pace, times: EpochTimes, now_ns: int) -> bool:
-        """Take in a Pace; return whether with it all robots have confirmed their new times."""
+        """Take in a Pace; return whether all robots have now confirmed their new times."""
         if pace.revision != member.revision or pace.epoch != times.epoch:
             return False
         stood_ns = times.start_ns + 1000 * (pace.stood_us or 0)

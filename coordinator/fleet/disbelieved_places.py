@@ -23,8 +23,8 @@ from coordinator.scenario.model import Pose
 def doubtful(site: Site, told: Iterable[Standing]) -> dict[str, str]:
     """Return the robots that cannot stand where they say, each with the reason.
 
-    A stated place may be wrong by the margin.  Robots whose own place is not known are not compared
-    with.
+    A stated place may be wrong by the margin.  No comparison is made with robots whose place is not
+    known.
     """
     said = {one.robot: one.place for one in told if one.place is not None}
     if not said:
@@ -47,7 +47,11 @@ def doubtful(site: Site, told: Iterable[Standing]) -> dict[str, str]:
             x, y, _ = place
             outside = not floor.outline.covers(shapely.Point(x, y))
             what = (
-                f"{there[0]} does" if there else "no floor is" if outside else "something solid is"
+                f"{there[0]} stands"
+                if there
+                else "there is no floor"
+                if outside
+                else "there is something solid"
             )
             found[name] = f"it says that it stands at ({x:.2f}, {y:.2f}), where {what}"
     return found

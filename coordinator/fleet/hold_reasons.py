@@ -21,7 +21,7 @@ _NAMED: Final = 10
 
 
 class RollCall:
-    """Watches one fleet; `news` is called after every tick."""
+    """The robots that one fleet waits for; `news` is called after every tick."""
 
     def __init__(self) -> None:
         self._state = (-1, -1)
@@ -61,7 +61,7 @@ def _missing(fleet: Fleet, now_ns: int) -> Iterable[tuple[Member, str]]:
 
 
 def _why_not_armed(member: Member, epoch: int, now_ns: int) -> str:
-    """Say why a robot that has a part in the epoch is not armed with its plan."""
+    """Return words for why a robot that has a part in the epoch is not armed with its plan."""
     unheard = _why_unheard(member, now_ns)
     if unheard:
         return unheard
@@ -75,7 +75,7 @@ def _why_not_armed(member: Member, epoch: int, now_ns: int) -> str:
 
 
 def _why_unheard(member: Member, now_ns: int) -> str:
-    """Say why a robot is not heard; return an empty text if it is heard."""
+    """Return words for why a robot is not heard; an empty text if it is heard."""
     if member.boot is None:
         return "has not said hello"
     if member.gone:

@@ -31,7 +31,7 @@ RATES: Final = {
     "admit": Rate(20),
     "command": Rate(50),
 }
-"""Several times what the protocol needs.
+"""The allowed rate of messages of each kind, several times what the protocol needs.
 
 News of a robot's link share the lane of its reports, so that their order is kept."""
 

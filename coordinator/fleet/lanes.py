@@ -21,7 +21,7 @@ Item = TypeVar("Item")
 DEPTH: Final = 256
 """How many messages may wait in a lane.
 
-A robot notices within a second that its link is gone; in that second it says less than a tenth of
+A robot notices within a second that its link is gone; in that second it sends less than a tenth of
 this on one key."""
 
 

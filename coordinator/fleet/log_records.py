@@ -2,10 +2,10 @@
 
 These records are never sent.  `replay --check` runs the fleet again from them:
 
-- `epoch`: a new epoch was adopted; where its robots stood when its plan was requested;
+- `epoch`: a new epoch was adopted, and where its robots stood when its plan was requested;
 - `late`: the late robot for which new times were searched;
-- `quiet`: the fleet core was called with the time and said nothing (after every other such call
-  there is a Command in the log);
+- `quiet`: the fleet core was called with the time and sent nothing (every other such call is
+  followed by a Command in the log);
 - `router`: the coordinator's own link to a router came up or went down.  For a robot's link the
   same bytes are recorded under the robot's `alive` key;
 - `dropped`: how many messages were dropped so far, by cause.

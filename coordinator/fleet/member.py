@@ -167,7 +167,7 @@ class Member:
         return True
 
     def describe(self) -> str:
-        """Say what the robot does, in words."""
+        """Return words for what the robot does."""
         text = f"{self.id} is {PHASE_NAMES[self.phase]}"
         return f"{text}: {fault_name(self.fault)}" if self.fault else text
 

@@ -2,7 +2,7 @@
 
 `solve` takes long and changes nothing, so that a shell may run it in a thread beside the fleet.
 
-Decides: when a fleet is planned anew, and which plan it gets.  Must not know: clocks, links, files.
+Decides: when a fleet gets a new plan, and which one.  Must not know: clocks, links, files.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MOST_EPOCHS: Final = 200
 """A fleet that has not arrived after this many epochs is given up."""
 
 _NEAR: Final = 0.05
-"""How far [m] ahead of its plan a robot may believe itself to be."""
+"""How far [m] ahead of its plan a robot's estimate of its own place may be."""
 
 
 class Mission:
@@ -66,7 +66,7 @@ class Mission:
     def _outran(self, told: Iterable[Standing]) -> str:
         """Return the id of a robot that rests farther ahead than it can be after the freeze, or "".
 
-        If there is one, it is not known either where a lost robot may stand.
+        If there is one, the places where a lost robot may stand are not known either.
         """
         times = self.fleet.times
         if not times.has_gone or times.epoch not in self.documents:
@@ -91,7 +91,7 @@ class Mission:
     def take_times(
         self, late: Lateness, plan: PackedPlan | None, now_ns: int
     ) -> list[Outgoing] | None:
-        """Send new times, or freeze if `plan` is None; return None if they are needed no longer."""
+        """Send new times, or freeze if `plan` is None; return None if no longer needed."""
         driven, boot = self.document, self.fleet.boot
         times = {} if plan is None else times_of(plan, driven, boot)
         document = driven if plan is None else plan.document

@@ -94,7 +94,7 @@ class Job:
 
 
 class MissionDriver:
-    """Runs one mission for a shell; all times are in ns on the coordinator's clock."""
+    """The driver of one mission, for a shell; all times are in ns on the coordinator's clock."""
 
     def __init__(
         self, mission: Mission, journal: Journal, send: Callable[[str, bytes], None]

@@ -1,4 +1,4 @@
-"""What a coordinator may believe after it was away: hung, stopped, or without a processor.
+"""What a coordinator may rely on after it was away: hung, stopped, or without a processor.
 
 What robots said meanwhile has waited for an unknown time.  So it is stale, no robot is called
 silent at once, and no lease is renewed before each moving robot has been heard again.
@@ -31,8 +31,8 @@ class Absence:
     def look(self, now_ns: int, moving: Iterable[str]) -> bool:
         """Look at the time; return whether the coordinator was away while these robots moved.
 
-        A robot that does not move is not doubted: the fleet does not wait for a robot that is not
-        under way.
+        Robots that do not move need not be heard again: the fleet does not wait for robots that are
+        not under way.
         """
         was_away = now_ns - self._looked_ns > AWAY
         self._looked_ns = now_ns

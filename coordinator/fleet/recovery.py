@@ -63,13 +63,13 @@ def recover(
     epoch: int,
     plan: Planner,
 ) -> Recovery:
-    """Plan a fleet anew from where its robots stand; `documents` has the plans so far by epoch.
+    """Replan a fleet from where its robots stand; `documents` has the plans so far by epoch.
 
     A robot that has no way to its goal, or for which no order of the robots works, stays where it
-    is, and the others are planned around it.  A robot on a given path tries to find a way of its
-    own before it stays.  Via points that are blocked are left out only when no robot can drive on,
-    because the robot that blocks them may move.  A robot that has come back and cannot stand where
-    it says is treated as if it were where it was before.
+    is, and the others are planned around it.  A robot on a given path may leave that path and find
+    another way before it stays.  Via points that are blocked are left out only when no robot can
+    drive on, because the robot that blocks them may move.  A robot that has come back and cannot
+    stand where it says is treated as if it were where it was before.
     """
     now = next_site(site, documents, told)
     doubts = doubtful(now, told)
@@ -85,7 +85,7 @@ def recover(
 
 
 def _unbelieved(standing: Standing) -> Standing:
-    """Return the standing of a robot whose stated place is not believed: nothing new is known."""
+    """Return the standing of a robot whose stated place is not believed: lost, without a place."""
     return Standing(robot=standing.robot, state="lost", epoch=0)
 
 
@@ -126,7 +126,7 @@ def _with_those_that_can(
 
 
 def _plan(scenario: Scenario, epoch: int, plan: Planner) -> PackedPlan:
-    """Plan with wide turns, else with any turns; try the given start headings before free ones."""
+    """Plan with wide turns, or else with any turns; try given start headings before free ones."""
     for asked in (_gentle(scenario), _gentle(turned(scenario)), scenario):
         with suppress(PlanError):
             return plan(asked, epoch)

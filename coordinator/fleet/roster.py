@@ -38,8 +38,8 @@ class Roster(dict[str, Member]):
     def has_told(self, has_gone: bool) -> bool:
         """Return whether each robot with a part either is lost or has said where it rests.
 
-        In an epoch that has not started to drive this is known without asking, except of a robot
-        that was just admitted.
+        In an epoch that has not started to drive, no robot needs to say it, except one that was
+        just admitted.
         """
         if any(member.admission.is_awaited for member in self.values()):
             return False
@@ -60,8 +60,8 @@ class Roster(dict[str, Member]):
     def assign(self, parts: Mapping[str, Part]) -> None:
         """Give these robots their parts in a new epoch.
 
-        The others get no part.  From now on they are believed wherever they say that they rest,
-        because no message that they sent before they last set out is still under way.
+        The others get no part.  From now on any place of rest that they report is accepted, because
+        no message that they sent before they last set out is still under way.
         """
         for member in self.values():
             member.planned = member.id in parts

@@ -25,7 +25,7 @@ By then the link to a hung router is known to be gone, because zenohd's own leas
 
 
 class RouterLink:
-    """The state of the link as reported; without any report there is no router."""
+    """The last reported state of the link to the router; without a report there is no router."""
 
     def __init__(self) -> None:
         self._up: bool | None = None

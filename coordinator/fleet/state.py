@@ -49,7 +49,7 @@ class FleetState:
 
     @property
     def is_finished(self) -> bool:
-        """Whether the phase is OVER and the robots have been told so often enough."""
+        """Whether the phase is OVER and enough Commands have stated it."""
         return self.phase == OVER and self._farewells >= FAREWELLS
 
     @property
@@ -74,7 +74,7 @@ class FleetState:
         """Stop leading if this coordinator resumed from a log that lacks what robots have done."""
         if self.is_resumed and not self.superseded:
             self._tell(
-                now_ns, "fault", "", f"{what}, which the log does not hold; is it the newest?"
+                now_ns, "fault", "", f"{what}, which the log does not hold; is it the newest log?"
             )
             self.superseded = True
 

@@ -72,7 +72,7 @@ class Ground:
         )
 
     def clear(self, start: Array, end: Array) -> bool:
-        """Tell whether the straight line between two places (2,) [m] is free."""
+        """Return whether the straight line between two places (2,) [m] is free."""
         spared = self._spared(np.stack((start, end)))
         return sees(start[0], start[1], end[0], end[1], self.sight, spared)
 

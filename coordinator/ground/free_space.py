@@ -27,7 +27,7 @@ DISC_TOLERANCE: Final = 1e-3
 """Ways may touch the discs that they avoid; curves may enter them by this much [m]."""
 
 _FLAT: Final = 1e-4
-"""Curves are flattened this finely [m] to judge them."""
+"""Greatest deviation [m] of the polylines by which curves are judged."""
 
 _NEAR: Final = 1.0
 """Only discs within this distance [m] of a way can matter to the curve along it."""
@@ -79,7 +79,7 @@ class Space:
             blocking[near[closed]] = True
 
     def crossing(self, way: Array) -> Flags:
-        """Tell for each leg of a way (n + 1, 2) and each disc whether the leg enters the disc."""
+        """Return for each leg of a way (n + 1, 2) and each disc whether the leg enters the disc."""
         return crossing(way, self._relaxed)
 
     def _shortest_among_discs(self, start: Array, goal: Array) -> Array | None:
@@ -102,12 +102,12 @@ class Space:
         return Space(self.ground, self.need, self.spare, self.discs[self._near(way, _NEAR)])
 
     def _near(self, way: Array, reach: float) -> Flags:
-        """Tell which discs come nearer than `reach` [m] to a way (n, 2) [m]."""
+        """Return which discs come nearer than `reach` [m] to a way (n, 2) [m]."""
         wide = self.discs + np.array((0.0, 0.0, reach))
         return entered(way, wide)
 
     def keeping(self, starts: Array, ends: Array) -> Flags:
-        """Tell for each straight line (k, 2)-(k, 2) whether it is clear."""
+        """Return for each straight line (k, 2)-(k, 2) whether it is clear."""
         return keeping(starts, ends, np.zeros(len(starts)), self.solid)
 
     @cached_property

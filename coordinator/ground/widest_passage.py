@@ -55,7 +55,7 @@ def widest_reach(rings: Rings, start: Array, goal: Array, most: float) -> float 
 
 
 def _crosses(begin: Array, end: Array, start: Array, goal: Array) -> Parities:
-    """Tell which of the lines begin-end (n, 2) cross the one from start to goal (2,)."""
+    """Return which of the lines begin-end (n, 2) cross the one from start to goal (2,)."""
     along = goal - start
     (before, here), (after, there) = (
         (along[0] * away[:, 1] - along[1] * away[:, 0], away @ along)
@@ -68,7 +68,10 @@ def _crosses(begin: Array, end: Array, start: Array, goal: Array) -> Parities:
 
 
 def _parities(count: int, one: Indices, other: Indices, gap: Array, odd: Parities) -> Parities:
-    """Return for each edge whether the narrowest chain from the first of its tree crosses oddly."""
+    """Return for each edge whether its chain crosses the line an odd number of times.
+
+    The chain runs within the spanning forest, from the first edge of the tree.
+    """
     # Sparse graphs take a weight of zero for no link; before SciPy 1.17.1 they want 32-bit indices.
     one, other = one.astype(np.int32), other.astype(np.int32)
     forest = minimum_spanning_tree(csr_array((1.0 + gap, (one, other)), shape=(count, count)))

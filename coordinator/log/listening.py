@@ -30,7 +30,7 @@ from protocol.timing import SECOND
 from protocol.transport import Transport
 
 LINGER_S: Final = 1.0
-"""How long after the OVER what robots say is still recorded [s]."""
+"""For how long after the OVER messages are still recorded [s]."""
 
 _LOOK_S: Final = 0.2
 _SILENT_LOOKS: Final = 25
@@ -53,7 +53,7 @@ class _Heard(NamedTuple):
 
 
 class Listener:
-    """Records what arrives, with the times [ns] that `clock` returns.
+    """A recorder of all that arrives, with the times [ns] that `clock` returns.
 
     `messages` counts messages, and `links` counts links that came up or went down.  `over` is set
     when the fleet's Command says OVER.
@@ -71,7 +71,7 @@ class Listener:
     def listen(self, transport: Transport, fleet: str) -> None:
         """Subscribe to all keys below the fleet's name, and to its liveliness tokens.
 
-        In a key pattern of Zenoh, `**` stands for any number of parts.
+        In a key pattern of Zenoh, `**` matches any number of parts.
         """
         transport.subscribe(f"{keys.ROOT}/{fleet}/**", self.hear)
         self.watch(transport, fleet)
@@ -113,7 +113,7 @@ class Listener:
 
 
 class _Looks:
-    """Counts looks, and calls `silence` once if there was no message for long."""
+    """A counter of looks, which calls `silence` once if no message came for long."""
 
     def __init__(self, silence: Callable[[], None]) -> None:
         self._silence = silence
@@ -131,7 +131,7 @@ class Recording:
 
     An existing file is replaced only if `replace` is true.  `silence` is called once if nothing was
     heard for five seconds.  `unheard` is called with the robots whose plans were neither heard nor
-    answered: whenever these robots change, and once more at the end.
+    received as an answer: whenever these robots change, and once more at the end.
     """
 
     def __init__(
@@ -214,7 +214,7 @@ class Recording:
 
 
 class FirstFleet:
-    """Finds the first fleet that is heard, and buffers all messages until then."""
+    """A search for the first fleet that is heard, which buffers all messages until then."""
 
     def __init__(self, clock: Callable[[], int]) -> None:
         self._clock = clock

@@ -37,7 +37,7 @@ _LONGEST: Final = 31 * _DAY
 _LAST_TIME: Final = 2**62
 _MOST_OFFSET: Final = 2**63 - 1
 _NO_METADATA: Final = (
-    "its metadata are not sound: the fleet's name is from its keys, times are the log's own"
+    "its metadata are damaged: the fleet's name is taken from the keys, and times are log times"
 )
 _MOST_NAMED: Final = 2 * MOST_RESUMED
 """The name of an attachment is in the file twice: in the attachment and in the summary."""
@@ -107,8 +107,8 @@ def _check_times(records: list[Record], path: str) -> None:
     for number, record in enumerate(records):
         if abs(record.log_ns) > _LAST_TIME or abs(record.log_ns - records[0].log_ns) > _LONGEST:
             days = _LONGEST // _DAY
-            problem = f"message {number} on {record.key}: its time is not within {days} days"
-            raise InputError([f"{path}: {problem} of the log's first, or no time at all"])
+            problem = f"message {number} on {record.key}: its time is invalid"
+            raise InputError([f"{path}: {problem} or more than {days} days from the log's first"])
 
 
 def scan_log(data: bytes, path: str) -> LogScan:
@@ -176,7 +176,7 @@ def load(path: Path) -> bytes:
 
 
 def _no_log(path: str, data: bytes) -> InputError:
-    """Return the InputError for a file that never was a log."""
+    """Return the InputError for a file that was never a log."""
     found = kind_of(data)
     if found is None or found == "log":
         return InputError([f"{path}: is not an MCAP file"])

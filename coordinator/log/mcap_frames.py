@@ -156,7 +156,7 @@ def _goes_on(data: bytes, offset: int) -> bool:
 
 
 class _Behind:
-    """Finds the records after damages, in time linear in the file's length."""
+    """A search for the records after damages, in time linear in the file's length."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data

@@ -149,8 +149,8 @@ class Recorder:
     def sync(self) -> bool:
         """Wait, for at most 1 s, until the operating system has everything recorded so far.
 
-        What a robot may act on for long must be in the log before the robot hears of it.  Return
-        False if the log cannot be written any more.
+        Whatever a robot may act on for long must be in the log before it is sent to the robot.
+        Return False if the log cannot be written any more.
         """
         if self.error is None and not self._closing.is_set():
             written = threading.Event()

@@ -86,7 +86,7 @@ def with_files(data: bytes, path: str, files: Iterable[Attachment]) -> bytes | N
 
 
 class _Copy:
-    """Copies sound records; writes a channel or schema when a message first needs it."""
+    """A copy of sound records; a channel or schema is written when a message first needs it."""
 
     def __init__(self, writer: Writer, sound: list[Sound]) -> None:
         self.writer = writer

@@ -78,7 +78,7 @@ def play(
 def key_filter(pattern: str) -> Callable[[str], bool]:
     """Return a function that returns whether a key matches a key pattern of Zenoh.
 
-    `*` stands for one part of a key, `**` for any number of parts, `$*` for anything within a part.
+    `*` matches one part of a key, `**` any number of parts, `$*` anything within a part.
     Raises ValueError when the pattern is malformed.
     """
     parts = pattern.split("/")

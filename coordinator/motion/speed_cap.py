@@ -14,7 +14,7 @@ from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.motion.speed_cap_kernels import bends, cells, finer, highest_bends
 
 _ROUNDS: Final = 6
-"""How often at most rough parts are sampled again, more finely."""
+"""Greatest number of times that rough parts are sampled again, more finely."""
 
 _RESERVE: Final = 0.998
 """Share of the lateral limit that is used."""

@@ -20,7 +20,7 @@ CORNER: Final = 5e-3
 """Directions that differ by more [rad] make a corner; the proof's limit is twice as much."""
 
 BACK: Final = 2.8
-"""A corner of this turn [rad] or more is no corner to round: the curve turns back on itself."""
+"""A corner that turns by this [rad] or more is not rounded: the curve turns back on itself."""
 
 _NO_LEG: Final = 1e-9
 """Control points nearer than this [m] say nothing about a direction."""
@@ -29,7 +29,7 @@ _STRAIGHT: Final = 1e-6
 """A piece whose control points are this near [m] to its chord is straight."""
 
 _SHARE: Final = 0.49
-"""Share of a leg over which the corner at its end is rounded at most."""
+"""The greatest share of a leg over which the corner at its end is rounded."""
 
 
 class Corner(NamedTuple):
@@ -128,7 +128,7 @@ def _direction(points: Array) -> Array:
 
 
 def _is_straight(piece: Array) -> bool:
-    """Tell whether a piece leads straight from its first control point to its last."""
+    """Return whether a piece leads straight from its first control point to its last."""
     chord = piece[-1] - piece[0]
     size = math.hypot(*chord)
     if size <= _STRAIGHT:

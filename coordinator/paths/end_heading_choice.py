@@ -25,7 +25,7 @@ from coordinator.paths.end_headings import STEP, Lead, leads
 from coordinator.scenario.model import Robot
 
 COMFORTABLE: Final = 0.25
-"""Turns of this radius, as a share of the robot's, are wide enough where none is asked for."""
+"""Turns of this radius, as a share of the robot's, are wide enough if no radius is required."""
 
 _SHARPEST: Final = math.radians(100.0)
 """A lead that turns by more [rad] at its end gets two turns there (sharp_turns.py)."""
@@ -34,13 +34,13 @@ _BLUNTED: Final = 4.0
 """Length of these two turns, per metre of their radius."""
 
 _BEHIND: Final = -0.1
-"""A turn around a circle may go this far [rad] beyond what is ahead."""
+"""A turn around a circle may end up to this far [rad] past the direction to the place ahead."""
 
 _UNSEEN: Final = 2.0
 """The distance to a place that is not in a lead's line of sight is multiplied by this."""
 
 _RESERVE: Final = 1.15
-"""Turns are planned wider than the radius that they should have by this factor."""
+"""The factor by which planned turns are wider than they should be at least."""
 
 _SEEN: Final = 5
 """How many vertices of the way a lead may continue to, besides the last one."""
@@ -98,7 +98,7 @@ def _met(way: Array, others: Sequence[_Joined]) -> Array:
 
 
 def _lacks_and_takes(pair: tuple[_Joined, _Joined]) -> tuple[float, float]:
-    """Return what the turns of two leads lack [m], and how long [s] both take, but for the way."""
+    """Return what the turns of two leads lack [m], and how long [s] both take without the way."""
     a, b = pair
     return a.tight + b.tight, a.time + b.time
 

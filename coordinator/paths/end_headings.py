@@ -28,24 +28,24 @@ END_SHARE: Final = 0.9
 """Share of the first leg that its corner may take (ground/polygon_kernels.py)."""
 
 _STRAIGHT: Final = (0.08, 0.15, 0.3, 0.6)
-"""Straight leads [m]; others reach where the heading crosses the legs of the way."""
+"""Lengths [m] of straight leads that are tried; others end where the heading crosses the way."""
 
 _TINY: Final = (0.4, 0.8)
-"""The same for robots of a few centimetres, as shares of their radius.
+"""Further lengths of straight leads, for robots of a few centimetres, as shares of their radius.
 
-No lead is shorter than the shortest of these: float32 would turn it."""
+No lead is shorter than the shortest of all these lengths: float32 would turn it."""
 
 _PER_RADIUS: Final = 6.0
-"""Straight lead of robots that turn wide, per metre of min_turn_radius."""
+"""Length of a further straight lead, for robots that turn wide, per metre of min_turn_radius."""
 
 _SHARES: Final = (1.0, 0.5, 0.25)
-"""Shares of it, or of the longest of the others, that are tried."""
+"""Shares of this length that are tried, or of the longest of _STRAIGHT if that is longer."""
 
 _OFF_END: Final = 1e-3
 """A lead ends at least this far [m] from the place that it leads to."""
 
 _LONGEST: Final = 0.45
-"""Share of the distance to what comes next that these may take."""
+"""The longest straight lead, as a share of the distance to the last place ahead."""
 
 _MOST_STEPS: Final = 8
 _CIRCLE: Final = 1.08 / math.cos(0.5 * STEP)
@@ -53,7 +53,7 @@ _CIRCLE: Final = 1.08 / math.cos(0.5 * STEP)
 corner that takes half of each leg has the radius circle / 2 * cos(step / 2); 8 % in reserve."""
 
 _EASY: Final = (0.6, 0.3)
-"""Robots that turn on the spot take turns of these radii, as shares of their own."""
+"""Robots that turn on the spot take turns of these radii, as shares of the robot's radius."""
 
 _OFF: Final = 8e-3
 """How far [rad] a curve may be off a heading; the proof accepts a little more."""

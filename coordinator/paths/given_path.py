@@ -41,15 +41,15 @@ _MOST_PLACES: Final = 50_000
 
 _HALVINGS: Final = 6
 _ARC_ERROR: Final = 1e-4
-"""Knot spans are halved at most so often, until the error of arc lengths is at most this [m]."""
+"""Knot spans are halved, at most _HALVINGS times, until arc lengths have at most this error [m]."""
 
 _LOOKS: Final = 256
 """Places per knot span at which a curve is looked at for sharp turns."""
 
 _CUSP: Final = 0.1
 _SHARPEST: Final = 1e-3
-"""If the direction turns by more than this [rad] between two such places, with less than this
-radius [m], the robot would turn on the spot."""
+"""If the direction turns by more than _CUSP [rad] between two such places, with a radius below
+_SHARPEST [m], the robot would turn on the spot."""
 
 _TURN: Final = 1.02
 """The proof allows a turning radius to be short by 1 %; turns sharper than this surely fail it."""
@@ -131,7 +131,7 @@ def given_curve(robot: Robot, path: GivenPath, margin: float, floor: Floor) -> N
 
 
 def path_problems(scenario: Scenario) -> list[str]:
-    """Return why given paths cannot be driven, one line a robot."""
+    """Return why given paths cannot be driven, one line per robot."""
     floor = Floor(scenario.workspace.boundary, scenario.workspace.obstacles)
     problems = []
     for index, robot in enumerate(scenario.robots):
@@ -191,7 +191,7 @@ def _turns(curve: Nurbs, least: float) -> Iterator[str]:
 
 
 def _say_clearance(line: Array, need: float, floor: Floor) -> str:
-    """Say where a polyline (n, 2) is nearest to something solid, or off the floor."""
+    """Return words for where a polyline (n, 2) is nearest to something solid, or off the floor."""
     places = _places(line)
     place = places[np.argmin(_slack(places, floor))]
     x, y = place

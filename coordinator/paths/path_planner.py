@@ -39,10 +39,10 @@ _ROOM_PER_RADIUS: Final = 2.2
 """Reach around corners that robots turn at, per metre of min_turn_radius."""
 
 _ENOUGH: Final = 2
-"""Paths from which the quickest is taken, once one of them has turns that are wide enough."""
+"""Number of paths of which the quickest is taken, if one of them has turns wide enough."""
 
 _MOST_TIGHT: Final = 8
-"""Paths from which the widest is taken, if none has."""
+"""Number of paths of which the one with the widest turns is taken, if none is wide enough."""
 
 _MOST_TRIED: Final = 24
 """How many pairs of leads are tried: if none of these fits, there is no room."""
@@ -81,7 +81,7 @@ def _paths_of(scenario: Scenario, indices: Sequence[int]) -> list[Nurbs]:
 
 
 class Pathfinder:
-    """Finds the robots' paths on one floor."""
+    """A search for the robots' paths on one floor."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
@@ -129,7 +129,10 @@ class Pathfinder:
         raise worst.about(robot.id)
 
     def crossed_places(self, index: int, curve: Nurbs) -> list[str]:
-        """Say which starts and goals of other robots a path crosses: they fix who goes first."""
+        """Return sentences on other robots' starts and goals that a path crosses.
+
+        Such a place fixes which robot goes first.
+        """
         robot = self.scenario.robots[index]
         need = self._radii + robot.radius + self.scenario.margin
         line = flatten(curve, _TOUCH).points
@@ -263,7 +266,7 @@ def _anchors(robot: Robot) -> Array:
 
 
 def _headed(robot: Robot) -> tuple[bool, bool]:
-    """Tell whether a robot's start and goal have headings."""
+    """Return whether a robot's start and goal have headings."""
     return len(robot.start) == 3, len(robot.goal) == 3
 
 

@@ -66,7 +66,7 @@ def smooth(
 
 
 def _fits(curve: Nurbs, handling: Handling) -> bool:
-    """Tell whether a message has room for a curve and, if bends are slow, for the speeds on it."""
+    """Return whether a message has room for a curve and, if bends are slow, for its speeds."""
     speeds = 0.0 if math.isinf(handling.lateral) else _SPEEDS_PER_PATH
     return path_bytes(len(curve.points)) * (1.0 + speeds) <= ROOM
 

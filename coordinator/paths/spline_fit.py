@@ -22,13 +22,13 @@ from coordinator.ground.corner_kernels import STRAIGHT
 Flags = npt.NDArray[np.bool_]
 
 _APART: Final = 1e-5
-"""Knots are farther apart than this, and than so many float32 steps of the control points: nearer
-control points could coincide, and the derivative of the curve would vanish."""
+"""Knots are farther apart than this, and than _STEPS_APART float32 steps of the control points:
+nearer control points could coincide, and the derivative of the curve would vanish."""
 _STEPS_APART: Final = 4.0
 
 _OFF: Final = 0.004
-"""Float32 may turn the direction at an end by so much [rad]; else the control point next to the
-end is moved along its leg, by so many steps at most."""
+"""Greatest angle [rad] by which float32 may turn the direction at an end.  If it turns more, the
+control point next to the end is moved along its leg, by at most _MOST_STEPS steps."""
 _MOST_STEPS: Final = 400
 _ROUNDS: Final = 40
 

@@ -42,10 +42,11 @@ class Range(NamedTuple):
         over = value > self.least if self.above else value >= self.least
         if math.isfinite(value) and over and value <= self.most:
             return
-        low = f"{'above' if self.above else 'from'} {self.least:.10g}"
-        high = f" to {self.most:.10g}" if self.most < math.inf else ""
         unit = f" {self.unit}" if self.unit else ""
-        yield f"{field}: is {value:g}{unit}, allowed is {low}{high}{unit}"
+        bounded = self.most < math.inf
+        low = "above" if self.above else "from" if bounded else "at least"
+        high = f" to {self.most:.10g}" if bounded else ""
+        yield f"{field}: is {value:g}{unit}, must be {low} {self.least:.10g}{high}{unit}"
 
 
 class PathNames(NamedTuple):
@@ -102,16 +103,16 @@ def find_problems(document: PlanDocument) -> list[str]:
     for key, allowed in _LINK.items():
         problems += allowed.faults(f"link.{key}", getattr(document.link, key))
     if not document.robots:
-        problems.append("robots: is empty, allowed is at least one robot")
+        problems.append("robots: is empty, must contain at least one robot")
     seen: set[str] = set()
     for index, robot in enumerate(document.robots):
         named = NAME.fullmatch(robot.id) and robot.id not in seen
         where = f"robots[{robot.id if named else index}]"
         if not NAME.fullmatch(robot.id):
             shown = repr(robot.id[:40])
-            problems.append(f"{where}.id: is {shown}, allowed are {NAME_IN_WORDS}")
+            problems.append(f"{where}.id: is {shown}, must be {NAME_IN_WORDS}")
         elif robot.id in seen:
-            problems.append(f"{where}.id: {robot.id!r} is used twice, allowed is every id once")
+            problems.append(f"{where}.id: {robot.id!r} is used twice, must be unique")
         seen.add(robot.id)
         problems += _robot_faults(where, robot)
     if document.workspace is not None:
@@ -150,17 +151,17 @@ def path_faults(where: str, path: Path, names: PathNames = PATH_NAMES) -> Iterat
     if len(path.weights) != count:
         yield (
             f"{where}.{names.weights}: are {len(path.weights)}, "
-            f"allowed is one for each of {count} control points"
+            f"must be one for each of {count} control points"
         )
     if path.degree not in _DEGREES:
-        yield f"{where}.degree: is {path.degree}, allowed is 1 to 7"
+        yield f"{where}.degree: is {path.degree}, must be 1 to 7"
     elif count <= path.degree:
         least = path.degree + 1
-        yield f"{where}.{names.points}: are {count}, degree {path.degree} allows {least} or more"
+        yield f"{where}.{names.points}: are {count}, degree {path.degree} needs {least} or more"
     elif len(path.knots) != count + path.degree + 1:
         yield (
             f"{where}.{names.knots}: are {len(path.knots)}, "
-            f"allowed is control points + degree + 1 = {count + path.degree + 1}"
+            f"must be control points + degree + 1 = {count + path.degree + 1}"
         )
     else:
         yield from _knot_faults(f"{where}.{names.knots}", path.knots, path.degree)
@@ -169,24 +170,24 @@ def path_faults(where: str, path: Path, names: PathNames = PATH_NAMES) -> Iterat
 def _knot_faults(where: str, knots: Sequence[float], degree: int) -> Iterator[str]:
     first, inner, last = knots[: degree + 1], knots[degree + 1 : -degree - 1], knots[-degree - 1 :]
     if not all(math.isfinite(knot) for knot in knots):
-        yield f"{where}: not all are finite, allowed are finite numbers"
+        yield f"{where}: not all are finite, must be finite numbers"
         return
     for i, (before, after) in enumerate(pairwise(knots), start=1):
         if after < before:
-            yield f"{where}[{i}]: is {after:g} after {before:g}, allowed is not to decrease"
+            yield f"{where}[{i}]: is {after:g} after {before:g}, must not decrease"
             return
     if any(knot != 0.0 for knot in first):
-        yield f"{where}: begin {first[0]:g} to {first[-1]:g}, allowed is {degree + 1} times 0"
+        yield f"{where}: begin {first[0]:g} to {first[-1]:g}, must be {degree + 1} times 0"
     if any(knot != last[-1] for knot in last):
-        yield f"{where}: end {last[0]:g} to {last[-1]:g}, allowed is {degree + 1} times the same"
+        yield f"{where}: end {last[0]:g} to {last[-1]:g}, must be {degree + 1} equal knots"
     if first[0] == last[-1]:
-        yield f"{where}: are all the same, allowed is to end above where they begin"
+        yield f"{where}: are all the same, must end above where they begin"
         return
     for knot in sorted(set(inner)):
         allowed = 0 if knot in (first[-1], last[0]) else degree
         if inner.count(knot) > allowed:
             times = inner.count(knot)
-            yield f"{where}: {knot:g} is {times} times an inner knot, allowed is {allowed} times"
+            yield f"{where}: {knot:g} is {times} times an inner knot, may be {allowed} times"
 
 
 def _profile_faults(
@@ -196,16 +197,16 @@ def _profile_faults(
         yield from _TIME._replace(unit="m").faults(f"{where}[{i}][0]", s)
         yield from _SPEED.faults(f"{where}[{i}][1]", v)
     if len(profile) < 2:
-        yield f"{where}: has {len(profile)} speed knots, allowed are 2 or more"
+        yield f"{where}: has {len(profile)} speed knots, must have 2 or more"
         return
     for i, ((before, _), (after, _)) in enumerate(pairwise(profile), start=1):
         if not after > before:
-            yield f"{where}[{i}][0]: is {after:g} m after {before:g} m, allowed is to increase"
+            yield f"{where}[{i}][0]: is {after:g} m after {before:g} m, must increase"
             break
     if profile[0][0] != 0.0:
-        yield f"{where}[0][0]: is {profile[0][0]:g} m, allowed is 0 m"
+        yield f"{where}[0][0]: is {profile[0][0]:g} m, must be 0 m"
     if not abs(profile[-1][0] - length) <= LENGTH_TOLERANCE:
-        yield f"{where}: ends at {profile[-1][0]:g} m, allowed is the length, {length:g} m"
+        yield f"{where}: ends at {profile[-1][0]:g} m, must end at the length, {length:g} m"
 
 
 def _stop_faults(where: str, stops: Sequence[Stop], length: float) -> Iterator[str]:
@@ -214,7 +215,7 @@ def _stop_faults(where: str, stops: Sequence[Stop], length: float) -> Iterator[s
         if not before < stop.s < length:
             yield (
                 f"{where}[{i}].s: is {stop.s:g} m, "
-                f"allowed is above {before:g} m and below the length, {length:g} m"
+                f"must be above {before:g} m and below the length, {length:g} m"
             )
         before = stop.s
         yield from _TIME.faults(f"{where}[{i}].arrive", stop.arrive)
@@ -237,11 +238,11 @@ def _polygon_faults(where: str, corners: Sequence[Point]) -> Iterator[str]:
     ]
     yield from faults
     if len(corners) < 3:
-        yield f"{where}: has {len(corners)} corners, allowed are 3 or more"
+        yield f"{where}: has {len(corners)} corners, must have 3 or more"
     elif not faults:
         from shapely import Polygon, is_valid_reason
 
         polygon = Polygon(corners)
         if not polygon.is_valid:
             reason = is_valid_reason(polygon)
-            yield f"{where}: {reason}, allowed is an outline that does not cross or touch itself"
+            yield f"{where}: {reason}, must not cross or touch itself"

@@ -1,8 +1,9 @@
 """Where paths meet: the points at which they cross or touch, by arc length on both.
 
 Crossings explain a plan to people; its safety depends on the conflict zones alone.  Stretches that
-run on top of each other have no crossing points, only zones.  Decides: what is known of a meeting.
-Must not know: widths of robots, or times.
+run on top of each other have no crossing points, only zones.
+
+Decides: what is stated about a crossing.  Must not know: widths of robots, or times.
 """
 
 from __future__ import annotations

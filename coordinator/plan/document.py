@@ -109,7 +109,7 @@ class Proof(msgspec.Struct, frozen=True, kw_only=True):
 
     `least_separation` is the least distance between any two centres.  `least_slack` is the least
     distance beyond a pair's need, r_i + r_j + margin; it is negative when a pair comes too near.
-    `tightest` says which pair has the least slack, when and where.
+    `tightest` is a sentence on which pair has the least slack, when and where.
 
     `unproven` names what could not be checked: "clearance" if the floor is not known, "limits" if
     the limits of a robot are not known.

@@ -13,8 +13,8 @@ from coordinator.plan.document import Path
 from coordinator.scenario.model import GivenPath
 
 MOST_POINTS: Final = 5_000
-"""Most control points of a path: over ten times what a Plan can hold, so that a path with too
-many is refused before anything is computed from it."""
+"""The greatest number of control points of a path, over ten times what a Plan can hold: a path with
+more is refused before anything is computed from it."""
 
 MOST_WEIGHT: Final = 100.0
 """Largest allowed ratio of two weights, a limit of the wire."""
@@ -43,7 +43,7 @@ def uniform_knots(degree: int, count: int) -> tuple[float, ...]:
 
 def too_many(count: int) -> str:
     """Return the words of a problem: a count of control points above MOST_POINTS."""
-    return f"{count:,}, allowed are up to {MOST_POINTS:,}"
+    return f"{count:,}, must be at most {MOST_POINTS:,}"
 
 
 def given_faults(path: GivenPath, where: str, names: PathNames = PATH_NAMES) -> list[str]:
@@ -56,6 +56,6 @@ def given_faults(path: GivenPath, where: str, names: PathNames = PATH_NAMES) -> 
     if not problems and high > MOST_WEIGHT * low:
         many = f"{high / low:g}" if high < 1e6 * low else "over a million"
         problems.append(
-            f"{where}.{names.weights}: differ by {many} times, allowed is up to {MOST_WEIGHT:g}"
+            f"{where}.{names.weights}: differ by {many} times, must be at most {MOST_WEIGHT:g}"
         )
     return problems

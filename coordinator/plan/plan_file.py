@@ -42,7 +42,7 @@ def from_json(text: bytes, name: str = "plan") -> PlanDocument:
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise InputError([f"{name}: {error}"]) from None
     if document.format != FORMAT:
-        raise InputError([f"{name}: format is {document.format!r}, this reads {FORMAT!r}"])
+        raise InputError([f"{name}: format is {document.format!r}, must be {FORMAT!r}"])
     problems = find_problems(document) + find_wrong_names(document)
     if problems:
         raise InputError([f"{name}: {problem}" for problem in problems])

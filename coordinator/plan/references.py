@@ -50,7 +50,7 @@ def find_wrong_names(document: PlanDocument) -> list[str]:
 def _name_faults(field: str, name: str, robots: Collection[str], own: str = "") -> Iterator[str]:
     if name not in robots or name == own:
         allowed = "another robot of the plan" if own else "a robot of the plan"
-        yield f"{field}: is {name[:40]!r}, allowed is {allowed}"
+        yield f"{field}: is {name[:40]!r}, must be {allowed}"
 
 
 def _place_faults(

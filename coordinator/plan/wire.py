@@ -43,10 +43,10 @@ _ARC_SHARE: Final = 1e-4
 """Error of the length that is allowed beyond ARC_ERROR, as a share of the length."""
 
 FLAT: Final = 2e-4
-"""Greatest deviation [m] of a curve from the polyline that stands for it."""
+"""Greatest deviation [m] of a curve from the polyline that approximates it."""
 
 _FINER: Final = 5
-"""How often a curve is flattened anew, each time four times as finely, to bound its length."""
+"""How often a curve is flattened again, each time four times as finely, to bound its length."""
 
 
 @dataclass(frozen=True)

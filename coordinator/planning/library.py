@@ -73,7 +73,7 @@ def plan_to_json(plan: Plan) -> bytes:
 
 
 def prove_plan(plan: Plan, scenario: Scenario | None = None) -> Proof:
-    """Prove a plan anew from the bytes that robots would receive, and return the proof.
+    """Prove a plan again from the bytes that robots would receive, and return the proof.
 
     With a scenario, the plan is proven against the scenario's floor, robots, tau and margin.
     Raises InputError when a robot would not accept its part of the plan.

@@ -245,7 +245,7 @@ class _Stages:
         return self._crossings
 
     def _look_for_crossings(self) -> CrossingSearch:
-        """Start to look for crossings of robots that share a zone, to run during scheduling."""
+        """Start the search for crossings of robots that share a zone; it runs during scheduling."""
         zones = self.junctions.zones
         pairs = np.unique(np.column_stack((zones.a, zones.b)), axis=0)
         return CrossingSearch(self.paths, pairs, self.executor)

@@ -26,7 +26,8 @@ _ROUNDING: Final = 1e-9
 """By how much [m] rounding may make a measured arc length too short."""
 
 _ARC_ERRORS: Final = 2.5
-"""Uncertainty of a place in arc errors: one at an end, one between, the rest for measuring."""
+"""Uncertainty of a place as a multiple of the arc error: 1 at the ends of a piece, 1 between them,
+and 0.5 because the arc error itself is measured."""
 
 _LEG_BEGIN, _LEG_END, _LEG_S, _LEG_V, _LEG_RATE = range(5)
 """Columns of legs (n, 5): begin and end [s], arc length [m] and speed [m/s] at the begin,
@@ -37,7 +38,7 @@ _TIME, _X, _Y, _S = range(4)
 
 _ROUNDS: Final = 24
 _MOST_PARTS: Final = 64.0
-"""Pieces are cut at most this often, each time into at most so many parts."""
+"""Pieces are cut at most _ROUNDS times, each time into at most _MOST_PARTS parts."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ from coordinator.proof.separation_kernels import (
 
 _COARSE: Final = 2e-2
 _FINER: Final = (1e-3, 5e-5)
-"""Deviations [m] of pieces; four of the last are below margin.RESOLUTION, arc errors included."""
+"""Deviations [m] of pieces; four times the last, with arc errors, is below margin.RESOLUTION."""
 
 _REACH: Final = 0.1
 """The first guess [m] of the least slack; while no pair is found, it is multiplied by four."""

@@ -32,7 +32,7 @@ _PLACE: Final = 0.05
 """Step [m] in which the place where a path comes too near to something solid is located."""
 
 _MOST_SAID: Final = 20
-"""Most pairs that a proof lists one by one as too near; the others are counted."""
+"""Greatest number of pairs that a proof lists one by one as too near; the others are counted."""
 
 Gap = Callable[[Array], float]
 
@@ -55,7 +55,7 @@ def clearances(driven: Sequence[Driven], gap: Gap) -> list[float]:
 
 
 def _say_clearance(driven: Driven, clearance: float, margin: float, gap: Gap) -> str:
-    """Say where a curve is too near to something solid."""
+    """Return a sentence that says where a curve is too near to something solid."""
     chords = list(pairwise(driven.chain.points))
     begin, end = chords[int(np.argmin([gap(np.array(chord)) for chord in chords]))]
     part = np.linspace(0.0, 1.0, 2 + int(math.dist(begin, end) / _PLACE))[:, None]

@@ -82,7 +82,7 @@ def _check_durations(driven: list[Driven]) -> None:
     """Raise PartsError for motions so long that the proof would run out of memory."""
     problems = {
         one.id: f"plan: robots[{one.id}]: lasts {one.timeline.finish:g} s on the wire, "
-        f"allowed is up to {LONGEST_PLAN:g} s"
+        f"must be at most {LONGEST_PLAN:g} s"
         for one in driven
         if not one.timeline.finish <= LONGEST_PLAN + _PLAN_ROUNDING
     }

@@ -20,13 +20,13 @@ _NO_PART: Final = ("notes", "from_map")
 """The fields of a workspace that state where its polygons come from; a plan ignores them."""
 
 _MOST_POLYGONS: Final = 5
-"""At most so many added or removed obstacles are listed one by one."""
+"""At most this many added or removed obstacles are listed one by one."""
 
 _MOST_LETTERS: Final = 60
 
 
 class Change(NamedTuple):
-    """One field whose values differ; None stands for an absent value."""
+    """One field whose values differ; None means that the value is absent."""
 
     field: str
     before: str | None

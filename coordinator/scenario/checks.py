@@ -2,8 +2,8 @@
 
 Decides: ranges, which polygons are valid, how much room starts, goals and via points need, and the
 wording of each fault.  Must not know: files and their syntax (scenario_files/scenario_reader.py).
-NaN, an empty name and an empty polygon stand for values already reported as invalid; these are not
-reported again.
+NaN, an empty name and an empty polygon replace values that were already reported as invalid; they
+are not reported again.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ TOO_SMALL: Final = (
 )
 """The reason given for a margin below LEAST_MARGIN."""
 FASTEST: Final = 999.0
-"""The wire's time-table refuses speeds [m/s] from 1000 on (protocol/timeline.py)."""
+"""Timetables on the wire refuse speeds of 1000 m/s or more (protocol/timeline.py)."""
 LEAST_AREA: Final = 1e-9
 """A polygon whose convex hull has no more area [m^2] than this is a line or a point."""
 LEAST_STEP: Final = 1e-3
@@ -45,11 +45,11 @@ LEAST: Final = 1e-3
 ROUNDING: Final = 1e-9
 """Distances may be short by this [m], so that rounding does not refuse an exact place."""
 MOST_PAIRS: Final = 1_000
-"""At most so many overlapping pairs are listed: all robots in one place would give millions."""
+"""At most this many overlapping pairs are listed: all robots in one place would give millions."""
 PAIR_CHUNK: Final = 256
 """Robots whose neighbours are looked up together: bounds the memory in that same case."""
 BOUNDARY: Final = -1
-"""Stands for the floor's outline among the indices of obstacles."""
+"""The index of the floor's outline, beside the indices of obstacles."""
 
 Numbers = NDArray[np.float64]
 Points = NDArray[np.object_]
@@ -203,7 +203,7 @@ def _missing_steps(field: str, robot: Robot) -> Iterator[str]:
             before_key = before_field.removeprefix(f"{field}.")
             yield (
                 f"{after_field}: {where} is the same place as {before_key}, "
-                "there is nothing to drive between them"
+                "so there is nothing to drive between them"
             )
 
 

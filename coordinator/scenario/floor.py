@@ -42,7 +42,7 @@ class Floor:
         return edges
 
     def _is_open(self, place: shapely.Point) -> bool:
-        """Tell whether a place is on the floor and in no obstacle."""
+        """Return whether a place is on the floor and in no obstacle."""
         solid = self.solid.query(place, predicate="intersects")
         return bool(shapely.intersects(self.outline, place)) and not len(solid)
 

@@ -1,4 +1,4 @@
-"""The margin: all that may bring two robots nearer to each other than their plans say.
+"""The margin: everything that may bring two robots nearer to each other than in their plans.
 
 Decides: the shares of the margin, and how far from its planned place a robot may be, such that
 their sum is at most the margin.  A plan keeps two centres r_i + r_j + margin apart; everything that

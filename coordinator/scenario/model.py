@@ -18,9 +18,9 @@ Policy = Literal["safe", "paper"]
 class GivenPath(msgspec.Struct, frozen=True, kw_only=True):
     """A NURBS curve [m] that a robot is to drive unchanged, as made by another program.
 
-    knots: clamped, len(control_points) + degree + 1 of them, in any unit; () stands for uniform
-    knots.  weights: positive; () stands for 1 everywhere.  rounding [m]: by how much corners, where
-    the curve turns on the spot, may be cut; with 0 they stay, and few robots can drive them.
+    knots: clamped, len(control_points) + degree + 1 of them, in any unit; () means uniform knots.
+    weights: positive; () means 1 everywhere.  rounding [m]: by how much corners, where the curve
+    turns on the spot, may be cut; with 0 they stay, and few robots can drive them.
     """
 
     degree: int

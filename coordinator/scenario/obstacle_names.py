@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from coordinator.scenario.model import MapPart, Point
 
 _LISTED: Final = 4
-"""At most so many obstacles outside the floor are named; the others are counted."""
+"""At most this many obstacles outside the floor are named; the others are counted."""
 
 Polygons = NDArray[np.object_]
 
@@ -49,7 +49,7 @@ def note_outside(
 ) -> str:
     """Return a sentence about obstacles wholly outside the floor; empty when there are none.
 
-    Empty outlines stand for invalid ones and are ignored.
+    Empty outlines replace invalid ones and are ignored.
     """
     sound = np.array([i for i, ring in enumerate(obstacles) if ring], dtype=np.intp)
     if not boundary or not len(sound):

@@ -105,7 +105,7 @@ def _load(text: bytes, name: str, file: str) -> object:
         line = text.count(b"\n", 0, error.start) + 1
         raise InputError([f"{file}: line {line}: is not UTF-8 text"]) from None
     if not decoded.strip():
-        raise InputError([f"{file}: is empty, a scenario has a workspace and robots"])
+        raise InputError([f"{file}: is empty; a scenario has a workspace and robots"])
     try:
         if PurePath(name).suffix.lower() == ".json" or decoded.lstrip().startswith("{"):
             return json.loads(decoded, object_pairs_hook=_table_of_unique_keys)
@@ -146,7 +146,7 @@ def _scenario(document: object, name: str, problems: list[str]) -> Scenario:
             top.note("policy", f"{show(policy)} is not one of {', '.join(policies)}")
     robots = top.items("robots", "tables")
     if top.values.get("robots") == []:
-        top.note("robots", "is empty, at least one robot is needed")
+        top.note("robots", "is empty; at least one robot is needed")
     if len(robots) > MOST_ROBOTS:
         top.note("robots", f"{len(robots)} robots are more than {MOST_ROBOTS}")
         robots = []

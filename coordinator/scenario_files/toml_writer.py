@@ -1,6 +1,6 @@
 """A Scenario as TOML for people to read and change; `parse_scenario` reads an equal one back.
 
-Decides: the order of the keys and how numbers and polygons are written.  Values equal to the
+Decides: the order of the keys, and the form of numbers and polygons.  Values equal to the
 default of a scenario file are omitted, except those of the top table; notes about a map become
 comments.  Must not know: files, or whether the scenario is valid.
 """

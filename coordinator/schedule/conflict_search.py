@@ -1,9 +1,9 @@
 """Who goes first, zone by zone: a depth-first search that branches where two robots clash.
 
-An order of whole robots cannot say that A passes B at one place and B passes A at another; here
-every zone has an order of its own.  In a node some zones are decided.  Every robot has its
-earliest motion behind those that precede it in these zones; conflicts in the other zones are
-ignored, so the delays are a lower bound.  The first clash is then decided both ways
+An order of whole robots cannot express that A goes first at one place and B at another; here the
+order is decided for each zone separately.  In a node of the search, some zones are decided.  Every
+robot has its earliest motion behind those that precede it in these zones; conflicts in the other
+zones are ignored, so the delays are a lower bound.  The first clash is then decided both ways
 (conflict-based search: Sharon et al. 2015; the orders are those of a disjunctive graph: Roy and
 Sussmann 1964).  Nodes are counted, never timed.
 
@@ -50,7 +50,7 @@ Undo = list[tuple[int, Motion | None, int]]
 
 
 class ConflictSearch:
-    """Searches motions of chosen robots with less delay than a bound; other motions do not change.
+    """A search for motions of chosen robots with less delay than a bound; others do not change.
 
     The chosen robots leave their starts by `leave_by` [s].
     """

@@ -27,7 +27,7 @@ from coordinator.schedule.zone_kernels import CELL_NUMBER, HIGH, LOW, Polyline
 from coordinator.schedule.zone_table_kernels import RobotZones, ZoneChords, robot_rows
 
 _MOST_ROWS: Final = 20_000_000
-"""Most rows, 40 bytes each, in the cache; when there are more, the cache is emptied."""
+"""Greatest number of rows, 40 bytes each, in the cache; beyond it, the cache is emptied."""
 
 _FEW_ROWS: Final = 20_000
 _ENOUGH_ROWS: Final = 3_000_000
@@ -41,11 +41,12 @@ FEW: Final = 8
 """Fleets of up to this many robots get more places to wait at, and are scheduled zone by zone."""
 
 _STEP: Final = 0.05
-"""Distance [m] of places to wait at inside a zone, after `finer`, for robots without a limit on
-acceleration."""
+"""Distance [m] between places to wait at inside a zone, after `finer`, for robots without a limit
+on acceleration."""
 
 _PLACES: Final = 48
-"""Most places where a robot may wait, chosen evenly: the search grows with their square."""
+"""Greatest number of places where a robot may wait, chosen evenly: the search grows with its
+square."""
 
 
 class Junctions:

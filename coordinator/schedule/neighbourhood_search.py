@@ -19,13 +19,13 @@ from coordinator.schedule.safe_intervals import earliest_motion
 from coordinator.schedule.timetable import Motions
 
 _LARGEST: Final = 6
-"""Most robots that are removed in one round."""
+"""Greatest number of robots that are removed in one round."""
 
 _PAIR_NODES: Final = 4
 """Nodes that are searched for two robots of which one waits for the other."""
 
 _SETTLING: Final = 3
-"""How often at most `settle` goes through all robots."""
+"""Greatest number of times that `settle` goes through all robots."""
 
 _GAIN: Final = 1e-6
 
@@ -36,7 +36,7 @@ def delays(junctions: Junctions, motions: Sequence[Motion]) -> list[float]:
 
 
 class Improvement:
-    """Removes robots and puts them back in other orders where that lowers the delays."""
+    """A search that removes robots and puts them back in orders that lower the delays."""
 
     def __init__(
         self,

@@ -130,7 +130,7 @@ def _first_that_works(
 
 
 def _zone_by_zone(junctions: Junctions, order: Sequence[int]) -> tuple[Order, Motions] | None:
-    """Find motions where no order of the robots works, as in a ring that turns by one place.
+    """Find motions if no order of the robots works, as in a ring that turns by one place.
 
     The search covers all robots of a small fleet, else those of a ring; the others come after them.
     Robots of a dense ring must leave their starts at once and wait on the way.

@@ -62,7 +62,7 @@ def quicker_by(
 
 
 def with_reasons(junctions: Junctions, motions: Sequence[Motion]) -> list[Motion]:
-    """Return motions, planned anew where a wait has lost its zone because of a detour."""
+    """Return motions, replanned if one of their waits has lost its zone because of a detour."""
     table = Motions(junctions.lengths())
     for index, motion in enumerate(motions):
         table.put(index, motion)

@@ -75,7 +75,7 @@ def earliest_motion(
             if other[0] < arrival - _EARLIER:
                 arrival, waits = other
             if arrival < departure.release + float(approach.rest[0]) + _EARLIER:
-                break  # whatever it may wait at, nothing is so much earlier
+                break  # no other places to wait at can save _EARLIER
     return Motion(junctions.tracks[index].limits, waits) if arrival < latest else None
 
 

@@ -76,7 +76,7 @@ def new_certificate(
     if signer.public_key() != issuer.public_key():
         raise ValueError("the private key is not that of the certificate")
     if not _signs(issuer):
-        raise ValueError("the certificate is no authority's")
+        raise ValueError("the certificate is not that of an authority")
     key = ec.generate_private_key(ec.SECP256R1())
     end = min(now + datetime.timedelta(days=days), issuer.not_valid_after_utc)
     serves = badge.role in ("coordinator", "router")

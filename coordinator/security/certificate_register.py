@@ -83,7 +83,7 @@ class Register(msgspec.Struct, frozen=True):
         """Return a warning for each robot without a certificate that is valid now."""
         known = {badge.name for badge in self.valid(now) if badge.role == "robot"}
         return [
-            f"{robot}: has no valid key and is not heard; splinefleet keys robot {robot}"
+            f"{robot}: has no valid key, cannot connect; splinefleet keys robot {robot} makes one"
             for robot in robots
             if robot not in known
         ]
@@ -113,7 +113,7 @@ def register_of(content: bytes, where: str) -> Register:
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise InputError([f"{where}: is not a register of keys: {error}"]) from None
     if register.format != FORMAT:
-        raise InputError([f"{where}: format {register.format[:40]!r}, {FORMAT!r} is known"])
+        raise InputError([f"{where}: the format {register.format[:40]!r} is not {FORMAT!r}"])
     if any(one.expires.tzinfo is None for one in register.issued):
         raise InputError([f"{where}: an `expires` has no time zone; it must end in Z, for UTC"])
     known: set[Badge] = set()

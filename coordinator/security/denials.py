@@ -1,9 +1,9 @@
 """Who was refused, and why: read from Zenoh's own log, reported once and then counted.
 
-Only in its log does Zenoh 1.10 say why a TLS link was refused, and what its access control refused
-to whom.  It does not say from where a refused link came.  The access control also looks up
-permissions in advance, for its cache.  The lines about these look like refusals; they are told
-apart by an earlier line from the same thread, which announces the look-up.
+Zenoh 1.10 states only in its log why a TLS link was refused, and what its access control refused to
+whom.  It does not state from where a refused link came.  The access control also looks up
+permissions in advance, for its cache, and then writes lines that look like refusals.  They can be
+recognized by an earlier line from the same thread, which announces the look-up.
 
 Decides: which lines of that log are refusals, and the words in which they are reported and
 recorded.  Must not know: where the lines come from, links.
@@ -34,7 +34,7 @@ AGAIN_S: Final = 10.0
 
 MOST: Final = 500
 MOST_EACH: Final = 20
-"""How many different refusals are told apart in all, and for each party.
+"""How many different refusals are counted separately: MOST in all, MOST_EACH for each party.
 
 Further ones are counted together, so that a flood of invented names or keys is harmless."""
 
@@ -55,8 +55,8 @@ _END: Final = re.compile(r"not valid after (\d+)")
 _CAUSES: Final = (
     ("certificate expired", "its key has expired"),
     ("not valid yet", "its key is not valid yet"),
-    ("UnknownIssuer", "its key is of another authority"),
-    ("BadSignature", "its key is of another authority"),
+    ("UnknownIssuer", "its key is from another authority"),
+    ("BadSignature", "its key is from another authority"),
     ("sent no certificates", "it has no key"),
     ("InvalidContentType", "it speaks plain TCP, not TLS"),
     ("InvalidPurpose", "its key is not for this purpose"),
@@ -65,12 +65,12 @@ _CAUSES: Final = (
 )
 
 _DEEDS: Final = (
-    ("Put", "say anything on"),
+    ("Put", "publish on"),
     ("Delete", "delete"),
-    ("Subscriber", "listen to"),
-    ("Queryable", "answer on"),
-    ("Query", "ask on"),
-    ("Token", "be alive as"),
+    ("Subscriber", "subscribe to"),
+    ("Queryable", "answer queries on"),
+    ("Query", "query"),
+    ("Token", "declare itself alive on"),
 )
 
 _SOMEBODY: Final = "somebody"
@@ -92,7 +92,10 @@ class Denial(msgspec.Struct, frozen=True):
 
 
 class _Ahead:
-    """A look-up of permissions in advance, for one session: each deed on one key, once."""
+    """A look-up of permissions in advance: whether one session may do each action on one key.
+
+    The log has at most one line for each action.
+    """
 
     def __init__(self, way: str, key: str) -> None:
         self._about = (way, key)
@@ -100,7 +103,7 @@ class _Ahead:
         self._deeds: set[str] = set()
 
     def holds(self, session: str, deed: str, way: str, key: str) -> bool:
-        """Return whether a line belongs to this look-up; one with a repeated deed does not."""
+        """Return whether a line belongs to this look-up; one that repeats an action does not."""
         self._session = self._session or session
         if (way, key) != self._about or session != self._session or deed in self._deeds:
             return False

@@ -64,7 +64,7 @@ class KeyStore:
         self._check_folder()
         if not place.exists():
             lost = any((self.folder / part).exists() for part in _OF_A_FLEET)
-            words = "bring it back from a copy"
+            words = "restore it from a copy"
             if not lost:
                 words = f"splinefleet keys init {self.folder} makes one"
             if self._is_ones_own():
@@ -79,7 +79,7 @@ class KeyStore:
             with _told():
                 others = place.stat().st_mode & _OTHERS_WRITE
             if others:
-                what = "others may write it, and undo what was revoked"
+                what = "other users may write it and undo a revocation"
                 return f"{place}: {what}; chmod go-w {place}"
         return ""
 

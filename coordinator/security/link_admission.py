@@ -41,7 +41,7 @@ def player_access(folder: Path) -> dict[str, Any]:
 
 
 class Gate:
-    """Opens a fleet's link; raises InputError or TransportError if the keys are not usable."""
+    """The gate of one fleet; raises InputError or TransportError if the keys are not usable."""
 
     def __init__(self, folder: Path, fleet: str, robots: Iterable[str]) -> None:
         now = _now()

@@ -35,7 +35,9 @@ def meeting_fleets(scenarios: Iterable[Scenario]) -> dict[str, list[str]]:
             home = homes.setdefault(robot, scenario.name)
             if home != scenario.name:
                 both = f"is in the fleets {home} and {scenario.name}"
-                problems[f"{robot}: {both}; at one router a name, and its key, is in one"] = None
+                problems[
+                    f"{robot}: {both}; at one router, a name and its key may be in one fleet only"
+                ] = None
             elif robot not in robots:
                 robots.append(robot)
     if problems:
@@ -56,8 +58,8 @@ def router_file(
     head = (
         f"// zenohd --config THIS_FILE, for {'the fleet' if len(fleets) == 1 else 'the fleets'} "
         f"{', '.join(fleets)}.\n"
-        "// Written by `splinefleet keys router`: when a key was made or revoked, a robot\n"
-        "// added, write it anew and restart the router.  Who is not named here may do nothing.\n"
+        "// Written by `splinefleet keys router`.  After a key was made or revoked or a robot was\n"
+        "// added, write it again and restart the router.  Who is not named here may do nothing.\n"
     )
     return (head + json.dumps(settings, indent=2) + "\n").encode()
 

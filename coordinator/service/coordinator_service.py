@@ -71,7 +71,7 @@ class RecordedJournal(Journal):
 
 
 class Service:
-    """Runs one mission to its end.
+    """The service that runs one mission to its end.
 
     `clock` returns the coordinator's time in ns; `speed` is how many of its seconds pass in one
     real second.  `watch` is called after every tick, and `keep` with every plan after the first.

@@ -41,7 +41,7 @@ def get_kernels_ready() -> None:
 
 
 def _how_often() -> str:
-    """Say in words whether the kernels have to be compiled again next time, and why."""
+    """Return words that say whether the kernels have to be compiled again next time, and why."""
     if writable_place() is not None:
         return "once"
     return f"for this process alone, as {' and '.join(map(str, places()))} cannot be written"

@@ -40,7 +40,7 @@ from protocol.phases import PHASE_NAMES
 from protocol.shared_clock import announce_clock
 
 _WITHOUT: Final = {
-    "lost": "it is lost, not heard any more",
+    "lost": "it is lost, no longer heard",
     "unfit": f"it has failed in {STRIKES} epochs",
 }
 """Why a robot has no part in the next epoch, if it is lost or unfit.
@@ -49,7 +49,7 @@ For a robot that is closed in, the plan itself says what closes it in."""
 
 
 class Coordinator:
-    """Runs the fleet of one scenario; its clock runs `speed` times as fast as real time."""
+    """The coordinator of one scenario's fleet; its clock is `speed` times as fast as real time."""
 
     def __init__(self, scenario: Scenario, *, effort: int, speed: float, events: bool) -> None:
         self.scenario = scenario
@@ -83,7 +83,9 @@ class Coordinator:
         """
         if self.scenario.policy != "safe":
             name, policy = self.scenario.name, self.scenario.policy
-            raise InputError([f"{name}: policy: {policy!r} is for study, only 'safe' is driven"])
+            raise InputError(
+                [f"{name}: policy: {policy!r} is for study; a fleet drives only 'safe'"]
+            )
         if log is not None and resume is not None and log.resolve() == resume.resolve():
             raise InputError([f"--log: {log} is the log to resume from; name another file"])
         if log is not None and is_unfinished(log):
@@ -265,6 +267,8 @@ class Coordinator:
 
 
 def _changed(log: Path, change: Change) -> str:
-    """Say how the scenario differs from the one that the log's plan was made for."""
+    """Return words that say how the scenario differs from the one of the log's plan."""
     before, now = ("none" if one is None else one for one in (change.before, change.after))
-    return f"--resume: {log} was planned with {change.field} {before}, the scenario has {now} now"
+    return (
+        f"--resume: {log} was planned with {change.field} {before}, but the scenario now has {now}"
+    )

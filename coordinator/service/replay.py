@@ -1,8 +1,8 @@
-"""Run a log again: the planner and the fleet core get the recorded inputs.
+"""Run a log again: give the recorded inputs to the planner and the fleet core.
 
 Every message to a robot in the log must be, byte for byte, what the core sends at that moment.  A
-Command that is not the answer to another record marks a tick; a tick that sent nothing has a record
-of its own.
+Command that is not the answer to another record marks a tick; a tick that sent nothing has a
+`quiet` record.
 
 Decides: whether this code would have written the same log.
 """
@@ -72,10 +72,10 @@ def check_log(log: Log) -> Check:
         nothing = "no command" if check.plans else "no plan and no command"
         return check._replace(difference=f"the log holds {nothing}")
     if not log.complete:
-        return check._replace(note="the log was not closed; what is there agrees")
+        return check._replace(note="the log was not closed; all that it contains agrees")
     if mission is not None and not (mission.fleet.is_finished or mission.fleet.superseded):
         phase = COMMAND_NAMES[mission.fleet.phase]
-        note = f"the log ends at {phase}, before the fleet was over; what is there agrees"
+        note = f"the log ends at {phase}, before the fleet had ended; all that it contains agrees"
         return check._replace(note=note)
     return check
 
@@ -95,7 +95,7 @@ def _by_version(check: Check, log: Log) -> Check:
     wrote, ours = log.metadata.get(WRITTEN_BY, ""), version(WRITTEN_BY)
     if not check.difference or wrote in ("", ours):
         return check
-    why = f"splinefleet {wrote} wrote this log, and only that version finds its bytes again"
+    why = f"splinefleet {wrote} wrote this log, and only that version reproduces its bytes"
     return check._replace(difference=f"{check.difference}; {why} (this is {ours})")
 
 
@@ -149,7 +149,7 @@ def go_on(before: Log, boot: int, now_ns: int) -> Mission:
     """
     mission, check = run_again(before)
     if mission is None or check.difference or not before.records:
-        why = check.difference or "it holds no message; nothing was under way, start anew"
+        why = check.difference or "it holds no message: nothing was under way, start a new run"
         raise InputError([f"the log cannot be resumed: {why}"])
     if mission.fleet.phase == OVER:
         raise InputError(["the fleet in this log has ended; nothing is left to do"])
@@ -173,7 +173,7 @@ def _compare_documents(name: str, recorded: bytes, document: PlanDocument) -> st
 
 
 class _Rerun(Journal):
-    """Runs a mission's driver over a log: its next record has to be the next one in the log."""
+    """A mission's driver run over a log: its next record has to be the next one in the log."""
 
     def __init__(self, mission: Mission, attachments: Mapping[str, bytes]) -> None:
         self._driver = MissionDriver(mission, self, lambda _key, _payload: None)
@@ -185,7 +185,7 @@ class _Rerun(Journal):
 
     def record(self, key: str, payload: bytes, now_ns: int, sent_ns: int | None = None) -> None:
         """Note a record that has to come next in the log."""
-        del now_ns, sent_ns  # The log's own.
+        del now_ns, sent_ns  # They are those in the log.
         self._due.append(Outgoing(key, payload))
 
     def keep(self, document: PlanDocument) -> None:
@@ -227,7 +227,7 @@ class _Rerun(Journal):
             if problem:
                 return problem
         elif kind and not is_sent:
-            return f"the core sends on {self._due[0].key} first, the log does not"
+            return f"the core first sends a message on {self._due[0].key}, which is not in the log"
         if not self._due:
             return "the core sends nothing here"
         expected = self._due.popleft()
@@ -261,7 +261,9 @@ class _Rerun(Journal):
         intake.put(Arrival(record.key, record.payload, record.publish_ns))
         arrival = intake.take(record.log_ns)
         if arrival is None:
-            return "the coordinator drops this: it is not addressed to it, or one too many"
+            return (
+                "the coordinator drops this message: it is not for a coordinator, or one too many"
+            )
         self._driver.hear(arrival, record.log_ns)
         return ""
 
@@ -284,7 +286,7 @@ class _Rerun(Journal):
         """Do a job again that the log says was done, and give its outcome to the driver."""
         job = self._driver.under_way(kind)
         if job is None:
-            return "the core asks for no plan and no new times here"
+            return "the core requests no plan and no new times here"
         if job.wanted != logged:
             return "the robots do not stand where the log says"
         self._driver.finish(job, job.work(), now_ns)

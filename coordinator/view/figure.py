@@ -60,7 +60,7 @@ def draw_plan(document: PlanDocument, out: Path, view: View | None = None) -> No
     suffix = out.suffix.lower()
     if suffix not in _METADATA:
         raise InputError(
-            [f"{out}: a picture ends in .svg or .png, not in {suffix!r}; the page in .html"]
+            [f"{out}: a picture must end in .svg or .png, a page in .html, not in {suffix!r}"]
         )
     if not document.robots:
         raise InputError([f"plan: {document.scenario!r} has no robots to draw"])

@@ -22,9 +22,9 @@ from coordinator.view.figure_robots import Pictured, font_size
 _FULL: Final = 0.78
 """Height of a lane's curve at the goal, in lanes."""
 _FEW: Final = 12
-"""Most robots with which crossings are shown in the lanes."""
+"""Crossings are shown in the lanes for at most this many robots."""
 _LOWEST: Final = 12.0
-"""In lanes lower than this [pt] the region that forces a wait would be too small to see."""
+"""Lanes lower than this [pt] show no forbidden regions, which would be too small to see."""
 _LIGHT: Final = 0.33
 """Opacity of forbidden regions."""
 
@@ -152,7 +152,7 @@ def _legend(document: PlanDocument, count: int, roomy: bool) -> str:
     """Return the text below the diagram: the time axis, and what the lanes contain."""
     told = ["a lane: from start to goal"]
     if roomy and document.waits:
-        told.append("shaded: forbidden by whom it waits for")
+        told.append("shaded: forbidden by the robot that it waits for")
     if count <= _FEW and document.crossings:
         told.append("dots: crossings")
     return f"plan time [s]\n{';  '.join(told)}"

@@ -29,7 +29,7 @@ _SMALLEST: Final = 5.5
 _FAINT: Final = 0.35
 """Opacity of robots that are drawn faintly."""
 _CROWD: Final = 24
-"""With more robots than this, stops and crossings get no labels, goals only if there is room."""
+"""For more robots, stops and crossings get no labels, and goals only if there is room."""
 
 
 def floor_bounds(
@@ -211,7 +211,7 @@ def _draw_left(axes: Axes, labels: Labels, view: View, ids: list[str], size: flo
 
 
 def _label_ends(labels: Labels, robots: list[Pictured], size: float) -> None:
-    """Name every robot behind its start and, then, beyond its goal."""
+    """Write every robot's name behind its start, then every robot's name beyond its goal."""
     ends = [(robot, _path(robot)) for robot in robots]
     for robot, path in ends:
         labels.keep_free((path[0, 0], path[0, 1]), robot.plan.radius)

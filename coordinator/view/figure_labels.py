@@ -19,7 +19,7 @@ from coordinator.curves.nurbs import Array
 _RINGS: Final = (3.0, 9.0, 17.0, 27.0, 40.0, 56.0, 75.0, 100.0)
 _ANGLES: Final = 16
 _HIDDEN: Final = 8.0
-"""Most busy points that an optional label may cover."""
+"""Greatest number of busy points that an optional label may cover."""
 _FARTHEST: Final = 27.0
 """Greatest distance of an optional label from its anchor [pt]."""
 _AIR: Final = 1.2
@@ -65,7 +65,7 @@ class Labels:
         optional: bool = False,
         weight: str = "normal",
     ) -> bool:
-        """Put a label at least `away` [data units] from its anchor, towards `heading` if it can.
+        """Put a label at least `away` [data units] from its anchor, towards `heading` if possible.
 
         An optional label is left out if it would cover another label, a mark or many busy points.
         Return whether the label was placed.
@@ -130,9 +130,9 @@ class Labels:
         return np.array(boxes), np.array(gaps)
 
     def _covered(self, boxes: Array) -> tuple[Array, Array]:
-        """Return how many busy points each box covers, and its share that must stay free.
+        """Return how many busy points each box covers, and how much of it is badly placed.
 
-        That share lies on other labels, on marks or outside of the axes.
+        That is the share of the box on other labels, on marks or outside the axes.
         """
         area = (boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1])
         covered = _overlaps(boxes, self._taken).sum(axis=1) / area

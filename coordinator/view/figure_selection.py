@@ -16,7 +16,7 @@ from coordinator.base.errors import InputError
 Manner = Literal["detailed", "plain", "faint"]
 
 _FEW: Final = 8
-"""Most robots that get control polygons and combs; those of more would hide the floor."""
+"""Control polygons and combs are drawn for at most this many robots; more would hide the floor."""
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ _PANELS: Final = 6
 _ROWS: Final = 220
 _COLUMNS: Final = 480
 _SAID: Final = 3
-"""Number of waits, the longest ones, for which a panel states the cost of the other way round."""
+"""Number of waits, the longest ones, whose cost in the reverse precedence a panel states."""
 _OTHERS: Final = 0.28
 """Opacity of forbidden regions; the parts that force a wait are shaded once more."""
 _LABELLED: Final = 0.004
@@ -42,14 +42,14 @@ def explanation(waiting: Sequence[Pictured], document: PlanDocument) -> str:
     """Return a text that explains what the panels of the waiting robots show."""
     names = {robot.id for robot in waiting}
     forced = any(reason.robot in names for reason in document.waits)
-    strongly = "; strongly: to the one it waits for" if forced else ""
+    strongly = "; strongly: to the robot that it waits for" if forced else ""
     said = (
         "Shaded: where and when the waiting robot would come nearer than radii + margin to another "
         f"one that is up to tau early or late{strongly}.\nDotted: its way without the waits."
     )
     if forced:
         said += (
-            "  Other way round: how much later the two would arrive in all if they changed places."
+            "  Other way round: how much later both would arrive in total if the other one waited."
         )
     return said
 

@@ -30,7 +30,7 @@ _PERIOD_S: Final = 0.25
 
 
 class Feed:
-    """Gives what is known of the fleet to any number of listening pages."""
+    """The scenes and events of a running fleet, for any number of listening pages."""
 
     def __init__(self, course: LiveCourse) -> None:
         self._course = course

@@ -1,9 +1,10 @@
 """Collects what a listener knows of a running fleet: plans, Commands, Reports, the fleet's time.
 
+No message states why robots wait.  The reasons are found from the plans of an epoch that has begun
+(findings/wait_guesses.py), or read from the plan file.
+
 Decides: when something new is known.  Must not know: links, threads, the page, or how plans are put
-together from messages (findings/plans_from_messages.py).  Why robots wait is not on the wire.  It
-is found from the plans of an epoch that has begun (findings/wait_guesses.py), or read from the plan
-file.
+together from messages (findings/plans_from_messages.py).
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class LastWord(msgspec.Struct, frozen=True):
 
 
 class LiveCourse:
-    """The course of a fleet, heard message by message; `now` is our clock in seconds."""
+    """The course of a fleet, put together message by message; `now` is our clock in seconds."""
 
     def __init__(self, fleet: str | None, document: PlanDocument | None) -> None:
         self.fleet = fleet
@@ -88,7 +89,7 @@ class LiveCourse:
         return msgspec.structs.replace(scene_of_course(self._course), name=self.fleet or "")
 
     def _explain(self) -> None:
-        """Find out why robots wait in epochs that have begun, once for the plans heard so far."""
+        """Find out why robots wait in epochs that have begun, unless that is known already."""
         plans = self._course.plans
         for epoch in set(self._course.starts) & set(plans):
             count = len(plans[epoch].robots)
@@ -146,7 +147,9 @@ class LiveCourse:
     def _take_report(self, report: Report, robot: str, now: float) -> bool:
         course, now_ns = self._course, self._now_ns(now)
         stops = course.said.take(report, robot, now_ns)
-        learning = report.phase == IDLE and report.fault == CLOCK_UNSURE  # as each does at first
+        learning = (
+            report.phase == IDLE and report.fault == CLOCK_UNSURE
+        )  # as every robot does at first
         fault = NO_FAULT if learning else report.fault
         changed = fault != self._faults.get(robot, NO_FAULT)
         self._faults[robot] = fault

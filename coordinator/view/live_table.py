@@ -19,7 +19,7 @@ from protocol.phases import COMMAND_NAMES, FAULT_NAMES, FREEZE, GO, MOVING, PHAS
 
 
 class FleetTable:
-    """Draws the fleet four times a second if standard error is a terminal, else draws nothing."""
+    """A table of the fleet, drawn four times a second; not drawn if stderr is not a terminal."""
 
     def __init__(self, document: PlanDocument) -> None:
         self.follow(document)

@@ -41,7 +41,7 @@ class Ride(msgspec.Struct, frozen=True, kw_only=True):
 
     path: arc lengths, x and y of a polyline.  legs: the motion; between legs, before the first and
     after the last the robot rests.  halt: where it left its plan, braking at a constant rate; null
-    if it never did.  brake [m/s^2]: how it brakes; 0 means that it stops at once.
+    if it never did.  brake [m/s^2]: its deceleration; 0 means that it stops at once.
     """
 
     robot: int

@@ -105,7 +105,7 @@ class Course:
         return self.said.of(epoch, robot).phase == DONE
 
     def unheard(self) -> set[str]:
-        """Return the robots that drove in an epoch whose plan for them was not heard."""
+        """Return the robots that drove in some epoch although their plan for it was not heard."""
         return {
             name
             for epoch, document in self.plans.items()
@@ -149,7 +149,7 @@ def scene_of_logs(logs: Sequence[tuple[str, Log]]) -> Scene:
     for name, log in logs:
         course.take(log, name)
     if not course.plans:
-        raise InputError([f"{logs[-1][0]}: holds no plan, there is nothing to draw"])
+        raise InputError([f"{logs[-1][0]}: holds no plan, so there is nothing to draw"])
     return msgspec.structs.replace(scene_of_course(course), notes=course.notes)
 
 
@@ -246,10 +246,10 @@ def _marks(
     done = course.said.done()
     left = ", ".join(name for name in names if name not in done)
     for number, at in course.frozen.items():
-        kind, text = "freeze", "all are told to freeze"
+        kind, text = "freeze", "all robots must freeze"
         if number in arrived:
             without = f", without {left}" if left else ""
-            kind, text = "over", f"all on their way have arrived{without}"
+            kind, text = "over", f"all robots on their way have arrived{without}"
         marks.append(Mark(t=round((at - zero) * _NS, 3), kind=kind, text=text))
     marks += [
         Mark(t=round((at - zero) * _NS, 3), kind="fault", text=f"{fault.robot} {fault.fault}")

@@ -83,7 +83,7 @@ def served(page: Callable[[], str], port: int = 0, events: Events | None = None)
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers with the page at /, with server-sent events at /events, with 404 elsewhere."""
+    """A handler that serves the page at /, server-sent events at /events, and 404 elsewhere."""
 
     protocol_version = "HTTP/1.1"
     server_version = "splinefleet"

@@ -87,5 +87,5 @@ def test_nobody_is_admitted_who_has_not_come_back(tmp_path):
         done = splinefleet("admit", "R3", f"--connect={endpoint}", "--wait", "1.5")
         stranger = splinefleet("admit", "RX", f"--connect={endpoint}")
     assert done.returncode == stranger.returncode == 1
-    assert "is it back" in done.stderr
+    assert "is the robot back" in done.stderr
     assert "RX is not in fleet three, which has R1, R2, R3" in stranger.stderr

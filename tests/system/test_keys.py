@@ -43,7 +43,7 @@ def test_a_key_of_another_authority_is_refused_and_both_sides_are_told_why(gate)
     def attempt():
         no_link(gate, gate.keys.strange, "another authority")
 
-    is_refused_within_a_second(gate, attempt, "somebody", "of another authority")
+    is_refused_within_a_second(gate, attempt, "somebody", "from another authority")
 
 
 def test_an_expired_key_is_refused_and_told_whose_it_is(gate):
@@ -129,14 +129,14 @@ def test_a_robot_can_neither_speak_as_another_nor_as_the_coordinator_nor_hear_th
         for key, payload in forbidden.items():  # One by one: Zenoh drops some of many at once.
             began = time.monotonic()
             thief.put(key, payload)
-            _, came = gate.events.denial("robot R1, key 3", f"say anything on {key}", since=began)
+            _, came = gate.events.denial("robot R1, key 3", f"publish on {key}", since=began)
             assert came - began < 1.0
         thief._session.delete(keys.plan(FLEET, "R2"))
         thief.declare_alive(keys.alive(FLEET, "R2"))
         thief.declare_alive(keys.alive(FLEET, "R1"))
-        gate.events.denial("robot R1, key 3", f"be alive as {keys.alive(FLEET, 'R2')}")
-        gate.events.denial("robot R1, key 3", f"listen to {keys.plan(FLEET, 'R2')}")
-        gate.events.denial("robot R1, key 3", f"listen to {keys.ROOT}/**")
+        gate.events.denial("robot R1, key 3", f"declare itself alive on {keys.alive(FLEET, 'R2')}")
+        gate.events.denial("robot R1, key 3", f"subscribe to {keys.plan(FLEET, 'R2')}")
+        gate.events.denial("robot R1, key 3", f"subscribe to {keys.ROOT}/**")
         gate.events.denial("robot R1, key 3", f"delete {keys.plan(FLEET, 'R2')}")
 
         def is_served():
@@ -166,11 +166,13 @@ def test_an_observer_hears_all_of_the_fleet_and_can_say_nothing(gate):
         robot.subscribe(keys.plan(FLEET, "R1"), own)
         for number, kind in enumerate((keys.hello, keys.plan, keys.report, keys.clock, keys.admit)):
             curious.put(kind(FLEET, "R1"), b"forged %d" % number)
-            gate.events.denial("observer other, key 1", f"say anything on {kind(FLEET, 'R1')}")
+            gate.events.denial("observer other, key 1", f"publish on {kind(FLEET, 'R1')}")
         curious.put(keys.command(FLEET), b"forged")
         curious.declare_alive(keys.alive(FLEET, "R1"))
-        gate.events.denial("observer other, key 1", f"say anything on {keys.command(FLEET)}")
-        gate.events.denial("observer other, key 1", f"be alive as {keys.alive(FLEET, 'R1')}")
+        gate.events.denial("observer other, key 1", f"publish on {keys.command(FLEET)}")
+        gate.events.denial(
+            "observer other, key 1", f"declare itself alive on {keys.alive(FLEET, 'R1')}"
+        )
 
         def is_served():
             robot.put(keys.hello(FLEET, "R1"), HELLO)

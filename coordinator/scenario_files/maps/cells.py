@@ -18,7 +18,7 @@ from coordinator.scenario.model import Point
 from coordinator.scenario_files.maps.outlines import Labels, bridge, trace
 
 MOST_CELLS: Final = 16_777_216
-"""No grid has more cells (4,096 by 4,096)."""
+"""The greatest number of cells of a grid (4,096 by 4,096)."""
 MOST_CORNERS: Final = 1_000_000
 """If the exact outlines have more corners than this, the map shows noise and not a floor."""
 

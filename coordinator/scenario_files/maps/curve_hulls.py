@@ -21,7 +21,7 @@ MOST_HULLS: Final = 100_000
 _WIDEST: Final = math.pi / 8
 """Half the angle of the longest piece of an arc: a circle has at least eight pieces."""
 _MOST_CUTS: Final = 40
-"""How many times a piece of a spline is halved at most."""
+"""The greatest number of times that a piece of a spline is halved."""
 
 
 class CurveError(ValueError):

@@ -43,7 +43,7 @@ from coordinator.scenario_files.maps.rings import Part, join, polygon_of
 
 MOST_BYTES: Final = 64_000_000
 MOST_FAULTS: Final = 50
-"""At most so many faulty entities are listed one by one."""
+"""At most this many faulty entities are listed one by one."""
 UNITS: Final = {
     0: ("no unit, taken as metres", 1.0), 1: ("inches", 0.0254), 2: ("feet", 0.3048),
     4: ("mm", 1e-3), 5: ("cm", 1e-2), 6: ("m", 1.0), 14: ("dm", 0.1),
@@ -58,7 +58,7 @@ _BROKEN: Final = (
     OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, AssertionError,
     RuntimeError, StopIteration, MemoryError, EOFError, struct.error,
 )  # fmt: skip
-"""What ezdxf raises, besides its own errors, on damaged files and files that are no drawing."""
+"""What ezdxf raises, besides its own errors, on damaged files and files that are not drawings."""
 
 
 def read_dxf_map(path: Path, options: MapOptions) -> FloorMap:
@@ -108,7 +108,9 @@ def _faults(
 ) -> list[str]:
     """Return what is wrong with a set of outlines each of which is valid."""
     if options.boundary_layer and len(floors) != 1:
-        return [f"layer {options.boundary_layer}: {len(floors)} closed outlines, a floor has one"]
+        return [
+            f"layer {options.boundary_layer}: {len(floors)} closed outlines, but a floor has one"
+        ]
     if not solids and not floors:
         return ["encloses nothing: there is no closed outline on the layers that are read"]
     return []
@@ -161,7 +163,7 @@ def _wanted(path: Path, entities: Sequence[DXFEntity], options: MapOptions) -> s
 def _part(entity: DXFEntity, metres: float, tolerance: float, problems: list[str]) -> Part | None:
     """Return an entity with its hulls [m], or note why it has none."""
     if not isinstance(entity, OUTLINES):
-        problems.append(f"{name_of(entity)}: is not read, outlines are made of {OUTLINE_NAMES}")
+        problems.append(f"{name_of(entity)}: is not read; outlines are made of {OUTLINE_NAMES}")
         return None
 
     def follow(finer: float) -> Hulls:

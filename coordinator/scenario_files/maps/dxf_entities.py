@@ -107,7 +107,7 @@ def _spline(entity: Spline, tolerance: float) -> Hulls:
 
 
 def _old_polyline(entity: Polyline, tolerance: float) -> Hulls:
-    """Follow a POLYLINE, whose vertices are entities of their own."""
+    """Follow a POLYLINE, whose vertices are separate entities."""
     if not (entity.is_2d_polyline or entity.is_3d_polyline):
         raise CurveError("is a mesh, not an outline")
     vertices = [vertex.dxf for vertex in entity.vertices if not vertex.dxf.flags & _FRAME]

@@ -30,9 +30,9 @@ class FloorMap(NamedTuple):
 
 
 class MapOptions(NamedTuple):
-    """What a scenario says about its map; "" and None stand for the default of the format.
+    """What a scenario says about its map; "" and None mean the default of the format.
 
-    `layer`, `boundary_layer`: layers of a drawing; `cell`: size of a cell [m] where the file does
+    `layer`, `boundary_layer`: layers of a drawing; `cell`: size of a cell [m] if the file does
     not state it; `map_error`: how far [m] obstacles may be enlarged to save corners.
     """
 

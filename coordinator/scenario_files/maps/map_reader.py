@@ -26,7 +26,7 @@ def read_map(path: Path, options: MapOptions = DEFAULTS) -> FloorMap:
     kind = path.suffix.lower()
     if kind not in FITTING:
         known = ".yaml (ROS map_server), .map (MovingAI), .dxf"
-        raise fail(path, [f"{kind or 'no suffix'} is no known kind of map, known are {known}"])
+        raise fail(path, [f"{kind or 'no suffix'} is not a known kind of map, which are {known}"])
     given = [name for name, value in options._asdict().items() if value not in ("", None)]
     unfit = [name for name in given if name not in FITTING[kind]]
     if unfit:

@@ -26,7 +26,7 @@ from coordinator.scenario_files.maps.floor_map import (
 FREE: Final = b".GS"
 BLOCKED: Final = b"@OTW"
 MOST_FAULTS: Final = 20
-"""At most so many faults are listed one by one."""
+"""At most this many faults are listed one by one."""
 _SIZE: Final = re.compile(rb"(height|width)\s+(\d{1,9})")
 _BAD: Final = re.compile(rb"[^.GS@OTW]")
 
@@ -70,7 +70,7 @@ def _sizes(lines: list[bytes], problems: list[str]) -> tuple[int, int]:
             problems.append(f"line {number}: {show(_text(line))} is not '{text}'")
     height, width = (int(sizes.get(key, 1)) for key in (b"height", b"width"))
     if height == 0 or width == 0:
-        problems.append(f"line 2: {width} x {height} cells are no map")
+        problems.append(f"line 2: {width} x {height} cells are not a map")
     elif height * width > MOST_CELLS:
         problems.append(f"line 2: {width} x {height} cells are more than {MOST_CELLS}")
     return height, width
@@ -85,7 +85,7 @@ def _row_faults(rows: list[bytes], rest: list[bytes], height: int, width: int) -
                 f"line {number}, column {bad.start() + 1}: {char} is not one of . G S @ O T W"
             )
         if len(row.rstrip()) != width and (len(row) < width or row[width:].strip()):
-            faults.append(f"line {number}: {len(row)} cells where the width is {width}")
+            faults.append(f"line {number}: {len(row)} cells, but the width is {width}")
     if len(rows) < height:
         faults.append(f"line {4 + len(rows)}: the file ends after {len(rows)} of {height} rows")
     for number, line in enumerate(rest, start=5 + height):

@@ -101,7 +101,7 @@ def bridge(
 
 @compiled
 def _turns_left(corners: Corners, first: int, n: int, at: int) -> bool:
-    """Tell whether an outline's corner is convex."""
+    """Return whether an outline's corner is convex."""
     before, here = corners[first + (at - 1) % n], corners[first + at]
     after = corners[first + (at + 1) % n]
     cross = (here[0] - before[0]) * (after[1] - here[1])
@@ -171,7 +171,7 @@ def _stair_growth(corners: Corners, first: int, n: int, at: int, end: int, most:
 
 @compiled
 def _walk(taken: NDArray[np.bool_], x0: int, y0: int, x1: int, y1: int, take: bool) -> bool:
-    """Take the cells that a chord crosses (`take`), or tell whether all are free.
+    """Take the cells that a chord crosses (`take`), or return whether all are free.
 
     The outside of the outline is to the right of the chord.
     """

@@ -24,9 +24,9 @@ JOIN: Final = 1e-6
 _FINER: Final = (1.0, 0.1, 0.01, 0.001)
 """Shares of the tolerance that are tried in turn where an outline comes near to itself."""
 _STRAIGHT: Final = 1e-9
-"""Corners within this distance [m] of a straight edge are removed: tangents often meet in line."""
+"""Corners within this distance [m] of a straight edge are removed; tangents are often in line."""
 _NAMED: Final = 3
-"""A message names at most so many parts of an outline."""
+"""A message names at most this many parts of an outline."""
 
 
 class Part(NamedTuple):

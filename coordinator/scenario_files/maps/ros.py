@@ -57,7 +57,7 @@ _BROKEN: Final = (
     MemoryError, struct.error, zlib.error, Image.DecompressionBombError,
     Image.DecompressionBombWarning,
 )  # fmt: skip
-"""What Pillow raises on damaged files and files that are no picture."""
+"""What Pillow raises on damaged files and files that are not pictures."""
 
 
 class _Settings(NamedTuple):
@@ -191,7 +191,9 @@ def _pixels(path: Path) -> Pixels:
                 deep: Pixels = np.clip(np.asarray(image), 0, 65535).astype(np.uint16)
                 return deep[:, :, None]
             if image.mode == "F":
-                raise fail(path, ["is a picture of floating point numbers, 8 or 16 bits are read"])
+                raise fail(
+                    path, ["is a picture of floating point numbers; only 8 and 16 bits are read"]
+                )
             if image.has_transparency_data:
                 return np.asarray(image.convert("RGBA"))
             grey = image.mode in ("1", "L")

@@ -1,4 +1,4 @@
-// Distance along the path over time: every robot's line, the epochs, what happened, the cursor.
+// Distance along the path over time: every robot's line, the epochs, the events, the cursor.
 
 class DiagramView {
   constructor(canvas, play) {
@@ -10,7 +10,7 @@ class DiagramView {
     this.box = { left: 36, top: 18, right: 12, bottom: 26 };
   }
 
-  /** How far any robot comes in an epoch; what a freeze left undriven needs no room. */
+  /** The greatest distance that a robot drives in an epoch, without what a freeze left undriven. */
   farthest() {
     const { epochs } = this.play;
     return Math.max(1, ...epochs.flatMap((epoch, number) => {

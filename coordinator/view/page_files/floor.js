@@ -1,9 +1,9 @@
-// The floor at one moment: robots, what is left of their paths, lit zones, waits, ghosts.
+// The floor at one moment: robots, the rest of their paths, highlighted zones, waits, ghosts.
 
-/** What robots do that have left their plan for good. */
+/** The states of robots that have left their plan for good. */
 const RESTS = new Set(["stopped", "unheard"]);
 
-/** A robot of this radius [px] holds its name. */
+/** The radius [px] from which a robot's name fits into its disc. */
 const NAMED = 8.5;
 
 class FloorView extends Ground {
@@ -41,7 +41,7 @@ class FloorView extends Ground {
     if (this.shown.waits) this.sayWaits(pen, found, focus, look);
   }
 
-  /** What is left of every path, stronger than what lies behind. */
+  /** Draw every path, the part ahead stronger than the part behind. */
   drawAhead(pen, found, focus, look) {
     pen.lineJoin = pen.lineCap = "round";
     found.forEach((robot, index) => {
@@ -96,7 +96,7 @@ class FloorView extends Ground {
     pen.globalAlpha = 1;
   }
 
-  /** Names of robots that are too small to hold them, clear of robots and of each other. */
+  /** Write names beside robots that are too small for them, clear of robots and other names. */
   sayNames(pen, focus, look) {
     if (this.crowd && focus < 0) return;
     pen.font = look.font(11, 600);
@@ -128,7 +128,7 @@ class FloorView extends Ground {
     pen.stroke();
   }
 
-  /** Where a robot is at the time under the pointer in the diagram. */
+  /** Draw where a robot is at the time under the pointer in the diagram. */
   preview(robot, index, t, look) {
     if (!robot) return;
     const { pen } = this.sheet, x = this.X(robot.x), y = this.Y(robot.y);
@@ -144,7 +144,7 @@ class FloorView extends Ground {
     pen.fillText(`${t.toFixed(1)} s`, x, below);
   }
 
-  /** A small wedge on the rim, where the robot faces. */
+  /** Draw a small wedge on the rim that shows where the robot faces. */
   drawHeading(pen, x, y, radius, heading, colour) {
     const reach = radius + Math.max(4, 0.45 * radius), wide = 0.5;
     pen.beginPath();
@@ -219,7 +219,7 @@ class FloorView extends Ground {
     }
   }
 
-  /** The first of some corners at which words hide no robot and no other words, if there is one. */
+  /** The first of some corners at which a text hides no robot and no other text, if any. */
   room(wide, tall, corners) {
     const tries = corners.map(([x, y]) => ({ x, y, wide, tall }));
     const inside = ({ x, y }) =>

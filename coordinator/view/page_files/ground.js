@@ -1,4 +1,4 @@
-// The floor where it changes only with the epoch: drawn once, on a sheet of its own.
+// The parts of the floor that change only with the epoch: drawn once, on a separate sheet.
 
 const CROWD = 40;
 
@@ -46,7 +46,7 @@ class Ground {
     this.base = 0.5 * height + this.zoom * this.lens.y;
   }
 
-  /** The place on the floor at a spot on the canvas, its middle unless one is given. */
+  /** The place on the floor at a spot on the canvas; by default at the canvas's middle. */
   placeAt(spot) {
     const { x, y } = spot || { x: 0.5 * this.sheet.width, y: 0.5 * this.sheet.height };
     return { x: (x - this.left) / this.zoom, y: (this.base - y) / this.zoom };
@@ -95,7 +95,7 @@ class Ground {
     return sheet;
   }
 
-  /** All at once, and turned the same way: no seams between those that adjoin, no holes. */
+  /** Draw all obstacles in one path and in one orientation: no seams between neighbours, no holes. */
   fillObstacles(pen, obstacles, look) {
     pen.beginPath();
     for (const corners of obstacles) {
@@ -135,7 +135,7 @@ class Ground {
     pen.globalAlpha = 1;
   }
 
-  /** Zones of interest: all of a small fleet; of a large one those that force waits. */
+  /** The zones to draw: all of a small fleet; of a large one those that force waits. */
   zones(epoch, focus) {
     return epoch.zones.filter((zone) =>
       focus >= 0 ? zone.a === focus || zone.b === focus : zone.forces || !this.crowd);

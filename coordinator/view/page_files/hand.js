@@ -1,4 +1,4 @@
-// Pointers on the floor: the wheel, a pinch and a drag move the lens, a press chooses a robot.
+// Pointers on the floor: the wheel, a pinch and a drag move the lens; a press selects a robot.
 
 const STILL = 5;
 
@@ -45,7 +45,7 @@ class Hand {
     this.told.changed();
   }
 
-  /** Two fingers: what is between them stays between them. */
+  /** Zoom by two fingers: the place between them stays between them. */
   pinch(moving, before, now) {
     const [other] = [...this.fingers].find(([id]) => id !== moving).slice(1);
     const apart = (one) => Math.max(Math.hypot(one.x - other.x, one.y - other.y), 1);
@@ -54,7 +54,7 @@ class Hand {
     this.drag(middle(before), middle(now));
   }
 
-  /** A page that scrolls keeps the wheel, unless it is a pinch on a pad (which holds ctrl). */
+  /** Zoom by the wheel; if the page scrolls, only by a pinch on a touchpad (which sets ctrl). */
   wheel(event) {
     const page = document.scrollingElement;
     if (!event.ctrlKey && page.scrollHeight > page.clientHeight) return;

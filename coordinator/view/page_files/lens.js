@@ -1,4 +1,4 @@
-// What of the floor is seen: all of it, or a part of it, enlarged.
+// Which part of the floor is seen: all of it, or an enlarged part.
 
 const MOST_ENLARGED = 40;
 
@@ -28,7 +28,7 @@ class Lens {
     this.y += dy;
   }
 
-  /** Keep the floor in sight, of which so much [m] is seen on either side of the middle. */
+  /** Keep the view on the floor; the arguments are its bounds and half the view's size [m]. */
   hold([x0, y0, x1, y1], wide, tall) {
     const held = (at, low, high, half) =>
       2 * half >= high - low ? 0.5 * (low + high) : Math.min(Math.max(at, low + half), high - half);

@@ -1,4 +1,4 @@
-// What stands beside the pictures as text: the terms, every robot, what happened.
+// The texts beside the pictures: the terms of the plan, every robot, what happened.
 
 const byId = (name) => document.getElementById(name);
 
@@ -17,7 +17,7 @@ function said(robot, bodies, why) {
   return robot.state === "unheard" ? "no word, drawn at rest" : robot.state;
 }
 
-/** Tell the terms; nothing of the proof while the fleet is not heard. */
+/** Show the terms of the plan, and the proof's verdict unless the fleet is silent. */
 function describe(scene, unheard) {
   const count = scene.robots.length;
   byId("name").textContent = scene.name;
@@ -31,7 +31,7 @@ function describe(scene, unheard) {
   verdict.className = scene.proven ? "holds" : "fails";
 }
 
-/** One row a robot: its colour, what it does, how far it has come. */
+/** One row per robot: its colour, what it does, how far it has come. */
 class RobotList {
   constructor(list, play, choose, hover) {
     this.bodies = play.scene.robots;
@@ -73,7 +73,7 @@ class RobotList {
   }
 }
 
-/** The marks: ticks on the slider, and a list to jump from. */
+/** The marks: ticks on the slider, and a list of buttons that jump to each. */
 class EventList {
   constructor(list, ticks, play, seek) {
     const { marks } = play.scene;
@@ -97,7 +97,7 @@ class EventList {
     }));
   }
 
-  /** Mark the newest event at a time, and move it into sight when it is another one. */
+  /** Highlight the newest event at a time, and scroll to it when it changes. */
   tell(t) {
     const newest = this.times.findLastIndex((time) => time <= t + 0.05);
     if (newest === this.newest) return;
@@ -134,7 +134,7 @@ class Tip {
     const truth = play.truth(index, t);
     if (truth) {
       const off = 1000 * Math.hypot(truth.x - robot.x, truth.y - robot.y);
-      lines.push(`truly ${off.toFixed(0)} mm off${truth.over ? ", when last recorded" : ""}`);
+      lines.push(`true place ${off.toFixed(0)} mm off${truth.over ? ", when last recorded" : ""}`);
     }
     this.box.replaceChildren(element("strong", { textContent: bodies[index].id }),
       ...lines.map((line) => element("span", { textContent: line })));

@@ -1,4 +1,4 @@
-// Colours: those of Okabe and Ito, told apart by colour-blind people, for light and dark ground.
+// Colours: those of Okabe and Ito, which colour-blind people can distinguish, for light and dark.
 
 const HUES = {
   light: ["#0072b2", "#c84f00", "#00805c", "#b25089", "#a87400", "#2b8fc4", "#57606a", "#7c7600"],
@@ -31,10 +31,10 @@ class Look {
 }
 
 /**
- * A canvas that is as sharp as the screen; `resize` tells whether its size has changed.
+ * A canvas that is as sharp as the screen; `resize` returns whether its size has changed.
  *
- * To ask for its size makes the browser lay out the page: that is done only when `Sheet.layouts`
- * has been counted up since.
+ * Reading its size makes the browser lay out the page, so it is read only when `Sheet.layouts` has
+ * increased.
  */
 class Sheet {
   static layouts = 0;

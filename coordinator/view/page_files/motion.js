@@ -22,7 +22,7 @@ class Motion {
     this.presumed = null;
   }
 
-  /** Where it left its plan: as it said itself, else as is presumed. */
+  /** Where it left its plan: as the robot reported, else as is presumed. */
   get halt() {
     return this.ride.halt || this.presumed;
   }
@@ -120,9 +120,9 @@ class Play {
   }
 
   /**
-   * Presume that nobody has heard a Command since a time: once the lease [s] is out all brake.
+   * Presume that no robot has heard a Command since a time: all brake when the lease [s] runs out.
    *
-   * null: Commands are heard.  Returns when all rest.
+   * `since` is null if Commands are heard.  Returns the time at which all rest.
    */
   presume(since, lease) {
     const epoch = this.epochs[this.epochs.length - 1], goes = epoch.started && epoch.frozen === null;
@@ -173,7 +173,7 @@ class Play {
     return this.epochAt(t).why.get(index) || "no plan";
   }
 
-  /** A robot without a part in an epoch stays where the last one that had it left it. */
+  /** A robot without a part in an epoch: it stays at the end of its last motion before. */
   left(index, now) {
     const why = this.epochs[now].why.get(index) || "no plan";
     for (let i = now - 1; i >= 0; i--) {
@@ -196,7 +196,7 @@ class Play {
     return { x: between(xs), y: between(ys), over: t > times[times.length - 1] + 0.5 };
   }
 
-  /** All robots by id, for whoever asks from outside. */
+  /** All robots by id, for scripts outside the page. */
   at(t) {
     const all = {};
     this.scene.robots.forEach((robot, index) => {

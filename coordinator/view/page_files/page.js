@@ -90,7 +90,7 @@ function draw() {
   tell(found);
 }
 
-/** Text follows ten times a second: nobody reads faster, and it costs more than drawing. */
+/** Update texts only ten times a second: nobody reads faster, and texts cost more than drawing. */
 function tell(found) {
   const time = performance.now();
   controls.slider.value = now;
@@ -177,7 +177,7 @@ const hand = new Hand(byId("floor"), lens, () => floor, {
   press: () => { if (hover >= 0 || focus >= 0) chooseToggled(hover >= 0 ? hover : focus); },
 });
 
-/** Once a part is seen, a finger moves the floor and not the page. */
+/** While only a part of the floor is seen, a finger moves the floor and not the page. */
 function seenOtherwise() {
   const part = lens.factor > 1;
   byId("floor").classList.toggle("part", part);
@@ -217,7 +217,7 @@ function repaint() {
   stale = true;
 }
 
-/** A running fleet is followed by its clock, as far as is known of it. */
+/** What is known of a running fleet, and of its clock, which the page follows. */
 const word = new Word({
   scene: load,
   changed: () => {
@@ -226,7 +226,7 @@ const word = new Word({
   },
 });
 
-/** Draw robots where their leases have stopped them, if there is no word; list since when. */
+/** While the fleet is silent, draw robots where their leases have stopped them, and list it. */
 function presume() {
   const { silence } = word, heard = play.heardMarks || play.scene.marks;
   play.heardMarks = heard;
@@ -246,7 +246,7 @@ function tellWord() {
   setFollowing(following);
 }
 
-/** Whether nobody knows which plan is driven by now. */
+/** Whether the fleet is silent, so that its present plan is not known. */
 const isUnheard = () => Boolean(word.silence && word.silence.kind !== "over");
 
 function followLive() {

@@ -1,21 +1,22 @@
-// What is heard of a running fleet, and how old its last word is: beyond the lease all have stopped.
+// What the page hears of a running fleet, and for how long the coordinator has been silent: when the
+// lease has run out, all robots have stopped.
 
-/** A coordinator is silent that was not heard for so long [s] beyond the lease. */
+/** The coordinator counts as silent when its last Command is older than the lease by this [s]. */
 const RESERVE = 0.4;
-/** After the coordinator said that all is over the page goes on for so long [s]. */
+/** For how long [s] the page goes on after the Command's phase was OVER. */
 const AFTERWARDS = 1;
-/** Nobody tells the page any more when it has heard nothing for so long [s]. */
+/** The page's server counts as ended when it has sent nothing for this long [s]. */
 const PATIENCE = 2;
 
 class Word {
-  /** `scene` gets every new scene, `changed` is called when word ceases or comes again. */
+  /** `scene` gets every new scene; `changed` is called when messages stop or come again. */
   constructor({ scene, changed }) {
     this.told = { scene, changed };
     this.open = true;
     this.begin();
   }
 
-  /** Nothing is known: another view may count another time. */
+  /** Forget everything: after a reconnection, another server may count time from another zero. */
   begin() {
     this.clock = this.last = this.silence = null;
     this.past = [];
@@ -40,7 +41,7 @@ class Word {
     source.addEventListener("error", () => { this.open = false; });
   }
 
-  /** Find out whether there is word; to be asked every frame. */
+  /** Update whether the fleet is silent; to be called for every frame. */
   look() {
     const gone = !this.open || performance.now() - this.alive > 1000 * PATIENCE;
     const { last, silence } = this, over = last !== null && last.over;
@@ -58,23 +59,23 @@ class Word {
       known ? this.timeAt(last.heard - 1000 * last.age) : null;
     const [lamp, why] = {
       over: ["over", ""],
-      gone: ["no word", "the program view has ended, no word"],
+      gone: ["no word", "splinefleet view has ended, no word"],
       silent: ["no word", "no word from the coordinator"],
     }[kind];
     const ended = known ? this.time() : null;
     return { kind, since, ended, lease: last ? last.lease : 0, lamp, why };
   }
 
-  /** Since when there was no word, and when it came again. */
+  /** The beginnings and ends of all silences, as marks. */
   marks() {
     const all = this.silence ? [...this.past, this.silence] : this.past;
     return all.filter((one) => one.kind !== "over" && one.since !== null).flatMap(({ since, until, why }) => [
       { t: since, kind: "silent", text: why },
-      ...until === undefined ? [] : [{ t: until, kind: "go", text: "there is word again" }],
+      ...until === undefined ? [] : [{ t: until, kind: "go", text: "messages arrive again" }],
     ]);
   }
 
-  /** The fleet's time now, null before it is known; when nobody tells it, not beyond `known`. */
+  /** The fleet's time now; null before it is known; without a server not beyond `known`. */
   time(known = Infinity) {
     if (this.clock === null) return null;
     const t = this.timeAt(performance.now()), { kind, since, ended } = this.silence || {};

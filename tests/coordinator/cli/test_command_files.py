@@ -111,8 +111,8 @@ def test_a_file_of_no_kind_is_still_told_with_its_fault():
         ("export plan.json --to csv -o -", "--output: - does not end in .csv"),
         ("export plan.json --to foxglove -o a.csv", "--output: a.csv does not end in .mcap"),
         ("export run.mcap --to foxglove -o run.mcap", "run.mcap is the source itself"),
-        ("plot plan.json -o a.pdf", "ends in .svg or .png, not in '.pdf'; the page in .html"),
-        ("plot run.mcap -o a.svg", "run.mcap: holds no plan, there is nothing to draw"),
+        ("plot plan.json -o a.pdf", "must end in .svg or .png, a page in .html, not in '.pdf'"),
+        ("plot run.mcap -o a.svg", "run.mcap: holds no plan, so there is nothing to draw"),
         ("replay run.mcap --fault kill:R1@3", "needs --until"),
         ("replay run.mcap --out what-if", "needs --until"),
         (
@@ -154,7 +154,7 @@ def test_of_a_log_with_several_epochs_the_last_ones_plan_is_taken_and_that_is_sa
     Recorder(folder / "run.mcap", metadata={}, wall_offset_ns=0, attachments=plans).close()
     result = CliRunner().invoke(app, command.split())
     assert result.exit_code == 0
-    assert "run.mcap: takes the plan of epoch 10, the last of 3" in result.stderr
+    assert "run.mcap: using the plan of epoch 10, the last of 3" in result.stderr
     if command.startswith("plot"):
         assert f"{HALL.name}, epoch 10" in (folder / "a.svg").read_text()
 

@@ -57,7 +57,7 @@ def test_a_fleets_keys_are_made_revoked_and_shown(folder):
 
 def test_a_key_that_counts_beside_its_successor_is_told_and_can_be_revoked_alone(folder):
     ran("robot", "R1", "--keys", folder)
-    assert "robot R1, key 1: counts as well" in ran("robot", "R1", "--keys", folder).output
+    assert "robot R1, key 1: the older key stays" in ran("robot", "R1", "--keys", folder).output
     ran("revoke", "R1", "--generation", 1, "--keys", folder)
     assert states(folder)[("robot", "R1", 2)] == "valid"
 
@@ -71,17 +71,17 @@ def test_the_table_for_people_names_everybody(folder):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["robot", ".."], "no name"),
-        (["robot", "R 1", "a/b"], "no name"),
-        (["robot", "*"], "no name"),
+        (["robot", ".."], "not a name"),
+        (["robot", "R 1", "a/b"], "not a name"),
+        (["robot", "*"], "not a name"),
         (["revoke", "R9"], "no valid key"),
         (["revoke", "coordinator/coordinator"], "new authority"),
         (["revoke", "router/router"], "new authority"),
         (["revoke", "king/R1"], "is not ROBOT"),
         (["revoke", "../R1"], "is not ROBOT"),
-        (["coordinator", "--host", "a b"], "no name or address"),
-        (["coordinator", "--host", "300.1.1.1"], "no name or address"),
-        (["coordinator", "--host", "fe80:::1"], "no name or address"),
+        (["coordinator", "--host", "a b"], "neither a name nor an address"),
+        (["coordinator", "--host", "300.1.1.1"], "neither a name nor an address"),
+        (["coordinator", "--host", "fe80:::1"], "neither a name nor an address"),
         (["show", "--keys", "nowhere"], "keys init nowhere"),
     ],
 )

@@ -124,7 +124,7 @@ def test_a_log_from_beside_is_plotted_as_its_messages_have_it(tmp_path, document
     path = log_of(tmp_path / "beside.mcap", document, second, attached=False)
     plan = newest_plan(path, "to draw")
     assert [robot.id for robot in plan.robots] == [robot.id for robot in second.robots]
-    assert "epoch 2: the plan as the messages have it" in capsys.readouterr().err
+    assert "epoch 2: the plan is put together from messages" in capsys.readouterr().err
     assert newest_plan(log_of(tmp_path / "run.mcap", document, second), "to draw") == second
 
 

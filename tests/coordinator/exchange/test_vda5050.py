@@ -264,7 +264,7 @@ def noded(**position):
     [
         (
             broken(knotVector=[0, 0, 0, 0, 1, 1, 1, 1]),
-            "edges[0].trajectory.knotVector: are 8, allowed is control points + degree + 1 = 11",
+            "edges[0].trajectory.knotVector: are 8, must be control points + degree + 1 = 11",
         ),
         (
             broken(controlPoints=points(0)),
@@ -276,11 +276,11 @@ def noded(**position):
         ),
         (
             broken(controlPoints=points(count=1), knotVector="absent"),
-            "edges[0].trajectory.controlPoints: are 1, degree 3 allows 4 or more",
+            "edges[0].trajectory.controlPoints: are 1, degree 3 needs 4 or more",
         ),
         (
             broken(controlPoints=points(count=1), knotVector="absent", degree="absent"),
-            "edges[0].trajectory.controlPoints: are 1, degree 1 allows 2 or more",
+            "edges[0].trajectory.controlPoints: are 1, degree 1 needs 2 or more",
         ),
         (edge_with(trajectory=None), "edges[0].trajectory: is missing"),
         (edge_with(trajectory=[]), "edges[0].trajectory: a list of 0 is not an object"),
@@ -288,21 +288,21 @@ def noded(**position):
             broken(controlPoints="absent"),
             "edges[0].trajectory.controlPoints: is missing",
         ),
-        (broken(degree=9), "edges[0].trajectory.degree: is 9, allowed is 1 to 7"),
+        (broken(degree=9), "edges[0].trajectory.degree: is 9, must be 1 to 7"),
         (broken(degree="3"), "edges[0].trajectory.degree: '3' is not a whole number"),
         (
             broken(knotVector=[0.1, *uniform(3, 7)[1:]]),
-            "edges[0].trajectory.knotVector[1]: is -0.1 after 0, allowed is not to decrease",
+            "edges[0].trajectory.knotVector[1]: is -0.1 after 0, must not decrease",
         ),
         (
             broken(knotVector=[0, 0.1, 0.1, *uniform(3, 7)[3:4], *uniform(3, 7)[4:]]),
-            "edges[0].trajectory.knotVector[3]: is 0 after 0.1, allowed is not to decrease",
+            "edges[0].trajectory.knotVector[3]: is 0 after 0.1, must not decrease",
         ),
         (
             broken(knotVector=[0, 0, 0, 0.1, 0.25, 0.5, 0.75, 1, 1, 1, 1]),
-            "edges[0].trajectory.knotVector: begin 0 to 0.1, allowed is 4 times 0",
+            "edges[0].trajectory.knotVector: begin 0 to 0.1, must be 4 times 0",
         ),
-        (broken(knotVector=[1] * 11), "edges[0].trajectory.knotVector: are all the same, allowed"),
+        (broken(knotVector=[1] * 11), "edges[0].trajectory.knotVector: are all the same, must end"),
         (broken(knotVector=[]), "edges[0].trajectory.knotVector: is empty"),
         (
             broken(controlPoints=[{"x": 1.0, "y": 1.0}] * 7),
@@ -314,7 +314,7 @@ def noded(**position):
         ),
         (edge_with(maximumSpeed=-1.0), "edges[0].maximumSpeed: -1.0 m/s is below 0.001 m/s"),
         (without("edges"), "edges: is missing"),
-        (somebodys() | {"edges": []}, "edges: is empty, there is nothing to drive"),
+        (somebodys() | {"edges": []}, "edges: is empty, so there is nothing to drive"),
         (without("serialNumber"), "serialNumber: is missing"),
         ([1], "order: a list of 1 is not an object"),
         (edge_with(sequenceId="1"), "edges[0].sequenceId: '1' is not a whole number"),
@@ -331,18 +331,18 @@ def noded(**position):
         ),
         (
             edge_with(startNodeId="nowhere") | {"nodes": [{"nodeId": "n0"}]},
-            "edges[0].startNodeId: 'nowhere' is no node of this order",
+            "edges[0].startNodeId: 'nowhere' is not a node of this order",
         ),
         (
             edge_with(startNodeId="n0", endNodeId="None") | {"nodes": [{"nodeId": "n0"}, {}]},
-            "edges[0].endNodeId: 'None' is no node of this order",
+            "edges[0].endNodeId: 'None' is not a node of this order",
         ),
         (somebodys() | {"nodes": 1}, "nodes: 1 is not a list"),
         (somebodys() | {"nodes": [1]}, "nodes[0]: 1 is not an object"),
         (somebodys() | {"nodes": [{"nodePosition": 1}]}, "nodes[0].nodePosition: 1 is not an"),
         (
             broken(controlPoints=[{"x": float(x), "y": 1.0} for x in range(5_001)]),
-            "edges[0].trajectory.controlPoints: are 5,001, allowed are up to 5,000",
+            "edges[0].trajectory.controlPoints: are 5,001, must be at most 5,000",
         ),
     ],
 )
@@ -418,7 +418,7 @@ def test_control_points_are_counted_as_the_robot_gets_them():
     bend = [{"x": 1_001.0 + k, "y": 1.0 + 0.1 * k * k} for k in range(8)]
     edges.append({"sequenceId": 9_999, "trajectory": {"degree": 7, "controlPoints": bend}})
     noted = read(somebodys() | {"edges": edges})[1]
-    assert noted == ["R1.json: edges: their control points are 7,015, allowed are up to 5,000"]
+    assert noted == ["R1.json: edges: their control points are 7,015, must be at most 5,000"]
     parts = [nurbs(1, [0, 0, 1, 1], [[x, x % 2], [x + 1, (x + 1) % 2]]) for x in range(9)]
     parts.append(nurbs(3, [0, 0, 0, 0, 1, 1, 1, 1], [[9 + x, 1 - x * x] for x in range(4)]))
     assert joined_count(parts) == len(joined(parts).points)

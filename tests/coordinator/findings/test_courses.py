@@ -185,9 +185,9 @@ def test_a_file_that_is_no_black_box_is_named_with_its_line(tmp_path):
     assert len(read_course(path).t) == 1
     for text, said in (
         ("x,y\n", "line 1: the columns are not t,x,y"),
-        (HEADER + "0,a,2,0,0,moving\n1,1,2,0,0,moving\n", "line 2: is no row"),
+        (HEADER + "0,a,2,0,0,moving\n1,1,2,0,0,moving\n", "line 2: is not a row"),
         (HEADER + "1,1,2,0,0,moving\n0,1,2,0,0,moving\n", "its times do not increase"),
-        (HEADER + "0,1,2\n1,1,2,0,0,moving\n", "line 2: is no row"),
+        (HEADER + "0,1,2\n1,1,2,0,0,moving\n", "line 2: is not a row"),
     ):
         path.write_text(text)
         with pytest.raises(InputError, match=said):

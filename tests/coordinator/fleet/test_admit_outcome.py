@@ -40,7 +40,7 @@ def test_a_robot_without_a_part_in_two_epochs_after_freezes_is_not_admitted():
     first = (command(FREEZE, 1), command(HOLD, 2), command(GO, 2), command(GO, 2))
     asking = asked(plan(1), *first, command(FREEZE, 2), command(HOLD, 3), command(GO, 3))
     assert not asking.admitted
-    assert asking.answer == "epoch 3 goes on without R2, its coordinator says why"
+    assert asking.answer == "epoch 3 goes on without R2; the coordinator's output says why"
 
 
 def test_a_freeze_for_another_robot_decides_nothing():
@@ -52,7 +52,7 @@ def test_a_freeze_for_another_robot_decides_nothing():
 def test_a_fleet_that_is_over_admits_nobody():
     asking = asked(command(FREEZE, 1), command(OVER, 2))
     assert not asking.admitted
-    assert asking.answer == "the fleet is over, without R2"
+    assert asking.answer == "the fleet has ended without R2"
 
 
 def test_who_asks_is_refused_by_an_answer_to_it_alone():

@@ -111,7 +111,7 @@ def test_a_robot_that_comes_back_with_a_place_that_cannot_be_stops_nobody_for_go
         assert frozen.fleet.phase == HOLD
         where = f"({place[0] / 1000:.2f}, {place[1] / 1000:.2f})"
         if epoch == 2:
-            stays = f"it says that it stands at {where}, where R1 does"
+            stays = f"it says that it stands at {where}, where R1 stands"
             assert frozen.fleet.members["R2"].stays == stays
 
 

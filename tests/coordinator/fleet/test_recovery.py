@@ -163,10 +163,10 @@ def test_a_robot_that_rests_millimetres_before_its_goal_is_not_sent_around_to_it
 @pytest.mark.parametrize(
     ("place", "where"),
     [
-        ((2.05, 3.9, 0.0), "(2.05, 3.90), where B does"),
-        ((-3.0, 1.0, 0.0), "(-3.00, 1.00), where no floor is"),
-        ((0.1, 1.0, 0.0), "(0.10, 1.00), where something solid is"),
-        ((2e6, -2e6, 0.0), "(2000000.00, -2000000.00), where no floor is"),
+        ((2.05, 3.9, 0.0), "(2.05, 3.90), where B stands"),
+        ((-3.0, 1.0, 0.0), "(-3.00, 1.00), where there is no floor"),
+        ((0.1, 1.0, 0.0), "(0.10, 1.00), where there is something solid"),
+        ((2e6, -2e6, 0.0), "(2000000.00, -2000000.00), where there is no floor"),
     ],
 )
 def test_a_robot_that_cannot_stand_where_it_says_is_left_where_it_was(
@@ -180,7 +180,7 @@ def test_a_robot_that_cannot_stand_where_it_says_is_left_where_it_was(
     b = next(r for r in first.site.scenario.robots if r.id == "B").start
     if "B" in where:
         place = (b[0] + 0.05, b[1] - 0.1, 0.0)
-        where = f"({place[0]:.2f}, {place[1]:.2f}), where B does"
+        where = f"({place[0]:.2f}, {place[1]:.2f}), where B stands"
     back = Standing(robot="A", state="rests", epoch=0, place=place)
     told = (Standing(robot="B", state="rests", epoch=2, s=0.0), back)
     found = recover(first.site, known, told, 3, plan)

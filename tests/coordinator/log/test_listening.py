@@ -205,7 +205,7 @@ def test_a_file_that_is_there_is_recorded_over_on_wish_only(tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(b"dear")
     asked = ["record", "--connect", free_endpoint(), "--wait", "0.1", "-o", str(path)]
-    with pytest.raises(InputError, match=r"--output: .* is there already; --force replaces it"):
+    with pytest.raises(InputError, match=r"--output: .* already exists; --force replaces it"):
         CliRunner().invoke(app, asked, catch_exceptions=False)
     with pytest.raises(InputError, match="File exists"):
         Recording(path).begin(Silent(), "f")

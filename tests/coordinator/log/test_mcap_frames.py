@@ -85,7 +85,9 @@ def test_no_bit_of_header_or_metadata_makes_a_log_unusable(recorded, ending):
         assert found.attachments == whole.attachments, bit
         if found.metadata["wall_offset_ns"] == "0":
             assert found.metadata["fleet"] in found.records[0].key
-            assert "its metadata are not sound: the fleet's name is from its keys" in found.damage
+            assert (
+                "its metadata are damaged: the fleet's name is taken from the keys" in found.damage
+            )
 
 
 @pytest.mark.parametrize("offset", [None, "x", str(10**30), str(-(10**30))])
@@ -99,7 +101,7 @@ def test_a_log_without_a_usable_clock_is_read_and_recovered_with_a_note(offset):
     writer.add_message(channel, 17, b"x", 18)
     writer.finish()
     log = log_from_bytes(stream.getvalue(), "run.mcap")
-    assert "its metadata are not sound" in log.damage
+    assert "its metadata are damaged" in log.damage
     assert (log.metadata["fleet"], log.records[0].log_ns) == ("one", 17)
     again = log_from_bytes(make_whole(stream.getvalue(), "run.mcap").data, "whole.mcap")
     assert (again.records[0].payload, again.damage) == (b"x", "")
@@ -118,5 +120,5 @@ def test_times_that_no_fleet_has_are_told_in_a_line(times):
         writer.add_message(channel, time_ns, b"x", 0)
     writer.finish()
     number = len(times) - 1
-    with pytest.raises(InputError, match=f"message {number} on .*/command: its time is not"):
+    with pytest.raises(InputError, match=f"message {number} on .*/command: its time is invalid"):
         log_from_bytes(stream.getvalue(), "run.mcap")

@@ -189,7 +189,7 @@ def test_a_file_that_is_there_is_replaced_on_wish_only(tmp_path, recorded):
     log.write_bytes(recorded)
     other.write_bytes(b"dear")
     asked = ["recover", str(log), "-o", str(other)]
-    with pytest.raises(InputError, match=r"other\.mcap is there already; --force replaces it"):
+    with pytest.raises(InputError, match=r"other\.mcap already exists; --force replaces it"):
         commands(asked, standalone_mode=False)
     assert other.read_bytes() == b"dear"
     assert CliRunner().invoke(commands, [*asked, "--force"]).exit_code == 0

@@ -163,29 +163,29 @@ HEAD = '[workspace]\nbounds = [0.0, 0.0, 10.0, 8.0]\n[[robots]]\nid = "R1"\nradi
         ("{degree = 3, control_points = [[1, 1], [2, 2]]}", "control_points: are 2, degree 3"),
         ("{degree = 1, control_points = [[1, 1]]}", "control_points: are 1, degree 1"),
         ("{degree = 1, control_points = []}", "control_points: are 0, degree 1"),
-        ("{degree = 8, control_points = [[1, 1], [2, 2]]}", "degree: is 8, allowed is 1 to 7"),
+        ("{degree = 8, control_points = [[1, 1], [2, 2]]}", "degree: is 8, must be 1 to 7"),
         ("{degree = 1.5, control_points = [[1, 1], [2, 2]]}", "degree: 1.5 is not a whole number"),
         ("{control_points = [[1, 1], [2, 2]]}", "degree: is missing"),
         ("{degree = 1, control_points = [[1, 1], [2]]}", "control_points[1]: a list of 1 is not"),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], knots = [0, 1]}",
-            "knots: are 2, allowed is control points + degree + 1 = 4",
+            "knots: are 2, must be control points + degree + 1 = 4",
         ),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], knots = [0, 1, 0, 1]}",
-            "knots[2]: is 0 after 1, allowed is not to decrease",
+            "knots[2]: is 0 after 1, must not decrease",
         ),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], knots = [3, 3, 3, 3]}",
-            "knots: are all the same, allowed is to end above where they begin",
+            "knots: are all the same, must end above where they begin",
         ),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], weights = [1, -2]}",
-            "weights[1]: is -2, allowed is above 0 to 1e+30",
+            "weights[1]: is -2, must be above 0 to 1e+30",
         ),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], weights = [1]}",
-            "weights: are 1, allowed is one for each of 2 control points",
+            "weights: are 1, must be one for each of 2 control points",
         ),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], knots = [0, 'a']}",
@@ -193,7 +193,7 @@ HEAD = '[workspace]\nbounds = [0.0, 0.0, 10.0, 8.0]\n[[robots]]\nid = "R1"\nradi
         ),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], weights = [1e-300, 1]}",
-            "weights: differ by over a million times, allowed is up to 100",
+            "weights: differ by over a million times, must be at most 100",
         ),
         ("{degree = 1, control_points = [[1, 1], [2, 2]], knot = []}", "knot: unknown key"),
         ("3", "path: 3 is not a table"),

@@ -68,62 +68,62 @@ def problems_of(text):
 
 # What is wrong | changes | field | words of the line.
 ONE_FAULT = """
-no robots | robots = [] | robots | is empty, allowed is at least one robot
-a tau of minutes | tau = 900 | tau | is 900 s, allowed is from 0 to 120 s
-a negative margin | margin = -1 | margin | is -1 m, allowed is from 0 to 100000 m
-a radius of zero | robots.0.radius = 0 | robots[R1].radius | is 0 m, allowed is from 0.001 to
-an endless radius | robots.0.radius = 1e308 | robots[R1].radius | is 1e+308 m, allowed is
-a start in days | robots.0.start_time = 9e5 | robots[R1].start_time | allowed is from 0 to 20000 s
-an early finish | robots.0.finish_time = -1 | robots[R1].finish_time | is -1 s, allowed is from 0
+no robots | robots = [] | robots | is empty, must contain at least one robot
+a tau of minutes | tau = 900 | tau | is 900 s, must be from 0 to 120 s
+a negative margin | margin = -1 | margin | is -1 m, must be from 0 to 100000 m
+a radius of zero | robots.0.radius = 0 | robots[R1].radius | is 0 m, must be from 0.001 to
+an endless radius | robots.0.radius = 1e308 | robots[R1].radius | is 1e+308 m, must be
+a start in days | robots.0.start_time = 9e5 | robots[R1].start_time | must be from 0 to 20000 s
+an early finish | robots.0.finish_time = -1 | robots[R1].finish_time | is -1 s, must be at least 0
 an id twice | robots.1.id = "R1" | robots[1].id | 'R1' is used twice
-an id with a slash | robots.0.id = "a/b" | robots[0].id | is 'a/b', allowed are 1 to 32 of
-no degree | robots.0.path.degree = 0 | robots[R1].path.degree | is 0, allowed is 1 to 7
-a degree of eight | robots.0.path.degree = 8 | robots[R1].path.degree | is 8, allowed is 1 to 7
-knots missing | robots.0.path.knots = [0, 1] | robots[R1].path.knots | are 2, allowed is control
-no weights | robots.0.path.weights = [] | robots[R1].path.weights | are 0, allowed is one for
+an id with a slash | robots.0.id = "a/b" | robots[0].id | is 'a/b', must be 1 to 32 of
+no degree | robots.0.path.degree = 0 | robots[R1].path.degree | is 0, must be 1 to 7
+a degree of eight | robots.0.path.degree = 8 | robots[R1].path.degree | is 8, must be 1 to 7
+knots missing | robots.0.path.knots = [0, 1] | robots[R1].path.knots | are 2, must be control
+no weights | robots.0.path.weights = [] | robots[R1].path.weights | are 0, must be one for
 far away | robots.0.path.control_points.1.0 = 1e9 | robots[R1].path.control_points[1] | to 1000000
 an endless weight | robots.0.path.weights.1 = 1e39 | robots[R1].path.weights[1] | above 0 to 1e+30
-a weight of zero | robots.0.path.weights.1 = 0 | robots[R1].path.weights[1] | allowed is above 0
-a loose start | robots.0.path.knots.0 = -1 | robots[R1].path.knots | begin -1 to 0, allowed is
-a loose end | robots.0.path.knots.-1 = 1e6 | robots[R1].path.knots | times the same
+a weight of zero | robots.0.path.weights.1 = 0 | robots[R1].path.weights[1] | must be above 0
+a loose start | robots.0.path.knots.0 = -1 | robots[R1].path.knots | begin -1 to 0, must be
+a loose end | robots.0.path.knots.-1 = 1e6 | robots[R1].path.knots | equal knots
 equal knots | robots.0.path.knots = [0,0,0,0,0,0,0,0] | robots[R1].path.knots | are all the same
-falling knots | robots.0.path.knots.-1 = 0 | robots[R1].path.knots[ | allowed is not to decrease
-late profile | robots.0.profile.0.0 = 1e-6 | robots[R1].profile[0][0] | allowed is 0 m
-a short profile | robots.0.profile.-1.0 = 7.99 | robots[R1].profile | ends at 7.99 m, allowed is
-a negative speed | robots.0.profile.1.1 = -1 | robots[R1].profile[1][1] | is -1 m/s, allowed is
-no profile | robots.0.profile = [] | robots[R1].profile | has 0 speed knots, allowed are 2 or more
-a limit of zero | robots.0.limits.max_accel = 0 | robots[R1].limits.max_accel | allowed is from 0.00
-two corners | workspace.boundary = [[0, 0], [9, 9]] | workspace.boundary | has 2 corners, allowed
+falling knots | robots.0.path.knots.-1 = 0 | robots[R1].path.knots[ | must not decrease
+late profile | robots.0.profile.0.0 = 1e-6 | robots[R1].profile[0][0] | must be 0 m
+a short profile | robots.0.profile.-1.0 = 7.99 | robots[R1].profile | ends at 7.99 m, must end
+a negative speed | robots.0.profile.1.1 = -1 | robots[R1].profile[1][1] | is -1 m/s, must be
+no profile | robots.0.profile = [] | robots[R1].profile | has 0 speed knots, must have 2 or more
+a limit of zero | robots.0.limits.max_accel = 0 | robots[R1].limits.max_accel | must be at least 0
+two corners | workspace.boundary = [[0, 0], [9, 9]] | workspace.boundary | has 2 corners, must have
 a bow tie | workspace.boundary = [[0,0],[9,9],[9,0],[0,9]] | workspace.boundary | cross or touch
-one corner | workspace.obstacles.0 = [[1, 1]] | workspace.obstacles[0] | has 1 corners, allowed
-a far corner | workspace.boundary.0.1 = 1e300 | workspace.boundary[0][1] | allowed is from -100000
-all lost | link.loss = 1.0 | link.loss | is 1, allowed is from 0 to 0.5
-less than none lost | link.loss = -0.1 | link.loss | is -0.1, allowed is from 0 to 0.5
-a delay of an hour | link.delay = 3600 | link.delay | is 3600 s, allowed is from 0 to 5 s
-a message from later | link.delay = -1 | link.delay | is -1 s, allowed is from 0 to 5 s
-an epoch of zero | epoch = 0 | epoch | is 0, allowed is from 1 to 4294967295
-a revision before | revision = -1 | revision | is -1, allowed is from 0 to 4294967295
-a long message | robots.0.wire_bytes = 9000 | robots[R1].wire_bytes | is 9000, allowed is from 0 to
-a weak brake | robots.0.limits.max_accel = 1e-9 | robots[R1].limits.max_accel | allowed is from 0.00
-a racing robot | robots.0.profile.1.1 = 5e3 | robots[R1].profile[1][1] | allowed is from 0 to 999 m/
-waits for nobody | robots.0.start_yields_to = "R9" | robots[R1].start_yields_to | is 'R9', allowed i
-waits for itself | robots.0.start_yields_to = "R1" | robots[R1].start_yields_to | is 'R1', allowed i
-a stranger's wait | waits.0.robot = "R9" | waits[0].robot | is 'R9', allowed is a robot of the plan
-a wait for itself | waits.0.yields_to = "R1" | waits[0].yields_to | is 'R1', allowed is another robo
-a wait off the path | waits.0.s = 99 | waits[0].s | is 99 m, allowed is from 0 to 8.001 m
-less than no wait | waits.0.wait = -1 | waits[0].wait | is -1 s, allowed is from 0 s
-a stranger's crossing | crossings.0.a = "R9" | crossings[0].a | is 'R9', allowed is a robot of the p
-a crossing off the path | crossings.0.s_b = -4 | crossings[0].s_b | is -4 m, allowed is from 0 to 6.
-a line | workspace.obstacles.0 = [[1,1],[2,2],[3,3]] | workspace.obstacles[0] | allowed is an outl
+one corner | workspace.obstacles.0 = [[1, 1]] | workspace.obstacles[0] | has 1 corners, must have
+a far corner | workspace.boundary.0.1 = 1e300 | workspace.boundary[0][1] | must be from -100000
+all lost | link.loss = 1.0 | link.loss | is 1, must be from 0 to 0.5
+less than none lost | link.loss = -0.1 | link.loss | is -0.1, must be from 0 to 0.5
+a delay of an hour | link.delay = 3600 | link.delay | is 3600 s, must be from 0 to 5 s
+a message from later | link.delay = -1 | link.delay | is -1 s, must be from 0 to 5 s
+an epoch of zero | epoch = 0 | epoch | is 0, must be from 1 to 4294967295
+a revision before | revision = -1 | revision | is -1, must be from 0 to 4294967295
+a long message | robots.0.wire_bytes = 9000 | robots[R1].wire_bytes | is 9000, must be from 0 to
+a weak brake | robots.0.limits.max_accel = 1e-9 | robots[R1].limits.max_accel | must be at least 0
+a racing robot | robots.0.profile.1.1 = 5e3 | robots[R1].profile[1][1] | must be from 0 to 999 m/
+waits for nobody | robots.0.start_yields_to = "R9" | robots[R1].start_yields_to | is 'R9', must be
+waits for itself | robots.0.start_yields_to = "R1" | robots[R1].start_yields_to | is 'R1', must be
+a stranger's wait | waits.0.robot = "R9" | waits[0].robot | is 'R9', must be a robot of the plan
+a wait for itself | waits.0.yields_to = "R1" | waits[0].yields_to | is 'R1', must be another robo
+a wait off the path | waits.0.s = 99 | waits[0].s | is 99 m, must be from 0 to 8.001 m
+less than no wait | waits.0.wait = -1 | waits[0].wait | is -1 s, must be at least 0 s
+a stranger's crossing | crossings.0.a = "R9" | crossings[0].a | is 'R9', must be a robot of the p
+a crossing off the path | crossings.0.s_b = -4 | crossings[0].s_b | is -4 m, must be from 0 to 6.
+a line | workspace.obstacles.0 = [[1,1],[2,2],[3,3]] | workspace.obstacles[0] | must not cross
 """
 WAITS_FOR_IT = '{"s": 3, "arrive": 5, "depart": 6, "yields_to": "R1"}'
 STOP = '{"s": 3, "arrive": 5, "depart": 6}'
 STOPS = {
     "off the path": (STOP.replace("3", "30"), "robots[R1].stops[0].s: is 30 m"),
-    "that twice is one": (f"{STOP}, {STOP}", "robots[R1].stops[1].s: is 3 m, allowed is above 3"),
+    "that twice is one": (f"{STOP}, {STOP}", "robots[R1].stops[1].s: is 3 m, must be above 3"),
     "left before it is reached": (STOP.replace("6", "4"), "stops[0].depart: is 4 s"),
     "that lasts for ages": (STOP.replace("6", "1e18"), "stops[0].depart: is 1e+18 s"),
-    "for itself": (WAITS_FOR_IT, "robots[R1].stops[0].yields_to: is 'R1', allowed is another"),
+    "for itself": (WAITS_FOR_IT, "robots[R1].stops[0].yields_to: is 'R1', must be another"),
     "before time begins": (STOP.replace("5", "-5"), "stops[0].arrive: is -5 s"),
 }
 
@@ -147,7 +147,7 @@ def test_a_curve_that_falls_apart_at_a_knot_is_refused():
     path = {"degree": 1, "knots": [0, 0, 1, 1, 2, 2], "weights": [1] * 4}
     path["control_points"] = [[0, 0], [1, 0], [2, 0], [3, 0]]
     (problem,) = problems_of(changed(f"robots.0.path = {json.dumps(path)}"))
-    assert "1 is 2 times an inner knot, allowed is 1 times" in problem
+    assert "1 is 2 times an inner knot, may be 1 times" in problem
 
 
 def test_all_faults_are_told_at_once():
@@ -198,7 +198,7 @@ def test_an_arrival_that_the_wire_does_not_give_is_a_failure(start):
 def test_a_motion_of_years_is_refused_before_it_is_proven():
     robot = document().robots[0]
     crawl = [(s, min(v, 1e-6)) for s, v in robot.profile]
-    with pytest.raises(InputError, match=r"robots\[R1\]: lasts .* allowed is up to 20000 s"):
+    with pytest.raises(InputError, match=r"robots\[R1\]: lasts .* must be at most 20000 s"):
         prove_document(replace(document(), robots=[replace(robot, profile=crawl, stops=[])]))
 
 
@@ -297,9 +297,9 @@ def test_a_log_that_was_not_closed_is_told_and_agrees():
     (sent, *_) = fleet.tick(10**9)
     assert sent.key == keys.command("test")
     records = [Record(sent.key, sent.payload, 10**9, 0, 0)]
-    early = "the log ends at HOLD, before the fleet was over; what is there agrees"
+    early = "the log ends at HOLD, before the fleet had ended; all that it contains agrees"
     assert check_log(a_log(records=records)) == (0, 1, "", early)
-    note = "the log was not closed; what is there agrees"
+    note = "the log was not closed; all that it contains agrees"
     assert check_log(a_log(records=records, complete=False)) == (0, 1, "", note)
 
 

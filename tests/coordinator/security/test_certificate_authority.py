@@ -78,7 +78,7 @@ def test_a_robot_can_serve_no_link_and_sign_no_certificate():
     assert list(usage) == [ExtendedKeyUsageOID.CLIENT_AUTH]
     assert not extensions.get_extension_for_class(x509.BasicConstraints).value.ca
     assert not extensions.get_extension_for_class(x509.KeyUsage).value.key_cert_sign
-    with pytest.raises(ValueError, match="the certificate is no authority's"):
+    with pytest.raises(ValueError, match="the certificate is not that of an authority"):
         new_certificate(ROBOT, Badge("robot", "R2", 1), NOW, 10)
     with pytest.raises(VerificationError):
         trusting(AUTHORITY).build_client_verifier().verify(forged_by(ROBOT), [loaded(ROBOT)])
@@ -96,7 +96,7 @@ def test_a_certificate_that_does_not_say_what_it_may_do_is_no_authority():
         real.not_valid_after_utc,
     ).sign(key, hashes.SHA256())
     pem = bare.public_bytes(serialization.Encoding.PEM)
-    with pytest.raises(ValueError, match="the certificate is no authority's"):
+    with pytest.raises(ValueError, match="the certificate is not that of an authority"):
         new_certificate(AUTHORITY._replace(certificate=pem), Badge("robot", "R2", 1), NOW, 10)
 
 

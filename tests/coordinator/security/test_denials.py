@@ -53,8 +53,8 @@ def texts(lines, now_s=0.0):
     ("reason", "said"),
     [
         (EXPIRED, "refused R7: its key has expired"),
-        ("invalid peer certificate: UnknownIssuer.", "somebody: its key is of another authority"),
-        ("invalid peer certificate: BadSignature.", "somebody: its key is of another authority"),
+        ("invalid peer certificate: UnknownIssuer.", "somebody: its key is from another authority"),
+        ("invalid peer certificate: BadSignature.", "somebody: its key is from another authority"),
         ("peer sent no certificates.", "somebody: it has no key"),
         ("received corrupt message of type InvalidContentType.", "somebody: it speaks plain TCP"),
         ("received fatal alert: UnknownCA.", "somebody: it trusts another authority"),
@@ -73,13 +73,13 @@ def test_a_refused_link_is_told_with_its_cause_and_by_an_end_that_is_known_whose
 @pytest.mark.parametrize(
     ("deed", "said"),
     [
-        ("Put", "say anything on"),
+        ("Put", "publish on"),
         ("Delete", "delete"),
-        ("Declare Subscriber", "listen to"),
-        ("Declare Queryable", "answer on"),
-        ("Query", "ask on"),
-        ("Liveliness Token", "be alive as"),
-        ("Declare Liveliness Subscriber", "listen to"),
+        ("Declare Subscriber", "subscribe to"),
+        ("Declare Queryable", "answer queries on"),
+        ("Query", "query"),
+        ("Liveliness Token", "declare itself alive on"),
+        ("Declare Liveliness Subscriber", "subscribe to"),
         ("Something", "do (Something)"),
     ],
 )
@@ -92,12 +92,12 @@ def test_what_is_denied_is_told_with_who_and_what(subject, deed, said):
 
 def test_a_key_with_letters_that_hide_others_is_told_as_it_is():
     line = access(f"{SUBJECT} is unauthorized to Put (ingress) on a/\u202eb\x85c")
-    assert texts([line]) == [r"refused robot R1, key 1: it may not say anything on a/\u202eb\x85c"]
+    assert texts([line]) == [r"refused robot R1, key 1: it may not publish on a/\u202eb\x85c"]
 
 
 def test_a_session_of_which_nothing_is_known_is_somebody():
     line = access(f"Using cached result: {GONE} is unauthorized to Put (ingress) on a/b")
-    assert texts([line]) == ["refused somebody: it may not say anything on a/b"]
+    assert texts([line]) == ["refused somebody: it may not publish on a/b"]
 
 
 def test_what_is_only_looked_up_in_advance_is_no_refusal_but_the_same_deed_again_is():
@@ -107,7 +107,7 @@ def test_what_is_only_looked_up_in_advance_is_no_refusal_but_the_same_deed_again
     ahead += [access(f"{SUBJECT} is unauthorized to {deed} (ingress) on {key}") for deed in deeds]
     real = access(f"{SUBJECT} is unauthorized to Put (ingress) on {key}")
     assert texts(ahead) == []
-    assert texts([*ahead, real]) == [f"refused robot R1, key 1: it may not say anything on {key}"]
+    assert texts([*ahead, real]) == [f"refused robot R1, key 1: it may not publish on {key}"]
 
 
 def test_a_look_up_in_advance_hides_no_refusal_on_another_thread_key_or_session():
@@ -159,7 +159,7 @@ def test_a_flood_of_different_refusals_is_told_in_few_words_and_forgotten():
 
 def test_a_flood_of_one_keeps_its_name_and_hides_nobody_else():
     reader = denials()
-    flood = [("robot R1, key 1", f"it may not say anything on {k}") for k in range(10 * MOST)]
+    flood = [("robot R1, key 1", f"it may not publish on {k}") for k in range(10 * MOST)]
     told = reader.note([*flood, ("robot R2, key 1", "its key was revoked")], 0.0)
     assert len(told) == MOST_EACH + 2
     assert {one.who for one in told} == {"robot R1, key 1", "robot R2, key 1"}

@@ -147,7 +147,7 @@ def test_an_authority_is_never_replaced_by_another(store):
 def test_keys_of_a_coordinator_that_has_lost_its_register_are_not_made_useless(store):
     shutil.rmtree(store.folder / "authority")
     (store.folder / "register.json").unlink()
-    with pytest.raises(InputError, match="bring it back from a copy"):
+    with pytest.raises(InputError, match="restore it from a copy"):
         store.register()
     with pytest.raises(InputError, match="already"):
         store.begin(NOW)
@@ -184,7 +184,7 @@ def test_the_gate_lets_in_whose_key_counts_and_warns_of_robots_without(store):
 def test_a_register_that_others_may_write_or_replace_is_told(store, name, own):
     place = store.folder / name
     place.chmod(own | 0o022)
-    told = f"{place}: others may write it, and undo what was revoked; chmod go-w {place}"
+    told = f"{place}: other users may write it and undo a revocation; chmod go-w {place}"
     assert told in Gate(store.folder, "hall", ["R1"]).warnings
     place.chmod(own)
     assert Gate(store.folder, "hall", ["R1"]).warnings == []
@@ -230,7 +230,7 @@ def test_an_authority_of_two_halves_makes_no_keys(store, tmp_path, file):
 def test_a_partys_key_is_no_authority(store):
     for file in ("private.pem", "certificate.pem"):
         shutil.copy(store.folder / "robot/R1" / file, store.folder / "authority" / file)
-    with pytest.raises(InputError, match="the certificate is no authority's"):
+    with pytest.raises(InputError, match="the certificate is not that of an authority"):
         store.issue("robot", ["R1"], NOW, 365)
 
 

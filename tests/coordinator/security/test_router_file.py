@@ -118,7 +118,7 @@ def test_robots_without_a_key_and_a_key_that_ends_soon_are_told(site):
     [
         ([], "--host NAME"),
         (["--listen", "tcp/0.0.0.0:7447", "--host", "a"], "tls/HOST:PORT"),
-        (["--host", "a b"], "no name or address"),
+        (["--host", "a b"], "neither a name nor an address"),
         (["--keys", "nowhere", "--host", "a"], "keys init nowhere"),
     ],
 )

@@ -28,7 +28,7 @@ def told(monkeypatch):
 @pytest.mark.parametrize(
     ("why", "said"),
     [
-        ("lost", ["R2 has no part in the next epoch: it is lost, not heard any more"]),
+        ("lost", ["R2 has no part in the next epoch: it is lost, no longer heard"]),
         ("unfit", ["R2 has no part in the next epoch: it has failed in 3 epochs"]),
         ("arrived", []),
         ("closed in", []),

@@ -70,7 +70,7 @@ def test_a_log_without_its_last_messages_is_noted(log):
     assert check_log(log).note == ""
     for missing in (1, 2, 3, 10, 50):
         check = check_log(with_records(log, log.records[:-missing]))
-        assert check.difference or "before the fleet was over" in check.note, missing
+        assert check.difference or "before the fleet had ended" in check.note, missing
     assert "ends at OVER, before" in check_log(with_records(log, log.records[:-1])).note
 
 

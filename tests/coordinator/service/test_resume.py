@@ -177,7 +177,7 @@ def test_a_robot_that_rests_where_it_cannot_be_by_the_log_shows_that_it_is_not_t
         assert mission.fleet.superseded != is_newest
         told = [one.text for one in mission.fleet.incidents[before:]]
         farther = "R1 rests farther along its path than it could be"
-        assert told == [f"{farther}, which the log does not hold; is it the newest?"] * (
+        assert told == [f"{farther}, which the log does not hold; is it the newest log?"] * (
             not is_newest
         )
 
@@ -233,19 +233,21 @@ def test_a_log_that_has_ended_or_is_none_is_not_gone_on_from(story, tmp_path):
 def test_a_log_in_which_nothing_was_said_is_told_to_hold_no_message(story):
     log = log_from_bytes(story, "run.mcap")
     log.records.clear()
-    with pytest.raises(InputError, match="it holds no message; nothing was under way, start anew"):
+    with pytest.raises(
+        InputError, match="it holds no message: nothing was under way, start a new run"
+    ):
         go_on(log, 77, SECOND)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "difference"),
     [
-        ("tau = 0.5", "tau = 0.6", "tau 0.5, the scenario has 0.6 now"),
-        ("radius = 0.1", "radius = 0.2", "robots[R1].radius 0.1, the scenario has 0.2 now"),
+        ("tau = 0.5", "tau = 0.6", "tau 0.5, but the scenario now has 0.6"),
+        ("radius = 0.1", "radius = 0.2", "robots[R1].radius 0.1, but the scenario now has 0.2"),
         (
             "3.0, 3.0]",
             "3.0, 3.0]\nobstacles = [[[1.0, 0.0], [2.0, 0.0], [2.0, 0.2]]]",
-            "workspace.obstacles none, the scenario has [[1.0,0.0],[2.0,0.0],[2.0,0.2]] now",
+            "workspace.obstacles none, but the scenario now has [[1.0,0.0],[2.0,0.0],[2.0,0.2]]",
         ),
     ],
 )

@@ -167,9 +167,9 @@ def test_a_plan_whose_proof_fails_says_not_to_drive_it(tmp_path):
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("plan.pdf", r"\.svg or \.png, not in '\.pdf'"),
+        ("plan.pdf", r"\.svg or \.png, a page in \.html, not in '\.pdf'"),
         ("plan", "not in ''"),
-        ("plan.html", "ends in .svg or .png"),
+        ("plan.html", "must end in .svg or .png"),
         ("no/such/folder/plan.svg", "No such file"),
     ],
 )

@@ -97,7 +97,7 @@ def test_a_freeze_is_seen_and_where_a_robot_rests():
     told = [(mark.kind, mark.text) for mark in scene.marks]
     assert told == [
         ("go", "epoch 1: 5 robots go"),
-        ("freeze", "all are told to freeze"),
+        ("freeze", "all robots must freeze"),
         ("fault", "R1 behind its plan"),
     ]
 

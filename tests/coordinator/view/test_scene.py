@@ -194,7 +194,7 @@ def test_the_freeze_after_the_last_arrival_is_told_as_the_end_without_the_lost()
     scene = told.scene()
     assert [epoch.arrived for epoch in scene.epochs] == [False, True]
     ends = [(mark.t, mark.kind, mark.text) for mark in scene.marks[-2:]]
-    text = "all on their way have arrived, without R3"
+    text = "all robots on their way have arrived, without R3"
     assert ends == [(31.0, "over", text), (31.3, "over", "over")]
     assert [mark.kind for mark in scene.marks].count("freeze") == 1
 
@@ -297,7 +297,7 @@ def test_a_log_from_beside_is_drawn_from_its_messages():
     assert len(found.notes) == 2
     late = [record for record in heard if record.key != keys.plan(told.fleet, "R2")]
     scene = scene_of_logs([("beside.mcap", Log(metadata, {}, late, True, ""))])
-    assert "epoch 1: R2 cannot be drawn, its plan was not heard" in scene.notes
+    assert "epoch 1: R2 cannot be drawn: plan not heard" in scene.notes
 
 
 def test_ghosts_are_thinned_to_two_millimetres(tmp_path):

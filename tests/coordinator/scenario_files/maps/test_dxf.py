@@ -160,7 +160,7 @@ def test_only_the_named_layer_is_read(read):
     assert len(read(other, square, layer="walls").obstacles) == 1
     (problem,) = problems_of(read, other, square)
     assert (
-        "on layer PAINT: is not read, outlines are made of LWPOLYLINE, POLYLINE, CIRCLE" in problem
+        "on layer PAINT: is not read; outlines are made of LWPOLYLINE, POLYLINE, CIRCLE" in problem
     )
 
 

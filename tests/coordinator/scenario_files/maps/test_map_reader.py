@@ -96,7 +96,7 @@ def test_a_faulty_part_of_a_map_in_a_scenario_once_read_is_one_line(folder):
 FAULTS = {
     "a map that is a number": ("map = 3", "workspace.map: 3 is not a text in quotes"),
     "a map of no name": ('map = ""', "workspace.map: '' is not a text in quotes"),
-    "a map of no kind": ('map = "maps/yard.pgm"', ".pgm is no known kind of map"),
+    "a map of no kind": ('map = "maps/yard.pgm"', ".pgm is not a known kind of map"),
     "a folder": ('map = "maps.map"', "workspace.map: maps.map: is not a file"),
     "a name with a nul": ('map = "a\\u0000.map"', "is not the name of a file"),
     "a layer without a map": ('bounds = [0, 0, 8, 4]\nlayer = "W"', "workspace.map is not given"),
