@@ -1,6 +1,6 @@
 """How quickly a fleet reacted to the deaths of its robots.
 
-Decides: from which moments these times count.  Must not know: how a run was made.
+Decides: the moments from which these times count.  Must not know: how a run was made.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ def key_pattern(pattern: str) -> str:
 def key_prefix(prefix: str) -> str:
     """Check the prefix of keys before any work."""
     if prefix and not all(NAME.fullmatch(part) for part in prefix.split("/")):
-        raise typer.BadParameter(f"{prefix!r} is no prefix of keys; one looks like replay/one")
+        raise typer.BadParameter(f"{prefix!r} is not a prefix of keys; an example is replay/one")
     return prefix
 
 
@@ -125,7 +125,7 @@ def replay(
 
 
 class Playing(NamedTuple):
-    """What part of a log is played, how fast, and to whom: the options of `replay`."""
+    """The options of `replay`: which part of a log is played, how fast, and who may listen."""
 
     listen: str
     speed: float

@@ -46,7 +46,7 @@ class Pieces:
     def leaves_a_way(self, place: Point, keep: float) -> bool:
         """Return whether a disc of radius `keep` [m] here leaves what is around it connected.
 
-        It does where the free part of its rim is in one piece.
+        It does if the free part of the disc's rim is in one piece.
         """
         rim = np.array(place) + (keep + BEYOND) * DIRECTIONS
         free = shapely.contains_xy(self.area, rim[:, 0], rim[:, 1])

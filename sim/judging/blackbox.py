@@ -18,7 +18,7 @@ from coordinator.curves.nurbs import Array
 
 COLUMNS: Final = ("t", "x", "y", "heading", "s", "phase", "estimate")
 _OLDER: Final = COLUMNS[:-1]
-"""The columns of older programs, which wrote no estimate; their boxes are read too."""
+"""The columns of older programs, which wrote no estimate; their boxes can still be read."""
 
 
 @dataclass(frozen=True, eq=False)
