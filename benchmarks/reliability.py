@@ -42,7 +42,7 @@ Answered = TypeVar("Answered")
 
 
 class Death(NamedTuple):
-    """A robot's death on a floor, its distance [s] from the others' last motion, and violations."""
+    """A robot's death on a floor, how long [s] the others moved after it, and violations."""
 
     robot: str
     time: float

@@ -53,7 +53,7 @@ all places, so any order of the robots would work.
 
 
 class Outcome(NamedTuple):
-    """The outcome of one scenario; `slack` [m] is the dense sampler's, `seconds` of planning."""
+    """The outcome of one scenario; `slack` [m] is the dense sampler's, `seconds` the planner's."""
 
     seed: int
     kind: str

@@ -66,7 +66,7 @@ class Curve:
                 f"not {len(weights)} and {len(knots)}"
             )
         if knots[0] != 0.0 or not knots[-1] > 0.0:
-            raise ValueError(f"knots run from {knots[0]} to {knots[-1]}, they must begin at 0")
+            raise ValueError(f"knots run from {knots[0]} to {knots[-1]}, not from 0 upwards")
         if any(not a <= b for a, b in zip(knots, knots[1:])):  # noqa: B905, RUF007
             raise ValueError("knots decrease")
         if any(not knots[i] < knots[i + degree] for i in range(1, count)):
