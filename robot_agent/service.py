@@ -79,10 +79,10 @@ def run_robot(
     `count` is called with the phase and the loop at every change of phase, and once more when the
     loop has ended.
 
-    `clock` returns the robot's own time [ns]; `sleep` waits for so many ns of it; `host_clock`
-    returns the host's time, for the black box, where it differs from the robot's own.  Without
-    `fleet` the robot joins the first fleet that it hears.  Raises RefusedError, and OSError when
-    the black box cannot be written.
+    `clock` returns the robot's own time [ns]; `sleep` waits for a number of ns of this time;
+    `host_clock` returns the host's time, for the black box, where it differs from the robot's own.
+    Without `fleet` the robot joins the first fleet that it hears.  Raises RefusedError, and OSError
+    when the black box cannot be written.
     """
     host_clock = host_clock or clock
     clock = SteadyClock(clock)

@@ -21,8 +21,9 @@ LATE_SHARE = 0.2
 measured positions are noisy."""
 
 ARRIVAL_SHARE = 0.8
-"""When its plan is over, a robot within this share of the track tolerance of its goal has arrived.
-The rest of the tolerance is for noise, which must not make the robot seem pushed off its goal."""
+"""When its plan has ended, a robot within this share of the track tolerance of its goal has
+arrived. The rest of the tolerance is for noise, which must not make the robot seem pushed off its
+goal."""
 
 TURN_SHARE = 0.9
 """A robot that would start farther off its path than this share of its tolerance turns first."""
@@ -171,7 +172,7 @@ class Ride:
         return LATE if self._is_late(time) else NO_FAULT
 
     def arrived(self, time: float) -> bool:
-        """Return whether the plan is over and the robot at its goal.
+        """Return whether the plan has ended and the robot is at its goal.
 
         At first the robot has to be within ARRIVAL_SLACK, because one whose wheels slip may still
         come closer.  Shortly before it would count as late, ARRIVAL_SHARE of the track tolerance

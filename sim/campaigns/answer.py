@@ -54,7 +54,7 @@ class Answer(msgspec.Struct, frozen=True):
     """The result of a campaign; `robots` counts the robots of all runs together.
 
     `excused` counts, by reason, the robots that could not be expected to arrive; `anyway`: how many
-    of them arrived all the same, mostly before their fault began.
+    of them arrived nevertheless, mostly before their fault began.
     """
 
     runs: int

@@ -3,7 +3,7 @@
 Decides: what counts as a touch, and which robots are excused from arriving.  Two robots touch when
 their true centres are nearer than r_i + r_j; a robot touches something solid when its centre is
 nearer to it than r_i.  Distances are exact for straight motion between two rows of a black box.
-Must not know: how faults are drawn.
+Must not know: how faults are chosen.
 """
 
 from __future__ import annotations

@@ -182,7 +182,8 @@ def judge(
     """Find out from the black boxes what happened: collisions, arrivals, tracking errors.
 
     The folder holds plan.json or the coordinator's log (run.mcap, run-2.mcap, ...), which has the
-    plans in it, and ROBOT.csv or blackbox/ROBOT.csv of every robot.  A log stands for its folder.
+    plans in it, and ROBOT.csv or blackbox/ROBOT.csv of every robot.  If a log is named, its folder
+    is used.
 
     Example: splinefleet judge runs/demo
     """

@@ -68,9 +68,9 @@ def free_space(floor: Workspace, reach: float) -> Pieces:
 class Exits:
     """The ways out of each place of n robots, and the pieces to which they lead.
 
-    `places` (2 n, 2) [m]: start and goal of each robot in turn.  `pieces` (2 n, FAN): the piece to
-    which each direction leads, -1 where it is blocked.  `ground`: the free space minus a disc
-    around every place.
+    `places` (2 n, 2) [m]: start and goal of one robot after the other.  `pieces` (2 n, FAN): the
+    piece to which each direction leads, -1 where it is blocked.  `ground`: the free space minus a
+    disc around every place.
     """
 
     places: NDArray[np.float64]

@@ -69,7 +69,7 @@ def read_blackbox(path: Path) -> BlackBox:
 def parse_blackbox(text: str, path: str) -> tuple[Array, tuple[str, ...]]:
     """Return the numbers of a black box's rows and their phases; a last row cut short is left out.
 
-    The numbers are (n, 6): t, x, y, heading, s, estimate; the last is nan where there is none.
+    The numbers are (n, 6): t, x, y, heading, s, estimate; an estimate that is not recorded is nan.
     Raises InputError naming the line of `path`.
     """
     rows = list(csv.reader(text.splitlines()))

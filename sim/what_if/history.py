@@ -1,4 +1,4 @@
-"""What a log says about its robots up to a moment, and the coordinator's state at that moment.
+"""What a log says about its robots up to a given time, and the coordinator's state at that time.
 
 Decides: where a log is cut, and whether the run can be continued from there.  Must not know:
 bodies, links, virtual time.

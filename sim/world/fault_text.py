@@ -62,7 +62,7 @@ KINDS: Final = {
     ),
     "cut": Kind("no network for SECONDS", "cut", "SECONDS", None, ending="heal"),
     "clock-step": Kind(
-        "the wall clock jumps by SECONDS; nobody should notice",
+        "the wall clock jumps by SECONDS; this must change nothing",
         "body",
         "SECONDS",
         None,

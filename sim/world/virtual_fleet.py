@@ -178,7 +178,7 @@ class World:
         self._expect_faults()
 
     def renew(self, name: str, boot: int, place: Pose | None) -> None:
-        """Start a robot's program again, with its body and its believed pose at `place`."""
+        """Start a robot's program again, with its body and its estimated pose at `place`."""
         robot = self.robots[name]
         if not robot.dead:
             self._network.drop(name)
