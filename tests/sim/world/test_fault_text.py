@@ -103,7 +103,7 @@ def test_the_help_names_every_kind_and_says_of_which_nothing_is_expected():
     said = fault_help()
     assert all(f"{kind}" in said for kind in KINDS)
     assert (
-        "clock-step:ROBOT@SECONDS:SECONDS (the wall clock jumps by SECONDS; nobody should notice)"
+        "clock-step:ROBOT@SECONDS:SECONDS (the wall clock jumps by SECONDS; this must change nothing)"
         in said
     )
 
