@@ -1,8 +1,8 @@
 """All benchmarks: `python -m benchmarks [PART ...]`; without a part all of them.
 
 Prints tables and writes benchmarks/results/PART.json.  Times are medians of several runs on this
-machine; what can be compared is compared with a peer in the same run, as a ratio.  Nothing here
-asserts a time.
+machine; where another library does the same, both are measured in the same run and a ratio is
+given.  Nothing here asserts a time.
 """
 
 from __future__ import annotations
@@ -39,40 +39,40 @@ from benchmarks.zones import zones
 PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "curves": {"evaluating a rational cubic with 12 control points": curves},
     "paths": {
-        "shortest ways, against peers": against_peers,
+        "shortest ways, compared with other libraries": against_peers,
         "shortest ways, ours for points and for robots": for_robots,
-        "path stage: all robots of a floor, proof of clearance included": fleets,
+        "path stage: all robots of a floor, with the proof of clearance": fleets,
     },
     "intersections": {"all intersections of two curves": intersections},
     "zones": {"conflict zones of a whole fleet": zones},
     "proof": {"the proof stage": proving, "damaged plans against the dense sampler": sharpness},
     "planning": {
         "planning whole scenes": planning,
-        "the whole command, its process included": whole_plan,
+        "the whole command, including its process": whole_plan,
     },
-    "swaps": {"rings and circles, beside the peers": swaps},
-    "quality": {"sums of delays against the optimum": quality},
-    "paper": {"against Algorithm 2 of the paper": against_paper},
+    "swaps": {"rings and circles, compared with other planners": swaps},
+    "quality": {"sums of delays, compared with the optimum": quality},
+    "paper": {"comparison with Algorithm 2 of the paper": against_paper},
     "safety": {"seeded scenarios, judged by a dense sampler": partial(safety, 200)},
     "reliability": {"seeded fleets with 1 to 4 faults": partial(campaigns, 500)},
-    "replays": {"logs of faulty runs, run again": replays},
+    "replays": {"logs of faulty runs, replayed": replays},
     "agent": {"one tick of the robot's core": agent},
     "flood": {"a fleet beside a flood": flood},
-    "fuzz": {"bad input, 30 s a target": partial(fuzz_all, list(MODULES))},
+    "fuzz": {"bad input, 30 s per target": partial(fuzz_all, list(MODULES))},
     "locks": {"arming a fleet without and with keys": arming},
     "recording": {
         "recording what arrives over Zenoh": recording,
-        "the recorder alone, what 100 robots say": writing,
+        "the recorder alone, with the traffic of 100 robots": writing,
     },
 }
 
 
 def main() -> None:
-    """Run the parts that are asked for, print their tables and write the results."""
+    """Run the parts named on the command line, print their tables and write the results."""
     chosen = sys.argv[1:] or list(PARTS)
     unknown = [name for name in chosen if name not in PARTS]
     if unknown:
-        sys.stderr.write(f"unknown part {unknown[0]!r}, there are {', '.join(PARTS)}\n")
+        sys.stderr.write(f"unknown part {unknown[0]!r}, the parts are {', '.join(PARTS)}\n")
         sys.exit(2)
     folder = ROOT / "benchmarks" / "results"
     folder.mkdir(exist_ok=True)

@@ -1,7 +1,8 @@
-"""Our waits against the paper's: Algorithm 2 with a T just large enough to be safe.
+"""Our waits compared with the paper's: Algorithm 2 with a T just large enough to be safe.
 
-Decides: how that T is looked for.  The proof does not hold for all T above some T, so the least
-one is found among steps of `STEP` and then made sharper.  Must not know: how plans are made.
+Decides: how that T is searched for.  A plan may be safe for some T and not for a larger one, so
+steps of `STEP` are tried in turn, and the first one that is safe is refined by bisection.  Must not
+know: how plans are made.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from coordinator.scenario_files.scenario_reader import read_scenario
 STEP: Final = 0.5
 MOST: Final = 30.0
 SHARP: Final = 0.01
-"""T [s]: how finely and how far it is looked for, and how sharply it is then found."""
+"""The step and the end of the search for T, and the precision with which T is then found [s]."""
 
 
 def against_paper() -> list[Row]:

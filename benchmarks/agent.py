@@ -1,4 +1,4 @@
-"""The robot's core and its process: what a tick costs, and how many robots one machine carries.
+"""The robot's core and its process: the cost of a tick, and how many robots one machine can run.
 
 `python -m benchmarks agent` measures the tick; `python -m benchmarks.agent [COUNT [SECONDS]]` also
 starts that many robots as processes, with a coordinator, on this machine.
@@ -44,10 +44,10 @@ Process = subprocess.Popen[str]
 
 
 def agent() -> list[Row]:
-    """Tick the robot's core along a plan: the time that a control period costs, and its state.
+    """Run the robot's core along a plan; measure the time of a tick and the size of its state.
 
-    On a machine that others use some ticks contain a pause: the 99th percentile without pauses is
-    that of each tick's median over several rides of the same plan.
+    On a machine with other work some ticks contain a pause.  To leave pauses out, a second 99th
+    percentile is taken of each tick's median over several rides of the same plan.
     """
     driven = drive(plan_scenario(read_scenario(ROOT / "examples" / "paper_five_real.toml")))[0]
     parts = unpack_plan(driven.plan)
@@ -79,7 +79,7 @@ def _armed(parts: PlanParts) -> Agent:
 
 
 def _ride(driven: Driven, robot: Agent) -> list[float]:
-    """Return what each tick of a whole plan takes [us]."""
+    """Return the time of each tick of a whole plan [us]."""
     for i in range(8):
         robot.hear_clock(i, i, i, i)
     assert robot.ride is not None
@@ -108,13 +108,13 @@ def _seen(driven: Driven) -> list[list[float]]:
 
 
 def fleet_of_agents(count: int = 100, seconds: float = 20.0) -> list[Row]:
-    """Run that many robots side by side as processes, RATE ticks a second, for so long.
+    """Run `count` robots at once as processes, at RATE ticks a second, for `seconds`.
 
-    Ticks and overruns are those while robots move, in all epochs: a robot that is late because it
-    got no processor has the fleet freeze and go on with the next.  The worst tick is that since
-    the process began.  CPU is the share of one core, over all threads, on the way.  Whatever else
-    runs meanwhile on this machine takes its part: CPU of this machine less that of robots and
-    coordinator; `taken` is what other machines on the same hardware took of the cores.
+    Ticks and overruns are counted while robots move, in all epochs: a robot that is late because it
+    got no processor makes the fleet freeze and continue with the next epoch.  The worst tick is
+    that since the process began.  CPU is the share of one core, over all threads, while robots
+    move.  Other work on this machine is the CPU of this machine less that of robots and
+    coordinator; `taken` is the share of the cores that other machines on the same hardware took.
     """
     with TemporaryDirectory() as name, _ended() as processes:
         folder = Path(name)
@@ -151,7 +151,7 @@ def fleet_of_agents(count: int = 100, seconds: float = 20.0) -> list[Row]:
 
 
 def _start_fleet(folder: Path, count: int, seconds: float, processes: list[Process]) -> Process:
-    """Start a coordinator and its robots; return the coordinator when it has said GO."""
+    """Start a coordinator and its robots; return the coordinator when it has sent GO."""
     scenario = folder / "lanes.json"
     scenario.write_bytes(scenario_to_json(lanes(count, seconds)))
     endpoint = f"tcp/127.0.0.1:{free_port()}"
@@ -166,7 +166,7 @@ def _start_fleet(folder: Path, count: int, seconds: float, processes: list[Proce
     )
     processes.append(coordinator)
     assert coordinator.stdout is not None
-    line = "nothing was said"
+    line = "it printed nothing"
     for line in coordinator.stdout:
         event = json.loads(line)
         if event["event"] == "listening":
@@ -209,13 +209,13 @@ def _cpu_s(process: Process) -> float:
 
 
 def _busy_s() -> float:
-    """Return the processor time [s] that everything on this machine has taken."""
+    """Return the processor time [s] that all programs on this machine have taken."""
     fields = _machine_s()
     return sum(fields[:8]) - fields[3] - fields[4]
 
 
 def _taken_s() -> float:
-    """Return the processor time [s] that this machine wanted and did not get."""
+    """Return the processor time [s] that this virtual machine needed and did not get (steal)."""
     return _machine_s()[7]
 
 
@@ -227,7 +227,7 @@ def _machine_s() -> list[float]:
 
 @contextlib.contextmanager
 def _ended() -> Iterator[list[Process]]:
-    """Give a list; every process put into it is ended, by its id, when the block is left."""
+    """Yield a list; every process put into it is ended, by its id, when the block is left."""
     processes: list[Process] = []
     try:
         yield processes
@@ -241,7 +241,7 @@ def _ended() -> Iterator[list[Process]]:
 
 
 def main() -> None:
-    """Measure and write benchmarks/results/agent_fleet.json; ended early, it ends its processes."""
+    """Measure, and write benchmarks/results/agent_fleet.json."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(130))
     count, seconds = (*map(int, sys.argv[1:]), *(100, 20)[len(sys.argv) - 1 :])
     record(

@@ -1,4 +1,4 @@
-"""When each robot of a plan would arrive if it were alone: on its path, without a rest.
+"""When each robot of a plan would arrive if it were alone: on its path, without a wait.
 
 Decides: what delays are measured from.  Must not know: schedules.
 """
@@ -22,7 +22,7 @@ def alone(document: PlanDocument, scenario: Scenario) -> list[float]:
 
 
 def finish_on(curve: Nurbs, robot: Robot, scenario: Scenario) -> float:
-    """Return when a robot arrives [s] that drives along a curve without a rest."""
+    """Return when a robot that drives along a curve without a wait arrives [s]."""
     speed = scenario.planned_speed(robot)
     limits = limits_on(curve, speed, robot.max_accel, robot.max_lateral_accel)
     return float(Motion(limits, []).finish)

@@ -1,6 +1,7 @@
-"""Campaigns: one measurement for each of many seeds, on two processes, recorded.
+"""Campaigns: one measurement for each of many seeds, on two processes, with the results in a file.
 
-Decides: how campaigns are asked for, run and written.  Must not know: what is measured.
+Decides: the command-line options of campaigns, and how they are run and written.  Must not know:
+what is measured.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from benchmarks.table import ROOT, Row, show
 
 WORKERS: Final = 2
 SAID: Final = 100
-"""Progress is told every so many seeds."""
+"""Progress is printed each time that this many seeds are done."""
 
 Answer = TypeVar("Answer")
 
 
 def options(about: str | None, count: int, effort: int) -> argparse.Namespace:
-    """Return what the command line asks for: count, from_seed and effort."""
+    """Return the options on the command line: count, from_seed and effort."""
     parser = argparse.ArgumentParser(description=about)
     parser.add_argument("--count", type=int, default=count)
     parser.add_argument("--from-seed", type=int, default=0)
@@ -33,9 +34,9 @@ def options(about: str | None, count: int, effort: int) -> argparse.Namespace:
 
 
 def in_turn(measure: Callable[[int], Answer], seeds: Sequence[int]) -> list[Answer]:
-    """Return the answers for all seeds, in their order; progress goes to stderr.
+    """Return the measurements of all seeds, in order; progress is printed on stderr.
 
-    Raises RuntimeError with the first seed without an answer when a process dies.
+    Raises RuntimeError with the first seed that has no result when a process dies.
     """
     answers: list[Answer] = []
     with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:

@@ -1,4 +1,4 @@
-"""A rational cubic with 12 control points, evaluated by us, the robot, SciPy and geomdl."""
+"""A rational cubic with 12 control points, evaluated by this project, SciPy and geomdl."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _RUNS = 31
 
 
 def curves() -> list[Row]:
-    """Measure all in one run; `geomdl / this` compares what computes the same."""
+    """Measure all evaluators in one run; `geomdl / this` compares geomdl's time with the row's."""
     random = np.random.default_rng(1)
     points, weights = random.uniform(0.0, 10.0, (12, 2)), random.uniform(0.5, 2.0, 12)
     knots = np.concatenate((np.zeros(4), np.arange(1.0, 9.0), np.full(4, 9.0)))
@@ -59,7 +59,7 @@ def _row(what: str, spent: float, scipy: float, geomdl: float) -> Row:
 
 
 def _scipy(curve: Nurbs) -> tuple[Callable[[np.ndarray], object], Callable[[np.ndarray], object]]:
-    """Return SciPy's way to points, and to points with both derivatives."""
+    """Return SciPy's evaluation of points, and of points with both derivatives."""
     spline = BSpline(curve.knots, curve.lifted[2], 3)
 
     def place(u: np.ndarray) -> object:
@@ -77,7 +77,7 @@ def _scipy(curve: Nurbs) -> tuple[Callable[[np.ndarray], object], Callable[[np.n
 
 
 def _geomdl(curve: Nurbs) -> tuple[Callable[[np.ndarray], object], Callable[[np.ndarray], object]]:
-    """Return geomdl's way to the same."""
+    """Return geomdl's evaluation of points, and of points with both derivatives."""
     from geomdl import NURBS
 
     theirs = NURBS.Curve(normalize_kv=False)

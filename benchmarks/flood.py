@@ -1,9 +1,9 @@
-"""A client that floods and sends garbage, beside a fleet that has to arrive all the same.
+"""A client that floods a fleet with garbage; the fleet must arrive nevertheless.
 
 `python -m benchmarks flood` drives four robots with a coordinator, all real processes, once on a
-quiet link and once while another client puts 20,000 messages a second on the fleet's keys;
-`python -m benchmarks.flood RATE` with another rate.  Ages of Commands are measured in the robots'
-own processes, from the stamp of the coordinator's session to the robot's ear.
+quiet link and once while another client puts 20,000 messages a second on the fleet's keys; `python
+-m benchmarks.flood RATE` does so with another rate.  Ages of Commands are measured in the robots'
+own processes, from the time stamp of the coordinator's session to the arrival.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ FLEET: Final = "flooded"
 RATE: Final = 20_000
 ROBOTS: Final = 4
 VICTIM: Final = "R1"
-"""The robot on whose keys garbage is put; the ages of the others are told."""
+"""The robot on whose keys garbage is put; Command ages are reported for the other robots."""
 
 _SECONDS: Final = 20.0
 _SPEED: Final = 0.5
@@ -56,15 +56,16 @@ Process = subprocess.Popen[str]
 
 
 def flood(rate: int = RATE, seconds: float = _SECONDS) -> list[Row]:
-    """Drive the fleet on a quiet link, then through a flood; memory is the coordinator's.
+    """Drive the fleet on a quiet link, then through a flood; return a row of figures for each.
 
-    "heard" counts what is in the coordinator's log, "dropped" what it dropped, by its own count.
+    "heard" is the number of messages in the coordinator's log, "dropped" the number that it
+    dropped, as it reports.  "memory" and "growth" are those of the coordinator's process.
     """
     return [run_beside(0, seconds), run_beside(rate, seconds)]
 
 
 def run_beside(rate: int, seconds: float) -> Row:
-    """Drive the fleet beside a client that puts so many messages a second, and tell how it went."""
+    """Drive the fleet beside a client that puts `rate` messages a second; return the figures."""
     with TemporaryDirectory() as name, ended() as processes:
         folder, endpoint = Path(name), f"tcp/127.0.0.1:{free_port()}"
         (folder / "lanes.json").write_bytes(scenario_to_json(lanes(ROBOTS, seconds, FLEET)))
@@ -113,9 +114,9 @@ def run_beside(rate: int, seconds: float) -> Row:
 
 
 def messages(seed: int = 1) -> list[tuple[str, bytes]]:
-    """Return keys and payloads of a hostile client: garbage, strangers, other kinds, wildcards.
+    """Return keys and payloads of a hostile client: garbage, other kinds, strangers, wildcards.
 
-    Nothing in it is what the victim itself could have said: it has to arrive as well.
+    No message is one that the victim itself could have sent, because it has to arrive as well.
     """
     dice = Random(seed)
     kinds = (keys.hello, keys.report, keys.clock, keys.admit, keys.plan)
@@ -143,13 +144,13 @@ def messages(seed: int = 1) -> list[tuple[str, bytes]]:
 
 
 def _await_end(over: threading.Event) -> None:
-    """Tell when stdin has ended."""
+    """Set `over` when stdin has ended."""
     sys.stdin.read()
     over.set()
 
 
 def put_flood(endpoint: str, rate: int) -> None:
-    """Put messages at a rate until stdin ends, and print how many it was."""
+    """Put messages at a rate until stdin ends, and print their number."""
     import zenoh
 
     config = zenoh.Config()
@@ -174,12 +175,12 @@ def put_flood(endpoint: str, rate: int) -> None:
 
 
 class ListeningTransport(ZenohTransport):
-    """A robot's link that notes how old Commands are when they come [ms]."""
+    """A robot's link that records the age of each Command on arrival [ms]."""
 
     ages_ms: list[float]
 
     def subscribe(self, key_expression: str, handler: Handler) -> None:
-        """Call the handler as ever, after a look at the clock."""
+        """Subscribe as usual; the age of each Command is recorded before the handler is called."""
         self.ages_ms = getattr(self, "ages_ms", [])
 
         def hear(key: str, payload: bytes, sent_ns: int | None) -> None:
@@ -191,7 +192,7 @@ class ListeningTransport(ZenohTransport):
 
 
 def drive(robot: str, endpoint: str) -> None:
-    """Run one robot to its end, and print the ages of the Commands that it has heard [ms]."""
+    """Run one robot to its end, and print the ages of the Commands that it received [ms]."""
     from robot_agent.service import Robot as Me
     from robot_agent.service import run_robot
     from sim.world.body import SimulatedBody
@@ -213,7 +214,7 @@ def drive(robot: str, endpoint: str) -> None:
 
 @contextmanager
 def ended() -> Iterator[list[Process]]:
-    """Give a list; every process put into it is ended, by its id, when the block is left."""
+    """Yield a list; every process put into it is ended, by its id, when the block is left."""
     processes: list[Process] = []
     try:
         yield processes
@@ -224,7 +225,7 @@ def ended() -> Iterator[list[Process]]:
 
 
 def _start(said: Path, module: str, *arguments: str) -> Process:
-    """Start a module as a process that writes what it says into a file."""
+    """Start a module as a process whose output goes into the file `said`."""
     with said.open("w") as output:
         return subprocess.Popen(
             [sys.executable, "-m", module, *arguments],
@@ -239,33 +240,33 @@ def _wait_for(state: Callable[[], bool]) -> None:
     deadline = time.monotonic() + _PATIENCE_S
     while not state():
         if time.monotonic() > deadline:
-            raise TimeoutError("a part of the benchmark does not get ready")
+            raise TimeoutError("a program of the benchmark does not become ready in time")
         time.sleep(_LOOK_S)
 
 
 def _last_line(said: Path) -> dict[str, Any]:
     lines = said.read_text().splitlines()
     if not lines:
-        raise RuntimeError(f"{said.stem} has said nothing")
+        raise RuntimeError(f"{said.stem} has printed nothing")
     found: dict[str, Any] = json.loads(lines[-1])
     return found
 
 
 def _trouble(said: Path) -> str:
-    """Return what kept the fleet from going on, in the coordinator's words."""
+    """Return the coordinator's events that explain why the fleet stopped."""
     events = [json.loads(line) for line in said.read_text().splitlines()]
     kinds = ("timeout", "fault", "stays", "aside", "superseded", "log")
     return "; ".join(event["text"] for event in events if event["event"] in kinds)
 
 
 def _share(values: list[float], part: float) -> float:
-    """Return the value that this share of them does not exceed."""
+    """Return the value that a share `part` of the values does not exceed."""
     ordered = sorted(values)
     return ordered[max(math.ceil(part * len(ordered)) - 1, 0)]
 
 
 def main() -> None:
-    """Measure and write benchmarks/results/flood.json; also runs the other parts of it."""
+    """Measure and write benchmarks/results/flood.json; or run one of the processes for it."""
     match sys.argv[1:]:
         case ["flood", endpoint, rate]:
             put_flood(endpoint, int(rate))

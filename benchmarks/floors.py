@@ -1,7 +1,7 @@
-"""Floors to find shortest ways on: separate polygons, and places to go between.
+"""Floors for shortest ways: separate polygons, and pairs of places to connect.
 
 Decides: sizes, seeds and queries; the same ones for every library.  Polygons neither touch nor
-overlap, as the peers cannot do either.  Must not know: who is measured.
+overlap, because the other libraries fail on both.  Must not know: which library is measured.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from sim.floors.polygons import polygon_floor
 CORNERS: Final = (20, 100, 500, 2_000, 8_000)
 QUERIES: Final = 50
 AREA: Final = 5.0
-"""Floor [m^2] per corner: gaps are about 1 m at least, so a robot of 0.3 m passes everywhere."""
+"""Area of the floor [m^2] per corner; gaps are at least about 1 m, so a robot of 0.3 m passes."""
 OFF: Final = 0.35
-"""Places lie this far [m] from everything solid."""
+"""The least distance [m] of a place from everything solid."""
 SEED: Final = 1
 
 

@@ -1,6 +1,6 @@
-"""The figure of docs/benchmarks.md: how preparing and asking grow with a floor's corners.
+"""The figure of docs/benchmarks.md: how preparation and query times grow with a floor's corners.
 
-Decides: the picture.  Must not know: how times were taken.
+Decides: the picture.  Must not know: how times were measured.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from typing import Final
 from matplotlib.figure import Figure
 
 Curve = list[tuple[int, float, float]]
-"""Corners, time to prepare [s], time of a query [s]."""
+"""Points (number of corners, preparation time [s], query time [s])."""
 
 _COLOURS: Final = ("#0072b2", "#d55e00", "#6a9a2d")
 _MARKERS: Final = "osD"
 
 
 def draw(curves: dict[str, Curve], path: Path) -> None:
-    """Write the figure; libraries are told apart by colour, marker and name at their lines."""
+    """Write the figure; each library has a colour, a marker and its name at its line."""
     figure = Figure(figsize=(9.0, 4.2), layout="constrained")
     both = figure.subplots(1, 2)
     for axes, column, title in zip(both, (1, 2), ("prepare a floor", "one query"), strict=True):

@@ -1,8 +1,8 @@
-"""All intersections of curves: how fast, against a look along chords, and whether all are right.
+"""All intersections of curves: speed compared with a search along chords, and correctness.
 
-geomdl and SciPy have nothing of the kind.  The look along chords, what this package did before,
-misses touches and whatever its chords are too coarse for; it stands for the usual way.
-Right is what polylines of the curves say (tests/oracle_polylines.py).
+geomdl and SciPy have no such function.  The search along chords represents the usual method, which
+this package once used; it misses points where curves touch, and crossings for which its chords are
+too coarse.  Results are compared with polylines of the curves (tests/oracle_polylines.py).
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ _CONTROL_POINTS = 15
 _CHORD = 0.05
 _STEPS = 12
 _COARSE, _FINE = 250, 2500
-"""Chords a span of the polylines that all pairs are compared with, and where these differ."""
+"""Chords per span of the polylines that are compared with all pairs, and with pairs that differ."""
 
 
 def intersections() -> list[Row]:
-    """Measure every pair of 40 paths across a floor, and of 40 that wind about one place."""
+    """Measure all pairs of 40 paths across a floor, and of 40 paths that wind about one place."""
     random = np.random.default_rng(5)
     part = np.linspace(0.0, 1.0, _CONTROL_POINTS)[:, None]
     paths, tangles = [], []
@@ -71,7 +71,7 @@ def _chords(curve: Nurbs) -> tuple[Array, Array]:
 
 
 def _by_chords(curves: list[Nurbs], chords: list[tuple[Array, Array]], i: int, j: int) -> Array:
-    """Return parameters of crossings (n, 2): Newton's method from all chords that come near."""
+    """Return parameters of crossings (n, 2) by Newton's method from all pairs of near chords."""
     (u, lines), (v, others) = chords[i], chords[j]
     first, second = shapely.STRtree(others).query(lines, predicate="dwithin", distance=1e-3)
     at, its = 0.5 * (u[first] + u[first + 1]), 0.5 * (v[second] + v[second + 1])
@@ -85,11 +85,12 @@ def _by_chords(curves: list[Nurbs], chords: list[tuple[Array, Array]], i: int, j
 
 
 def against_polylines(count: int = 10_000) -> list[Row]:
-    """Compare the intersections of random pairs, any degree, up to 20 control points each.
+    """Compare the intersections of random pairs of curves with up to 20 control points each.
 
-    A point is right when it lies on both curves (the gap is the largest coordinate [m] by which one
-    does not) and coarse polylines cross about there, as often; pairs for which they do not are
-    compared to 1e-6 m with finer ones.  Mirror: how far points move when the curves are swapped.
+    A point is right if it lies on both curves (the gap is the largest difference of a coordinate
+    [m]) and coarse polylines cross near it, with the same number of points in all; pairs that fail
+    this are compared with finer polylines to 1e-6 m.  Mirror: how far points move when the curves
+    are swapped.
     """
     pairs = [_random_pair(seed) for seed in range(count)]
     curves = [curve for pair in pairs for curve in pair]
@@ -110,13 +111,13 @@ def against_polylines(count: int = 10_000) -> list[Row]:
             "pairs": count,
             "points": sum(len(its.u_a) for its in found),
             "overlaps": sum(len(its.overlaps) for its in found),
-            "asked finer": len(asked),
+            "compared finely": len(asked),
             "missed": sum(missed for missed, _ in asked),
             "invented": sum(invented for _, invented in asked),
             "gap nm": 1e9 * max(_gap(*pair, its) for pair, its in zip(pairs, found, strict=True)),
             "mirror nm": 1e9 * max(mirrors),
             "coarser": sum(its.tolerance > 1e-9 for its in found),
-            "us a pair": 1e6 * took / count,
+            "us per pair": 1e6 * took / count,
         }
     ]
 
@@ -127,7 +128,7 @@ def _random_pair(seed: int) -> tuple[Nurbs, Nurbs]:
 
 
 def _random_curve(random: np.random.Generator) -> Nurbs:
-    """Return a curve within 10 m; half of them have weights between e^-2 and e^2."""
+    """Return a random curve within 10 m; half of all curves have weights between e^-2 and e^2."""
     degree = int(random.integers(1, 8))
     count = int(random.integers(degree + 1, 21))
     wild = bool(random.random() < 0.5)
@@ -143,7 +144,7 @@ def _gap(a: Nurbs, b: Nurbs, found: Intersections) -> float:
 
 
 def _mirror(one: Intersections, other: Intersections) -> float:
-    """Return how far [m] the points are apart that are the same; infinite for other counts."""
+    """Return the greatest distance [m] of corresponding points; infinite if the counts differ."""
     if len(one.u_a) != len(other.u_a):
         return float("inf")
     order = np.lexsort((other.u_a, other.u_b))

@@ -1,4 +1,4 @@
-"""Robots side by side on lanes of their own: a fleet in which nobody waits for anybody.
+"""Robots side by side, each on a lane of its own: a fleet without waits.
 
 Decides: how far they drive.  Must not know: what is measured meanwhile.
 """
@@ -14,7 +14,7 @@ _SPEED: Final = 0.5
 
 
 def lanes(count: int, seconds: float, name: str = "lanes") -> Scenario:
-    """Return robots R1, R2, ... that drive for so long, on lanes a metre apart."""
+    """Return a scenario of robots R1, R2, ... that drive for `seconds` on lanes a metre apart."""
     far = 1.0 + 0.95 * _SPEED * seconds
     robots = tuple(
         Robot(

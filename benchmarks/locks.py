@@ -1,7 +1,7 @@
-"""What keys cost: the same fleets armed without and with them, in turn.
+"""The cost of keys: the same fleets are armed alternately without and with them.
 
-Processes, links and messages are those of a run; each fleet is ended as soon as it goes.  Times are
-real seconds, CPU those of all its processes.
+Processes, links and messages are those of a run; each fleet is ended as soon as GO is sent.  Times
+are real seconds; CPU is the sum over its processes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _DAYS: Final = 30
 
 
 class _Arming(NamedTuple):
-    """Seconds from the first process to GO, from the coordinator's link to GO, and of CPU."""
+    """Seconds from the first process to GO and from the coordinator's link to GO, and of CPU."""
 
     whole: float
     link: float
@@ -51,7 +51,7 @@ def arming(times: int = 7) -> list[Row]:
             keys = _keys_for(scenario, folder / "keys")
             (folder / "blackbox").mkdir()
             (folder / "scenario.json").write_bytes(scenario_to_json(scenario))
-            _arm(scenario, folder, None)  # what is compiled and cached once is not compared
+            _arm(scenario, folder, None)  # compiles and fills caches, not measured
             pairs = [
                 (_arm(scenario, folder, None), _arm(scenario, folder, keys)) for _ in range(rounds)
             ]
@@ -81,7 +81,7 @@ def _keys_for(scenario: Scenario, folder: Path) -> Path:
 
 
 def _arm(scenario: Scenario, folder: Path, keys: Path | None) -> _Arming:
-    """Start a fleet, wait until it goes, end it."""
+    """Start a fleet, wait for GO, end it, and return the times."""
     programs = Programs(folder, scenario.name, 1.0, 20, keys)
     meet = programs.endpoint(free_port())
     before = _cpu_s()

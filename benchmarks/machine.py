@@ -1,4 +1,4 @@
-"""What benchmarks ask about processes of this machine."""
+"""Measurements of processes of this machine."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def memory_mb(process: int) -> float:
-    """Return what a process holds in memory, by its id; 0 when it has ended."""
+    """Return the resident memory [MB] of the process with this id; 0 when it has ended."""
     try:
         pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
     except FileNotFoundError:

@@ -1,7 +1,7 @@
-"""Deaths of real robots: how soon the fleet is told to freeze, rests, and goes on.
+"""Deaths of real robot processes: how soon the fleet gets FREEZE, is at rest, and goes on.
 
 Run as `python -m benchmarks.outage [ROBOTS] [TIMES]`.  Times are those of the coordinator's log and
-of the black boxes, all on one host's clock; the machine runs every robot itself.
+of the black boxes, all on one host's clock; all robots run on this machine.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _STILL: Final = 2e-4
 
 
 def outages(robots: int = 17, times: int = 5) -> list[Row]:
-    """Kill and hang a robot of a warehouse, several times each, and measure what follows."""
+    """Kill a robot of a warehouse, and stop one, several times each; measure the reaction times."""
     scenario = replace(generate("warehouse", robots, 1), name="outage")
     rows = []
     for kind in ("kill", "hang"):
@@ -53,7 +53,7 @@ def outages(robots: int = 17, times: int = 5) -> list[Row]:
 
 
 def _outage(scenario: Scenario, text: str) -> tuple[float, float, float, float]:
-    """Return s from the death to FREEZE, to everybody's rest, from FREEZE to the next GO; tau."""
+    """Return times [s]: death to FREEZE, death to rest of all, FREEZE to the next GO; and tau."""
     faults = parse_faults([text], [robot.id for robot in scenario.robots])
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

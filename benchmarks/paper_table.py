@@ -1,7 +1,7 @@
 # ruff: noqa: T201
 """The tables of docs/paper.md, in Markdown: `python -m benchmarks.paper_table`.
 
-Decides: how Table 1, what follows from it and our plans of the same floor stand side by side.  All
+Decides: how Table 1, its consequences and our plans of the same floor are compared.  All
 numbers are computed here from tests/golden/table1.csv and examples/paper_five.toml.
 """
 
@@ -50,7 +50,7 @@ class Row:
 
     @property
     def name(self) -> str:
-        """The crossing as the paper calls it, R_ip."""
+        """The crossing's name in the paper, R_ip."""
         return f"R{self.i.robot[1:]}{self.p.robot[1:]}"
 
 
@@ -138,7 +138,7 @@ def chords(table: list[Row]) -> Rows:
 
 
 def verdicts(table: list[Row], paper: PlanDocument, safe: PlanDocument) -> Rows:
-    """Yield who stops at each crossing, five times over."""
+    """Yield who stops at each crossing, according to five sources."""
     yield (
         "crossing",
         "printed",
@@ -180,7 +180,7 @@ def stops(plans: Iterable[tuple[str, PlanDocument]]) -> Rows:
 
 
 def proofs(plans: Iterable[tuple[str, PlanDocument]]) -> Rows:
-    """Yield what the proof says of each plan."""
+    """Yield the result of each plan's proof."""
     yield "plan", "tau [s]", "proof", "survives", "last arrival [s]", "tightest"
     for name, plan in plans:
         proof = plan.proof

@@ -1,6 +1,6 @@
-"""The path stage: shortest ways against peers in the same run, growth with corners, whole fleets.
+"""The path stage: shortest ways compared with other libraries (peers), growth, whole fleets.
 
-Decides: what is compared, and which figure stands beside which target.  Nothing asserts a time.
+Decides: what is compared, and the targets.  Nothing asserts a time.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from sim.floors.layout import Kind
 OURS: Final = "splinefleet"
 PEERS: Final = ("extremitypathfinder", "pyvisgraph")
 POINT: Final = 1e-3
-"""Reach [m] of what is compared: the peers plan for points."""
+"""Reach [m] in the comparison: the peers plan for points."""
 ROBOT: Final = 0.3
 """Reach [m] of a robot and its margin."""
 ROUNDS: Final = 3
 THREADS: Final = 2
 ENOUGH: Final = 20.0
-"""No further round when one took longer [s]."""
+"""After a round that took longer than this [s] no further one is run."""
 PER_TURN: Final = 2e-3
 RELATIVE: Final = 1e-3
 """Lengths agree within this [m] per turn of ours, or within this share."""
@@ -48,7 +48,7 @@ TARGETS: Final = {
 
 
 def against_peers() -> list[Row]:
-    """Measure every library on every floor, in turn, and draw how times grow with corners."""
+    """Measure every library on every floor, and draw how times grow with corners."""
     rows: list[Row] = []
     curves: dict[str, Curve] = {name: [] for name in (OURS, *PEERS)}
     for corners in CORNERS:
@@ -67,7 +67,7 @@ def against_peers() -> list[Row]:
 
 
 def for_robots() -> list[Row]:
-    """Measure ours on the same floors for a robot, where corners are round."""
+    """Measure our library on the same floors for a robot, for which corners are rounded."""
     rows: list[Row] = []
     for corners in CORNERS:
         floor = arena(corners)
@@ -81,7 +81,7 @@ def for_robots() -> list[Row]:
                     "first query ms": 1e3 * median(found.first),
                     "query ms": 1e3 * median(found.queries),
                     "slowest ms": 1e3 * max(found.queries),
-                    "asked again ms": 1e3 * median(found.again),
+                    "repeated query ms": 1e3 * median(found.again),
                     "no way": found.lengths.count(None),
                 }
             )
@@ -96,7 +96,7 @@ def fleets() -> list[Row]:
 
 @dataclass(frozen=True)
 class Scene:
-    """A generated floor with its robots; `target` [s] is for all of them together."""
+    """A generated floor with its robots; `target` [s] is for all of its robots together."""
 
     kind: Kind
     robots: int
@@ -112,7 +112,7 @@ SCENES: Final = (
 
 
 def _in_turn(floor: Arena, peers: list[str]) -> dict[str, Measured]:
-    """Measure ours and the peers round by round; who was stopped is not in the answer."""
+    """Measure our library and the peers round by round; a peer that was stopped is left out."""
     measured: dict[str, Measured] = {}
     for _ in range(ROUNDS):
         begin = time.perf_counter()
@@ -126,7 +126,7 @@ def _in_turn(floor: Arena, peers: list[str]) -> dict[str, Measured]:
 
 
 def _forecast(curve: Curve, corners: int) -> float:
-    """Return how long [s] preparing would take if it grew with the square of the corners."""
+    """Return the preparation time [s] to expect if it grows with the square of the corners."""
     if not curve:
         return 0.0
     before, prepare, _ = curve[-1]
@@ -161,7 +161,7 @@ def _left_out(name: str, corners: int, seconds: float) -> Row:
 
 
 def _disagreements(found: Measured, measured: dict[str, Measured]) -> int:
-    """Count the ways whose length is not that of the shortest that any library found."""
+    """Count the ways that are longer than the shortest one that any library found."""
     count = 0
     for number, length in enumerate(found.lengths):
         known = [one.lengths[number] for one in measured.values() if number < len(one.lengths)]
@@ -197,7 +197,7 @@ def _fleet(scene: Scene) -> Row:
 
 
 def _find(scenario: Scenario) -> tuple[list[Nurbs], float]:
-    """Return all paths and the time [s] that they took."""
+    """Return all paths and the time [s] that finding them took."""
     with ThreadPoolExecutor(THREADS) as executor:
         begin = time.perf_counter()
         paths = find_paths(Pathfinder(scenario), executor)
@@ -205,7 +205,7 @@ def _find(scenario: Scenario) -> tuple[list[Nurbs], float]:
 
 
 def _drive(scenario: Scenario, paths: list[Nurbs]) -> list[Driven]:
-    """Return what each robot makes of its bytes when it drives as if alone."""
+    """Return the motions that robots decode from their bytes, each planned as if alone."""
     driven = []
     for robot, path in zip(scenario.robots, paths, strict=True):
         speed = scenario.planned_speed(robot)

@@ -1,7 +1,8 @@
-"""The proof stage: how long plans take to be read back and proven, how it grows, how sharp it is.
+"""The proof stage: times to decode and to prove plans, their growth, and the proof's precision.
 
-Decides: which plans.  Times are the least of a few runs.  Fleets that nobody scheduled leave one
-after the other; "kept apart" are those of them that do not touch.  Nothing asserts a time.
+Decides: which plans.  Times are the least of a few runs.  The robots of unscheduled fleets ("in a
+row") leave one after the other; "kept apart" is such a fleet without the robots that come too near
+to another one.  Nothing asserts a time.
 """
 
 from __future__ import annotations
@@ -35,13 +36,13 @@ from tests.damages import damaged, judge
 
 TAU: Final = 2.0
 BETWEEN: Final = 2.0
-"""Seconds between departures of robots that nobody scheduled."""
+"""Time [s] between departures in an unscheduled fleet."""
 PLANNED: Final[tuple[tuple[Kind, int], ...]] = (("open", 5), ("open", 100), ("warehouse", 100))
 ROWS: Final[tuple[tuple[Kind, int], ...]] = (
     ("cross-town", 125), ("cross-town", 250), ("cross-town", 500), ("cross-town", 1_000),
 )  # fmt: skip
 DAMAGES: Final = 12
-"""Damages done to each plan."""
+"""How often each plan is damaged."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +55,12 @@ class Case:
     tau: float
 
     def drive(self) -> list[Driven]:
-        """Return what every robot makes of its bytes."""
+        """Return the motion that each robot decodes from its bytes."""
         return [one for document in self.documents for one in drive(document)]
 
 
 def proving() -> list[Row]:
-    """Prove planned fleets, and larger ones that nobody scheduled, touching and kept apart."""
+    """Prove planned fleets, and larger unscheduled ones, "in a row" and "kept apart"."""
     rows = [_measure(_planned(kind, robots)) for kind, robots in PLANNED]
     for kind, robots in ROWS:
         case = _in_a_row(kind, robots)
@@ -68,7 +69,7 @@ def proving() -> list[Row]:
 
 
 def sharpness(plans: int = 33) -> list[Row]:
-    """Damage plans at random and hold the proof against the dense sampler, by kind of damage."""
+    """Damage plans at random and compare the proof with the dense sampler, by kind of damage."""
     counted: dict[str, Counter[str]] = {}
     for seed in range(plans):
         scenario = generate(tuple(KINDS)[seed % len(KINDS)], 5 + seed % 8, seed, mixed=seed % 2 > 0)
@@ -108,7 +109,7 @@ def _in_a_row(kind: Kind, robots: int) -> Case:
 
 
 def _kept_apart(case: Case) -> Case:
-    """Return the fleet without robots that come too near to another one."""
+    """Return the fleet without the robots that come too near to another one."""
     scenario, documents = case.scenario, case.documents
     while True:
         driven = [one for document in documents for one in drive(document)]

@@ -1,4 +1,4 @@
-"""How near to the optimum the waits are: seeded scenarios against CP-SAT over all orders.
+"""How near to the optimum the waits are: seeded scenarios, compared with CP-SAT over all orders.
 
 `python -m benchmarks.quality --count 200 --from-seed 0` prints tables and writes them, worst cases
 with their seeds included, to benchmarks/results/.  Decides: the scenarios and what is compared.
@@ -39,11 +39,12 @@ KINDS: Final[tuple[Kind, ...]] = (
 )  # fmt: skip
 TAUS: Final = (0.3, 0.5, 1.0)
 SIDE: Final = 2.0
-"""Side [m] of the floor per square root of the robots, to begin with: conflicts are wanted."""
+"""The first side [m] of the floor that is tried, per square root of the number of robots; it is
+small so that robots conflict."""
 SMALL: Final = 1.0
-"""Delays [s] below this count as this much when a share is taken of them."""
+"""The least divisor [s] when an excess is taken as a share of the delays."""
 STEP: Final = 0.005
-"""The oracle's grid [m]: what lies between its places makes the optimum too good by about 0.5 %."""
+"""The step of the oracle's grid [m]; because of it the optimum is too good by about 0.5 %."""
 WORST: Final = 8
 
 
@@ -61,7 +62,7 @@ class Found(NamedTuple):
 
     @property
     def excess(self) -> float:
-        """What our delays are above the optimum, as a share of it."""
+        """By how much our delays exceed the optimum, as a share of it."""
         return (self.ours - self.best) / max(self.best, SMALL)
 
 
@@ -91,7 +92,7 @@ def _widths(robots: int) -> Iterator[float]:
 
 
 def courses_of(document: PlanDocument, scenario: Scenario) -> tuple[list[Course], float]:
-    """Return the paths of a plan as the oracle drives them, and the plan's sum of delays [s]."""
+    """Return the oracle's form of a plan's paths, and the plan's sum of delays [s]."""
     fleet = tracks(to_json(document))
     courses = [
         Course.of(track, scenario.planned_speed(robot), STEP)
@@ -120,7 +121,7 @@ def measure(seed: int, effort: int = EFFORT) -> Found | str:
 
 
 def quality(count: int = COUNT, from_seed: int = 0, effort: int = EFFORT) -> list[Row]:
-    """Return our delays against the optimum: all scenarios, by number of robots, and the worst."""
+    """Return our delays and the optimum: for all scenarios, by number of robots, and the worst."""
     seeds = range(from_seed, from_seed + count)
     answers = in_turn(partial(measure, effort=effort), seeds)
     found = [answer for answer in answers if isinstance(answer, Found)]
@@ -154,7 +155,7 @@ def _summary(what: str, found: list[Found]) -> Row:
 
 
 def main() -> None:
-    """Measure as many scenarios as are asked for."""
+    """Measure the scenarios that the command line names."""
     chosen = options(__doc__, COUNT, EFFORT)
     record("quality", {TITLE: quality(chosen.count, chosen.from_seed, chosen.effort)})
 

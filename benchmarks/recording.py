@@ -1,7 +1,7 @@
-"""A log written while messages pour in over Zenoh: what is lost, what it costs.
+"""Recording many messages from Zenoh: how many are lost, CPU time and memory.
 
 `python -m benchmarks recording` records for 10 s, `python -m benchmarks.recording SECONDS` for
-another time.  The messages come from a process of their own, which waits when the link is full.
+SECONDS.  The messages come from a process of their own, which waits when the link is full.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ FLEET: Final = "benchmark"
 ROBOTS: Final = 100
 FLOOD: Final = 20_000
 TRAFFIC: Final = 620
-"""What 100 robots and their coordinator say in a second: 5 reports each, a question about the time
-and its answer every other second, 10 Commands."""
+"""Messages that 100 robots and their coordinator send in a second: 5 Reports each, a question about
+the time and its answer every other second, 10 Commands."""
 
 _BATCH_S: Final = 0.001
 _TICK_S: Final = 0.01
@@ -46,20 +46,21 @@ _PATIENCE_S: Final = 30.0
 
 
 def recording(seconds: float = 10.0) -> list[Row]:
-    """Record a flood, then as much as 100 robots say; CPU and memory are the recorder's process.
+    """Record a flood, then the traffic of 100 robots; return CPU and memory of the recorder.
 
     CPU is the share of one core over all its threads; "ours" is that of the threads of Python, the
-    rest is Zenoh's.  Memory grows from when a quarter of the time has passed.  The flood comes to
-    the recorder directly; what robots say goes through another process, as beside a coordinator.
+    rest is Zenoh's.  The growth of memory is measured after a quarter of the time.  The flood comes
+    to the recorder directly; the robots' traffic goes through another process, as beside a
+    coordinator.
     """
     use_few_threads()
     return [_recorded(FLOOD, seconds), _recorded(TRAFFIC, seconds, beside=True)]
 
 
 def writing(seconds: float = 10.0) -> list[Row]:
-    """Let the recorder alone write what 100 robots say, as it does beside the fleet core.
+    """Let the recorder alone write the traffic of 100 robots, as it does beside the fleet core.
 
-    CPU is the share of one core, that of making the messages included.
+    CPU is the share of one core, including the making of the messages.
     """
     with TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
@@ -76,7 +77,7 @@ def writing(seconds: float = 10.0) -> list[Row]:
 
 
 def _recorded(rate: int, seconds: float, *, beside: bool = False) -> Row:
-    """Return what became of so many messages a second."""
+    """Record `rate` messages a second; return how many were lost, CPU and memory."""
     endpoint, sent = f"tcp/127.0.0.1:{free_port()}", round(rate * seconds)
     with ExitStack() as stack:
         path = Path(stack.enter_context(TemporaryDirectory())) / "run.mcap"
@@ -102,7 +103,7 @@ def _recorded(rate: int, seconds: float, *, beside: bool = False) -> Row:
 
 @contextmanager
 def _router(endpoint: str) -> Iterator[None]:
-    """Let another process route, as a coordinator does."""
+    """Run another process that routes, as a coordinator does, while the block runs."""
     process = subprocess.Popen([sys.executable, "-m", "benchmarks.recording", endpoint], cwd=ROOT)
     try:
         yield
@@ -112,7 +113,7 @@ def _router(endpoint: str) -> Iterator[None]:
 
 
 def _listen(listener: Listener, endpoint: str, rate: int, sent: int) -> Row:
-    """Let another process send; look at this one meanwhile."""
+    """Let another process send; measure this one meanwhile."""
     sizes: list[float] = []
     publisher = subprocess.Popen(
         [sys.executable, "-m", "benchmarks.recording", endpoint, str(rate), str(sent)], cwd=ROOT
@@ -144,7 +145,7 @@ def _listen(listener: Listener, endpoint: str, rate: int, sent: int) -> Row:
 
 
 def publish(endpoint: str, rate: int, count: int) -> None:
-    """Put so many messages at a rate, as a hundred robots in turn; none is dropped here."""
+    """Put `count` messages at a rate, in the names of 100 robots in turn, without drops."""
     config = zenoh.Config()
     for name, value in (
         ("mode", "client"),
@@ -187,7 +188,7 @@ def _python_s() -> float:
 
 
 def main() -> None:
-    """Measure and print; with an endpoint route, with a rate and a count too be the sender."""
+    """Measure and print; given an endpoint, route there; given also a rate and a count, send."""
     if len(sys.argv) == 4:
         publish(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
     elif sys.argv[1:] and sys.argv[1].startswith("tcp/"):

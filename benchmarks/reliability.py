@@ -1,4 +1,4 @@
-"""Does anybody ever touch, or wait for ever?  Fleets in virtual time with random faults.
+"""Fleets in virtual time with random faults: whether robots touch or wait for ever.
 
 `python -m benchmarks.reliability --count 10000` runs seeded campaigns; with `--sweep` one robot at
 a time is killed at every moment of its plan instead.  Both print tables and write them to
@@ -32,16 +32,17 @@ JOBS: Final = 2
 MOST_ROBOTS: Final = 8
 FLOORS: Final = 4
 MADE: Final = 5
-"""Seeds take turns on so many floors; the last one is made anew for every MADE of its seeds."""
+"""Seeds use FLOORS floors in turn; the last of these is generated anew for every MADE of its seeds.
+"""
 BINS: Final = 10
 SWEEPS: Final = (("paper_five", 0.1), ("17 robots", 0.5))
-"""How finely [s] the moments of death follow each other."""
+"""The floors, and the step [s] between moments of death."""
 
 Answered = TypeVar("Answered")
 
 
 class Death(NamedTuple):
-    """A robot's death on a floor, and what came of it: last motion of others [s], violations."""
+    """A robot's death on a floor, how long [s] the others moved after it, and violations."""
 
     robot: str
     time: float
@@ -74,7 +75,7 @@ def outcome(seed: int) -> Outcome:
 
 
 def campaigns(count: int = COUNT, from_seed: int = 0, jobs: int = JOBS) -> list[Row]:
-    """Return what came of so many seeds, per floor and in all, and each violation by its seed."""
+    """Return the results of `count` seeds, per floor and in all, and each violation by its seed."""
     seeds = range(from_seed, from_seed + count)
     found = _in_turn(outcome, seeds, jobs)
     groups: dict[str, list[Outcome]] = {}
@@ -177,12 +178,14 @@ def _in_turn(
 
 
 def main() -> None:
-    """Run the campaigns or the sweep that are asked for."""
+    """Run the campaigns, or with --sweep the sweep."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=COUNT)
     parser.add_argument("--from-seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=JOBS)
-    parser.add_argument("--sweep", action="store_true", help="deaths at every moment instead")
+    parser.add_argument(
+        "--sweep", action="store_true", help="kill each robot at every moment instead"
+    )
     chosen = parser.parse_args()
     if chosen.sweep:
         record("reliability-sweep", sweep(chosen.jobs))

@@ -1,7 +1,7 @@
-"""Logs of random faulty runs, run again: `replay --check` on each.
+"""Logs of random faulty runs, replayed: `replay --check` on each.
 
-`python -m benchmarks.replays COUNT` makes so many runs.  Scenarios, links and faults follow from
-the seeds; the coordinator dies and goes on from its log in some of them.
+`python -m benchmarks.replays COUNT` makes COUNT runs.  Scenarios, links and faults follow from the
+seeds; in some runs the coordinator dies and resumes from its log.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _ROBOTS: Final = 4
 
 
 class Again(msgspec.Struct, frozen=True):
-    """One run's logs: how many, epochs, messages, CPU [s] to make and to check; what differs."""
+    """One run: the numbers of logs, epochs and messages, CPU [s] to make and check, differences."""
 
     seed: int
     logs: int
@@ -49,7 +49,7 @@ class Again(msgspec.Struct, frozen=True):
 
 
 def run_and_check(seed: int) -> Again:
-    """Make one run with every kind of fault, and run each of its logs again."""
+    """Make one run with faults of every kind, and replay each of its logs."""
     with TemporaryDirectory() as name:
         began = time.process_time()
         run_seed(_scenario(seed % len(_FLOORS)), seed, Wish(kinds=tuple(KINDS)), folder=Path(name))
@@ -78,7 +78,7 @@ def run_and_check(seed: int) -> Again:
 
 
 def replays(count: int = RUNS) -> list[Row]:
-    """Make and check the logs of so many runs; a difference is told with its seed."""
+    """Make and check the logs of `count` runs; a difference is printed with its seed."""
     found = [run_and_check(seed) for seed in range(count)]
     for one in found:
         for difference in one.differences:
@@ -103,7 +103,7 @@ def _row(found: Sequence[Again]) -> Row:
 
 @functools.cache
 def _scenario(number: int) -> Scenario:
-    """Return a floor of a kind for which there is a plan."""
+    """Return a generated scenario for which there is a plan."""
     seed = 0
     while True:
         scenario = generate(_FLOORS[number], _ROBOTS, seed)
@@ -118,7 +118,7 @@ def _scenario(number: int) -> Scenario:
 def main() -> None:
     """Print the table."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
-    show("logs of faulty runs, run again", replays(count))
+    show("logs of faulty runs, replayed", replays(count))
 
 
 if __name__ == "__main__":

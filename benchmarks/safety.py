@@ -1,4 +1,4 @@
-"""Is every plan safe, and is nobody refused for nothing?  Seeded scenarios of all kinds.
+"""Seeded scenarios of all kinds: whether every plan is safe, and no scenario refused needlessly.
 
 `python -m benchmarks.safety --count 2000 --from-seed 0` prints a table per kind and writes it to
 benchmarks/results/.  Decides: the scenarios and the questions.  Must not know: how plans are found.
@@ -34,9 +34,10 @@ FEWEST: Final = 5
 MOST: Final = 60
 TAUS: Final = ("auto", "auto", 0.0, 0.5, 1.0)
 SAID: Final = 120
-"""Characters of what the planner said that the table shows."""
+"""How many characters of the planner's message the table shows."""
 SHORT: Final = 1e-4
-"""A violation is a distance this much [m] below the need: the sampler is no sharper."""
+"""A violation is a distance at least this much [m] below the need: the sampler is not more exact.
+"""
 
 Ending = Literal["planned", "violated", "no path", "place crossed", "not proven", "for nothing"]
 ENDINGS: Final[tuple[Ending, ...]] = (
@@ -44,14 +45,15 @@ ENDINGS: Final[tuple[Ending, ...]] = (
 )  # fmt: skip
 """How planning a scenario may end.
 
-planned: proven, and the dense sampler agrees; violated: one of them does not.  All others are
-refusals: a robot has no path; some path crosses another robot's place; the plan found failed its
-proof; or "for nothing": all paths keep off all places, so any order of the robots would work.
+planned: the proof and the dense sampler find the plan safe; violated: one of them does not.  The
+others are refusals.  no path: a robot has none; place crossed: some path crosses another robot's
+place; not proven: the plan failed its proof; for nothing: without need, because all paths keep off
+all places, so any order of the robots would work.
 """
 
 
 class Outcome(NamedTuple):
-    """What became of one scenario; `slack` [m] is the dense sampler's, `seconds` are planning."""
+    """The outcome of one scenario; `slack` [m] is the dense sampler's, `seconds` the planner's."""
 
     seed: int
     kind: str
@@ -63,7 +65,7 @@ class Outcome(NamedTuple):
 
 
 def scene(seed: int, most: int = MOST) -> Scenario:
-    """Return a seeded scenario of 5 to `most` robots: kinds in turn, everything else drawn."""
+    """Return a seeded scenario of 5 to `most` robots: kinds in turn, all else at random."""
     dice = Random(f"safety-{seed}")
     kind = tuple(KINDS)[seed % len(KINDS)]
     robots = dice.randint(FEWEST, most)
@@ -92,7 +94,7 @@ def _sizes(robots: int) -> Iterator[Size]:
 
 
 def outcome(seed: int, most: int = MOST, effort: int = DEFAULT_EFFORT) -> Outcome:
-    """Plan one scenario and judge what comes of it."""
+    """Plan one scenario and judge the result."""
     scenario = scene(seed, most)
     begin = time.perf_counter()
     slack, said = math.nan, ""
@@ -108,7 +110,7 @@ def outcome(seed: int, most: int = MOST, effort: int = DEFAULT_EFFORT) -> Outcom
 
 
 def _judged(document: PlanDocument) -> tuple[Ending, float, str]:
-    """Judge a plan by its proof and by the dense sampler, which only knows the file's numbers."""
+    """Judge a plan by its proof and by the dense sampler, which uses only the plan's numbers."""
     fleet = tracks(to_json(document))
     worst = closest(fleet, document.tau, document.margin)
     proof = document.proof
@@ -120,7 +122,7 @@ def _judged(document: PlanDocument) -> tuple[Ending, float, str]:
 
 
 def _refused(scenario: Scenario, error: PlanError) -> Ending:
-    """Say why there is no plan, as far as the paths tell."""
+    """Return why there is no plan, as far as the paths show."""
     if "does not pass its proof" in str(error):
         return "not proven"
     finder = Pathfinder(scenario)
@@ -136,7 +138,7 @@ def _refused(scenario: Scenario, error: PlanError) -> Ending:
 
 
 def safety(count: int = COUNT, from_seed: int = 0, effort: int = DEFAULT_EFFORT) -> list[Row]:
-    """Return how scenarios end, per kind and in all, and whatever needs looking at, by its seed."""
+    """Return the endings per kind and in all, and a row for each scenario to look at."""
     seeds = range(from_seed, from_seed + count)
     found = in_turn(partial(outcome, effort=effort), seeds)
     kinds = list(dict.fromkeys(one.kind for one in found))
@@ -168,7 +170,7 @@ def _row(kind: str, found: list[Outcome]) -> Row:
 
 
 def main() -> None:
-    """Run the campaign that is asked for."""
+    """Run the campaign that the command line names."""
     chosen = options(__doc__, COUNT, DEFAULT_EFFORT)
     rows = safety(chosen.count, chosen.from_seed, chosen.effort)
     record("safety", {f"{chosen.count} scenarios from seed {chosen.from_seed}": rows})

@@ -8,7 +8,7 @@ from coordinator.scenario.model import Robot, Scenario, Workspace
 
 
 def circle_swap(count: int, radius: float = 0.2, tau: float = 1.0) -> Scenario:
-    """Return `count` robots on a circle, each bound for the place opposite."""
+    """Return `count` robots on a circle, each with its goal at the opposite place."""
     circle = max(4.0, 0.6 * count)
     middle = circle + 1.5
     robots = []

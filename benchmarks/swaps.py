@@ -1,8 +1,8 @@
-"""Everybody in everybody's way: rings of robots and swaps across a circle, beside the peers.
+"""Crowded scenes: rings of robots and swaps across a circle, compared with other planners (peers).
 
-Decides: the scenes, and what their figures stand next to.  The generator makes the curves; speeds
-are such that the slowest robot alone takes as long as in the peers' scene, where one is known.
-Must not know: how plans are made.
+Decides: the scenes, and the peers' figures to compare.  The generator makes the curves; speeds are
+such that the slowest robot alone takes as long as in the peers' scene, if that time is known.  Must
+not know: how plans are made.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from sim.floors.layout import Kind
 SEED: Final = 1
 TAU: Final = 0.5
 RING: Final = (136.0, 136.0)
-"""The floor [m] of all rings: the least with places for 200 robots, so density alone grows."""
+"""The floor [m] of all rings: the smallest with room for 200 robots, so only the density grows."""
 
 
 class Scene(NamedTuple):
-    """A scene; `ideal` [s]: the slowest robot alone in the peers' scene, 0 when there is none."""
+    """A scene; `ideal` [s]: the time of the slowest robot alone in the peers' scene, 0: unknown."""
 
     kind: Kind
     robots: int
@@ -47,16 +47,16 @@ SCENES: Final = (
     Scene("circle", 50),
     Scene("circle", 100),
 )
-"""The peers' figures are those of peers.md, medians on this class of machine."""
+"""The peers' figures are quoted, as in docs/schedule.md."""
 
 
 def swaps(effort: int = DEFAULT_EFFORT) -> list[Row]:
-    """Plan all scenes: last arrivals beside the slowest robot alone and beside the peers."""
+    """Plan all scenes; return last arrivals, those of the slowest robot alone, and of peers."""
     return [_row(scene, effort) for scene in SCENES]
 
 
 def make(scene: Scene) -> Scenario:
-    """Return the scenario; with an ideal time, all times of the robots are scaled to it."""
+    """Return the scenario; if there is an ideal time, all speeds are scaled to it."""
     size = RING if scene.kind == "ring" else None
     made = replace(generate(scene.kind, scene.robots, SEED, size), tau=TAU)
     if not scene.ideal:
@@ -68,7 +68,7 @@ def make(scene: Scene) -> Scenario:
 
 
 def _scaled(robot: Robot, faster: float) -> Robot:
-    """Return a robot that drives every path as before, only faster by this factor."""
+    """Return the robot with limits such that it drives every path faster by this factor."""
     return replace(
         robot,
         max_speed=robot.max_speed * faster,

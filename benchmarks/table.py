@@ -1,5 +1,5 @@
 # ruff: noqa: T201
-"""Tables of measured figures, as they are printed.
+"""Printed tables of measured figures.
 
 Decides: what a table looks like.  Must not know: what was measured.
 """

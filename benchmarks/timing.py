@@ -1,4 +1,4 @@
-"""How long something takes."""
+"""Measuring how long an action takes."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Measuring shortest ways on one floor: ours in this process, a peer in its own interpreter.
+"""Measuring shortest ways on one floor: our library in this process, a peer in its own interpreter.
 
-Decides: what is timed.  Preparing is what has to be done once per floor; compiled code is loaded
-before.  Ours looks only where a query leads it and keeps what it saw, so first queries cost more
-than later ones; a peer finds out all that can be seen while it prepares.
+Decides: what is timed.  Preparation is what has to be done once per floor; compiled code is loaded
+before.  Our library computes only what a query needs and keeps it, so first queries cost more than
+later ones; a peer computes the whole visibility graph while it prepares.
 """
 
 from __future__ import annotations
@@ -28,20 +28,21 @@ PYTHON: Final = ROOT / ".venv-peers" / "bin" / "python"
 WORKER: Final = ROOT / "benchmarks" / "peers" / "worker.py"
 
 FRESH: Final = 5
-"""Grounds that are prepared a round, each for a first query of its own."""
+"""Grounds that are prepared per round, each for one first query."""
 PASSES: Final = 3
-"""Grounds that are asked all queries a round."""
+"""Grounds on which all queries are run, per round."""
 QUERY_SECONDS: Final = 40.0
-"""A peer begins no query after this long a time of queries [s]."""
+"""A peer starts no further query when its queries have taken this long [s]."""
 LIMIT: Final = 180.0
 """A peer that would prepare for longer [s] is left out; one that does is stopped at twice that."""
 
 
 @dataclass
 class Measured:
-    """Times [s] of preparing, of first queries and of each query; lengths and turns of the ways.
+    """Times [s] of preparation, of first queries and of each query; lengths and turns of the ways.
 
-    `again`: each query's time when asked once more.  Rounds are added up; lengths stay the same.
+    `again`: each query's time when it is repeated.  The times of all rounds are collected; lengths
+    are the same in every round.
     """
 
     prepare: list[float] = field(default_factory=list)
@@ -52,7 +53,7 @@ class Measured:
     turns: list[int] = field(default_factory=list)
 
     def add(self, other: Measured) -> None:
-        """Take in the times of one more round."""
+        """Add the times of one more round."""
         self.prepare += other.prepare
         self.first += other.first
         self.queries += other.queries
@@ -66,7 +67,7 @@ class Measured:
 
 
 def measure_ours(floor: Arena, reach: float) -> Measured:
-    """Measure our ground for a centre that keeps `reach` [m] from everything solid."""
+    """Measure our library for a centre that keeps `reach` [m] from everything solid."""
     _load_kernels()
     ends = [(np.array(start), np.array(goal)) for start, goal in floor.queries]
     found = Measured()

@@ -1,4 +1,4 @@
-"""The whole command `plan`, its process included, as fleets grow: clock, CPU time, memory.
+"""The whole command `plan`, including its process, for growing fleets: time, CPU time, memory.
 
 Decides: which scenes, and what counts as one run.  Kernels have been compiled before.
 """
@@ -25,11 +25,11 @@ _PER_ROBOT: Final = 10.0
 """Area [m^2] of the open floor for each robot: 1,000 of them are on 100 m x 100 m."""
 
 _RUNS: Final = {5: 7, 17: 5, 100: 5, 300: 3, 1000: 2}
-"""So often each size is run."""
+"""How often each size is run."""
 
 
 class Spent(NamedTuple):
-    """One run: by the clock and the processors' [s], most memory [MB], the planner's own [s]."""
+    """One run: real time and CPU time [s], peak memory [MB], and the planner's own time [s]."""
 
     clock: float
     cpu: float
@@ -38,7 +38,7 @@ class Spent(NamedTuple):
 
 
 def whole_plan() -> list[Row]:
-    """Plan scenes in processes of their own; medians."""
+    """Plan scenes, each in a process of its own; return medians."""
     scenes = [(read_scenario(ROOT / "examples" / "paper_five.toml"), 5)]
     scenes += [(_open(count), count) for count in (17, 100, 300, 1000)]
     scenes.insert(3, (generate("warehouse", 100, 1), 100))
@@ -87,7 +87,7 @@ def _open(count: int) -> Scenario:
 
 
 def _run(scene: Path, plan: Path) -> Spent:
-    """Run the command once, from a process that is small: a child's peak begins at its parent's."""
+    """Run the command once, from a small process: a child's peak begins at its parent's."""
     command = [sys.executable, "-m", "splinefleet", "plan", str(scene), "-o", str(plan)]
     done = subprocess.run(
         [sys.executable, "-S", "-c", _STOPWATCH, *command],

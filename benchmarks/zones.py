@@ -1,7 +1,7 @@
-"""All conflict zones of a fleet: cross-town, local and shared-lane paths, growth and peers.
+"""All conflict zones of a fleet: cross-town, local and shared-lane paths, growth, other libraries.
 
-Discs of 0.3 m on 100 m x 100 m.  The peers do less: one tells which segments are near, the other
-which points, and neither joins them to zones.
+Discs of 0.3 m on 100 m x 100 m.  The peers (shapely's STRtree and a k-d tree) do less: one finds
+near segments, the other near points, and neither joins them into zones.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from coordinator.schedule.conflict_zones import find_zones
 _SIDE: Final = 100.0
 _RADIUS: Final = 0.3
 _LANE: Final = 4.0
-"""Distance of lanes [m]."""
+"""Distance between lanes [m]."""
 _SAMPLE: Final = 0.1
 _RUNS: Final = 5
 _FEW: Final = 100
@@ -36,7 +36,7 @@ Scene = Callable[[int], list[Nurbs]]
 
 
 def zones() -> list[Row]:
-    """Measure 100 and 1,000 robots on three kinds of paths; peers on 100, as they take long."""
+    """Measure 100 and 1,000 robots on three kinds of paths; the slow peers only 100."""
     scenes: dict[str, Scene] = {"cross-town": cross_town, "local": local, "shared lanes": lanes}
     _measure("", local(20))
     rows = []
@@ -54,7 +54,7 @@ def zones() -> list[Row]:
 
 
 def cross_town(count: int) -> list[Nurbs]:
-    """Return nearly straight paths between places all over the floor, 35 m apart at least."""
+    """Return nearly straight paths between random places of the floor at least 35 m apart."""
     random = np.random.default_rng(1)
     curves: list[Nurbs] = []
     while len(curves) < count:

@@ -1,1 +1,1 @@
-"""What the coordinator and the robots must agree on, and nothing else; no numpy in here."""
+"""What the coordinator and the robots must agree on, and nothing else; without numpy."""

@@ -1,4 +1,4 @@
-"""Who may say and hear what: the table of roles, and Zenoh's access control made from it.
+"""Who may send and receive what: the table of roles, and Zenoh's access control made from it.
 
 Decides: the keys of each role; whatever is not in the table is refused.  Must not know: files,
 certificates, links.
@@ -37,7 +37,7 @@ class Rights(NamedTuple):
 
 
 def robot_rights(fleet: str, robot: str) -> Rights:
-    """Return the rights of a robot: to send as itself, and hear its plan, its clock, the command.
+    """Return the rights of a robot: to send as itself, and receive its plan, clock and command.
 
     It may subscribe to every fleet's command, to learn its fleet's name, but receives only this
     fleet's.
@@ -52,7 +52,7 @@ def robot_rights(fleet: str, robot: str) -> Rights:
 
 
 def observer_rights(fleet: str) -> Rights:
-    """Return the rights of a listener: to hear all of the fleet and to ask for plans."""
+    """Return the rights of a listener: to receive everything of the fleet and to ask for plans."""
     everything = f"{keys.ROOT}/{fleet}/**"
     return Rights(
         subscribes=(f"{keys.ROOT}/**",),
@@ -63,7 +63,7 @@ def observer_rights(fleet: str) -> Rights:
 
 
 def operator_rights(fleet: str, robots: Iterable[str]) -> Rights:
-    """Return the rights of an operator: to admit robots again, and to hear the outcome.
+    """Return the rights of an operator: to admit robots again, and to receive the outcome.
 
     Its keys contain no wildcard for the robot: Zenoh 1.10 crashes when it forwards a key longer
     than 65,535 bytes.
@@ -89,7 +89,7 @@ def rights_of(fleet: str, robots: Iterable[str], badge: Badge) -> Rights | None:
 def coordinator_rights(fleet: str) -> Rights:
     """Return the rights of a coordinator at a router: to command, to answer, and to hear its fleet.
 
-    It hears the command too, because of two coordinators of one fleet one has to give way.
+    It receives the command too, so that one of two coordinators of a fleet can give way.
     """
     hears = [kind(fleet, "*") for kind in (keys.hello, keys.report, keys.clock, keys.admit)]
     hears.append(keys.command(fleet))
@@ -118,7 +118,7 @@ def router_rights(fleets: Mapping[str, Collection[str]], badge: Badge) -> Rights
 
 
 def player_rights(badge: Badge) -> Rights | None:
-    """Return the rights of a badge where a log is played: only observers have any, to hear it."""
+    """Return the rights of a badge where a log is played: only observers may receive it."""
     return Rights(subscribes=("**",), hears=("**",)) if badge.role == "observer" else None
 
 

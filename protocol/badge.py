@@ -1,4 +1,4 @@
-"""Who a certificate speaks for: its common name, which binds a role, a name and a generation.
+"""Whom a certificate identifies: its common name states a role, a name and a generation.
 
 Decides: what common names look like.  Must not know: certificates, links, what a role may do.
 

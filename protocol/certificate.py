@@ -30,7 +30,7 @@ class Certificate(NamedTuple):
     der: bytes
 
     def belongs_to(self, private: bytes) -> bool:
-        """Return whether it was made for a private key (PEM, as `splinefleet keys` writes it)."""
+        """Return whether it was made for this private key (PEM, as `splinefleet keys` writes)."""
         try:
             point = _der(private, b"PRIVATE KEY")[-_POINT:]
         except ValueError:
@@ -47,7 +47,7 @@ class _Element(NamedTuple):
 def read_certificate(pem: bytes) -> Certificate:
     """Read a certificate.
 
-    Raises ValueError when the bytes are no certificate, or when it has not exactly one common name.
+    Raises ValueError when the bytes are not a certificate with exactly one common name.
     """
     der = _der(pem, b"CERTIFICATE")
     try:
@@ -66,7 +66,7 @@ def read_certificate(pem: bytes) -> Certificate:
 def _der(pem: bytes, kind: bytes) -> bytes:
     found = _PEM.search(pem)
     if found is None or found[1] != kind:
-        raise ValueError(f"no PEM of a {kind.decode().lower()}")
+        raise ValueError(f"this is not the PEM of a {kind.decode().lower()}")
     return binascii.a2b_base64(found[2])
 
 
@@ -100,9 +100,9 @@ def _time(element: _Element) -> datetime.datetime:
     if element.tag == _SHORT_TIME:
         text = ("19" if text[:2] >= "50" else "20") + text
     elif element.tag != _LONG_TIME:
-        raise ValueError("a time of another kind")
+        raise ValueError("a time in an unknown format")
     if re.fullmatch(r"\d{14}Z", text) is None:
-        raise ValueError(f"{text!r} is no time")
+        raise ValueError(f"{text!r} is not a time")
     parts = [text[:4], *(text[at : at + 2] for at in range(4, 14, 2))]
     year, *others = map(int, parts)
     month, day, hour, minute, second = others

@@ -61,7 +61,7 @@ def encode(message: Message) -> bytes:
         whose = f" for {message.robot}" if isinstance(message, Plan) else ""
         raise OversizeError(
             f"{type(message).__name__}{whose} is {len(payload)} bytes long, "
-            f"at most {MAX_MESSAGE_BYTES} reach a robot"
+            f"a robot receives at most {MAX_MESSAGE_BYTES}"
         )
     return payload
 

@@ -26,7 +26,7 @@ def clamped_knots(degree: int, wire_knots: list[float]) -> list[float]:
 
 
 def cells_per_span(spans: int) -> int:
-    """Return the number of cells per span in the table of arc lengths; it falls with the spans."""
+    """Return the number of cells per span in the table of arc lengths; fewer for many spans."""
     return min(max(_MOST_CELLS // spans, _LEAST_CELLS_PER_SPAN), _CELLS_PER_SPAN)
 
 
@@ -66,11 +66,11 @@ class Curve:
                 f"not {len(weights)} and {len(knots)}"
             )
         if knots[0] != 0.0 or not knots[-1] > 0.0:
-            raise ValueError(f"knots run from {knots[0]} to {knots[-1]}, not up from 0")
+            raise ValueError(f"knots run from {knots[0]} to {knots[-1]}, not from 0 upwards")
         if any(not a <= b for a, b in zip(knots, knots[1:])):  # noqa: B905, RUF007
             raise ValueError("knots decrease")
         if any(not knots[i] < knots[i + degree] for i in range(1, count)):
-            raise ValueError("an inner knot stands more often than the degree: the curve jumps")
+            raise ValueError("an inner knot occurs more often than the degree, so the curve jumps")
         if not min(weights) > 0.0:
             raise ValueError(f"weight {min(weights)} is not positive")
         self.degree = degree
@@ -135,7 +135,7 @@ class Curve:
         return value + part * part * ((3.0 - 2.0 * part) * u1 - rest * m1)
 
     def _piece_at(self, u: float) -> _Piece:
-        """Return the polynomials at u, from the spare piece or newly expanded into it.
+        """Return the polynomials at u, from the cache or newly expanded into the older piece.
 
         Two pieces are cached, because a robot near a knot evaluates both sides of it in every tick.
         """

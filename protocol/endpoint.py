@@ -1,7 +1,7 @@
-"""Where a link begins: tcp/HOST:PORT, or tls/HOST:PORT with keys.
+"""The address of a link: tcp/HOST:PORT, or tls/HOST:PORT with keys.
 
-Decides: what an endpoint looks like, and whether only this machine can reach it.  Zenoh would
-refuse a malformed endpoint late: a client retries it until its time-out.
+Decides: what an endpoint looks like, and whether only this machine can reach it.  Zenoh reports a
+malformed endpoint late: a client retries it until its time-out.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Endpoint(NamedTuple):
 
     @property
     def is_loopback(self) -> bool:
-        """Tell whether only this machine can reach it."""
+        """Return whether only this machine can reach it."""
         if self.host == "localhost":
             return True
         try:
@@ -42,7 +42,7 @@ def endpoint_of(text: str, locked: bool = False) -> Endpoint:
     wanted = "tls" if locked else "tcp"
     if parts is None or not 0 < int(parts[3]) < 65_536:
         raise TransportError(
-            f"{text!r} is no endpoint; one looks like {wanted}/HOST:PORT, "
+            f"{text!r} is not an endpoint; it must be {wanted}/HOST:PORT, "
             f"as in {wanted}/127.0.0.1:7447"
         )
     if parts[1] != wanted:
@@ -57,12 +57,12 @@ def usual_endpoint(locked: bool) -> str:
 
 
 def check_reach(endpoint: Endpoint, locked: bool, insecure: bool) -> None:
-    """Raise TransportError for listening to the whole network without keys.
+    """Raise TransportError if other machines could connect without keys.
 
     `insecure`: the user has allowed it.
     """
     if not (locked or insecure or endpoint.is_loopback):
         raise TransportError(
-            f"{endpoint.host}: without keys only this machine is listened to; "
-            "give --keys DIR, or --insecure on a network you trust"
+            f"{endpoint.host}: without keys only programs on this machine may connect; "
+            "give --keys DIR, or --insecure on a network that you trust"
         )

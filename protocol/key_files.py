@@ -1,7 +1,7 @@
 """The key files of one party of a fleet: authority.pem, certificate.pem, private.pem.
 
-Decides: where they lie, and whether they are usable.  Must not know: how they were made.  The
-authority's own private key is never among them.
+Decides: where these files are, and whether they are usable.  Must not know: how they were made.
+The authority's own private key is never among them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _OTHERS: Final = 0o077
 
 
 class KeyFiles(NamedTuple):
-    """The three files, the badge that they prove, and when they expire (UTC)."""
+    """The three files, the badge in the certificate, and when the certificate expires (UTC)."""
 
     authority: Path
     certificate: Path
@@ -57,7 +57,7 @@ class KeyFiles(NamedTuple):
 
 
 def own_place(role: Role, name: str) -> Path:
-    """Return where in the fleet's folder of keys the files of a party lie."""
+    """Return the folder of a party's files within the fleet's folder of keys."""
     return Path(role) if role in ("coordinator", "router") else Path(role) / name
 
 
@@ -118,7 +118,7 @@ def _parsed(
         place = places[1]
         found = read_certificate(certificate)
     except ValueError:
-        raise TransportError(f"{place} cannot be read; it is no certificate in PEM") from None
+        raise TransportError(f"{place} cannot be read; it is not a certificate in PEM") from None
     if not found.belongs_to(private):
         raise TransportError(f"{places[2]} does not belong to {places[1]}")
     if found.issuer != issuer.subject:

@@ -27,7 +27,7 @@ def plan(fleet: str, robot: str) -> str:
 
 
 def command(fleet: str) -> str:
-    """Return the key on which the coordinator states what should be."""
+    """Return the key on which the coordinator sends its Commands."""
     return f"{ROOT}/{fleet}/command"
 
 
@@ -47,12 +47,12 @@ def admit(fleet: str, robot: str) -> str:
 
 
 def alive(fleet: str, robot: str) -> str:
-    """Return the key that is alive for as long as the robot's link is up; nothing is put on it."""
+    """Return the key that is alive as long as the robot's link is up; no message is put on it."""
     return f"{ROOT}/{fleet}/alive/{robot}"
 
 
 def split(key: str) -> tuple[str, str, str] | None:
-    """Split a key into (fleet, kind, robot); robot is empty for `command`; None if not ours."""
+    """Split a key into (fleet, kind, robot); robot is empty for `command`; None for other keys."""
     parts = key.split("/")
     if parts[0] != ROOT or not all(NAME.fullmatch(part) for part in parts[1:]):
         return None

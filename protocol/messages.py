@@ -1,4 +1,4 @@
-"""The messages of the wire as frozen structs, and the numbers inside them.
+"""The messages on the wire as frozen structs, and the numbers inside them.
 
 Decides: the fields, their units, their bounds.  Must not know: how bytes travel, who plans.
 Every struct is a msgpack array that begins with its tag; a new field goes last and has a default.
@@ -26,12 +26,12 @@ RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}(?!\n)$")]
 
 
 class Hello(msgspec.Struct, frozen=True, array_like=True, tag=1):
-    """A robot introduces itself; repeated until it holds a plan.
+    """The message in which a robot introduces itself; repeated until it holds a plan.
 
     A limit of 0 means "not stated": the robot can do what the scenario asks.  A robot that has come
-    back into a fleet under way states in `place` where it believes to stand: x, y [mm] and heading
-    [mrad].  It does so only while the fleet rests.  `sequence` counts a robot's Hellos from 1, so
-    that a replayed old one can be recognised; 0: not stated.
+    back into a fleet under way states in `place` its own estimate of its pose: x, y [mm] and
+    heading [mrad].  It does so only while the fleet rests.  `sequence` counts a robot's Hellos from
+    1, so that a replayed old one can be recognised; 0: not stated.
     """
 
     version: Annotated[int, msgspec.Meta(ge=0, le=255)]
@@ -46,14 +46,14 @@ class Hello(msgspec.Struct, frozen=True, array_like=True, tag=1):
 class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):
     """One robot's path and timetable for one epoch.
 
-    Packed fields are little-endian.  `points`: float32 x, y per control point [m].
-    `knots`: float32, the inner knots and the last one; the first knot is 0 and both ends are
-    clamped.  `weights`: float32 per control point, empty when all are 1.  `speeds`: the distinct
-    speeds, float32 [m/s].  `profile`: float32 s [m] and the uint8 index of its speed per speed
-    knot.  `stops`: float32 s [m] and int64 departure [ns after the start] per stop; a robot that
-    brakes (`brake_mmps2` > 0) has speed 0 there, which the profile does not repeat.
-    `lease_ms`: after how much silence of the coordinator the robot stops; `clock_ms`: the largest
-    error with which the robot may know the coordinator's clock.
+    Packed fields are little-endian.  `points`: float32 x, y per control point [m].  `knots`:
+    float32, the inner knots and the last one; the first knot is 0 and both ends are clamped.
+    `weights`: float32 per control point, empty when all are 1.  `speeds`: the distinct speeds,
+    float32 [m/s].  `profile`: float32 s [m] and the uint8 index of its speed per speed knot.
+    `stops`: float32 s [m] and int64 departure [ns after the start] per stop; a robot that brakes
+    (`brake_mmps2` > 0) has speed 0 there, which the profile does not repeat.  `lease_ms`: how long
+    after the sending of its newest Command the robot brakes; `clock_ms`: the largest error with
+    which the robot may know the coordinator's clock.
     """
 
     epoch: Counter
@@ -100,7 +100,7 @@ class Admit(msgspec.Struct, frozen=True, array_like=True, tag=7):
 
 
 class Refusal(msgspec.Struct, frozen=True, array_like=True, tag=6):
-    """Sent instead of a Plan to a robot that cannot join; `boot` is that of the robot's Hello.
+    """The answer, in place of a Plan, to a robot that cannot join; `boot` is that of its Hello.
 
     Also sent to an operator whose Admit is refused; `boot` is then that of the Admit.
     """
@@ -112,7 +112,7 @@ class Refusal(msgspec.Struct, frozen=True, array_like=True, tag=6):
 class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
     """The state that the coordinator commands, repeated every COMMAND_PERIOD.
 
-    A lost Command is harmless, because each states the whole (it is level-triggered).
+    A lost Command is harmless, because each one states the whole state (it is level-triggered).
     `start_ns` is the plan's time zero on the coordinator's clock (0 unless the phase is GO or
     FREEZE).  `wanted` names frozen robots whose arc length has not been heard yet.  `said_ns` is
     when the Command was sent, on the same clock; leases count from it (0: not stated).
@@ -145,9 +145,9 @@ class Rest(msgspec.Struct, frozen=True, array_like=True):
 class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
     """A robot's state, sent on change and every REPORT_PERIOD.
 
-    `epoch` is the one whose plan the robot holds (0: none); one older than the Command's requests
-    the plan.  `rest` says where a robot that has stopped on its way rests; apart from `place` of
-    Hello, nothing else on the wire says where a robot is.
+    `epoch` is that of the plan that the robot holds (0: none); an epoch older than the Command's
+    requests the new plan.  `rest` says where a robot that has stopped on its way rests; apart from
+    `place` of Hello, nothing else on the wire says where a robot is.
     """
 
     boot: Counter
@@ -159,10 +159,11 @@ class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
 
 
 class Pace(msgspec.Struct, frozen=True, array_like=True, tag=9):
-    """Accompanies the Report of a robot that has received new times or waits for some.
+    """The message beside the Reports of a robot that has received new times or waits for them.
 
-    `revision`: that of the times it holds.  `stood_us`: the plan time [us] that has the robot where
-    it stands, sent by a robot that stands because it is late, as long as the others move.
+    `revision` is that of the times that the robot holds.  `stood_us` is sent by a robot that stands
+    because it is late, as long as the others move: the plan time [us] at which its plan has it
+    where it stands.
     """
 
     boot: Counter

@@ -7,7 +7,7 @@ Plain integers and no imports: the robot's firmware reads this file too.
 HOLD = 0
 GO = 1
 FREEZE = 2
-OVER = 3  # every robot has arrived and may leave the fleet
+OVER = 3  # every robot that can arrive has arrived; the agents may end
 COMMAND_NAMES = ("HOLD", "GO", "FREEZE", "OVER")
 
 # The phase that a robot states in a Report.

@@ -12,7 +12,7 @@ Pair = tuple[float, float]
 
 
 class OversizeError(ValueError):
-    """A message is longer than a robot can receive, or has more content than its format allows."""
+    """Raised for a message that is too long for a robot, or for its own format."""
 
 
 def pack_floats(values: Sequence[float]) -> bytes:
@@ -44,7 +44,7 @@ def pack_profile(knots: Sequence[Pair]) -> tuple[bytes, bytes]:
     """
     speeds = sorted({v for _, v in knots})
     if len(speeds) > 256:
-        raise OversizeError(f"{len(speeds)} different speeds, a plan can tell 256 apart")
+        raise OversizeError(f"{len(speeds)} different speeds, a plan can have at most 256")
     index = {v: i for i, v in enumerate(speeds)}
     return pack_floats(speeds), b"".join(struct.pack("<fB", s, index[v]) for s, v in knots)
 
@@ -55,7 +55,7 @@ def unpack_profile(packed_speeds: bytes, packed: bytes) -> list[Pair]:
     _check(packed, 5, "speed knots")
     knots = list(struct.iter_unpack("<fB", packed))
     if any(index >= len(speeds) for _, index in knots):
-        raise ValueError(f"a speed knot names one of {len(speeds)} speeds that is not there")
+        raise ValueError(f"a speed knot has an index beyond the {len(speeds)} speeds")
     return [(s, speeds[index]) for s, index in knots]
 
 
@@ -72,4 +72,4 @@ def unpack_stops(packed: bytes) -> list[tuple[float, int]]:
 
 def _check(packed: bytes, size: int, what: str) -> None:
     if len(packed) % size:
-        raise ValueError(f"{len(packed)} bytes are no whole number of {what}")
+        raise ValueError(f"{len(packed)} bytes are not a whole number of {what}")

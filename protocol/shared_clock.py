@@ -1,4 +1,4 @@
-"""How a robot's program finds out that it reads the same clock as its coordinator.
+"""How a robot's program detects that it reads the same clock as its coordinator.
 
 Two programs read the same clock when they run on the same kernel in the same time namespace.  A
 running coordinator binds an abstract Unix socket whose address contains its boot id; a robot that
@@ -7,7 +7,7 @@ machines, and is freed by the kernel when the process ends, however it ends.  No
 through the socket, and nothing about it goes on the wire.
 
 Only Linux has abstract addresses, and each network namespace has its own: on other systems, and
-between containers, a robot does not find out that it shares the clock.  It never mistakes another
+between containers, a robot does not detect that it shares the clock.  It never mistakes another
 machine's clock for its own.
 
 Decides: that address.  Must not know: which clock is read, and what the answer is used for.
@@ -26,7 +26,7 @@ from contextlib import ExitStack, contextmanager, suppress
 def announce_clock(boot: int) -> Iterator[None]:
     """Let robots on this machine find out that they share the clock of the coordinator `boot`.
 
-    Where the system has no abstract addresses they do not find out; both sides work all the same.
+    If the system has no abstract addresses they do not find out, which does no harm.
     """
     with ExitStack() as stack:
         with suppress(OSError):

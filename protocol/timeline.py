@@ -51,7 +51,7 @@ class Timeline:
         self.length = profile_s[-1]
 
     def s_at(self, time: float) -> float:
-        """Return the arc length [m] at a plan time [s]; before the start 0, at the end length."""
+        """Return the arc length [m] at a plan time [s], from 0 to `length`."""
         leg = self._find(time)
         passed = time - self.t0[leg]
         if passed <= 0.0:
@@ -71,7 +71,7 @@ class Timeline:
         return self.v0[leg] + rate * passed
 
     def time_at(self, s: float) -> float:
-        """Return when the motion first comes to arc length s [m]; the finish beyond the end."""
+        """Return when the motion first comes to s [m]; beyond the end, the finish time."""
         for leg in range(len(self.t0)):
             if s <= self.s1[leg]:
                 passed = max(s - self.s0[leg], 0.0)
@@ -82,7 +82,7 @@ class Timeline:
         return self.finish
 
     def next_stop(self, time: float) -> tuple[float, float] | None:
-        """Return (s, departure) of the stop at which the robot is or to which it comes next."""
+        """Return (s, departure) of the present or next stop; None after the last one."""
         for leg in range(self._find(time), len(self.t0)):
             if time < self.t0[leg] and (leg == 0 or self.t1[leg - 1] < self.t0[leg]):
                 return self.s0[leg], self.t0[leg]
@@ -122,7 +122,7 @@ def _check(
         raise ValueError("a speed profile has at least two knots and begins at s = 0")
     for i in range(len(profile_s)):
         if not 0.0 <= profile_v[i] < 1e3:
-            raise ValueError(f"speed {profile_v[i]} m/s at s = {profile_s[i]} m is no speed")
+            raise ValueError(f"speed {profile_v[i]} m/s at s = {profile_s[i]} m is not a speed")
         if i and not profile_s[i] > profile_s[i - 1]:
             raise ValueError(f"speed knots do not increase at s = {profile_s[i]} m")
         if i and not profile_v[i] + profile_v[i - 1] > 0.0:
@@ -131,4 +131,4 @@ def _check(
         if not 0.0 <= stop_s[i] < profile_s[-1] or (i and not stop_s[i] > stop_s[i - 1]):
             raise ValueError(f"stop at s = {stop_s[i]} m is out of order or off the path")
         if not -1e6 < stop_depart[i] < 1e6:
-            raise ValueError(f"departure at {stop_depart[i]} s is no plan time")
+            raise ValueError(f"departure at {stop_depart[i]} s is not a plan time")

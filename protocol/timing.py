@@ -13,19 +13,20 @@ REPORT_PERIOD = 200 * MILLISECOND
 HELLO_PERIOD = 200 * MILLISECOND
 
 LEASE = 600 * MILLISECOND
-"""A robot that has not heard a Command for this long brakes."""
+"""A robot brakes this long after its newest Command was sent."""
 
 REPORT_TIMEOUT = 500 * MILLISECOND
 """A moving robot that has not been heard for this long is lost."""
 
 LATENESS = 250 * MILLISECOND
-"""How far behind its plan a healthy robot may run (its share of tau)."""
+"""The greatest share of lateness: how far behind its plan a robot may be."""
 
 CLOCK_ERROR = 10 * MILLISECOND
 """A moving robot stops when the error of its clock offset may be greater than this."""
 
 CLOCK_RESERVE = 2 * MILLISECOND
-"""A robot arms only if its error is this far below what it may be later, because clocks drift."""
+"""A robot arms only if its clock error is this far below the limit for moving robots, because
+clocks drift."""
 
 CLOCK_PERIOD_FAST = 40 * MILLISECOND
 CLOCK_PERIOD = 2 * SECOND
@@ -33,5 +34,5 @@ CLOCK_SAMPLES = 8
 
 
 def late_share(tau_ns: int) -> int:
-    """Return how late [ns] a robot may be before that is a fault: its share of tau."""
+    """Return a robot's share of lateness [ns]: how late it may be before that is a fault."""
     return min(LATENESS, tau_ns // 2)

@@ -1,4 +1,4 @@
-"""Why a link with keys cannot be opened, which Zenoh writes only to its log.
+"""The reason why a link with keys cannot be opened, which Zenoh writes only to its log.
 
 Decides: which sentence a person reads.  It repeats the handshake with Python's own TLS.
 """
@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     from protocol.key_files import KeyFiles
 
 _PATIENCE_S: Final = 3.0
-"""A peer that is silent for this long hangs: one that routes without TLS closes the connection to
-an unknown client sooner (2 s, zenoh_transport.py)."""
+"""A program that is silent for this long hangs: one that routes without TLS closes the connection
+to an unknown client sooner (after 2 s, zenoh_transport.py)."""
 
-_NO_TLS: Final = "whoever answers does not speak TLS; was it started with --keys?"
+_NO_TLS: Final = "the program that answers does not speak TLS; was it started with --keys?"
 
 _REASONS: Final = (
     ("ALERT_UNKNOWN_CA", "it refuses these keys, they are of another authority"),
     ("ALERT_CERTIFICATE_EXPIRED", "it refuses these keys, they have expired"),
     ("ALERT_BAD_CERTIFICATE", "it refuses these keys, they are damaged"),
     ("ALERT", "it refuses these keys"),
-    ("CERTIFICATE_VERIFY_FAILED", "whoever answers is not trusted"),
+    ("CERTIFICATE_VERIFY_FAILED", "the program that answers is not trusted"),
     ("WRONG_VERSION_NUMBER", _NO_TLS),
     ("UNEXPECTED_EOF", _NO_TLS),
 )
@@ -43,7 +43,7 @@ def why_no_link(endpoint: Endpoint, keys: KeyFiles) -> str:
 def _shake_hands(plain: socket.socket, host: str, keys: KeyFiles) -> str:
     """Return why TLS fails over a connection, or an empty text.
 
-    With TLS 1.3 the peer's verdict arrives only after the handshake, so one byte is awaited.
+    With TLS 1.3 the other side's verdict arrives only after the handshake, so one byte is awaited.
     """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     shaken = False

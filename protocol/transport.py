@@ -25,15 +25,15 @@ The same rules as for Handler.
 
 
 Answers = Callable[[], Sequence[tuple[str, bytes]]]
-"""Called for each question, on any thread; returns (key, payload) of each answer."""
+"""Called for each query, on any thread; returns (key, payload) of each answer."""
 
 
 class TransportError(Exception):
-    """The link cannot be opened; the text is one sentence for the person who started it."""
+    """Raised when the link cannot be opened; the text is one sentence for the user."""
 
 
 class NoAnswerError(TransportError):
-    """Nobody answers at an endpoint that may be good: trying again later may help."""
+    """Raised when no program answers at a well-formed endpoint: trying again later may help."""
 
 
 class Transport(ABC):
@@ -45,8 +45,9 @@ class Transport(ABC):
     - A session does not receive its own puts.
     - `put` never blocks for longer than a millisecond and never raises because of the link.
     - A key is alive as long as at least one session that has declared it is open and linked.  A
-      process that is killed counts as closed at once, one whose host or cable falls silent within
-      the link's detection time.  A process that hangs may keep its link up and count as alive.
+      process that is killed counts as closed at once, a process whose host or cable falls silent
+      counts as closed within the link's detection time.  A process that hangs may keep its link up
+      and count as alive.
     - A watcher's handler is called once for each change since the watch began.  A watcher whose own
       link is lost sees all other keys go, and appear again later.  It may or may not see its own
       keys.
@@ -59,7 +60,7 @@ class Transport(ABC):
 
     @abstractmethod
     def subscribe(self, key_expression: str, handler: Handler) -> None:
-        """Call the handler for everything that arrives; `*` stands for one part of a key."""
+        """Call the handler for everything that arrives; `*` matches one part of a key."""
 
     @abstractmethod
     def declare_alive(self, key: str) -> None:

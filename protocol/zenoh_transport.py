@@ -6,7 +6,7 @@ router does so and all are its clients, the coordinator too.
 Decides: Zenoh's settings, and which sentence a person reads when the link cannot be opened.
 Must not know: what the bytes mean.  Zenoh is imported when a link is opened, not before.
 
-A process that ends while a session is open hangs for ever, also after `sys.exit` or an exception:
+A process that ends while a session is open hangs for ever, even after `sys.exit` or an exception:
 use a transport in a `with` block, or close it in a `finally`.
 """
 
@@ -131,10 +131,10 @@ class ZenohTransport(Transport):
         whom: str = "coordinator or router",
         keys: KeyFiles | None = None,
     ) -> ZenohTransport:
-        """Open a client's session, trying for timeout_s seconds; `whom` names the peer in errors.
+        """Open a client's session, trying for timeout_s seconds; errors name the other side `whom`.
 
-        Once open, a session whose link breaks reconnects by itself, however long that takes.
-        Raises TransportError when the endpoint is malformed, or when the peer is not of the same
+        Once open, a session whose link breaks reconnects by itself, however long that takes. Raises
+        TransportError when the endpoint is malformed, or when the other side is not of the same
         authority or refuses these keys; NoAnswerError when nobody answers within timeout_s.
         """
         import zenoh
@@ -281,7 +281,7 @@ class ZenohTransport(Transport):
     def close(self) -> None:
         """End the session; when this returns, no handler runs or will run.
 
-        Takes milliseconds, but up to 10 s when a peer hangs behind socket buffers that are full.
+        Takes milliseconds, but up to 10 s if the other side hangs and the socket buffers are full.
         """
         with self._gate:
             self._closed = True
@@ -333,7 +333,7 @@ def _locked(keys: KeyFiles, side: str) -> dict[str, Any]:
 
 
 def _why_not_listening(reason: str) -> str:
-    """Return the cause stated in Zenoh's message, without the source files that it names."""
+    """Return the cause in Zenoh's message, without the names of source files."""
     if f"os error {errno.EADDRINUSE})" in reason:
         return "the port is in use; is another coordinator running?"
     cause = reason.split(" at /")[0].rsplit(": ", 1)[-1].strip("[]. ")

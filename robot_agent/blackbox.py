@@ -1,7 +1,7 @@
 """The robot's black box: where it truly was and when, for judging a run afterwards.
 
-Decides: the file's columns, which clock its times come from, and that no row is lost when the
-program is killed.  Its content is never sent.
+Decides: the file's columns, which clock its times come from, and that a killed program loses no
+row.  Its content is never sent.
 """
 
 from __future__ import annotations
@@ -23,11 +23,10 @@ _LONGEST_LINE: Final = 200
 class BlackBox:
     """Appends rows from the first GO on; raises OSError when the file cannot be written.
 
-    t [s] counts on the coordinator's clock from the start that `begin` is told.  Where robot and
-    coordinator share the host's clock (shared_clock.py) t is that clock's time, whatever the robot
-    believes, and the last column is the robot's own estimate of it.  On another machine nothing
-    better than the estimate is known: t is the estimate, never runs backwards, and the last column
-    is empty.
+    t [s] is the time on the coordinator's clock since the start that `begin` sets.  If robot and
+    coordinator share the host's clock (shared_clock.py), t is taken from that clock, and the last
+    column is the robot's own estimate of t.  On another machine only the estimate is known: t is
+    the estimate, except that it never decreases, and the last column is empty.
 
     Each row is passed to the system at once, because the last rows of a killed robot matter most.
     An existing box is preserved.  If it is of the same run, which PATH.start records, a restarted
@@ -59,7 +58,7 @@ class BlackBox:
             self._open("a")
 
     def begin(self, boot: int, start_ns: int) -> None:
-        """Set time 0 to a GO's start [ns] of the coordinator with this boot id, once.
+        """Set time 0 to the start [ns] of a coordinator's first GO; later calls do nothing.
 
         If the earlier box is of the same coordinator, its rows and its start are used instead.
         """
@@ -73,7 +72,7 @@ class BlackBox:
     def write(
         self, now_ns: int, estimate_ns: int | None, pose: Pose | None, s: float, phase: int
     ) -> None:
-        """Add a row; before the start, or while t is not known, nothing is written.
+        """Add a row, unless t is not known or `begin` was not called yet.
 
         now_ns: on the host's clock; estimate_ns: the robot's estimate of the coordinator's time,
         None while it has none.
@@ -97,7 +96,7 @@ class BlackBox:
         self._start_ns, self._is_shared = start_ns, shares_clock(boot)
 
     def _time(self, now_ns: int, estimate_ns: int | None) -> int | None:
-        """Return the coordinator's time [ns] as well as it is known here; None while it is not."""
+        """Return the best estimate of the coordinator's time [ns]; None while there is none."""
         if self._is_shared:
             return now_ns
         if estimate_ns is not None:
@@ -112,7 +111,7 @@ class BlackBox:
 
 
 def _set_aside(path: Path) -> Path | None:
-    """Rename a box that has begun to the next number; return the newest box with a number."""
+    """Rename a box with rows to the next free number; return the newest numbered box."""
     free = 1
     while (place := path.with_name(f"{path.name}.{free}")).exists():
         free += 1
@@ -127,7 +126,7 @@ def _start_of(box: Path) -> Path:
 
 
 def _move(box: Path, place: Path) -> None:
-    """Move a box and its start to a place where there is none that has begun."""
+    """Move a box and its .start file to a path where there is no box with rows."""
     box.replace(place)
     with suppress(FileNotFoundError):
         _start_of(box).replace(_start_of(place))

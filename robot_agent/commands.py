@@ -65,7 +65,7 @@ def agent(
     give_up: Annotated[
         float,
         typer.Option(
-            min=0.0, max=1e6, help="End after so many seconds without the coordinator; 0: never."
+            min=0.0, max=1e6, help="End after this many seconds without the coordinator; 0: never."
         ),
     ] = 0.0,
     rate: Annotated[int, typer.Option(min=20, max=1000, help="Control ticks per second.")] = 100,

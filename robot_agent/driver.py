@@ -1,8 +1,8 @@
 """The interface between the agent and the base that it moves.
 
 Decides: the obligations of a driver.  `agent --driver FILE.py:CLASS` (or MODULE:CLASS) creates one,
-with the acceleration [m/s^2] that the robot may use as the only argument.  A simulated body
-(sim/world/body.py) and a real base both implement it; nothing else of the robot changes.
+with the greatest acceleration [m/s^2] that the robot may use as the only argument.  A simulated
+body (sim/world/body.py) and a real base both implement it; nothing else of the robot changes.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ Pose = tuple[float, float, float]
 
 
 class DriverError(Exception):
-    """The base cannot do what it should; the text says why."""
+    """Raised when the base cannot do what it should; the text says why."""
 
 
 class Driver(ABC):
     """A base that travels along arcs.
 
     Obligations of every implementation:
-    - It never travels farther than the distance commanded last, whatever happens to the loop.
+    - It never travels farther than the distance commanded last, even if the control loop stops.
     - It stops by itself when neither `drive` nor `turn` has been called for WATCHDOG_NS, so that
       the robot does not drive on when its program hangs.
     - It never reverses.
@@ -36,18 +36,18 @@ class Driver(ABC):
 
     @abstractmethod
     def pose(self) -> Pose | None:
-        """Return the pose that the robot believes to have; None when it has none yet."""
+        """Return the robot's own estimate of its pose; None when it has none yet."""
 
     @abstractmethod
     def place(self, x: float, y: float, heading: float) -> None:
-        """Set the believed pose: a person has put the robot there (a simulated one is moved)."""
+        """Set the estimated pose: a person has put the robot there; a simulated robot is moved."""
 
     @abstractmethod
     def drive(self, speed_mps: float, curvature_radpm: float, distance_m: float) -> None:
         """Travel along an arc at this speed for at most this distance, then hold.
 
-        Speed and distance are not negative; a positive curvature turns left.  Replaces the command
-        before; speed 0 brakes and holds.
+        Speed and distance are not negative; a positive curvature turns left.  Replaces the previous
+        command; speed 0 brakes and holds.
         """
 
     @abstractmethod

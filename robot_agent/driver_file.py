@@ -1,6 +1,6 @@
-"""Find, import and make the driver that `--driver` names.
+"""The driver that `--driver` names: finding, importing and creating it.
 
-Decides: how a driver is named, and what the user is told when it cannot be loaded.  Must not know:
+Decides: how a driver is named, and the message when it cannot be loaded.  Must not know:
 what drivers do.
 """
 
@@ -25,11 +25,11 @@ _MODULE: Final = "splinefleet_driver"
 
 
 class DriverNameError(Exception):
-    """The driver that `--driver` names cannot be made; the text says why, in one line."""
+    """Raised when the driver that `--driver` names cannot be created; the text is one line."""
 
 
 def make_driver(name: str, max_accel: float) -> Driver:
-    """Return the driver named MODULE:CLASS or FILE.py:CLASS, made for an acceleration [m/s^2].
+    """Create the driver named MODULE:CLASS or FILE.py:CLASS for an acceleration [m/s^2].
 
     A driver's file may import modules from its own folder; installed modules come first.  An
     acceleration of 0 means that the user gave none.  Raises DriverNameError.

@@ -1,9 +1,9 @@
-"""What has arrived for a robot and waits for its next tick.
+"""The messages that have arrived for a robot and wait for its next tick.
 
-Decides: what is worth hearing: a message of the right kind for its key, for this robot, and no
-Command that is older than one that came before.  Each type of message has room of its
-own, so that nothing pushes Commands out but newer Commands.  Must not know: links, clocks, what a
-message makes the robot do.
+Decides: which messages are kept: those of the right kind for their key and for this robot, except
+Commands that are older than one that came before.  Each type of message has a queue of its own, so
+that only newer Commands displace Commands.  Must not know: links, clocks, what a message makes the
+robot do.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ supersedes the others, and there is room for several times what a coordinator se
 
 
 class Heard(NamedTuple):
-    """A message, the fleet on whose key it came, and when [ns], if that is known."""
+    """A message, the fleet on whose key it arrived, and its arrival time [ns], if known."""
 
     fleet: str
     message: Message
@@ -31,7 +31,7 @@ class Heard(NamedTuple):
 
 
 class Inbox:
-    """What waits for one robot.
+    """The queues of messages for one robot.
 
     `bad`: how many messages were invalid or for other robots; `dropped`: how many were displaced by
     newer ones.
@@ -72,7 +72,7 @@ class Inbox:
         return min(waiting, key=lambda lane: lane[0][0]).popleft()[1] if waiting else None
 
     def _is_mine(self, robot: str, message: Message) -> bool:
-        """Tell whether a message is for a robot, for this one or for all."""
+        """Return whether a message is for this robot or for all; `robot`: the name in its key."""
         if type(message) not in _DEPTHS or (isinstance(message, Plan) and message.robot != robot):
             return False
         return robot == self._robot or isinstance(message, Command)

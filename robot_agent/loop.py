@@ -1,8 +1,8 @@
 """The control loop, which calls a tick at a fixed rate.
 
 Decides: when the next tick is due, and that the motors stop after a tick that failed.  Must not
-know: what a tick does.  Only this module catches every exception, because a robot must keep running
-when its own program has a bug.
+know: what a tick does.  This is the only module that catches every exception, because a robot must
+keep running when its program has a bug.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ PERIOD_NS = 10_000_000
 class FixedRateLoop:
     """Calls `tick(now_ns)` every period until it returns False.
 
-    Each deadline is the one before plus the period, so delays do not add up.  A tick that ends
+    Each deadline is the previous one plus the period, so delays do not add up.  A tick that ends
     after the next deadline counts as an overrun; missed deadlines are skipped.  A tick that raises
     counts as a failure: each function in `rescues` is called with the error, in order, even when
     the one before it raised.  The loop counts `ticks`, `overruns`, `failures` and `worst_ns`, the

@@ -39,11 +39,11 @@ from robot_agent.steady_clock import SteadyClock
 from robot_agent.words import Lasting, phase_in_words, waits_for
 
 _SILENCE_NS = 5 * COMMAND_PERIOD
-"""A coordinator that has sent nothing for this long counts as not heard."""
+"""A coordinator from which nothing was received for this long counts as silent."""
 
 
 class RefusedError(Exception):
-    """The coordinator does not take this robot; the text is its reason.  Exit code 2."""
+    """Raised when the coordinator refuses this robot; the text is its reason.  Exit code 2."""
 
 
 @dataclass(frozen=True)
@@ -71,17 +71,18 @@ def run_robot(
     tell: Callable[[str], None] = lambda _: None,
     count: Callable[[str, FixedRateLoop], None] = lambda _state, _loop: None,
 ) -> int:
-    """Run one robot until the fleet is over (0) or it is interrupted (130); closes everything.
+    """Run one robot; return 0 when its fleet has ended, 130 when interrupted, 1 when it gave up.
 
-    It also ends (1) when it has heard no coordinator for `give_up_ns` (0: it waits for ever); a
-    robot under way has stopped long before.  `tell` is called with a sentence at every change of
-    phase, and with what keeps an idle robot from arming.  `count` is called with the phase and the
-    loop at every change of phase, and once more when the loop has ended.
+    It gives up when it has heard no coordinator for `give_up_ns` (0: it never does); a robot under
+    way has stopped long before.  Link, driver and black box are closed in every case.  `tell` is
+    called with a sentence at every change of phase, and with what keeps an idle robot from arming.
+    `count` is called with the phase and the loop at every change of phase, and once more when the
+    loop has ended.
 
-    `clock` returns the robot's own time [ns]; `sleep` waits for a number of its ns; `host_clock`
-    returns the host's time, for the black box, where it differs from the robot's own.  Without
-    `fleet` the robot joins the first fleet that it hears.  Raises RefusedError, and OSError when
-    the black box cannot be written.
+    `clock` returns the robot's own time [ns]; `sleep` waits for a number of ns of this time;
+    `host_clock` returns the host's time, for the black box, where it differs from the robot's own.
+    Without `fleet` the robot joins the first fleet that it hears.  Raises RefusedError, and OSError
+    when the black box cannot be written.
     """
     host_clock = host_clock or clock
     clock = SteadyClock(clock)
@@ -136,9 +137,10 @@ def run_robot(
 class RobotService:
     """Runs the robot tick by tick; `inbox` counts invalid messages and dropped ones.
 
-    `clock` is the robot's own and stamps messages that arrive between ticks.  Without it they count
-    as arrived at the next tick, which makes the robot less certain of the coordinator's time.
-    `host_clock` stamps the black box; it is needed if the robot's clock differs from the host's.
+    `clock` is the robot's own clock and stamps messages that arrive between ticks.  Without it
+    messages count as arrived at the next tick, which makes the robot less certain of the
+    coordinator's time.  `host_clock` stamps the black box; it is needed if the robot's clock
+    differs from the host's.
     """
 
     def __init__(
@@ -173,7 +175,7 @@ class RobotService:
         transport.subscribe(keys.command(fleet or "*"), self._enqueue)
 
     def tick(self, now_ns: int) -> bool:
-        """Receive, look, decide, drive, send, record; return False when the robot may leave."""
+        """Receive, read the pose, decide, drive, send, record; return False at the end."""
         self._hear(now_ns)
         self._move(now_ns)
         self._speak(now_ns)
@@ -275,7 +277,7 @@ class RobotService:
             self._blackbox.write(host_ns, estimate_ns, driver.true_pose(), s, agent.phase)
 
     def _place(self) -> tuple[int, int, int] | None:
-        """Return the pose of a robot that never drove in this fleet, while the fleet is frozen."""
+        """Return the pose, if the fleet is frozen and the robot never drove in it."""
         pose = self._driver.pose()
         if pose is None or self._phase != FREEZE or self.agent.has_driven():
             return None

@@ -1,7 +1,7 @@
 """A robot's own clock as its program sees it: it never runs backwards.
 
-Decides: that a clock which was set back goes on from where it was, a little later.  So whoever
-reads it sees a late tick, after which a robot trusts its time no more (agent.py).
+Decides: that a clock which was set back continues from where it was plus LEAP.  The jump looks like
+a late tick, after which the robot no longer trusts its time (agent.py).
 """
 
 from __future__ import annotations

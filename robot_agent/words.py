@@ -24,7 +24,7 @@ PATIENCE_NS = SECOND
 
 
 class Lasting:
-    """Lets a text through once it has stayed the same for PATIENCE_NS, and once only.
+    """A filter that returns a text once, when it has stayed the same for PATIENCE_NS.
 
     The text after a colon is not compared, because measured positions in it vary.
     """
@@ -63,10 +63,10 @@ def waits_for(
     pose: Pose | None,
     arrived: bool = False,
 ) -> str:
-    """Say what keeps an idle robot from being armed; empty when nothing does.
+    """Return what keeps an idle robot from being armed; empty when nothing does.
 
-    `phase` is the fleet's, `heard` tells whether its coordinator is; `pose`: where the robot
-    believes to be; `arrived`: whether it was at its goal when the fleet's last epoch ended.
+    `phase` is the fleet's phase; `heard`: whether its coordinator is heard; `pose`: the robot's own
+    estimate of its pose; `arrived`: whether it was at its goal when the fleet's last epoch ended.
     """
     if fleet is None:
         return "hears no coordinator"

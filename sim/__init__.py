@@ -1,1 +1,1 @@
-"""Bodies, links and whole fleets that are not made of metal; stands on the other packages."""
+"""Simulated bodies, links and whole fleets; imports the other packages."""

@@ -1,8 +1,8 @@
 """All fuzz targets: `python -m benchmarks.fuzz [--seconds 30] [--jobs 2] [TARGET ...]`.
 
-Every target runs in a process of its own, at a low priority, for so long.  A crash is an exception
-that is no answer to bad input, an input that takes too long, or too much memory; the input that
-did it stays in benchmarks/results/fuzz.  Exit code 1 when there is one.
+Every target runs for `--seconds` in a process of its own, at a low priority.  A crash is an
+exception that is not a one-line error message, an input that takes too long, or one that takes too
+much memory; its input is kept in benchmarks/results/fuzz.  The exit code is 1 after a crash.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from benchmarks.table import ROOT
 
 
 def main() -> None:
-    """Run what is asked for, print the table, write it to benchmarks/results/fuzz.json."""
+    """Run the targets, print the table, write it to benchmarks/results/fuzz.json."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.fuzz", description="Fuzz readers.")
     parser.add_argument("targets", nargs="*", metavar="TARGET", help=", ".join(MODULES))
     parser.add_argument("--seconds", type=int, default=SECONDS)
@@ -26,7 +26,7 @@ def main() -> None:
     asked = parser.parse_args()
     unknown = [name for name in asked.targets if name not in MODULES]
     if unknown:
-        parser.error(f"unknown target {unknown[0]!r}, there are {', '.join(MODULES)}")
+        parser.error(f"unknown target {unknown[0]!r}, the targets are {', '.join(MODULES)}")
     rows = fuzz_all(asked.targets or list(MODULES), asked.seconds, asked.jobs)
     record("fuzz", {f"bad input, {asked.seconds} s a target": rows})
     for path in leftovers():

@@ -58,7 +58,7 @@ max_speed = 0.5
 
 
 def _read_twice(data: bytes, suffix: str) -> None:
-    """Read a scenario; what is written of it is read as the same."""
+    """Read a scenario, write it and read it again; the two must be equal."""
     found = parse_scenario(data, str(_BESIDE / f"fuzzed{suffix}"))
     if found.workspace.from_map is None:
         for text in (scenario_to_json(found), scenario_to_toml(found)):
@@ -94,7 +94,7 @@ def order(data: bytes) -> None:
     problems: list[str] = []
     found = read_order(data, "order.json", problems)
     if found is None:
-        assert problems, "it is refused without a word"
+        assert problems, "it is refused without a message"
         raise InputError(problems)
     made = scenario_of([found], "orders", Assumed(0.3, 0.5, 0.02), None)
     parse_scenario(scenario_to_json(made), "orders.json")

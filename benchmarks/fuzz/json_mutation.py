@@ -1,4 +1,4 @@
-"""JSON made into other JSON: one value changed, moved, doubled or taken away.
+"""Mutation of JSON: a value is changed, moved, doubled or removed.
 
 Decides: which values are worth trying.  Must not know: what the document means.
 """
@@ -19,7 +19,7 @@ _DEEP_SHARE: Final = 0.002
 
 
 def mutated(data: bytes, seed: int) -> bytes:
-    """Return a document with one to three changes; nothing when this is no JSON."""
+    """Return a document with one to three changes; no bytes when `data` is not JSON."""
     dice = Random(seed)
     try:
         document = json.loads(data)

@@ -1,4 +1,4 @@
-"""Fuzz targets for logs: damaged files, and sound files of which every message is a lie."""
+"""Fuzz targets for logs: damaged files, and sound files with wrong messages."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ _STEP: Final = 0.5
 
 @answered
 def log_bytes(data: bytes) -> None:
-    """Read a file that may be a log, mend it, tell of it."""
+    """Read a file that may be a log, recover it, and summarize it."""
     make_whole(data, "run.mcap")
     _tell(log_from_bytes(data, "run.mcap"))
 
 
 @answered
 def log_words(data: bytes) -> None:
-    """Tell of a log in which other messages stand between the sound ones."""
+    """Summarize a log in which other messages are between the sound ones."""
     sound = _sound_log()
     records = sound.records[: len(sound.records) // 2]
     now_ns = records[-1].log_ns
@@ -73,7 +73,7 @@ def _tell(log: Log) -> None:
 
 
 def _spoken() -> Iterator[tuple[int, Outgoing]]:
-    """Yield what goes by while two robots drive, with the times."""
+    """Yield the messages of two robots that drive, with their times."""
     fleet = muster(packed(two()[1]), _BOOT)
     sequence, now_ns = count(1), SECOND
     for phase in (None, ARMED, ARMED, MOVING, MOVING, DONE, DONE, DONE):
@@ -89,7 +89,7 @@ def _spoken() -> Iterator[tuple[int, Outgoing]]:
 
 
 def _file(compression: CompressionType, *, checked: bool) -> bytes:
-    """Return a log; one without checksums lets a fuzzer change what is behind them."""
+    """Return a log; without checksums a fuzzer can change what they would protect."""
     scenario, document = two()
     stream = io.BytesIO()
     writer = Writer(stream, compression=compression, enable_crcs=checked, enable_data_crcs=checked)

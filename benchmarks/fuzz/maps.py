@@ -25,7 +25,7 @@ _YAML: Final = (
 
 @cache
 def _folder() -> Path:
-    """Return a folder with what the targets' maps refer to."""
+    """Return a folder with the files to which the targets' maps refer."""
     folder = workshop()
     (folder / "small.png").write_bytes(_picture("PNG", "L"))
     (folder / "picture.yaml").write_text(_YAML.format(name="picture", mode="scale"))
@@ -41,13 +41,13 @@ def _read(data: bytes, name: str, options: MapOptions = DEFAULTS) -> None:
 
 @answered
 def ros_yaml(data: bytes) -> None:
-    """Read the YAML of a ROS map, beside a sound picture."""
+    """Read the YAML of a ROS map whose image is sound."""
     _read(data, "fuzzed.yaml")
 
 
 @answered
 def ros_image(data: bytes) -> None:
-    """Read the picture of a ROS map, beside sound YAML."""
+    """Read the image of a ROS map whose YAML is sound."""
     (_folder() / "picture").write_bytes(data)
     read_map(_folder() / "picture.yaml")
 
@@ -86,7 +86,7 @@ def _image_seeds() -> Iterator[bytes]:
 
 
 def _drawings() -> Iterator[bytes]:
-    """Return the least drawings that have one entity of each kind."""
+    """Yield the smallest drawings with one entity of each kind."""
     entities = (
         "LINE\n8\nW\n10\n0\n20\n0\n11\n1\n21\n0",
         "CIRCLE\n8\nW\n10\n2\n20\n2\n40\n1",

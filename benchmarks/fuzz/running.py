@@ -1,4 +1,4 @@
-"""Fuzz targets run as processes, with limits, and what came of it.
+"""Running fuzz targets as processes with limits, and their outcomes.
 
 Decides: the limits of time and memory.  Must not know: the targets.
 """
@@ -22,14 +22,14 @@ HANG_S: Final = 10
 MEMORY_MB: Final = 1_500
 _NICE: Final = 10
 _GRACE_S: Final = 120.0
-"""For imports, seeds, and the end of the last input."""
+"""Extra time for imports, seeds and the last input [s]."""
 
 _FOLDER: Final = ROOT / "benchmarks" / "results" / "fuzz"
 _OUTCOMES: Final = {0: "no crash", 70: "hangs", 71: "takes too much memory", 77: "crashes"}
 
 
 def fuzz(name: str, seconds: int = SECONDS) -> Row:
-    """Run one target and tell how it went."""
+    """Run one target and return its figures."""
     folder = _FOLDER / name
     (folder / "corpus").mkdir(parents=True, exist_ok=True)
     command = [
@@ -74,7 +74,7 @@ def fuzz(name: str, seconds: int = SECONDS) -> Row:
 
 
 def fuzz_all(names: list[str], seconds: int = SECONDS, jobs: int = 1) -> list[Row]:
-    """Run targets, several side by side."""
+    """Run targets, `jobs` at a time."""
     with ThreadPoolExecutor(jobs) as pool:
         return list(pool.map(lambda name: fuzz(name, seconds), names))
 
@@ -86,6 +86,6 @@ def leftovers(name: str = "*") -> Iterator[Path]:
 
 
 def _said(pattern: str, text: str) -> str:
-    """Return what the last match says; empty without one."""
+    """Return the group of the last match; empty if there is none."""
     found = re.findall(pattern, text, re.DOTALL if pattern.startswith(".*") else 0)
     return found[-1] if found else ""

@@ -1,6 +1,6 @@
-"""What a fuzz target is.
+"""The interface of a fuzz target.
 
-Decides: what counts as an answer to bad input.  Must not know: the readers.
+Decides: what counts as a proper error for bad input.  Must not know: the readers.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from typing import Final, NamedTuple
 from coordinator.base.errors import InputError, PlanError
 
 LONGEST: Final = 65_536
-"""Bytes of an input, unless a target says otherwise."""
+"""The greatest length of an input [bytes], unless a target has another."""
 
 
 class Target(NamedTuple):
-    """`attempt` takes any bytes and raises nothing; whatever it raises is a crash.
+    """A reader to be fuzzed: `attempt` takes any bytes; whatever it raises is a crash.
 
-    `seeds` returns inputs to begin with, most of them good ones.  `mutate` makes another input of
-    one, by a seed; libFuzzer's own ways are used as well.
+    `seeds` returns the first inputs, most of them valid.  `mutate` makes another input from one and
+    a seed; libFuzzer's own mutations are used as well.
     """
 
     attempt: Callable[[bytes], None]
@@ -34,7 +34,7 @@ class Target(NamedTuple):
 
 
 def answered(read: Callable[[bytes], None]) -> Callable[[bytes], None]:
-    """Return a reader whose one-line answers to bad input count as answers."""
+    """Return a reader that ignores the one-line errors for bad input."""
 
     @wraps(read)
     def attempt(data: bytes) -> None:
@@ -45,7 +45,7 @@ def answered(read: Callable[[bytes], None]) -> Callable[[bytes], None]:
 
 
 def workshop() -> Path:
-    """Return a new folder for files that readers want to open."""
+    """Return a new folder for readers that need a file."""
     folder = mkdtemp(prefix="splinefleet-fuzz-")
     atexit.register(rmtree, folder, ignore_errors=True)
     return Path(folder)

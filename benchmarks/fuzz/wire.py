@@ -29,7 +29,7 @@ _unchecked: Final = msgspec.msgpack.Decoder(Plan | NewTimes)
 
 
 def codec(data: bytes) -> None:
-    """Decode as the kind that the first byte names; what is decoded encodes to the same message."""
+    """Decode a message of the kind that the first byte names; it must survive encoding."""
     if not data:
         return
     kind = _KINDS[data[0] % len(_KINDS)]
@@ -45,7 +45,7 @@ def codec(data: bytes) -> None:
 
 
 def _sealed(payload: bytes) -> bytes:
-    """Return a plan's bytes with the checksum that they should have, nothing if they are none."""
+    """Return a plan's bytes with the right checksum; no bytes if they are not a plan."""
     try:
         return encode(seal(_unchecked.decode(payload)))
     except (msgspec.MsgspecError, ValueError):
@@ -70,7 +70,7 @@ class _Halls:
         self.begin()
 
     def begin(self) -> None:
-        """Begin anew, so that inputs say the same whatever came before."""
+        """Begin anew, so that an input's effect does not depend on earlier inputs."""
         self.fleet = muster(packed(self.document), _BOOT)
         self.robot = self.document.robots[0].id
         self.session.end(0)
@@ -101,7 +101,7 @@ def pieces(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def fleet(data: bytes) -> None:
-    """Let the fleet core hear messages on any of its keys, and look at the time in between."""
+    """Give the fleet core messages on any of its keys, and let time pass in between."""
     hall = _hall()
     name, now_ns = hall.document.scenario, 10**9
     robots = [robot.id for robot in hall.document.robots]
@@ -114,7 +114,7 @@ def fleet(data: bytes) -> None:
 
 
 def robot(data: bytes) -> None:
-    """Let a robot's shell hear messages on its keys, and tick in between."""
+    """Give a robot's shell messages on its keys, and let it tick in between."""
     hall = _hall()
     name, now_ns = hall.document.scenario, 10**9
     for which, payload in pieces(data):
@@ -138,7 +138,7 @@ def _piece(which: int, payload: bytes) -> bytes:
 
 
 def spoken() -> Iterator[bytes]:
-    """Return golden messages one after the other, and a fleet that sets out."""
+    """Yield inputs: golden messages one after the other, and a fleet that sets out."""
     yield b"".join(_piece(number * 7 % 256, text) for number, (_, text) in enumerate(_golden()))
     reports = (Report(_BOOT, n, 1, phase) for n, phase in enumerate((0, 1, 2, 3, 4, 5)))
     yield b"".join(_piece(2, encode(report)) for report in reports)

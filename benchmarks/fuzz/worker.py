@@ -19,7 +19,7 @@ _COMPILING: Final = ("compiled", "kernel_cache", "quick_loading")
 
 
 def _compiled() -> list[str]:
-    """Name the modules with compiled functions, and those that compile them."""
+    """Return the names of modules with compiled functions, and of those that compile them."""
     files = (_ROOT / "coordinator").rglob("*.py")
     found = [file for file in files if "import compiled" in file.read_text(encoding="utf-8")]
     kernels = [".".join(file.relative_to(_ROOT).with_suffix("").parts) for file in found]
@@ -38,7 +38,7 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         for number, seed in enumerate(target.seeds()):
             (folder / f"seed-{number}").write_bytes(seed)
-            target.attempt(seed)  # within, so that what is imported late is watched as well
+            target.attempt(seed)  # within the block, so that late imports are instrumented, too
     for crash in sorted(folder.parent.glob("crash-*")):
         target.attempt(crash.read_bytes())
     arguments = [sys.argv[0], str(folder), f"-max_len={target.longest}", *options]

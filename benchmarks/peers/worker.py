@@ -1,7 +1,7 @@
 """Measures one library on one floor: a job as JSON on stdin, times and lengths as JSON on stdout.
 
-Run by the interpreter of the peers; it has numpy < 2 and none of our packages.  Each library is
-asked as its documentation does, on polygons that neither touch nor overlap, after a floor of one
+Run by the peers' own interpreter, which has numpy < 2 and none of our packages.  Each library is
+used as its documentation shows, on polygons that neither touch nor overlap, after a floor of one
 box that loads compiled code.
 
 Job: library, boundary and polygons (counter-clockwise corners [m]), queries [[x0, y0, x1, y1]],
@@ -39,7 +39,7 @@ def extremitypathfinder(boundary: Ring, polygons: list[Ring]) -> Ask:
 
 
 def pyvisgraph(_boundary: Ring, polygons: list[Ring]) -> Ask:
-    """Prepare pyvisgraph, which knows no floor: no way leaves it around separate polygons."""
+    """Prepare pyvisgraph, which takes no boundary; ways around separate polygons stay inside."""
     from pyvisgraph import Point, VisGraph
 
     graph = VisGraph()
@@ -56,7 +56,7 @@ LIBRARIES = {"extremitypathfinder": extremitypathfinder, "pyvisgraph": pyvisgrap
 
 
 def main() -> None:
-    """Do the job."""
+    """Read the job, measure, and print the answer."""
     job = json.load(sys.stdin)
     build = LIBRARIES[job["library"]]
     build(LARGE, [SMALL])(1.0, 5.0, 9.0, 5.0)

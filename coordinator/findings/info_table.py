@@ -77,7 +77,7 @@ def _headline(told: Summary) -> Table:
         ("messages", f"{told.messages}, of which {told.bad_messages} are invalid"),
         ("dropped", _dropped(told.dropped)),
         ("lost on the way", f"{told.lost_messages}, by gaps in the sequence numbers"),
-        ("position messages", str(told.positions_on_wire)),
+        ("messages with positions", str(told.positions_on_wire)),
         ("largest plan", f"{told.largest_plan_bytes} bytes"),
         ("largest message to a robot", f"{told.largest_message_to_robot_bytes} bytes"),
         ("busiest robot sent", "-" if rate is None else f"{rate:.1f} bytes/s"),

@@ -80,7 +80,7 @@ class Door:
             self._tell_denied(robot, f"{robot} has come back but is no longer heard", now_ns)
             return False
         if admission.refuses(boot):
-            reason = "has not said in time where it stands; does its driver know?"
+            reason = "was waited for and did not say where it stands; does its driver know?"
             return self._deny(robot, boot, f"{robot} {reason}", now_ns)
         if admission.ask(boot, now_ns):
             self._tell_admitted(robot, now_ns)

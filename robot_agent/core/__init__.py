@@ -1,4 +1,4 @@
 """The firmware core: the agent as a state machine, its ride, steering and clock.
 
-Pure and small: it knows no bytes, links, files or clocks, and `tick` leaves no memory allocated.
+Pure and small: it uses no bytes, links, files or clocks, and `tick` leaves no memory allocated.
 """

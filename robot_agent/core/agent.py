@@ -1,4 +1,4 @@
-"""The state machine of one robot: what it hears, does and reports, without any I/O.
+"""The state machine of one robot: how it reacts to messages and time, without any I/O.
 
 Decides: phases and faults, the speed to drive, when to report and what.  Must not know: bytes,
 links, files, or any clock but the `now_ns` it is given (the robot's own, monotonic).  Firmware: it
@@ -22,8 +22,9 @@ The rules:
   goal, it is frozen.
 - A robot never reports a position, with one exception: one that has stopped on its way reports the
   arc length at which it rests, in its first report as frozen and whenever the coordinator asks.
-- A robot that stands because it is late reports, as long as the others move, the plan time that
-  has it there instead.  With new times for the rest of its path it continues in the same epoch.
+- A robot that stands because it is late reports instead, as long as the others move, the plan time
+  at which its plan has it there.  With new times for the rest of its path it continues in the same
+  epoch.
 """
 
 from protocol.phases import (
@@ -249,13 +250,14 @@ class Agent:
         return late and self._leader.phase == GO and self._leader.epoch == self.epoch
 
     def has_driven(self) -> bool:
-        """Return whether the robot has ever set out on a plan or frozen while it held one."""
+        """Return whether the robot has ever set out on a plan, or frozen while it held a plan."""
         return self._spent_epoch > 0
 
     def may_leave(self, now_ns: int) -> bool:
         """Return whether nothing is left to do.
 
-        That is when the fleet is over, or when the robot is at its goal and its lease has run out.
+        That is when the fleet has ended, or when the robot is at its goal and its lease has run
+        out.
         """
         return self.finished or (self.phase == DONE and self._is_alone(now_ns))
 
@@ -323,7 +325,7 @@ class Agent:
         self._apply(transitions.LEFT_PATH if left else transitions.TROUBLE, now_ns)
 
     def _apply(self, event: str, now_ns: int) -> None:
-        """Enter the phase that the table names for this event, with the actions that it needs."""
+        """Enter the phase that TRANSITIONS names for this event, and do what the phase needs."""
         after = transitions.TRANSITIONS.get((self.phase, event))
         if after is None:
             return

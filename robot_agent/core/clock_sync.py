@@ -1,15 +1,15 @@
 """An estimate of the coordinator's clock, with a bound on its error.
 
-Decides: the offset between two clocks from exchanged time stamps, as NTP does, and when to ask.
-Must not know: who sends the stamps, or what the time is for.  Firmware: it imports only the shared
-periods.
+Decides: the offset between two clocks from exchanged time stamps, as NTP does, and when to ask for
+the time.  Must not know: who sends the stamps, or what the time is for.  Firmware: it imports only
+the shared periods.
 
-One exchange has four stamps: the robot sends at t1 and hears at t4 (its own clock), the coordinator
-hears at t2 and answers at t3 (its clock).  No message arrives before it is sent, so the offset lies
-between t3 - t4 and t2 - t1, whatever the two delays were (Marzullo and Owicki 1983).  The offset
-lies in the intersection of the intervals of several exchanges, each widened by drift as it ages.
-Where the intersection is empty, one of the clocks was stopped or set, and all earlier exchanges are
-discarded.
+One exchange has four stamps: the robot sends at t1 and gets the answer at t4 (on its own clock);
+the coordinator receives at t2 and answers at t3 (on its clock).  No message arrives before it is
+sent, so the offset lies between t3 - t4 and t2 - t1, whatever the two delays were (Marzullo and
+Owicki 1983).  The offset lies in the intersection of the intervals of several exchanges, each
+widened by drift as it ages.  If the intersection is empty, one of the clocks was stopped or set,
+and all earlier exchanges are discarded.
 """
 
 from protocol.timing import CLOCK_PERIOD, CLOCK_PERIOD_FAST, CLOCK_SAMPLES, SECOND
@@ -25,7 +25,7 @@ _UNKNOWN = 1 << 62
 
 
 class ClockSync:
-    """Offset of the coordinator's clock over the robot's, as an interval.
+    """The offset of the coordinator's clock from the robot's, as an interval.
 
     `offset_ns` is what to add to the robot's clock: the middle of the interval.  While the robot
     moves, its plan time must not jump, so the offset slews towards the middle (`follow`).  `good`

@@ -3,7 +3,7 @@
 Decides: which Command counts, and when the coordinator is silent.  Must not know: what a Command
 makes the robot do.  Firmware: imports nothing but the shared numbers.
 
-A Command older than the last one heard changes nothing.  A robot obeys another coordinator (one
+A Command older than the last one received changes nothing.  A robot obeys another coordinator (one
 with another boot id) when its epoch is higher.  Before motion the robot also does so when the epoch
 is the same and the boot id is higher (of two coordinators the one with the lower id gives way), or
 when its own coordinator is silent.  So a former coordinator's messages, if somebody replays them,
@@ -20,7 +20,8 @@ class Leader:
     """The coordinator that the robot obeys.
 
     boot: its boot id, -1 as long as no coordinator was heard; epoch, phase, sequence: those of its
-    newest Command.  `has_other_clock`: the robot's time comes from another coordinator's clock.
+    newest Command.  `has_other_clock`: whether the robot's time comes from another coordinator's
+    clock.
     """
 
     def __init__(self) -> None:
@@ -47,7 +48,7 @@ class Leader:
     def hear(
         self, boot: int, sequence: int, epoch: int, phase: int, now_ns: int, said_ns: int
     ) -> bool:
-        """Store a Command that is to be obeyed; return whether it changes the coordinator.
+        """Store a Command that is to be obeyed; return whether it is of a new coordinator.
 
         `said_ns`: when it was sent, on the robot's clock; it may have been under way for long.
         """

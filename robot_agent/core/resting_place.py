@@ -9,8 +9,8 @@ class RestingPlace:
     """The last place of rest; epoch 0 means that there is none: the robot may have moved since.
 
     s [m] is the arc length; off [mm] to the left, turn [mrad] and beyond [mm] are the offset of
-    PathFollower.  `stood_us` is the plan time [us] that has the robot there.  A robot may report
-    this time while others move, because it is not a position.
+    PathFollower.  `stood_us` is the plan time [us] at which the plan has the robot there.  A robot
+    may report it while others move, because it is not a position.
     """
 
     def __init__(self) -> None:
@@ -39,7 +39,7 @@ class RestingPlace:
         self._tell = self._tell or self.epoch > 0
 
     def hush(self) -> None:
-        """Cancel the report of the place until it is requested again."""
+        """Do not report the place until it is requested again."""
         self._tell = False
 
     def is_due(self) -> bool:

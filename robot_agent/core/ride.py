@@ -1,4 +1,4 @@
-"""A plan being driven: where on it the robot is, whether it is on time, how fast to drive.
+"""A plan being driven: where on the path the robot is, whether it is late, how fast to drive.
 
 Decides: speed and distance of every command to the driver, and whether the robot is late, has
 arrived, or rests.  Must not know: phases, messages, clocks; `time` is plan time in seconds.
@@ -21,8 +21,9 @@ LATE_SHARE = 0.2
 measured positions are noisy."""
 
 ARRIVAL_SHARE = 0.8
-"""When its plan is over, a robot within this share of the track tolerance of its goal has arrived.
-The rest of the tolerance is for noise, which must not make the robot seem pushed off its goal."""
+"""When its plan has ended, a robot within this share of the track tolerance of its goal has
+arrived. The rest of the tolerance is for noise, which must not make the robot seem pushed off its
+goal."""
 
 TURN_SHARE = 0.9
 """A robot that would start farther off its path than this share of its tolerance turns first."""
@@ -30,8 +31,8 @@ TURN_SHARE = 0.9
 LATE_TIME = 0.05
 LATE_TIME_SHARE = 0.2
 """A robot is late once it has seemed late for LATE_TIME [s], or for LATE_TIME_SHARE of its share of
-lateness if that is less: of hundreds of noisy measurements at a stop, one lies far off.  This
-delay counts towards the share of lateness."""
+lateness if that is less: one of hundreds of noisy measurements at a stop may be far off.  The delay
+is a part of the share of lateness."""
 
 HOLD_OUT = 0.05
 """How long [s] a command to the driver suffices if the next tick does not come."""
@@ -42,7 +43,7 @@ REST_SLACK = 3e-3
 [s]."""
 
 PACE_TIME = 0.1
-"""The robot's true speed is measured over at least this time [s]."""
+"""The robot's actual speed is measured over at least this time [s]."""
 
 CATCH_UP_RATE = 10.0
 """Gain [1/s] from the distance that a robot lags behind to the speed that it adds to catch up.  It
@@ -65,13 +66,13 @@ class Ride:
     """One plan and the robot on it.
 
     The track tolerance limits the sum of two distances: how far the robot is off its path, to the
-    side or past an end, and how far it is from its planned place along the path.  A robot behind
-    its plan counts only with what exceeds its share of lateness.
+    side or past an end, and how far it is from its planned place along the path.  For a robot
+    behind its plan only the distance that exceeds its share of lateness counts.
 
     `rules`: late [ns], lease [ns], track [mm], brake [mm/s^2, 0 stops at once], clock error [ns].
     `path`: the arguments of Curve.  `motion`: the arguments of Timeline.  Raises ValueError when
-    these make no plan.  The command to the driver is left in the attributes speed [m/s], curvature
-    [rad/m] and distance [m].
+    these are not a valid plan.  The command to the driver is left in the attributes speed [m/s],
+    curvature [rad/m] and distance [m].
     """
 
     def __init__(
@@ -121,7 +122,8 @@ class Ride:
     ) -> bool:
         """Replace the times on the same path; return False, without a change, if they do not fit.
 
-        They do not fit if they end elsewhere, or if they would have the robot ahead of its plan.
+        They do not fit if their length differs, or if the robot would be ahead of its plan with
+        them.
         """
         try:
             timeline = Timeline(*motion)
@@ -170,7 +172,7 @@ class Ride:
         return LATE if self._is_late(time) else NO_FAULT
 
     def arrived(self, time: float) -> bool:
-        """Return whether the plan is over and the robot at its goal.
+        """Return whether the plan has ended and the robot is at its goal.
 
         At first the robot has to be within ARRIVAL_SLACK, because one whose wheels slip may still
         come closer.  Shortly before it would count as late, ARRIVAL_SHARE of the track tolerance
@@ -187,7 +189,7 @@ class Ride:
         return left <= ARRIVAL_SLACK and not self.is_off()
 
     def has_left(self, goal: bool) -> bool:
-        """Return whether a robot was pushed off its goal, or off the place where it stood.
+        """Return whether the robot was pushed off its goal, or off the place where it stood.
 
         For a robot that still brakes, only its distance from the path counts.
         """
@@ -221,8 +223,8 @@ class Ride:
     def begin_to_brake(self, time: float) -> None:
         """Start to brake, from the commanded speed or the measured one, whichever is less.
 
-        A robot that has not moved is commanded to stand.  The measured speed is older than now by
-        the time that measuring took; what the robot may have gained since is added to it.
+        A robot that has not moved is commanded to stand.  The measured speed is a mean over
+        PACE_TIME; the speed that the robot may have gained since is added to it.
         """
         stuck = time - self._stuck_from >= REST_TIME
         seen = max(self._pace, 0.0) + 2.0 * PACE_TIME * self._brake
@@ -263,7 +265,7 @@ class Ride:
         return time - self._behind_from >= self._late_time
 
     def _bearable(self) -> float:
-        """Return how far [m] the robot may seem behind: what its distance off the path leaves."""
+        """Return how far [m] behind the robot may seem: what its distance off the path leaves."""
         return min(self._slack, self.track - self.follower.off)
 
     def _reach(self, distance: float) -> None:

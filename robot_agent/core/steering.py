@@ -22,7 +22,7 @@ _SHARPEST = 50.0
 _LONGEST_STEP = 0.05
 _CLOSE_ENOUGH = 2e-4
 _BESIDE = 2e-3
-"""The place found is right if the robot is no farther [m] than this before or behind it."""
+"""A place found on the path is right if the robot is at most this far [m] before or behind it."""
 
 _SEARCH_WAY = 0.3
 _SEARCH_STEP = 0.02

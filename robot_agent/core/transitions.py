@@ -1,4 +1,4 @@
-"""The robot's phases and what leads from one to the next, as one table.
+"""The robot's phases and the events that lead from one to another, as one table.
 
 Decides: which events change a phase.  Must not know: when an event happens (agent.py).
 """

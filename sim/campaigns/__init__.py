@@ -1,1 +1,1 @@
-"""Many seeded runs in virtual time: drawn, judged, shrunk when they fail, and reported."""
+"""Many seeded runs in virtual time: their random faults, judgement, shrinking and results."""

@@ -29,11 +29,12 @@ _REASONS: Final = {
     "clock-pause": "computer stopped to the end",
     "unfit": "failed too often",
 }
-"""Words for the reasons why a robot is not expected to arrive; other reasons are words already."""
+"""Words for the reasons why a robot is not expected to arrive; others are shown unchanged.
+"""
 
 
 class Violation(msgspec.Struct, frozen=True):
-    """A run that went wrong: why, and the command that reproduces it."""
+    """A run that failed: the reasons, and the command that reproduces it."""
 
     seed: int
     command: str
@@ -53,7 +54,7 @@ class Answer(msgspec.Struct, frozen=True):
     """The result of a campaign; `robots` counts the robots of all runs together.
 
     `excused` counts, by reason, the robots that could not be expected to arrive; `anyway`: how many
-    of them arrived all the same, mostly before their fault began.
+    of them arrived nevertheless, mostly before their fault began.
     """
 
     runs: int
@@ -110,7 +111,7 @@ def _excused(answer: Answer) -> str:
         return "none"
     reasons = [f"{count} {_REASONS.get(why, why)}" for why, count in answer.excused.items()]
     total = sum(answer.excused.values())
-    return f"{total}: {', '.join(reasons)}; {answer.anyway} of them arrived all the same"
+    return f"{total}: {', '.join(reasons)}; {answer.anyway} of them arrived anyway"
 
 
 def say(violation: Violation) -> str:

@@ -1,4 +1,4 @@
-"""One run of a campaign in virtual time: what is drawn from its seed, and its outcome.
+"""One run of a campaign in virtual time: what follows from its seed, and its outcome.
 
 Decides: what a run consists of, and when it counts as a violation.  Must not know: options,
 processes, files.  The same arguments give the same outcome.
@@ -45,19 +45,20 @@ _SLOW_NOTICE: Final = 10 * SECOND
 
 _PLANNING: Final = (50 * MILLISECOND, 3 * SECOND)
 _PERIODS: Final = (10 * MILLISECOND, *3 * (20 * MILLISECOND,))
-"""Periods of a robot's ticks to draw from: mostly 50 Hz, the slowest sensible control rate."""
+"""A robot's tick period is one of these at random: mostly 50 Hz, the slowest sensible rate."""
 
 _NEEDS: Final = {
     "corrupt": (),
     "coordinator-hang": ("coordinator",),
     "coordinator-restart": ("coordinator",),
 }
-"""The entries of proof.survives that promise no collision under a fault; for other faults: stop."""
+"""For each kind of fault, the entry of proof.survives that promises no collision; default: stop.
+"""
 
 
 @dataclass(frozen=True)
 class Wish:
-    """What a campaign draws from: kinds of faults, the worst loss and delay, tau (None: auto).
+    """The bounds of a campaign's random choices: kinds of faults, worst loss and delay, and tau.
 
     `freezes` is for tests alone, see World.
     """
@@ -70,10 +71,11 @@ class Wish:
 
 
 class Outcome(msgspec.Struct, frozen=True):
-    """The outcome of one run; `violations` are in words, none when all is well.
+    """The outcome of one run; `violations` are sentences, none if the run is good.
 
-    `excused`: the robots that were not expected to arrive, and why; `said`: the incidents of faults
-    and of robots that stay; `anyway`: how many excused robots arrived all the same.
+    `excused`: the robots that were not expected to arrive, and why; `said`: the coordinator's
+    incidents about faults and about robots that stay; `anyway`: how many excused robots arrived
+    nevertheless.
     """
 
     seed: int
@@ -100,7 +102,7 @@ def run_seed(
     faults: Sequence[Fault] | None = None,
     folder: Path | None = None,
 ) -> Outcome:
-    """Draw a run from its seed, with the faults unless they are given, and run it.
+    """Run a fleet once; its link, clocks, bodies, and faults unless given, follow from the seed.
 
     The logs go into `folder`, if there is one.
 
@@ -118,7 +120,7 @@ def run_seed(
 
 @functools.lru_cache(maxsize=16)
 def plan_for(scenario: Scenario, link: Link, tau: float | None) -> tuple[Scenario, PlanDocument]:
-    """Return the scenario on this link and its plan; tau None stands for the whole fault budget."""
+    """Return the scenario on this link, and its plan; tau None means the whole fault budget."""
     asked = replace(scenario, link=link, tau="auto" if tau is None else tau)
     return asked, plan_scenario(asked)
 
@@ -132,7 +134,7 @@ def run_one(
     freezes: bool = True,
     folder: Path | None = None,
 ) -> Outcome:
-    """Run a planned fleet with these faults; link, clocks and bodies are drawn from the seed.
+    """Run a planned fleet with these faults; link, clocks and bodies follow from the seed.
 
     Its logs go into `folder`.  A coordinator that is to be restarted needs a log to resume from, so
     a temporary folder is used when none is given.
@@ -150,7 +152,7 @@ def run_one(
     there = arrived(world, document, boxes)
     expected = [robot.id for robot in document.robots if robot.id not in excuses]
     stuck = [name for name in expected if name not in there]
-    violations = [] if over else [f"not over, {COMMAND_NAMES[world.fleet.phase]} at the end"]
+    violations = [] if over else [f"not OVER but {COMMAND_NAMES[world.fleet.phase]} at the end"]
     violations += [f"{name} has not arrived" for name in stuck]
     violations += [touch.text() for touch in with_obstacles]
     if is_promised(document, faults):
@@ -175,7 +177,7 @@ def run_one(
 
 
 def run_world(world: World, document: PlanDocument, *, freezes: bool = True) -> tuple[bool, int]:
-    """Let a world run to its end; return whether the fleet was over, and since when [ns].
+    """Run a world to its end; return whether the fleet reached OVER, and since when [ns].
 
     The time of the last phase change counts, because a coordinator that hangs ends later than that.
     """
@@ -198,7 +200,7 @@ def make_world(
     freezes: bool = True,
     logs: RunLogs | None = None,
 ) -> World:
-    """Return a world on the scenario's link, with clocks, bodies and planning times drawn."""
+    """Return a world on the scenario's link, with random clocks, bodies and planning times."""
     dice = Random(f"world {seed}")
     link = scenario.link
     overtaking = _OVERTAKING if link.loss > 0.0 else 0.5 * _OVERTAKING

@@ -1,6 +1,6 @@
 """How quickly a fleet reacted to the deaths of its robots.
 
-Decides: from which moments these times count.  Must not know: how a run was made.
+Decides: the moments from which these times count.  Must not know: how a run was made.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _STILL = 1e-6
 class Latencies(msgspec.Struct, frozen=True):
     """Latencies [s], with one entry for each robot that died while it was under way.
 
-    freeze: death to FREEZE; rest: death to the last motion of any robot without a fault of its own;
+    freeze: death to FREEZE; rest: death to the last motion of any robot that had no fault itself;
     share: `rest` divided by the plan's tau; resume: FREEZE to the next GO, one entry per FREEZE.
     """
 

@@ -24,7 +24,7 @@ from sim.world.fault_script import USUAL, read_faults, write_fault
 from sim.world.fault_text import Fault
 
 NO_FAULT: Final = "none"
-"""Stands for an empty list of faults."""
+"""The text for an empty list of faults."""
 
 MOST_SHRUNK: Final = 3
 """At most this many violations are shrunk, because shrinking takes many runs."""
@@ -32,7 +32,7 @@ MOST_SHRUNK: Final = 3
 
 @dataclass(frozen=True)
 class Campaign:
-    """A scenario and its file, what is drawn, and faults that replace drawn ones if given."""
+    """A scenario, its file, bounds of random choices, and faults that replace random ones."""
 
     scenario: Scenario
     file: Path
@@ -74,7 +74,7 @@ class Campaign:
     def asked(
         cls, scenario: Scenario, file: Path, wish: Wish, texts: Sequence[str] | None
     ) -> Campaign:
-        """Return the campaign with the faults of these texts; InputError with a line each."""
+        """Return the campaign with these faults; InputError with a line per invalid text."""
         names = [robot.id for robot in scenario.robots]
         given = [text for text in texts or () if text != NO_FAULT]
         faults = read_faults(given, names)

@@ -1,9 +1,9 @@
-"""What truly happened in a run of several epochs: who touched what, and who arrived.
+"""What truly happened in a run of several epochs: which robots touched what, and which arrived.
 
 Decides: what counts as a touch, and which robots are excused from arriving.  Two robots touch when
 their true centres are nearer than r_i + r_j; a robot touches something solid when its centre is
 nearer to it than r_i.  Distances are exact for straight motion between two rows of a black box.
-Must not know: how faults are drawn.
+Must not know: how faults are chosen.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from sim.world.fault_text import Fault
 from sim.world.virtual_fleet import World
 
 _OWN: Final = ("hang", "slow", "stall", "skid", "driver-error", "clock-pause", "clock-jump")
-"""Faults of a robot's own, after which it may be declared unfit."""
+"""Faults that a robot causes itself, after which it may be declared unfit."""
 
 _NOISE: Final = 0.005
 """How much [m] noisy positions may add to the tolerance at a goal."""
@@ -123,7 +123,7 @@ def _come_near(a: BlackBox, b: BlackBox, least: float) -> bool:
 
 
 def arrived(world: World, document: PlanDocument, boxes: Mapping[str, BlackBox]) -> set[str]:
-    """Return the robots that the fleet or they themselves report at their goals and truly are."""
+    """Return the robots that they or the fleet report to be at their goals and truly are."""
     held = {one.robot.id for one in world.mission.site.aside if one.why == "arrived"}
     held |= {name for name, member in world.fleet.members.items() if member.finished}
     held |= {name for name, one in world.robots.items() if one.service.agent.phase == DONE}

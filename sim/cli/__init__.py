@@ -1,1 +1,1 @@
-"""The commands that run, judge and try whole fleets, and replay logs."""
+"""The commands that run, judge and test whole fleets, and replay logs."""

@@ -39,7 +39,7 @@ def key_pattern(pattern: str) -> str:
 def key_prefix(prefix: str) -> str:
     """Check the prefix of keys before any work."""
     if prefix and not all(NAME.fullmatch(part) for part in prefix.split("/")):
-        raise typer.BadParameter(f"{prefix!r} is no prefix of keys; one looks like replay/one")
+        raise typer.BadParameter(f"{prefix!r} is not a prefix of keys; an example is replay/one")
     return prefix
 
 
@@ -59,10 +59,10 @@ def replay(
     ] = None,
     since: Annotated[
         float,
-        typer.Option("--from", callback=within(0.0), help="Begin so many seconds into the log."),
+        typer.Option("--from", callback=within(0.0), help="Begin this many seconds into the log."),
     ] = 0.0,
     to: Annotated[
-        float | None, typer.Option(min=0.0, help="End so many seconds into the log.")
+        float | None, typer.Option(min=0.0, help="End this many seconds into the log.")
     ] = None,
     keys: Annotated[
         str,
@@ -76,12 +76,12 @@ def replay(
     ] = "",
     wait_listener: Annotated[
         float,
-        typer.Option(callback=within(0.0, 86_400.0), help="Wait so many seconds for a listener."),
+        typer.Option(callback=within(0.0, 86_400.0), help="Wait this many seconds for a listener."),
     ] = 0.0,
     until: Annotated[
         float | None,
         typer.Option(
-            min=0.0, help="Continue the run in virtual time from so many seconds after GO."
+            min=0.0, help="Continue the run in virtual time from this many seconds after GO."
         ),
     ] = None,
     fault: Annotated[
@@ -125,7 +125,7 @@ def replay(
 
 
 class Playing(NamedTuple):
-    """What part of a log is played, how fast, and to whom: the options of `replay`."""
+    """The options of `replay`: which part of a log is played, how fast, and who may listen."""
 
     listen: str
     speed: float

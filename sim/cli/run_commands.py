@@ -1,4 +1,4 @@
-"""The commands that make scenarios, run, judge and try whole fleets here.
+"""The commands that make scenarios, and run, judge and test whole fleets on this machine.
 
 Decides: options and exit codes.
 """
@@ -24,13 +24,13 @@ commands = typer.Typer()
 
 
 def known(kind: str) -> str:
-    """Check that there is such a kind of floor; the answer names the nearest and lists all."""
+    """Check that there is such a kind of floor; the error names the nearest one and lists all."""
     kinds = get_args(Kind)
     if kind not in kinds:
         (nearest,) = difflib.get_close_matches(kind[:40].lower(), kinds, n=1, cutoff=0.0)
         raise typer.BadParameter(
-            f"{kind[:60]!r} is no kind of floor, the nearest is {nearest}; "
-            f"known are {', '.join(kinds)}"
+            f"{kind[:60]!r} is not a kind of floor, the nearest one is {nearest}; "
+            f"the kinds are {', '.join(kinds)}"
         )
     return kind
 
@@ -182,7 +182,8 @@ def judge(
     """Find out from the black boxes what happened: collisions, arrivals, tracking errors.
 
     The folder holds plan.json or the coordinator's log (run.mcap, run-2.mcap, ...), which has the
-    plans in it, and ROBOT.csv or blackbox/ROBOT.csv of every robot.  A log stands for its folder.
+    plans in it, and ROBOT.csv or blackbox/ROBOT.csv of every robot.  If a log is named, its folder
+    is used.
 
     Example: splinefleet judge runs/demo
     """

@@ -33,7 +33,7 @@ SECOND_DOORS: Final = 0.5
 ROOM: Final = 3.6
 """Usual side [m] of a room."""
 FEW_ROOMS: Final = 12
-"""A trip leads from one of at most this many rooms to one of as many others."""
+"""A trip leads from one of at most this many rooms to one of equally many other rooms."""
 BLOCKED: Final = 0.22
 """Share of a grid's cells that are blocked."""
 

@@ -46,7 +46,7 @@ class Pieces:
     def leaves_a_way(self, place: Point, keep: float) -> bool:
         """Return whether a disc of radius `keep` [m] here leaves what is around it connected.
 
-        It does where the free part of its rim is in one piece.
+        It does if the free part of the disc's rim is in one piece.
         """
         rim = np.array(place) + (keep + BEYOND) * DIRECTIONS
         free = shapely.contains_xy(self.area, rim[:, 0], rim[:, 1])
@@ -68,9 +68,9 @@ def free_space(floor: Workspace, reach: float) -> Pieces:
 class Exits:
     """The ways out of each place of n robots, and the pieces to which they lead.
 
-    `places` (2 n, 2) [m]: start and goal of each robot in turn.  `pieces` (2 n, FAN): the piece to
-    which each direction leads, -1 where it is blocked.  `ground`: the free space minus a disc
-    around every place.
+    `places` (2 n, 2) [m]: start and goal of one robot after the other.  `pieces` (2 n, FAN): the
+    piece to which each direction leads, -1 where it is blocked.  `ground`: the free space minus a
+    disc around every place.
     """
 
     places: NDArray[np.float64]

@@ -1,8 +1,7 @@
-"""Scenarios made from a kind, a number of robots and a seed: floors, starts, goals, limits.
+"""Scenarios generated from a kind, a number of robots and a seed: floors, starts, goals, limits.
 
-Decides: the robots' properties, and the order in which numbers are drawn from the one random
-generator, so that the same arguments give the same scenario on every machine.  Must not know:
-files and options.
+Decides: the robots' properties, and the order in which the one random generator is used, so that
+the same arguments give the same scenario on every machine.  Must not know: files and options.
 """
 
 from __future__ import annotations
@@ -83,16 +82,16 @@ def generate(
     Each robot has a way to its goal that avoids the starts and goals of all others.  The kind
     chooses `size` [m] and the number of `obstacles` unless they are given.  `headings` adds
     headings at starts and goals, `vias` that many via points per robot; `mixed` robots differ in
-    radius, speed and acceleration.  Raises InputError when all this does not fit on the floor.
+    radius, speed and acceleration.  Raises InputError when the floor has no room for all this.
     """
     if not 1 <= robots <= MOST_ROBOTS:
-        raise InputError([f"--robots: {robots} is not from 1 to {MOST_ROBOTS}"])
+        raise InputError([f"--robots: must be 1 to {MOST_ROBOTS}, not {robots}"])
     if size is not None and not all(LEAST_SIDE <= side <= MOST_SIDE for side in size):
         limits = f"from {LEAST_SIDE:g} m to {MOST_SIDE:g} m"
         raise InputError([f"--size: {size[0]:g} m x {size[1]:g} m is not {limits} each way"])
     if obstacles is not None and kind not in OBSTACLES:
         counted = ", ".join(f"{kind} ({what})" for kind, what in OBSTACLES.items())
-        raise InputError([f"--obstacles: {kind} does not let them be counted, only {counted} do"])
+        raise InputError([f"--obstacles: can be chosen for {counted}, not for {kind}"])
     dice = Random(f"{kind}-{seed}")
     bodies = [_body(dice, mixed) for _ in range(robots)]
     wish = Wish(robots, max(body.radius for body in bodies), size, obstacles)

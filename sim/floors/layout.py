@@ -1,6 +1,6 @@
 """The request for a generated floor (Wish), and what a kind of floor returns for it (Layout).
 
-Decides: how much room robots need to pass and to park, and how large a floor for so many robots
+Decides: how much room robots need to pass and to park, and how large a floor for a number of robots
 is.  Must not know: the kinds themselves, or where in its boxes a robot is placed (placing.py).
 """
 
@@ -65,7 +65,7 @@ class Box(NamedTuple):
 
 
 class Region:
-    """A set of boxes from which places are drawn; larger boxes are drawn more often."""
+    """A set of boxes in which places are chosen at random; larger boxes are chosen more often."""
 
     def __init__(self, *boxes: Box) -> None:
         self._boxes = boxes
@@ -104,7 +104,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Wish:
-    """What a kind of floor is requested for: the number of robots and their largest radius [m].
+    """The request for a floor: the number of robots and their largest radius [m].
 
     `size` [m] and the number of `obstacles` are None when the kind may choose.
     """
@@ -126,7 +126,7 @@ class Wish:
 
     @property
     def apart(self) -> float:
-        """Return the distance [m] between places, at which a third robot passes between two."""
+        """Return the distance [m] between two places at which a third robot passes between them."""
         return 2.0 * (self.need + SLACK)
 
     @property
@@ -151,10 +151,11 @@ class Wish:
     def chosen(self, things: str, default: int, most: int) -> int:
         """Return the number of obstacles; InputError when there is no room for them."""
         if self.obstacles is None and most < 1:
-            raise InputError([f"--size: no {things} fit on so small a floor"])
+            raise InputError([f"--size: the floor is too small for {things}"])
         count = min(default, most) if self.obstacles is None else self.obstacles
         if count > most:
-            raise InputError([f"--obstacles: {count} {things} do not fit on this floor, {most} do"])
+            room = f"this floor has room for {most}"
+            raise InputError([f"--obstacles: {count} {things} do not fit, {room}"])
         return count
 
 

@@ -23,13 +23,13 @@ PASSING: Final = 0.01
 ROUNDS: Final = 12
 """How often robots without a way out are placed again."""
 TRIES: Final = 1_000
-"""Starts and goals drawn for a robot before the floor counts as full."""
+"""Random starts and goals that are tried for a robot before the floor counts as full."""
 VIA_TRIES: Final = 100
-"""Draws per via point in the box of start and goal, and as many again on the whole floor."""
+"""Random places tried per via point in the box of start and goal, and then on the whole floor."""
 VIA_ROOM: Final = 2.0
-"""Via points are drawn in the box of start and goal, grown by this distance [m]."""
+"""Via points are first tried in the box of start and goal, grown by this distance [m]."""
 NEXT: Final = 0.5
-"""Places on a robot's way are at least this far [m] from each other."""
+"""Consecutive places on a robot's way are at least this far [m] from each other."""
 
 
 class Places:
@@ -67,7 +67,7 @@ class Places:
                 break
         xs, ys = zip(*self._layout.floor.boundary, strict=True)
         floor = f"this floor of {max(xs) - min(xs):.4g} m x {max(ys) - min(ys):.4g} m"
-        raise InputError([f"--robots: {wanted} do not find room on {floor}, {len(found)} do"])
+        raise InputError([f"--robots: {wanted} do not fit on {floor}, only {len(found)} do"])
 
     def _fill(self, found: dict[int, tuple[Point, Point]]) -> bool:
         """Find places for all robots that have none; return False if a robot finds none."""
@@ -81,7 +81,7 @@ class Places:
         return True
 
     def _find(self, trip: Trip) -> tuple[Point, Point] | None:
-        """Draw and take a free start and goal in one piece of the floor; None if there is none."""
+        """Reserve a random start and goal in one free piece of the floor; None if there is none."""
         for _ in range(TRIES):
             start, goal = trip.starts.draw(self._dice), trip.goals.draw(self._dice)
             if (
@@ -138,6 +138,6 @@ class Places:
             if apart and self.exits.ground.at(np.array([via]))[0] == piece:
                 found.append(via)
         if len(found) < count:
-            raise InputError([f"--vias: a robot finds room for {len(found)}, not for {count}"])
+            raise InputError([f"--vias: a robot has room for {len(found)}, not for {count}"])
         found.sort(key=lambda via: (via[0] * along[0] + via[1] * along[1], via))
         return tuple(found)

@@ -42,9 +42,9 @@ JOINED: Final = 0.3
 LEAST_AREA: Final = 1e-3
 """Polygons beside others have at least this area [m^2]."""
 TRIES: Final = 30
-"""Places drawn for a polygon before it is made smaller."""
+"""Random places that are tried for a polygon before it is made smaller."""
 NEIGHBOUR_TRIES: Final = 1_000
-"""Polygons drawn beside others before the floor counts as full."""
+"""Random polygons that are tried beside others before the floor counts as full."""
 
 
 def polygons(wish: Wish, dice: Random) -> Layout:
@@ -64,12 +64,12 @@ def polygons(wish: Wish, dice: Random) -> Layout:
 def polygon_floor(corners: int, seed: int, size: Size, gap: float = 0.9) -> Workspace:
     """Return a floor of separate polygons with exactly this many corners in all, for benchmarks.
 
-    Polygons of 3 to 12 corners lie `gap` [m] apart where there is room, never touch each other,
-    and do not touch the floor's edge.  Raises InputError when they do not fit, and ValueError for
-    fewer than 3 corners.
+    Polygons of 3 to 12 corners lie `gap` [m] apart where there is room, and touch neither each
+    other nor the floor's edge.  Raises InputError when they do not fit, and ValueError for fewer
+    than 3 corners.
     """
     if corners < FEWEST:
-        raise ValueError(f"{corners} corners are no polygon, {FEWEST} are the fewest")
+        raise ValueError(f"{corners} corners are too few, a polygon has at least {FEWEST}")
     dice = Random(f"polygons-{seed}")
     counts: list[int] = []
     left = corners

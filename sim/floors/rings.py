@@ -30,7 +30,7 @@ SIDES: Final = 48
 TURN: Final = 0.35
 """Goals on a ring lie about this share of a turn ahead of the starts."""
 SPREAD: Final = 0.125
-"""Some goals lie farther ahead, others less far, by up to this share of a turn."""
+"""The goals' distances ahead differ from TURN by up to this share of a turn."""
 LEAST_CIRCLE: Final = 4.0
 """The least radius [m] of a circle unless a size is given."""
 
@@ -86,7 +86,7 @@ def _circle(wish: Wish, outside: float) -> tuple[float, Point]:
     if wish.robots > most:
         floor = f"{width:g} m x {height:g} m"
         raise InputError(
-            [f"--robots: {wish.robots} do not find room around a floor of {floor}, {most} do"]
+            [f"--robots: {wish.robots} do not fit around a floor of {floor}, only {most} do"]
         )
     return radius, (0.5 * width, 0.5 * height)
 
@@ -96,7 +96,8 @@ def _seated(
 ) -> Layout:
     """Return the layout of robots that start on every second seat, with their goals on given seats.
 
-    Which robot has which seat, and where the first seat lies, is random.
+    Seats are places at equal distances around the circle.  Which robot gets which seat, and where
+    the first seat lies, is random.
     """
     seats = 2 * len(goals)
     first = dice.uniform(0.0, math.tau)

@@ -33,7 +33,7 @@ FEWEST_BAYS: Final = 3
 BROKEN: Final = 0.3
 """Share of the shelves that lack a bay."""
 BESIDE: Final = 0.75
-"""How far from shelves and tables, beyond `Wish.reach`, robots may stop, in units of `Wish.apart`.
+"""How far beyond `Wish.reach` from shelves and tables robots may stop, in units of `Wish.apart`.
 """
 
 

@@ -34,7 +34,7 @@ IN_TRAPS: Final = 4
 
 
 def u_traps(wish: Wish, dice: Random) -> Layout:
-    """Return traps between two bands; their columns open to the left and to the right in turn.
+    """Return traps between two bands; their columns open alternately to the left and to the right.
 
     Robots cross from band to band, each facing traps that open towards it; some start in one.
     """

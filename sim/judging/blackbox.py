@@ -18,7 +18,7 @@ from coordinator.curves.nurbs import Array
 
 COLUMNS: Final = ("t", "x", "y", "heading", "s", "phase", "estimate")
 _OLDER: Final = COLUMNS[:-1]
-"""The columns of older programs, which wrote no estimate; their boxes are read too."""
+"""The columns of older programs, which wrote no estimate; their boxes can still be read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ def read_blackbox(path: Path) -> BlackBox:
 def parse_blackbox(text: str, path: str) -> tuple[Array, tuple[str, ...]]:
     """Return the numbers of a black box's rows and their phases; a last row cut short is left out.
 
-    The numbers are (n, 6): t, x, y, heading, s, estimate; the last is nan where there is none.
+    The numbers are (n, 6): t, x, y, heading, s, estimate; an estimate that is not recorded is nan.
     Raises InputError naming the line of `path`.
     """
     rows = list(csv.reader(text.splitlines()))

@@ -29,8 +29,8 @@ class SolidGround:
     def nearest(self, box: BlackBox) -> tuple[float, float]:
         """Return the least distance [m] of a robot's centre from anything solid, and when [s].
 
-        It is 0 for a centre that is in something solid.  Between two rows the robot is assumed to
-        move straight; the time is that of the earlier row.
+        The distance is 0 for a centre inside something solid.  Between two rows the robot is
+        assumed to move straight; the time is that of the earlier row.
         """
         last = len(box.t) - 1
         moved = np.any(np.diff(box.places, axis=0) != 0.0, axis=1)

@@ -1,7 +1,7 @@
 """The files that a run has left: its plans, when each began, and the robots' black boxes.
 
-Decides: where in a folder these are looked for, so that programs started one by one can be judged
-as a run can.  Must not know: what a collision is.
+Decides: where in a folder these are looked for, so that programs that were started one by one can
+be judged like a run.  Must not know: what a collision is.
 
 A folder holds `plan.json` or a log of the coordinator (`run.mcap`, `run-2.mcap`, ..., or one other
 `*.mcap`), and the black box of every robot: `blackbox/ROBOT.csv` or `ROBOT.csv`.  Naming a log
@@ -47,7 +47,7 @@ class Evidence(NamedTuple):
 
 
 class _Told(NamedTuple):
-    """From the logs: plans by name, when each (epoch, revision) was first sent, times zero [ns]."""
+    """From the logs: plans by name, first sending of each (epoch, revision), times zero [ns]."""
 
     plans: dict[str, bytes]
     begins: dict[tuple[int, int], int]

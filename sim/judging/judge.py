@@ -1,4 +1,4 @@
-"""Ground truth after a run: who touched what, who arrived, how well the plan was followed.
+"""Ground truth after a run: what robots touched, which arrived, how well they followed the plan.
 
 Between two rows of a black box a robot is assumed to move straight; least distances are exact for
 that motion, not sampled.
@@ -44,7 +44,7 @@ class PairVerdict(msgspec.Struct, frozen=True):
 
 
 class RobotVerdict(msgspec.Struct, frozen=True):
-    """How one robot ended; arrival time [s], tracking error [m] and lateness [s] at their worst.
+    """How one robot ended: arrival time [s], greatest tracking error [m] and greatest lateness [s].
 
     clock_error [s]: the greatest error of the robot's own estimate of the time; None when it is not
     known, because the times in the black box are that estimate or those of an unknown clock.
@@ -278,6 +278,6 @@ def _lateness(driven: Driven, box: BlackBox) -> float:
 
 
 def _latest(s: Array, t: Array) -> tuple[Array, Array]:
-    """Return strictly increasing s with the last time at each, since waiting is not lateness."""
+    """Return strictly increasing s with the last time at each, since a wait is not a delay."""
     last = np.append(np.diff(s) > 1e-9, True)
     return s[last], t[last]

@@ -1,1 +1,1 @@
-"""Whole fleets of processes on this machine: started, struck by faults, ended, summed up."""
+"""Whole fleets of processes on this machine: their start, faults, end and summary."""

@@ -1,6 +1,6 @@
 """Attaching the black boxes of a run to its log, once all of them are closed.
 
-Decides: which log gets them, which is the newest, if it was closed.  A log that was not closed is
+Decides: which log gets them: the newest one, if it was closed.  A log that was not closed is
 evidence of how its coordinator ended, and remains unchanged.
 """
 

@@ -1,7 +1,7 @@
 """A whole fleet of processes on this machine: one coordinator, one process per robot.
 
-Decides: who is started when, how faults strike, and that no process is left behind.  Processes
-are started anew, never forked, and only processes started here are ended, by their id.
+Decides: which program is started when, how faults are caused, and that no process is left behind.
+Processes are started anew, never forked, and only processes started here are ended, by their id.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _TROUBLE: Final = ("aside", "back", "fault", "late", "refused", "stays", "timeou
 
 
 class Outcome(msgspec.Struct):
-    """How a run ended: the coordinator's exit code, whether robots ran, and its events."""
+    """The outcome of a run: the coordinator's exit code and events, and whether robots ran."""
 
     code: int
     started: bool
@@ -54,8 +54,9 @@ class LocalFleet:
 
     A robot whose body is to fail drives a FaultyBody, whose script is `faults/<robot>.txt`; a robot
     whose network is to be cut connects through a relay.  The first coordinator writes run.mcap; one
-    that is started again resumes from the log before and writes run-2.mcap, and so on.  With the
-    endpoint of a router all programs connect to it; else the coordinator listens on a free port.
+    that is started again resumes from the previous log and writes run-2.mcap, and so on.  If
+    `router` is an endpoint, all programs connect to it; otherwise the coordinator listens on a free
+    port.
     """
 
     def __init__(
@@ -135,7 +136,7 @@ class LocalFleet:
         return process
 
     def _resume_coordinator(self) -> None:
-        """Start a coordinator that resumes from the log of the one before."""
+        """Start a coordinator that resumes from the log of the previous one."""
         before = self._logs[-1]
         self._logs.append(self.folder / f"run-{len(self._logs) + 1}.mcap")
         self._coordinator = self._start_coordinator(f"--resume={before}", f"--log={self._logs[-1]}")
@@ -160,7 +161,7 @@ class LocalFleet:
         return process
 
     def _read_events(self, process: Process) -> None:
-        """Put a coordinator's JSON lines into the queue; None when it has ended."""
+        """Put a coordinator's events into the queue, and None when it has ended."""
         assert process.stdout is not None
         with process.stdout as lines:
             for line in lines:
@@ -171,7 +172,7 @@ class LocalFleet:
         self._events.put((process, None))
 
     def _follow(self) -> bool:
-        """Start the robots when the coordinator listens; True at GO, False when it has ended."""
+        """Start the robots when the coordinator listens; True at GO, False if it ends before."""
         while (event := self._events.get()[1]) is not None:
             self._told.append(event)
             if event["event"] == "listening":

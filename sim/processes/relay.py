@@ -1,6 +1,6 @@
 """A TCP relay between one robot and the coordinator (or its router): a network that can be cut.
 
-Decides: when bytes pass.  Must not know: what the bytes mean, or which robot sends them.
+Decides: when bytes are passed on.  Must not know: what the bytes mean, or which robot sends them.
 
 While the relay is cut it passes nothing in either direction, not even the end of a connection, and
 does not forward new connections: to both sides it looks like a network that loses everything.  What

@@ -1,6 +1,6 @@
 """The folder of a run: which fleet's run it holds, and what a new run removes from it.
 
-Decides: what may be replaced, and that a run which was refused leaves no files.  Must not know:
+Decides: what may be replaced, and that a run that was refused leaves no files.  Must not know:
 processes, or what is in the files except for the fleet's name.
 """
 
@@ -48,9 +48,9 @@ class RunFolder:
     """A folder that a run of `fleet` is about to fill."""
 
     def __init__(self, path: Path, fleet: str, *, force: bool) -> None:
-        """Make the folder; InputError when it holds the run of another fleet and not `force`."""
+        """Make the folder; InputError when it holds another fleet's run, unless `force` is true."""
         if path.exists() and not path.is_dir():
-            raise InputError([f"--out: {path} is no folder"])
+            raise InputError([f"--out: {path} is not a folder"])
         other = fleet_of(path)
         if other not in (None, fleet) and not force:
             raise InputError(
@@ -63,7 +63,7 @@ class RunFolder:
         make_folder(path / "blackbox")
 
     def leave_nothing(self) -> None:
-        """Remove what a run has created that was refused before any robot drove."""
+        """Remove what a run has created that was refused before any robot was started."""
         _take_away(self._path)
         scenario = self._path / "scenario.json"
         if self._scenario is None:

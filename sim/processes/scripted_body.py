@@ -1,4 +1,4 @@
-"""A base that fails as a script says, inside the robot's own process.
+"""A simulated base in the robot's own process, with faults that a script orders.
 
 Decides: how faults reach the body.  Must not know: when a fault is due (the writer of the script
 decides that by adding a line), plans, other robots.
@@ -31,7 +31,7 @@ class FaultyBody(FailingBody):
     """A FailingBody that takes its faults from a script.
 
     `slow SHARE`: from now on the wheels roll SHARE of the commanded distance.  `stall SECONDS`: the
-    base stands still for that long, inf: for ever.  `skid METRES`: it slides to its left.
+    base stands still for that long (inf: for ever).  `skid METRES`: it slides to its left.
     `clock-step SECONDS`: see `step_wall_clock`.
     Raises ValueError when neither the argument nor the environment names a script.
     """
@@ -79,7 +79,7 @@ class FaultyBody(FailingBody):
         elif kind == "clock-step":
             step_wall_clock(number)
         else:
-            raise DriverError(f"{self._script}: {kind!r} is no fault of a body")
+            raise DriverError(f"{self._script}: {kind!r} is not a fault of a body")
 
 
 def step_wall_clock(seconds: float) -> None:

@@ -30,7 +30,7 @@ class RunSummary(msgspec.Struct):
 
 
 def succeeded(code: int, verdict: Verdict) -> bool:
-    """Return whether all arrived, none touched anything, and the coordinator ended with success."""
+    """Return whether all robots arrived, none touched anything, and the exit code is 0."""
     return code == 0 and verdict.is_good()
 
 
@@ -52,7 +52,7 @@ def render(summary: RunSummary) -> RenderableType:
     lines = [
         f"arrived {arrived} of {len(summary.judge.robots)}",
         *_collisions(summary.judge),
-        f"positions on the wire {summary.info.get('positions_on_wire')}",
+        f"messages with positions {summary.info.get('positions_on_wire')}",
     ]
     if summary.judge.least_separation is not None:
         lines.append(f"least separation {summary.judge.least_separation:.4f} m")

@@ -2,8 +2,9 @@
 
 Decides: how the simulated robots get to where the recorded ones were.  The coordinator's state is
 exact (history.py).  The robots are created anew and receive, up to the moment, the messages that
-the log has for them; where the recorded robots reported to rest, and whether they fell silent,
-corrects them.  Black boxes, where there are any, state exactly where every robot was.
+the log has for them.  Where the recorded robots reported that they rest, and whether they fell
+silent, corrects their state.  Black boxes, where there are any, state exactly where every robot
+was.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ def logs_for(history: History, folder: Path) -> RunLogs:
 
 
 def _write_down(history: History, logs: RunLogs) -> None:
-    """Write the history to the logs, before anything else."""
+    """Write the history to the logs, before the new run adds to them."""
     for data in history.before:
         logs.keep(data)
     last = history.logs[-1]
@@ -93,7 +94,7 @@ def _write_down(history: History, logs: RunLogs) -> None:
 
 
 def _head(history: History) -> Head:
-    """Return the head of the new log: the old log's, without plans made after the moment."""
+    """Return the head of the new log: that of the old log, without later plans."""
     last, known = history.logs[-1], history.mission.documents
     until = (history.until_ns - history.began_ns) / SECOND
     metadata = {name: text for name, text in last.metadata.items() if name != WALL_OFFSET}
@@ -108,7 +109,7 @@ def _head(history: History) -> Head:
 
 
 def _last_command_ns(records: Sequence[Record]) -> int:
-    """Return when the core sent its last Command [ns], from which its ticks continue."""
+    """Return when the core sent its last Command [ns]; its further ticks count from then."""
     return max(record.log_ns for record in records if record.key.endswith("/command"))
 
 
@@ -131,7 +132,7 @@ class _Past:
         self._rides: dict[int, dict[str, Driven]] = {}
 
     def prepare(self, records: Sequence[Record]) -> None:
-        """Schedule all that happens until the moment, and the hand-over at that moment."""
+        """Schedule all that happens until the end of the history, and the hand-over then."""
         for record in records:
             place = keys.split(record.key)
             if place is not None and place[1] in _TOLD_AGAIN:
@@ -158,7 +159,7 @@ class _Past:
         self._world.agenda.once(max(now_ns, self._world.now_ns), action)
 
     def _answer(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
-        """Answer a robot's question about the time; the log's answers do not fit its new clock."""
+        """Answer a question about the time; the log's answers do not fit the new clock."""
         asked = decode("clock", payload)
         if isinstance(asked, Clock) and asked.received_ns is None:
             now_ns = self._world.now_ns

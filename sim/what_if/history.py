@@ -1,11 +1,11 @@
-"""What a log says about its robots up to a moment, and the coordinator's state at that moment.
+"""What a log says about its robots up to a given time, and the coordinator's state at that time.
 
 Decides: where a log is cut, and whether the run can be continued from there.  Must not know:
 bodies, links, virtual time.
 
-The coordinator's state is exact: planner and fleet core run again on the messages that they heard,
-and must send every byte that the log says they sent.  About the robots a log holds only what they
-sent: who they are, where they rested, when they were last heard.
+The coordinator's state is exact: planner and fleet core run again on the messages that they
+received, and must send exactly the bytes that the log says they sent.  About the robots a log holds
+only what they sent: their names, where they rested, when they were last heard.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _SPOKEN: Final = ("hello", "report", "alive")
 class Known:
     """What a log says about one robot, with times in ns on the coordinator's clock.
 
-    boots: the first Hello of each start of its program; rests: where it reported to rest.
+    boots: the first Hello of each start of its program; rests: where it reported that it rests.
     """
 
     boots: list[tuple[int, Hello]] = field(default_factory=list)
@@ -74,8 +74,8 @@ class History:
 def read_history(path: Path, until: float) -> History:
     """Read a log up to `until` [s since the first GO], with the logs that it was resumed from.
 
-    Raises InputError when the log cannot be run again, when no robot was ever sent off, or when
-    the log or the fleet's mission ends before `until`.
+    Raises InputError when the log cannot be replayed, when no robot was ever sent on its way, or
+    when the log or the fleet's mission ends before `until`.
     """
     newest = read_log(path)
     logs = [*logs_before(newest, str(path)), newest]

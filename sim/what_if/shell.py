@@ -1,4 +1,4 @@
-"""The shell of a what-if: it reads a log, continues the run, and fills a folder as any run does.
+"""The shell of a what-if: it reads a log, continues the run, and leaves the same files as any run.
 
 Decides: which files are written, and where black boxes are looked for.
 """
@@ -30,7 +30,7 @@ from sim.world.inhabitant import Inhabitant, Row
 def carry_on(
     log: Path, until: float, folder: Path, texts: Sequence[str], seed: int
 ) -> tuple[str, bool]:
-    """Continue a logged run from `until` [s since the first GO] and fill a run's folder.
+    """Continue a logged run from `until` [s since the first GO] and write its files to `folder`.
 
     Returns the fleet's name and whether the fleet counts every robot as arrived.  Raises InputError
     when the log cannot be continued, a fault is not valid, or `folder` is the log's own.

@@ -1,6 +1,6 @@
 """The queue of events in virtual time.
 
-Decides: the order of events, which is by time, and at the same time by when they were scheduled.
+Decides: the order of events, which is by time, and for equal times by when they were scheduled.
 Must not know: what the events do.
 """
 

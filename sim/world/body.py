@@ -1,4 +1,4 @@
-"""A simulated base: a unicycle that fulfils the obligations of a Driver.
+"""A simulated base: a unicycle with the interface of a Driver.
 
 Decides: where the body truly is.  Must not know: plans, phases, messages; other bodies.
 """
@@ -23,9 +23,10 @@ class SimulatedBody(Driver):
 
     `max_accel` [m/s^2]: the plan's limit; with inf the speed changes at once.  `wheel_gain`: metres
     rolled per metre commanded, a constant error of the wheels.  `noise` [m]: standard deviation of
-    the measured position, drawn from `seed`; the attributes x, y and heading are the true pose.
-    `clock`: the time [ns] by which the body moves; without one, the robot's own.  The body stops at
-    once at the end of a commanded distance, and when the watchdog expires.
+    the measured position, whose random errors follow from `seed`; the attributes x, y and heading
+    are the true pose.  `clock`: returns the time [ns] by which the body moves; without it the
+    robot's own time is used.  The body stops at once at the end of a commanded distance, and when
+    the watchdog expires.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""A simulated base that fails when it is told to.
+"""A simulated base that fails on demand.
 
 Decides: how slow, stalled and slipping wheels and dead electronics look to a robot's program.  Must
 not know: when a fault is due, or who causes it.
@@ -27,13 +27,13 @@ class FailingBody(SimulatedBody):
         self._gain *= share
 
     def stall(self, stalled: bool) -> None:
-        """Stand still whatever is commanded, or end that if not `stalled`."""
+        """Stand still whatever is commanded; if not `stalled`, obey commands again."""
         self._stalled = stalled
         if stalled:
             self.stop()
 
     def skid(self, metres: float) -> None:
-        """Slide within SKID_TIME in the direction that is left now, whatever the wheels do."""
+        """Slide `metres` to the body's present left within SKID_TIME, whatever the wheels do."""
         self._slide_left, self._slide_speed = metres, abs(metres) / SKID_TIME
         self._slide_heading = self.heading
 

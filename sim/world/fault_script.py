@@ -1,7 +1,7 @@
-"""Faults of a fleet in virtual time: as data, as text, and drawn by chance.
+"""Faults of a fleet in virtual time: as data, as text, and chosen at random.
 
-A fault is written KIND:ROBOT@SECONDS[:NUMBER], or coordinator-KIND@SECONDS[:NUMBER], as for real
-processes (fault_text.py); seconds are counted from GO of the first epoch.
+The syntax of a fault is KIND:ROBOT@SECONDS[:NUMBER] or coordinator-KIND@SECONDS[:NUMBER], as for
+real processes (fault_text.py); seconds are counted from the GO of the first epoch.
 
 Decides: which kinds of faults there are in virtual time, and how likely each is.  Must not know:
 their effects (strikes.py).
@@ -24,15 +24,16 @@ _FORM: Final = re.compile(
     r"(?P<kind>[a-z-]+)(:(?P<robot>[^@:]+))?@(?P<time>-?\d+(\.\d+)?)(:(?P<value>-?\d+(\.\d+)?))?"
 )
 _SOON: Final = 6.0
-"""Every second fault follows the one before within this time [s], so that it strikes while the
+"""Half of the faults follow the one before within this time [s], so that they begin while the
 fleet freezes, plans or arms."""
 
 
 class VirtualKind(NamedTuple):
     """The number that may follow the time in a fault text.
 
-    It has a name ("": there is no number), a default (None: it is required), limits, and a range
-    from which campaigns draw it.  `lasting`: the probability that they use the default.
+    `number` is its name ("": there is no number), `default` its value if it is left out (None: it
+    is required), `least` and `most` are its limits.  Campaigns choose it at random from the range
+    `drawn`, or use the default with the probability `lasting`.
     """
 
     number: str = ""
@@ -59,7 +60,7 @@ KINDS: Final = {
 }
 
 USUAL: Final = tuple(name for name in KINDS if name != "coordinator-restart")
-"""The kinds drawn by default; a restarted coordinator needs a log to resume from."""
+"""The kinds that campaigns use by default; a restarted coordinator needs a log to resume from."""
 
 
 def read_faults(texts: Sequence[str], robots: Sequence[str]) -> list[Fault]:
@@ -84,7 +85,7 @@ def fault_help() -> str:
 
 
 def form_of(name: str) -> str:
-    """Return how a fault of this kind is written."""
+    """Return the syntax of a fault of this kind."""
     kind = KINDS[name]
     whose = "" if _is_coordinators(name) else ":ROBOT"
     number = f":{kind.number}" if kind.default is None else f"[:{kind.number}]"
@@ -96,14 +97,15 @@ def known_kinds(text: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in text.split(","))
     unknown = [name for name in names if name not in KINDS]
     if unknown:
-        raise InputError([f"--faults {name!r}: is none of {', '.join(KINDS)}" for name in unknown])
+        known = ", ".join(KINDS)
+        raise InputError([f"--faults {name!r}: is not one of {known}" for name in unknown])
     return names
 
 
 def draw_faults(
     dice: Random, robots: Sequence[str], finish: float, kinds: Sequence[str]
 ) -> list[Fault]:
-    """Draw 1 to MOST_FAULTS faults of these kinds for a plan that ends at `finish` [s]."""
+    """Return 1 to MOST_FAULTS random faults of these kinds for a plan that ends at `finish` [s]."""
     faults: list[Fault] = []
     for _ in range(dice.randint(1, MOST_FAULTS)):
         time = dice.uniform(0.0, 1.05 * finish)
@@ -141,7 +143,7 @@ def _problem(text: str, robots: Sequence[str]) -> str:
     name = found["kind"] if found else text.split(":")[0].split("@")[0]
     kind = KINDS.get(name)
     if kind is None:
-        return f"{name!r} is none of {', '.join(KINDS)}"
+        return f"{name!r} is not one of {', '.join(KINDS)}"
     form = f"is not of the form {form_of(name)}"
     if found is None or (found["robot"] is None) != _is_coordinators(name):
         return form
@@ -151,7 +153,7 @@ def _problem(text: str, robots: Sequence[str]) -> str:
     if found["time"].startswith("-"):
         return f"{found['time']} s is before the first GO; the time is 0 or more"
     if found["robot"] is not None and found["robot"] not in robots:
-        return f"no robot {found['robot']}; there are {', '.join(robots)}"
+        return f"there is no robot {found['robot']}; the robots are {', '.join(robots)}"
     if given is not None and not kind.least <= float(given) <= kind.most:
         return f"{kind.number} {given} is not within {kind.least:g} to {kind.most:g}"
     return ""

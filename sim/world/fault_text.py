@@ -1,8 +1,8 @@
 """Faults for real processes, as written on the command line.
 
 Decides: what a fault text means, and which acts it causes at which times [s since GO of the first
-epoch].  A fault of a robot is written KIND:ROBOT@SECONDS[:NUMBER], one of the coordinator
-coordinator-KIND@SECONDS[:NUMBER].  Must not know: processes, links, files.
+epoch].  The syntax of a robot's fault is KIND:ROBOT@SECONDS[:NUMBER], that of a coordinator's fault
+is coordinator-KIND@SECONDS[:NUMBER].  Must not know: processes, links, files.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _FORM: Final = re.compile(
 class Kind:
     """One kind of fault: what it does, its first act, and the act that ends it.
 
-    `number` names the number that may follow the time, "" when none may; `default` is its value
-    when it is left out (None: it is required).  The ending act follows the first act after
-    `Fault.value` seconds.
+    `number` names the number that may follow the time ("": there is no number); `default` is the
+    value of a number that is left out (None: it is required).  The ending act follows the first act
+    after `Fault.value` seconds.
     """
 
     does: str
@@ -45,7 +45,7 @@ class Kind:
 
 KINDS: Final = {
     "kill": Kind("the process ends at once", "kill"),
-    "hang": Kind("the process is stopped and does not go on", "stop"),
+    "hang": Kind("the process is stopped and never continues", "stop"),
     "slow": Kind(
         "the wheels turn at SHARE of the speed commanded", "body", "SHARE", None, most=1.0
     ),
@@ -62,7 +62,7 @@ KINDS: Final = {
     ),
     "cut": Kind("no network for SECONDS", "cut", "SECONDS", None, ending="heal"),
     "clock-step": Kind(
-        "the wall clock jumps by SECONDS; nobody should notice",
+        "the wall clock jumps by SECONDS; this must change nothing",
         "body",
         "SECONDS",
         None,
@@ -102,7 +102,7 @@ class Fault:
 
 
 class Strike(NamedTuple):
-    """One act of a fault and its time [s since GO]; `first`: whether the fault begins with it."""
+    """One act of a fault and its time [s since GO]; `first`: whether this act begins the fault."""
 
     time: float
     act: Act
@@ -141,7 +141,7 @@ def fault_help() -> str:
 
 
 def form_of(name: str) -> str:
-    """Return how a fault of this kind is written."""
+    """Return the syntax of a fault of this kind."""
     kind = KINDS[name]
     whose = "" if name.startswith(_COORDINATOR) else ":ROBOT"
     number = f":{kind.number}" if kind.default is None else f"[:{kind.number}]"
@@ -154,7 +154,7 @@ def _problem(text: str, robots: Sequence[str]) -> str:
     name = found["kind"] if found else text.split(":")[0].split("@")[0]
     kind = KINDS.get(name)
     if kind is None:
-        return f"{name!r} is none of {', '.join(KINDS)}"
+        return f"{name!r} is not one of {', '.join(KINDS)}"
     if found is None or (found["robot"] is None) != name.startswith(_COORDINATOR):
         return f"is not of the form {form_of(name)}"
     given = found["value"]
@@ -163,7 +163,7 @@ def _problem(text: str, robots: Sequence[str]) -> str:
     if found["time"].startswith("-"):
         return f"{found['time']} s is before the first GO; the time is 0 or more"
     if found["robot"] is not None and found["robot"] not in robots:
-        return f"no robot {found['robot']}; there are {', '.join(robots)}"
+        return f"there is no robot {found['robot']}; the robots are {', '.join(robots)}"
     if given is not None and not kind.least <= float(given) <= kind.most:
         return f"{kind.number} {given} is not within {kind.least:g} to {kind.most:g}"
     return ""

@@ -1,6 +1,6 @@
 """One robot in virtual time: its service, its body, its own clock, and its true motion.
 
-Decides: what reaches a robot that is dead or hangs, and which rows are recorded.  Must not know:
+Decides: what a robot that is dead or hangs still does, and which rows are recorded.  Must not know:
 other robots, and when a fault is due (virtual_fleet.py).
 """
 
@@ -29,10 +29,10 @@ _SAME_ERROR: Final = MILLISECOND / SECOND
 
 @dataclass(eq=False)
 class Inhabitant:
-    """A robot; `clock` is its own, as its program reads it.
+    """A robot; `clock` is its own clock as its program reads it.
 
-    rows: those of its black box, with t in virtual time [s since the first GO].  Of the rows while
-    a robot stands with an unchanged clock error, only the first and the last are kept.
+    rows: the rows of its black box, with t in virtual time [s since the first GO].  Of the rows
+    while a robot stands with an unchanged clock error, only the first and the last are kept.
     """
 
     service: RobotService

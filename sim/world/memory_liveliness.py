@@ -1,4 +1,4 @@
-"""Which keys count as alive on the in-memory network, and which watchers know it.
+"""Which keys count as alive on the in-memory network, and which watchers know of them.
 
 Decides: what each watcher sees at a moment.  Must not know: messages, and when watchers look:
 memory_transport.py knows the time.
@@ -48,7 +48,7 @@ class Liveliness:
 
     @property
     def is_used(self) -> bool:
-        """Return whether there is anything for `look` to do."""
+        """Return whether any key was declared or watched, so that `look` has something to do."""
         return bool(self._tokens or self._watches)
 
     def declare(self, owner: str, key: str, seen_ns: int) -> None:
@@ -56,7 +56,7 @@ class Liveliness:
         self._tokens.append(_Token(key, owner, seen_ns))
 
     def watch(self, watcher: str, expression: str, handler: AliveHandler, from_ns: int) -> None:
-        """Call the handler for changes, whenever `look` is called at from_ns or later."""
+        """Call the handler for changes, from within `look`, if it is called at from_ns or later."""
         self._watches.append(_Watch(watcher, expression.split("/"), handler, from_ns))
 
     def forget(self, name: str, gone_ns: int) -> None:
@@ -89,7 +89,7 @@ class Liveliness:
 
 
 def fits(expression: list[str], parts: list[str]) -> bool:
-    """Return whether a key's parts match an expression's; `*` stands for exactly one part."""
+    """Return whether a key's parts match an expression's; `*` matches exactly one part."""
     return len(expression) == len(parts) and all(
         wanted in ("*", part) for wanted, part in zip(expression, parts, strict=True)
     )

@@ -24,7 +24,7 @@ DROP_NOTICE_NS: Final = 100_000_000
 
 
 class _Flight(NamedTuple):
-    """One message on its way to one session; the order of the fields is the order of delivery."""
+    """One message on its way to one session; flights are delivered in the order of these tuples."""
 
     due_ns: int
     sequence: int
@@ -46,7 +46,7 @@ class MemoryNetwork:
     """Carries messages between sessions in virtual time.
 
     loss, doubling, reordering: the probabilities that a message is lost, arrives twice, or is held
-    back so that later ones overtake it; they are drawn separately for each receiving session.
+    back so that later ones overtake it; the choice is made separately for each receiving session.
     delay_ns: the shortest and the longest delay; messages between two sessions arrive in order,
     except for those held back.  drop_notice_ns: how long a session counts as alive after `drop`.
     Raises ValueError for numbers out of range.
@@ -64,11 +64,11 @@ class MemoryNetwork:
     ) -> None:
         for name, value in (("loss", loss), ("doubling", doubling), ("reordering", reordering)):
             if not 0.0 <= value <= 1.0:
-                raise ValueError(f"{name} is {value}, a probability lies between 0 and 1")
+                raise ValueError(f"{name} is {value}, but a probability is 0 to 1")
         if not 0 <= delay_ns[0] <= delay_ns[1]:
             raise ValueError(f"delay_ns {delay_ns} is not (least, most) with 0 <= least <= most")
         if drop_notice_ns < 0:
-            raise ValueError(f"drop_notice_ns is {drop_notice_ns}, a time is not negative")
+            raise ValueError(f"drop_notice_ns is {drop_notice_ns}, which is negative")
         self.now_ns = 0
         self._random = random.Random(seed)
         self._loss = loss
@@ -86,7 +86,7 @@ class MemoryNetwork:
         self._routes: dict[str, list[MemorySession]] = {}
 
     def session(self, name: str) -> MemorySession:
-        """Open a session; ValueError when one of that name is open."""
+        """Open a session; ValueError when a session of that name is open."""
         if name in self._sessions:
             raise ValueError(f"session {name!r} is open already")
         self._sessions[name] = MemorySession(self, name)
@@ -116,7 +116,8 @@ class MemoryNetwork:
     def cut(self, name: str) -> None:
         """Lose all messages from and to the session until `heal`, including those under way.
 
-        The session counts as alive for another CUT_NOTICE_NS, and so do all others for it.
+        The other sessions see it as alive for another CUT_NOTICE_NS, and for the same time it sees
+        them as alive.
         """
         self._cut.setdefault(name, self.now_ns)
         self._look_after(CUT_NOTICE_NS)

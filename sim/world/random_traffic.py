@@ -21,13 +21,13 @@ RATE: Final = 50.0
 """Messages a second."""
 
 LONGEST: Final = 400
-"""Bytes; more than a plan of a few control points has."""
+"""The greatest number of bytes: more than a plan of a few control points has."""
 
 _PATIENCE_S: Final = 2.0
 
 
 def noise(fleet: str, robot: str, seed: int = 0) -> Iterator[tuple[str, bytes]]:
-    """Yield keys and random bytes without end; the same seed gives the same ones."""
+    """Yield keys and random bytes without end; the same seed gives the same sequence."""
     source = random.Random(seed)
     for kind in itertools.cycle((keys.hello, keys.report, keys.clock, keys.plan)):
         yield kind(fleet, robot), source.randbytes(source.randint(0, LONGEST))

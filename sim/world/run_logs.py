@@ -1,4 +1,4 @@
-"""The logs of a run in virtual time: run.mcap, run-2.mcap, ..., in the form of a real run's.
+"""The logs of a run in virtual time: run.mcap, run-2.mcap, ..., in the form of a real run's logs.
 
 Decides: what a log of a coordinator that was killed looks like.  Must not know: what is recorded.
 """

@@ -78,7 +78,7 @@ class Strikes:
         return any(self._is_under(kind, "") for kind in ("coordinator-hang", "coordinator-restart"))
 
     def strike(self, fault: Fault) -> None:
-        """Begin a fault; one of a dead robot is ignored."""
+        """Begin a fault; a fault of a dead robot is ignored."""
         if not fault.robot:
             self._strike_coordinator(fault)
             return
@@ -98,16 +98,16 @@ class Strikes:
         elif fault.kind == "skid" and robot.body.speed > 0.0:
             robot.body.skid(fault.value)
         elif fault.kind == "skid":
-            return  # A base that stands does not slip.
+            return  # A base that stands still does not slip.
         elif fault.kind == "driver-error":
             robot.body.fail()
         elif fault.kind == "corrupt":
             self._babble(fault)
         else:
-            raise ValueError(f"{fault.kind!r} is no kind of fault in virtual time")
+            raise ValueError(f"{fault.kind!r} is not a kind of fault in virtual time")
 
     def _strike_coordinator(self, fault: Fault) -> None:
-        """Let the coordinator hang, or die and come back; one that is dead does not hang."""
+        """Let the coordinator hang, or die and come back; a dead coordinator does not hang."""
         hang, restart = ("coordinator-hang", ""), ("coordinator-restart", "")
         if fault.kind == "coordinator-restart":
             self._until.pop(hang, None)
@@ -121,7 +121,7 @@ class Strikes:
             self._coordinator.wake()
 
     def _last(self, fault: Fault, begin: Callable[[], None], end: Callable[[], None]) -> None:
-        """Begin a fault and end it after its value [s]; overlapping ones end with the last."""
+        """Begin a fault and end it after its value [s]; of overlapping ones the last end counts."""
         what = (fault.kind, fault.robot)
         over_ns = self._agenda.now_ns + fault.value * SECOND
         self._until[what] = max(over_ns, self._until.get(what, 0.0))

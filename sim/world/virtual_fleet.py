@@ -2,7 +2,7 @@
 
 Decides: in which order coordinator, robots and link are called as virtual time passes, and how they
 are put together; the effects of faults are in strikes.py.  Nothing here waits: time jumps from one
-event to the next, a minute of a fleet takes a fraction of a second, and the same seed gives the
+event to the next, so a minute of a fleet takes a fraction of a second.  The same seed gives the
 same run.
 """
 
@@ -49,10 +49,10 @@ PLANNING: Final = 300 * MILLISECOND
 
 @dataclass(frozen=True)
 class Flaws:
-    """The greatest errors of clocks and bodies, drawn for every robot with either sign.
+    """The greatest errors of clocks and bodies; each robot gets random ones, of either sign.
 
     drift_ppm: drift of clocks; gain: error of the wheels, as a share; noise [m]: of measured
-    positions, drawn from 0 up.
+    positions, never negative.
     """
 
     drift_ppm: int = 0
@@ -80,9 +80,9 @@ class World:
     """A proven plan, its robots, a link, and faults at times counted from the first GO.
 
     `freezes` is for tests alone: without it every FREEZE is sent as GO, and nothing is planned.
-    `effort`: that of all plans, the first one included; it is recorded in `logs`, which the caller
-    closes.  In a world with a `past` the coordinator sends nothing before `take_over`, and the logs
-    must be open already.
+    `effort` is the planning effort of all plans, the first one included; it is recorded in `logs`,
+    which the caller closes.  In a world with a `past` the coordinator sends nothing before
+    `take_over`, and the logs must be open already.
     """
 
     def __init__(
@@ -151,7 +151,7 @@ class World:
             self.step()
 
     def go_on(self, seconds: float) -> None:
-        """Let time pass whatever the fleet's state."""
+        """Let `seconds` pass, whether or not the fleet is finished."""
         end_ns = self.now_ns + round(seconds * SECOND)
         while self.now_ns < end_ns:
             self.step()
@@ -173,12 +173,12 @@ class World:
         self._strikes.strike(fault)
 
     def take_over(self) -> None:
-        """Start the coordinator of a world with a past; from now on faults strike when due."""
+        """Start the coordinator of a world with a past; from now on faults begin when due."""
         self.coordinator.begin()
         self._expect_faults()
 
     def renew(self, name: str, boot: int, place: Pose | None) -> None:
-        """Start a robot's program again, with its body and its believed pose at `place`."""
+        """Start a robot's program again, with its body and its estimated pose at `place`."""
         robot = self.robots[name]
         if not robot.dead:
             self._network.drop(name)
@@ -240,7 +240,7 @@ class World:
         return self.now_ns + COMMAND_PERIOD
 
     def _look(self) -> None:
-        """Let the coordinator look at the time, and schedule the faults at its first GO."""
+        """Let the coordinator look at the time; at its first GO, schedule the faults."""
         self.coordinator.look()
         if self.fleet.phase == GO and not self.began_ns:
             self.began_ns = self.fleet.times.start_ns

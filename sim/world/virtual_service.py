@@ -53,7 +53,7 @@ class VirtualJournal(Journal):
             self._logs.attach(*plan_file(document))
 
     def sync(self) -> bool:
-        """Do nothing: disks in virtual time neither wait nor fail."""
+        """Do nothing: in virtual time the disk is never slow and never fails."""
         return True
 
     def hurry(self) -> None:
@@ -61,9 +61,10 @@ class VirtualJournal(Journal):
 
 
 class VirtualService:
-    """Runs a mission on a network in virtual time, from `begin` on; `logs` may be None.
+    """The coordinator in virtual time: runs a mission on a network, from `begin` on.
 
-    `planning_ns`: how long finding a plan takes.  `freezes` is for tests alone, see World.
+    `planning_ns`: how long finding a plan takes.  `logs`: where messages are recorded, if anywhere.
+    `freezes` is for tests alone, see World.
     """
 
     def __init__(
@@ -131,7 +132,7 @@ class VirtualService:
     def die(self) -> None:
         """End as a killed process does; ValueError without logs to resume from.
 
-        A coordinator whose fleet is over has nothing left to do, and keeps running.
+        A coordinator whose fleet has ended has nothing left to do; it is not killed.
         """
         if self.fleet.phase == OVER:
             return

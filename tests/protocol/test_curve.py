@@ -144,7 +144,7 @@ def test_a_straight_line_of_degree_one_is_measured_exactly():
     [
         ({0: 8}, "too few"),
         ({1: [0.0] * 4 + [1.0] * 4}, "need 8 weights and 12 knots"),
-        ({1: [1.0] * 4 + [1.5, 2.0, 3.0, 4.0] + [5.0] * 4}, "not up from 0"),
+        ({1: [1.0] * 4 + [1.5, 2.0, 3.0, 4.0] + [5.0] * 4}, "not from 0 upwards"),
         ({1: [0.0] * 4 + [3.0, 2.0, 1.0, 4.0] + [5.0] * 4}, "decrease"),
         ({1: [0.0] * 4 + [1.0, math.nan, 3.0, 4.0] + [5.0] * 4}, "decrease"),
         ({4: [1.0] * 7 + [0.0]}, "not positive"),

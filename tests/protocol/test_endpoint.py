@@ -26,9 +26,9 @@ def test_an_endpoint_is_read_and_loopback_is_told_apart(text, locked, host, loop
 @pytest.mark.parametrize(
     ("text", "locked", "said"),
     [
-        ("udp/127.0.0.1:1", False, "no endpoint"),
-        ("tcp/127.0.0.1:0", False, "no endpoint"),
-        ("tcp/127.0.0.1:65536", False, "no endpoint"),
+        ("udp/127.0.0.1:1", False, "not an endpoint"),
+        ("tcp/127.0.0.1:0", False, "not an endpoint"),
+        ("tcp/127.0.0.1:65536", False, "not an endpoint"),
         ("tls/127.0.0.1", True, "tls/HOST:PORT"),
         ("tcp/127.0.0.1:1", True, "with --keys it is tls"),
         ("tls/127.0.0.1:1", False, "needs --keys"),

@@ -110,13 +110,13 @@ def test_a_late_start_and_a_wait_are_kept_and_a_departure_gone_by_is_no_stop():
         (([0.0], [0.0], [], []), "at least two knots"),
         (([0.0, 1.0], [0.5], [], []), "at least two knots"),
         (([0.1, 1.0], [0.5, 0.5], [], []), "begins at s = 0"),
-        (([0.0, 1.0], [0.5, -0.1], [], []), "no speed"),
-        (([0.0, 1.0], [0.5, math.nan], [], []), "no speed"),
+        (([0.0, 1.0], [0.5, -0.1], [], []), "not a speed"),
+        (([0.0, 1.0], [0.5, math.nan], [], []), "not a speed"),
         (([0.0, 0.0], [0.5, 0.5], [], []), "do not increase"),
         (([0.0, 1.0], [0.0, 0.0], [], []), "stand for ever"),
         (([0.0, 1.0], [0.5, 0.5], [1.0], [2.0]), "off the path"),
         (([0.0, 1.0], [0.5, 0.5], [0.5, 0.5], [2.0, 3.0]), "out of order"),
-        (([0.0, 1.0], [0.5, 0.5], [0.5], [math.nan]), "no plan time"),
+        (([0.0, 1.0], [0.5, 0.5], [0.5], [math.nan]), "not a plan time"),
     ],
 )
 def test_numbers_that_make_no_motion_are_refused_with_a_reason(motion, message):

@@ -451,7 +451,7 @@ def test_the_tables_show_arrivals_stops_and_silence(tmp_path):
         text = io.StringIO()
         told = summarise(log_of(tmp_path, messages))
         Console(file=text, width=140).print(render(told))
-        assert "position messages" in text.getvalue()
+        assert "messages with positions" in text.getvalue()
     Console(file=text, width=140).print(render(summarise(log_of(tmp_path, good_run()))))
     assert "s 1.50 m until 4.50 s for R2" in text.getvalue()
 

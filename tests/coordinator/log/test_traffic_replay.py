@@ -108,8 +108,8 @@ def test_a_malformed_pattern_is_refused(pattern):
     ("options", "said"),
     [
         ("--keys a//b", "'--keys': 'a//b' is not a key pattern"),
-        ("--prefix /a", "'--prefix': '/a' is no prefix of keys"),
-        ("--prefix a/*", "'--prefix': 'a/*' is no prefix of keys"),
+        ("--prefix /a", "'--prefix': '/a' is not a prefix of keys"),
+        ("--prefix a/*", "'--prefix': 'a/*' is not a prefix of keys"),
         ("--from -1", "'--from': -1.0 is not a finite number from 0"),
         ("--from 3 --to 2", "--to: 2 s is before --from 3"),
     ],

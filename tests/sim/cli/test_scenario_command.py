@@ -45,9 +45,9 @@ def problem_of(*arguments):
 )
 def test_an_unknown_kind_is_answered_in_one_line_with_the_nearest_and_the_list(name, nearest):
     line = problem_of(name)
-    assert f"{name!r} is no kind of floor, the nearest is " in line
-    assert name == "fly" or f"the nearest is {nearest}; " in line
-    assert line.endswith(f"known are {', '.join(KINDS)}")
+    assert f"{name!r} is not a kind of floor, the nearest one is " in line
+    assert name == "fly" or f"the nearest one is {nearest}; " in line
+    assert line.endswith(f"the kinds are {', '.join(KINDS)}")
 
 
 @pytest.mark.parametrize("name", ["hall", "hall.yaml", "hall.toml.txt"])
@@ -65,18 +65,18 @@ def test_no_folder_is_made_for_a_scenario(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("open --robots 0", "--robots: 0 is not from 1 to 10000"),
-        ("open --robots 20000", "--robots: 20000 is not from 1 to 10000"),
+        ("open --robots 0", "--robots: must be 1 to 10000, not 0"),
+        ("open --robots 20000", "--robots: must be 1 to 10000, not 20000"),
         ("open --size 5 0", "--size: 5 m x 0 m is not from 1 m to 8000 m each way"),
         ("open --size nan 5", "--size: nan m x 5 m is not from"),
         ("circle --robots 10000 --mixed", "need a floor 9234 m long for circle, at most 8000 m"),
-        ("maze --obstacles 4", "--obstacles: maze does not let them be counted"),
-        ("corridors --obstacles 99", "--obstacles: 99 walls do not fit on this floor, "),
+        ("maze --obstacles 4", "--obstacles: can be chosen for "),
+        ("corridors --obstacles 99", "--obstacles: 99 walls do not fit, "),
         ("polygons --obstacles 9999 --size 5 5", "polygons fit on a floor of 5 m x 5 m"),
-        ("u-traps --size 3 3", "--size: no traps fit on so small a floor"),
+        ("u-traps --size 3 3", "--size: the floor is too small for traps"),
         ("ring --size 2 9", "--size: a ring needs more than"),
-        ("circle --robots 40 --size 9 9", "40 do not find room around a floor of 9 m x 9 m, "),
-        ("open --robots 1 --vias 20 --size 2 2", "--vias: a robot finds room for"),
+        ("circle --robots 40 --size 9 9", "40 do not fit around a floor of 9 m x 9 m, "),
+        ("open --robots 1 --vias 20 --size 2 2", "--vias: a robot has room for"),
     ],
 )
 def test_what_cannot_be_made_is_told_in_one_line(arguments, said):
@@ -89,7 +89,7 @@ def test_what_cannot_be_made_is_told_in_one_line(arguments, said):
 def test_too_many_robots_are_told_how_many_fit_and_those_do():
     with pytest.raises(InputError) as told:
         generate("open", 300, 1, (8.0, 8.0))
-    fitting = int(str(told.value).split(", ")[-1].removesuffix(" do"))
+    fitting = int(str(told.value).split(", only ")[-1].removesuffix(" do"))
     assert 5 <= fitting < 40
     assert find_problems(generate("open", fitting, 1, (8.0, 8.0))) == []
 

@@ -75,7 +75,7 @@ def test_a_refused_run_leaves_nothing_behind(tmp_path):
 def test_a_file_in_the_place_of_the_folder_is_told(tmp_path):
     taken = tmp_path / "plan.json"
     taken.write_bytes(b"x")
-    with pytest.raises(InputError, match=r"--out: .*plan\.json is no folder"):
+    with pytest.raises(InputError, match=r"--out: .*plan\.json is not a folder"):
         RunFolder(taken, "hall", force=False)
 
 

@@ -194,7 +194,7 @@ def test_a_robot_that_came_back_with_another_boot_is_known_by_both(quiet, tmp_pa
         (500.0, [], "after the end of the log"),
         (5.0, ["kill:R1@3"], "is before --until 5 s"),
         (5.0, ["kill:R9@7"], "no robot R9"),
-        (5.0, ["nonsense"], "is none of"),
+        (5.0, ["nonsense"], "is not one of"),
     ],
 )
 def test_what_makes_no_sense_is_told_in_a_line(quiet, tmp_path, until, faults, problem):

@@ -61,12 +61,12 @@ def test_faults_come_under_way_and_some_soon_after_another():
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("burn:R1@3", "'burn' is none of"),
+        ("burn:R1@3", "'burn' is not one of"),
         ("kill@3", "is not of the form kill:ROBOT@SECONDS"),
         ("slow:R1@3", "is not of the form slow:ROBOT@SECONDS:SHARE"),
         ("slow:R1@3:1.5", "SHARE 1.5 is not within 0 to 1"),
         ("kill:R1@-3", "-3 s is before the first GO; the time is 0 or more"),
-        ("kill:R9@3", "no robot R9; there are R1, R2, R3"),
+        ("kill:R9@3", "there is no robot R9; the robots are R1, R2, R3"),
         ("coordinator-hang:R1@3", "is not of the form coordinator-hang@SECONDS[:SECONDS]"),
     ],
 )

@@ -67,7 +67,7 @@ def test_strikes_of_several_faults_are_in_order_of_time():
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("explode:R1@3", "'explode' is none of kill"),
+        ("explode:R1@3", "'explode' is not one of kill"),
         ("kill:R7@3", "no robot R7"),
         ("kill@3", "kill:ROBOT@SECONDS"),
         ("kill:R1", "kill:ROBOT@SECONDS"),
@@ -83,7 +83,7 @@ def test_strikes_of_several_faults_are_in_order_of_time():
         ("stall@3", "stall:ROBOT@SECONDS[:SECONDS]"),
         ("coordinator-kill:R1@3", "coordinator-kill@SECONDS"),
         ("coordinator-restart:R1@3", "coordinator-restart@SECONDS[:SECONDS]"),
-        ("", "'' is none of"),
+        ("", "'' is not one of"),
     ],
 )
 def test_a_fault_that_cannot_be_is_told_in_one_line(text, said):
@@ -102,10 +102,8 @@ def test_all_wrong_faults_are_told_at_once():
 def test_the_help_names_every_kind_and_says_of_which_nothing_is_expected():
     said = fault_help()
     assert all(f"{kind}" in said for kind in KINDS)
-    assert (
-        "clock-step:ROBOT@SECONDS:SECONDS (the wall clock jumps by SECONDS; nobody should notice)"
-        in said
-    )
+    jumps = "the wall clock jumps by SECONDS; this must change nothing"
+    assert f"clock-step:ROBOT@SECONDS:SECONDS ({jumps})" in said
 
 
 def test_noise_goes_on_all_four_keys_of_one_robot_and_means_nothing():
