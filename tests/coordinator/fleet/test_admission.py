@@ -198,7 +198,7 @@ def test_who_asked_for_a_robot_that_did_not_say_where_it_stands_is_refused_and_o
         floor.tick()
     floor.fleet.adopt(3, {name: PARTS[name] for name in ("R1", "R3")}, DURATION, floor.now)
     (sent,) = ask(floor)
-    assert decode("plan", sent.payload).reason.startswith("R2 has not said in time where")
+    assert decode("plan", sent.payload).reason.startswith("R2 was waited for and did not say where")
     assert floor.fleet.phase == HOLD
     (sent,) = floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(8)), floor.now)
     assert decode("command", sent.payload).phase == FREEZE
@@ -230,7 +230,7 @@ def test_who_asks_in_turn_for_a_robot_that_says_no_place_freezes_its_fleet_once(
     adopt(floor, "R1", "R3")
     assert freezes_in(floor, 60, operators, lambda _now: {"boot": 9}) == 1
     (sent,) = ask(floor, operators[-1])
-    assert decode("plan", sent.payload).reason.startswith("R2 has not said in time where")
+    assert decode("plan", sent.payload).reason.startswith("R2 was waited for and did not say where")
 
 
 @pytest.mark.parametrize("period", [2, 3, 5])
