@@ -25,7 +25,8 @@ LOG_FILTER: Final = (
 )
 """The filter of Zenoh's log.
 
-At this level the access control also logs what it allows; no other level logs the refusals only."""
+At this level the access control also logs what it allows; there is no level at which it logs
+refusals alone."""
 
 DULL: Final = b" is authorized to "
 
