@@ -39,10 +39,9 @@ Planner = Callable[[Scenario, int], PackedPlan]
 class Recovery:
     """The site as it is now, and the plan for the robots that can drive on.
 
-    `plan`: None if no robot can drive on.
-    `said`: what was decided, in sentences.
-    `stays`: the robots that stay where they are, and why.
-    `doubted`: those of them that have come back and have stated a place where they cannot stand.
+    `plan`: None if no robot can drive on.  `said`: what was decided, in sentences.  `stays`: the
+    robots that stay where they are, and why.  `doubted`: those of these robots that have come back
+    and have stated a place where they cannot stand.
     """
 
     site: Site

@@ -37,7 +37,7 @@ MOST: Final = 500
 MOST_EACH: Final = 20
 """How many different refusals are counted separately: MOST in all, MOST_EACH for each party.
 
-Further ones are counted together, so that a flood of invented names or keys is harmless."""
+Further refusals are counted together, so that a flood of invented names or keys is harmless."""
 
 _LONGEST: Final = 120
 """How many characters of a refused key are reported."""
