@@ -26,7 +26,7 @@ def clamped_knots(degree: int, wire_knots: list[float]) -> list[float]:
 
 
 def cells_per_span(spans: int) -> int:
-    """Return the number of cells per span in the table of arc lengths; fewer for many spans."""
+    """Return how many cells each span has in the table of arc lengths; with many spans, fewer."""
     return min(max(_MOST_CELLS // spans, _LEAST_CELLS_PER_SPAN), _CELLS_PER_SPAN)
 
 

@@ -17,7 +17,7 @@ Motion = tuple[list[float], list[float], list[float], list[float]]
 
 
 class PlanParts(NamedTuple):
-    """The content of a Plan, each part in the order of the arguments that it becomes."""
+    """The content of a Plan, as arguments for Ride, Curve and Timeline."""
 
     rules: tuple[int, int, int, int, int]
     """late [ns], lease [ns], track [mm], brake [mm/s^2], clock error [ns]."""

@@ -12,9 +12,9 @@ class Timeline:
     """The motion s(t) along a path; times [s] count from the plan's start, s is arc length [m].
 
     `profile_s`, `profile_v`: speed knots, v^2 linear in s between neighbours (constant
-    acceleration).  `stop_s`, `stop_depart`: the robot rests at stop_s until plan time
-    stop_depart (not at all when it arrives later); a stop at s = 0 is a late start.
-    Raises ValueError when the numbers do not describe a motion.
+    acceleration).  `stop_s`, `stop_depart`: the robot rests at stop_s until plan time stop_depart
+    (not at all if it gets there after that time); a stop at s = 0 is a late start.  Raises
+    ValueError when the numbers do not describe a motion.
     """
 
     def __init__(

@@ -32,7 +32,10 @@ _NOT_PLAIN: Final = object()
 
 
 def read_quickly() -> None:
-    """Make typer read plain values without validators; leave an unknown version unchanged."""
+    """Make typer read plain values without validators.
+
+    A version of typer that this module does not know stays as it is.
+    """
     if _CHECKED_PATH is None or not hasattr(_PARAMETER, "get_runtime_param"):
         return
     usual = _PARAMETER.get_runtime_param

@@ -111,7 +111,7 @@ def _time_ns(zero_ns: int, t: float) -> int:
 
 
 def _stamp(story: Story, t: float) -> Timestamp:
-    """Return a time of the story as time since 1970, also the log time of its messages."""
+    """Return a time of the story as time since 1970, which log times count from, too."""
     return Timestamp(*divmod(_time_ns(story.zero_ns, t), _SECOND))
 
 
@@ -181,7 +181,7 @@ def _zones(story: Story) -> Iterator[Told]:
 
 
 def _departure(document: PlanDocument, reason: Reason) -> float:
-    """Return the plan time [s] at which the wait of a reason ends."""
+    """Return the plan time [s] at which the wait that a reason explains ends."""
     robot = document.robot(reason.robot)
     departs = {stop.s: stop.depart for stop in robot.stops} | {0.0: robot.start_time}
     return departs[min(departs, key=lambda s: abs(s - reason.s))]

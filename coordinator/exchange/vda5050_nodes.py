@@ -21,8 +21,8 @@ _ENDS: Final = ("startNodeId", "endNodeId")
 def read_nodes(order: Mapping[str, Any], found: Finder) -> float:
     """Return the least deviation [m] that the nodes allow; note what is wrong with them.
 
-    A node states its deviation as a number or as the axes of an ellipse; 0 states none.  An order
-    need not have nodes.
+    A node states its deviation as a number or as the axes of an ellipse; 0 counts as not stated.
+    An order need not have nodes.
     """
     least = math.inf
     named: list[Named] = []

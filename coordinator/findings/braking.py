@@ -1,10 +1,10 @@
 """Finds from a robot's reports where it left its plan for good; used by page, export and info.
 
 Decides three cases.  Usually a robot is assumed to have braked at the constant rate of its plan,
-and to have come to rest where it reported.  If it rested much sooner after its first report of
-braking than braking takes, it is assumed to have stopped at once, at the time at which its plan has
-it at that place.  If it was not heard again, it is assumed to stand still from the time at which it
-was last heard.  Must not know: logs, pictures.
+and to have come to rest where it reported.  If that braking would have taken much longer than the
+time from its first report of braking to its rest, it is assumed to have stopped at once, at the
+time at which its plan has it at that place.  If it was not heard again, it is assumed to stand
+still from the time at which it was last heard.  Must not know: logs, pictures.
 """
 
 from __future__ import annotations

@@ -145,8 +145,8 @@ class Courses:
     def _tracking(self, rides: list[tuple[Turn, RideSamples]], box: TrueCourse) -> float | None:
         """Return the greatest distance [m] from the plans while they applied; None without plans.
 
-        New times apply from the first row at which the robot keeps to a timetable again; a late
-        robot that had stopped has adopted them by then.
+        New times count from the first row after they were sent in which the robot keeps to a
+        timetable: a late robot that stood has adopted them when it moves again.
         """
         worst: list[float] = []
         held = {turn: box.timed_from(self._begins[turn]) for turn, _ in rides if turn[1]}

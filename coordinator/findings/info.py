@@ -199,7 +199,7 @@ class _Telling:
         self._tell(message, robot, record)
 
     def _tell_refused(self, kind: str, robot: str, record: Record) -> None:
-        """Record why a sender that is not a robot of the fleet was refused, and nothing else."""
+        """Record a refusal that was sent to a stranger, and count the invalid messages it sent."""
         message = codec.decode(kind, record.payload)
         if isinstance(message, Refusal):
             self._tell_fault(record.log_ns, robot, message.reason, "refusal")

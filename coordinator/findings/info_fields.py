@@ -43,8 +43,8 @@ class EpochSummary(msgspec.Struct):
     """One epoch: its plan's time zero `start` [s], null if it never got a GO; arrivals [s].
 
     `ended`: "over"; "frozen", while robots were on the way; "arrived", when all that had a part in
-    it had arrived but others of the fleet had not; "nobody goes", without a GO; "running", if the
-    log ends before the epoch does.
+    it had arrived but others of the fleet had not; "nobody goes", when no robot could go on, so
+    that there was no GO; "running", if the log ends before the epoch does.
     """
 
     epoch: int
@@ -76,12 +76,12 @@ class NearestSummary(msgspec.Struct, frozen=True):
 
 
 class RobotSummary(msgspec.Struct):
-    """One robot: facts of its plan, the last one with a GO, and of its messages; times [s].
+    """One robot: facts of its last plan that got a GO, and of its messages; times [s].
 
-    `late`: how long after the planned finish its arrival was reported; the robot itself was late by
-    up to one report period less.  `reports_lost`: gaps in the sequence numbers of its Reports.
-    `true_arrival` and `tracking_error` [m], the greatest distance from its plans, are from its
-    black box.
+    `late`: how long after the planned finish its arrival was reported; it may have arrived up to
+    one report period before that report.  `reports_lost`: gaps in the sequence numbers of its
+    Reports.  `true_arrival` and `tracking_error` [m], the greatest distance from its plans, are
+    from its black box.
     """
 
     plan_bytes: int = 0

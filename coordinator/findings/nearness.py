@@ -47,7 +47,8 @@ def nearest_of_all(times: Array, tracks: Sequence[Array]) -> list[Nearest]:
 def _pairs(tracks: Array) -> list[tuple[float, int, int]]:
     """Return a lower bound on the distance [m] of every pair, the least first.
 
-    It uses one sample in every _COARSE; in between, a robot is at most half its own step away.
+    It uses one sample in every _COARSE.  In between, a robot is no farther from one of these than
+    half the way that it covers from one to the next.
     """
     rough = np.concatenate((tracks[:, ::_COARSE], tracks[:, -1:]), axis=1)
     fine = np.hypot(*np.moveaxis(np.diff(tracks, axis=1), 2, 0))

@@ -48,7 +48,7 @@ def summarise_plan(document: PlanDocument) -> dict[str, object]:
 def read_plans(attachments: Mapping[str, bytes]) -> list[PlanDocument]:
     """Return the plans among a log's attachments, sorted by epoch; skip damaged ones.
 
-    For an epoch that got new times, it is the plan with the newest ones.
+    For an epoch that got new times, it is the plan with the newest times.
     """
     documents: dict[int, PlanDocument] = {}
     for name, data in attachments.items():

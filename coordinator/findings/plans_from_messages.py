@@ -1,8 +1,8 @@
 """Puts plans together from messages, for plans that no file holds.
 
 Decides: the document of a plan that is known from Plan and NewTimes messages alone.  Must not know:
-links, pictures.  Floor, proof and crossings are not on the wire.  Nor is why robots wait, but
-wait_guesses.py finds that from the plans.
+links, pictures.  Floor, proof and crossings are not on the wire.  The reasons of waits are not
+either, but wait_guesses.py finds them from the plans.
 """
 
 from __future__ import annotations

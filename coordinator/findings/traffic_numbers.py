@@ -70,7 +70,7 @@ def _own_first_go(log: Log, lag_ns: int) -> int | None:
 
 
 def percentiles(values: Sequence[float]) -> Percentiles:
-    """Return the percentiles of at least one time, each a value that occurred."""
+    """Return the percentiles of one or more times; each percentile is one of these times."""
     ordered = sorted(values)
 
     def share(part: float) -> float:

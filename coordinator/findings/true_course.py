@@ -25,7 +25,9 @@ _OLDER: Final = "t,x,y,heading,s,phase"
 
 _PHASE: Final = 5
 _PARTS: Final = 12
-"""Number of places compared: from where a robot is due to where it is if as late as allowed."""
+"""Number of places of the plan that are compared with a robot under way.
+
+They lie between where the plan has it now and where the plan had it one share of lateness ago."""
 
 _ALIKE: Final = 1e-4
 """Spacing [m] of the places that are compared for a robot that brakes or rests."""

@@ -1,9 +1,10 @@
 """Finds from plans alone for whom robots wait, since no message states it.
 
-Decides: a robot waits for the first one ahead of it that it would have met after half the wait, as
-in the planner (schedule/wait_owners.py); if there is none, for the one that it follows most
-closely.  Must not know: how the plan was made.  Schedules wait no longer than necessary, so one
-robot always forces a wait.  The result is only shown to people; no decision depends on it.
+Decides: a robot waits for the first robot ahead that it would still have met had it waited half as
+long.  If there is none, it waits for the one that it follows most closely.  The planner uses the
+same rule (schedule/wait_owners.py).  Must not know: how the plan was made.  In a schedule no wait
+is longer than necessary, so there is always a robot that forces it.  The result is only shown to
+people; no decision depends on it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ _MOST: Final = 400
 """Greatest number of places at which a path is sampled."""
 
 _FORCED: Final = 1.0
-"""A robot that is followed with more time to spare [s] than this does not force a short wait."""
+"""A robot does not force a short wait if it is followed with more time to spare [s] than this."""
 
 _MOST_OF_IT: Final = 0.5
 """A robot that forces at least this share of a wait explains it."""

@@ -21,7 +21,7 @@ _REFUSALS_TOLD: Final = 100
 
 
 class Door:
-    """The answers to a fleet's Hellos and Admits; what happened is appended to `incidents`."""
+    """Answers a fleet's Hellos and Admits, and appends what happened to `incidents`."""
 
     def __init__(self, fleet: str, members: Roster, incidents: list[Incident]) -> None:
         self._fleet = fleet
@@ -116,7 +116,10 @@ class Door:
         return Outgoing(keys.plan(self._fleet, robot), encode(Refusal(boot, reason[:200])))
 
     def _tell_denied(self, robot: str, reason: str, now_ns: int) -> None:
-        """Report why a robot is not admitted, once for each reason: operators' requests repeat."""
+        """Report why a robot is not admitted.
+
+        A program that asks repeats its request; the same reason is reported once.
+        """
         known = self._not_admitted.get(robot)
         if known != reason and (known is not None or len(self._not_admitted) < _REFUSALS_TOLD):
             self._not_admitted[robot] = reason

@@ -15,7 +15,7 @@ ASKERS: Final = 64
 """How many operators' requests are remembered, each by its boot id."""
 
 _MOST_GONE: Final = 2
-"""How often the fleet waits in vain for one request: the robot was gone again each time."""
+"""How often the robot may be gone again before the fleet no longer waits for the same request."""
 
 
 @dataclass
@@ -35,7 +35,7 @@ class Admission:
     in_vain: dict[int, int] = field(default_factory=dict)
     """How often each boot id asked in vain.
 
-    It counts once when the robot was gone again, and _MOST_GONE times when the robot did not say
+    A request counts once if the robot was gone again, and _MOST_GONE times if the robot did not say
     where it stands."""
 
     @property
@@ -65,7 +65,7 @@ class Admission:
         return begins
 
     def join(self, boot: int) -> bool:
-        """Record a further request for an admitted robot; return False if there was none before."""
+        """Record a further request if the robot was requested before; return whether it was."""
         if self.asked_by:
             _count(self.asked_by, boot)
         return bool(self.asked_by)

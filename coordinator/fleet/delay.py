@@ -2,9 +2,9 @@
 
 The others may drive on as long as a freeze would still bring all to rest before their plan times
 differ by more than tau from the plan time of the place where the late robot stands.  Meanwhile new
-times are searched.  They change nothing before a plan time, the switch.  If a robot has not
-confirmed its new times when there is just enough time left to freeze before the switch, the whole
-fleet freezes.
+times are searched.  Until a certain plan time, the switch, they are the same as the old times for
+every robot that moves.  If a robot has not confirmed its new times when there is just enough time
+left to freeze before the switch, the whole fleet freezes.
 
 Decides: until when the others may drive on, and which robots have yet to confirm their new times.
 Must not know: paths, other faults.
@@ -54,7 +54,8 @@ class Delay:
     def begin(self, member: Member, times: EpochTimes, now_ns: int) -> bool:
         """Begin a delay if the others may drive on although this robot stopped; return whether.
 
-        A robot gets one delay in an epoch.  One that is late again needs another path.
+        A robot gets one delay in an epoch.  If it is late again, the fleet freezes: it needs
+        another path.
         """
         if self._member is not None or member.fault != LATE or member.id in self._helped:
             return False

@@ -52,10 +52,10 @@ class EpochTimes:
 
     @property
     def zero_ns(self) -> int:
-        """The time zero of a robot that is as far behind its plan as a robot may be."""
+        """The plan's time zero, later by as much as a robot may be behind its plan."""
         return self.start_ns + self.behind_ns
 
     @property
     def until_ns(self) -> int:
-        """When all robots rest, with `behind_ns` added as in `zero_ns`."""
+        """When all robots rest, later by `behind_ns` so that it can be compared with `zero_ns`."""
         return self.frozen_ns + self.settling_ns + self.behind_ns

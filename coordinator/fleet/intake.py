@@ -39,7 +39,8 @@ UNREADABLE_RATE: Final = Rate(50, 64)
 """How many messages that cannot be decoded reach the core, which counts them, and the log."""
 
 MOST_STRANGERS: Final = 1_000
-"""How many strangers are answered and recorded in the log; messages of further ones are dropped."""
+"""How many strangers are answered and recorded in the log; messages of further strangers are
+dropped."""
 
 
 class Arrival(NamedTuple):

@@ -1,8 +1,9 @@
 """Bounded queues of incoming messages: one lane for each sender and kind, served round-robin.
 
-All messages of this protocol state what is, not what has changed, so the newest is worth most.  A
-lane that is full drops its oldest message.  A lane that exceeds its rate has its newest messages
-wait.  So a sender that floods the coordinator takes space and time from no other sender.
+All messages of this protocol state the present situation, not what has changed, so the newest
+message is worth most.  A lane that is full drops its oldest message.  Messages of a lane that
+exceeds its rate wait in it.  So a sender that floods the coordinator takes space and time from no
+other sender.
 
 Decides: which message is heard next, and which is dropped.  Must not know: what a message means,
 threads (the caller holds a lock), clocks (`now_ns` is an argument).

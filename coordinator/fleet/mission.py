@@ -66,7 +66,8 @@ class Mission:
     def _outran(self, told: Iterable[Standing]) -> str:
         """Return the id of a robot that rests farther ahead than it can be after the freeze, or "".
 
-        If there is one, the places where a lost robot may stand are not known either.
+        Such a robot drove on after the log's end, so the places where a lost robot may stand are
+        not known either.
         """
         times = self.fleet.times
         if not times.has_gone or times.epoch not in self.documents:

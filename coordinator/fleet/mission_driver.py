@@ -45,7 +45,7 @@ _TELL_DROPS: Final = SECOND
 """The least time between two records of how many messages were dropped."""
 
 _ANSWER_TIME: Final = MILLISECOND
-"""How long, per plan in an answer, further requests for the plans stay unanswered."""
+"""After an answer, requests for the plans stay unanswered for this long per plan in the answer."""
 
 
 class Journal(ABC):

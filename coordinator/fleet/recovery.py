@@ -27,8 +27,9 @@ from coordinator.scenario.model import Point, Robot, Scenario
 _GENTLE: Final = 0.05
 """The least turning radius that is tried first [m].
 
-A robot that stopped anywhere may face anywhere, and via points may force hairpins that only a robot
-which turns on the spot could drive, and that only in theory."""
+A robot that has stopped may face in any direction, and via points may force hairpins.  With a
+smaller radius, these would be so tight that even a robot which can turn on the spot could not drive
+them in practice."""
 
 Planner = Callable[[Scenario, int], PackedPlan]
 """Plans a scenario for an epoch; raises PlanError."""
@@ -38,10 +39,9 @@ Planner = Callable[[Scenario, int], PackedPlan]
 class Recovery:
     """The site as it is now, and the plan for the robots that can drive on.
 
-    `plan`: None if no robot can drive on.
-    `said`: what was decided, in sentences.
-    `stays`: the robots that stay where they are, and why.
-    `doubted`: those of them that have come back and have stated a place where they cannot stand.
+    `plan`: None if no robot can drive on.  `said`: what was decided, in sentences.  `stays`: the
+    robots that stay where they are, and why.  `doubted`: those of these robots that have come back
+    and have stated a place where they cannot stand.
     """
 
     site: Site
@@ -166,8 +166,8 @@ def _closed_in(scenario: Scenario) -> dict[str, PlanError]:
 def _closed_via(scenario: Scenario, name: str) -> tuple[Point, ...]:
     """Return the via points that keep a robot from its goal, if it has a way without them.
 
-    These are the via points that the robot cannot reach.  If it can reach each of them alone, they
-    are as few of the last via points as have to be left out.
+    These are the via points that the robot cannot reach.  If it can reach each of them alone, but
+    not all of them one after another, they are the last ones on its list, as few as possible.
     """
     robot = next(robot for robot in scenario.robots if robot.id == name)
     if not robot.via or _has_way(scenario, robot):

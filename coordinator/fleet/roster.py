@@ -50,7 +50,10 @@ class Roster(dict[str, Member]):
         return [m.id for m in self.planned if not m.is_armed(epoch, now_ns)]
 
     def wanted(self, everybody: bool) -> list[str]:
-        """Return the ids of the robots to ask where they rest: of all, or of those with no part."""
+        """Return the ids of the robots to ask where they rest.
+
+        Robots that have a part in the epoch are among them only if `everybody` is true.
+        """
         return [
             m.id
             for m in self.values()

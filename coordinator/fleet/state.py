@@ -58,7 +58,7 @@ class FleetState:
         return max(self.epoch, self.times.epoch + 1)
 
     def is_settled(self, now_ns: int) -> bool:
-        """Return whether a frozen fleet rests: each robot has said where, or is lost."""
+        """Return whether a frozen fleet rests: each robot has said where it rests, or is lost."""
         if self.phase != FREEZE or now_ns < self._changed_ns + COMMAND_PERIOD:
             return False
         if self._not_gone == self.times.epoch and now_ns < self._patient_until_ns:

@@ -34,10 +34,10 @@ LINGER_S: Final = 1.0
 
 _LOOK_S: Final = 0.2
 _SILENT_LOOKS: Final = 25
-"""After this many looks without any message, `silence` is called, once."""
+"""`silence` is called, once, if no message was heard in this many periods of _LOOK_S."""
 
 _UNHEARD_LOOKS: Final = 10
-"""After this many further looks with the same plans missing, `unheard` is called."""
+"""`unheard` is called when the same plans were missing for this many further periods."""
 
 _MOST_KEPT: Final = 100_000
 """How many messages are buffered before a fleet is known."""
@@ -113,14 +113,14 @@ class Listener:
 
 
 class _Looks:
-    """A counter of looks, which calls `silence` once if no message came for long."""
+    """A counter of periods of _LOOK_S, which calls `silence` once if no message came for long."""
 
     def __init__(self, silence: Callable[[], None]) -> None:
         self._silence = silence
         self._made = 0
 
     def count(self, heard: bool) -> None:
-        """Count one more look; `heard` is whether any message was heard until now."""
+        """Count one more period; `heard` is whether any message was heard until now."""
         self._made += 1
         if self._made == _SILENT_LOOKS and not heard:
             self._silence()

@@ -40,11 +40,13 @@ _NO_METADATA: Final = (
     "its metadata are damaged: the fleet's name is taken from the keys, and times are log times"
 )
 _MOST_NAMED: Final = 2 * MOST_RESUMED
-"""The name of an attachment is in the file twice: in the attachment and in the summary."""
+"""How often the name RESUMED may be in a file that resumes MOST_RESUMED logs.
+
+Each log has it twice: in the attachment itself and in the summary."""
 
 
 class LogScan(NamedTuple):
-    """A log's sound records, its metadata, and the state of its file as `Log` has it."""
+    """A log's intact records, its metadata, and the `complete` and `damage` of its `Log`."""
 
     sound: list[Sound]
     metadata: dict[str, str]
@@ -112,7 +114,7 @@ def _check_times(records: list[Record], path: str) -> None:
 
 
 def scan_log(data: bytes, path: str) -> LogScan:
-    """Return the sound parts of a log; raise InputError if the data is not a fleet's log."""
+    """Return the intact parts of a log; raise InputError if the data is not a fleet's log."""
     if not data.startswith(MCAP0_MAGIC) and not is_closed(data):
         raise _no_log(path, data)
     if data.count(RESUMED.encode()) > _MOST_NAMED:
@@ -150,7 +152,7 @@ def _fleet_by_keys(sound: list[Sound]) -> str:
 
 
 def check_bytes(path: Path) -> str | None:
-    """Return a sentence that says where the file is damaged; None if it is sound.
+    """Return a sentence that says where the file is damaged; None if it is intact.
 
     Any changed byte of a closed log is found.  An unfinished log is not damaged because it ends
     early.  Raises InputError if the file does not exist or never was an MCAP file.

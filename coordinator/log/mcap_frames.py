@@ -1,4 +1,4 @@
-"""Split an MCAP file into its records, sound or not, and find the next record after a damage.
+"""Split an MCAP file into its records, intact or not, and find the next record after a damage.
 
 A record begins with its length, and the contents of most records determine their length, too.  If
 the stated length is wrong, the record is read by its contents.  If that fails, the index of a
@@ -79,8 +79,8 @@ class Frame(NamedTuple):
     """A record at its place in the file, from byte `offset` to byte `end`.
 
     `records` has the record itself and, for a chunk, the records inside it.  `fault` says what is
-    wrong with the record, and is empty if it is sound.  A frame with a fault has records only if
-    they are sound nevertheless.
+    wrong with the record, and is empty if it is intact.  A frame with a fault has records only if
+    their contents are intact.
     """
 
     offset: int
@@ -106,7 +106,7 @@ class _DamageError(Exception):
 
 
 def frames(data: bytes) -> Iterator[Frame]:
-    """Yield the complete records, sound or not, up to the footer.
+    """Yield the complete records, intact or not, up to the footer.
 
     If a record's stated end cannot be right, its frame extends to the next record that can be read.
     """
@@ -150,7 +150,7 @@ def _read(opcode: int, content: bytes, offset: int) -> Frame:
 
 
 def _goes_on(data: bytes, offset: int) -> bool:
-    """Return whether a record may end here: a sound record follows, or the file ends."""
+    """Return whether a record may end here: an intact record follows, or the file ends."""
     following = _frame_at(data, offset)
     return offset == len(data) or (following is not None and not following.fault)
 
@@ -196,7 +196,7 @@ class _Behind:
         return Frame(offset, end, self._data[offset], [], _WRONG_LENGTH)
 
     def _next_chunk(self, begin: int) -> int:
-        """Return where the next sound chunk begins, or the file's length if there is none.
+        """Return where the next intact chunk begins, or the file's length if there is none.
 
         An attachment may itself be a log, whose chunks do not belong to this log.  So the search
         ends where another MCAP file begins.

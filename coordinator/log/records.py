@@ -26,7 +26,7 @@ class Log(msgspec.Struct, frozen=True):
     """The contents of a log; the records are in the order in which they were recorded.
 
     `complete` is whether the file was closed.  `damage` says where the file's bytes differ from
-    what was written; it is empty if the file is sound.
+    what was written; it is empty if the file is intact.
     """
 
     metadata: dict[str, str]

@@ -1,4 +1,4 @@
-"""Rewrite a log: repair one that is cut short or damaged, or add attachments to a sound one.
+"""Rewrite a log: repair one that is cut short or damaged, or add attachments to an intact one.
 
 Decides: which records the new log has, and that a repaired log says that it is repaired.  Must not
 know: files, what the messages mean.
@@ -24,7 +24,7 @@ RECOVERED: Final = "splinefleet.recovered"
 class Whole(NamedTuple):
     """The bytes of a repaired log, the numbers of its contents, and its state before the repair.
 
-    `lost` counts sound messages that were left out because their channel was in a damaged chunk.
+    `lost` counts intact messages that were left out because their channel was in a damaged chunk.
     `complete` and `damage` describe the log before the repair.
     """
 
@@ -38,7 +38,7 @@ class Whole(NamedTuple):
 
 
 def make_whole(data: bytes, path: str) -> Whole:
-    """Return a closed log with all sound chunks, attachments and metadata of `data`, in order.
+    """Return a closed log with all intact chunks, attachments and metadata of `data`, in order.
 
     Messages keep their bytes, both time stamps and their sequence numbers.  Raises InputError if
     the data is not a fleet's log; `path` names it in error messages.
@@ -86,7 +86,7 @@ def with_files(data: bytes, path: str, files: Iterable[Attachment]) -> bytes | N
 
 
 class _Copy:
-    """A copy of sound records; a channel or schema is written when a message first needs it."""
+    """A copy of intact records; a channel or schema is written when a message first needs it."""
 
     def __init__(self, writer: Writer, sound: list[Sound]) -> None:
         self.writer = writer

@@ -1,4 +1,4 @@
-"""Check an MCAP file, which may be cut short or damaged, for its sound records and first damage.
+"""Check an MCAP file, which may be cut short or damaged, for its intact records and first damage.
 
 Decides: which bytes can be trusted.  Must not know: what a log of a fleet contains (log_file.py).
 """
@@ -18,7 +18,7 @@ _MOST_IN_ALL: Final = 64 * 2**20
 """How many bytes a file may unpack to in addition to MOST_RATIO times its length."""
 
 Sound = tuple[int, mcap_records.McapRecord]
-"""A sound record, and the byte at which it or the chunk around it begins."""
+"""An intact record, and the byte at which it or the chunk around it begins."""
 
 
 def is_closed(data: bytes) -> bool:
@@ -27,7 +27,7 @@ def is_closed(data: bytes) -> bool:
 
 
 def scan(data: bytes) -> tuple[list[Sound], str]:
-    """Return the sound records, and a text that says where the first damage is, if any.
+    """Return the intact records, and a text that says where the first damage is, if any.
 
     Each chunk is followed by the records in it.  Raises nothing, whatever the bytes are.
     """
@@ -71,16 +71,16 @@ def _data_fault(data: bytes, frame: Frame, record: mcap_records.DataEnd) -> str:
     if zlib.crc32(data[: frame.offset]) != record.data_section_crc:
         return (
             "the checksum over all bytes before it is wrong, though chunks and attachments are "
-            "sound: header, metadata or a message index was changed, or the checksum itself"
+            "intact: header, metadata or a message index was changed, or the checksum itself"
         )
     return ""
 
 
 def _summary_fault(data: bytes, frame: Frame, record: mcap_records.Footer, data_end: int) -> str:
     if not data_end:
-        return "no end of the data came before it"
+        return "no data end record comes before it"
     if record.summary_start != data_end:
-        return "the summary is not where it says"
+        return "the summary does not begin where the footer says"
     checked = data[record.summary_start : frame.offset + FOOTER_CHECKED]
     if zlib.crc32(checked) != record.summary_crc:
         return f"the checksum over the summary from byte {data_end} is wrong"

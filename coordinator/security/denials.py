@@ -25,7 +25,8 @@ LOG_FILTER: Final = (
 )
 """The filter of Zenoh's log.
 
-At this level the access control also logs what it allows; no other level logs the refusals only."""
+At this level the access control also logs what it allows; there is no level at which it logs
+refusals alone."""
 
 DULL: Final = b" is authorized to "
 
@@ -36,7 +37,7 @@ MOST: Final = 500
 MOST_EACH: Final = 20
 """How many different refusals are counted separately: MOST in all, MOST_EACH for each party.
 
-Further ones are counted together, so that a flood of invented names or keys is harmless."""
+Further refusals are counted together, so that a flood of invented names or keys is harmless."""
 
 _LONGEST: Final = 120
 """How many characters of a refused key are reported."""

@@ -131,7 +131,7 @@ class KeyStore:
     def _latest(self, role: Role, name: str) -> int:
         """Return the generation of the key in its folder; 0 if there is none.
 
-        A register that was restored from a copy may not have it.
+        If the register was restored from an older copy, it may lack this generation.
         """
         try:
             content = key_content(self.folder / own_place(role, name) / CERTIFICATE)

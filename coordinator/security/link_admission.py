@@ -26,7 +26,8 @@ from protocol.key_files import KeyFiles, read_key_files
 from protocol.zenoh_transport import ZenohTransport
 
 _REMEMBERED: Final = 1_000
-"""How many sessions' common names are remembered, because refusals are read a moment later."""
+"""How many sessions' common names are remembered: a refusal is read when its session may be
+gone."""
 
 
 def _now() -> datetime.datetime:

@@ -158,7 +158,7 @@ class Coordinator:
         return plan_here(scenario, self.effort, epoch)
 
     def _keep(self, document: PlanDocument, first: Path | None, table: FleetTable) -> None:
-        """Write a later plan beside the first one, report it, and show progress by it."""
+        """Write a later plan beside the first one, report it, and give it to the live table."""
         table.follow(document)
         if first is not None:
             name = plan_name(document.epoch, document.revision).removeprefix("plan")

@@ -115,7 +115,7 @@ def _begin(log: Log) -> Mission:
         effort, boot = int(log.metadata["effort"]), int(log.metadata["boot"])
     except (KeyError, ValueError, InputError) as error:
         reason = "; ".join(str(error).splitlines())
-        raise _NotAgainError(f"the log does not say how it was planned: {reason}") from None
+        raise _NotAgainError(f"the log lacks what planning it again needs: {reason}") from None
     if RESUMED in log.attachments:
         return _resumed(log, boot)
     try:
@@ -135,7 +135,7 @@ def _resumed(log: Log, boot: int) -> Mission:
         began_ns = int(log.metadata["began_ns"])
         before = log_from_bytes(log.attachments[RESUMED], RESUMED)
     except (KeyError, ValueError, InputError) as error:
-        raise _NotAgainError(f"the log does not say which log it resumes: {error}") from None
+        raise _NotAgainError(f"the log does not contain what it resumes from: {error}") from None
     try:
         return go_on(before, boot, began_ns)
     except InputError as error:
@@ -268,7 +268,7 @@ class _Rerun(Journal):
         return ""
 
     def _is_tick(self, record: Record) -> str:
-        """Return how a Command from another boot id differs from this coordinator's own tick.
+        """Return how a Command from another boot id differs from what this coordinator sends here.
 
         A Command of another coordinator differs in the four bytes of its boot id.  One that differs
         in no more than _FEW bytes is this coordinator's own Command, changed in the log.

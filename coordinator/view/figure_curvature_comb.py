@@ -84,7 +84,7 @@ def draw_comb(axes: Axes, bends: Bends, colour: str, side: float, sharpest: floa
 
 
 def _teeth(places: Array, tips: Array, side: float) -> list[int]:
-    """Choose which teeth to draw: none too short, none too near the one before."""
+    """Choose which teeth to draw: those that are long enough and not too near the tooth before."""
     both = np.hstack((places, tips))
     long = np.hypot(*(tips - places).T)
     chosen: list[int] = []

@@ -1,6 +1,6 @@
 """Places labels so that they do not cover each other.
 
-Decides: the place of a label near its anchor, by comparing places around it.  Near ones are
+Decides: the place of a label, by comparing places around its anchor.  Places near the anchor are
 preferred.  Must not know: what the labels say.
 """
 

@@ -34,9 +34,9 @@ class View:
     """What a picture should show.
 
     robots: ids of the robots to draw in full, the others are faint; if empty, all are in full.
-    detail: whether those get control polygons and curvature combs; None: only if they are few.
-    fleet: ids of all robots of the fleet, whose order gives each its colour; if empty, those of the
-    plan.  left: the robots that have stayed behind.
+    detail: whether robots drawn in full get control polygons and curvature combs; None: only if
+    these robots are few.  fleet: ids of all robots of the fleet, whose order gives each its colour;
+    if empty, those of the plan.  left: the robots that have stayed behind.
     """
 
     robots: tuple[str, ...] = ()

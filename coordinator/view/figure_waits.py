@@ -29,7 +29,7 @@ _PANELS: Final = 6
 _ROWS: Final = 220
 _COLUMNS: Final = 480
 _SAID: Final = 3
-"""Number of waits, the longest ones, whose cost in the reverse precedence a panel states."""
+"""A panel states what this many waits, the longest, would cost in the reverse precedence."""
 _OTHERS: Final = 0.28
 """Opacity of forbidden regions; the parts that force a wait are shaded once more."""
 _LABELLED: Final = 0.004

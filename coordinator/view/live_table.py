@@ -33,7 +33,10 @@ class FleetTable:
         self._on = errors.is_terminal
 
     def follow(self, document: PlanDocument) -> None:
-        """Show progress by this plan from now on; it may leave out robots of an earlier plan."""
+        """Show progress along this plan from now on.
+
+        Robots of an earlier plan may be missing in it.
+        """
         self._lines = {driven.id: driven.timeline for driven in drive(document)}
         self._stops = {robot.id: robot for robot in document.robots}
 

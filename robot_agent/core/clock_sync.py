@@ -18,7 +18,7 @@ DRIFT_PPM = 100
 """How much faster or slower one clock may run than the other: widens an interval as it ages."""
 
 SLEW_SHARE = 50
-"""A slewing clock gains or loses one part in this many: plans have a speed reserve for it."""
+"""A slewing clock gains or loses 1 s in this many seconds; plans have a speed reserve for that."""
 
 _LONGEST_DELAY = 10 * SECOND
 _UNKNOWN = 1 << 62

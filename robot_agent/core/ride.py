@@ -51,8 +51,8 @@ is low enough that a slow base or a noisy position does not make the robot oscil
 
 QUICK_CATCH_UP_RATE = 25.0
 QUICK_CATCH_UP_SHARE = 0.5
-"""The gain [1/s] of a robot that starts and stops at once, and the largest share of the lag that it
-makes up in one period.  Its plan arrives at a stop with full speed, and the robot must not take
+"""For a robot that starts and stops at once: its gain [1/s], and the largest share of its lag that
+it makes up in one period.  Its plan arrives at a stop with full speed, and the robot must not take
 long to creep up to that stop."""
 
 CATCH_UP_BRAKE = 0.15
@@ -265,7 +265,10 @@ class Ride:
         return time - self._behind_from >= self._late_time
 
     def _bearable(self) -> float:
-        """Return how far [m] behind the robot may seem: what its distance off the path leaves."""
+        """Return how far [m] behind its plan the robot may seem to be without counting as late.
+
+        This is at most what its distance off the path leaves of the track tolerance.
+        """
         return min(self._slack, self.track - self.follower.off)
 
     def _reach(self, distance: float) -> None:

@@ -32,11 +32,12 @@ from sim.world.run_logs import RunLogs
 from sim.world.virtual_fleet import USUAL_FLAWS, World
 
 LINKS: Final = (Link(delay=0.005), Link(delay=0.1, loss=0.1), Link(delay=0.3, loss=0.3))
-"""Every seed gets one of these links, so that one plan per link suffices for all seeds."""
+"""Every seed gets one of these links, so that three plans suffice for all seeds."""
 
 _OVERTAKING: Final = 0.1
-"""Share of messages that are duplicated, and share that are delayed so that later ones overtake
-them; on a link without loss each is half of it."""
+"""The share of messages that are duplicated, and the share that later messages overtake.
+
+Both shares are this number, or half of it on a link without loss."""
 
 _PATIENCE: Final = 300.0
 _AFTERMATH: Final = 1.0

@@ -123,7 +123,10 @@ def _come_near(a: BlackBox, b: BlackBox, least: float) -> bool:
 
 
 def arrived(world: World, document: PlanDocument, boxes: Mapping[str, BlackBox]) -> set[str]:
-    """Return the robots that they or the fleet report to be at their goals and truly are."""
+    """Return the robots that are truly at their goals.
+
+    Only robots count that report this themselves or that the fleet counts as arrived.
+    """
     held = {one.robot.id for one in world.mission.site.aside if one.why == "arrived"}
     held |= {name for name, member in world.fleet.members.items() if member.finished}
     held |= {name for name, one in world.robots.items() if one.service.agent.phase == DONE}

@@ -106,8 +106,9 @@ class Places:
     def way(self, robot: int, vias: int, headings: bool) -> tuple[Pose, tuple[Point, ...], Pose]:
         """Return start, via points and goal of a robot; poses have headings if `headings`.
 
-        Via points lie on the same ground as the way from start to goal, in the order of driving.
-        Headings lead straight out of the start and straight into the goal.
+        Via points lie on the same piece of the ground as the way from start to goal, and are sorted
+        by how far they lie in the direction from start to goal.  Headings lead straight out of the
+        start and straight into the goal.
         """
         start, goal = self.trips[robot]
         pieces = self.exits.common(robot)

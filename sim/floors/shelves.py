@@ -33,7 +33,8 @@ FEWEST_BAYS: Final = 3
 BROKEN: Final = 0.3
 """Share of the shelves that lack a bay."""
 BESIDE: Final = 0.75
-"""How far beyond `Wish.reach` from shelves and tables robots may stop, in units of `Wish.apart`.
+"""Robots stop at `Wish.reach` from a shelf or table, or farther by up to this share of
+`Wish.apart`.
 """
 
 

@@ -47,7 +47,11 @@ class Evidence(NamedTuple):
 
 
 class _Told(NamedTuple):
-    """From the logs: plans by name, first sending of each (epoch, revision), times zero [ns]."""
+    """What the logs say; times in ns.
+
+    plans: by name.  begins: when each (epoch, revision) was first sent.  starts: the time
+    zero of each epoch.
+    """
 
     plans: dict[str, bytes]
     begins: dict[tuple[int, int], int]

@@ -15,7 +15,7 @@ from coordinator.base.errors import InputError
 from coordinator.cli.plan_commands import make_folder
 
 _OF_A_RUN: Final = ("run*.mcap", "plan*.*", "summary.json", "blackbox/*.csv*", "faults/*.txt")
-"""Files that an earlier run may have left in the folder; those of two runs must not mix."""
+"""Files that an earlier run may have left in the folder; files of two runs must not mix."""
 
 _NAMED_IN: Final = (("scenario.json", "name"), ("plan.json", "scenario"))
 _PARTS: Final = ("blackbox", "faults")

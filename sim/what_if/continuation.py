@@ -1,6 +1,6 @@
 """A recorded run continued in virtual time from a moment of its log: a what-if.
 
-Decides: how the simulated robots get to where the recorded ones were.  The coordinator's state is
+Decides: how the simulated robots get to where the recorded robots were.  The coordinator's state is
 exact (history.py).  The robots are created anew and receive, up to the moment, the messages that
 the log has for them.  Where the recorded robots reported that they rest, and whether they fell
 silent, corrects their state.  Black boxes, where there are any, state exactly where every robot

@@ -56,7 +56,7 @@ class Liveliness:
         self._tokens.append(_Token(key, owner, seen_ns))
 
     def watch(self, watcher: str, expression: str, handler: AliveHandler, from_ns: int) -> None:
-        """Call the handler for changes, from within `look`, if it is called at from_ns or later."""
+        """Let `look` call the handler for changes; calls of `look` before from_ns ignore it."""
         self._watches.append(_Watch(watcher, expression.split("/"), handler, from_ns))
 
     def forget(self, name: str, gone_ns: int) -> None:

@@ -121,7 +121,10 @@ class Strikes:
             self._coordinator.wake()
 
     def _last(self, fault: Fault, begin: Callable[[], None], end: Callable[[], None]) -> None:
-        """Begin a fault and end it after its value [s]; of overlapping ones the last end counts."""
+        """Begin a fault and end it after its value [s].
+
+        If faults of the same kind overlap, the latest end counts.
+        """
         what = (fault.kind, fault.robot)
         over_ns = self._agenda.now_ns + fault.value * SECOND
         self._until[what] = max(over_ns, self._until.get(what, 0.0))

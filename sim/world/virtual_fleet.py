@@ -49,7 +49,7 @@ PLANNING: Final = 300 * MILLISECOND
 
 @dataclass(frozen=True)
 class Flaws:
-    """The greatest errors of clocks and bodies; each robot gets random ones, of either sign.
+    """The greatest errors of clocks and bodies; each robot's are random, of either sign.
 
     drift_ppm: drift of clocks; gain: error of the wheels, as a share; noise [m]: of measured
     positions, never negative.
