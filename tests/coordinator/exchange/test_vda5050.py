@@ -264,7 +264,7 @@ def noded(**position):
     [
         (
             broken(knotVector=[0, 0, 0, 0, 1, 1, 1, 1]),
-            "edges[0].trajectory.knotVector: are 8, must be control points + degree + 1 = 11",
+            "edges[0].trajectory.knotVector: has 8, must have control points + degree + 1 = 11",
         ),
         (
             broken(controlPoints=points(0)),

@@ -169,7 +169,7 @@ HEAD = '[workspace]\nbounds = [0.0, 0.0, 10.0, 8.0]\n[[robots]]\nid = "R1"\nradi
         ("{degree = 1, control_points = [[1, 1], [2]]}", "control_points[1]: a list of 1 is not"),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], knots = [0, 1]}",
-            "knots: are 2, must be control points + degree + 1 = 4",
+            "knots: has 2, must have control points + degree + 1 = 4",
         ),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], knots = [0, 1, 0, 1]}",
