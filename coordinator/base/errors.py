@@ -19,7 +19,7 @@ class InputError(Exception):
 
 
 class PartsError(InputError):
-    """Some `robots` of a plan have no Plan message, or none that they would accept."""
+    """Some `robots` of a plan have no Plan message, or one that they would not accept."""
 
     def __init__(self, problems: Sequence[str], robots: Sequence[str]) -> None:
         super().__init__(problems)

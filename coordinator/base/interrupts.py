@@ -93,7 +93,7 @@ def held_back() -> Iterator[None]:
 
 
 def _answer(handler: Callable[[int, FrameType | None], object]) -> None:
-    """Install a handler for requests, also for those that arrived while they were blocked."""
+    """Install a handler for requests; it also gets one that came while they were blocked."""
     for number in _REQUESTS:
         signal.signal(number, handler)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _REQUESTS)

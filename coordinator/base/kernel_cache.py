@@ -66,7 +66,7 @@ _kernels: Final[set[tuple[Path, str]]] = set()
 def keep(kernel: _Any) -> None:
     """Make numba load and save a kernel's machine code in the folders named above.
 
-    A numba without the classes that this needs gets a single folder, the first writable one.
+    If numba lacks a class or name that this needs, only the first writable folder is used.
     """
     code = kernel.py_func.__code__
     file = Path(code.co_filename)
@@ -138,12 +138,12 @@ class KernelCache:
 
     @functools.cached_property
     def _caches(self) -> list[_Any]:
-        """Return numba's cache of the function in each folder; made lazily, as it reads sources."""
+        """Numba's cache of the function in each folder; made on first use: it reads sources."""
         return [cache(self._function) for cache in _cache_classes()]
 
     @property
     def cache_path(self) -> str:
-        """Return the first folder that is looked into."""
+        """Return the first folder that is searched."""
         return str(self._caches[0].cache_path)
 
     def load_overload(self, signature: _Any, context: _Any) -> _Any:
@@ -309,7 +309,7 @@ def _head(file: Path) -> ast.Module:
 
 
 def _names(node: ast.AST, file: Path) -> Iterator[tuple[Path, Sequence[str]]]:
-    """Yield each name that a statement imports, split at its dots, after its base folder."""
+    """Yield for each imported name its base folder, and the name split at its dots."""
     if isinstance(node, ast.Import):
         for one in node.names:
             yield _ROOT, one.name.split(".")

@@ -43,7 +43,7 @@ _OF_LIBRARIES: Final = (
 _OF_ENGINES: Final = ("_load_defined_symbols", "get_function_address")
 
 _HASH_SECRET: Final = b"_numba_hashsecret"
-"""How symbols of the hash secret begin; importing numba.cpython.hashing defines them."""
+"""Prefix of the symbols of numba's hash secret; importing numba.cpython.hashing defines them."""
 
 
 def load_quickly() -> None:

@@ -26,16 +26,17 @@ X0, Y0, X1, Y1 = range(4)
 """Columns of a box [m]: least x and y, greatest x and y."""
 
 CHORD_X, CHORD_Y, LENGTH, LEAST_SLOPE, MOST_SLOPE, LEAST_OFFSET, MOST_OFFSET, SIZE = range(4, 12)
-"""Columns of a shape (12,), which `survey` writes, after the four of its box: the unit vector along
-the chord, the chord's length [m], least and greatest slope of the legs against the chord (infinite
-if a leg runs backwards), least and greatest offset of control points from the chord [m], the larger
-side of the box [m]."""
+"""Columns 4 to 11 of a piece's shape (12,), which `survey` writes; columns 0 to 3 are its box.
+
+They are the unit vector along the chord, the chord's length [m], least and greatest slope of the
+legs against the chord (infinite if a leg runs backwards), least and greatest offset of control
+points from the chord [m], the larger side of the box [m]."""
 
 _STEPS: Final = 64
 _NO_LENGTH: Final = 1e-300
 
 _SHRUNK: Final = 0.75
-"""Curves are trimmed again if the last time left less than this share of the pairs of pieces."""
+"""`facing` trims both curves again if trimming left less than this share of the pairs of pieces."""
 
 
 class Pieces(NamedTuple):
@@ -63,7 +64,11 @@ class CurvePair(NamedTuple):
 
 
 class Facing(NamedTuple):
-    """The pieces of two curves that may meet: from `begin` to `end`, the latter excluded."""
+    """The pieces of two curves that may meet.
+
+    Of the first curve those from `begin` to `end` - 1, of the second from `its_begin` to
+    `its_end` - 1.
+    """
 
     begin: int
     end: int
@@ -171,8 +176,9 @@ def boxes_apart(one: Array, other: Array, tolerance: float) -> bool:
 def facing(pair: CurvePair, tolerance: float, box: Array) -> Facing:
     """Return which pieces of two curves may come within the tolerance [m] of each other.
 
-    Pieces at both ends of a curve are left out if their boxes are apart from the box around what is
-    left of the other curve.  box (4,) is a workspace.
+    Pieces at either end of one curve are left out while their boxes are apart from the box around
+    the pieces of the other curve; the other curve is trimmed in the same way, in turn.  box (4,) is
+    scratch memory.
     """
     pieces, one, other = pair
     begin, end = pieces.first[one], pieces.first[one + 1]

@@ -25,9 +25,9 @@ _ROUNDING: Final = 1e-12
 """Allowance for rounding in the error, as a share of the largest coordinate."""
 
 _CLOSER: Final = 1e-4
-"""From this estimate [m] on, the error of the inverse arc length is sampled instead."""
+"""If the estimated error of `Nurbs.parameter_at` exceeds this [m], it is sampled instead."""
 _SAMPLES: Final = 16
-"""Parts of a cell between the samples."""
+"""Number of equal parts into which the samples divide a cell."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """Compiled: the distance of two curves, and where they cross or touch.
 
 Decides: which place in a range of parameters is the intersection.  Must not know: how ranges are
-found, or which of them belong to one intersection.
+found, or which ranges belong to one intersection.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ the pair of curves.  PAIR is the same column in tables of overlaps."""
 _NOISE: Final = 1e-13
 """Smaller gaps [m] may be rounding errors, so their signs are ignored."""
 _SHORTEST: Final = 1e-6
-"""A curve without a point farther away [m] has not left a place."""
+"""A curve that stays within this distance [m] of a place does not leave the place."""
 
 
 class Projection(NamedTuple):
@@ -120,7 +120,7 @@ def touch_in(pair: CurvePair, span: Array, stack: PairStack) -> Touch:
 
 @compiled
 def is_trivial(pieces: Pieces, curve: int, point: Array, stack: PairStack) -> bool:
-    """Tell whether a self-intersection is none: between U and V the curve never leaves it."""
+    """Tell whether a self-intersection is spurious: the curve stays at its place from U to V."""
     for k in range(1, 8):
         u = point[U] + 0.125 * k * (point[V] - point[U])
         at = point_at(pieces, curve, u, stack)

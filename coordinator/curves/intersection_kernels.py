@@ -1,8 +1,8 @@
 """Compiled: the search for all places at which two curves come within a tolerance of each other.
 
-Algorithm 1 of the paper, extended to find all of them.  Where the local convex hulls of two pieces
-meet, knots are inserted half-way (a rational Bezier piece is halved), until each pair of pieces is
-decided by one of these rules:
+Algorithm 1 of the paper, extended to find all such places.  Where the local convex hulls of two
+pieces meet, knots are inserted half-way (a rational Bezier piece is halved), until each pair of
+pieces is decided by one of these rules:
 
 - The hulls, or the strips along the chords, are farther apart than the tolerance: no intersection.
 - No tangent of one piece is parallel to one of the other: at most one crossing, which Newton's
@@ -66,13 +66,13 @@ _STEPS: Final = 16
 _FLAT: Final = 0.05
 """Sine of the angle between chords below which pieces may run together."""
 _BUDGET: Final = 300_000
-"""Pairs of pieces that a limited search for two curves examines at most ..."""
+"""A limited search for two curves examines at most this many pairs of pieces ..."""
 _FAIR: Final = 200
-"""... with as many more for each pair of whole pieces whose boxes meet."""
+"""... plus this many for each pair of whole pieces whose boxes meet."""
 
 
 class _Gap(NamedTuple):
-    """The distance [m] of points t and its_t of two pieces."""
+    """The distance [m] between a piece's point at t and the other piece's point at its_t."""
 
     size: float
     t: float
@@ -91,7 +91,7 @@ def _gap_at(
 
 @compiled
 def _remember(stack: PairStack, begin: _Gap, end: _Gap) -> None:
-    """Write where the pair on top runs together to `found`."""
+    """Write to `found` where the two pieces on top run together."""
     stack.found[U0], stack.found[U1] = begin.t, end.t
     stack.found[V0], stack.found[V1] = begin.its_t, end.its_t
 
@@ -100,7 +100,7 @@ def _remember(stack: PairStack, begin: _Gap, end: _Gap) -> None:
 def _alongside(stack: PairStack, top: int, degrees: tuple[int, int], tolerance: float) -> int:
     """Decide a pair by comparing the pieces along the mean direction of their chords.
 
-    Returns APART, RUN (and writes where to `found`) or CUT.
+    Returns APART, CUT, or RUN; for RUN, writes to `found` where they run together.
     """
     a, b = stack.shape[0], stack.shape[1]
     sense = 1.0 if a[CHORD_X] * b[CHORD_X] + a[CHORD_Y] * b[CHORD_Y] >= 0.0 else -1.0
@@ -138,7 +138,7 @@ def _alongside(stack: PairStack, top: int, degrees: tuple[int, int], tolerance: 
 
 @compiled
 def _touch(stack: PairStack, top: int, degrees: tuple[int, int], tolerance: float) -> int:
-    """Decide pieces that would cross beyond an end: RUN if they come within tolerance, or APART.
+    """Decide pieces that cross only if extended: RUN if they come within tolerance, else APART.
 
     Starts from the parameters in `found` and projects each piece's point on the other in turn.
     """
@@ -167,7 +167,8 @@ def _touch(stack: PairStack, top: int, degrees: tuple[int, int], tolerance: floa
 def _cross(stack: PairStack, top: int, degrees: tuple[int, int], tolerance: float) -> int:
     """Find the only crossing of two pieces, extended straight at their ends, by Newton's method.
 
-    Returns CROSS or RUN (and writes where to `found`), APART, or CUT if the method fails.
+    Returns CROSS, RUN, APART, or CUT if the method fails; for CROSS and RUN, writes to `found`
+    where the pieces meet.
     """
     a, b = stack.lifted[top, 0], stack.lifted[top, 1]
     s = t = 0.5
@@ -198,7 +199,7 @@ def _cross(stack: PairStack, top: int, degrees: tuple[int, int], tolerance: floa
 
 @compiled
 def _examine(stack: PairStack, top: int, degrees: tuple[int, int], tolerance: float) -> int:
-    """Return the verdict on the pair on top; for CROSS and RUN, write where it meets to `found`."""
+    """Return the verdict on the pair on top; for CROSS and RUN, write to `found` where it meets."""
     relation, a, b = stack.relation[top], stack.shape[0], stack.shape[1]
     survey(stack.lifted[top, 0], degrees[0], stack.corners[0], a)
     survey(stack.lifted[top, 1], degrees[1], stack.corners[1], b)

@@ -37,7 +37,8 @@ _COARSE: Final = 1e-4
 _REACH: Final = 0.03
 """Results farther apart [m] belong to one intersection only if an overlap joins them."""
 _SAME: Final = 1e-7
-"""Crossings of one intersection that are nearer [m] count once; others are the ends of a touch."""
+"""Crossings of one intersection count as one if they are nearer than this [m]; if they are farther
+apart, the curves touch between them, and the touch is the intersection."""
 _SHORTEST: Final = 1e-6
 """Least length [m] of an overlap that begins and ends at borders of pieces ..."""
 _LONG: Final = 0.25
@@ -48,8 +49,8 @@ class IntersectionTables(NamedTuple):
     """The intersections of many pairs of curves.
 
     points (n, 5) have the columns U, V, PLACE_X, PLACE_Y, PAIR; overlaps (m, 5) have U0, U1, V0,
-    V1, PAIR.  tolerances [m], one per pair: what was used, which is coarser than what was asked
-    for if the search took too long.
+    V1, PAIR.  tolerances [m], one per pair: the tolerance that was used, which is coarser than
+    the given one if the search took too long.
     """
 
     points: Array
@@ -143,8 +144,9 @@ def _unite(
 ) -> None:
     """Unite the groups of results between which the curves stay within `far` [m] of each other.
 
-    `stretches`: only of stretches that run in the same direction.  Otherwise of all results, but
-    two overlaps are never united; what is united with an overlap becomes part of it.
+    With `stretches`, only stretches are united, and only if the curves run in the same direction
+    along both of them or in opposite directions along both.  Otherwise results of any kind are
+    united, except two overlaps; a group that is united with an overlap becomes part of it.
     """
     rows, ends, group, overlap = results
     for i in range(len(rows)):

@@ -26,8 +26,9 @@ class Intersections:
 
     u_a, u_b (n,): parameters of the points; points (n, 2) [m].  overlaps (m, 4): parameters a0 <=
     a1 on a and b0, b1 on b between which the curves coincide; b0 > b1 where they run in opposite
-    directions.  tolerance [m]: what was used.  It is coarser than what was asked for if that is
-    below the rounding error, or if the curves run beside each other at little more than it.
+    directions.  tolerance [m]: the one that was used.  It is coarser than the given one if the
+    given one is below the rounding error, or if the curves run beside each other at a distance
+    little above the given one.
     """
 
     u_a: Array

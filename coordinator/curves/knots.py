@@ -95,7 +95,7 @@ def _check(curve: Nurbs, added: Array) -> None:
     later = inner[degree:]
     crowded = later[later == inner[: len(later)]]
     if len(crowded):
-        raise ValueError(f"knot {crowded[0]} would stand more often than the degree, {degree}")
+        raise ValueError(f"knot {crowded[0]} would have multiplicity above the degree, {degree}")
 
 
 @compiled

@@ -55,8 +55,8 @@ class Nurbs:
             or self.knots.shape != (count + self.degree + 1,)
         ):
             raise ValueError(
-                f"{count} control points of degree {self.degree} need {count} weights and "
-                f"{count + self.degree + 1} knots, all on the plane: points are "
+                f"{count} control points of degree {self.degree} need two coordinates each, "
+                f"{count} weights and {count + self.degree + 1} knots; the shapes are: points "
                 f"{self.points.shape}, weights {self.weights.shape}, knots {self.knots.shape}"
             )
 

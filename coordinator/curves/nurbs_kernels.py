@@ -25,12 +25,12 @@ X, Y, W = range(3)
 """Components of a homogeneous control point (w x, w y, w); X and Y also of a point."""
 
 RATE, SPEED = 3, 0
-"""Rows of the workspace (6, m) of `measure`: rows RATE + X, RATE + Y and RATE + W receive the
+"""Rows of the scratch array (6, m) of `measure`: rows RATE + X, RATE + Y and RATE + W receive the
 derivatives of (A, w); the result |C'| is written to row SPEED."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _CELLS: Final = 16
-"""Cells of the table of arc lengths in a span."""
+"""Number of cells per span in the table of arc lengths."""
 _BORDERS = np.linspace(-1.0, 1.0, _CELLS + 1)
 _PLACES = np.append(_BORDERS, np.add.outer(_BORDERS[:-1], (_NODES + 1.0) / _CELLS))
 """The ends of a span's cells, then the quadrature nodes of all cells, on a span from -1 to 1."""

@@ -28,12 +28,12 @@ small as 2^-80 of the first one."""
 
 
 class PairStack(NamedTuple):
-    """The pairs that wait to be decided, and a workspace for the one on top.
+    """The pairs that wait to be decided, and scratch arrays for the pair on top.
 
     Of each pair: lifted (ROOM, 2, degree + 1, 3), the homogeneous control points of both pieces;
     spans (ROOM, 4), their parameters U0, U1, V0, V1; relation (ROOM,), one of STRANGERS, NEIGHBOURS
     and SAME.  Of both pieces on top: halves (2, 2, degree + 1, 3); corners (2, degree + 1, 2) [m],
-    their control points; shape (2, 12), what `survey` tells; found (4,), where they meet, as shares
+    their control points; shape (2, 12), written by `survey`; found (4,), where they meet, as shares
     of their spans.  work (degree + 1, 3) is for de Casteljau's algorithm.
     """
 
@@ -112,7 +112,7 @@ def halve_top(stack: PairStack, top: int, degrees: tuple[int, int]) -> int:
 
 @compiled
 def append_found(stack: PairStack, top: int, kind: int, rows: Array, count: int) -> Array:
-    """Append where the pair on top meets to `count` rows; return them or a longer copy."""
+    """Append to `count` rows where the pair on top meets; return the rows or a longer copy."""
     if count == len(rows):
         longer = np.empty((2 * count, 5))
         longer[:count] = rows

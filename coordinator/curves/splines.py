@@ -2,9 +2,9 @@
 
 Pieces are Bezier curves in homogeneous control points (degree + 1, 3), rows (w x, w y, w).
 The method is based on blossoms.  Each control point of a spline belongs to `degree` successive
-knots; it is the blossom of any of the spline's pieces at these knots.  Two pieces have r
-derivatives in common where they join exactly if their blossoms agree for all arguments of which at
-most r are not the knot between them.
+knots; it is the blossom of any of the spline's pieces at these knots.  Where two pieces join, their
+first r derivatives agree if and only if their blossoms agree for all lists of arguments in which at
+most r differ from the knot between the pieces.
 
 Decides: which knots a spline needs.  Must not know: where the pieces come from.
 Source: Ramshaw, Blossoms are polar forms (1989).
@@ -128,7 +128,8 @@ def _spline(pieces: Sequence[Array], borders: Array, times: Indices) -> Nurbs:
     knots = np.concatenate((0.0 * ends, np.repeat(borders[1:-1], times), borders[-1] * ends))
     control = []
     for i in range(len(knots) - degree - 1):
-        # Of the widest of its pieces the knots are the least far outside, relative to its width.
+        # The blossom of any of its pieces would do.  The widest one is taken: the knots are least
+        # far outside of it, relative to its width.
         low, past = np.searchsorted(borders, (knots[i], knots[i + degree + 1]))
         k = low + int(np.argmax(np.diff(borders[low : past + 1])))
         at = knots[i + 1 : i + degree + 1].tolist()
@@ -193,8 +194,9 @@ def _pace(piece: Array) -> float:
 def _scale(pace: float, first: Array, part: Nurbs) -> float:
     """Return the factor by which a part's parameter is scaled.
 
-    If possible, |C'| at its start is then `pace`, what it is at the end of the part before; `first`
-    is the first piece of the part.  Else, or with a pace of 0, |C'| is 1 on average.
+    `pace` is |C'| at the end of the part before, `first` the first piece of this part.  The factor
+    makes |C'| equal to `pace` at the start of this part, if possible.  If it is not, or if `pace`
+    is 0, the factor makes |C'| equal to 1 on average.
     """
     legs = np.diff(part.points, axis=0)
     even = float(np.hypot(legs[:, 0], legs[:, 1]).sum() / part.knots[-1])

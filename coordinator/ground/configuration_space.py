@@ -106,9 +106,10 @@ class Ground:
         return edges, cells_of(edges, self.reach + _MOST_SAGITTA, self.frame)
 
     def _spared(self, places: Array) -> Indices:
-        """Return the corners with one of the places between their arc and its tangent polygon.
+        """Return the corners that have a place between their arc and its tangent polygon.
 
-        At these corners the arc itself decides what is free; otherwise a robot could not leave.
+        At these corners the arc itself decides what is free; otherwise a robot at that place could
+        not leave it.
         """
         far = self.reach / math.cos(0.5 * TURN_STEP)
         return corners_within(places, self.rings.corners, far)

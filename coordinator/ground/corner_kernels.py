@@ -31,7 +31,7 @@ STRAIGHT: Final = 1e-6
 """Vertices that turn less [rad] are no corners."""
 
 NARROWEST: Final = 2e-3
-"""No corner is rounded over less [m], where its legs are that long."""
+"""Least half-width [m] of a rounded corner; only legs that are too short make it smaller."""
 
 _CHORDS_PER_ROOT: Final = 12.0
 """A half of a corner gets about this many chords times the root of |t1 - t0|: the chords of all
@@ -39,7 +39,7 @@ corners then have about the same sagitta for the same half-width."""
 
 _HALVINGS: Final = 7
 _TOO_TIGHT: Final = 1e3
-"""The time [s] that each metre costs by which a corner's radius is less than Limits.tightest."""
+"""Time [s] that a corner costs for each metre by which its radius is less than Limits.tightest."""
 
 
 class Limits(NamedTuple):

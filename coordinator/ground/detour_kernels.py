@@ -43,7 +43,8 @@ _ROUNDS: Final = 6
 
 _NO_LIMIT: Final = 1 << 60
 _SPARE_CORNERS: Final = 0.1
-"""At corners nearer to an end than the reach plus this share of it, the arc itself blocks ways."""
+"""At corners nearer to an end of a detour than the reach plus this share of it, only the arc blocks
+ways, and not the tangent polygon around it."""
 
 
 @compiled
@@ -105,9 +106,9 @@ def _inside(places: Array, discs: Array) -> Flags:
 
 @compiled
 def _first_group(leg: Array, discs: Array, hit: Flags) -> Flags:
-    """Return which of the discs hit are the first that follow one another without a gap.
+    """Return the first group of discs that a leg hits: those before the first gap between discs.
 
-    The leg (2, 2) is cut down to the part along them.
+    The leg (2, 2) is cut down to the part beside this group.
     """
     dx, dy = leg[1, 0] - leg[0, 0], leg[1, 1] - leg[0, 1]
     size = math.hypot(dx, dy)
@@ -168,10 +169,10 @@ def _detour(
 def _tautened(
     places: list[tuple[float, float, bool]], discs: Array, entered: Array, sight: Sight
 ) -> Array:
-    """Return a way (n, 2) without vertices past which the straight line is free.
+    """Return a way (n, 2) without the vertices that a free straight line can skip.
 
-    places: x, y [m], and whether a detour leaves its leg there or comes back to it.  Such loose
-    vertices are replaced by the shortest way past them.
+    places: x, y [m] of each vertex, and whether a detour leaves its leg or comes back to it there.
+    Such loose vertices are replaced by the shortest way between their neighbours.
     """
     kept = [(places[0][0], places[0][1])]
     short = np.empty((2, 2))

@@ -38,7 +38,7 @@ class Frame(NamedTuple):
 class Grid(NamedTuple):
     """Edges by cell: the cell in column c and row r has number k = r * columns + c.
 
-    It lists the edges items[first[k] : first[k + 1]].
+    Cell k lists the edges items[first[k] : first[k + 1]].
     """
 
     first: Indices

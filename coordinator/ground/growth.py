@@ -73,12 +73,11 @@ class Rings:
 class Outline:
     """The outline of what is solid, grown by a distance.
 
-    edges (m, 4): x0, y0, x1, y1 [m].  owners, beyond (m, 2): an edge of the outline is a side of a
-    solid polygon, moved outwards and made longer at both ends.  At its first end edge k is longer
-    by beyond[k, 0] [m], along the tangent polygon of the corner owners[k, 0]; at its second end by
-    beyond[k, 1], along that of owners[k, 1]; where it is not longer, these are 0 and -1.  An edge
-    between two vertices of one tangent polygon has that corner at both ends, and beyond is
-    infinite.
+    edges (m, 4): x0, y0, x1, y1 [m].  An edge of the outline is a side of a solid polygon, moved
+    outwards and extended at both ends along the tangent polygons of the corners there.  owners
+    (m, 2): the corner at each end; beyond (m, 2) [m]: the length of the extension.  At an end
+    without extension they are -1 and 0.  An edge between two vertices of one tangent polygon has
+    that corner at both ends, and beyond is infinite.
     turns (v, 2) [m]: the vertices of the tangent polygons, at which a taut way may turn; before,
     after (v, 2): the unit directions from there back and on along the outline; around (v,): the
     corner of each.

@@ -34,8 +34,8 @@ from coordinator.ground.grid_kernels import Segment
 Flags = npt.NDArray[np.bool_]
 
 _END_SHARE: Final = 0.9
-"""Share of the first and last leg that a corner may take: the curve's parameter would almost stand
-still at a knot near the end."""
+"""Greatest share of the first or last leg that a corner may take.  A greater share would put a knot
+so near to the end of the curve that the derivative almost vanishes there."""
 
 _WIDEST_MERGED: Final = math.radians(100.0)
 """Greatest turn of a corner made of two."""
@@ -89,9 +89,9 @@ def merge(
 ) -> tuple[Array, Flags]:
     """Make one corner of two neighbours that turn the same way, where that is quicker.
 
-    Only vertices begin..end - 1 that are not exact are merged, and only neighbours whose easy
-    roundings overlap; if `handling.worth` is positive, all neighbours.  Returns the polygon and
-    `exact`.
+    Only vertices begin..end - 1 that are not exact are merged.  Two neighbours are merged only if
+    their roundings of radius `handling.easy` would overlap, or if `handling.worth` is positive.
+    Returns the polygon and `exact`.
     """
     vertices, flags, count = polygon.copy(), exact.copy(), len(polygon)
     corner = np.empty(2)

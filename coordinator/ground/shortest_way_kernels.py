@@ -53,9 +53,9 @@ def search(
     `sees`.
 
     Places are numbered: 0 is the start, 1 the goal, then come the vertices around discs, then those
-    of `turns` that a way so short can reach.  The queue of the A* search holds steps; the line of
-    sight of a step is tested only when the step is taken from the queue.  If all of `turns` take
-    part, what a vertex sees is kept for later searches.
+    of `turns` that a way of at most `longest` [m] can reach.  The queue of the A* search holds
+    steps; the line of sight of a step is tested only when the step is taken from the queue.  If all
+    of `turns` take part, what a vertex sees is kept for later searches.
     """
     turns, rows, pool = sight.turns, sight.rows, sight.pool
     more, more_before, more_after = _around(discs)

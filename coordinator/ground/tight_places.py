@@ -1,8 +1,9 @@
 """Robots whose starts or goals are as near together as is allowed: a smaller distance for zones.
 
 Conflict zones require a little more than the need.  If two robots stand nearer than that, but not
-nearer than their need, the zone would contain their own starts or goals, and no order of the two
-would work.  For these robots zones require only the distance that their places on the wire have.
+nearer than their need, the zone would contain their own starts or goals, and the two could pass it
+in neither order.  For these robots zones require only the distance between their starts or goals as
+rounded for the wire.
 
 Decides: by how much the required distance is reduced.  Must not know: paths, zones.
 """

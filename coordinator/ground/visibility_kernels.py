@@ -22,9 +22,9 @@ BEGIN, END = range(2)
 class Sight(NamedTuple):
     """The outline that blocks sight, and the visibility graph of the vertices at which ways turn.
 
-    edges (m, 4), owners, beyond (m, 2): the outline, those of growth.Outline, grown by `reach` [m]
-    from corners (c, 2); grid: which edges are in which cell.  turns, before, after (n, 2): vertices
-    and directions, those of growth.Outline; they lie farther out by `room` [m].  Vertex v sees the
+    edges (m, 4), owners, beyond (m, 2): as in growth.Outline, for an outline at the distance
+    `reach` [m] from corners (c, 2); grid: which edges are in which cell.  turns, before, after
+    (n, 2): as in growth.Outline, for an outline farther out by `room` [m].  Vertex v sees the
     vertices pool[rows[v, BEGIN] : rows[v, END]]; rows[v] is -1 until that has been computed, and
     rows[-1, END] is the used length of the pool.
     """
@@ -47,7 +47,8 @@ class Sight(NamedTuple):
 def _spares(line: Segment, k: int, sight: Sight, spared: Indices) -> bool:
     """Tell whether a line that crosses edge k does so only near a spared corner.
 
-    There the edge runs on beyond the corner's grown side, where the arc decides instead.
+    There the line may cross the part of the edge that extends beyond the grown side of the solid
+    polygon, along the tangent polygon of the spared corner.
     """
     edges, owners, beyond = sight.edges, sight.owners, sight.beyond
     cut0, cut1 = 0.0, 0.0

@@ -144,8 +144,8 @@ def _meeting(s: Array, w: Array, slope: Array, p: int, i: int, j: int) -> tuple[
 def _loss(s: Array, w: Array, slope: Array, before: Links, after: Links, i: int) -> float:
     """Return the time [s] that it costs to remove vertex i or the edge after it.
 
-    The edge is meant where the slope increases at i.  The cost is infinite where the edge cannot be
-    removed.
+    The vertex is removed if the slope decreases at i, otherwise the edge.  The cost is infinite if
+    the edge cannot be removed.
     """
     p, j = before[i], after[i]
     now = _time(s[p], w[p], s[i], w[i]) + _time(s[i], w[i], s[j], w[j])

@@ -69,12 +69,12 @@ class SpeedLimits:
 
     @cached_property
     def rises(self) -> list[float]:
-        """For each knot of the ceiling: 2 a s of the rest from which a ramp leads up to it."""
+        """For each knot of the ceiling: 2 `ramp` s of the place where a ramp up to it begins."""
         return [2.0 * self.ramp * s - w for s, w in zip(*self.ceiling, strict=True)]
 
     @cached_property
     def falls(self) -> list[float]:
-        """For each knot of the ceiling: 2 a s of the rest to which a ramp leads down from it."""
+        """For each knot of the ceiling: 2 `ramp` s of the place where a ramp down from it ends."""
         return [2.0 * self.ramp * s + w for s, w in zip(*self.ceiling, strict=True)]
 
 

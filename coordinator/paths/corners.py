@@ -1,4 +1,4 @@
-"""Corners of a curve, where it turns on the spot, and the curve with the straight ones rounded.
+"""Corners of a curve, where it turns on the spot, and rounding those between straight pieces.
 
 Decides: what counts as a corner, and how far it is rounded.  Must not know: robots, floors.
 """
@@ -49,7 +49,7 @@ def corners(curve: Nurbs) -> list[Corner]:
 
 
 def still(curve: Nurbs) -> list[tuple[float, float]]:
-    """Return where [m] repeated control points leave a curve without direction; it is not sent."""
+    """Return where [m] a curve has no direction, because neighbouring control points coincide."""
     return [
         (float(end[0, 0]), float(end[0, 1]))
         for piece in _pieces(curve)

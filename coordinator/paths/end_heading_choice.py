@@ -1,8 +1,10 @@
 """Which leads to try first at the ends of a path that has headings.
 
-Every pair of leads is judged by the time that the whole way would take, from its length and the
-time lost by turning slowly at its ends.  Between the leads, the way is assumed to be that of a
-robot without headings, entered in a straight line at the vertex that makes the whole shortest.
+A lead is the few vertices next to an end that has a heading (end_headings.py).  Every pair of leads
+is judged by an estimate of the time that the whole way takes: from its length, and from the time
+lost by turning slowly at its ends.  For the part between the leads, the way of a robot without
+headings is used; a straight line leads from a lead to the vertex of that way that makes the whole
+shortest.
 
 Decides: in which order leads are tried.  Must not know: which leads there are, and curves.
 """
@@ -46,10 +48,10 @@ _SEEN: Final = 5
 """How many vertices of the way a lead may continue to, besides the last one."""
 
 _KEPT: Final = 3
-"""How many leads straight on, to the left and to the right each are tried at one end."""
+"""How many leads of each kind are tried at one end: straight ones, left and right turns."""
 
 _ROOMY: Final = 2
-"""How many of the longest other leads straight on are tried as well."""
+"""How many more straight leads are tried, the longest of those that are left."""
 
 _NO_RADIUS: Final = 1e-6
 """Turns on the spot count as turns of this radius [m]."""
@@ -60,7 +62,10 @@ Leads = tuple[list[Array], list[Array]]
 
 
 class _Joined(NamedTuple):
-    """A lead, the time [s] of the whole way with it, and how much its turns' radius lacks [m]."""
+    """A lead, the time [s] that the whole way takes with it, and how much too tight its turns are.
+
+    tight [m]: how much the radius of its turns falls short of what is wanted; 0 if it does not.
+    """
 
     lead: Lead
     time: float
@@ -68,9 +73,10 @@ class _Joined(NamedTuple):
 
 
 def choices(robot: Robot, space: Space, handling: Handling) -> list[Leads]:
-    """Return pairs of leads at start and goal, in the order of driving, the most promising first.
+    """Return pairs of leads, one at the start and one at the goal; the most promising pair first.
 
-    Raises PlanError if there is no room to move along a heading.
+    The vertices of both leads are in the order of driving.  Raises PlanError if there is no
+    room to move along a heading.
     """
     if len(robot.start) < 3 and len(robot.goal) < 3:
         return [([], [])]
@@ -92,13 +98,13 @@ def choices(robot: Robot, space: Space, handling: Handling) -> list[Leads]:
 
 
 def _met(way: Array, others: Sequence[_Joined]) -> Array:
-    """Return a way (n, 2) to the last vertex of the most promising lead at its other end."""
+    """Return a way (n, 2) that ends at the last vertex of the best lead at its other end."""
     best = min(others, key=lambda one: (one.tight, one.time))
     return way if not best.lead.vertices else np.concatenate((way[:-1], [best.lead.last]))
 
 
 def _lacks_and_takes(pair: tuple[_Joined, _Joined]) -> tuple[float, float]:
-    """Return what the turns of two leads lack [m], and how long [s] both take without the way."""
+    """Return the sums of `tight` [m] and of `time` [s] of two leads, by which pairs are sorted."""
     a, b = pair
     return a.tight + b.tight, a.time + b.time
 
@@ -106,7 +112,10 @@ def _lacks_and_takes(pair: tuple[_Joined, _Joined]) -> tuple[float, float]:
 def _joined(
     robot: Robot, pose: Sequence[float], way: Array, space: Space, handling: Handling
 ) -> list[_Joined]:
-    """Return the most promising leads of one end; way (n, 2) [m]: from there, without headings."""
+    """Return the most promising leads of one end.
+
+    way (n, 2) [m]: the way from this end on, as a robot without headings would drive it.
+    """
     rest = np.append(np.cumsum(np.hypot(*np.diff(way, axis=0).T)[::-1])[::-1], 0.0)
     if len(pose) < 3:
         return [_Joined(_NONE, float(rest[0]) / handling.speed, 0.0)]
@@ -140,7 +149,11 @@ def _joined(
 def _judged(
     lead: Lead, ahead: list[float], left: float, seen: bool, comfort: float, handling: Handling
 ) -> _Joined:
-    """Judge a lead that continues to the place ahead (2,); `left` [m]: length after the lead."""
+    """Judge a lead from which the way continues to the place `ahead` (2,).
+
+    `left` [m]: the length of the way after the lead; `seen`: whether nothing is between the lead
+    and that place; `comfort` [m]: the radius that turns should have.
+    """
     x, y = ahead[0] - lead.last[0], ahead[1] - lead.last[1]
     turn = turn_between(math.cos(lead.heading), math.sin(lead.heading), x, y)
     length, radius = lead.length, lead.radius
@@ -159,9 +172,10 @@ def _judged(
 
 
 def _lost(length: float, radius: float, handling: Handling) -> float:
-    """Return the time [s] lost against full speed by turning over a length [m] next to a rest.
+    """Return the time [s] that a turn over a length [m] next to a rest costs against full speed.
 
-    Covering it from rest at v at most takes length / v + v / (2 a), then (V - v) / a to full speed.
+    From rest, at no more than v, the length takes length / v + v / (2 a); speeding up to the full
+    speed V then takes (V - v) / a.
     """
     full, accel = handling.speed, handling.accel
     slow = min(

@@ -22,7 +22,7 @@ from coordinator.ground.free_space import Space
 from coordinator.scenario.model import Robot
 
 STEP: Final = math.pi / 4
-"""Turn [rad] at each vertex of a circle."""
+"""Turn [rad] at each vertex of a lead around a circle."""
 
 END_SHARE: Final = 0.9
 """Share of the first leg that its corner may take (ground/polygon_kernels.py)."""
@@ -33,13 +33,13 @@ _STRAIGHT: Final = (0.08, 0.15, 0.3, 0.6)
 _TINY: Final = (0.4, 0.8)
 """Further lengths of straight leads, for robots of a few centimetres, as shares of their radius.
 
-No lead is shorter than the shortest of all these lengths: float32 would turn it."""
+No lead is shorter than the shortest of all these lengths: rounding to float32 would turn it."""
 
 _PER_RADIUS: Final = 6.0
 """Length of a further straight lead, for robots that turn wide, per metre of min_turn_radius."""
 
 _SHARES: Final = (1.0, 0.5, 0.25)
-"""Shares of this length that are tried, or of the longest of _STRAIGHT if that is longer."""
+"""Shares that are tried of that length, or of the longest of _STRAIGHT if the latter is longer."""
 
 _OFF_END: Final = 1e-3
 """A lead ends at least this far [m] from the place that it leads to."""
@@ -60,7 +60,7 @@ _OFF: Final = 8e-3
 
 
 class Lead(NamedTuple):
-    """Vertices [m] in the order of driving away from an end, whose place is left out.
+    """The vertices [m] next to an end, in the order of driving away from it; the end is left out.
 
     heading [rad] and length [m] are those at the last vertex, whose corner may use `width` [m] of
     the leg before it.  side: 1 if the lead turns left, -1 right, 0 if it is straight; radius [m]:
@@ -129,7 +129,7 @@ def _sizes(robot: Robot, pose: Sequence[float], ahead: Array) -> list[float]:
             sizes.append((ax * (by - ay) - ay * (bx - ax)) / across)
     sizes += [dx * x + dy * y for x, y in way]
     sizes = [size for size in dict.fromkeys(sizes) if size >= shortest]
-    # The way may end at a via point, which smoothing moves outwards: a lead to it would turn.
+    # The way may end at a via point, which smoothing moves outwards: that would turn a lead to it.
     return [size for size in sizes if math.dist((size * dx, size * dy), way[-1]) > _OFF_END]
 
 

@@ -33,11 +33,13 @@ weights, relative to 1."""
 
 _FLAT: Final = 2e-4
 _SHORTFALL: Final = 1e-3
-"""Flattening [m], and the shortfall [m] of clearance that the proof accepts."""
+"""Greatest deviation [m] of the polyline on which clearance is checked, and the shortfall [m] of
+clearance that the proof accepts."""
 
 _STEP: Final = 0.01
 _MOST_PLACES: Final = 50_000
-"""Messages locate a place that is too near to something this finely [m]; coarser on long paths."""
+"""Messages locate the place that is nearest to something solid in steps of _STEP [m]; the steps are
+longer if a path would have more than _MOST_PLACES places."""
 
 _HALVINGS: Final = 6
 _ARC_ERROR: Final = 1e-4
@@ -52,7 +54,8 @@ _SHARPEST: Final = 1e-3
 _SHARPEST [m], the robot would turn on the spot."""
 
 _TURN: Final = 1.02
-"""The proof allows a turning radius to be short by 1 %; turns sharper than this surely fail it."""
+"""A turn is refused here if min_turn_radius exceeds its radius by more than this factor.  The proof
+allows only 1.01, so such a turn would surely fail the proof."""
 
 
 def curve_of(path: GivenPath) -> Nurbs:
@@ -144,7 +147,7 @@ def path_problems(scenario: Scenario) -> list[str]:
 
 
 def complaints(curve: Nurbs, robot: Robot, margin: float, floor: Floor) -> Iterator[str]:
-    """Yield why a robot cannot drive a curve: its turns, solid things too near; margin [m]."""
+    """Yield why a robot cannot drive a curve: too sharp turns, too little clearance; margin [m]."""
     turns: list[str] = []
     if math.isfinite(robot.max_lateral_accel) or robot.min_turn_radius > 0.0:
         turns = list(_turns(curve, robot.min_turn_radius))
@@ -191,7 +194,7 @@ def _turns(curve: Nurbs, least: float) -> Iterator[str]:
 
 
 def _say_clearance(line: Array, need: float, floor: Floor) -> str:
-    """Return words for where a polyline (n, 2) is nearest to something solid, or off the floor."""
+    """Say where a polyline (n, 2) is nearest to something solid, or farthest off the floor."""
     places = _places(line)
     place = places[np.argmin(_slack(places, floor))]
     x, y = place
@@ -207,7 +210,7 @@ def _say_clearance(line: Array, need: float, floor: Floor) -> str:
 
 
 def _slack(places: Array, floor: Floor) -> Array:
-    """Return distances [m] from anything solid (m,); the farther off the floor, the less."""
+    """Return the distance [m] of each place from anything solid (m,); negative off the floor."""
     off = shapely.distance(floor.outline, shapely.points(places))
     return np.where(off > 0.0, -off, floor.distance(places))
 

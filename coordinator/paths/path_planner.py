@@ -33,10 +33,11 @@ _TOUCH: Final = 0.0005
 """Ways stay clear by this much more [m] than needed; float32 and chords may use half of it."""
 
 _FLUSH: Final = 2e-6
-"""The rounding error [m] of float32 for a robot that stands exactly as near as is allowed."""
+"""Allowance [m] for float32 rounding where a robot stands exactly as near to something solid as is
+allowed."""
 
 _ROOM_PER_RADIUS: Final = 2.2
-"""Reach around corners that robots turn at, per metre of min_turn_radius."""
+"""Distance that ways keep from the corners at which they turn, per metre of min_turn_radius."""
 
 _ENOUGH: Final = 2
 """Number of paths of which the quickest is taken, if one of them has turns wide enough."""
@@ -48,11 +49,12 @@ _MOST_TRIED: Final = 24
 """How many pairs of leads are tried: if none of these fits, there is no room."""
 
 _PLACE_ROOM: Final = 0.015
-"""Other robots' places are passed this much farther off [m] than needed: a conflict zone may be a
-little larger than the conflict, and must not reach from a place to a path that keeps off it."""
+"""Paths pass other robots' starts and goals this much farther off [m] than needed.  A conflict zone
+may be a little larger than the conflict; without this room it could include such a place although
+the path avoids it."""
 
 _NEAR: Final = 1.015
-"""The least distance of a disc to avoid from the robot's own places, as a share of its radius."""
+"""The centre of a disc to avoid is at least this many of its radii from the robot's own places."""
 
 _PART: Final = 50
 """The least number of robots in a task for an executor: each task computes its own ground."""
@@ -156,9 +158,10 @@ class Pathfinder:
         )
 
     def _fit_among(self, robot: Robot, space: Space) -> Fit:
-        """Return the quickest of the first paths with turns that are wide enough, else the widest.
+        """Return the quickest of the first paths whose turns are wide enough.
 
-        If there is none, raises the error of the attempt that got farthest.
+        If no path has such turns, returns the one with the widest turns.  If there is no path,
+        raises the error of the attempt that got farthest.
         """
         handling, headed = self.handling(robot), _headed(robot)
         worst: PlanError | None = None
@@ -273,7 +276,7 @@ def _headed(robot: Robot) -> tuple[bool, bool]:
 def _rooms(robot: Robot) -> list[tuple[float, float]]:
     """Return what to try: room [m] for rounding corners, and how much more than needed to keep [m].
 
-    For robots with a wide turning circle, more room is tried first.  The last attempts need no more
+    For robots with a wide turning circle, more room is tried first.  The last attempt keeps no more
     than the robot needs, as a passage may be just wide enough.
     """
     wide = _ROOM_PER_RADIUS * robot.min_turn_radius - robot.radius

@@ -74,7 +74,7 @@ def _fits(curve: Nurbs, handling: Handling) -> bool:
 def _smoothed(
     polygon: Array, exact: Flags, space: Space, handling: Handling, headed: tuple[bool, bool]
 ) -> Fit:
-    """Return the curve along a polygon near which the space is known, as `smooth` does."""
+    """Do what `smooth` does; `space` needs only the discs that are near the polygon."""
     polygon, exact = _without_straight(polygon, exact, headed)
     blunted, passed = blunt(polygon, exact, space, headed[1], handling.easy)
     if blunted is not polygon:
@@ -94,7 +94,7 @@ def _smoothed(
 
 
 def _rounded(polygon: Array, exact: Flags, space: Space, handling: Handling) -> Fit:
-    """Round the corners of a polygon, narrower ones where the curve is not proven clear."""
+    """Round the corners of a polygon, less widely where the curve is not proven clear otherwise."""
     wide = widths(polygon, exact, handling.numbers(), space.solid)
     while True:
         found = fit(polygon, exact, wide)

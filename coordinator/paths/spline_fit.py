@@ -37,8 +37,9 @@ _ROUNDS: Final = 40
 class Fit:
     """A curve with its polygon: vertices (n, 2) [m], their parameters and half-widths (n,).
 
-    The ends have no width.  `exact` (n,): vertices that the curve passes; `bent` (n, 2) is the
-    polygon with these moved out, which the control points lie on.
+    The ends have no width.  exact (n,): whether the curve has to pass the vertex itself.  bent
+    (n, 2) [m]: the vertices, those that are exact moved outwards; the control points lie on the
+    polygon through these.
     """
 
     vertices: Array
@@ -50,7 +51,7 @@ class Fit:
 
 
 def fit(vertices: Array, exact: Flags, widths: Array) -> Fit:
-    """Return the curve along a polygon (n, 2) [m] by arc length; widths (n,) [m]."""
+    """Return the curve along a polygon (n, 2) [m]; its parameter is the polygon's arc length."""
     bent, at = vertices, lengths_along(vertices)
     for _ in range(_ROUNDS if exact[1:-1].any() else 0):
         further = bent_out(vertices, bent, exact, at, widths)
@@ -79,7 +80,7 @@ def fit_at(vertices: Array, bent: Array, exact: Flags, at: Array, widths: Array)
 
 
 def _spread(inner: Array, at: Array, apart: float) -> Array:
-    """Return inner knots without those nearer than `apart` to one before, or thrice to an end."""
+    """Return inner knots without those nearer than `apart` to one before or 3 `apart` to an end."""
     inside = (inner > at[0] + 3.0 * apart) & (inner < at[-1] - 3.0 * apart)
     inner = inner[inside]
     if np.all(np.diff(inner) > apart):

@@ -150,18 +150,18 @@ def path_faults(where: str, path: Path, names: PathNames = PATH_NAMES) -> Iterat
     count = len(path.control_points)
     if len(path.weights) != count:
         yield (
-            f"{where}.{names.weights}: are {len(path.weights)}, "
-            f"must be one for each of {count} control points"
+            f"{where}.{names.weights}: has {len(path.weights)}, "
+            f"must have one for each of {count} control points"
         )
     if path.degree not in _DEGREES:
         yield f"{where}.degree: is {path.degree}, must be 1 to 7"
     elif count <= path.degree:
         least = path.degree + 1
-        yield f"{where}.{names.points}: are {count}, degree {path.degree} needs {least} or more"
+        yield f"{where}.{names.points}: has {count}, degree {path.degree} needs {least} or more"
     elif len(path.knots) != count + path.degree + 1:
         yield (
-            f"{where}.{names.knots}: are {len(path.knots)}, "
-            f"must be control points + degree + 1 = {count + path.degree + 1}"
+            f"{where}.{names.knots}: has {len(path.knots)}, "
+            f"must have control points + degree + 1 = {count + path.degree + 1}"
         )
     else:
         yield from _knot_faults(f"{where}.{names.knots}", path.knots, path.degree)
@@ -177,9 +177,9 @@ def _knot_faults(where: str, knots: Sequence[float], degree: int) -> Iterator[st
             yield f"{where}[{i}]: is {after:g} after {before:g}, must not decrease"
             return
     if any(knot != 0.0 for knot in first):
-        yield f"{where}: begin {first[0]:g} to {first[-1]:g}, must be {degree + 1} times 0"
+        yield f"{where}: the first {degree + 1} are {first[0]:g} to {first[-1]:g}, must all be 0"
     if any(knot != last[-1] for knot in last):
-        yield f"{where}: end {last[0]:g} to {last[-1]:g}, must be {degree + 1} equal knots"
+        yield f"{where}: the last {degree + 1} are {last[0]:g} to {last[-1]:g}, must be equal"
     if first[0] == last[-1]:
         yield f"{where}: are all the same, must end above where they begin"
         return

@@ -1,8 +1,8 @@
 """The fault budget: what tau has to cover, and which faults a given tau survives.
 
-Decides: the terms of the sum (design section 1).  The plan times of any two robots, whether moving,
-braking or dead, never differ by more than this sum, and a tau-safe plan keeps robots apart for all
-differences up to tau.
+Decides: the terms of the sum.  The plan times of any two robots, whether moving, braking or dead,
+never differ by more than this sum, and a tau-safe plan keeps robots apart for all differences up to
+tau.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Budget:
 
     @property
     def lost_coordinator(self) -> float:
-        """The tau [s] for a lost coordinator: all leases run out within one Command period."""
+        """The tau [s] for a lost coordinator: leases run out at most one Command period apart."""
         return self.late + self.lease + self.brake + self.travel
 
     def survives(self, tau: float) -> list[str]:

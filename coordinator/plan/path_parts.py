@@ -47,10 +47,10 @@ def too_many(count: int) -> str:
 
 
 def given_faults(path: GivenPath, where: str, names: PathNames = PATH_NAMES) -> list[str]:
-    """Return what is wrong with a path's parts, as `field: what` each."""
+    """Return what is wrong with a path's parts, each as `field: what is wrong`."""
     count = len(path.control_points)
     if count > MOST_POINTS:
-        return [f"{where}.{names.points}: are {too_many(count)}"]
+        return [f"{where}.{names.points}: has {too_many(count)}"]
     problems = list(path_faults(where, whole(path), names))
     low, high = min(path.weights, default=1.0), max(path.weights, default=1.0)
     if not problems and high > MOST_WEIGHT * low:

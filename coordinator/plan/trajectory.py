@@ -19,7 +19,7 @@ HEADER = "robot,t,x,y,heading,s,v"
 
 
 def csv_rows(document: PlanDocument, step: float) -> Iterator[str]:
-    """Yield CSV lines, header first; rows are `step` [s] apart, a robot's last is its arrival."""
+    """Yield CSV lines, header first; a robot's rows are `step` [s] apart, its last at arrival."""
     yield HEADER
     for driven in drive(document):
         times = until(step, driven.timeline.finish)

@@ -47,8 +47,9 @@ it gains."""
 
 _NEED_PAD = 0.0005
 _TAU_PAD = 0.002
-"""The schedule adds these to every need [m] and to tau [s], to allow for rounding to the wire.
-Where robots stand too near each other for that, less is added (ground/tight_places.py)."""
+"""The schedule adds _NEED_PAD [m] to every need and _TAU_PAD [s] to tau, to allow for rounding to
+the wire.  Where robots stand too near each other for that, less is added
+(ground/tight_places.py)."""
 
 _EFFORT_PER_WAY = 5
 _WAYS = 2

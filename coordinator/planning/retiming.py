@@ -44,7 +44,7 @@ from coordinator.schedule.wait_reasons import explain_waits
 
 _NEED_PAD: Final = 0.0005
 _TAU_PAD: Final = 0.001
-"""Added to the margin [m] and to tau [s], to allow for rounding to the wire."""
+"""_NEED_PAD [m] is added to the margin, _TAU_PAD [s] to tau, to allow for rounding to the wire."""
 
 _REPEATS: Final = 6
 """How often one robot may get new times in a search; more would mean a ring of waits."""

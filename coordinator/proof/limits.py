@@ -29,7 +29,7 @@ _TURN: Final = 1.01
 
 
 def limit_failures(driven: Driven, limits: Limits) -> list[str]:
-    """Return a sentence for each limit that a motion breaks; 1 or 2 % more are tolerated.
+    """Return a sentence for each limit that a motion exceeds by more than the factors above allow.
 
     Nothing is sampled: speed and acceleration are computed per leg, and bends are proven at all
     places of the curve (limit_kernels.py).

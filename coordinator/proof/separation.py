@@ -35,7 +35,8 @@ from coordinator.proof.separation_kernels import (
 
 _COARSE: Final = 2e-2
 _FINER: Final = (1e-3, 5e-5)
-"""Deviations [m] of pieces; four times the last, with arc errors, is below margin.RESOLUTION."""
+"""Deviations [m] of finer pieces, used in turn.  Four times the last one, plus arc errors, is below
+margin.RESOLUTION."""
 
 _REACH: Final = 0.1
 """The first guess [m] of the least slack; while no pair is found, it is multiplied by four."""
@@ -95,7 +96,7 @@ class Separation:
         """Return the least slack of all pairs; None for fewer than two robots.
 
         The need of a pair is the sum of its robots' `keep` (n,) [m].  `reach` [m]: a guess of the
-        least slack; one too small costs another sweep.
+        least slack; a guess that is too small costs another sweep.
         """
         if len(keep) < 2:
             return None
@@ -122,9 +123,9 @@ class Separation:
     def _refined(
         self, candidates: _Candidates, keep: Array, limit: float, each: bool
     ) -> _Candidates:
-        """Return candidates among the finest pieces, for the least slack of all pairs of robots.
+        """Return the candidates among the finest pieces that may have the least slack.
 
-        `each`: for the least slack of every pair of robots.
+        This is the least of all pairs of robots or, with `each`, the least of each pair by itself.
         """
         for tolerance in _FINER:
             group = self._groups(candidates, each)
@@ -141,9 +142,10 @@ class Separation:
         return candidates
 
     def _groups(self, candidates: _Candidates, each: bool) -> Indices:
-        """Return for each candidate the number (m,) of the group in which it competes, from 0.
+        """Return for each candidate the number (m,) of its group, from 0.
 
-        All candidates form one group; `each`: every pair of robots has its own.
+        The least slack is sought in each group.  All candidates form one group or, with `each`,
+        those of each pair of robots form a group of their own.
         """
         if not each:
             return np.zeros(len(candidates.pairs), dtype=np.int64)
@@ -151,7 +153,7 @@ class Separation:
         return np.unique(a * len(self._flights.driven) + b, return_inverse=True)[1]
 
     def _worst(self, candidates: _Candidates, keep: Array, each: bool) -> list[Closest]:
-        """Return the least slack of all pairs of robots, or, with `each`, of every pair."""
+        """Return where the slack is least in each group, in the order of the groups."""
         group, (low, high, t_a, t_b) = self._groups(candidates, each), candidates.found.T
         order = np.lexsort((high, group))
         firsts = order[np.unique(group[order], return_index=True)[1]]

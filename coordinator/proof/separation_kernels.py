@@ -129,7 +129,7 @@ def _compare(
     rows: Array, range_a: Indices, range_b: Indices, need: float, tau: float, limit: float,
     found: _Found,
 ) -> tuple[_Found, float]:  # fmt: skip
-    """Append the pairs of pieces from two ranges that may have the least slack, if <= limit [m].
+    """Append the pairs of pieces from two ranges that may have the least slack, up to `limit` [m].
 
     Also returns the limit or the least upper bound of the slack, whichever is smaller.
     """
@@ -171,8 +171,8 @@ def _boxes(
 ) -> Array:
     """Return the boxes (n, 4) that hold each robot's disc of radius `keep` from `begin` to `end`.
 
-    Sets ranges (n, 2) to each robot's pieces in that time; before, each has to begin at one of the
-    robot's earlier pieces.
+    Sets ranges (n, 2) to each robot's pieces in that time.  On entry, ranges[:, 0] has to be pieces
+    of the robots from which the search can start: none of them later than `begin`.
     """
     boxes = np.empty((len(keep), 4))
     for robot in range(len(keep)):
@@ -205,7 +205,7 @@ def near_pairs(
 
     rows (k, 7): pieces, of robot r from first[r] to first[r + 1]; block [s]: time is divided into
     blocks of this length, and in each a sweep along x compares the boxes that robots cover.
-    `each`: look for the least slack of every pair of robots instead of the least of all.  A pair of
+    `each`: look for the least slack of each pair of robots, not for the least of all.  A pair of
     pieces may be returned more than once, or without having the least slack.  Also returns the
     candidates (m, 4).
     """

@@ -110,7 +110,7 @@ def _disagreements(robot: RobotPlan, driven: Driven) -> list[str]:
 
 
 def _with_failures(proof: Proof, failures: list[str]) -> Proof:
-    """Return the proof with these failures put before its own; with any, it does not hold."""
+    """Return the proof with these failures before its own; a proof with failures does not hold."""
     if not failures:
         return proof
     return replace(proof, holds=False, survives=[], failures=failures + proof.failures)

@@ -24,14 +24,14 @@ from coordinator.scenario.obstacle_names import obstacle_name, polygons_of
 from protocol.keys import NAME
 
 LARGEST: Final = 100_000.0
-"""No size [m], or any other quantity, goes beyond this."""
+"""No size [m] and no other quantity may exceed this."""
 FARTHEST: Final = 8_000.0
 """No coordinate goes beyond this [m]: a little farther out, float32 resolves only 1 mm."""
 TOO_FAR: Final = "where float32 on the wire is coarser than 0.5 mm; move the origin nearer"
 """The reason given for a coordinate beyond FARTHEST."""
 TOO_SMALL: Final = (
     f"of which the proof and the robots' tables of arc lengths take "
-    f"{1000 * between_robots(0, 0).total:g} mm, and two robots {LEAST_TRACK_MM} mm each to drive"
+    f"{1000 * between_robots(0, 0).total:g} mm, and tracking by two robots {LEAST_TRACK_MM} mm each"
 )
 """The reason given for a margin below LEAST_MARGIN."""
 FASTEST: Final = 999.0
@@ -47,7 +47,8 @@ ROUNDING: Final = 1e-9
 MOST_PAIRS: Final = 1_000
 """At most this many overlapping pairs are listed: all robots in one place would give millions."""
 PAIR_CHUNK: Final = 256
-"""Robots whose neighbours are looked up together: bounds the memory in that same case."""
+"""Number of robots whose neighbours are looked up at a time, which bounds the memory if all robots
+are in one place."""
 BOUNDARY: Final = -1
 """The index of the floor's outline, beside the indices of obstacles."""
 
@@ -278,7 +279,7 @@ def _overlaps(scenario: Scenario, which: str) -> Iterator[str]:
     places = np.array([getattr(robot, which)[:2] for robot in robots]).reshape(-1, 2)
     radii = np.array([robot.radius for robot in robots])
     known = np.flatnonzero(np.isfinite(places[:, 0]) & np.isfinite(radii + scenario.margin))
-    # Each robot searches for smaller ones, or later ones of equal size: twice its radius suffices.
+    # Each robot looks only for robots that are no larger than itself, so twice its radius suffices.
     by_size = known[np.argsort(-radii[known], kind="stable")]
     points = shapely.points(places[by_size])
     tree = shapely.STRtree(points)

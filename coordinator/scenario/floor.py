@@ -55,7 +55,8 @@ class Floor:
     def gap(self, line: Array) -> float:
         """Return the distance [m] from a polyline (n, 2) to anything solid; 0 if it enters it.
 
-        A line that meets no edge is free or inside something solid as its first point is.
+        A line that meets no edge is either free everywhere or inside something solid everywhere;
+        its first point decides.
         """
         apart = float(shapely.distance(self._edges, shapely.linestrings(line)))
         return apart if apart > 0.0 and self._is_open(shapely.Point(line[0])) else 0.0

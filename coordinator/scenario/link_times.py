@@ -2,8 +2,8 @@
 
 Decides: the leases of both sides and the clock error, from the delay and loss of the link; on a
 good link they are those of protocol/timing.py.  An exchange of messages gives the other clock's
-time to within half its duration, at most the one-way delay, so that every exchange is good enough.
-Must not know: robots, plans.
+time to within half the duration of the exchange, which is at most the one-way delay.  The clock
+error includes this delay, so the result of any exchange may be used.  Must not know: robots, plans.
 """
 
 from __future__ import annotations

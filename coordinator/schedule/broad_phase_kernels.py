@@ -54,8 +54,8 @@ class Grid(NamedTuple):
     """The stretches of a fleet, and the cells that each touches.
 
     Stretch g touches cells[k] for k from FIRST_CELL to PAST_CELL of its row.  Cell c is touched by
-    items[begin[c] : begin[c + 1]], in increasing order; slots[k] is where in `items` stretch g
-    stands for cells[k].  shown (items, 6): the shapes of the items, in their order.
+    items[begin[c] : begin[c + 1]], in increasing order; slots[k] is the index in `items` of
+    the entry of stretch g in cells[k].  shown (items, 6): the shapes of the items, in their order.
     """
 
     stretches: Indices
@@ -195,9 +195,10 @@ def near_stretches(
 ) -> tuple[Indices, int]:
     """Return pairs of a robot's stretches and others that may be near them, and how many.
 
-    The robot's own stretches are those from mine[0] to mine[1] - 1.  Robots before this one that
-    are asked as well (asked[r] == 1) are left out; `everybody` tells that all robots are asked.
-    The pairs are written into `found` (n, 3) or, if it is too small, into a larger copy of it.
+    The robot's own stretches are those from mine[0] to mine[1] - 1.  Robots of lower number whose
+    pairs are wanted too (asked[r] == 1) are left out, because the same pairs are found for them;
+    `everybody`: whether the pairs of all robots are wanted.  The pairs are written into `found`
+    (n, 3) or, if it is too small, into a larger copy of it.
     stamps (stretches,) is used to find each pair once; none of its values may be a stretch of this
     robot.
     """
@@ -205,7 +206,7 @@ def near_stretches(
     count = 0
     for g in range(mine[0], mine[1]):
         for at in range(stretches[g, FIRST_CELL], stretches[g, PAST_CELL]):
-            # Lower numbers than one's own belong to this robot or to robots before it.
+            # Stretches of lower number than g belong to this robot or to robots of lower number.
             start = slots[at] + 1 if everybody else begin[cells[at]]
             for k in range(start, begin[cells[at] + 1]):
                 if are_apart(shapes[g], shown[k]):

@@ -152,13 +152,13 @@ class ConflictSearch:
         return self.meetings[at].b, self.meetings[at].a
 
     def _set(self, at: int, second: int, mode: int, first: int) -> None:
-        """Set the modes of a zone for the robot that passes it second and for the other one."""
+        """Set the mode of a zone: `mode` for robot `second`, `first` for the other robot."""
         meeting = self.meetings[at]
         of_a, of_b = (mode, first) if second == meeting.a else (first, mode)
         self.modes[meeting.a][meeting.in_a], self.modes[meeting.b][meeting.in_b] = of_a, of_b
 
     def _plan_again(self, changed: Sequence[int]) -> Undo | None:
-        """Plan robots behind those that precede them, then the robots that follow them.
+        """Plan changed robots again, in the decided orders, then the robots that pass after them.
 
         Returns the former motions of all replanned robots; None, with nothing changed, if one of
         them finds no motion.
@@ -219,7 +219,7 @@ class ConflictSearch:
                 self.clashes[k] = clash(first, second, table, cell, tau)
 
     def _outside(self, index: int) -> Indices:
-        """Return the modes of a robot's zones while no zone between chosen robots is decided."""
+        """Return a robot's modes before any decision: BOTH for other robots' motions, else FREE."""
         others = self.junctions.rows_of(index)[0].other
         bound = self.motions.placed[others] & ~np.isin(others, self.chosen)
         return np.where(bound, BOTH, FREE).astype(np.int64)

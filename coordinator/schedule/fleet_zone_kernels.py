@@ -41,7 +41,7 @@ ROBOT_A, ROBOT_B, SIZE = range(3)
 """Columns of zones (z, 3): the robots a < b, and the number of pairs of chords."""
 
 _NEXT: Final = SIDES
-"""Column of pairs in which `tell_members` counts, once their sides are no longer needed."""
+"""Column of pairs in which `tell_members` counts: SIDES, which are no longer needed then."""
 
 
 class Fleet(NamedTuple):
@@ -107,10 +107,11 @@ def by_partner(
 def keys_of(
     found: Indices, last: int, following: Indices, base: int, turned: bool, keys: Indices
 ) -> int:
-    """Write the pairs of stretches in linked rows, back from row `last`, as keys; return how many.
+    """Write the pairs of stretches in some rows of `found` as increasing keys; return how many.
 
-    A key is that of zone_assembly_kernels.near_chords for `base` stretches; keys increase.  With
-    `turned` the robot looked at is the second one of the pair.
+    The rows are `last` and those before it that `following` links.  The keys are those that
+    zone_assembly_kernels.near_chords takes; `base` is the number of all stretches.  With `turned`
+    the stretch in column MINE is the second one of a pair.
     """
     total, k = 0, last
     while k >= 0:
@@ -145,9 +146,9 @@ def tell_members(pairs: Indices, order: Indices, sizes: Indices, members: Short)
 
 @compiled
 def zones_of(fleet: Fleet, task: tuple[int, int]) -> FleetZones:
-    """Return the zones of the robots asked from task[0] to task[1] - 1 with all others.
+    """Return the zones of those of robots task[0] to task[1] - 1 that are asked, with all others.
 
-    They are in order of the robot asked, the other robot, and the extent.
+    They are in order of the asked robot, the other robot, and the extent.
     """
     zones, extents = np.empty((1024, 3), np.int64), np.empty((1024, 4))
     members, total, told = np.empty((8192, 2), np.int32), 0, 0

@@ -66,7 +66,7 @@ class Known(NamedTuple):
 
 
 class Passage(NamedTuple):
-    """A robot's passage through one of its zones, which has number `zone` in its rows."""
+    """A robot's passage through one of its zones; `zone`: the index of that zone in `rows`."""
 
     robot: int
     rows: Rows

@@ -139,7 +139,7 @@ class Junctions:
         return self._approaches[key]
 
     def approach_from(self, index: int, begin: float, beyond: float, anywhere: bool) -> Approach:
-        """Return the approach of a robot at rest at `begin`, to stop next after `beyond` [m].
+        """Return the approach of a robot at rest at `begin`; it may stop only after `beyond` [m].
 
         The rows still contain what its zones forbid before `begin`; the caller skips that part.
         """

@@ -11,8 +11,8 @@ import msgspec
 class Lateness(msgspec.Struct, frozen=True):
     """Who is late, where it stands, and from when on times may change.
 
-    `stood` [s]: the plan time that has the robot where it stands.  `switch` [s]: the plan time
-    before which no robot may get other times.
+    `stood` [s]: the plan time at which the plan has the robot where it stands.  `switch` [s]: the
+    plan time before which no robot may get other times.
     """
 
     robot: str

@@ -54,9 +54,10 @@ def ring_of(junctions: Junctions) -> list[int]:
 
 
 def first_order(junctions: Junctions, priorities: Sequence[int]) -> list[int]:
-    """Return the order to begin with: by the paths' demands, then priority, then arrival alone.
+    """Return the order to begin with: by the paths' demands, then priority, then driving time.
 
-    Within a ring of demands, priority and arrival decide.
+    The driving time is that of a robot that no other robot delays.  Within a ring of demands,
+    priority and driving time decide.
     """
     count = len(priorities)
     alone = [track.alone for track in junctions.tracks]

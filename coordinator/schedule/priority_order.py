@@ -33,8 +33,8 @@ _TRIES: Final = 4
 
 _ROUNDS: Final = 5
 _ROUNDS_AFTER: Final = 1
-"""Neighbourhoods that are tried per unit of effort; _ROUNDS_AFTER if the conflict search has tried
-every order in the zones, since little is left to find then."""
+"""Rounds of the neighbourhood search per unit of effort.  _ROUNDS_AFTER applies if the conflict
+search has tried every order in the zones, since little is left to find then."""
 
 _WORTH: Final = 0.5
 _WORTH_SHARE: Final = 0.1
@@ -43,7 +43,8 @@ of the sum; the larger of the two counts."""
 
 _RING: Final = 300
 _LARGEST_RING: Final = 24
-"""Nodes searched for motions when no order works, for at most _LARGEST_RING robots."""
+"""If no order of whole robots works, _RING nodes are searched zone by zone, unless the ring has
+more than _LARGEST_RING robots."""
 
 _NODES: Final = 15
 """Nodes that are searched zone by zone per unit of effort, in a fleet of at most FEW robots."""
@@ -130,7 +131,7 @@ def _first_that_works(
 
 
 def _zone_by_zone(junctions: Junctions, order: Sequence[int]) -> tuple[Order, Motions] | None:
-    """Find motions if no order of the robots works, as in a ring that turns by one place.
+    """Find motions if no order of the robots works, as when each moves to the place of the next.
 
     The search covers all robots of a small fleet, else those of a ring; the others come after them.
     Robots of a dense ring must leave their starts at once and wait on the way.

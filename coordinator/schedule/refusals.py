@@ -34,7 +34,7 @@ class PlaceOnWay(NamedTuple):
 
 
 class BlockedError(PlanError):
-    """Robots block each other because of these places, and no detour was found.
+    """Robots block each other because `places` lie on their ways, and no detour was found.
 
     The robot on whose way the last of the places lies is blamed; without places, the last robot.
     is_given: all of these robots drive given paths, which are never changed.
@@ -103,7 +103,7 @@ def _said(robots: Sequence[str], how: How, places: Sequence[PlaceOnWay]) -> str:
         return f"{', '.join(robots)} block each other in a ring: {listed}"
     both = f"{robots[0]} and {robots[1]}"
     if how == "among others":
-        said = f"no order was found in which {both} both arrive among all others"
+        said = f"no order of the whole fleet was found in which {both} both arrive"
         return f"{said}: {listed}" if places else said
     if how == "either order":
         return f"{both} block each other whoever goes first: {listed}"
@@ -114,7 +114,7 @@ def _said(robots: Sequence[str], how: How, places: Sequence[PlaceOnWay]) -> str:
 def _places_on(
     scenario: Scenario, junctions: Junctions, me: int, other: int, end: Literal["start", "goal"]
 ) -> list[PlaceOnWay]:
-    """Return my start (or my goal) if it lies on another robot's way, as their zones have it."""
+    """Return my start (or my goal) if a zone shared with the other robot contains it."""
     zones = junctions.zones
     low = np.where(zones.a == me, zones.extent[:, 0], zones.extent[:, 2])
     high = np.where(zones.a == me, zones.extent[:, 1], zones.extent[:, 3])

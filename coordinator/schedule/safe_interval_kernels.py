@@ -107,8 +107,8 @@ def search_among(
 ) -> tuple[Array, float]:
     """Call `forbid` for the motions in `table`, then return what `search` returns.
 
-    modes (zones,): what each zone demands.  A call from Python takes as long as a small search,
-    because of its many arrays: this makes it one call.
+    modes (zones,): what each zone demands.  A call from Python with so many arrays takes as long as
+    a small search; this function makes one call out of two.
     """
     rows, known, span, ride, rest = approach
     low, high = forbid(rows, modes, table, ride.elapsed, tau, known)
@@ -183,7 +183,7 @@ def _patience(ride: Ride, forbidden: ForbiddenTimes, p: int) -> float:
 
 @compiled
 def _is_hopeless(first: Indices, times: Array, release: float) -> bool:
-    """Tell whether the start is not free until `release` [s], or the goal not for ever."""
+    """Tell whether a robot cannot stay at its start until `release` [s] or at its goal for ever."""
     if first[1] == 0 or first[-2] == first[-1]:
         return True
     return bool(
@@ -217,7 +217,7 @@ def _reach(
     """Enter what a move from state `here` can reach into the states and the heap.
 
     The robot leaves as early as it can in every gap between the closed departures.  `order`: the
-    closed departures by their begins; `extra` [s]: what a stop counts.
+    closed departures by their begins; `extra` [s]: the penalty for one stop.
     """
     earliest = states.best[here]
     q, latest, lasts, left = move
@@ -249,10 +249,11 @@ def _reach(
 def _next_gap(
     closed: Closed, order: Indices, at: float, whose: int, k: int
 ) -> tuple[float, int, int]:
-    """Return the first departure from `at` [s] on that is not closed, and the zone before it.
+    """Return the first departure [s] from `at` [s] on that is not closed.
 
-    `whose` is the zone that forbids what is just before `at`.  The third number is where in `order`
-    the next closed interval is; the search for it begins at k.
+    Also returns which zone closes the departures just before it, and where in `order` the next
+    closed interval is; the search for that begins at k.  `whose`: the zone that closes the
+    departures just before `at`; -1 if none does.
     """
     while k < len(order) and closed.begins[order[k]] < at + SOON:
         if closed.ends[order[k]] > at:
@@ -281,7 +282,7 @@ def _interval_at(states: _States, q: int, at: float) -> int:
 def _is_better(states: _States, there: int, arrive: float, stops: int, extra: float) -> bool:
     """Tell whether a way to a state is better than the one known: earlier, or with fewer stops.
 
-    `extra` [s]: what a stop counts.
+    `extra` [s]: the penalty for one stop.
     """
     if states.done[there]:
         return False

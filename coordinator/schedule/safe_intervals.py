@@ -46,7 +46,7 @@ class Begun:
 ANY_TIME: Final = Departure(0.0, math.inf)
 
 _EARLIER: Final = 0.02
-"""How much earlier [s] a robot has to arrive to wait in a zone that others have yet to pass."""
+"""A robot may wait in a zone that others have yet to pass if it arrives earlier by this [s]."""
 
 
 def earliest_motion(
@@ -62,9 +62,9 @@ def earliest_motion(
 
     The robot waits where it cannot block anybody, outside of zones that others have yet to pass.
     With `anywhere` it may wait inside of them if there is no other way, or if that is quicker in a
-    small fleet.  modes (zones,): what each of its zones demands, as in
-    forbidden_interval_kernels.py; BOTH where the other robot has a motion when left out.  The robot
-    has to arrive before `latest` [s].
+    small fleet.  modes (zones,): what each of its zones demands
+    (forbidden_interval_kernels.py); by default BOTH if the other robot has a motion, FIRST if it
+    has none.  The robot has to arrive before `latest` [s].
     """
     few = len(junctions.tracks) <= FEW
     arrival, waits = math.inf, list[Wait]()

@@ -28,7 +28,7 @@ class Motions:
         self.table = _empty(count, _KNOTS, np.array(lengths, dtype=np.float64))
 
     def put(self, index: int, motion: Motion | None, serial: int | None = None) -> None:
-        """Set a robot's motion, or remove it; `serial`: that of a motion which is put back."""
+        """Set or remove a robot's motion; `serial`: the number of a motion that is restored."""
         self.found[index] = motion
         self.table.serial[index] = next(_SERIALS) if serial is None else serial
         self.placed[index] = motion is not None

@@ -70,10 +70,11 @@ def _owned(junctions: Junctions, table: Motions, index: int, motion: Motion) -> 
 
 
 def _forcing(closed: Array, owners: Indices, span: Array, enough: float) -> int:
-    """Return which zone forces a wait, -1 if none is known to.
+    """Return which zone forces a wait; -1 if no zone forbids any part of it.
 
     closed (n, 2) [s]: departures within the wait that zone owners (n,) forbids; span (zones, 2)
-    [m]: where the robot enters and leaves each zone; `enough` [s] explains the wait.
+    [m]: where the robot enters and leaves each zone; a zone that forbids `enough` [s] explains the
+    wait.
     """
     shares = np.bincount(owners, closed[:, 1] - closed[:, 0], len(span))
     forcing = np.flatnonzero(shares >= enough)

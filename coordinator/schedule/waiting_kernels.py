@@ -140,7 +140,7 @@ def _border(ride: Ride, p: int, q: int, k: int) -> float:
 
 @compiled
 def _rows_between(cells: Indices, begin: int, end: int, first: int, last: int) -> tuple[int, int]:
-    """Return the first and past-the-last of rows begin..end - 1 with cells from first to last.
+    """Return which of rows begin..end - 1 have cells from first to last, as a half-open range.
 
     The rows are in order of their cells.
     """
@@ -227,7 +227,7 @@ def _forbidden_by(
     closed: Closed,
     count: int,
 ) -> int:
-    """Append what rows[0] to rows[1] - 1 of one zone forbid to `count` intervals; return how many.
+    """Append to `count` intervals what rows[0] to rows[1] - 1 of a zone forbid; return how many.
 
     What consecutive rows forbid mostly overlaps and becomes one interval.
     """

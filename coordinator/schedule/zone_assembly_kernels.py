@@ -21,8 +21,8 @@ from coordinator.schedule.zone_kernels import BOTTOM, LEFT, Polyline, extent_of,
 
 CHORD_A, CHORD_B, SIDES, JOINED = range(4)
 """Columns of pairs of chords (n, 4): the chords of both robots, named by the vertices where they
-begin; the flags of zone_kernels.py; and the row of a pair in the same zone, at the end that of the
-first pair of the zone."""
+begin; the flags of zone_kernels.py; and the row of another pair in the same zone, which after
+`join_pairs` is the first pair of the zone."""
 
 BEGIN_A, END_A, BEGIN_B, END_B = range(4)
 """Columns of extents (n, 4) [m]: the arc lengths where a zone begins and ends on both paths."""

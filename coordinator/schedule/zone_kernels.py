@@ -42,7 +42,7 @@ class Polyline(NamedTuple):
 def is_near(px: float, py: float, dx: float, dy: float, square: float, reach: float) -> bool:
     """Tell whether p is within a distance of the segment from the origin to d.
 
-    `square` is the square of the segment's length, `reach` that of the distance.
+    `square` is the square of the segment's length, `reach` the square of the distance.
     """
     along = px * dx + py * dy
     if along <= 0.0:

@@ -79,7 +79,10 @@ def outline_cells(occupied: Cells, most: float) -> tuple[list[NDArray[np.int64]]
 
 
 def _pieces_without_holes(occupied: Cells) -> tuple[Labels, int]:
-    """Label the pieces of the cells (with a free rim) and count them; cut pieces with holes."""
+    """Label the pieces of the occupied cells and count them; pieces with holes are cut first.
+
+    The array has a rim of free cells.
+    """
     labels = np.empty(occupied.shape, np.int32)
     pieces = ndimage.label(occupied, output=labels)
     turns, count = _corners(labels, pieces)

@@ -106,7 +106,7 @@ def _polygons(
 def _faults(
     solids: Sequence[shapely.Polygon], floors: Sequence[shapely.Polygon], options: MapOptions
 ) -> list[str]:
-    """Return what is wrong with a set of outlines each of which is valid."""
+    """Return what is wrong with all outlines together; each by itself is valid."""
     if options.boundary_layer and len(floors) != 1:
         return [
             f"layer {options.boundary_layer}: {len(floors)} closed outlines, but a floor has one"

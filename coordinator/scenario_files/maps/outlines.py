@@ -171,7 +171,7 @@ def _stair_growth(corners: Corners, first: int, n: int, at: int, end: int, most:
 
 @compiled
 def _walk(taken: NDArray[np.bool_], x0: int, y0: int, x1: int, y1: int, take: bool) -> bool:
-    """Take the cells that a chord crosses (`take`), or return whether all are free.
+    """With `take`, mark all cells that a chord crosses as taken; else return whether all are free.
 
     The outside of the outline is to the right of the chord.
     """

@@ -78,7 +78,7 @@ class _PlainLoader(yaml.SafeLoader):
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
             mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
-            raise ComposerError(None, None, "an alias, which is not read here", mark)
+            raise ComposerError(None, None, "a YAML alias, which a map must not contain", mark)
         return super().compose_node(parent, index)
 
 

@@ -124,7 +124,7 @@ def test_a_knot_that_is_not_inside_is_refused(u):
 def test_a_knot_more_often_than_the_degree_is_refused():
     curve = insert_knot(random_curve(1), 4.0, 2)
     insert_knot(curve, 4.0)
-    with pytest.raises(ValueError, match=r"knot 4\.0 would stand more often than the degree, 3"):
+    with pytest.raises(ValueError, match=r"knot 4\.0 would have multiplicity above the degree, 3"):
         insert_knot(curve, 4.0, 2)
     with pytest.raises(ValueError, match="degree, 0"):
         insert_knot(nurbs(0, [0.0, 1.0], [[0.0, 0.0]]), 0.5)

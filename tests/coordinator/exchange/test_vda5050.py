@@ -264,7 +264,7 @@ def noded(**position):
     [
         (
             broken(knotVector=[0, 0, 0, 0, 1, 1, 1, 1]),
-            "edges[0].trajectory.knotVector: are 8, must be control points + degree + 1 = 11",
+            "edges[0].trajectory.knotVector: has 8, must have control points + degree + 1 = 11",
         ),
         (
             broken(controlPoints=points(0)),
@@ -276,11 +276,11 @@ def noded(**position):
         ),
         (
             broken(controlPoints=points(count=1), knotVector="absent"),
-            "edges[0].trajectory.controlPoints: are 1, degree 3 needs 4 or more",
+            "edges[0].trajectory.controlPoints: has 1, degree 3 needs 4 or more",
         ),
         (
             broken(controlPoints=points(count=1), knotVector="absent", degree="absent"),
-            "edges[0].trajectory.controlPoints: are 1, degree 1 needs 2 or more",
+            "edges[0].trajectory.controlPoints: has 1, degree 1 needs 2 or more",
         ),
         (edge_with(trajectory=None), "edges[0].trajectory: is missing"),
         (edge_with(trajectory=[]), "edges[0].trajectory: a list of 0 is not an object"),
@@ -300,7 +300,7 @@ def noded(**position):
         ),
         (
             broken(knotVector=[0, 0, 0, 0.1, 0.25, 0.5, 0.75, 1, 1, 1, 1]),
-            "edges[0].trajectory.knotVector: begin 0 to 0.1, must be 4 times 0",
+            "edges[0].trajectory.knotVector: the first 4 are 0 to 0.1, must all be 0",
         ),
         (broken(knotVector=[1] * 11), "edges[0].trajectory.knotVector: are all the same, must end"),
         (broken(knotVector=[]), "edges[0].trajectory.knotVector: is empty"),

@@ -160,16 +160,16 @@ HEAD = '[workspace]\nbounds = [0.0, 0.0, 10.0, 8.0]\n[[robots]]\nid = "R1"\nradi
 @pytest.mark.parametrize(
     ("path", "problem"),
     [
-        ("{degree = 3, control_points = [[1, 1], [2, 2]]}", "control_points: are 2, degree 3"),
-        ("{degree = 1, control_points = [[1, 1]]}", "control_points: are 1, degree 1"),
-        ("{degree = 1, control_points = []}", "control_points: are 0, degree 1"),
+        ("{degree = 3, control_points = [[1, 1], [2, 2]]}", "control_points: has 2, degree 3"),
+        ("{degree = 1, control_points = [[1, 1]]}", "control_points: has 1, degree 1"),
+        ("{degree = 1, control_points = []}", "control_points: has 0, degree 1"),
         ("{degree = 8, control_points = [[1, 1], [2, 2]]}", "degree: is 8, must be 1 to 7"),
         ("{degree = 1.5, control_points = [[1, 1], [2, 2]]}", "degree: 1.5 is not a whole number"),
         ("{control_points = [[1, 1], [2, 2]]}", "degree: is missing"),
         ("{degree = 1, control_points = [[1, 1], [2]]}", "control_points[1]: a list of 1 is not"),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], knots = [0, 1]}",
-            "knots: are 2, must be control points + degree + 1 = 4",
+            "knots: has 2, must have control points + degree + 1 = 4",
         ),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], knots = [0, 1, 0, 1]}",
@@ -185,7 +185,7 @@ HEAD = '[workspace]\nbounds = [0.0, 0.0, 10.0, 8.0]\n[[robots]]\nid = "R1"\nradi
         ),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], weights = [1]}",
-            "weights: are 1, must be one for each of 2 control points",
+            "weights: has 1, must have one for each of 2 control points",
         ),
         (
             "{degree = 1, control_points = [[1, 1], [2, 2]], knots = [0, 'a']}",

@@ -95,4 +95,4 @@ def test_facts_that_ask_for_both_orders_are_told_as_such(names):
 def test_what_two_robots_could_do_alone_is_not_said_to_be_impossible():
     robots = [a_robot("A", (1, 4), (9, 4)), a_robot("B", (9, 4), (1, 4))]
     said = said_of(*robots, among_others=True)
-    assert said.startswith("no order was found in which A and B both arrive among all others: ")
+    assert said.startswith("no order of the whole fleet was found in which A and B both arrive: ")

@@ -155,7 +155,7 @@ YAML_FAULTS = {
     "a tab": ("negate", "\tnegate", "line 4: found character '\\t' that cannot start any token"),
     "a date that is none": ("0.5", "2001-99-99", "month must be in 1..12"),
     "lists without end": ("0.5", "[" * 1000, "nested too deeply"),
-    "an alias": ("[1.0,", "[&a 1.0, *a,", "line 3: an alias, which is not read here"),
+    "an alias": ("[1.0,", "[&a 1.0, *a,", "line 3: a YAML alias, which a map must not contain"),
     "a tag that builds things": ("0.5", "!!python/object:os.system", "constructor for the tag"),
 }
 
