@@ -56,8 +56,6 @@ _IMPLEMENTATION: Final[_Any] = private("caching.CompileResultCacheImpl")
 _UNREADABLE: Final = (OSError, EOFError, pickle.UnpicklingError)
 """Errors on reading a file that is missing, not readable, or truncated by a crash."""
 
-_files: Final[set[Path]] = set()
-"""The files whose kernels were passed to `keep`."""
 
 _kernels: Final[set[tuple[Path, str]]] = set()
 """The kernels passed to `keep`: the file of each, and how the names of its cache files begin."""
@@ -70,7 +68,6 @@ def keep(kernel: _Any) -> None:
     """
     code = kernel.py_func.__code__
     file = Path(code.co_filename)
-    _files.add(file)
     _kernels.add((file, f"{file.stem}.{kernel.py_func.__qualname__}-{code.co_firstlineno}."))
     if _takes_ours(kernel):
         kernel._cache = KernelCache(kernel.py_func)
@@ -90,8 +87,9 @@ def _takes_ours(kernel: _Any) -> bool:
 
 
 def is_filled() -> bool:
-    """Tell whether the cache holds code for each file whose kernels were passed to `keep`."""
-    return all(any(_holds_code(place / _name(file)) for place in places()) for file in _files)
+    """Return whether the cache holds code for each kernel that was passed to `keep`."""
+    count, known = count_kernels()
+    return count == known
 
 
 def count_kernels() -> tuple[int, int]:
@@ -227,10 +225,6 @@ def _cache_classes() -> list[_Any]:
         kept = {"_impl_class": implementation}
         classes.append(type("FolderCache", (_FUNCTION_CACHE,), kept))
     return classes
-
-
-def _holds_code(folder: Path) -> bool:
-    return any(folder.glob("**/*.nbc"))
 
 
 def _user_cache() -> Path:

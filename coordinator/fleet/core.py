@@ -166,7 +166,7 @@ class Fleet(FleetState):
         self._delay.drop()
         self.times.lose_sight(last_ns)
         self._patient_until_ns = now_ns + RESUME_PATIENCE
-        self._tell(now_ns, "phase", "", "resumed from a log: FREEZE")
+        self._tell_phase(now_ns, "resumed from a log: FREEZE")
 
     def _hear_hello(self, robot: str, hello: Hello, now_ns: int) -> list[Outgoing]:
         has_gone = self.phase != HOLD and (self.times.has_gone or self.phase == OVER)

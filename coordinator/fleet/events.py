@@ -18,12 +18,16 @@ class Outgoing:
 
 @dataclass(frozen=True)
 class Incident:
-    """Something worth telling people: when, of what kind, about which robot, in words."""
+    """Something worth telling people: when, of what kind, about which robot, in words.
+
+    `phase`: the phase that the fleet has turned to, for incidents of the kind "phase".
+    """
 
     now_ns: int
     kind: str
     robot: str
     text: str
+    phase: int | None = None
 
 
 @dataclass(frozen=True)

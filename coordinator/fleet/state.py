@@ -144,7 +144,7 @@ class FleetState:
             self.times.go(now_ns)
             for member in self.members.planned:
                 member.set_out(self.epoch, now_ns)
-        self._tell(now_ns, "phase", "", COMMAND_NAMES[phase])
+        self._tell_phase(now_ns, COMMAND_NAMES[phase])
 
     def _command(self, now_ns: int) -> Outgoing:
         self._sequence += 1
@@ -158,6 +158,9 @@ class FleetState:
             said_ns=now_ns,
         )
         return Outgoing(keys.command(self.name), encode(command))
+
+    def _tell_phase(self, now_ns: int, text: str) -> None:
+        self.incidents.append(Incident(now_ns, "phase", "", text, self.phase))
 
     def _tell(self, now_ns: int, kind: str, robot: str, text: str) -> None:
         self.incidents.append(Incident(now_ns, kind, robot, text))

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import functools
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -20,10 +21,11 @@ from pathlib import Path
 from typing import Final
 
 from coordinator.base.console import errors, tell
+from coordinator.base.interrupts import INTERRUPTED
 from coordinator.base.kernel_cache import count_kernels, is_filled, places, writable_place
 from coordinator.planning.warm import PARTS, compile_rest, load_kernels
 
-_ROOT: Final = Path(__file__).parents[__name__.count(".")]
+_ROOT: Final = Path(__file__).parents[2]
 _WARM: Final = (sys.executable, "-m", "coordinator.planning.warm")
 _LOOK_S: Final = 0.5
 """The time between two counts of the compiled kernels [s]."""
@@ -97,4 +99,8 @@ def _progress() -> Iterator[Callable[[], None]]:
 
 
 if __name__ == "__main__":
-    get_kernels_ready()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        get_kernels_ready()
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)

@@ -36,7 +36,7 @@ from coordinator.service.planning import plan_here
 from coordinator.service.replay import go_on, scenario_of
 from coordinator.view.live_table import FleetTable
 from protocol.host_clock import host_clock_ns
-from protocol.phases import PHASE_NAMES
+from protocol.phases import COMMAND_NAMES, GO, PHASE_NAMES
 from protocol.shared_clock import announce_clock
 
 _WITHOUT: Final = {
@@ -206,6 +206,7 @@ class Coordinator:
                 text=incident.text,
                 now_ns=incident.now_ns,
                 start_ns=fleet.times.start_ns,
+                phase=None if incident.phase is None else COMMAND_NAMES[incident.phase],
             )
         self._told = len(fleet.incidents)
 
@@ -235,7 +236,7 @@ class Coordinator:
 
     def _summarise(self, fleet: Fleet, arrived: bool, dropped: Mapping[str, int]) -> None:
         """Report how every robot ended; times count from the first GO."""
-        gone = (one for one in fleet.incidents if (one.kind, one.text) == ("phase", "GO"))
+        gone = (one for one in fleet.incidents if one.phase == GO)
         zero_ns = next((one.now_ns + GO_LEAD for one in gone), 0)
         robots = [
             {

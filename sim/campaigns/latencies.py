@@ -11,7 +11,7 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 
-from protocol.phases import BRAKING, COMMAND_NAMES, FREEZE, GO, MOVING
+from protocol.phases import BRAKING, FREEZE, GO, MOVING
 from protocol.timing import SECOND
 from sim.judging.blackbox import BlackBox
 from sim.world.strikes import Struck
@@ -36,9 +36,8 @@ class Latencies(msgspec.Struct, frozen=True):
 
 def latencies(world: World, boxes: Mapping[str, BlackBox]) -> Latencies:
     """Measure the latencies after every death of a robot under way in phase GO."""
-    names = {name: number for number, name in enumerate(COMMAND_NAMES)}
-    told = [one for one in world.fleet.incidents if one.kind == "phase"]
-    turns = [(one.now_ns, names[one.text.split()[-1]]) for one in told]
+    told = world.fleet.incidents
+    turns = [(one.now_ns, one.phase) for one in told if one.phase is not None]
     faulty = {one.fault.robot for one in world.struck}
     healthy = [box for name, box in boxes.items() if name not in faulty]
     freeze, rest, share = [], [], []

@@ -97,11 +97,11 @@ def _told(logs: Sequence[Log]) -> _Told:
 
 
 def _first_plan(folder: Path, source: Path, plans: Mapping[str, bytes]) -> PlanDocument:
-    """Return the plan of the first epoch, from its file or a log's attachment."""
-    if source.is_dir() and (folder / "plan.json").exists():
-        return read(folder / "plan.json")
+    """Return the plan of the first epoch, from a log's attachment, else from its file."""
     if "plan-1.json" in plans:
         return from_json(plans["plan-1.json"], f"{source}: plan-1.json")
+    if source.is_dir() and (folder / "plan.json").exists():
+        return read(folder / "plan.json")
     wanted = "plan.json, or a log that the coordinator wrote (--log run.mcap)"
     raise InputError([f"{source}: holds no plan; `judge` needs {wanted}"])
 

@@ -178,7 +178,7 @@ class LocalFleet:
             if event["event"] == "listening":
                 for robot in self.scenario.robots:
                     self._robots[robot.id] = self._start_robot(robot)
-            elif event["event"] == "phase" and event["text"] == "GO":
+            elif event["event"] == "phase" and event["phase"] == "GO":
                 self._start_ns = int(event["start_ns"])
                 return True
             else:

@@ -12,6 +12,7 @@ from coordinator.planning.planner import plan_fleet, plan_scenario
 from coordinator.service import launch
 from coordinator.service.launch import Coordinator
 from coordinator.view.live_table import FleetTable
+from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD
 from protocol.timing import SECOND
 from tests.scenarios import a_robot, a_scenario
 
@@ -49,8 +50,8 @@ def test_arrivals_count_from_the_first_go_whatever_epoch_they_were_in(told):
     mission = Mission(HALL, plan_fleet(HALL, effort=0), 9, lambda *_: None)
     fleet, coordinator = mission.fleet, Coordinator(HALL, effort=0, speed=1.0, events=False)
     fleet.incidents += [
-        Incident(seconds * SECOND, "phase", "", phase)
-        for seconds, phase in ((5, "HOLD"), (6, "GO"), (9, "FREEZE"), (10, "HOLD"), (11, "GO"))
+        Incident(seconds * SECOND, "phase", "", COMMAND_NAMES[phase], phase)
+        for seconds, phase in ((5, HOLD), (6, GO), (9, FREEZE), (10, HOLD), (11, GO))
     ]
     fleet.start_ns = 11 * SECOND + GO_LEAD
     fleet.members["R1"].done_ns = 20 * SECOND + GO_LEAD
