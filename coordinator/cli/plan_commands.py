@@ -204,12 +204,14 @@ def verify(
     from coordinator.base.errors import InputError
     from coordinator.findings.plan_table import render_proof
     from coordinator.plan.plan_file import read
-    from coordinator.proof.verify import prove_document
+    from coordinator.plan.wire import packed
+    from coordinator.proof.verify import prove_messages
     from coordinator.scenario_files.scenario_reader import read_scenario
+    from coordinator.schedule.staircase_making import with_staircases
 
     document, site = read(plan), None if scenario is None else read_scenario(scenario)
     try:
-        proof = prove_document(document, site)
+        proof = prove_messages(with_staircases(packed(document)), site)
     except InputError as error:
         named = [problem.replace("plan:", f"{plan}:", 1) for problem in error.problems]
         raise InputError(named) from None

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final, TypeVar
 
 import msgspec
@@ -23,6 +24,7 @@ from coordinator.curves.nurbs import Array, Nurbs, nurbs
 from coordinator.curves.nurbs_kernels import ArcTable, parameters_at, series
 from coordinator.plan.arc_length_kernels import robot_table
 from coordinator.plan.document import Path, PlanDocument, RobotPlan
+from coordinator.plan.staircases import Staircases
 from coordinator.scenario.link_times import link_times
 from coordinator.scenario.margin import ARC_ERROR, track_mm_for
 from protocol.codec import decode, encode, seal
@@ -69,10 +71,26 @@ class Driven:
 
 @dataclass(frozen=True)
 class PackedPlan:
-    """A plan document and its Plan messages by robot id, as packed: with boot id 0."""
+    """A plan document and its Plan messages by robot id, as packed: with boot id 0.
+
+    `staircases`: who has to wait for whom if robots are late; None where nobody asked for them.
+    """
 
     document: PlanDocument
     messages: Mapping[str, bytes]
+    staircases: Staircases | None = None
+
+    @cached_property
+    def driven(self) -> list[Driven]:
+        """The decoded messages; raises PartsError naming the robots that would refuse theirs."""
+        robots, messages = self.document.robots, self.messages
+        return [one for _, one in _each(robots, lambda one: unpack(messages[one.id], one.radius))]
+
+    def bounded_by(self, staircases: Staircases) -> PackedPlan:
+        """Return the plan with these staircases, without decoding its messages again."""
+        plan = replace(self, staircases=staircases)
+        vars(plan)["driven"] = self.driven
+        return plan
 
 
 def pack(document: PlanDocument, robot: RobotPlan) -> bytes:
@@ -236,16 +254,7 @@ def drive(document: PlanDocument) -> list[Driven]:
 
     Raises PartsError naming robots without a message, or those that would refuse theirs.
     """
-    return unpack_all(packed(document))
-
-
-def unpack_all(plan: PackedPlan) -> list[Driven]:
-    """Return the decoded messages of all robots of a plan.
-
-    Raises PartsError naming the robots that would refuse theirs.
-    """
-    robots, messages = plan.document.robots, plan.messages
-    return [one for _, one in _each(robots, lambda one: unpack(messages[one.id], one.radius))]
+    return packed(document).driven
 
 
 def _each(robots: Sequence[RobotPlan], make: Callable[[RobotPlan], T]) -> list[tuple[str, T]]:

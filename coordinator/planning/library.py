@@ -22,12 +22,13 @@ from coordinator.plan import plan_file
 from coordinator.plan.document import PlanDocument as Plan
 from coordinator.plan.document import Proof
 from coordinator.plan.trajectory import sample
-from coordinator.plan.wire import pack, unpack
+from coordinator.plan.wire import pack, packed, unpack
 from coordinator.planning.planner import plan_scenario
-from coordinator.proof.verify import prove_document
+from coordinator.proof.verify import prove_messages
 from coordinator.scenario.model import GivenPath, Robot, Scenario, Workspace
 from coordinator.scenario_files.scenario_reader import parse_scenario
 from coordinator.scenario_files.scenario_reader import read_scenario as _read_scenario
+from coordinator.schedule.staircase_making import with_staircases
 
 __all__ = [
     "GivenPath",
@@ -75,10 +76,11 @@ def plan_to_json(plan: Plan) -> bytes:
 def prove_plan(plan: Plan, scenario: Scenario | None = None) -> Proof:
     """Prove a plan again from the bytes that robots would receive, and return the proof.
 
+    The staircases that a coordinator would grant authority by are made anew and proven as well.
     With a scenario, the plan is proven against the scenario's floor, robots, tau and margin.
     Raises InputError when a robot would not accept its part of the plan.
     """
-    return prove_document(plan, scenario)
+    return prove_messages(with_staircases(packed(plan)), scenario)
 
 
 def motion_of(plan: Plan, robot: str, times: npt.ArrayLike) -> Array:

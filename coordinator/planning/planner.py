@@ -35,6 +35,7 @@ from coordinator.schedule.precedence import ring_of, stuck_pairs
 from coordinator.schedule.priority_order import Deadlock, find_schedule
 from coordinator.schedule.refusals import pair_error, ring_error
 from coordinator.schedule.rerouting import latest_robots, quicker_by, with_reasons
+from coordinator.schedule.staircase_making import with_staircases
 from coordinator.schedule.track import Track
 from coordinator.schedule.wait_owners import with_owners
 from coordinator.schedule.wait_reasons import explain_waits, unkept_priorities
@@ -109,8 +110,10 @@ def plan_fleet(
     marks.append(timer())
     notes = [*unkept_priorities(scenario.robots, waits), *drafted.document.notes]
     document = replace(drafted.document, waits=waits, notes=notes)
+    plan = PackedPlan(document, drafted.messages)
     try:
-        proof = prove_messages(PackedPlan(document, drafted.messages), scenario)
+        plan = plan if scenario.policy == "paper" else with_staircases(plan)
+        proof = prove_messages(plan, scenario)
     except PartsError as error:
         reason = "a path cannot be sent: " + "; ".join(error.problems)
         raise PlanError(reason, blames=error.robots[-1]) from None
@@ -119,7 +122,8 @@ def plan_fleet(
     timing = {n: round(b - a, 4) for n, (a, b) in zip(names, pairwise(marks), strict=True)}
     if scenario.policy == "safe" and not proof.holds:
         raise PlanError("the plan found does not pass its proof: " + "; ".join(proof.failures))
-    return PackedPlan(replace(document, proof=proof, timing=timing), drafted.messages)
+    document = replace(document, proof=proof, timing=timing)
+    return PackedPlan(document, plan.messages, plan.staircases)
 
 
 def _check_times(scenario: Scenario, tau: float, motions: Sequence[Motion]) -> None:

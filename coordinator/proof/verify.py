@@ -18,7 +18,8 @@ from coordinator.curves.nurbs import Array
 from coordinator.plan.checks import LENGTH_TOLERANCE, LONGEST_PLAN
 from coordinator.plan.document import Limits, PlanDocument, Proof, RobotPlan
 from coordinator.plan.fault_budget import budget_for, resolve_tau
-from coordinator.plan.wire import Driven, PackedPlan, packed, unpack_all
+from coordinator.plan.wire import Driven, PackedPlan, packed
+from coordinator.proof.precedence import staircase_failures
 from coordinator.proof.tau_safety import prove
 from coordinator.scenario.floor import Floor
 from coordinator.scenario.margin import TOLERANCE
@@ -56,7 +57,7 @@ def prove_document(document: PlanDocument, scenario: Scenario | None = None) -> 
 
 
 def prove_messages(plan: PackedPlan, scenario: Scenario | None = None) -> Proof:
-    """Prove a plan from its wire bytes.
+    """Prove a plan from its wire bytes, and its staircases if it has any.
 
     With a scenario, the plan is proven against the scenario's floor, limits, tau and margin.  The
     proof then also fails if the document's tau, margin, link or limits differ from the scenario's,
@@ -64,7 +65,7 @@ def prove_messages(plan: PackedPlan, scenario: Scenario | None = None) -> Proof:
     the values in the document are used.  Raises PartsError when a robot would not accept its
     message, or would drive too long.
     """
-    document, driven = plan.document, unpack_all(plan)
+    document, driven = plan.document, plan.driven
     _check_durations(driven)
     told = [
         failure
@@ -75,6 +76,8 @@ def prove_messages(plan: PackedPlan, scenario: Scenario | None = None) -> Proof:
         proof = _prove_against(document, driven, scenario)
     else:
         proof = _prove_alone(document, driven)
+    if plan.staircases is not None:
+        told += staircase_failures(driven, plan.staircases, document.margin)
     return _with_failures(proof, told)
 
 

@@ -1,0 +1,60 @@
+"""The proof that staircases cover every conflict of a plan, from the decoded wire bytes alone.
+
+A fleet keeps clear at any delay if, whenever one robot is at plan time t, every other one has
+passed the need of their staircase at t (design section 3).  So no conflict may lie above a
+staircase.  Conflicts within tau of each other are left to the proof of tau-safety, which shows that
+there are none.
+
+Decides: whether staircases may be used to grant authority.  Must not know: zones and schedules,
+which staircases are made from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from coordinator.plan.staircases import Staircases
+from coordinator.plan.wire import Driven
+from coordinator.proof.motion_pieces import Flights
+from coordinator.proof.precedence_kernels import Motions, Needs, uncovered
+from coordinator.scenario.margin import RESOLUTION, TOLERANCE
+
+_DEVIATION: Final = 2.5e-4
+"""Greatest deviation [m] of the pieces that are compared."""
+
+_MOST_SAID: Final = 20
+
+
+def staircase_failures(
+    driven: Sequence[Driven], staircases: Staircases, margin: float
+) -> list[str]:
+    """Return a sentence for each ordered pair with a conflict above its staircase; margin [m].
+
+    A shortfall of the distance below margin.TOLERANCE is accepted, as by the proof of tau-safety.
+    """
+    if len(driven) < 2:
+        return []
+    flights = Flights(driven)
+    pieces = flights.pieces(_DEVIATION)
+    count = len(driven)
+    first = np.searchsorted(pieces.robot, np.arange(count + 1))
+    keep = np.array([one.radius for one in driven]) + 0.5 * margin
+    motions = Motions(pieces.rows, first, keep - 0.5 * (TOLERANCE + RESOLUTION))
+    needs = Needs(
+        np.searchsorted(staircases.behind, np.arange(count + 1)),
+        staircases.ahead,
+        staircases.first,
+        staircases.at / 1000.0,
+        staircases.need / 1000.0,
+    )
+    failing = uncovered(motions, needs, staircases.tau_ms / 1000.0)
+    said = [
+        f"{driven[one.behind].id} at {one.t_behind:.2f} s is too near {driven[one.ahead].id} at "
+        f"{one.t_ahead:.2f} s, which its staircase does not say"
+        for one in failing[:_MOST_SAID]
+    ]
+    more = len(failing) - len(said)
+    return [*said, f"and {more} more pairs"] if more > 0 else said

@@ -1,0 +1,219 @@
+"""Compiled: the staircases of all pairs of robots that have conflict zones.
+
+A conflict is a pair of plan times at which two robots would be too near.  For each cell of the path
+of the robot behind, a zone gives the last arc length of the robot ahead in conflict with it.  Both
+motions turn this into a step: from when the one enters the cell, the other has to have passed the
+last time at which it is at that arc length.  The running maximum of the steps is the staircase,
+which a polyline above it replaces.
+
+Decides: on which side of a staircase rounding falls.  Must not know: fleets' names, messages.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from coordinator.base.compiled import compiled
+from coordinator.curves.nurbs_kernels import Array, Indices
+from coordinator.schedule.fleet_zone_kernels import widened
+from coordinator.schedule.zone_kernels import CELL_NUMBER, HIGH, LOW, Polyline, zone_rows
+from coordinator.schedule.zone_table_kernels import ZoneChords
+
+_EVER: Final = 2**31 - 1
+"""The need [ms] where the robot ahead rests in the conflict for ever."""
+
+_MS: Final = 1000.0
+
+AT, NEED = range(2)
+"""Columns of steps and of knots: plan time of the robot behind, and of the one ahead [ms]."""
+
+
+class Legs(NamedTuple):
+    """Motions as legs of constant acceleration, those of robot r from first[r] to first[r + 1].
+
+    t0, t1 [s], s0, s1 [m], v0, v1 [m/s]: at the beginning and the end of a leg; between legs, and
+    after the last one, a robot rests.
+    """
+
+    first: Indices
+    t0: Array
+    t1: Array
+    s0: Array
+    s1: Array
+    v0: Array
+    v1: Array
+
+
+class Pairing(NamedTuple):
+    """Zones (z,) in order of their robots a < b, with the reach [m] of each pair.
+
+    begin (z, 2) [m]: where a zone begins on the path of a and on that of b.
+    """
+
+    a: Indices
+    b: Indices
+    begin: Array
+    reach: Array
+
+
+class Steps(NamedTuple):
+    """Staircases (n,): robots ahead and behind, where their knots begin (n + 1,), knots (k, 2)."""
+
+    ahead: Indices
+    behind: Indices
+    first: Indices
+    knots: Indices
+
+
+@compiled
+def _time_in(legs: Legs, leg: int, s: float) -> float:
+    """Return when [s] a leg comes to arc length s [m], which lies on it."""
+    passed = s - legs.s0[leg]
+    if passed <= 0.0:
+        return float(legs.t0[leg])
+    v0, v1 = legs.v0[leg], legs.v1[leg]
+    slope = (v1 * v1 - v0 * v0) / (legs.s1[leg] - legs.s0[leg])
+    v = math.sqrt(max(v0 * v0 + slope * passed, 0.0))
+    return float(min(legs.t0[leg] + 2.0 * passed / (v0 + v), legs.t1[leg]))
+
+
+@compiled
+def first_time_at(legs: Legs, robot: int, s: float) -> float:
+    """Return when [s] a robot comes to arc length s [m]; 0 where it starts, inf beyond its goal."""
+    begin, end = legs.first[robot], legs.first[robot + 1]
+    if s <= 0.0:
+        return 0.0
+    leg = begin + int(np.searchsorted(legs.s1[begin:end], s))
+    return math.inf if leg == end else _time_in(legs, leg, s)
+
+
+@compiled
+def last_time_at(legs: Legs, robot: int, s: float) -> float:
+    """Return when [s] a robot leaves arc length s [m]; inf at its goal and beyond."""
+    begin, end = legs.first[robot], legs.first[robot + 1]
+    s = max(s, 0.0)
+    leg = begin + int(np.searchsorted(legs.s1[begin:end], s, side="right"))
+    return math.inf if leg == end else _time_in(legs, leg, s)
+
+
+@compiled
+def _add_steps(
+    legs: Legs, robots: tuple[int, int], begin: float, rows: Array, cell: float, steps: Indices,
+    count: int,
+) -> int:  # fmt: skip
+    """Append the steps of a zone's rows unless the robot behind surely goes first.
+
+    Returns how many steps there are.  robots: behind, ahead.  `begin` [m]: where the zone begins on
+    the path of the robot behind, which may wait right before it for long.
+    """
+    behind, ahead = robots
+    is_behind, is_before, before = False, False, count
+    for row in rows:
+        enters = first_time_at(legs, behind, max(begin, row[CELL_NUMBER] * cell))
+        leaves = last_time_at(legs, behind, (row[CELL_NUMBER] + 1.0) * cell)
+        last = last_time_at(legs, ahead, row[HIGH])
+        is_behind |= last < enters
+        is_before |= leaves < first_time_at(legs, ahead, row[LOW])
+        if math.isinf(enters):
+            continue
+        steps[count, AT] = math.floor(_MS * enters) - 1
+        steps[count, NEED] = _EVER if math.isinf(last) else math.ceil(_MS * last) + 1
+        count += 1
+    return before if is_before and not is_behind else count
+
+
+@compiled
+def _climb(steps: Indices) -> Indices:
+    """Return the running maximum of steps as the corners (m, 2) of a polyline on or above it."""
+    order = np.argsort(steps[:, AT], kind="mergesort")
+    corners, count, need = np.empty((2 * len(steps), 2), np.int64), 0, -(2**62)
+    for at, step in steps[order]:
+        if step <= need:
+            continue
+        if count and corners[count - 1, AT] == at:
+            count -= 1
+        elif count and at - corners[count - 1, AT] > 1 and step > need:
+            corners[count, AT], corners[count, NEED] = at - 1, need
+            count += 1
+        corners[count, AT], corners[count, NEED] = at, step
+        need, count = step, count + 1
+    return corners[:count]
+
+
+@compiled
+def _simplify(corners: Indices, tolerance: int, knots: Indices) -> int:
+    """Write a polyline with few knots on or above corners, at most `tolerance` [ms] above them.
+
+    From each knot the next one is as far as one line stays within the tolerance (swing filter).
+    Returns how many knots there are, at most as many as corners.
+    """
+    knots[0] = corners[0]
+    count, at, need = 1, corners[0, AT], corners[0, NEED]
+    low, high, k = 0.0, math.inf, 1
+    while k < len(corners):
+        passed, rise = corners[k, AT] - at, corners[k, NEED] - need
+        least, most = max(low, rise / passed), min(high, max(rise + tolerance, 0) / passed)
+        if least <= most:
+            low, high, k = least, most, k + 1
+            if k < len(corners):
+                continue
+        need += math.ceil(low * (corners[k - 1, AT] - at))
+        at = corners[k - 1, AT]
+        knots[count, AT], knots[count, NEED] = at, need
+        count, low, high = count + 1, 0.0, math.inf
+    return count
+
+
+@compiled
+def staircases(
+    legs: Legs, first: Indices, lines: Polyline, zones: Pairing, chords: ZoneChords, fine: float,
+    tolerance: int,
+) -> Steps:  # fmt: skip
+    """Return the staircases of all pairs of robots with zones.
+
+    The vertices of all robots' paths are in `lines`, those of robot r from first[r] to
+    first[r + 1].  `fine` [m] is the length of a cell, `tolerance` [ms] by how much a staircase may
+    lie above its steps.
+    """
+    ahead, behind = np.empty((256, 1), np.int64), np.empty((256, 1), np.int64)
+    begins, knots = np.zeros((257, 1), np.int64), np.empty((4096, 2), np.int64)
+    rows, steps, pairs, zone = np.empty((1024, 3)), np.empty((1024, 2), np.int64), 0, 0
+    s, points = lines
+    while zone < len(zones.a):
+        a, b, end = zones.a[zone], zones.b[zone], zone + 1
+        while end < len(zones.a) and zones.a[end] == a and zones.b[end] == b:
+            end += 1
+        for side in range(2):
+            me, other = (a, b) if side == 0 else (b, a)
+            mine, theirs = slice(first[me], first[me + 1]), slice(first[other], first[other + 1])
+            my_line, its = Polyline(s[mine], points[mine]), Polyline(s[theirs], points[theirs])
+            count = 0
+            for k in range(zone, end):
+                here = chords.pairs[chords.first[k] : chords.first[k + 1]]
+                size = zone_rows(my_line, its, here, side, zones.reach[k], fine, rows)
+                if size < 0:
+                    rows = np.empty((-2 * size, 3))
+                    size = zone_rows(my_line, its, here, side, zones.reach[k], fine, rows)
+                steps = widened(steps, count + size)
+                begin = zones.begin[k, side]
+                count = _add_steps(legs, (me, other), begin, rows[:size], fine, steps, count)
+            if count == 0:
+                continue
+            corners = _climb(steps[:count])
+            past = begins[pairs, 0]
+            knots = widened(knots, past + len(corners))
+            ahead, behind = widened(ahead, pairs + 1), widened(behind, pairs + 1)
+            begins = widened(begins, pairs + 2)
+            ahead[pairs, 0], behind[pairs, 0] = other, me
+            begins[pairs + 1, 0] = past + _simplify(corners, tolerance, knots[past:])
+            pairs += 1
+        zone = end
+    return Steps(
+        ahead[:pairs, 0].copy(),
+        behind[:pairs, 0].copy(),
+        begins[: pairs + 1, 0].copy(),
+        knots[: begins[pairs, 0]].copy(),
+    )

@@ -1,0 +1,88 @@
+"""The staircases of a plan, from the curves and motions that its messages carry.
+
+Decides: which pairs have a staircase, and how fine it is.  Must not know: who drives, proofs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from coordinator.curves.chords import chords_of
+from coordinator.plan.staircases import Staircases
+from coordinator.plan.wire import Driven, PackedPlan
+from coordinator.schedule.conflict_zones import find_zones
+from coordinator.schedule.staircase_kernels import AT, NEED, Legs, Pairing, staircases
+from coordinator.schedule.zone_kernels import Polyline
+from coordinator.schedule.zone_table_kernels import ZoneChords
+
+_CELL: Final = 0.01
+"""Length [m] of the cells of a path; at 1 m/s a robot passes one in 10 ms."""
+
+_TOLERANCE: Final = 20
+"""By how much [ms] a staircase may lie above its steps, so that it has few knots."""
+
+_CHORD_ERROR: Final = 1e-3
+"""How far [m] chords may lie off their paths here; staircases ask for that much more distance."""
+
+
+def with_staircases(plan: PackedPlan) -> PackedPlan:
+    """Return a plan with the staircases of its robots, which are not proven yet.
+
+    Raises PartsError naming the robots that would refuse their messages.
+    """
+    terms = plan.document
+    return plan.bounded_by(staircases_of(plan.driven, terms.tau, terms.margin))
+
+
+def staircases_of(
+    driven: Sequence[Driven],
+    tau: float,
+    margin: float,
+    among: Sequence[int] | None = None,
+) -> Staircases:
+    """Return the staircases of all pairs of robots that come near each other; tau [s], margin [m].
+
+    `among`: only pairs with at least one of these robots (indices).
+    """
+    paths = [chords_of(one.curve, _CHORD_ERROR) for one in driven]
+    radii = np.array([one.radius for one in driven])
+    errors = np.array([path.error for path in paths])
+    zones = find_zones(paths, radii, margin, among=among)
+    half = radii + 0.5 * margin + errors
+    found = staircases(
+        _legs_of(driven),
+        np.cumsum([0, *(len(path.s) for path in paths)]),
+        Polyline(
+            np.concatenate([path.s for path in paths]),
+            np.concatenate([path.points for path in paths]),
+        ),
+        Pairing(zones.a, zones.b, zones.extent[:, ::2], half[zones.a] + half[zones.b]),
+        ZoneChords(zones.first, zones.pairs),
+        _CELL,
+        _TOLERANCE,
+    )
+    order = np.lexsort((found.ahead, found.behind))
+    sizes = np.diff(found.first)[order]
+    first = np.append(0, np.cumsum(sizes))
+    rows = np.arange(first[-1]) + np.repeat(found.first[:-1][order] - first[:-1], sizes)
+    knots = found.knots[rows].astype(np.int32)
+    return Staircases(
+        tau_ms=int(1000.0 * tau),
+        ahead=found.ahead[order],
+        behind=found.behind[order],
+        first=first,
+        at=knots[:, AT].copy(),
+        need=knots[:, NEED].copy(),
+    )
+
+
+def _legs_of(driven: Sequence[Driven]) -> Legs:
+    lines = [one.timeline for one in driven]
+    columns = [
+        np.concatenate([np.array(getattr(line, name)) for line in lines])
+        for name in ("t0", "t1", "s0", "s1", "v0", "v1")
+    ]
+    return Legs(np.cumsum([0, *(len(line.t0) for line in lines)]), *columns)
