@@ -16,15 +16,20 @@ import sys
 from collections.abc import Callable
 from typing import Final
 
+import numpy as np
+
 from coordinator.paths.path_planner import Pathfinder, find_paths
+from coordinator.plan.staircases import Staircases
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import GivenPath, Point, Pose, Robot, Scenario, Workspace
+from coordinator.schedule.authority import Authority
 
 
 @functools.cache
 def load_kernels() -> None:
     """Compile or load the kernels of planning, by planning a scenario that uses all of them."""
     plan_scenario(_floor_with_a_wall())
+    _compile_authority()
 
 
 def compile_rest() -> None:
@@ -64,11 +69,17 @@ def _compile_schedules() -> None:
         for name, start, goal in ends
     )
     plan_scenario(_scenario(robots, ()))
+    _compile_authority()
+
+
+def _compile_authority() -> None:
+    """Compile the kernels that grant authority."""
+    none = np.zeros(0, np.int64)
+    short = np.zeros(0, np.int32)
+    Authority(Staircases(0, none, none, np.zeros(1, np.int64), short, short), 2).grant(0, 0)
 
 
 def _compile_maps() -> None:
-    import numpy as np
-
     from coordinator.curves.knots import insert_knot
     from coordinator.curves.nurbs import nurbs
     from coordinator.scenario_files.maps.cells import outline_cells

@@ -1,0 +1,68 @@
+"""How far each robot is known to have driven, and how far it may drive.
+
+A robot's progress is the plan time that has it where it is; its authority is the plan time that it
+does not pass.  Authorities are granted such that no robot comes to where another one may still be,
+however late robots or messages are (design section 3).
+
+Decides: what is known of progress, and which authorities follow.  Must not know: messages, phases.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from coordinator.plan.staircases import Staircases
+from coordinator.schedule.authority_kernels import Integers, Table, grant, holder
+
+SLACK_MS: Final = 2_000
+"""A robot is granted no more than this beyond its known progress, apart from the headroom: one that
+is late or silent is told little ahead of what it is known to have driven."""
+
+
+class Held(NamedTuple):
+    """A robot that another one holds, and the plan time [ms] up to which it may drive."""
+
+    robot: int
+    by: int
+    until_ms: int
+
+
+class Authority:
+    """Progress and authority of the robots of one plan, in ms of plan time; both only grow.
+
+    Robots are numbered as in the staircases.
+    """
+
+    def __init__(self, staircases: Staircases, robots: int) -> None:
+        self._table = Table(
+            staircases.tau_ms,
+            np.searchsorted(staircases.behind, np.arange(robots + 1)),
+            staircases.ahead,
+            staircases.first,
+            staircases.at,
+            staircases.need,
+            staircases.first[:-1].copy(),
+        )
+        self.progress: Integers = np.zeros(robots, np.int64)
+        self.granted: Integers = np.zeros(robots, np.int64)
+
+    def know(self, robot: int, progress_ms: int) -> None:
+        """Take in that a robot has driven up to a plan time; never more than it was granted."""
+        known = min(progress_ms, int(self.granted[robot]))
+        self.progress[robot] = max(int(self.progress[robot]), known)
+
+    def grant(self, now_ms: int, headroom_ms: int) -> None:
+        """Grant all robots what is safe, up to the headroom beyond the plan time `now_ms`."""
+        wanted = np.minimum(now_ms, self.progress + SLACK_MS) + headroom_ms
+        grant(self._table, self.progress, wanted, self.granted)
+
+    def held(self, now_ms: int, headroom_ms: int) -> list[Held]:
+        """Return the robots that others hold short of what everybody has at this plan time."""
+        found = []
+        for robot in np.flatnonzero(self.granted < now_ms + headroom_ms).tolist():
+            by, until = holder(self._table, robot, self.progress)
+            if by >= 0 and until < now_ms + headroom_ms:
+                found.append(Held(robot, by, until))
+        return found
