@@ -15,12 +15,17 @@ PROTOCOL_VERSION: Final = 1
 MAX_MESSAGE_BYTES: Final = 4_000
 """No message to a robot may be longer: zenoh-pico drops larger payloads silently."""
 
+MOST_HELD: Final = 60
+"""A Command names at most this many robots that have less authority than all others."""
+
 Counter = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 Nanoseconds = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
 Duration = Annotated[int, msgspec.Meta(ge=0, le=10**12)]
 Milliseconds = Annotated[int, msgspec.Meta(ge=1, le=65_535)]
 Offset = Annotated[int, msgspec.Meta(ge=-32_768, le=32_767)]
 Place = Annotated[int, msgspec.Meta(ge=-(2**31), le=2**31 - 1)]
+PlanTime = Annotated[int, msgspec.Meta(ge=-(2**31), le=2**31 - 1)]
+"""A time of the plan [ms]: 0 is its start, which a Command states as start_ns."""
 Packed = Annotated[bytes, msgspec.Meta(max_length=3_600)]
 RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}(?!\n)$")]
 
@@ -116,6 +121,10 @@ class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
     `start_ns` is the plan's time zero on the coordinator's clock (0 unless the phase is GO or
     FREEZE).  `wanted` names frozen robots whose arc length has not been heard yet.  `said_ns` is
     when the Command was sent, on the same clock; leases count from it (0: not stated).
+
+    `authority_ms` is the plan time that no robot may pass, less for those in `held`: robot and plan
+    time.  A robot keeps the greatest that it was granted in this epoch.  None: not stated, robots
+    may drive as their plans say.
     """
 
     boot: Counter
@@ -125,6 +134,8 @@ class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
     start_ns: Nanoseconds
     wanted: Annotated[tuple[RobotId, ...], msgspec.Meta(max_length=100)] = ()
     said_ns: Nanoseconds = 0
+    authority_ms: PlanTime | None = None
+    held: Annotated[tuple[tuple[RobotId, PlanTime], ...], msgspec.Meta(max_length=MOST_HELD)] = ()
 
 
 class Rest(msgspec.Struct, frozen=True, array_like=True):
@@ -148,6 +159,10 @@ class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
     `epoch` is that of the plan that the robot holds (0: none); an epoch older than the Command's
     requests the new plan.  `rest` says where a robot that has stopped on its way rests; apart from
     `place` of Hello, nothing else on the wire says where a robot is.
+
+    `stamp_ms` is the plan time at which the report was made.  `late` is how far behind its plan the
+    robot was then, in steps of LATE_STEP_MS, rounded up: it has passed plan time stamp - late.  A
+    robot that does not drive, or does not know the time, states no stamp.
     """
 
     boot: Counter
@@ -156,6 +171,8 @@ class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
     phase: Annotated[int, msgspec.Meta(ge=0, le=5)]
     fault: Annotated[int, msgspec.Meta(ge=0, le=7)] = 0
     rest: Rest | None = None
+    stamp_ms: PlanTime | None = None
+    late: Annotated[int, msgspec.Meta(ge=0, le=65_535)] = 0
 
 
 class Pace(msgspec.Struct, frozen=True, array_like=True, tag=9):

@@ -33,6 +33,10 @@ CLOCK_PERIOD = 2 * SECOND
 CLOCK_SAMPLES = 8
 
 
+LATE_STEP_MS = 50
+"""Lateness is reported in steps of this [ms], rounded up."""
+
+
 def late_share(tau_ns: int) -> int:
     """Return a robot's share of lateness [ns]: how late it may be before that is a fault."""
     return min(LATENESS, tau_ns // 2)

@@ -32,6 +32,7 @@ from protocol.timing import COMMAND_PERIOD, SECOND
 from protocol.transport import Transport
 from robot_agent.blackbox import BlackBox
 from robot_agent.core.agent import Agent
+from robot_agent.core.ride import NO_LIMIT
 from robot_agent.driver import Driver
 from robot_agent.inbox import Inbox
 from robot_agent.loop import PERIOD_NS, FixedRateLoop
@@ -241,6 +242,7 @@ class RobotService:
             self.robot.id in command.wanted,
             now_ns,
             command.said_ns,
+            self._authority_in(command),
         )
         if not counts:
             return
@@ -249,6 +251,12 @@ class RobotService:
             self._blackbox.join(command.boot)
             if command.phase == GO:
                 self._blackbox.begin(command.boot, command.start_ns)
+
+    def _authority_in(self, command: Command) -> int:
+        """Return the plan time [ms] that this robot may not pass by a Command."""
+        if command.authority_ms is None:
+            return NO_LIMIT
+        return dict(command.held).get(self.robot.id, command.authority_ms)
 
     def _hear_times(self, times: NewTimes, now_ns: int) -> None:
         motion = unpack_motion(times)
@@ -313,6 +321,8 @@ class RobotService:
                 agent.phase,
                 agent.fault,
                 self._rest(),
+                None if agent.report_stamp_ms == NO_LIMIT else agent.report_stamp_ms,
+                agent.report_late,
             )
             self._transport.put(keys.report(fleet, robot.id), encode(report))
             if agent.revision > 0 or agent.awaits_times():

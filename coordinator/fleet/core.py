@@ -23,6 +23,7 @@ from coordinator.fleet.delay import Delay
 from coordinator.fleet.epoch_times import EpochTimes
 from coordinator.fleet.events import Outgoing, Part
 from coordinator.fleet.failures import Failing, on_the_way, sets_out, that_do_not_arm
+from coordinator.fleet.grants import Grants
 from coordinator.fleet.log_records import LINK_GONE, LINK_UP, router_key
 from coordinator.fleet.member import Member
 from coordinator.fleet.phases import (
@@ -55,8 +56,9 @@ class Fleet(FleetState):
         members: list[Member],
         times: EpochTimes,
         delay: Delay | None = None,
+        grants: Grants | None = None,
     ) -> None:
-        super().__init__(name, boot, members, times, delay or Delay())
+        super().__init__(name, boot, members, times, delay or Delay(), grants)
         self.bad_messages = 0
         self._door = Door(name, self.members, self.incidents)
 
@@ -113,10 +115,15 @@ class Fleet(FleetState):
         ]
 
     def adopt(
-        self, epoch: int, parts: Mapping[str, Part], duration_ns: int, now_ns: int
+        self,
+        epoch: int,
+        parts: Mapping[str, Part],
+        duration_ns: int,
+        now_ns: int,
+        grants: Grants | None = None,
     ) -> list[Outgoing]:
         """Begin the next epoch with the parts of these robots; the others stay where they are."""
-        self.epoch = epoch
+        self.epoch, self._grants = epoch, grants
         self.times.begin(epoch, duration_ns)
         self._delay.begin_epoch()
         self.members.assign(parts)
@@ -140,7 +147,7 @@ class Fleet(FleetState):
             what = "is late, and there are no new times"
             self._give_up([Failing(self.members[late.robot], what, strike=True)], now_ns)
             return [self._command(now_ns)]
-        self.times.duration_ns = duration_ns
+        self.times.duration_ns, self._grants = duration_ns, None
         self._delay.tell(times, self.times)
         for name, message in times.items():
             self.members[name].times, self.members[name].revision = message, self.revision
@@ -164,6 +171,7 @@ class Fleet(FleetState):
         self.phase, self._changed_ns = FREEZE, now_ns
         self._absence.look(now_ns, ())
         self._delay.drop()
+        self._grants = None
         self.times.lose_sight(last_ns)
         self._patient_until_ns = now_ns + RESUME_PATIENCE
         self._tell_phase(now_ns, "resumed from a log: FREEZE")
@@ -209,6 +217,8 @@ class Fleet(FleetState):
             return []
         if was_unheard:
             self._door.tell_heard_again(member, now_ns)
+        if self._grants is not None and report.epoch == self.epoch:
+            self._grants.hear(robot, report)
         if not stale:
             self._absence.doubted.discard(robot)
         if (member.phase, member.fault) != was:

@@ -12,12 +12,15 @@ from coordinator.fleet.core import Fleet
 from coordinator.fleet.delay import Delay
 from coordinator.fleet.epoch_times import EpochTimes
 from coordinator.fleet.events import Part
+from coordinator.fleet.grants import Grants
 from coordinator.fleet.member import Member
 from coordinator.plan.document import PlanDocument, RobotPlan
-from coordinator.plan.fault_budget import budget_for
+from coordinator.plan.fault_budget import Budget, budget_for
 from coordinator.plan.wire import PackedPlan, address, pack_times
+from coordinator.proof.precedence import staircase_failures
 from coordinator.scenario.link_times import link_times
-from protocol.timing import SECOND
+from coordinator.schedule.staircase_making import with_staircases
+from protocol.timing import MILLISECOND, SECOND
 
 
 def muster(plan: PackedPlan, boot: int) -> Fleet:
@@ -39,8 +42,7 @@ def muster(plan: PackedPlan, boot: int) -> Fleet:
         for robot in document.robots
     ]
     finish = max(robot.finish_time for robot in document.robots)
-    budget = budget_for([r.limits for r in document.robots if r.limits], document.link)
-    settling = budget.lease + budget.travel + budget.brake + budget.clocks
+    budget = _budget_of(document)
     behind = budget.late + budget.travel
     return Fleet(
         document.scenario,
@@ -49,11 +51,37 @@ def muster(plan: PackedPlan, boot: int) -> Fleet:
         EpochTimes(
             document.epoch,
             round(finish * SECOND),
-            round(settling * SECOND),
+            round(_settling(budget) * SECOND),
             round(behind * SECOND),
         ),
         Delay(round(document.tau * SECOND), round(budget.travel * SECOND)),
+        grants_of(plan),
     )
+
+
+def grants_of(plan: PackedPlan) -> Grants:
+    """Return the authority of a plan's robots; raise PlanError if its staircases are not proven.
+
+    A plan that was read from a file has no staircases yet; they are made and proven here.
+    """
+    document = plan.document
+    if plan.staircases is None:
+        plan = with_staircases(plan)
+        assert plan.staircases is not None
+        if failures := staircase_failures(plan.driven, plan.staircases, document.margin):
+            raise PlanError("staircases do not cover all conflicts: " + "; ".join(failures))
+    budget = _budget_of(document)
+    headroom = _settling(budget) * SECOND // MILLISECOND
+    return Grants(plan.staircases, [robot.id for robot in document.robots], int(headroom))
+
+
+def _budget_of(document: PlanDocument) -> Budget:
+    return budget_for([r.limits for r in document.robots if r.limits], document.link)
+
+
+def _settling(budget: Budget) -> float:
+    """Return the time [s] until all robots rest once they are no longer sent Commands."""
+    return budget.lease + budget.travel + budget.brake + budget.clocks
 
 
 def parts_of(plan: PackedPlan, boot: int) -> dict[str, Part]:

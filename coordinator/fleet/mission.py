@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from coordinator.fleet.events import Incident, Outgoing
-from coordinator.fleet.fleet_from_plan import muster, parts_of, times_of
+from coordinator.fleet.fleet_from_plan import grants_of, muster, parts_of, times_of
 from coordinator.fleet.log_records import Request
 from coordinator.fleet.recovery import Planner, Recovery, recover
 from coordinator.fleet.replanning_input import Site
@@ -131,4 +131,5 @@ class Mission:
         self.documents[document.epoch] = document
         finish = max(robot.finish_time for robot in document.robots)
         parts = parts_of(recovery.plan, self.fleet.boot)
-        return self.fleet.adopt(document.epoch, parts, round(finish * SECOND), now_ns)
+        grants = grants_of(recovery.plan)
+        return self.fleet.adopt(document.epoch, parts, round(finish * SECOND), now_ns, grants)

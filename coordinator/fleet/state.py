@@ -10,6 +10,7 @@ from coordinator.fleet.delay import Delay
 from coordinator.fleet.epoch_times import EpochTimes
 from coordinator.fleet.events import Incident, Outgoing
 from coordinator.fleet.failures import Failing
+from coordinator.fleet.grants import Grants, Stated
 from coordinator.fleet.member import Member
 from coordinator.fleet.own_outage import Absence
 from coordinator.fleet.phases import FAREWELLS, RESUME_PATIENCE, TRANSITIONS, Event
@@ -20,14 +21,20 @@ from protocol import keys
 from protocol.codec import encode
 from protocol.messages import Command
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD, OVER
-from protocol.timing import COMMAND_PERIOD
+from protocol.timing import COMMAND_PERIOD, MILLISECOND
 
 
 class FleetState:
     """The state of one fleet; all times in ns on the coordinator's clock."""
 
     def __init__(
-        self, name: str, boot: int, members: list[Member], times: EpochTimes, delay: Delay
+        self,
+        name: str,
+        boot: int,
+        members: list[Member],
+        times: EpochTimes,
+        delay: Delay,
+        grants: Grants | None,
     ) -> None:
         self.name = name
         self.boot = boot
@@ -39,6 +46,8 @@ class FleetState:
         self._sequence = 0
         self._changed_ns = 0
         self._delay = delay
+        self._grants = grants
+        """None when this epoch's Commands state no authority: its times have been replaced."""
         self._absence = Absence()
         self._router = RouterLink()
         self._patient_until_ns = 0
@@ -148,6 +157,9 @@ class FleetState:
 
     def _command(self, now_ns: int) -> Outgoing:
         self._sequence += 1
+        stated = Stated()
+        if self.phase == GO and self._grants is not None:
+            stated = self._grants.grant((now_ns - self.times.start_ns) // MILLISECOND)
         command = Command(
             boot=self.boot,
             sequence=self._sequence,
@@ -156,6 +168,8 @@ class FleetState:
             start_ns=self.times.start_ns if self.phase in (GO, FREEZE) else 0,
             wanted=tuple(self.members.wanted(self.phase == FREEZE)[:100]),
             said_ns=now_ns,
+            authority_ms=stated.authority_ms,
+            held=stated.held,
         )
         return Outgoing(keys.command(self.name), encode(command))
 

@@ -9,24 +9,16 @@ Decides: what is known of progress, and which authorities follow.  Must not know
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from coordinator.plan.staircases import Staircases
-from coordinator.schedule.authority_kernels import Integers, Table, grant, holder
+from coordinator.schedule.authority_kernels import Integers, Table, grant
 
 SLACK_MS: Final = 2_000
 """A robot is granted no more than this beyond its known progress, apart from the headroom: one that
 is late or silent is told little ahead of what it is known to have driven."""
-
-
-class Held(NamedTuple):
-    """A robot that another one holds, and the plan time [ms] up to which it may drive."""
-
-    robot: int
-    by: int
-    until_ms: int
 
 
 class Authority:
@@ -57,12 +49,3 @@ class Authority:
         """Grant all robots what is safe, up to the headroom beyond the plan time `now_ms`."""
         wanted = np.minimum(now_ms, self.progress + SLACK_MS) + headroom_ms
         grant(self._table, self.progress, wanted, self.granted)
-
-    def held(self, now_ms: int, headroom_ms: int) -> list[Held]:
-        """Return the robots that others hold short of what everybody has at this plan time."""
-        found = []
-        for robot in np.flatnonzero(self.granted < now_ms + headroom_ms).tolist():
-            by, until = holder(self._table, robot, self.progress)
-            if by >= 0 and until < now_ms + headroom_ms:
-                found.append(Held(robot, by, until))
-        return found

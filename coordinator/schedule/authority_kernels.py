@@ -66,14 +66,3 @@ def grant(table: Table, progress: Integers, wanted: Integers, authority: Integer
                 break
             most = min(most, _limit(table, pair, progress[table.ahead[pair]]))
         authority[robot] = max(authority[robot], most)
-
-
-@compiled
-def holder(table: Table, robot: int, progress: Integers) -> tuple[int, int]:
-    """Return the robot that holds a robot most, and up to which plan time [ms]; -1 when none."""
-    who, least = -1, 2**62
-    for pair in range(table.pair_at[robot], table.pair_at[robot + 1]):
-        limit = _limit(table, pair, progress[table.ahead[pair]])
-        if limit < least:
-            who, least = table.ahead[pair], limit
-    return int(who), int(least)

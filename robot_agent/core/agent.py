@@ -17,6 +17,8 @@ The rules:
 - A robot accepts a plan when it is idle or armed and the plan's coordinator and epoch are those of
   the newest Command (or no Command has been heard yet).  It arms when it also stands at the plan's
   start and knows the time well enough; until then it reports why it does not.
+- A robot brakes in time so as not to pass the plan time that it was granted (its authority), and
+  continues when it is granted more.
 - A GO is not obeyed when the plan is already too far ahead: the robot stays where it is.
 - A robot at its goal, whether it braked or not, stays there for that epoch; if it is pushed off the
   goal, it is frozen.
@@ -57,7 +59,7 @@ from robot_agent.core import transitions
 from robot_agent.core.clock_sync import ClockSync
 from robot_agent.core.leader import Leader
 from robot_agent.core.resting_place import RestingPlace
-from robot_agent.core.ride import Ride
+from robot_agent.core.ride import NO_LIMIT, Ride
 
 LATE_TICK = 50 * MILLISECOND
 """When a tick is this late [ns], the motors' watchdog has already stopped the robot."""
@@ -71,7 +73,8 @@ class Agent:
     To be read after `tick`: drive_speed [m/s], drive_curvature [rad/m], drive_distance [m];
     drive_turn [rad] is not 0 where the robot has to turn on the spot instead.
     To be read after `report_due`: report_sequence, epoch, phase, fault and report_s [m] or None;
-    when report_s is a number, the other numbers of `rest` are to be reported with it.
+    when report_s is a number, the other numbers of `rest` are to be reported with it.  The report
+    states report_stamp_ms, unless it is NO_LIMIT, and report_late, in steps of LATE_STEP_MS.
     `revision` counts the new times received in this epoch.
     `ride` is the plan that the robot holds, with its position on the path, or None.
     """
@@ -84,6 +87,7 @@ class Agent:
         self.drive_speed = self.drive_curvature = self.drive_distance = self.drive_turn = 0.0
         self.report_sequence = 0
         self.report_s: float | None = None
+        self.report_stamp_ms, self.report_late = NO_LIMIT, 0
         self.rest = RestingPlace()
         self._max_speed, self._period = max_speed, period_ns / SECOND
         self._late_tick_ns = max(LATE_TICK, 2 * period_ns)
@@ -103,10 +107,12 @@ class Agent:
         wanted: bool,
         now_ns: int,
         said_ns: int = 0,
+        authority_ms: int = NO_LIMIT,
     ) -> bool:
         """Process a Command and return whether it was accepted.
 
-        `wanted`: whether it asks this robot where it rests.
+        `wanted`: whether it asks this robot where it rests.  `authority_ms`: the plan time that
+        this robot may not pass.
         """
         leader, before_motion = self._leader, self.phase in (IDLE, ARMED)
         if not leader.counts(boot, sequence, epoch, before_motion, now_ns):
@@ -126,8 +132,10 @@ class Agent:
             self.finished = phase == OVER and self.phase != BRAKING
         elif epoch > self.epoch and self.ride is not None:
             self._apply(transitions.NEW_EPOCH, now_ns)
-        elif (phase, epoch, self.phase) == (GO, self.epoch, ARMED) and not self._is_alone(now_ns):
-            self._hear_go(start_ns, now_ns)
+        elif (phase, epoch) == (GO, self.epoch) and self.ride is not None:
+            self.ride.grant(authority_ms)
+            if self.phase == ARMED and not self._is_alone(now_ns):
+                self._hear_go(start_ns, now_ns)
         if wanted:
             self.rest.ask()
         return True
@@ -230,6 +238,11 @@ class Agent:
         self._reported, self._reported_ns = state, now_ns
         self.report_sequence += 1
         self.report_s = self.rest.s if self.rest.is_due() else None
+        self.report_stamp_ms, self.report_late = NO_LIMIT, 0
+        ride = self.ride
+        if ride is not None and self.phase in (MOVING, DONE) and self._knows_time(ride, now_ns):
+            stamp_ms = (now_ns + self.clock.offset_ns - self._start_ns) // MILLISECOND
+            self.report_stamp_ms, self.report_late = stamp_ms, ride.late_steps(stamp_ms)
         return True
 
     def hello_due(self, now_ns: int) -> bool:

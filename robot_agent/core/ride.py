@@ -5,12 +5,12 @@ arrived, or rests.  Must not know: phases, messages, clocks; `time` is plan time
 Firmware: it imports only `math`, other firmware and the shared numbers.
 """
 
-from math import inf, sqrt
+from math import ceil, inf, sqrt
 
 from protocol.curve import Curve
 from protocol.phases import LATE, NO_FAULT, OFF_PATH
 from protocol.timeline import Timeline
-from protocol.timing import SECOND
+from protocol.timing import LATE_STEP_MS, SECOND
 from robot_agent.core.steering import PathFollower
 
 ARRIVAL_SLACK = 1e-3
@@ -58,6 +58,15 @@ long to creep up to that stop."""
 CATCH_UP_BRAKE = 0.15
 """A robot that catches up relies on braking this share harder than its plan does.  So it becomes
 punctual without getting ahead of the plan, even where the plan brakes."""
+
+NO_LIMIT = 1 << 62
+"""The authority [ms] of a robot whose coordinator states none."""
+
+REACTION_TICKS = 3
+"""A robot that nears the end of its authority begins to brake this many ticks early."""
+
+MOST_LATE = 65_535
+"""The largest lateness that a report can state, in steps of LATE_STEP_MS."""
 
 _SPARE_SPEED = 1.05
 
@@ -114,6 +123,31 @@ class Ride:
         self._stuck_s = -inf
         self._pace = inf
         self._pace_time, self._pace_s = -inf, 0.0
+        self._authority = inf
+        self._reaction = REACTION_TICKS * period
+        self._foresight = HOLD_OUT + self._reaction + self._limit / self._brake
+
+    def grant(self, authority_ms: int) -> None:
+        """Take in the plan time that the robot may not pass; what it was granted before, it keeps.
+
+        NO_LIMIT: the robot may drive as its plan says.
+        """
+        authority = inf if authority_ms == NO_LIMIT else authority_ms / 1000.0
+        if authority == inf or self._authority == inf:
+            self._authority = authority
+        else:
+            self._authority = max(self._authority, authority)
+
+    def late_steps(self, stamp_ms: int) -> int:
+        """Return how far the robot is behind its plan, in steps of LATE_STEP_MS, rounded up.
+
+        It counts as being where it seems to be, or as far ahead of that as it may be off.
+        """
+        reached = self.follower.s + self._bearable()
+        if reached >= self._timeline.s_at(stamp_ms / 1000.0):
+            return 0
+        late_ms = stamp_ms - 1000.0 * self._timeline.time_at(max(reached, 0.0))
+        return min(max(ceil(late_ms / LATE_STEP_MS), 0), MOST_LATE)
 
     def take_times(
         self,
@@ -218,7 +252,23 @@ class Ride:
         if lag > 0.0:
             more = min(more, sqrt(2.0 * CATCH_UP_BRAKE * self._brake * lag))
         self.speed = min(max(speed + more, 0.0), self._limit)
-        self._reach(timeline.s_at(time + HOLD_OUT) - s)
+        room = timeline.s_at(time + HOLD_OUT) - s
+        if self._authority < time + self._foresight:
+            room = self._within_authority(room)
+        self._reach(room)
+
+    def _within_authority(self, room: float) -> float:
+        """Return the room [m] that is left, at most to where the authority ends; limit the speed.
+
+        The speed is such that the robot can brake before that place after REACTION_TICKS.
+        """
+        left = max(self._timeline.s_at(self._authority) - self.follower.s, 0.0)
+        if self._brake == inf:
+            self.speed = min(self.speed, left / self._reaction)
+        else:
+            lost = self._brake * self._reaction
+            self.speed = min(self.speed, sqrt(lost * lost + 2.0 * self._brake * left) - lost)
+        return min(room, left)
 
     def begin_to_brake(self, time: float) -> None:
         """Start to brake, from the commanded speed or the measured one, whichever is less.

@@ -176,14 +176,15 @@ def test_a_message_on_a_key_of_another_kind_is_dropped(name, right, text):
 
 
 def test_a_field_that_a_later_version_adds_is_ignored_by_this_one():
-    assert codec.decode("report", raw(4, 1, 2, 3, 4, 0, None, "new")) == Report(1, 2, 3, 4)
+    assert codec.decode("report", raw(4, 1, 2, 3, 4, 0, None, None, 0, "new")) == Report(1, 2, 3, 4)
 
 
 def test_a_payload_longer_than_a_robot_receives_is_dropped_before_it_is_read():
-    padded = raw(4, 1, 2, 3, 4, 0, None, bytes(MAX_MESSAGE_BYTES - 11))
+    padded = raw(4, 1, 2, 3, 4, 0, None, None, 0, bytes(MAX_MESSAGE_BYTES - 13))
     assert len(padded) == MAX_MESSAGE_BYTES
     assert codec.decode("report", padded) is not None
-    assert codec.decode("report", raw(4, 1, 2, 3, 4, 0, None, bytes(MAX_MESSAGE_BYTES))) is None
+    longer = raw(4, 1, 2, 3, 4, 0, None, None, 0, bytes(MAX_MESSAGE_BYTES))
+    assert codec.decode("report", longer) is None
 
 
 @pytest.mark.parametrize(

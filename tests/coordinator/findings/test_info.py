@@ -129,9 +129,9 @@ def test_a_good_run_is_told_from_hold_to_over(tmp_path):
     assert told["messages"] == 13
     assert told["keys"]["splinefleet/f/report/R2"] == {
         "messages": 1,
-        "bytes": 8,
+        "bytes": 10,
         "messages_per_second": 1 / 10.5,
-        "bytes_per_second": 8 / 10.5,
+        "bytes_per_second": 10 / 10.5,
     }
     assert (told["positions_on_wire"], told["bad_messages"], told["faults"]) == (0, 0, [])
     assert (told["fleet"], told["policy"], told["tau"]) == ("f", "safe", 0.5)

@@ -13,6 +13,7 @@ from scipy.interpolate import BSpline
 from protocol.curve import Curve
 from protocol.phases import ARMED, GO, HOLD
 from robot_agent.core.agent import Agent
+from robot_agent.core.ride import NO_LIMIT
 from sim.world.body import SimulatedBody
 
 MS = 1_000_000
@@ -92,6 +93,8 @@ class Run:
     sequence: int = 1
     phase: int = HOLD
     epoch: int = 1
+    authority: int = NO_LIMIT
+    """What Commands grant, plan time [ms]."""
 
     def own(self, truth_ns: int) -> int:
         """Return what the robot's clock shows at a time of the coordinator's."""
@@ -136,6 +139,7 @@ class Run:
             wanted,
             self.own(self.now),
             self.now - age,
+            self.authority,
         )
 
 

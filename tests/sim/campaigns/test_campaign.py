@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from rich.console import Console
 from typer.testing import CliRunner
 
+from coordinator.fleet import fleet_from_plan, mission
 from coordinator.scenario.model import Link
 from coordinator.scenario_files.scenario_reader import read_scenario
 from protocol.phases import OVER
@@ -75,6 +76,21 @@ def test_the_same_seed_gives_the_same_outcome(five):
 def test_with_the_safety_off_the_same_campaign_finds_collisions(crossing):
     unsafe = Wish(tau=0.0, freezes=False)
     outcomes = [run_seed(crossing, seed, unsafe) for seed in range(6)]
+    assert any(outcome.touches for outcome in outcomes)
+
+
+@pytest.mark.parametrize("seed", [11, 21, 22, *seeds(12)])
+def test_nobody_touches_when_faults_last_longer_than_tau(crossing, seed):
+    """A tau of 0.3 s covers no fault but lateness; authority keeps robots apart all the same."""
+    outcome = run_seed(crossing, seed, Wish(tau=0.3))
+    assert (outcome.touches, outcome.stuck) == ((), ())
+    assert outcome.over
+
+
+def test_without_authority_robots_touch_when_faults_last_longer_than_tau(crossing, monkeypatch):
+    for module in (fleet_from_plan, mission):
+        monkeypatch.setattr(module, "grants_of", lambda _: None)
+    outcomes = [run_seed(crossing, seed, Wish(tau=0.3)) for seed in (11, 21, 22)]
     assert any(outcome.touches for outcome in outcomes)
 
 
