@@ -19,11 +19,14 @@ from coordinator.service.key_option import Insecure, Keys
 
 if TYPE_CHECKING:
     from coordinator.plan.document import PlanDocument
+    from coordinator.scenario.model import Scenario
 
 commands = typer.Typer()
 
 ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")]
-PlanFile = Annotated[Path, typer.Argument(help="Plan file, as written by `plan -o`.")]
+PlanFile = Annotated[
+    Path, typer.Argument(help="Plan file, as written by `plan -o`, or log of a run, FILE.mcap.")
+]
 LogFile = Annotated[Path, typer.Argument(help="Log of a run, MCAP.")]
 Source = Annotated[Path, typer.Argument(help="Log of a run (MCAP) or plan file (JSON).")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
@@ -194,7 +197,7 @@ def verify(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Prove a plan again, from its file alone.
+    """Prove a plan again, or a log: its plans and every authority that it granted.
 
     The exit code is 1 if the proof does not hold, or if clearance or limits cannot be proven and
     --allow-unproven does not name them.
@@ -209,7 +212,11 @@ def verify(
     from coordinator.scenario_files.scenario_reader import read_scenario
     from coordinator.schedule.staircase_making import with_staircases
 
-    document, site = read(plan), None if scenario is None else read_scenario(scenario)
+    site = None if scenario is None else read_scenario(scenario)
+    if plan.suffix == ".mcap":
+        _verify_log(plan, site, as_json)
+        return
+    document = read(plan)
     try:
         proof = prove_messages(with_staircases(packed(document)), site)
     except InputError as error:
@@ -226,6 +233,21 @@ def verify(
             f"or accept it with --allow-unproven {name}"
         )
     if missing or not proof.holds:
+        raise typer.Exit(1)
+
+
+def _verify_log(path: Path, site: Scenario | None, as_json: bool) -> None:
+    """Prove a log and print the proof; exit code 1 if it does not hold."""
+    from coordinator.findings.log_proof import prove_log
+    from coordinator.findings.plan_table import render_log_proof
+    from coordinator.log.log_file import read_log
+
+    proof = prove_log(read_log(path), site)
+    if as_json:
+        answer_json(proof)
+    else:
+        answers.print(render_log_proof(proof))
+    if not proof.holds:
         raise typer.Exit(1)
 
 

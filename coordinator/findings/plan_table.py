@@ -12,10 +12,14 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from coordinator.base.text_table import plain_table
+from coordinator.findings.log_proof import LogProof
 from coordinator.findings.wait_summary import waits_of
 from coordinator.findings.wait_table import waits_table
 from coordinator.plan.document import PlanDocument, Proof, RobotPlan
 from coordinator.proof.wording import slack_of, survived
+
+_FAILURES: Final = 20
+"""At most this many Commands that granted too much are listed."""
 
 _ROBOTS: Final = 30
 """Greatest number of robots shown, those that finish last; 1000 rows take longer than the proof."""
@@ -88,6 +92,20 @@ def render_proof(proof: Proof) -> RenderableType:
     if proof.least_clearance is not None:
         lines.append(Text(f"  least clearance {proof.least_clearance:.4f} m"))
     lines.append(Text(f"  {survived(proof.survives)}"))
+    return Group(*lines)
+
+
+def render_log_proof(proof: LogProof) -> RenderableType:
+    """Return the proof of a log, a few lines for each epoch."""
+    lines: list[RenderableType] = []
+    for epoch in proof.epochs:
+        lines += [Text(f"epoch {epoch.epoch}"), render_proof(epoch.proof)]
+        if epoch.failures:
+            told = f"{len(epoch.failures)} times more authority was granted than is safe:"
+            lines += [Text(f"  {told}", "red")]
+            lines += [Text(_folded(one)) for one in epoch.failures[:_FAILURES]]
+        else:
+            lines.append(Text(f"  {epoch.commands} Commands granted no more than is safe"))
     return Group(*lines)
 
 

@@ -1,0 +1,65 @@
+"""Checks that the authority which a coordinator granted was safe, from its messages alone.
+
+At every Command, need_ij(A_j) < P_i has to hold for all ordered pairs (design section 3).  A_j is
+the authority of the robot behind, P_i the progress that the robot ahead has reported.  Within tau
+of each other robots need nothing.
+
+Decides: whether Commands keep to the invariant.  Must not know: the rule that grants authority,
+logs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from coordinator.plan.staircases import Staircases
+from protocol.messages import Command, Report
+from protocol.timing import LATE_STEP_MS
+
+
+class Granted:
+    """What one epoch's Commands granted and its Reports told [ms of plan time]; both only grow."""
+
+    def __init__(self, staircases: Staircases, robots: Sequence[str]) -> None:
+        self.commands = 0
+        self.failures: list[str] = []
+        self._staircases = staircases
+        self._robots = list(robots)
+        self._index: Mapping[str, int] = {name: index for index, name in enumerate(robots)}
+        self._granted = np.zeros(len(robots))
+        self._passed = np.zeros(len(robots))
+
+    def take_report(self, robot: str, report: Report) -> None:
+        """Take in a robot's progress; it counts no further than what the robot was granted."""
+        index = self._index.get(robot)
+        if index is not None and report.stamp_ms is not None:
+            passed = report.stamp_ms - LATE_STEP_MS * report.late
+            passed = min(passed, int(self._granted[index]))
+            self._passed[index] = max(self._passed[index], passed)
+
+    def take_command(self, command: Command) -> None:
+        """Take in what a Command grants, and check the invariant."""
+        if command.authority_ms is None:
+            return
+        self.commands += 1
+        held = dict(command.held)
+        stated = [held.get(name, command.authority_ms) for name in self._robots]
+        self._granted = np.maximum(self._granted, stated)
+        stairs = self._staircases
+        ahead, behind = self._passed[stairs.ahead], self._granted[stairs.behind]
+        for pair in np.flatnonzero(behind - stairs.tau_ms >= ahead).tolist():
+            need = stairs.need_at(pair, float(behind[pair]))
+            if need >= ahead[pair]:
+                self.failures.append(self._text(command, pair, need))
+
+    def _text(self, command: Command, pair: int, need: float) -> str:
+        stairs = self._staircases
+        who, other = self._robots[stairs.behind[pair]], self._robots[stairs.ahead[pair]]
+        granted, passed = self._granted[stairs.behind[pair]], self._passed[stairs.ahead[pair]]
+        return (
+            f"Command {command.sequence} of epoch {command.epoch} grants {who} plan time "
+            f"{granted / 1000.0:.3f} s; {other} must have passed {need / 1000.0:.3f} s and has "
+            f"reported {passed / 1000.0:.3f} s"
+        )

@@ -1,0 +1,117 @@
+"""The proof of a log: what a coordinator granted is checked Command by Command."""
+
+import msgspec
+import pytest
+from typer.testing import CliRunner
+
+from coordinator.cli.plan_commands import commands
+from coordinator.findings.log_proof import prove_log
+from coordinator.log.log_file import read_log
+from coordinator.plan.wire import packed
+from coordinator.planning.planner import plan_scenario
+from coordinator.proof.granted import Granted
+from coordinator.schedule.staircase_making import with_staircases
+from protocol.codec import decode, encode
+from protocol.messages import Command, Report
+from sim.campaigns.campaign import LINKS, make_world, run_world
+from sim.world.run_logs import RunLogs
+from tests.scenarios import a_robot, a_scenario
+
+CROSS = a_scenario(
+    [a_robot("R1", (1.0, 4.0), (9.0, 4.0)), a_robot("R2", (5.0, 1.0), (5.0, 7.0))], tau=0.6
+)
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return with_staircases(packed(plan_scenario(CROSS)))
+
+
+@pytest.fixture(scope="module")
+def log_path(tmp_path_factory):
+    """The log of two robots that cross, in virtual time."""
+    folder = tmp_path_factory.mktemp("run")
+    scenario = msgspec.structs.replace(CROSS, link=LINKS[0])
+    document = plan_scenario(scenario)
+    logs = RunLogs(folder)
+    world = make_world(scenario, document, 3, [], freezes=True, logs=logs)
+    run_world(world, document, freezes=True)
+    logs.close()
+    return folder / "run.mcap"
+
+
+def changed(log, change):
+    """The log with each message changed by a function of it; None leaves a message as it is."""
+    records = []
+    for record in log.records:
+        kind = record.key.split("/")[2] if record.key.startswith("splinefleet/") else ""
+        message = decode(kind, record.payload) if kind in ("command", "report") else None
+        other = None if message is None else change(message)
+        payload = record.payload if other is None else encode(other)
+        records.append(msgspec.structs.replace(record, payload=payload))
+    return msgspec.structs.replace(log, records=records)
+
+
+def test_a_log_as_it_was_recorded_is_proven(log_path):
+    proof = prove_log(read_log(log_path))
+    assert proof.holds
+    assert proof.epochs[0].commands > 50
+    assert all(epoch.proof.holds for epoch in proof.epochs)
+
+
+def test_authority_that_goes_on_for_a_robot_that_reports_nothing_is_found(log_path):
+    def mute(message):
+        if isinstance(message, Report):
+            return msgspec.structs.replace(message, stamp_ms=None)
+        return None
+
+    proof = prove_log(changed(read_log(log_path), mute))
+    assert not proof.holds
+    assert "has reported 0.000 s" in proof.epochs[0].failures[0]
+
+
+def test_authority_of_a_held_robot_that_is_granted_as_to_all_others_is_found(plan):
+    """One robot is behind the other: what it may not pass is left out of the Command."""
+    names = [robot.id for robot in plan.document.robots]
+    stairs = plan.staircases
+    behind, ahead = int(stairs.behind[0]), int(stairs.ahead[0])
+    needs = int(stairs.at[0])
+    granted = Granted(stairs, names)
+    before = ((names[behind], needs - 1),)
+    granted.take_command(Command(9, 1, 1, 1, 0, authority_ms=needs + 500, held=before))
+    assert granted.failures == []
+    granted.take_command(Command(9, 2, 1, 1, 0, authority_ms=needs + 600))
+    assert len(granted.failures) == 1
+    assert f"grants {names[behind]} plan time" in granted.failures[0]
+    assert f"; {names[ahead]} must have passed" in granted.failures[0]
+
+
+def test_a_step_too_far_is_found(plan):
+    names = [robot.id for robot in plan.document.robots]
+    stairs = plan.staircases
+    behind, ahead = int(stairs.behind[0]), int(stairs.ahead[0])
+    passed, last = int(stairs.need[0]) - 100, int(stairs.at[0])
+    for step, failures in ((-1, 0), (0, 1)):
+        granted = Granted(stairs, names)
+        granted.take_command(Command(9, 1, 1, 1, 0, authority_ms=passed))
+        granted.take_report(names[ahead], Report(1, 1, 1, 2, stamp_ms=passed))
+        held = ((names[behind], last + step),)
+        granted.take_command(Command(9, 2, 1, 1, 0, authority_ms=passed + 1, held=held))
+        assert len(granted.failures) == failures
+
+
+def test_a_report_that_claims_more_than_was_granted_counts_no_further(plan):
+    names = [robot.id for robot in plan.document.robots]
+    granted = Granted(plan.staircases, names)
+    for robot in names:
+        granted.take_report(robot, Report(1, 1, 1, 2, stamp_ms=10**6))
+    granted.take_command(Command(9, 1, 1, 1, 0, authority_ms=10**6))
+    assert granted.failures
+
+
+def test_the_command_line_proves_a_log_and_says_so(log_path):
+    done = CliRunner().invoke(commands, ["verify", str(log_path)])
+    assert done.exit_code == 0
+    assert "Commands granted no more than is safe" in done.output
+    done = CliRunner().invoke(commands, ["verify", str(log_path), "--json"])
+    assert msgspec.json.decode(done.output)["holds"] is True
