@@ -10,6 +10,7 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from itertools import count
 from pathlib import Path
 from typing import Final
 
@@ -180,6 +181,9 @@ class Coordinator:
             head if resume is None else resumed(head, self._before, self._began_ns)
         )
         path = log if log is not None else Path(os.devnull)
+        if path.is_file():
+            earlier = _moved_away(path)
+            self._say("warning", text=f"{path} is there already; it is now {earlier}")
         offset = time.time_ns() - self.clock()
         return Recorder(path, metadata=metadata, wall_offset_ns=offset, attachments=attachments)
 
@@ -273,3 +277,9 @@ def _changed(log: Path, change: Change) -> str:
     return (
         f"--resume: {log} was planned with {change.field} {before}, but the scenario now has {now}"
     )
+
+
+def _moved_away(path: Path) -> Path:
+    """Rename a file to the first free name of FILE.1, FILE.2, ... and return that name."""
+    names = (path.with_name(f"{path.name}.{number}") for number in count(1))
+    return path.rename(next(name for name in names if not name.exists()))

@@ -67,3 +67,14 @@ def test_a_later_plan_that_cannot_be_written_ends_no_fleet(told, tmp_path):
         f"{tmp_path}/gone/plan-2.json: No such file or directory",
         "epoch 2: 2 robots go on",
     ]
+
+
+def test_an_earlier_log_of_the_same_name_is_kept(told, tmp_path):
+    coordinator = Coordinator(HALL, effort=0, speed=1.0, events=False)
+    document, log = plan_scenario(HALL, effort=0), tmp_path / "run.mcap"
+    for number in range(3):
+        log.write_bytes(b"earlier log %d" % number)
+        coordinator._recorder(log, document, 9, None).close()
+    kept = [(tmp_path / f"run.mcap.{number}").read_bytes() for number in (1, 2, 3)]
+    assert kept == [b"earlier log 0", b"earlier log 1", b"earlier log 2"]
+    assert told[0] == f"{log} is there already; it is now {log}.1"
