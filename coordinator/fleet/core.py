@@ -41,9 +41,11 @@ from protocol.phases import (
     FREEZE,
     GO,
     HOLD,
+    LATE,
     OVER,
     fault_name,
 )
+from protocol.timing import MILLISECOND
 
 
 class Fleet(FleetState):
@@ -236,9 +238,16 @@ class Fleet(FleetState):
         if self._delay.begin(member, self.times, now_ns):
             self._tell(now_ns, "late", member.id, f"{member.id} is late; the others go on")
             return []
-        member.strike(self.epoch)
+        if not self._was_held(member, now_ns):
+            member.strike(self.epoch)
         self._fail(member, f"{member.id} stopped: {fault_name(member.fault)}", now_ns)
         return [self._command(now_ns)]
+
+    def _was_held(self, member: Member, now_ns: int) -> bool:
+        """Return whether a robot is late because others held it, which is no fault of its own."""
+        if member.fault != LATE or self._grants is None:
+            return False
+        return self._grants.was_held(member.id, (now_ns - self.times.start_ns) // MILLISECOND)
 
     def _hear_pace(self, robot: str, pace: Pace, now_ns: int) -> list[Outgoing]:
         member = self.members.get(robot)

@@ -7,7 +7,7 @@ Must not know: phases, when a Command is sent.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from coordinator.plan.staircases import Staircases
 from coordinator.schedule.authority import Authority
 from protocol.messages import MOST_HELD, Report
 from protocol.timing import LATE_STEP_MS
+
+LATELY_MS: Final = 3_000
+"""For so long after a robot was held, others are to blame if it is late."""
 
 
 class Stated(NamedTuple):
@@ -36,6 +39,8 @@ class Grants:
         self._robots = list(robots)
         self._index = {name: number for number, name in enumerate(robots)}
         self._headroom_ms = headroom_ms
+        self._held_ms = np.full(len(robots), -2 * LATELY_MS)
+        """The last plan time at which each robot had less than the headroom."""
 
     def hear(self, robot: str, report: Report) -> None:
         """Take in how far a robot says that it has driven."""
@@ -52,9 +57,14 @@ class Grants:
         rule, most = self._rule, now_ms + self._headroom_ms
         rule.grant(now_ms, self._headroom_ms)
         less = np.flatnonzero(rule.granted < most)
+        self._held_ms[less] = now_ms
         less = less[np.argsort(rule.granted[less], kind="stable")]
         if len(less) > MOST_HELD:
             most, less = int(rule.granted[less[MOST_HELD]]), less[:MOST_HELD]
         granted = rule.granted[less].tolist()
         names = [self._robots[index] for index in less.tolist()]
         return Stated(most, tuple(zip(names, granted, strict=True)))
+
+    def was_held(self, robot: str, now_ms: int) -> bool:
+        """Return whether a robot was held shortly before a plan time [ms]."""
+        return bool(now_ms - self._held_ms[self._index[robot]] < LATELY_MS)

@@ -6,7 +6,7 @@ import pytest
 from coordinator.fleet.grants import Grants
 from coordinator.plan.staircases import Staircases
 from protocol.messages import MOST_HELD, Report
-from protocol.phases import FREEZE, GO, MOVING
+from protocol.phases import FREEZE, FROZEN, GO, LATE, MOVING
 from protocol.timing import LATE_STEP_MS
 from tests.coordinator.fleet.fleet_floor import NAMES, Floor
 
@@ -112,3 +112,18 @@ def test_a_report_of_another_epoch_or_process_is_no_progress():
     floor.hear("splinefleet/hall/report/R1", right)
     floor.tick()
     assert floor.commands[-1].held == ()
+
+
+@pytest.mark.parametrize(("held", "strikes"), [(True, set()), (False, {1})])
+def test_a_robot_that_is_late_because_others_held_it_gets_no_strike(held, strikes):
+    floor = a_floor(*[(0, 1, 0, 60_000)] * held)
+    for _ in range(12):
+        floor.everybody(MOVING)
+        now = (floor.now - floor.fleet.times.start_ns) // 1_000_000
+        for name in NAMES:
+            stamped = Report(1, next(floor.sequence), 1, MOVING, stamp_ms=now)
+            floor.hear(f"splinefleet/hall/report/{name}", stamped)
+        floor.tick()
+    floor.report("R2", FROZEN, fault=LATE)
+    assert floor.commands[-1].phase == FREEZE
+    assert floor.fleet.members["R2"].struck == strikes
