@@ -13,7 +13,7 @@ class EpochTimes:
     """The times of the newest epoch that has a plan; all in ns on the coordinator's clock.
 
     `settling_ns`: how long after a FREEZE a robot may still move, even if it hears nothing.
-    `behind_ns`: how far behind its plan a robot may have been when it reported that it moves.
+    `behind_ns`: the most that a robot that reports MOVING can have been behind its plan.
     """
 
     def __init__(

@@ -75,7 +75,7 @@ class Journal(ABC):
 
     @abstractmethod
     def hurry(self) -> None:
-        """Have the records so far written soon."""
+        """Ask for the records so far to be written to the file soon."""
 
 
 Outcome = Callable[[int], None]

@@ -120,8 +120,8 @@ def _say_shares(driven: Sequence[Driven], margin: float) -> list[str]:
         return []
     rest = 1000.0 * (shares.proof + shares.arcs)
     return [
-        f"the margin is {margin:g} m, its shares are {shares.total:g} m: "
-        f"tracking ({who}), proof and tables of arc lengths ({rest:g} mm)"
+        f"the margin is {margin:g} m, but must cover {shares.total:g} m: how far robots may be "
+        f"from their places ({who}), and {rest:g} mm for the proof and robots' arc lengths"
     ]
 
 

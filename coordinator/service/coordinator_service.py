@@ -66,7 +66,7 @@ class RecordedJournal(Journal):
         return self._recorder.sync()
 
     def hurry(self) -> None:
-        """Have the records so far written soon."""
+        """Ask for the records so far to be written to the file soon."""
         self._recorder.hurry()
 
 

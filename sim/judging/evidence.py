@@ -66,7 +66,7 @@ def gather(source: Path) -> Evidence:
     folder = source if source.is_dir() else source.parent
     told = _told(_logs(source))
     document = _first_plan(folder, source, told.plans)
-    return Evidence(document, _later(told), _boxes(folder, document))
+    return Evidence(document, _later(told), _boxes(folder, document, told.starts))
 
 
 def _logs(source: Path) -> list[Log]:
@@ -121,8 +121,12 @@ def _later(told: _Told) -> list[Epoch]:
     ]
 
 
-def _boxes(folder: Path, document: PlanDocument) -> dict[str, BlackBox]:
-    """Read the black boxes; InputError states all problems, with missing boxes on one line."""
+def _boxes(folder: Path, document: PlanDocument, starts: Mapping[int, int]) -> dict[str, BlackBox]:
+    """Read the black boxes; InputError states all problems, with missing boxes on one line.
+
+    starts: the time zero of each epoch by the logs [ns]; a box that began at another GO is of
+    another run.
+    """
     boxes: dict[str, BlackBox] = {}
     missing: list[str] = []
     problems: list[str] = []
@@ -131,6 +135,9 @@ def _boxes(folder: Path, document: PlanDocument) -> dict[str, BlackBox]:
         found = next((place for place in places if place.exists()), None)
         if found is None:
             missing.append(robot.id)
+            continue
+        if not _is_of_run(found, starts):
+            problems.append(f"{found}: is of another run than the log")
             continue
         try:
             boxes[robot.id] = read_blackbox(found)
@@ -144,3 +151,12 @@ def _boxes(folder: Path, document: PlanDocument) -> dict[str, BlackBox]:
     if problems:
         raise InputError(problems)
     return boxes
+
+
+def _is_of_run(box: Path, starts: Mapping[int, int]) -> bool:
+    """Return whether a black box began at one of these times; True where that is not known."""
+    try:
+        began = box.with_name(f"{box.name}.start").read_text(encoding="ascii").split()
+    except (OSError, UnicodeDecodeError):
+        return True
+    return not starts or began[-1:] in [[str(start)] for start in starts.values()]

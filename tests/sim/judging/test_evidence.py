@@ -101,3 +101,15 @@ def test_what_is_missing_is_told_in_one_line_with_where_it_is_looked_for(tmp_pat
     assert "R1.csv: line 1" in told[1]
     (nowhere,) = problems_of(tmp_path / "nowhere")
     assert nowhere == f"{tmp_path / 'nowhere'}: No such file or directory"
+
+
+def test_a_black_box_of_another_run_is_refused(tmp_path, plans):
+    write_log(tmp_path / "run.mcap", plans, (1,))
+    write_boxes(tmp_path)
+    start = tmp_path / "R1.csv.start"
+    start.write_text(f"9 {12 * SECOND}\n")
+    assert sorted(gather(tmp_path).boxes) == ["R1", "R2"]
+    start.write_text(f"9 {13 * SECOND}\n")
+    with pytest.raises(InputError) as caught:
+        gather(tmp_path)
+    assert caught.value.problems == (f"{tmp_path}/R1.csv: is of another run than the log",)
