@@ -243,6 +243,8 @@ def _verify_log(path: Path, site: Scenario | None, as_json: bool) -> None:
     from coordinator.log.log_file import read_log
 
     proof = prove_log(read_log(path), site)
+    if not proof.epochs:
+        raise InputError([f"{path}: holds no plan that could be proven"])
     if as_json:
         answer_json(proof)
     else:

@@ -67,7 +67,7 @@ PROVES = "`splinefleet verify plan.json` proves it again, `plot` draws it"
             "hall.json is a scenario, not a plan; "
             "`splinefleet plan hall.json -o hall-plan.json` makes one",
         ),
-        ("verify run.mcap", f"run.mcap is a log, not a plan; {TELLS}"),
+        ("verify run.mcap", "run.mcap: holds no plan that could be proven"),
         ("plan plan.json", f"plan.json is a plan, not a scenario; {PROVES}"),
         ("plan run.mcap", f"run.mcap is a log, not a scenario; {TELLS}"),
         ("verify plan.json --scenario plan.json", f"plan.json is a plan, not a scenario; {PROVES}"),
