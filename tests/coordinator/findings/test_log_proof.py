@@ -13,9 +13,11 @@ from coordinator.proof.granted import Granted
 from coordinator.schedule.staircase_making import with_staircases
 from protocol.codec import decode, encode
 from protocol.messages import Command, Report
-from sim.campaigns.campaign import LINKS, make_world, run_world
+from sim.campaigns.campaign import LINKS, Wish, make_world, run_seed, run_world
+from sim.floors.generator import generate
 from sim.world.run_logs import RunLogs
 from tests.scenarios import a_robot, a_scenario
+from tests.sweeps import seeds
 
 CROSS = a_scenario(
     [a_robot("R1", (1.0, 4.0), (9.0, 4.0)), a_robot("R2", (5.0, 1.0), (5.0, 7.0))], tau=0.6
@@ -115,3 +117,12 @@ def test_the_command_line_proves_a_log_and_says_so(log_path):
     assert "Commands granted no more than is safe" in done.output
     done = CliRunner().invoke(commands, ["verify", str(log_path), "--json"])
     assert msgspec.json.decode(done.output)["holds"] is True
+
+
+@pytest.mark.parametrize("seed", [11, 21, 22, *seeds(8)])
+def test_every_log_of_a_campaign_is_proven_whatever_fails(seed, tmp_path):
+    run_seed(generate("warehouse", 8, 1), seed, Wish(tau=0.3), folder=tmp_path)
+    for path in tmp_path.glob("*.mcap"):
+        proof = prove_log(read_log(path))
+        assert [failure for epoch in proof.epochs for failure in epoch.failures] == []
+        assert all(epoch.proof.holds for epoch in proof.epochs)
