@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 
 from coordinator.findings.courses import Courses
+from coordinator.findings.held import held_in, late_names
 from coordinator.findings.info_fields import (
     EpochSummary,
     FaultSummary,
@@ -91,6 +92,7 @@ class _Telling:
         self._sent: list[tuple[str, int, int]] = []
         self._last_arrival_ns: int | None = None
         self._late: str | None = None
+        self._log, self._is_late = log, False
         self._ours: dict[str, tuple[int, int]] = {}
         self._lag_ns = clock_lag(log)
         go_ns = first_go([*before, log], self._lag_ns)
@@ -131,6 +133,8 @@ class _Telling:
             if robot.arrived is not None and robot.planned_finish is not None:
                 robot.late = robot.arrived - robot.planned_finish
         self._numbers.fill(told)
+        if self._is_late:
+            told.held = held_in(self._log, self._seconds)
         if self._starts_ns:
             first_ns, last_ns = min(self._starts_ns.values()), self._last_arrival_ns or end_ns
             if self._last_arrival_ns is not None:
@@ -233,6 +237,7 @@ class _Telling:
             self._tell_fault(record.log_ns, robot, message.reason, "refusal")
 
     def _tell_command(self, command: Command, log_ns: int) -> None:
+        self._is_late |= bool(late_names(command))
         if self._phase == (command.epoch, command.phase):
             return
         self._phase = (command.epoch, command.phase)

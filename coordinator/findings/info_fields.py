@@ -124,6 +124,19 @@ class Percentiles(msgspec.Struct, frozen=True):
     most: float
 
 
+class HeldSummary(msgspec.Struct, frozen=True):
+    """A robot that had to slow down or stand because another was late or lost; times [s].
+
+    It was held from the Command that first granted it less than it needed to be on time, until one
+    granted it enough or the fleet froze.
+    """
+
+    robot: str
+    by: str
+    begin: float = msgspec.field(name="from")
+    until: float
+
+
 class FreezeSummary(msgspec.Struct):
     """A freeze at `t` [s] and how long its parts took [s]; null for what is not in the log.
 
@@ -198,6 +211,7 @@ class Summary(msgspec.Struct):
     robots: dict[str, RobotSummary] = {}
     faults: list[FaultSummary] = []
     freezes: list[FreezeSummary] = []
+    held: list[HeldSummary] = []
     latencies: dict[str, Percentiles] = {}
     broadcast: Broadcast | None = None
     waits: list[WaitSummary] = []

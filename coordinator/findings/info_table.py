@@ -45,6 +45,10 @@ def render(summary: dict[str, object]) -> RenderableType:
         parts.append(_faults(told))
     if told.freezes:
         parts.append(_freezes(told.freezes))
+    parts += [
+        Text(f"{one.robot} was held by {one.by} from {one.begin:.2f} to {one.until:.2f} s")
+        for one in told.held
+    ]
     if told.latencies:
         parts.append(_latencies(told.latencies))
     if told.keys:

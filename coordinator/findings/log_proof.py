@@ -49,7 +49,7 @@ def prove_log(log: Log, scenario: Scenario | None = None) -> LogProof:
     fleet, boot = log.metadata.get("fleet", ""), log.metadata.get("boot", "")
     proofs: dict[int, Proof] = {}
     granted: dict[int, Granted] = {}
-    for document in _first_plans(log):
+    for document in first_plans(log):
         plan = with_staircases(packed(document))
         assert plan.staircases is not None
         first = document.epoch == 1
@@ -75,7 +75,7 @@ def prove_log(log: Log, scenario: Scenario | None = None) -> LogProof:
     return LogProof(all(one.proof.holds and not one.failures for one in epochs), epochs)
 
 
-def _first_plans(log: Log) -> list[PlanDocument]:
+def first_plans(log: Log) -> list[PlanDocument]:
     """Return the plan with which each epoch began; new times (`revision`) end its authority.
 
     Raises InputError for a plan that cannot be read.

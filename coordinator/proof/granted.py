@@ -54,6 +54,19 @@ class Granted:
             if need >= ahead[pair]:
                 self.failures.append(self._text(command, pair, need))
 
+    def holder(self, robot: str) -> str | None:
+        """Return a robot that another one has to wait for; None when nobody holds it.
+
+        Beyond what it was granted, it needs the robot returned to have passed more than it has.
+        """
+        stairs, index = self._staircases, self._index[robot]
+        next_ms = float(self._granted[index]) + 1.0
+        for pair in np.flatnonzero(stairs.behind == index).tolist():
+            ahead = int(stairs.ahead[pair])
+            if stairs.need_at(pair, next_ms) >= self._passed[ahead]:
+                return self._robots[ahead]
+        return None
+
     def _text(self, command: Command, pair: int, need: float) -> str:
         stairs = self._staircases
         who, other = self._robots[stairs.behind[pair]], self._robots[stairs.ahead[pair]]

@@ -1,0 +1,78 @@
+"""Who was held, by whom and when, by hand-made Commands and Reports of a plan."""
+
+import pytest
+
+from coordinator.findings.info import summarise
+from coordinator.findings.info_table import render
+from coordinator.log.records import Log, Record
+from coordinator.plan.plan_file import to_json
+from coordinator.plan.wire import packed
+from coordinator.planning.planner import plan_scenario
+from coordinator.schedule.staircase_making import with_staircases
+from protocol import keys
+from protocol.codec import encode
+from protocol.messages import Command, Report
+from protocol.phases import FREEZE, GO, MOVING
+from tests.coordinator.findings.test_log_proof import CROSS
+
+BEGIN, MS = 10**12, 10**6
+BOOT = 9
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return with_staircases(packed(plan_scenario(CROSS)))
+
+
+def told(plan, moments):
+    """The summary of a log: (plan time [ms], phase, who is held to where, progress by robot)."""
+    fleet, records = plan.document.scenario, []
+    for number, (at, phase, held, progress) in enumerate(moments, start=1):
+        now = BEGIN + at * MS
+        for robot, passed in progress.items():
+            report = Report(1, number, 1, MOVING, stamp_ms=passed)
+            records.append(Record(keys.report(fleet, robot), encode(report), now, now, 0))
+        command = Command(BOOT, number, 1, phase, BEGIN, (), now, at + 1_500, tuple(held.items()))
+        records.append(Record(keys.command(fleet), encode(command), now, now, 0))
+    metadata = {"fleet": fleet, "boot": str(BOOT), "policy": "safe"}
+    return summarise(Log(metadata, {"plan-1.json": to_json(plan.document)}, records, True, ""))
+
+
+def ends(plan):
+    """Names of the robots behind and ahead, and where the one behind has to wait [ms]."""
+    stairs, names = plan.staircases, list(plan.messages)
+    return names[stairs.behind[0]], names[stairs.ahead[0]], int(stairs.at[0]) - 1
+
+
+def test_a_robot_is_held_while_its_authority_ends_before_the_time_of_the_plan(plan):
+    behind, ahead, wait = ends(plan)
+    stuck = {ahead: 100}
+    moments = [(at, GO, {}, {}) for at in range(0, wait - 1_000, 500)]
+    moments += [(wait + late, GO, {behind: wait}, stuck) for late in (-100, 100, 200, 900)]
+    moments += [(wait + 1_000, GO, {}, {ahead: wait})]
+    (held,) = told(plan, moments)["held"]
+    since, until = (wait + 100) / 1000.0, (wait + 1_000) / 1000.0
+    assert held == {
+        "robot": behind,
+        "by": ahead,
+        "from": pytest.approx(since, abs=1e-3),
+        "until": pytest.approx(until, abs=1e-3),
+    }
+
+
+def test_it_ends_with_a_freeze_and_is_shown_to_people(plan):
+    behind, ahead, wait = ends(plan)
+    moments = [(0, GO, {}, {}), (wait + 500, GO, {behind: wait}, {}), (wait + 900, FREEZE, {}, {})]
+    summary = told(plan, moments)
+    assert summary["held"][0]["until"] == pytest.approx((wait + 900) / 1000.0, abs=1e-3)
+    shown = [str(part) for part in render(summary).renderables]
+    assert any(f"{behind} was held by {ahead} from" in text for text in shown)
+
+
+def test_a_robot_whose_own_silence_ends_its_authority_is_held_by_nobody(plan):
+    _, ahead, _ = ends(plan)
+    assert told(plan, [(0, GO, {}, {}), (9_000, GO, {ahead: 100}, {})])["held"] == []
+
+
+def test_nobody_is_held_in_a_log_without_such_commands(plan):
+    assert told(plan, [(0, GO, {}, {}), (500, GO, {}, {})])["held"] == []
