@@ -18,6 +18,9 @@ MAX_MESSAGE_BYTES: Final = 4_000
 MOST_HELD: Final = 60
 """A Command names at most this many robots that have less authority than all others."""
 
+MOST_NAMED: Final = 100
+"""A Command names at most this many robots, held or wanted, so that it is not too long."""
+
 Counter = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 Nanoseconds = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
 Duration = Annotated[int, msgspec.Meta(ge=0, le=10**12)]
@@ -132,7 +135,7 @@ class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
     epoch: Counter
     phase: Annotated[int, msgspec.Meta(ge=0, le=3)]
     start_ns: Nanoseconds
-    wanted: Annotated[tuple[RobotId, ...], msgspec.Meta(max_length=100)] = ()
+    wanted: Annotated[tuple[RobotId, ...], msgspec.Meta(max_length=MOST_NAMED)] = ()
     said_ns: Nanoseconds = 0
     authority_ms: PlanTime | None = None
     held: Annotated[tuple[tuple[RobotId, PlanTime], ...], msgspec.Meta(max_length=MOST_HELD)] = ()

@@ -19,7 +19,7 @@ from coordinator.fleet.roster import Roster
 from coordinator.fleet.router_link import RouterLink
 from protocol import keys
 from protocol.codec import encode
-from protocol.messages import Command
+from protocol.messages import MOST_NAMED, Command
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD, OVER
 from protocol.timing import COMMAND_PERIOD, MILLISECOND
 
@@ -160,13 +160,14 @@ class FleetState:
         stated = Stated()
         if self.phase == GO and self._grants is not None:
             stated = self._grants.grant((now_ns - self.times.start_ns) // MILLISECOND)
+        wanted = self.members.wanted(self.phase == FREEZE)
         command = Command(
             boot=self.boot,
             sequence=self._sequence,
             epoch=self.epoch,
             phase=self.phase,
             start_ns=self.times.start_ns if self.phase in (GO, FREEZE) else 0,
-            wanted=tuple(self.members.wanted(self.phase == FREEZE)[:100]),
+            wanted=tuple(wanted[: MOST_NAMED - len(stated.held)]),
             said_ns=now_ns,
             authority_ms=stated.authority_ms,
             held=stated.held,

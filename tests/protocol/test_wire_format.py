@@ -6,6 +6,8 @@ import pytest
 from protocol import codec, plan_bytes
 from protocol.messages import (
     MAX_MESSAGE_BYTES,
+    MOST_HELD,
+    MOST_NAMED,
     Admit,
     Clock,
     Command,
@@ -92,6 +94,16 @@ def test_a_plan_with_12_control_points_and_3_stops_is_at_most_350_bytes_long():
     # 12 control points bend three times at most; three bends, three stops and both ends need no
     # more than 22 speed knots beside the stops, and 5 speeds where each gap reaches the top.
     assert len(codec.encode(a_plan(points=12, knots=9, profile=22, stops=3, levels=5))) <= 350
+
+
+def test_a_command_that_names_as_many_robots_as_it_may_is_not_too_long():
+    names = [f"{number:032}" for number in range(MOST_NAMED)]
+    held = tuple((name, -(2**31)) for name in names[:MOST_HELD])
+    largest = 2**32 - 1
+    command = Command(
+        largest, largest, largest, 3, 2**62, tuple(names[MOST_HELD:]), 2**62, -(2**31), held
+    )
+    assert len(codec.encode(command)) <= MAX_MESSAGE_BYTES
 
 
 def test_a_report_on_the_move_is_at_most_22_bytes_long():
