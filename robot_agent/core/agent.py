@@ -242,7 +242,9 @@ class Agent:
         ride = self.ride
         if ride is not None and self.phase in (MOVING, DONE) and self._knows_time(ride, now_ns):
             stamp_ms = (now_ns + self.clock.offset_ns - self._start_ns) // MILLISECOND
-            self.report_stamp_ms, self.report_late = stamp_ms, ride.late_steps(stamp_ms)
+            self.report_stamp_ms = stamp_ms
+            if self.phase == MOVING:  # A robot at its goal is as far as it will get.
+                self.report_late = ride.late_steps(stamp_ms)
         return True
 
     def hello_due(self, now_ns: int) -> bool:

@@ -153,3 +153,16 @@ def test_a_robot_that_waits_by_its_plan_is_not_late_until_the_wait_is_over():
         if line.arrivals[0] + 0.5 < time / 1000.0 <= 9.0:
             assert run.agent.report_late == 0
     assert run.agent.report_late * LATE_STEP_MS >= 3_000
+
+
+def test_a_robot_at_its_goal_is_never_late_even_if_it_stopped_a_little_short():
+    run = driven_run(PATH, a_motion(0.5), 14.0)
+    run.until(run.start_ns + 40 * SECOND)
+    assert run.agent.phase == DONE
+    run.body.x -= 0.004 * math.cos(run.body.heading)
+    run.body.y -= 0.004 * math.sin(run.body.heading)
+    run.until(run.now + 500 * MS)
+    assert run.agent.phase == DONE
+    assert run.agent.report_due(run.own(run.now))
+    assert run.agent.report_late == 0
+    assert run.agent.report_stamp_ms > 40_000
