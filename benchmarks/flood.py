@@ -34,7 +34,7 @@ from coordinator.scenario_files.scenario_reader import scenario_to_json
 from protocol import keys
 from protocol.codec import encode
 from protocol.host_clock import host_clock_ns
-from protocol.messages import Clock, Hello, Pace, Report
+from protocol.messages import PROTOCOL_VERSION, Clock, Hello, Report
 from protocol.phases import MOVING
 from protocol.transport import Handler
 from protocol.zenoh_transport import ZenohTransport
@@ -121,9 +121,9 @@ def messages(seed: int = 1) -> list[tuple[str, bytes]]:
     dice = Random(seed)
     kinds = (keys.hello, keys.report, keys.clock, keys.admit, keys.plan)
     sound: list[Callable[[int], bytes]] = [
-        lambda n: encode(Hello(1, n)),
+        lambda n: encode(Hello(PROTOCOL_VERSION, n)),
         lambda n: encode(Report(n, n, 1, MOVING)),
-        lambda n: encode(Pace(n, 1, 1, n)),
+        lambda n: encode(Report(n, n, 1, MOVING, stamp_ms=n)),
         lambda n: encode(Clock(n, n)),
     ]
     found = []

@@ -32,7 +32,7 @@ from tests.oracles import tracks
 COUNT: Final = 200
 FEWEST: Final = 5
 MOST: Final = 60
-TAUS: Final = ("auto", "auto", 0.0, 0.5, 1.0)
+TAUS: Final = ("auto", "auto", 0.2, 0.5, 1.0)
 SAID: Final = 120
 """How many characters of the planner's message the table shows."""
 SHORT: Final = 1e-4

@@ -7,10 +7,11 @@ None for anything that is too long, malformed, of the wrong kind for its key or 
 from __future__ import annotations
 
 import math
+import struct
 import zlib
 from functools import reduce
 from operator import or_
-from typing import Final, TypeVar
+from typing import Final
 
 import msgspec
 
@@ -21,8 +22,6 @@ from protocol.messages import (
     Command,
     Hello,
     Message,
-    NewTimes,
-    Pace,
     Plan,
     Refusal,
     Report,
@@ -35,19 +34,29 @@ from protocol.plan_bytes import (
     unpack_stops,
 )
 
+SEAL_BYTES: Final = 5
+"""Length of the seal, the last element of an encoded Plan: a CRC-32 of all bytes before it.
+
+It is a msgpack uint32 in its long form.  It is computed over the bytes as they are sent: a robot
+checks it before it parses anything, and a Plan with more fields than the robot knows passes."""
+
 KINDS: Final[dict[str, tuple[type[Message], ...]]] = {
     "hello": (Hello,),
-    "plan": (Plan, Refusal, NewTimes),
+    "plan": (Plan, Refusal),
     "command": (Command,),
-    "report": (Report, Pace),
+    "report": (Report,),
     "clock": (Clock,),
     "admit": (Admit,),
 }
 """Which messages may be sent on which kind of key."""
 
+_UINT32: Final = 0xCE
+
 _encoder: Final = msgspec.msgpack.Encoder()
+_plan_decoder: Final = msgspec.msgpack.Decoder(Plan)
 _decoders: Final = {
-    kind: msgspec.msgpack.Decoder(reduce(or_, types)) for kind, types in KINDS.items()
+    kind: msgspec.msgpack.Decoder(reduce(or_, [one for one in types if one is not Plan]))
+    for kind, types in KINDS.items()
 }
 
 
@@ -57,6 +66,8 @@ def encode(message: Message) -> bytes:
     Raises OversizeError above MAX_MESSAGE_BYTES, with both numbers.
     """
     payload = _encoder.encode(message)
+    if isinstance(message, Plan):
+        payload = _sealed(payload)
     if len(payload) > MAX_MESSAGE_BYTES:
         whose = f" for {message.robot}" if isinstance(message, Plan) else ""
         raise OversizeError(
@@ -72,53 +83,45 @@ def decode(kind: str, payload: bytes) -> Message | None:
     if decoder is None or len(payload) > MAX_MESSAGE_BYTES:
         return None
     try:
-        message: Message = decoder.decode(payload)
+        message: Message
+        if kind == "plan" and payload[-SEAL_BYTES:] == _seal(payload[:-SEAL_BYTES]):
+            message = _plan_decoder.decode(payload)
+        else:
+            message = decoder.decode(payload)
     except (msgspec.MsgspecError, ValueError, RecursionError):
         return None
     return message if _is_sane(message) else None
 
 
-Sealed = TypeVar("Sealed", Plan, NewTimes)
+def _sealed(encoded: bytes) -> bytes:
+    """Return an encoded array of 16 elements or more with its seal as one more element."""
+    mark, count = struct.unpack_from(">BH", encoded)
+    body = struct.pack(">BH", mark, count + 1) + encoded[3:]
+    return body + _seal(body)
 
 
-def seal(plan: Sealed) -> Sealed:
-    """Return the plan with its checksum filled in."""
-    return msgspec.structs.replace(plan, checksum=checksum(plan))
-
-
-def checksum(plan: Plan | NewTimes) -> int:
-    """Return the CRC-32 over the plan's encoding with the checksum field at 0."""
-    return zlib.crc32(_encoder.encode(msgspec.structs.replace(plan, checksum=0)))
+def _seal(body: bytes) -> bytes:
+    return struct.pack(">BI", _UINT32, zlib.crc32(body))
 
 
 def _is_sane(message: Message) -> bool:
-    """Check what msgspec cannot check: finite numbers, packed lengths, the checksum."""
+    """Check what msgspec cannot check: finite numbers and packed lengths."""
     if isinstance(message, Hello):
         limits = (message.radius_m, message.max_speed_mps, message.max_accel_mps2)
         return all(0.0 <= limit < math.inf for limit in limits)
     if isinstance(message, Report):
         return message.rest is None or math.isfinite(message.rest.s_m)
-    if isinstance(message, Plan):
-        return _is_path_whole(message) and _is_whole(message)
-    return not isinstance(message, NewTimes) or _is_whole(message)
+    return not isinstance(message, Plan) or _is_whole(message)
 
 
-def _is_whole(plan: Plan | NewTimes) -> bool:
-    """Return whether the checksum fits and speeds, profile and stops unpack to finite numbers."""
-    try:
-        numbers = unpack_floats(plan.speeds)
-        numbers += [s for s, _ in unpack_profile(plan.speeds, plan.profile)]
-        numbers += [s for s, _ in unpack_stops(plan.stops)]
-    except ValueError:
-        return False
-    return all(map(math.isfinite, numbers)) and checksum(plan) == plan.checksum
-
-
-def _is_path_whole(plan: Plan) -> bool:
-    """Return whether a path's packed fields can be unpacked and its numbers are finite."""
+def _is_whole(plan: Plan) -> bool:
+    """Return whether all packed fields unpack to finite numbers."""
     try:
         numbers = unpack_floats(plan.knots) + unpack_floats(plan.weights)
         numbers += [value for place in unpack_points(plan.points) for value in place]
+        numbers += unpack_floats(plan.speeds)
+        numbers += [s for s, _ in unpack_profile(plan.speeds, plan.profile)]
+        numbers += [s for s, _ in unpack_stops(plan.stops)]
     except ValueError:
         return False
     return all(map(math.isfinite, numbers))

@@ -10,16 +10,22 @@ from typing import Annotated, Final
 
 import msgspec
 
-PROTOCOL_VERSION: Final = 1
+from protocol.timing import MILLISECOND
+
+PROTOCOL_VERSION: Final = 2
 
 MAX_MESSAGE_BYTES: Final = 4_000
 """No message to a robot may be longer: zenoh-pico drops larger payloads silently."""
 
-MOST_HELD: Final = 60
-"""A Command names at most this many robots that have less authority than all others."""
+MOST_HELD: Final = 120
+"""A Command names at most this many robots that have less authority than the others; if there are
+more, several Commands speak for a range of numbers each."""
 
-MOST_NAMED: Final = 100
-"""A Command names at most this many robots, held or wanted, so that it is not too long."""
+MOST_WANTED: Final = 60
+"""A Command asks at most this many robots where they rest, so that it is not too long."""
+
+MOST_ROBOTS: Final = 65_535
+"""The numbers of an epoch's robots are smaller than this."""
 
 Counter = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 Nanoseconds = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
@@ -29,6 +35,8 @@ Offset = Annotated[int, msgspec.Meta(ge=-32_768, le=32_767)]
 Place = Annotated[int, msgspec.Meta(ge=-(2**31), le=2**31 - 1)]
 PlanTime = Annotated[int, msgspec.Meta(ge=-(2**31), le=2**31 - 1)]
 """A time of the plan [ms]: 0 is its start, which a Command states as start_ns."""
+Number = Annotated[int, msgspec.Meta(ge=0, le=MOST_ROBOTS)]
+Capacity = Annotated[int, msgspec.Meta(ge=0, le=65_535)]
 Packed = Annotated[bytes, msgspec.Meta(max_length=3_600)]
 RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}(?!\n)$")]
 
@@ -40,6 +48,9 @@ class Hello(msgspec.Struct, frozen=True, array_like=True, tag=1):
     back into a fleet under way states in `place` its own estimate of its pose: x, y [mm] and
     heading [mrad].  It does so only while the fleet rests.  `sequence` counts a robot's Hellos from
     1, so that a replayed old one can be recognised; 0: not stated.
+
+    `points`, `stops`, `bytes`: how many control points and stops, and how long a Plan message, the
+    robot can hold; 0: not stated.
     """
 
     version: Annotated[int, msgspec.Meta(ge=0, le=255)]
@@ -49,27 +60,39 @@ class Hello(msgspec.Struct, frozen=True, array_like=True, tag=1):
     max_accel_mps2: float = 0.0
     place: tuple[Place, Place, Place] | None = None
     sequence: Counter = 0
+    points: Capacity = 0
+    stops: Capacity = 0
+    bytes: Capacity = 0
 
 
 class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):
-    """One robot's path and timetable for one epoch.
+    """One robot's course in one epoch: its path and timetable.
+
+    On the wire a CRC-32 of the encoded Plan follows it (codec.py).
+
+    `number`: the robot's number in this epoch's Commands.  `revision` counts a robot's courses in
+    one epoch from 0; `begin_ms` is the plan time at which the course begins.  `tau_ns`: robots keep
+    clear while their plan times differ by no more than this; only listeners use it.
 
     Packed fields are little-endian.  `points`: float32 x, y per control point [m].  `knots`:
     float32, the inner knots and the last one; the first knot is 0 and both ends are clamped.
     `weights`: float32 per control point, empty when all are 1.  `speeds`: the distinct speeds,
     float32 [m/s].  `profile`: float32 s [m] and the uint8 index of its speed per speed knot.
-    `stops`: float32 s [m] and int64 departure [ns after the start] per stop; a robot that brakes
-    (`brake_mmps2` > 0) has speed 0 there, which the profile does not repeat.  `lease_ms`: how long
-    after the sending of its newest Command the robot brakes; `clock_ms`: the largest error with
-    which the robot may know the coordinator's clock.
+    `stops`: float32 s [m] and int64 departure [ns of plan time] per stop; a robot that brakes
+    (`brake_mmps2` > 0) has speed 0 there, which the profile does not repeat.  `clock_ms`: the
+    largest error with which the robot may know the coordinator's clock when it arms.
     """
 
     epoch: Counter
     boot: Counter
     robot: RobotId
+    number: Number
+    revision: Counter
+    begin_ms: PlanTime
     tau_ns: Duration
     track_mm: Annotated[int, msgspec.Meta(ge=0, le=65_535)]
     brake_mmps2: Counter
+    clock_ms: Milliseconds
     degree: Annotated[int, msgspec.Meta(ge=1, le=7)]
     points: Packed
     knots: Packed
@@ -77,25 +100,6 @@ class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):
     speeds: Packed
     profile: Packed
     stops: Packed
-    checksum: Counter
-    lease_ms: Milliseconds = 600
-    clock_ms: Milliseconds = 10
-
-
-class NewTimes(msgspec.Struct, frozen=True, array_like=True, tag=8):
-    """New times for a plan that is being driven: the same path, other speeds and stops.
-
-    `revision` counts the new times within an epoch.  The packed fields replace those of the Plan.
-    """
-
-    epoch: Counter
-    boot: Counter
-    revision: Counter
-    brake_mmps2: Counter
-    speeds: Packed
-    profile: Packed
-    stops: Packed
-    checksum: Counter
 
 
 class Admit(msgspec.Struct, frozen=True, array_like=True, tag=7):
@@ -121,24 +125,37 @@ class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
     """The state that the coordinator commands, repeated every COMMAND_PERIOD.
 
     A lost Command is harmless, because each one states the whole state (it is level-triggered).
-    `start_ns` is the plan's time zero on the coordinator's clock (0 unless the phase is GO or
-    FREEZE).  `wanted` names frozen robots whose arc length has not been heard yet.  `said_ns` is
-    when the Command was sent, on the same clock; leases count from it (0: not stated).
+    `term`: who leads; robots obey the highest (term, boot) that they have heard.  `start_ns` is the
+    plan's time zero on the coordinator's clock (0 before the first GO), `said_ns` is when the
+    Command was sent, on the same clock: the Command's plan time is the difference.
 
-    `authority_ms` is the plan time that no robot may pass, less for those in `held`: robot and plan
-    time.  A robot keeps the greatest that it was granted in this epoch.  None: not stated, robots
-    may drive as their plans say.
+    With GO, robots with a number from `first` to `last` may drive up to `headroom_ms` beyond that
+    plan time, those in `held` (number, plan time) up to the plan time that stands with them.  A
+    robot keeps the greatest authority that it was granted in this epoch.  `wanted` names robots at
+    rest whose place has not been heard yet.
     """
 
     boot: Counter
+    term: Counter
     sequence: Counter
     epoch: Counter
-    phase: Annotated[int, msgspec.Meta(ge=0, le=3)]
+    phase: Annotated[int, msgspec.Meta(ge=0, le=4)]
     start_ns: Nanoseconds
-    wanted: Annotated[tuple[RobotId, ...], msgspec.Meta(max_length=MOST_NAMED)] = ()
-    said_ns: Nanoseconds = 0
-    authority_ms: PlanTime | None = None
-    held: Annotated[tuple[tuple[RobotId, PlanTime], ...], msgspec.Meta(max_length=MOST_HELD)] = ()
+    said_ns: Nanoseconds
+    headroom_ms: PlanTime = 0
+    held: Annotated[tuple[tuple[Number, PlanTime], ...], msgspec.Meta(max_length=MOST_HELD)] = ()
+    first: Number = 0
+    last: Number = MOST_ROBOTS
+    wanted: Annotated[tuple[RobotId, ...], msgspec.Meta(max_length=MOST_WANTED)] = ()
+
+    def authority_of(self, number: int) -> int | None:
+        """Return the plan time [ms] up to which a robot may drive; None if nothing is said."""
+        if not self.first <= number <= self.last:
+            return None
+        for one, time_ms in self.held:
+            if one == number:
+                return time_ms
+        return (self.said_ns - self.start_ns) // MILLISECOND + self.headroom_ms
 
 
 class Rest(msgspec.Struct, frozen=True, array_like=True):
@@ -165,7 +182,7 @@ class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
 
     `stamp_ms` is the plan time at which the report was made.  `late` is how far behind its plan the
     robot was then, in steps of LATE_STEP_MS, rounded up: it has passed plan time stamp - late.  A
-    robot that does not drive, or does not know the time, states no stamp.
+    robot that does not drive states no stamp.  `revision`: the course that it drives.
     """
 
     boot: Counter
@@ -176,20 +193,7 @@ class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
     rest: Rest | None = None
     stamp_ms: PlanTime | None = None
     late: Annotated[int, msgspec.Meta(ge=0, le=65_535)] = 0
-
-
-class Pace(msgspec.Struct, frozen=True, array_like=True, tag=9):
-    """The message beside the Reports of a robot that has received new times or waits for them.
-
-    `revision` is that of the times that the robot holds.  `stood_us` is sent by a robot that stands
-    because it is late, as long as the others move: the plan time [us] at which its plan has it
-    where it stands.
-    """
-
-    boot: Counter
-    epoch: Counter
-    revision: Counter
-    stood_us: Annotated[int, msgspec.Meta(ge=0, le=2**53)] | None = None
+    revision: Counter = 0
 
 
 class Clock(msgspec.Struct, frozen=True, array_like=True, tag=5):
@@ -205,4 +209,4 @@ class Clock(msgspec.Struct, frozen=True, array_like=True, tag=5):
     answered_ns: Nanoseconds | None = None
 
 
-Message = Hello | Plan | Refusal | NewTimes | Command | Report | Pace | Clock | Admit
+Message = Hello | Plan | Refusal | Command | Report | Clock | Admit

@@ -9,35 +9,29 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from protocol.curve import clamped_knots
-from protocol.messages import NewTimes, Plan
+from protocol.messages import Plan
 from protocol.plan_bytes import unpack_floats, unpack_points, unpack_profile, unpack_stops
-from protocol.timing import MILLISECOND, SECOND, late_share
+from protocol.timing import MILLISECOND, SECOND
 
-Motion = tuple[list[float], list[float], list[float], list[float]]
+Motion = tuple[list[float], list[float], list[float], list[float], float]
 
 
 class PlanParts(NamedTuple):
     """The content of a Plan, as arguments for Ride, Curve and Timeline."""
 
-    rules: tuple[int, int, int, int, int]
-    """late [ns], lease [ns], track [mm], brake [mm/s^2], clock error [ns]."""
+    rules: tuple[int, int, int]
+    """track [mm], brake [mm/s^2], clock error [ns]."""
     path: tuple[int, list[float], list[float], list[float], list[float]]
     """degree, full knot vector, x, y, weights: the arguments of Curve."""
     motion: Motion
-    """Speed knots s and v, stops s and departures [s]: the arguments of Timeline."""
+    """Speed knots s and v, stops s and departures [s], begin [s]: the arguments of Timeline."""
 
 
 def unpack_plan(plan: Plan) -> PlanParts:
     """Unpack a Plan; ValueError when a packed field is incomplete."""
     points = unpack_points(plan.points)
     return PlanParts(
-        (
-            late_share(plan.tau_ns),
-            plan.lease_ms * MILLISECOND,
-            plan.track_mm,
-            plan.brake_mmps2,
-            plan.clock_ms * MILLISECOND,
-        ),
+        (plan.track_mm, plan.brake_mmps2, plan.clock_ms * MILLISECOND),
         (
             plan.degree,
             clamped_knots(plan.degree, unpack_floats(plan.knots) or [0.0]),
@@ -45,11 +39,11 @@ def unpack_plan(plan: Plan) -> PlanParts:
             [y for _, y in points],
             unpack_floats(plan.weights) or [1.0] * len(points),
         ),
-        unpack_motion(plan),
+        _motion_of(plan),
     )
 
 
-def unpack_motion(times: Plan | NewTimes) -> Motion:
+def _motion_of(times: Plan) -> Motion:
     """Unpack the times of a plan; ValueError when a packed field is incomplete."""
     stops = unpack_stops(times.stops)
     profile = unpack_profile(times.speeds, times.profile)
@@ -60,4 +54,5 @@ def unpack_motion(times: Plan | NewTimes) -> Motion:
         [v for _, v in profile],
         [s for s, _ in stops],
         [depart_ns / SECOND for _, depart_ns in stops],
+        times.begin_ms / 1000.0,
     )

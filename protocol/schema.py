@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 
 from protocol.codec import KINDS
+from protocol.messages import Plan
 
 
 def schema_name(kind: str) -> str:
@@ -22,8 +23,9 @@ def schema_name(kind: str) -> str:
 def json_schema(kind: str) -> bytes:
     """Return the JSON Schema (2020-12) of the messages on a kind of key, as JSON.
 
-    A message is an array: the tag, then the fields in order, each titled with its name.  The
-    binary fields, described as base64 in JSON, are plain msgpack `bin`.
+    A message is an array: the tag, then the fields in order, each titled with its name, and for a
+    Plan its seal (codec.py).  The binary fields, described as base64 in JSON, are plain msgpack
+    `bin`.
     """
     types = KINDS[kind]
     schema: dict[str, Any] = msgspec.json.schema(reduce(or_, types))
@@ -32,4 +34,6 @@ def json_schema(kind: str) -> bytes:
         items = schema["$defs"][message.__name__]["prefixItems"]
         for name, item in zip(names, items, strict=True):
             item["title"] = name
+        if message is Plan:
+            items.append({"title": "seal", "type": "integer", "minimum": 0, "maximum": 2**32 - 1})
     return msgspec.json.encode(schema)

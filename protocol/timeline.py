@@ -9,12 +9,12 @@ from array import array
 
 
 class Timeline:
-    """The motion s(t) along a path; times [s] count from the plan's start, s is arc length [m].
+    """The motion s(t) along a path; times [s] are plan times, s is arc length [m].
 
     `profile_s`, `profile_v`: speed knots, v^2 linear in s between neighbours (constant
     acceleration).  `stop_s`, `stop_depart`: the robot rests at stop_s until plan time stop_depart
-    (not at all if it gets there after that time); a stop at s = 0 is a late start.  Raises
-    ValueError when the numbers do not describe a motion.
+    (not at all if it gets there after that time); a stop at s = 0 is a late start.  The motion
+    begins at plan time `begin`.  Raises ValueError when the numbers do not describe a motion.
     """
 
     def __init__(
@@ -23,6 +23,7 @@ class Timeline:
         profile_v: list[float],
         stop_s: list[float],
         stop_depart: list[float],
+        begin: float = 0.0,
     ) -> None:
         _check(profile_s, profile_v, stop_s, stop_depart)
         self.t0 = array("d", [])
@@ -33,7 +34,7 @@ class Timeline:
         self.v1 = array("d", [])
         self.arrivals: list[float] = []
         self._leg = 0
-        time, stop = 0.0, 0
+        time, stop = begin, 0
         for i in range(len(profile_s) - 1):
             s, v = profile_s[i], profile_v[i]
             end_s, end_v = profile_s[i + 1], profile_v[i + 1]
@@ -87,6 +88,15 @@ class Timeline:
             if time < self.t0[leg] and (leg == 0 or self.t1[leg - 1] < self.t0[leg]):
                 return self.s0[leg], self.t0[leg]
         return None
+
+    def rest_until(self, time: float) -> float:
+        """Return when the rest at a plan time [s] ends; the time itself where the robot drives."""
+        leg = self._find(time)
+        if time < self.t0[leg]:
+            return self.t0[leg]
+        if time >= self.t1[leg] and leg < len(self.t0) - 1:
+            return self.t0[leg + 1]
+        return time
 
     def _find(self, time: float) -> int:
         """Return the last leg that has begun, or the first leg if none has.

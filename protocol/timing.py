@@ -1,7 +1,7 @@
-"""The periods and leases on which both sides rely, in nanoseconds.
+"""The periods on which both sides rely, in nanoseconds.
 
-Decides: how often each side sends, and how long a silence it tolerates.  The fault budget
-(coordinator/plan/fault_budget.py) is the sum of these.  No imports: the robot's firmware reads this
+Decides: how often each side sends, and how long a silence it tolerates.  "auto" for tau
+(coordinator/plan/shares_of_tau.py) is a sum of these.  No imports: the robot's firmware reads this
 file too.
 """
 
@@ -12,31 +12,25 @@ COMMAND_PERIOD = 100 * MILLISECOND
 REPORT_PERIOD = 200 * MILLISECOND
 HELLO_PERIOD = 200 * MILLISECOND
 
-LEASE = 600 * MILLISECOND
-"""A robot brakes this long after its newest Command was sent."""
-
-REPORT_TIMEOUT = 500 * MILLISECOND
-"""A moving robot that has not been heard for this long is lost."""
-
-LATENESS = 250 * MILLISECOND
-"""The greatest share of lateness: how far behind its plan a robot may be."""
-
-CLOCK_ERROR = 10 * MILLISECOND
-"""A moving robot stops when the error of its clock offset may be greater than this."""
-
-CLOCK_RESERVE = 2 * MILLISECOND
-"""A robot arms only if its clock error is this far below the limit for moving robots, because
-clocks drift."""
-
-CLOCK_PERIOD_FAST = 40 * MILLISECOND
-CLOCK_PERIOD = 2 * SECOND
-CLOCK_SAMPLES = 8
-
+LATENESS = 100 * MILLISECOND
+"""How late a robot is that keeps to its plan as well as it can; tau "auto" allows for this."""
 
 LATE_STEP_MS = 50
 """Lateness is reported in steps of this [ms], rounded up."""
 
+REPORT_TIMEOUT = 1 * SECOND
+"""A robot that has not been heard for this long counts as lost, and it is named to people."""
 
-def late_share(tau_ns: int) -> int:
-    """Return a robot's share of lateness [ns]: how late it may be before that is a fault."""
-    return min(LATENESS, tau_ns // 2)
+COORDINATOR_TIMEOUT = 2 * SECOND
+"""A robot at rest that has not heard its coordinator for this long may obey another one, or leave
+when it is at its goal."""
+
+CLOCK_ERROR = 10 * MILLISECOND
+"""A robot sets out only when the error of its clock offset is less than this."""
+
+CLOCK_RESERVE = 2 * MILLISECOND
+"""A robot arms only if its clock error is this far below the limit, because clocks drift."""
+
+CLOCK_PERIOD_FAST = 40 * MILLISECOND
+CLOCK_PERIOD = 2 * SECOND
+CLOCK_SAMPLES = 8

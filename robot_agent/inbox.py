@@ -13,10 +13,10 @@ from typing import Final, NamedTuple
 
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Clock, Command, Message, NewTimes, Plan, Refusal
+from protocol.messages import Clock, Command, Message, Plan, Refusal
 
 _DEPTHS: Final[dict[type[Message], int]] = {
-    Command: 32, Clock: 32, Plan: 4, NewTimes: 4, Refusal: 4,
+    Command: 32, Clock: 32, Plan: 4, Refusal: 4,
 }  # fmt: skip
 """How many messages of a type may wait, and be processed in one tick.  The newest of a type
 supersedes the others, and there is room for several times what a coordinator sends in a second."""
@@ -44,7 +44,7 @@ class Inbox:
             kind: deque(maxlen=depth) for kind, depth in _DEPTHS.items()
         }
         self._count = 0
-        self._newest = (-1, -1)
+        self._newest = (-1, -1, -1)
 
     def put(self, key: str, payload: bytes, heard_ns: int | None) -> None:
         """Add a message to the queue of its type."""
@@ -54,10 +54,10 @@ class Inbox:
             self.bad += 1
             return
         if isinstance(message, Command):
-            boot, sequence = self._newest
-            if boot == message.boot and message.sequence <= sequence:
+            term, boot, sequence = self._newest
+            if (term, boot) == (message.term, message.boot) and message.sequence <= sequence:
                 return
-            self._newest = message.boot, message.sequence
+            self._newest = message.term, message.boot, message.sequence
         lane = self._lanes[type(message)]
         self.dropped += len(lane) == lane.maxlen
         self._count += 1

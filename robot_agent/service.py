@@ -19,20 +19,18 @@ from protocol.messages import (
     Clock,
     Command,
     Hello,
-    NewTimes,
-    Pace,
     Plan,
     Refusal,
     Report,
     Rest,
 )
 from protocol.phases import DONE, FREEZE, GO, HOLD, IDLE, PHASE_NAMES
-from protocol.plan_parts import unpack_motion, unpack_plan
+from protocol.plan_parts import unpack_plan
 from protocol.timing import COMMAND_PERIOD, SECOND
 from protocol.transport import Transport
 from robot_agent.blackbox import BlackBox
 from robot_agent.core.agent import Agent
-from robot_agent.core.ride import NO_LIMIT
+from robot_agent.core.ride import NOTHING
 from robot_agent.driver import Driver
 from robot_agent.inbox import Inbox
 from robot_agent.loop import PERIOD_NS, FixedRateLoop
@@ -222,9 +220,7 @@ class RobotService:
             if isinstance(message, Command) and self._fleet in (None, fleet):
                 self._hear_command(fleet, message, now_ns)
             elif isinstance(message, Plan):
-                self.agent.hear_plan(message.boot, message.epoch, *unpack_plan(message))
-            elif isinstance(message, NewTimes):
-                self._hear_times(message, now_ns)
+                self._hear_plan(message)
             elif isinstance(message, Refusal) and message.boot == self.boot:
                 self.refusal = message.reason
             elif isinstance(message, Clock) and message.boot == self.boot:
@@ -233,16 +229,18 @@ class RobotService:
     def _hear_command(self, fleet: str, command: Command, now_ns: int) -> None:
         if self._fleet is None:
             self._join(fleet)
+        authority = command.authority_of(self.agent.number)
         counts = self.agent.hear_command(
             command.boot,
+            command.term,
             command.sequence,
             command.epoch,
             command.phase,
             command.start_ns,
+            command.said_ns,
+            NOTHING if authority is None else authority,
             self.robot.id in command.wanted,
             now_ns,
-            command.said_ns,
-            self._authority_in(command),
         )
         if not counts:
             return
@@ -252,15 +250,9 @@ class RobotService:
             if command.phase == GO:
                 self._blackbox.begin(command.boot, command.start_ns)
 
-    def _authority_in(self, command: Command) -> int:
-        """Return the plan time [ms] that this robot may not pass by a Command."""
-        if command.authority_ms is None:
-            return NO_LIMIT
-        return dict(command.held).get(self.robot.id, command.authority_ms)
-
-    def _hear_times(self, times: NewTimes, now_ns: int) -> None:
-        motion = unpack_motion(times)
-        self.agent.hear_times(times.boot, times.epoch, times.revision, motion, now_ns)
+    def _hear_plan(self, plan: Plan) -> None:
+        which = (plan.boot, plan.epoch, plan.number, plan.revision)
+        self.agent.hear_plan(*which, *unpack_plan(plan))
 
     def _hear_clock(self, answer: Clock, heard_ns: int) -> None:
         if answer.received_ns is not None and answer.answered_ns is not None:
@@ -321,11 +313,8 @@ class RobotService:
                 agent.phase,
                 agent.fault,
                 self._rest(),
-                None if agent.report_stamp_ms == NO_LIMIT else agent.report_stamp_ms,
+                None if agent.report_stamp_ms == NOTHING else agent.report_stamp_ms,
                 agent.report_late,
+                agent.revision,
             )
             self._transport.put(keys.report(fleet, robot.id), encode(report))
-            if agent.revision > 0 or agent.awaits_times():
-                stood_us = agent.rest.stood_us if agent.awaits_times() else None
-                pace = Pace(self.boot, agent.epoch, agent.revision, stood_us)
-                self._transport.put(keys.report(fleet, robot.id), encode(pace))

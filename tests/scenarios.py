@@ -38,7 +38,7 @@ def random_scenario(seed, most=8, clutter=5):
         name=f"random-{seed}",
         workspace=workspace,
         robots=(),
-        tau=dice.choice(["auto", "auto", 0.0, 0.3, 0.5, 1.0, 2.0]),
+        tau=dice.choice(["auto", "auto", 0.2, 0.3, 0.5, 1.0, 2.0]),
         margin=dice.choice([0.02, 0.05, 0.1]),
         speed_reserve=dice.choice([0.0, 0.05]),
     )

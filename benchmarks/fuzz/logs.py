@@ -78,7 +78,7 @@ def _spoken() -> Iterator[tuple[int, Outgoing]]:
     sequence, now_ns = count(1), SECOND
     for phase in (None, ARMED, ARMED, MOVING, MOVING, DONE, DONE, DONE):
         for robot in fleet.members:
-            key, said = keys.hello("two", robot), encode(Hello(1, 5, 0.15))
+            key, said = keys.hello("two", robot), encode(Hello(2, 5, 0.15))
             if phase is not None:
                 key = keys.report("two", robot)
                 said = encode(Report(5, next(sequence), fleet.epoch, phase))

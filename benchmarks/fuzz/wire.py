@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator
 from typing import Final
-
-import msgspec
 
 from benchmarks.fuzz.target import Target
 from benchmarks.table import ROOT
@@ -14,9 +13,10 @@ from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import read_scenario
 from protocol import keys
-from protocol.codec import KINDS, decode, encode, seal
-from protocol.messages import Clock, Command, NewTimes, Plan, Report
-from protocol.plan_parts import unpack_motion, unpack_plan
+from protocol.codec import CRC_BYTES, KINDS, decode, encode
+from protocol.messages import Clock, Command, Plan, Report
+from protocol.phases import GO, HOLD, STOP
+from protocol.plan_parts import unpack_plan
 from robot_agent.service import Robot, RobotService
 from sim.world.body import SimulatedBody
 from sim.world.memory_transport import MemoryNetwork
@@ -24,8 +24,8 @@ from sim.world.memory_transport import MemoryNetwork
 _KINDS: Final = tuple(KINDS)
 _KEYS: Final = (keys.hello, keys.plan, keys.report, keys.clock, keys.admit, keys.alive)
 _PERIOD_NS: Final = 10_000_000
+_BEGAN_NS: Final = 1_000_000_000
 _BOOT: Final = 7
-_unchecked: Final = msgspec.msgpack.Decoder(Plan | NewTimes)
 
 
 def codec(data: bytes) -> None:
@@ -33,23 +33,23 @@ def codec(data: bytes) -> None:
     if not data:
         return
     kind = _KINDS[data[0] % len(_KINDS)]
-    message = decode(kind, data[1:]) or decode(kind, _sealed(data[1:]))
+    message = decode(kind, data[1:])
+    if message is None and kind == "plan":
+        message = decode(kind, _with_crc(data[1:])) or decode(kind, _with_crc(data[1:-CRC_BYTES]))
     if message is None:
         return
     again = decode(kind, encode(message))
     assert again == message, f"{message} became {again}"
     if isinstance(message, Plan):
         unpack_plan(message)
-    elif isinstance(message, NewTimes):
-        unpack_motion(message)
+    elif isinstance(message, Command):
+        for number in (0, message.first, message.last):
+            message.authority_of(number)
 
 
-def _sealed(payload: bytes) -> bytes:
-    """Return a plan's bytes with the right checksum; no bytes if they are not a plan."""
-    try:
-        return encode(seal(_unchecked.decode(payload)))
-    except (msgspec.MsgspecError, ValueError):
-        return b""
+def _with_crc(packed: bytes) -> bytes:
+    """Return bytes followed by their CRC-32, as a Plan's are."""
+    return packed + zlib.crc32(packed).to_bytes(CRC_BYTES, "little")
 
 
 def codec_seeds() -> Iterator[bytes]:
@@ -103,7 +103,7 @@ def pieces(data: bytes) -> Iterator[tuple[int, bytes]]:
 def fleet(data: bytes) -> None:
     """Give the fleet core messages on any of its keys, and let time pass in between."""
     hall = _hall()
-    name, now_ns = hall.document.scenario, 10**9
+    name, now_ns = hall.document.scenario, _BEGAN_NS
     robots = [robot.id for robot in hall.document.robots]
     for which, payload in pieces(data):
         kind, whose = _KEYS[which % 6], robots[which // 6 % len(robots)]
@@ -116,7 +116,7 @@ def fleet(data: bytes) -> None:
 def robot(data: bytes) -> None:
     """Give a robot's shell messages on its keys, and let it tick in between."""
     hall = _hall()
-    name, now_ns = hall.document.scenario, 10**9
+    name, now_ns = hall.document.scenario, _BEGAN_NS
     for which, payload in pieces(data):
         kind = (keys.plan, keys.clock)[which % 2]
         key = keys.command(name) if which % 3 == 0 else kind(name, hall.robot)
@@ -144,11 +144,17 @@ def spoken() -> Iterator[bytes]:
     yield b"".join(_piece(2, encode(report)) for report in reports)
     hall = _hall()
     plan = hall.fleet.members[hall.robot].plan
+    states = ((HOLD, 0), (GO, _BEGAN_NS), (STOP, _BEGAN_NS), (GO, 2 * _BEGAN_NS))
+    commands = [
+        (0, encode(Command(_BOOT, 1, n + 1, 1, phase, start_ns, _BEGAN_NS, 10_000, ((1, 500),))))
+        for n, (phase, start_ns) in enumerate(states)
+    ]
+    asked = (_BEGAN_NS + n * _PERIOD_NS for n in range(3, 11))
     said = [
-        (0, encode(Command(_BOOT, 1, 1, 0, 0))),
+        commands[0],
         (2, plan),
-        *((1, encode(Clock(_BOOT, n, n, n))) for n in range(8)),
-        *((0, encode(Command(_BOOT, 2 + n, 1, phase, 10**9))) for n, phase in enumerate((1, 2))),
+        *((1, encode(Clock(_BOOT, now_ns, now_ns, now_ns))) for now_ns in asked),
+        *commands[1:],
     ]
     yield b"".join(_piece(which, payload) for which, payload in said)
 

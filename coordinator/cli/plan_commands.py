@@ -240,9 +240,10 @@ def _verify_log(path: Path, site: Scenario | None, as_json: bool) -> None:
     """Prove a log and print the proof; exit code 1 if it does not hold."""
     from coordinator.findings.log_proof import prove_log
     from coordinator.findings.plan_table import render_log_proof
-    from coordinator.log.log_file import read_log
+    from coordinator.log.log_file import logs_before, read_log
 
-    proof = prove_log(read_log(path), site)
+    log = read_log(path)
+    proof = prove_log(log, site, logs_before(log, str(path)))
     if not proof.epochs:
         raise InputError([f"{path}: holds no plan that could be proven"])
     if as_json:

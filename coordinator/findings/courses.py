@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from msgspec.structs import replace
 
 from coordinator.findings.braking import Said
 from coordinator.findings.info_fields import NearestSummary, RobotSummary
@@ -20,14 +19,11 @@ from coordinator.findings.nearness import nearest_of_all
 from coordinator.findings.ride_samples import Array, RideSamples, ride_of_message, times_between
 from coordinator.findings.true_course import TrueCourse
 from protocol import phases
-from protocol.messages import Command, Message, NewTimes, Plan, Report
+from protocol.messages import Command, Message, Plan, Report
 from protocol.timing import SECOND
 
 if TYPE_CHECKING:
     from coordinator.log.records import Record
-
-Turn = tuple[int, int]
-"""An epoch, and how often new times have replaced its times."""
 
 _ROW: Final = 0.02
 """Greatest error [s] of the time of a black box's row; a row is written once per control tick."""
@@ -42,8 +38,8 @@ class Courses:
 
     def __init__(self, zero_ns: int, lag_ns: int, boot: str) -> None:
         self._zero_ns, self._lag_ns, self._boot = zero_ns, lag_ns, boot
-        self._plans: dict[tuple[Turn, str], Plan] = {}
-        self._begins: dict[Turn, float] = {}
+        self._plans: dict[tuple[int, str], Plan] = {}
+        self._begins: dict[int, float] = {}
         self._starts: dict[int, float] = {}
         self._frozen: dict[int, int] = {}
         self._said = Said()
@@ -54,26 +50,16 @@ class Courses:
         now = (record.log_ns - self._zero_ns) / 1e9
         self._end = max(self._end, now)
         if isinstance(message, Command) and self._boot in ("", str(message.boot)):
-            self._begins.setdefault((message.epoch, 0), now)
+            self._begins.setdefault(message.epoch, now)
             if message.phase == phases.GO:
                 start_ns = message.start_ns + self._lag_ns
                 self._starts.setdefault(message.epoch, (start_ns - self._zero_ns) / 1e9)
             elif message.phase == phases.FREEZE and self._starts:
                 self._frozen.setdefault(max(self._starts), record.log_ns)
         elif isinstance(message, Plan):
-            self._plans.setdefault(((message.epoch, 0), robot), message)
-        elif isinstance(message, NewTimes):
-            self._take_times(message, robot, now)
+            self._plans.setdefault((message.epoch, robot), message)
         elif isinstance(message, Report):
             self._said.take(message, robot, record.log_ns)
-
-    def _take_times(self, times: NewTimes, robot: str, now: float) -> None:
-        plan = self._plans.get(((times.epoch, 0), robot))
-        if plan is not None:
-            parts = {name: getattr(times, name) for name in ("speeds", "profile", "stops")}
-            turn = (times.epoch, times.revision)
-            self._plans[turn, robot] = replace(plan, **parts)
-            self._begins.setdefault(turn, now)
 
     def fill(self, robots: Mapping[str, RobotSummary], boxes: Mapping[str, TrueCourse]) -> None:
         """Fill in each robot's nearest other robot, and the fields that need a black box.
@@ -106,21 +92,17 @@ class Courses:
         ends = (float(box.t[-1]) for box in boxes)
         return times_between(min(self._starts.values()), max([self._end, *ends]))
 
-    def _rides(self) -> dict[str, list[tuple[Turn, RideSamples]]]:
-        """Return the rides of every robot, in the order of the epochs and their new times."""
-        found: dict[str, list[tuple[Turn, RideSamples]]] = {}
-        for turn, robot in sorted(self._plans):
-            if turn[0] in self._starts:
+    def _rides(self) -> dict[str, list[tuple[int, RideSamples]]]:
+        """Return the rides of every robot, in the order of the epochs."""
+        found: dict[str, list[tuple[int, RideSamples]]] = {}
+        for epoch, robot in sorted(self._plans):
+            if epoch in self._starts:
                 try:
-                    ride = ride_of_message(self._plans[turn, robot])
+                    ride = ride_of_message(self._plans[epoch, robot])
                 except ValueError:
                     continue
-                found.setdefault(robot, []).append((turn, self._halted(turn[0], robot, ride)))
+                found.setdefault(robot, []).append((epoch, self._halted(epoch, robot, ride)))
         return found
-
-    def _begin(self, turn: Turn) -> float:
-        """Return the time from which a plan, or new times, applied."""
-        return self._starts[turn[0]] if turn[1] == 0 else self._begins[turn]
 
     def _halted(self, epoch: int, robot: str, ride: RideSamples) -> RideSamples:
         """Return the ride; if the robot left its plan, the ride ends there."""
@@ -129,31 +111,25 @@ class Courses:
         broken = words.broken(ride.line, ride.rate, start_ns, self._frozen.get(epoch))
         return ride if broken is None else ride.halted(*broken)
 
-    def _by_plan(self, rides: list[tuple[Turn, RideSamples]], times: Array) -> Array:
+    def _by_plan(self, rides: list[tuple[int, RideSamples]], times: Array) -> Array:
         """Return a robot's places by its plans, (n, 2).
 
         The robot is at rest before, between and after its plans.
         """
         places = np.empty((len(times), 2))
-        begins = [self._begin(turn) for turn, _ in rides]
+        begins = [self._starts[epoch] for epoch, _ in rides]
         which = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
-        for number, (turn, ride) in enumerate(rides):
+        for number, (epoch, ride) in enumerate(rides):
             mine = which == number
-            places[mine] = ride.places_at(ride.driven_at(times[mine] - self._starts[turn[0]]))
+            places[mine] = ride.places_at(ride.driven_at(times[mine] - self._starts[epoch]))
         return places
 
-    def _tracking(self, rides: list[tuple[Turn, RideSamples]], box: TrueCourse) -> float | None:
-        """Return the greatest distance [m] from the plans while they applied; None without plans.
-
-        New times count from the first row after they were sent in which the robot keeps to a
-        timetable: a late robot that stood has adopted them when it moves again.
-        """
+    def _tracking(self, rides: list[tuple[int, RideSamples]], box: TrueCourse) -> float | None:
+        """Return the greatest distance [m] from the plans while they applied; None without any."""
         worst: list[float] = []
-        held = {turn: box.timed_from(self._begins[turn]) for turn, _ in rides if turn[1]}
-        held |= {turn: at for turn, at in self._begins.items() if turn[1] == 0}
-        for turn, ride in rides:
-            later = [at for other, at in held.items() if other > turn]
-            rows = box.between(held[turn], min(later, default=math.inf))
+        for epoch, ride in rides:
+            later = [at for other, at in self._begins.items() if other > epoch]
+            rows = box.between(self._begins[epoch], min(later, default=math.inf))
             if len(rows.t):
-                worst.append(rows.off(ride, self._starts[turn[0]], _ROW))
+                worst.append(rows.off(ride, self._starts[epoch], _ROW))
         return round(max(worst), 6) if worst else None

@@ -6,62 +6,56 @@ core.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from coordinator.findings.info_fields import HeldSummary
-from coordinator.findings.log_proof import first_plans
+from coordinator.findings.log_proof import plans_of, take_messages
 from coordinator.log.records import Log
 from coordinator.plan.wire import packed
 from coordinator.proof.granted import Granted
 from coordinator.schedule.staircase_making import with_staircases
-from protocol import keys
-from protocol.codec import decode
-from protocol.messages import Command, Report
+from protocol.messages import Command
 from protocol.phases import GO
 from protocol.timing import MILLISECOND
 
 
-def late_names(command: Command) -> list[str]:
+def late_numbers(command: Command) -> list[int]:
     """Return the robots whose authority ends before the plan time at which a Command was sent."""
     now_ms = (command.said_ns - command.start_ns) // MILLISECOND
-    return [name for name, authority_ms in command.held if authority_ms < now_ms]
+    return [number for number, authority_ms in command.held if authority_ms < now_ms]
 
 
-def held_in(log: Log, seconds: Callable[[int], float]) -> list[HeldSummary]:
+def held_in(log: Log, before: Sequence[Log], seconds: Callable[[int], float]) -> list[HeldSummary]:
     """Return who was held in a log, in the order of when it ended.
 
-    `seconds` converts a time of the log [ns] to the time of the summary [s].
+    `before`: the logs that the log resumes, oldest first.  `seconds` converts a time of the log
+    [ns] to the time of the summary [s].
     """
-    fleet, boot = log.metadata.get("fleet", ""), log.metadata.get("boot", "")
     granted: dict[int, Granted] = {}
-    for document in first_plans(log):
+    logs = [*before, log]
+    for document in plans_of(logs):
         plan = with_staircases(packed(document))
         assert plan.staircases is not None
         granted[document.epoch] = Granted(plan.staircases, list(plan.messages))
     since: dict[str, tuple[float, str]] = {}
     found: list[HeldSummary] = []
-    now = 0.0
 
-    def release(names: set[str]) -> None:
-        for name in sorted(names & since.keys()):
+    def watch(command: Command, epoch: Granted, log_ns: int) -> None:
+        now = seconds(log_ns)
+        late = epoch.names(late_numbers(command) if command.phase == GO else [])
+        in_range = set(epoch.names(range(command.first, command.last + 1)))
+        for name in sorted((since.keys() & in_range) - set(late)):
             begin, by = since.pop(name)
             found.append(HeldSummary(name, by, round(begin, 3), round(now, 3)))
+        for name in late:
+            if name not in since and (holder := epoch.holder(name)) is not None:
+                since[name] = now, holder
 
-    for record in log.records:
-        place = keys.split(record.key)
-        if place is None or place[0] != fleet or place[1] not in ("command", "report"):
-            continue
-        message = decode(place[1], record.payload)
-        epoch = granted.get(getattr(message, "epoch", 0))
-        if epoch is not None and isinstance(message, Report):
-            epoch.take_report(place[2], message)
-        elif epoch is not None and isinstance(message, Command) and str(message.boot) == boot:
-            now = seconds(record.log_ns)
-            epoch.take_command(message)
-            late = late_names(message) if message.phase == GO else []
-            release(since.keys() - set(late))
-            for name in late:
-                if name not in since and (by := epoch.holder(name)) is not None:
-                    since[name] = now, by
-    release(set(since))
+    for one in logs[:-1]:
+        take_messages(one, granted)
+    take_messages(log, granted, watch)
+    end = seconds(log.records[-1].log_ns) if log.records else 0.0
+    found += [
+        HeldSummary(name, by, round(begin, 3), round(end, 3)) for name, (begin, by) in since.items()
+    ]
     return found

@@ -9,17 +9,16 @@ the page; in a log without a GO, from its first message.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import msgspec
 
 from coordinator.findings.courses import Courses
-from coordinator.findings.held import held_in, late_names
+from coordinator.findings.held import held_in, late_numbers
 from coordinator.findings.info_fields import (
     EpochSummary,
     FaultSummary,
-    NewTimesSummary,
     PhaseChange,
     RobotSummary,
     Summary,
@@ -44,9 +43,10 @@ from coordinator.fleet.log_records import (
     request_of,
 )
 from coordinator.fleet.member import STRIKES
+from coordinator.fleet.phases import AWAY
 from coordinator.security.denials import denial_of, is_denial_key
 from protocol import codec, keys, phases
-from protocol.messages import Command, Hello, Message, NewTimes, Pace, Plan, Refusal, Report
+from protocol.messages import Command, Hello, Message, Plan, Refusal, Report
 from protocol.timing import REPORT_TIMEOUT
 
 if TYPE_CHECKING:
@@ -89,12 +89,14 @@ class _Telling:
         self._faults: dict[str, int] = {}
         self._unfit: dict[str, str] = {}
         self._heard: dict[str, tuple[int, int]] = {}
+        self._commanded_ns = self._here_ns = 0
         self._sent: list[tuple[str, int, int]] = []
         self._last_arrival_ns: int | None = None
         self._late: str | None = None
         self._log, self._is_late = log, False
         self._ours: dict[str, tuple[int, int]] = {}
         self._lag_ns = clock_lag(log)
+        self._before = before
         go_ns = first_go([*before, log], self._lag_ns)
         self._zero_ns = begin_ns if go_ns is None else go_ns
         self._numbers = Numbers(log, self._zero_ns)
@@ -134,7 +136,7 @@ class _Telling:
                 robot.late = robot.arrived - robot.planned_finish
         self._numbers.fill(told)
         if self._is_late:
-            told.held = held_in(self._log, self._seconds)
+            told.held = held_in(self._log, self._before, self._seconds)
         if self._starts_ns:
             first_ns, last_ns = min(self._starts_ns.values()), self._last_arrival_ns or end_ns
             if self._last_arrival_ns is not None:
@@ -191,7 +193,7 @@ class _Telling:
             return
         count, total = self._ours.get(kind, (0, 0))
         self._ours[kind] = (count + 1, total + size)
-        if isinstance(message, Hello | Report | Pace) or is_question(message):
+        if isinstance(message, Hello | Report) or is_question(message):
             self._robot(robot).bytes_sent += size
             self._sent.append((robot, record.log_ns, size))
         else:
@@ -229,15 +231,16 @@ class _Telling:
             told.control_points = len(message.points) // _POINT_BYTES
             self._messages.append((robot, message))
             self.summary.largest_plan_bytes = max(self.summary.largest_plan_bytes, size)
-        elif isinstance(message, NewTimes):
-            self._tell_new_times(message, robot, record.log_ns)
-        elif isinstance(message, Pace) and message.stood_us is not None:
-            self._late = robot
         elif isinstance(message, Refusal):
             self._tell_fault(record.log_ns, robot, message.reason, "refusal")
 
     def _tell_command(self, command: Command, log_ns: int) -> None:
-        self._is_late |= bool(late_names(command))
+        self._is_late |= bool(late_numbers(command))
+        if log_ns - self._commanded_ns > AWAY:
+            self._here_ns = log_ns
+        self._commanded_ns = log_ns
+        if command.phase == phases.GO:
+            self._tell_silence(log_ns, (phases.MOVING, phases.BRAKING))
         if self._phase == (command.epoch, command.phase):
             return
         self._phase = (command.epoch, command.phase)
@@ -249,16 +252,9 @@ class _Telling:
             self._starts_ns.setdefault(command.epoch, command.start_ns + self._lag_ns)
             epoch.start = self._seconds(self._starts_ns[command.epoch])
         if command.phase == phases.FREEZE and not self._numbers.stopped_nobody:
-            self._tell_silence(log_ns)
+            everybody = set(range(len(phases.PHASE_NAMES)))
+            self._tell_silence(log_ns, everybody - {phases.DONE})
             self._tell_fault(log_ns, "", "the fleet was told to freeze", "freeze")
-
-    def _tell_new_times(self, message: NewTimes, robot: str, log_ns: int) -> None:
-        """Record new times once for all robots that get them, however often they are sent."""
-        told = self._epochs.setdefault(message.epoch, EpochSummary(message.epoch)).new_times
-        if not told or told[-1].revision < message.revision:
-            told.append(NewTimesSummary(self._seconds(log_ns), message.revision, self._late))
-        if told[-1].revision == message.revision and robot not in told[-1].robots:
-            told[-1].robots.append(robot)
 
     def _ending(self, epoch: EpochSummary, phase: int) -> str:
         """Return in what way an epoch ended, given the phase that ended it."""
@@ -278,11 +274,15 @@ class _Telling:
                 self._unfit[one.robot] = f"left where it stands: it has failed in {STRIKES} epochs"
                 self._tell_fault(record.log_ns, one.robot, self._unfit[one.robot], "unfit")
 
-    def _tell_silence(self, log_ns: int) -> None:
-        """Record which robots had been silent for too long when the fleet was frozen."""
+    def _tell_silence(self, log_ns: int, of_phases: Collection[int]) -> None:
+        """Record which robots that were last in one of these phases have been silent for too long.
+
+        Nobody is heard while the coordinator itself is away, and sends no Command.
+        """
         for robot, (heard_ns, phase) in self._heard.items():
+            silent_ns = log_ns - max(heard_ns, self._here_ns)
             known = self._robot(robot).fault is not None
-            if not known and phase != phases.DONE and log_ns - heard_ns > REPORT_TIMEOUT:
+            if not known and phase in of_phases and silent_ns > REPORT_TIMEOUT:
                 self._robot(robot).fault = "fell silent"
                 self._tell_fault(log_ns, robot, "fell silent", "silence")
 

@@ -27,18 +27,6 @@ class PhaseChange(msgspec.Struct):
     phase: str
 
 
-class NewTimesSummary(msgspec.Struct):
-    """New times within an epoch, first sent at `t` [s]: who was late, and whose times changed.
-
-    `late`: null if the log does not say.
-    """
-
-    t: float
-    revision: int
-    late: str | None
-    robots: list[str] = []
-
-
 class EpochSummary(msgspec.Struct):
     """One epoch: its plan's time zero `start` [s], null if it never got a GO; arrivals [s].
 
@@ -51,7 +39,6 @@ class EpochSummary(msgspec.Struct):
     start: float | None = None
     phases: list[PhaseChange] = []
     arrivals: dict[str, float] = {}
-    new_times: list[NewTimesSummary] = []
     ended: str = "running"
 
 

@@ -34,7 +34,6 @@ def render(summary: dict[str, object]) -> RenderableType:
     parts: list[RenderableType] = [_plan_headline(told) if planned else _headline(told)]
     if told.epochs:
         parts.append(_epochs(told.epochs))
-        parts += [Text(line) for line in _new_times(told.epochs)]
     if told.robots:
         parts.append(_robots(told.robots, driven=not planned))
         parts.append(_arrivals(told.robots, driven=not planned))
@@ -128,15 +127,6 @@ def _epochs(epochs: list[EpochSummary]) -> Table:
         arrived = str(len(epoch.arrivals))
         table.add_row(str(epoch.epoch), _seconds(epoch.start), changes, arrived, epoch.ended)
     return table
-
-
-def _new_times(epochs: list[EpochSummary]) -> Iterator[str]:
-    """Yield lines that say when new times came, which robot was late and who got them."""
-    for epoch in epochs:
-        for changed in epoch.new_times:
-            late = f"{changed.late} is late" if changed.late else "somebody is late"
-            told = f"epoch {epoch.epoch}: at {changed.t:.2f} s {late}, new times for "
-            yield fill(told + ", ".join(changed.robots), 80, subsequent_indent="  ")
 
 
 def _robots(robots: dict[str, RobotSummary], *, driven: bool) -> Table:

@@ -6,6 +6,8 @@ core.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
 import msgspec
 
 from coordinator.log.records import Log
@@ -40,49 +42,64 @@ class LogProof(msgspec.Struct, frozen=True):
     epochs: list[EpochProof]
 
 
-def prove_log(log: Log, scenario: Scenario | None = None) -> LogProof:
+def prove_log(log: Log, scenario: Scenario | None = None, before: Sequence[Log] = ()) -> LogProof:
     """Prove every plan that a log holds and check every Command that its coordinator sent.
 
     `scenario` is that of the first plan; later plans are proven from the log alone, because robots
-    that stay behind are obstacles in them.  Raises PartsError as proof.verify.prove_messages does.
+    that stay behind are obstacles in them.  `before`: the logs that the log resumes, oldest first.
+    Raises InputError if a plan cannot be read, and PartsError as proof.verify.prove_messages does.
     """
-    fleet, boot = log.metadata.get("fleet", ""), log.metadata.get("boot", "")
     proofs: dict[int, Proof] = {}
     granted: dict[int, Granted] = {}
-    for document in first_plans(log):
+    logs = [*before, log]
+    for document in plans_of(logs):
         plan = with_staircases(packed(document))
         assert plan.staircases is not None
         first = document.epoch == 1
         proofs[document.epoch] = prove_messages(plan, scenario if first else None)
         names = [robot.id for robot in document.robots]
         granted[document.epoch] = Granted(plan.staircases, names)
+    for one in logs:
+        take_messages(one, granted)
+    epochs = [
+        EpochProof(number, proofs[number], found.commands, found.failures)
+        for number, found in granted.items()
+    ]
+    return LogProof(all(e.proof.holds and not e.failures for e in epochs), epochs)
+
+
+def take_messages(
+    log: Log,
+    granted: Mapping[int, Granted],
+    watch: Callable[[Command, Granted, int], None] = lambda _command, _granted, _now: None,
+) -> None:
+    """Let what was granted, by epoch, take in a log's Reports and its coordinator's Commands.
+
+    `watch` is called after each Command with its epoch and the time of the log [ns].
+    """
+    fleet, boot = log.metadata.get("fleet", ""), log.metadata.get("boot", "")
     for record in log.records:
         place = keys.split(record.key)
         if place is None or place[0] != fleet or place[1] not in ("command", "report"):
             continue
         message = decode(place[1], record.payload)
         epoch = granted.get(getattr(message, "epoch", 0))
-        if epoch is None:
-            continue
-        if isinstance(message, Report):
+        if epoch is not None and isinstance(message, Report):
             epoch.take_report(place[2], message)
-        elif isinstance(message, Command) and str(message.boot) == boot:
+        elif epoch is not None and isinstance(message, Command) and str(message.boot) == boot:
             epoch.take_command(message)
-    epochs = [
-        EpochProof(number, proofs[number], one.commands, one.failures)
-        for number, one in granted.items()
-    ]
-    return LogProof(all(one.proof.holds and not one.failures for one in epochs), epochs)
+            watch(message, epoch, record.log_ns)
 
 
-def first_plans(log: Log) -> list[PlanDocument]:
-    """Return the plan with which each epoch began; new times (`revision`) end its authority.
+def plans_of(logs: Iterable[Log]) -> list[PlanDocument]:
+    """Return the plans that logs hold, by epoch.
 
     Raises InputError for a plan that cannot be read.
     """
-    plans = [
-        plan_file.from_json(data, name)
+    plans = {
+        name: plan_file.from_json(data, name)
+        for log in logs
         for name, data in log.attachments.items()
         if plan_file.is_plan_name(name)
-    ]
-    return sorted((one for one in plans if one.revision == 0), key=lambda one: one.epoch)
+    }
+    return sorted(plans.values(), key=lambda one: one.epoch)

@@ -90,7 +90,8 @@ def take_message(plan: Plan, told: RobotSummary, zero: float) -> None:
         told.planned_finish = zero + Timeline(*motion).finish
     except ValueError:
         return
-    rests = list(zip(*motion[2:], strict=True))
+    _, _, stop_s, departs, _ = motion
+    rests = list(zip(stop_s, departs, strict=True))
     told.planned_start = zero + next((depart for s, depart in rests if s <= 0.0), 0.0)
     told.stops = [StopSummary(s, zero + depart, "") for s, depart in rests if s > 0.0]
 

@@ -1,8 +1,8 @@
 """Puts plans together from messages, for plans that no file holds.
 
-Decides: the document of a plan that is known from Plan and NewTimes messages alone.  Must not know:
-links, pictures.  Floor, proof and crossings are not on the wire.  The reasons of waits are not
-either, but wait_guesses.py finds them from the plans.
+Decides: the document of a plan that is known from Plan messages alone.  Must not know: links,
+pictures.  Floor, proof and crossings are not on the wire.  The reasons of waits are not either, but
+wait_guesses.py finds them from the plans.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from coordinator.plan.document import Limits, PlanDocument, RobotPlan, Stop
 from coordinator.plan.wire import path_of, unpack
 from coordinator.scenario.margin import margin_for
 from protocol import keys
-from protocol.codec import decode, encode, seal
-from protocol.messages import Hello, Message, NewTimes, Plan, Report
+from protocol.codec import decode, encode
+from protocol.messages import Hello, Message, Plan, Report
 from protocol.plan_parts import unpack_plan
 from protocol.timing import SECOND
 
@@ -41,24 +41,20 @@ class SaidPlans:
     def __init__(self, documents: dict[int, PlanDocument], known: PlanDocument | None) -> None:
         self._documents = documents
         self._known = known
-        self._plans: dict[tuple[int, str], Plan] = {}
         self.radius = {} if known is None else {robot.id: robot.radius for robot in known.robots}
 
     def take(self, message: Message, robot: str, fleet: str) -> bool:
         """Add a message of a fleet about a robot; return whether a document has changed."""
         if isinstance(message, Plan):
             return self._take_plan(message, fleet)
-        if isinstance(message, NewTimes):
-            return self._take_times(message, robot, fleet)
         if isinstance(message, Hello) and message.radius_m > 0.0:
             self.radius[robot] = message.radius_m
         return False
 
-    def _take_plan(self, plan: Plan, fleet: str, anew: bool = False) -> bool:
+    def _take_plan(self, plan: Plan, fleet: str) -> bool:
         """Add a robot's plan to its epoch's document; skip an invalid plan."""
         document = self._documents.get(plan.epoch, _document(plan, fleet, self._known))
-        self._plans.setdefault((plan.epoch, plan.robot), plan)
-        if not anew and any(robot.id == plan.robot for robot in document.robots):
+        if any(robot.id == plan.robot for robot in document.robots):
             return False
         try:
             robot = _robot_plan(plan, self.radius.get(plan.robot, RADIUS))
@@ -68,14 +64,6 @@ class SaidPlans:
         robots = sorted([*others, robot], key=lambda one: one.id)
         self._documents[plan.epoch] = msgspec.structs.replace(document, robots=robots)
         return True
-
-    def _take_times(self, times: NewTimes, robot: str, fleet: str) -> bool:
-        """Give a known plan new times."""
-        plan = self._plans.get((times.epoch, robot))
-        if plan is None or plan.boot != times.boot:
-            return False
-        parts = {name: getattr(times, name) for name in ("speeds", "profile", "stops")}
-        return self._take_plan(seal(msgspec.structs.replace(plan, **parts)), fleet, anew=True)
 
 
 def plans_said(
@@ -131,7 +119,7 @@ def _document(plan: Plan, fleet: str, known: PlanDocument | None) -> PlanDocumen
 def _robot_plan(plan: Plan, radius: float) -> RobotPlan:
     """Return a robot's part as in a plan file; raise ValueError if the message is invalid."""
     driven = unpack(encode(plan), radius)
-    profile_s, profile_v, stop_s, departs = unpack_plan(plan).motion
+    profile_s, profile_v, stop_s, departs, _ = unpack_plan(plan).motion
     rows = list(zip(stop_s, driven.timeline.arrivals, departs, strict=True))
     late = rows[0][2] if rows and rows[0][0] <= 0.0 else 0.0
     return RobotPlan(

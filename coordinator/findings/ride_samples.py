@@ -17,7 +17,6 @@ from coordinator.plan.document import RobotPlan
 from protocol.messages import Plan
 from protocol.plan_parts import unpack_plan
 from protocol.timeline import Timeline
-from protocol.timing import SECOND
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -33,14 +32,13 @@ _PER_KNOT: Final = 20
 class RideSamples:
     """A path as a polyline and the motion along it; plan times [s], arc lengths [m].
 
-    arcs (m,), places (m, 2): the path.  late [s]: how far behind its plan the robot may be.
+    arcs (m,), places (m, 2): the path.
     `brake`: the plan time from which it braked, at `rate` [m/s^2] (0: it stopped at once), to rest.
     """
 
     line: Timeline
     arcs: Array
     places: Array
-    late: float
     rate: float
     brake: float = math.inf
 
@@ -81,10 +79,8 @@ def times_between(begin: float, end: float) -> Array:
 
 def ride_of_message(plan: Plan) -> RideSamples:
     """Return the ride that a Plan message describes; raise ValueError if the message is invalid."""
-    late_ns, _, _, brake_mmps2, _ = unpack_plan(plan).rules
-    return _ride(
-        unpack_plan(plan).path, unpack_plan(plan).motion, late_ns / SECOND, brake_mmps2 / 1000.0
-    )
+    parts = unpack_plan(plan)
+    return _ride(parts.path, parts.motion, plan.brake_mmps2 / 1000.0)
 
 
 def ride_of_plan(robot: RobotPlan) -> RideSamples:
@@ -99,14 +95,14 @@ def ride_of_plan(robot: RobotPlan) -> RideSamples:
         [v for _, v in robot.profile],
         [s for s, _ in rests],
         [depart for _, depart in rests],
+        0.0,
     )
-    return _ride((path.degree, path.knots, xs, ys, path.weights), motion, 0.0, 0.0)
+    return _ride((path.degree, path.knots, xs, ys, path.weights), motion, 0.0)
 
 
 def _ride(
     path: tuple[int, Sequence[float], Sequence[float], Sequence[float], Sequence[float]],
-    motion: tuple[list[float], list[float], list[float], list[float]],
-    late: float,
+    motion: tuple[list[float], list[float], list[float], list[float], float],
     rate: float,
 ) -> RideSamples:
     line = Timeline(*motion)
@@ -117,7 +113,7 @@ def _ride(
     arcs = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))))
     if not (np.isfinite(arcs).all() and arcs[-1] > 0.0):
         raise ValueError("the path has no length")
-    return RideSamples(line, arcs * (line.length / arcs[-1]), places, late, rate)
+    return RideSamples(line, arcs * (line.length / arcs[-1]), places, rate)
 
 
 def _places(degree: int, knots: Array, points: Array, weights: Array) -> Array:

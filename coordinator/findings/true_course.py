@@ -6,7 +6,6 @@ exact where this module samples.  Must not know: logs, messages.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,34 +16,26 @@ import numpy as np
 
 from coordinator.base.errors import InputError
 from coordinator.findings.ride_samples import Array, RideSamples
-from protocol.phases import DONE, MOVING, PHASE_NAMES
+from protocol.phases import DONE, PHASE_NAMES
 
 _COLUMNS: Final = "t,x,y,heading,s,phase,estimate"
 _OLDER: Final = "t,x,y,heading,s,phase"
 """The columns of black boxes without the robot's estimate; these can be read too."""
 
 _PHASE: Final = 5
-_PARTS: Final = 12
-"""Number of places of the plan that are compared with a robot under way.
-
-They lie between where the plan has it now and where the plan had it one share of lateness ago."""
-
 _ALIKE: Final = 1e-4
-"""Spacing [m] of the places that are compared for a robot that brakes or rests."""
-
-_TIMED: Final = (PHASE_NAMES[MOVING], PHASE_NAMES[DONE])
+"""Places nearer to each other than this [m] are compared with the plan only once."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrueCourse:
-    """Rows of a black box: t (n,) [s since the first GO], places (n, 2) [m], timed (n,).
+    """Rows of a black box: t (n,) [s since the first GO], places (n, 2) [m].
 
-    timed: whether the robot kept to its timetable then.  arrival [s]: when it was first done.
+    arrival [s]: when the robot was first done.
     """
 
     t: Array
     places: Array
-    timed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
     arrival: float | None
 
     def at(self, times: Array) -> Array:
@@ -54,27 +45,17 @@ class TrueCourse:
     def between(self, begin: float, end: float) -> TrueCourse:
         """Return the rows with begin <= t < end."""
         kept = (self.t >= begin) & (self.t < end)
-        return TrueCourse(self.t[kept], self.places[kept], self.timed[kept], self.arrival)
-
-    def timed_from(self, since: float) -> float:
-        """Return when [s] the robot first kept to a timetable after `since`; inf if never."""
-        rows = self.t[(self.t >= since) & self.timed]
-        return float(rows[0]) if len(rows) else math.inf
+        return TrueCourse(self.t[kept], self.places[kept], self.arrival)
 
     def off(self, ride: RideSamples, start: float, row: float) -> float:
         """Return the greatest distance [m] from a plan whose time zero is `start`.
 
-        A robot under way is compared with all places where the plan has it between its share of
-        lateness ago and now.  A robot that has left its timetable is compared with all places where
-        the plan has had it so far.  row [s]: by how much a row's time may be off.
+        A robot may be late by any time, so it is compared with all places where the plan has had it
+        so far.  row [s]: by how much a row's time may be off.
         """
         now = ride.arcs_at(self.t - start + row)
-        ago = ride.arcs_at(self.t - start - ride.late - row)
         worst = 0.0
-        if self.timed.any():
-            kept = self.timed
-            worst = _off_stretches(ride, self.places[kept], ago[kept], now[kept])
-        for index in _unlike(self.places, ~self.timed):
+        for index in _unlike(self.places):
             last = int(np.searchsorted(ride.arcs, now[index])) + 1
             line = ride.places[: max(last, 2)]
             worst = max(worst, float(_off(line[:-1], line[1:], self.places[index]).min()))
@@ -104,8 +85,7 @@ def read_course(path: Path) -> TrueCourse:
         raise InputError([f"{path}: its times do not increase, or a number is not finite"])
     done = next((i for i, phase in enumerate(phases) if phase == PHASE_NAMES[DONE]), None)
     arrival = None if done is None else round(float(table[done, 0]), 3)
-    timed = np.array([phase in _TIMED for phase in phases], dtype=np.bool_)
-    return TrueCourse(table[:, 0], table[:, 1:], timed, arrival)
+    return TrueCourse(table[:, 0], table[:, 1:], arrival)
 
 
 def _numbers(path: Path, rows: list[str]) -> Array:
@@ -132,25 +112,12 @@ def courses_in(folders: Iterable[Path], robots: Iterable[str]) -> dict[str, True
     return found
 
 
-def _unlike(
-    places: Array, chosen: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
-) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
-    """Return, of the chosen rows, the last of each run of rows with nearly the same place."""
-    rows = np.flatnonzero(chosen)
-    cells = np.floor(places[rows] / _ALIKE)
-    changes = np.any(np.diff(cells, axis=0) != 0.0, axis=1) if len(rows) else np.empty(0, bool)
-    return rows[np.append(changes, True)] if len(rows) else rows
-
-
-def _off_stretches(ride: RideSamples, places: Array, low: Array, high: Array) -> float:
-    """Return the greatest distance [m] of places (n, 2), each from its own stretch of a path."""
-    nearest = np.full(len(places), np.inf)
-    before = ride.places_at(low)
-    for part in range(1, _PARTS + 1):
-        after = ride.places_at(low + (high - low) * (part / _PARTS))
-        nearest = np.minimum(nearest, _off(before, after, places))
-        before = after
-    return float(nearest.max())
+def _unlike(places: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
+    """Return the last row of each run of rows with nearly the same place."""
+    if not len(places):
+        return np.empty(0, np.intp)
+    changes = np.any(np.diff(np.floor(places / _ALIKE), axis=0) != 0.0, axis=1)
+    return np.flatnonzero(np.append(changes, True))
 
 
 def _off(before: Array, after: Array, places: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Robots that fail while a fleet arms or moves: they are silent, late, or do not set out.
+"""Robots that fail while a fleet arms or moves: they are silent, have stopped, or do not get on.
 
 Decides: what makes a robot fail, whether it is lost or the fault is its own, and what shows that a
 robot heard the GO.  Must not know: what the fleet then does.
@@ -6,13 +6,13 @@ robot heard the GO.  Must not know: what the fleet then does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from coordinator.fleet.member import Member
 from coordinator.fleet.phases import ARM_PATIENCE
 from protocol.messages import Report
-from protocol.phases import BRAKING, DONE, FROZEN, LATE, LEASE_OUT, MOVING
+from protocol.phases import BRAKING, DONE, MOVING
 
 
 class Failing(NamedTuple):
@@ -34,41 +34,18 @@ def that_do_not_arm(
     found = []
     for member in members:
         if member.is_silent(now_ns):
-            found.append(Failing(member, "has fallen silent", lost=True))
+            found.append(silent(member))
         elif now_ns - since_ns > ARM_PATIENCE and not member.is_armed(epoch, now_ns):
             found.append(Failing(member, f"does not arm: {member.describe()}", strike=True))
     return found
 
 
-def on_the_way(
-    moving: Iterable[Member],
-    spared: Callable[[Member], bool],
-    start_ns: int,
-    deadline_ns: int,
-    now_ns: int,
-) -> list[Failing]:
-    """Return the robots that fail while the fleet is under way.
-
-    `spared` returns whether a robot is excepted, because the coordinator was away and has not had
-    the time to hear it again.
-    """
-    found = []
-    for member in moving:
-        if spared(member):
-            continue
-        if member.is_silent(now_ns):
-            found.append(Failing(member, "has fallen silent", lost=True))
-        elif member.has_not_set_out(start_ns, now_ns):
-            found.append(Failing(member, "has not set out", strike=True))
-        elif now_ns > deadline_ns:
-            found.append(Failing(member, "has not arrived in time", strike=True))
-    return found
+def silent(member: Member) -> Failing:
+    """Return what is wrong with a robot that is not heard."""
+    what = "has lost its link" if member.gone else "has fallen silent"
+    return Failing(member, what, lost=True)
 
 
 def sets_out(report: Report) -> bool:
-    """Return whether a report shows that its robot heard the GO.
-
-    It does if the robot moves, has moved, or heard the GO too late.
-    """
-    stopped = report.phase == FROZEN and report.fault in (LEASE_OUT, LATE)
-    return stopped or report.phase in (MOVING, BRAKING, DONE)
+    """Return whether a report shows that its robot heard the GO: it moves or has moved."""
+    return report.phase in (MOVING, BRAKING, DONE)

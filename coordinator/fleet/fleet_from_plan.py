@@ -9,18 +9,17 @@ import math
 
 from coordinator.base.errors import PlanError
 from coordinator.fleet.core import Fleet
-from coordinator.fleet.delay import Delay
 from coordinator.fleet.epoch_times import EpochTimes
 from coordinator.fleet.events import Part
 from coordinator.fleet.grants import Grants
 from coordinator.fleet.member import Member
 from coordinator.plan.document import PlanDocument, RobotPlan
-from coordinator.plan.fault_budget import Budget, budget_for
-from coordinator.plan.wire import PackedPlan, address, pack_times
+from coordinator.plan.shares_of_tau import Shares, shares_of
+from coordinator.plan.wire import PackedPlan, address
 from coordinator.proof.precedence import staircase_failures
 from coordinator.scenario.link_times import link_times
 from coordinator.schedule.staircase_making import with_staircases
-from protocol.timing import MILLISECOND, SECOND
+from protocol.timing import SECOND
 
 
 def muster(plan: PackedPlan, boot: int) -> Fleet:
@@ -41,20 +40,11 @@ def muster(plan: PackedPlan, boot: int) -> Fleet:
         )
         for robot in document.robots
     ]
-    finish = max(robot.finish_time for robot in document.robots)
-    budget = _budget_of(document)
-    behind = budget.late + budget.travel
     return Fleet(
         document.scenario,
         boot,
         members,
-        EpochTimes(
-            document.epoch,
-            round(finish * SECOND),
-            round(_settling(budget) * SECOND),
-            round(behind * SECOND),
-        ),
-        Delay(round(document.tau * SECOND), round(budget.travel * SECOND)),
+        EpochTimes(document.epoch, round(_shares_of(document).headroom * SECOND)),
         grants_of(plan),
     )
 
@@ -70,18 +60,12 @@ def grants_of(plan: PackedPlan) -> Grants:
         assert plan.staircases is not None
         if failures := staircase_failures(plan.driven, plan.staircases, document.margin):
             raise PlanError("staircases do not cover all conflicts: " + "; ".join(failures))
-    budget = _budget_of(document)
-    headroom = _settling(budget) * SECOND // MILLISECOND
-    return Grants(plan.staircases, [robot.id for robot in document.robots], int(headroom))
+    headroom_ms = math.ceil(1000.0 * _shares_of(document).headroom)
+    return Grants(plan.staircases, [robot.id for robot in document.robots], headroom_ms)
 
 
-def _budget_of(document: PlanDocument) -> Budget:
-    return budget_for([r.limits for r in document.robots if r.limits], document.link)
-
-
-def _settling(budget: Budget) -> float:
-    """Return the time [s] until all robots rest once they are no longer sent Commands."""
-    return budget.lease + budget.travel + budget.brake + budget.clocks
+def _shares_of(document: PlanDocument) -> Shares:
+    return shares_of([r.limits for r in document.robots if r.limits], document.link)
 
 
 def parts_of(plan: PackedPlan, boot: int) -> dict[str, Part]:
@@ -92,17 +76,6 @@ def parts_of(plan: PackedPlan, boot: int) -> dict[str, Part]:
     return {
         robot.id: Part(address(plan.messages[robot.id], boot), max(v for _, v in robot.profile))
         for robot in plan.document.robots
-    }
-
-
-def times_of(plan: PackedPlan, driven: PlanDocument, boot: int) -> dict[str, bytes]:
-    """Return the NewTimes messages for the robots whose times differ from the driven plan's."""
-    parts, document = parts_of(plan, boot), plan.document
-    was = {robot.id: robot for robot in driven.robots}
-    return {
-        robot.id: pack_times(parts[robot.id].plan, document.revision)
-        for robot in document.robots
-        if robot != was[robot.id]
     }
 
 

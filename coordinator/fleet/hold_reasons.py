@@ -1,4 +1,4 @@
-"""Sentences that say which robots a standing fleet waits for, and why.
+"""Sentences that say which robots a fleet waits for or which are held, and why.
 
 Decides: what is reported and when: once a fleet has waited for PATIENCE, and again when the
 sentence changes, at most once in PATIENCE.  Must not know: consoles, what the fleet then does.
@@ -15,6 +15,9 @@ from protocol.phases import COMMAND_NAMES, FREEZE, HOLD, IDLE, PHASE_NAMES, faul
 from protocol.timing import SECOND
 
 PATIENCE: Final = SECOND
+
+_HELD_MS: Final = 2_000
+"""A robot that is held for less than this [ms] is not named."""
 
 _NAMED: Final = 10
 """How many robots that are missing for the same reason are named; the others are counted."""
@@ -51,6 +54,10 @@ def missing_in_words(fleet: Fleet, now_ns: int) -> str:
 
 
 def _missing(fleet: Fleet, now_ns: int) -> Iterable[tuple[Member, str]]:
+    now_ms = fleet.times.plan_ms(now_ns)
+    for robot, by, since_ms in fleet.held():
+        if now_ms - since_ms >= _HELD_MS:
+            yield fleet.members[robot], f"held by {by}, which {_state(fleet, by)}"
     for member in fleet.members.values():
         if fleet.phase == HOLD and member.planned and not member.is_armed(fleet.epoch, now_ns):
             yield member, _why_not_armed(member, fleet.epoch, now_ns)
@@ -58,6 +65,14 @@ def _missing(fleet: Fleet, now_ns: int) -> Iterable[tuple[Member, str]]:
             yield member, "admitted, has not said where it stands"
         elif fleet.phase == FREEZE and member.planned and not (member.lost or member.is_at_rest()):
             yield member, _why_unheard(member, now_ns) or "has not said where it rests"
+
+
+def _state(fleet: Fleet, robot: str) -> str:
+    """Return words for what keeps a robot that holds others."""
+    member = fleet.members[robot]
+    if member.lost:
+        return "is not heard"
+    return "has stopped" if member.has_stopped(fleet.epoch) else "is late"
 
 
 def _why_not_armed(member: Member, epoch: int, now_ns: int) -> str:

@@ -3,9 +3,10 @@
 These records are never sent.  `replay --check` runs the fleet again from them:
 
 - `epoch`: a new epoch was adopted, and where its robots stood when its plan was requested;
-- `late`: the late robot for which new times were searched;
-- `quiet`: the fleet core was called with the time and sent nothing (every other such call is
-  followed by a Command in the log);
+- `ahead`: until another such record, no robot is told that it may drive beyond this plan time [ms]
+  of the epoch; it is in the log before a robot is told that much, so a coordinator that resumes
+  from the log knows how far any robot may be;
+- `told`: an operator told the fleet to stop, or to go on;
 - `router`: the coordinator's own link to a router came up or went down.  For a robot's link the
   same bytes are recorded under the robot's `alive` key;
 - `dropped`: how many messages were dropped so far, by cause.
@@ -22,9 +23,9 @@ from typing import Final
 import msgspec
 
 from coordinator.fleet.rest_places import Standing
-from coordinator.schedule.lateness import Lateness
 
-QUIET: Final = b"null"
+TOLD_TO_STOP: Final = b'"stop"'
+TOLD_TO_GO_ON: Final = b'"go on"'
 LINK_UP: Final = msgspec.msgpack.encode(True)
 LINK_GONE: Final = msgspec.msgpack.encode(False)
 NOT_RECORDED: Final = "not recorded"
@@ -65,37 +66,29 @@ def request_of(payload: bytes) -> Request | None:
         return None
 
 
-def lateness_key(fleet: str) -> str:
-    """Return the key of a fleet's `late` records."""
-    return f"coordinator/{fleet}/late"
+def ahead_key(fleet: str) -> str:
+    """Return the key of a fleet's `ahead` records."""
+    return f"coordinator/{fleet}/ahead"
 
 
-def is_lateness_key(key: str) -> bool:
-    """Return whether this is a key of `late` records."""
-    return _is_record(key, "late")
+def is_ahead_key(key: str) -> bool:
+    """Return whether this is a key of `ahead` records."""
+    return _is_record(key, "ahead")
 
 
-def lateness_record(late: Lateness) -> bytes:
-    """Encode a lateness as JSON."""
-    return msgspec.json.encode(late)
+def ahead_record(until_ms: int) -> bytes:
+    """Encode a plan time [ms]."""
+    return msgspec.msgpack.encode(until_ms)
 
 
-def lateness_of(payload: bytes) -> Lateness | None:
-    """Decode a lateness; return None if the bytes do not encode one."""
-    try:
-        return msgspec.json.decode(payload, type=Lateness)
-    except _UNREADABLE:
-        return None
+def told_key(fleet: str) -> str:
+    """Return the key of a fleet's `told` records."""
+    return f"coordinator/{fleet}/told"
 
 
-def quiet_key(fleet: str) -> str:
-    """Return the key of a fleet's `quiet` records, whose payload is QUIET."""
-    return f"coordinator/{fleet}/quiet"
-
-
-def is_quiet_key(key: str) -> bool:
-    """Return whether this is a key of `quiet` records."""
-    return _is_record(key, "quiet")
+def is_told_key(key: str) -> bool:
+    """Return whether this is a key of `told` records."""
+    return _is_record(key, "told")
 
 
 def router_key(fleet: str) -> str:

@@ -19,13 +19,12 @@ from protocol.phases import (
     DONE,
     FROZEN,
     IDLE,
-    LEASE_OUT,
     MOVING,
     NO_FAULT,
     PHASE_NAMES,
     fault_name,
 )
-from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
+from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT
 
 PLAN_PERIOD: Final = COMMAND_PERIOD
 
@@ -42,6 +41,7 @@ class Member:
 
     `boot`: the boot id of its accepted process; None before one is accepted.
     `planned`: it has a part in this epoch.
+    `excused_ns`: until then it could not be heard, which is not its fault.
     `sent_epoch`: the last epoch in which it may have moved.
     `finished`: it has reached its goal.
     `rest`: where it last said that it rests; None if it may have moved since.
@@ -59,19 +59,12 @@ class Member:
     planned: bool = True
     boot: int | None = None
     heard_ns: int = 0
-    kept_ns: int = 0
-    """When it last reported that it was following its plan [ns].
-
-    At that time it was hardly behind, and since then it can only have moved forward.  A robot that
-    reports braking may have stood still for long."""
+    excused_ns: int = 0
     sequence: int = -1
     sent_epoch: int = 0
     epoch: int = 0
     phase: int = IDLE
     fault: int = 0
-    times: bytes = b""
-    revision: int = 0
-    """The number of the newest NewTimes message of this epoch, which is in `times`."""
     plan_sent_ns: int | None = None
     done_ns: int | None = None
     lost: bool = False
@@ -106,7 +99,7 @@ class Member:
             self.accept(hello, now_ns)
             self.finished = self.planned = False
             self.stays = ""
-            self.kept_ns, self.sent_epoch = now_ns, 0
+            self.sent_epoch = 0
             self.struck.clear()
             self.admission.take_in()
             self.rest = Standing(robot=self.id, state="rests", epoch=0, place=(x, y, heading))
@@ -119,13 +112,13 @@ class Member:
         self.boot, self.sequence, self.epoch, self.phase, self.fault = hello.boot, -1, 0, IDLE, 0
         self.plan_sent_ns = self.done_ns = None
 
-    def set_out(self, epoch: int, now_ns: int) -> None:
+    def set_out(self, epoch: int) -> None:
         """Record that the robot is sent on its way, which makes its place of rest obsolete."""
-        self.sent_epoch, self.rest, self.kept_ns = epoch, None, now_ns
+        self.sent_epoch, self.rest = epoch, None
 
     def take_part(self, plan: bytes, speed: float) -> None:
         """Give the robot a part in a new epoch."""
-        self.planned, self.plan, self.speed, self.revision = True, plan, speed, 0
+        self.planned, self.plan, self.speed = True, plan, speed
         self.plan_sent_ns = self.rest = None
 
     def plan_due(self, now_ns: int) -> bool:
@@ -136,17 +129,11 @@ class Member:
         self.plan_sent_ns = now_ns
         return True
 
-    def hear(self, report: Report, now_ns: int, stale: bool = False) -> bool:
-        """Take in a report; return False when it is not the newest of this robot's process.
-
-        A stale report waited while the coordinator was away, for an unknown time.
-        """
+    def hear(self, report: Report, now_ns: int) -> bool:
+        """Take in a report; return False when it is not the newest of this robot's process."""
         if report.boot != self.boot or report.sequence <= self.sequence:
             return False
-        if not stale:
-            self.heard_ns = now_ns
-        if report.phase == MOVING and not stale:
-            self.kept_ns = now_ns
+        self.heard_ns = now_ns
         self.sequence, self.lost, self.gone = report.sequence, False, False
         if self.phase == DONE and report.phase == FROZEN:
             self.finished, self.done_ns = False, None  # It was pushed off its goal.
@@ -172,11 +159,8 @@ class Member:
         return f"{text}: {fault_name(self.fault)}" if self.fault else text
 
     def strike(self, epoch: int) -> None:
-        """Record a strike if the robot ends an epoch by a fault of its own.
-
-        A lease that ran out because the coordinator was silent is not the robot's fault.
-        """
-        if self.fault not in (NO_FAULT, LEASE_OUT):
+        """Record a strike if the robot ends an epoch by a fault of its own."""
+        if self.fault != NO_FAULT:
             self.struck.add(epoch)
 
     @property
@@ -186,7 +170,7 @@ class Member:
 
     def is_silent(self, now_ns: int) -> bool:
         """Return whether the robot has been silent for too long or its link is gone."""
-        return self.gone or now_ns - self.heard_ns > self.timeout_ns
+        return self.gone or now_ns - max(self.heard_ns, self.excused_ns) > self.timeout_ns
 
     def is_under_way(self, now_ns: int) -> bool:
         """Return whether the robot has a part in this epoch, has not arrived, and is heard."""
@@ -198,11 +182,8 @@ class Member:
 
     def is_armed(self, epoch: int, now_ns: int) -> bool:
         """Return whether the robot is armed with this epoch's plan, and is heard."""
-        return self.phase == ARMED and self.epoch == epoch and not self.is_silent(now_ns)
-
-    def has_not_set_out(self, start_ns: int, now_ns: int) -> bool:
-        """Return whether the robot speaks but has not set out: it does not hear the GO."""
-        return self.phase in (IDLE, ARMED) and now_ns > start_ns + self.timeout_ns
+        is_heard = not self.gone and now_ns - self.heard_ns <= self.timeout_ns
+        return self.phase == ARMED and self.epoch == epoch and is_heard
 
     def has_stopped(self, epoch: int) -> bool:
         """Return whether the robot has given up its timetable of this epoch."""
@@ -214,18 +195,18 @@ class Member:
         """Return whether the robot has arrived or has said where it rests."""
         return self.finished or self.rest is not None
 
-    def standing(self, epoch: int, since_ns: int, until_ns: int) -> Standing:
+    def standing(self, epoch: int, since: float, until: float) -> Standing:
         """Return what is known of where the robot is.
 
         A robot that has not said where it rests is on this epoch's path, somewhere between its
-        places at the plan times `since_ns` and `until_ns`.  If the two are equal, it is at the
+        places at the plan times `since` and `until` [s].  If the two are equal, it is at the
         beginning of the path.
         """
         if self.finished:
             return Standing(robot=self.id, state="arrived", epoch=epoch)
         state: State = "lost" if self.lost else "rests" if self.is_fit else "unfit"
         rest = self.rest
-        if rest is None and since_ns == until_ns:
+        if rest is None and since == until:
             rest = Standing(robot=self.id, state=state, epoch=epoch, s=0.0)
         if rest is not None:
             return msgspec.structs.replace(rest, state=state)
@@ -233,6 +214,6 @@ class Member:
             robot=self.id,
             state="lost",
             epoch=epoch,
-            since=since_ns / SECOND,
-            until=until_ns / SECOND,
+            since=since,
+            until=until,
         )

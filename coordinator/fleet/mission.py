@@ -11,17 +11,15 @@ from collections.abc import Iterable
 from typing import Final
 
 from coordinator.fleet.events import Incident, Outgoing
-from coordinator.fleet.fleet_from_plan import grants_of, muster, parts_of, times_of
+from coordinator.fleet.fleet_from_plan import grants_of, muster, parts_of
+from coordinator.fleet.grants import NOBODY
 from coordinator.fleet.log_records import Request
 from coordinator.fleet.recovery import Planner, Recovery, recover
 from coordinator.fleet.replanning_input import Site
 from coordinator.fleet.rest_places import Standing
 from coordinator.plan.document import PlanDocument
-from coordinator.plan.wire import PackedPlan, drive
-from coordinator.planning.retiming import retime
+from coordinator.plan.wire import PackedPlan, address, drive
 from coordinator.scenario.model import Scenario
-from coordinator.schedule.lateness import Lateness
-from protocol.timing import SECOND
 
 MOST_EPOCHS: Final = 200
 """A fleet that has not arrived after this many epochs is given up."""
@@ -72,39 +70,20 @@ class Mission:
         times = self.fleet.times
         if not times.has_gone or times.epoch not in self.documents:
             return ""
-        until = (times.until_ns - times.zero_ns) / SECOND
         rides = {ride.id: ride for ride in drive(self.documents[times.epoch])}
         for one in told:
             if one.s is not None and one.epoch == times.epoch and one.robot in rides:
+                _, until = self.fleet.bounds(one.robot)
                 reached = rides[one.robot].timeline.s_at(max(until, 0.0))
                 if one.s > reached + self.site.scenario.margin + _NEAR:
                     return one.robot
         return ""
 
-    def late(self) -> Lateness | None:
-        """Return the lateness for which new times are needed and were not requested yet."""
-        return self.fleet.late()
-
-    def retime(self, late: Lateness) -> PackedPlan | None:
-        """Return the newest plan with new times, or None if none are found; pure, takes a while."""
-        return retime(self.site.scenario, self.document, late)
-
-    def take_times(
-        self, late: Lateness, plan: PackedPlan | None, now_ns: int
-    ) -> list[Outgoing] | None:
-        """Send new times, or freeze if `plan` is None; return None if no longer needed."""
-        driven, boot = self.document, self.fleet.boot
-        times = {} if plan is None else times_of(plan, driven, boot)
-        document = driven if plan is None else plan.document
-        finish = max(robot.finish_time for robot in document.robots)
-        messages = self.fleet.take_times(late, times, round(finish * SECOND), now_ns)
-        if messages is not None:
-            self.documents[document.epoch] = document
-        return messages
-
     def take_over(self, boot: int, last_ns: int, now_ns: int) -> None:
         """Resume with another boot id for a coordinator that was last known alive at `last_ns`."""
         self._wanted = None
+        for member in self.fleet.members.planned:
+            member.plan = address(member.plan, boot)
         self.fleet.take_over(boot, last_ns, now_ns)
 
     def adopt(self, request: Request, recovery: Recovery, now_ns: int) -> list[Outgoing] | None:
@@ -126,10 +105,8 @@ class Mission:
         for one in self.site.aside:
             self.fleet.members[one.robot.id].finished |= one.why == "arrived"
         if recovery.plan is None:
-            return self.fleet.adopt(request.epoch, {}, 0, now_ns)
+            return self.fleet.adopt(request.epoch, {}, now_ns, NOBODY)
         document = recovery.plan.document
         self.documents[document.epoch] = document
-        finish = max(robot.finish_time for robot in document.robots)
         parts = parts_of(recovery.plan, self.fleet.boot)
-        grants = grants_of(recovery.plan)
-        return self.fleet.adopt(document.epoch, parts, round(finish * SECOND), now_ns, grants)
+        return self.fleet.adopt(document.epoch, parts, now_ns, grants_of(recovery.plan))

@@ -21,23 +21,22 @@ from coordinator.fleet.events import Incident, Outgoing
 from coordinator.fleet.intake import Arrival, Intake
 from coordinator.fleet.log_records import (
     NOT_RECORDED,
-    QUIET,
+    TOLD_TO_GO_ON,
+    TOLD_TO_STOP,
     Request,
     adoption_key,
     adoption_record,
+    ahead_key,
+    ahead_record,
     drops_key,
     drops_record,
-    lateness_key,
-    lateness_record,
     link_record,
-    quiet_key,
     router_key,
+    told_key,
 )
 from coordinator.fleet.mission import Mission
 from coordinator.fleet.recovery import Recovery
 from coordinator.plan.document import PlanDocument
-from coordinator.plan.wire import PackedPlan
-from coordinator.schedule.lateness import Lateness
 from protocol.phases import FREEZE, GO, HOLD
 from protocol.timing import MILLISECOND, SECOND
 
@@ -78,6 +77,11 @@ class Journal(ABC):
         """Ask for the records so far to be written to the file soon."""
 
 
+_SOON_MS: Final = 1_000
+_AHEAD_MS: Final = 3_000
+"""The log says up to which plan time robots may be told to drive: _AHEAD_MS more than they are told
+then, and again _SOON_MS before they are told so much."""
+
 Outcome = Callable[[int], None]
 """Puts what a job has found into effect, at a time [ns]."""
 
@@ -89,7 +93,7 @@ class Job:
     The shell passes the job and the outcome that `work` returned to `MissionDriver.finish`.
     """
 
-    wanted: Request | Lateness
+    wanted: Request
     work: Callable[[], Outcome]
 
 
@@ -103,11 +107,13 @@ class MissionDriver:
         self.is_withheld = False
         """True once a phase could not be logged: then nothing is sent any more."""
 
+        self.under_way: Job | None = None
+        """The job whose outcome is needed."""
+
         members = self.fleet.members
         self.intake = Intake(self.fleet.name, lambda robot: members[robot].boot)
         self._journal = journal
         self._send = send
-        self._jobs: dict[type, Job] = {}  # by what is wanted: a plan, or new times
         self._plans = self.fleet.plans()
         self._answers_from_ns = 0
         self._router_up: bool | None = None
@@ -140,31 +146,28 @@ class MissionDriver:
     def look(self, now_ns: int) -> list[Job]:
         """Let the core look at the time; return the jobs to start now.
 
-        A new job replaces an earlier one of its kind, whose outcome is no longer needed.
+        A new job replaces an earlier one, whose outcome is no longer needed.
         """
-        messages = self.fleet.tick(now_ns)
-        if not messages:
-            self._journal.record(quiet_key(self.fleet.name), QUIET, now_ns)
-        self._say(messages, now_ns)
+        self._state_ahead(now_ns)
+        self._say(self.fleet.tick(now_ns), now_ns)
         self._look_at_log(now_ns)
-        request, late = self.mission.request(now_ns), self.mission.late()
-        jobs = []
-        if request is not None:
-            jobs.append(Job(request, partial(self._solve, request)))
-        if late is not None:
-            jobs.append(Job(late, partial(self._retime, late)))
-        self._jobs |= {type(job.wanted): job for job in jobs}
+        request = self.mission.request(now_ns)
         self._plans = self.fleet.plans()
-        return jobs
+        if request is None:
+            return []
+        self.under_way = Job(request, partial(self._solve, request))
+        return [self.under_way]
 
-    def under_way(self, kind: type[Request | Lateness]) -> Job | None:
-        """Return the job for a plan, or for new times, whose outcome is needed; None if none is."""
-        return self._jobs.get(kind)
+    def tell(self, what: bytes, now_ns: int) -> None:
+        """Stop the fleet (TOLD_TO_STOP), or let it go on (TOLD_TO_GO_ON)."""
+        self._journal.record(told_key(self.fleet.name), what, now_ns)
+        turn = {TOLD_TO_STOP: self.fleet.stop, TOLD_TO_GO_ON: self.fleet.go_on}[what]
+        self._say(turn(now_ns), now_ns)
 
     def finish(self, job: Job, outcome: Outcome, now_ns: int) -> None:
         """Put the outcome of a job into effect, unless it is no longer needed."""
-        if self._jobs.get(type(job.wanted)) is job:
-            del self._jobs[type(job.wanted)]
+        if self.under_way is job:
+            self.under_way = None
             outcome(now_ns)
             self._plans = self.fleet.plans()
 
@@ -199,9 +202,6 @@ class MissionDriver:
     def _solve(self, asked: Request) -> Outcome:
         return partial(self._adopt, asked, self.mission.solve(asked))
 
-    def _retime(self, asked: Lateness) -> Outcome:
-        return partial(self._take_times, asked, self.mission.retime(asked))
-
     def _adopt(self, asked: Request, found: Recovery, now_ns: int) -> None:
         """Begin the next epoch, unless it cannot be logged."""
         if self._journal.error is not None:
@@ -214,18 +214,14 @@ class MissionDriver:
             self._journal.keep(found.document)
         self._say(messages, now_ns)
 
-    def _take_times(self, asked: Lateness, found: PackedPlan | None, now_ns: int) -> None:
-        """Send new times once they are in the log, or freeze without them."""
-        plan = found if self._journal.sync() else None
-        messages = self.mission.take_times(asked, plan, now_ns)
-        if messages is None:
-            return
-        self._journal.record(lateness_key(self.fleet.name), lateness_record(asked), now_ns)
-        if plan is not None:
-            self._journal.keep(plan.document)
-            if not self._journal.sync():
-                return
-        self._say(messages, now_ns)
+    def _state_ahead(self, now_ns: int) -> None:
+        """Have the log say up to which plan time robots may be told to drive, ahead of that."""
+        fleet = self.fleet
+        if fleet.phase in (HOLD, GO) and fleet.needed_ms + _SOON_MS > fleet.allowed_ms:
+            until_ms = fleet.needed_ms + _AHEAD_MS
+            self._journal.record(ahead_key(fleet.name), ahead_record(until_ms), now_ns)
+            if self._journal.sync():
+                fleet.allowed_ms = until_ms
 
     def _look_at_log(self, now_ns: int) -> None:
         """Report, once, that the log cannot be written any more."""

@@ -7,14 +7,17 @@ from __future__ import annotations
 
 from typing import Final, Literal
 
-from protocol.phases import FREEZE, GO, HOLD, OVER
+from protocol.phases import FREEZE, GO, HOLD, OVER, STOP
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 
 GO_LEAD: Final = 400 * MILLISECOND
 """Time from the decision to go until the common start, enough for every robot to hear of it."""
 
-TASK_GRACE: Final = 10 * SECOND
-"""Time after the last planned arrival by which all robots must have arrived."""
+AWAY: Final = 2 * COMMAND_PERIOD
+"""A coordinator that has not looked at the time for longer than this was away: it heard nobody."""
+
+HELD_PATIENCE: Final = 5 * SECOND
+"""How long robots that have stopped may hold others before a new plan is made around them."""
 
 FREEZE_PATIENCE: Final = 10 * SECOND
 """How long the fleet waits for a frozen robot to say where it stands; then the robot is lost."""
@@ -23,26 +26,34 @@ ARM_PATIENCE: Final = 10 * SECOND
 """How long the fleet waits for a robot to arm after the first epoch; then it gets a strike."""
 
 RESUME_PATIENCE: Final = 5 * SECOND
-"""How long robots have to find a coordinator that has resumed from a log."""
-
-UNLOGGED: Final = 2 * COMMAND_PERIOD
-"""How long a coordinator may have gone on after the last record in its log."""
+"""How long robots have to be heard again after the coordinator resumed or the router came back."""
 
 FAREWELLS: Final = 5
 """How many Commands with OVER are sent."""
 
 Event = Literal[
-    "all armed", "robot failed", "all done", "some can go on", "planned", "none can go", "admitted"
+    "all armed",
+    "robot failed",
+    "all done",
+    "some can go on",
+    "planned",
+    "none can go",
+    "admitted",
+    "told to stop",
+    "told to go on",
 ]
 
 TRANSITIONS: Final[dict[tuple[int, Event], int]] = {
     (HOLD, "all armed"): GO,
     (HOLD, "robot failed"): FREEZE,
+    (HOLD, "admitted"): FREEZE,
     (GO, "robot failed"): FREEZE,
     (GO, "all done"): OVER,
     (GO, "some can go on"): FREEZE,
     (GO, "admitted"): FREEZE,
-    (HOLD, "admitted"): FREEZE,
+    (GO, "told to stop"): STOP,
+    (STOP, "told to go on"): GO,
+    (STOP, "admitted"): FREEZE,
     (FREEZE, "planned"): HOLD,
     (FREEZE, "none can go"): OVER,
 }

@@ -5,11 +5,10 @@ Decides: what holds for the members together.  Must not know: the fleet's phases
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from coordinator.fleet.events import Part
 from coordinator.fleet.member import Member
-from coordinator.fleet.own_outage import AWAY
 from coordinator.fleet.rest_places import Standing
 from protocol.phases import FROZEN, IDLE
 
@@ -74,19 +73,13 @@ class Roster(dict[str, Member]):
                 member.sent_epoch = 0
                 member.admission.end()
 
-    def standings(self, epoch: int, zero_ns: int, until_ns: int, has_gone: bool) -> list[Standing]:
+    def standings(self, epoch: int, bounds: Callable[[str], tuple[float, float]]) -> list[Standing]:
         """Return the standings of all robots that have a part or have said where they rest.
 
-        Plan time counts from `zero_ns`.  A robot that has not said where it rests may have moved
-        from the time when it last followed its plan until `until_ns`.  Its last report may have
-        waited for a coordinator that was away and did not notice it, which AWAY allows for.  No
-        robot has moved in an epoch that has not started to drive.
+        `bounds` returns the plan times [s] between which a robot may stand that has not said where.
         """
-        found = []
-        for member in self.values():
-            if member.planned or member.rest is not None:
-                since, until = member.kept_ns - AWAY - zero_ns, until_ns - zero_ns
-                if not has_gone:
-                    since = until = 0
-                found.append(member.standing(epoch, since, until))
-        return found
+        return [
+            member.standing(epoch, *bounds(member.id))
+            for member in self.values()
+            if member.planned or member.rest is not None
+        ]

@@ -6,22 +6,20 @@ Must not know: what is heard, when the time is looked at (core.py).
 
 from __future__ import annotations
 
-from coordinator.fleet.delay import Delay
 from coordinator.fleet.epoch_times import EpochTimes
 from coordinator.fleet.events import Incident, Outgoing
-from coordinator.fleet.failures import Failing
-from coordinator.fleet.grants import Grants, Stated
+from coordinator.fleet.failures import Failing, silent
+from coordinator.fleet.grants import Grants, Held, Stated
 from coordinator.fleet.member import Member
-from coordinator.fleet.own_outage import Absence
 from coordinator.fleet.phases import FAREWELLS, RESUME_PATIENCE, TRANSITIONS, Event
 from coordinator.fleet.rest_places import Standing
 from coordinator.fleet.roster import Roster
 from coordinator.fleet.router_link import RouterLink
 from protocol import keys
 from protocol.codec import encode
-from protocol.messages import MOST_NAMED, Command
-from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD, OVER
-from protocol.timing import COMMAND_PERIOD, MILLISECOND
+from protocol.messages import MOST_WANTED, Command
+from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD, OVER, STOP
+from protocol.timing import COMMAND_PERIOD
 
 
 class FleetState:
@@ -33,11 +31,11 @@ class FleetState:
         boot: int,
         members: list[Member],
         times: EpochTimes,
-        delay: Delay,
-        grants: Grants | None,
+        grants: Grants,
     ) -> None:
         self.name = name
         self.boot = boot
+        self.term = 1
         self.times = times
         self.epoch = self.first_epoch = times.epoch
         self.members = Roster(members)
@@ -45,15 +43,15 @@ class FleetState:
         self.incidents: list[Incident] = []
         self._sequence = 0
         self._changed_ns = 0
-        self._delay = delay
+        self.allowed_ms = 0
+        """The plan time up to which robots may be told to drive, because the log says so."""
         self._grants = grants
-        """None when this epoch's Commands state no authority: its times have been replaced."""
-        self._absence = Absence()
+        self._looked_ns = self._stopped_ns = 0
+        self._waits_since_ns: int | None = None
+        """Since when robots that have stopped hold others, or are the only ones left."""
         self._router = RouterLink()
         self._patient_until_ns = 0
         self.is_resumed = self.superseded = False
-        self._not_gone = 0
-        """After a resume: the log's last epoch, if it had not started to drive; else 0."""
         self._farewells = 0
 
     @property
@@ -70,10 +68,6 @@ class FleetState:
         """Return whether a frozen fleet rests: each robot has said where it rests, or is lost."""
         if self.phase != FREEZE or now_ns < self._changed_ns + COMMAND_PERIOD:
             return False
-        if self._not_gone == self.times.epoch and now_ns < self._patient_until_ns:
-            unheard = [m for m in self.members.planned if m.heard_ns < self._changed_ns]
-            if unheard:  # One of them may know that the epoch has started.
-                return False
         waits = self._router.may_be_silent(self._changed_ns, now_ns) and self.members.is_unheard()
         if waits or self._router.is_down:
             return False
@@ -89,20 +83,30 @@ class FleetState:
 
     def standings(self) -> list[Standing]:
         """Return the standings of robots that have a part or have said where they rest."""
-        times = self.times
-        return self.members.standings(times.epoch, times.zero_ns, times.until_ns, times.has_gone)
+        return self.members.standings(self.times.epoch, self.bounds)
 
-    @property
-    def revision(self) -> int:
-        """How often new times have replaced the times of this epoch."""
-        return self._delay.revision
+    def bounds(self, robot: str) -> tuple[float, float]:
+        """Return the plan times [s] between which a robot of the newest epoch may stand.
+
+        No robot has moved in an epoch that has not started to drive.
+        """
+        return self._grants.bounds(robot) if self.times.has_gone else (0.0, 0.0)
 
     def missing(self, now_ns: int) -> list[str]:
         """Return the ids of the robots that are not armed yet."""
         return self.members.unarmed(self.epoch, now_ns)
 
+    @property
+    def needed_ms(self) -> int:
+        """The plan time up to which robots are told to drive, if nobody is in their way."""
+        return self.times.plan_ms(self._looked_ns) + self._grants.headroom_ms
+
+    def held(self) -> list[Held]:
+        """Return the robots that others hold while the fleet drives."""
+        return self._grants.held() if self.phase == GO else []
+
     def _hear_router(self, up: bool, now_ns: int) -> None:
-        """Freeze when the router is gone; when it is back, give the robots time to be heard."""
+        """Excuse all robots when the router is back: nobody could be heard."""
         if not self._router.take(up):
             return
         self._tell(now_ns, "router", "", f"the router is {'back' if up else 'gone'}")
@@ -110,18 +114,18 @@ class FleetState:
             self._patient_until_ns = now_ns + RESUME_PATIENCE
             for member in self.members.planned:
                 member.lost = member.gone = False
-        elif self.phase == GO or self.epoch != self.first_epoch:
-            self._turn("robot failed", now_ns)
+            self._excuse(self._patient_until_ns)
+
+    def _excuse(self, until_ns: int) -> None:
+        """Take in that robots could not be heard: silence counts only from now on."""
+        for member in self.members.values():
+            if not member.lost:
+                member.excused_ns = until_ns
+        self._grants.excuse(self.times.plan_ms(until_ns))
 
     def plans(self) -> list[Outgoing]:
-        """Return the Plan messages of this epoch, each followed by its newest NewTimes message."""
-        planned = [(keys.plan(self.name, member.id), member) for member in self.members.planned]
-        return [
-            Outgoing(key, payload)
-            for key, member in planned
-            for payload in (member.plan, member.times if member.revision else b"")
-            if payload
-        ]
+        """Return the Plan messages of this epoch."""
+        return [Outgoing(keys.plan(self.name, one.id), one.plan) for one in self.members.planned]
 
     def _send_plan(self, member: Member, now_ns: int) -> list[Outgoing]:
         """Return a robot's Plan to send, unless it was just sent or the robot has no part."""
@@ -129,50 +133,56 @@ class FleetState:
             return []
         return [Outgoing(keys.plan(self.name, member.id), member.plan)]
 
+    def _lose(self, member: Member, now_ns: int) -> None:
+        """Record that a robot is lost: it is not heard any more."""
+        member.lost = True
+        self._tell(now_ns, "fault", member.id, f"{member.id} {silent(member).what}")
+
     def _give_up(self, failing: list[Failing], now_ns: int) -> None:
         """Freeze the fleet because of these robots."""
         for member, what, lost, strike in failing:
             member.lost |= lost
             if strike:
                 member.struck.add(self.epoch)
-            self._fail(member, f"{member.id} {what}", now_ns)
-
-    def _fail(self, member: Member, text: str, now_ns: int) -> None:
-        self._tell(now_ns, "fault", member.id, text)
-        self._turn("robot failed", now_ns)
+            self._tell(now_ns, "fault", member.id, f"{member.id} {what}")
+            self._turn("robot failed", now_ns)
 
     def _turn(self, event: Event, now_ns: int) -> None:
         phase = TRANSITIONS.get((self.phase, event))
         if phase is None:
             return
         self.phase, self._changed_ns = phase, now_ns
-        if phase == FREEZE:
-            self._delay.drop()
-            self.times.freeze(now_ns)
-        if phase == GO:
+        if event == "all armed":
             self.times.go(now_ns)
             for member in self.members.planned:
-                member.set_out(self.epoch, now_ns)
+                member.set_out(self.epoch)
         self._tell_phase(now_ns, COMMAND_NAMES[phase])
 
-    def _command(self, now_ns: int) -> Outgoing:
+    def _commands(self, now_ns: int) -> list[Outgoing]:
+        """Return the Command, or several if one cannot name all who have less authority."""
+        stated = [Stated()]
+        if self.phase == GO:
+            stated = self._grants.grant(self.times.plan_ms(now_ns), self.allowed_ms)
+        return [Outgoing(keys.command(self.name), self._command(now_ns, one)) for one in stated]
+
+    def _command(self, now_ns: int, stated: Stated) -> bytes:
         self._sequence += 1
-        stated = Stated()
-        if self.phase == GO and self._grants is not None:
-            stated = self._grants.grant((now_ns - self.times.start_ns) // MILLISECOND)
         wanted = self.members.wanted(self.phase == FREEZE)
         command = Command(
             boot=self.boot,
+            term=self.term,
             sequence=self._sequence,
             epoch=self.epoch,
             phase=self.phase,
-            start_ns=self.times.start_ns if self.phase in (GO, FREEZE) else 0,
-            wanted=tuple(wanted[: MOST_NAMED - len(stated.held)]),
+            start_ns=self.times.start_ns if self.phase in (GO, STOP, FREEZE) else 0,
             said_ns=now_ns,
-            authority_ms=stated.authority_ms,
+            headroom_ms=stated.headroom_ms,
             held=stated.held,
+            first=stated.first,
+            last=stated.last,
+            wanted=tuple(wanted[:MOST_WANTED]),
         )
-        return Outgoing(keys.command(self.name), encode(command))
+        return encode(command)
 
     def _tell_phase(self, now_ns: int, text: str) -> None:
         self.incidents.append(Incident(now_ns, "phase", "", text, self.phase))

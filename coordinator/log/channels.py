@@ -17,18 +17,17 @@ import msgspec
 from coordinator.fleet.log_records import (
     LINK_GONE,
     LINK_UP,
-    QUIET,
+    TOLD_TO_GO_ON,
+    TOLD_TO_STOP,
     Request,
     drops_of,
     is_adoption_key,
+    is_ahead_key,
     is_drops_key,
-    is_lateness_key,
-    is_quiet_key,
     is_router_key,
-    lateness_of,
+    is_told_key,
     request_of,
 )
-from coordinator.schedule.lateness import Lateness
 from coordinator.security.denials import Denial, denial_of, is_denial_key
 from protocol import keys
 from protocol.codec import KINDS, decode
@@ -60,8 +59,14 @@ _LINK: Final = Description(
     "splinefleet.Link",
     msgspec.json.encode({"title": "link", "description": "up or gone", "type": "boolean"}),
 )
-_QUIET: Final = Description(
-    "json", QUIET.__eq__, "splinefleet.Quiet", msgspec.json.encode({"type": "null"})
+_AHEAD: Final = Description(
+    "msgpack", _anything, "splinefleet.Ahead", msgspec.json.encode({"type": "integer"})
+)
+_TOLD: Final = Description(
+    "json",
+    (TOLD_TO_STOP, TOLD_TO_GO_ON).__contains__,
+    "splinefleet.Told",
+    msgspec.json.encode({"type": "string"}),
 )
 
 
@@ -70,14 +75,13 @@ def describe(key: str) -> Description:
     if is_adoption_key(key):
         schema = msgspec.json.encode(msgspec.json.schema(Request))
         return Description("json", _is_request, "splinefleet.Epoch", schema)
-    if is_lateness_key(key):
-        schema = msgspec.json.encode(msgspec.json.schema(Lateness))
-        return Description("json", _is_lateness, "splinefleet.Lateness", schema)
     if is_denial_key(key):
         schema = msgspec.json.encode(msgspec.json.schema(Denial))
         return Description("json", _is_denial, "splinefleet.Denial", schema)
-    if is_quiet_key(key):
-        return _QUIET
+    if is_ahead_key(key):
+        return _AHEAD
+    if is_told_key(key):
+        return _TOLD
     if is_router_key(key):
         return _LINK
     if is_drops_key(key):
@@ -94,10 +98,6 @@ def describe(key: str) -> Description:
 
 def _is_message(kind: str, payload: bytes) -> bool:
     return decode(kind, payload) is not None
-
-
-def _is_lateness(payload: bytes) -> bool:
-    return lateness_of(payload) is not None
 
 
 def _is_denial(payload: bytes) -> bool:

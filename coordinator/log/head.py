@@ -61,6 +61,6 @@ def resumed(head: Head, before: bytes, began_ns: int) -> Head:
 
 
 def plan_file(document: PlanDocument) -> Attachment:
-    """Return a plan as an attachment, named by its epoch and revision."""
-    name = plan_name(document.epoch, document.revision)
+    """Return a plan as an attachment, named by its epoch."""
+    name = plan_name(document.epoch)
     return Attachment(name, "application/json", to_json(document))

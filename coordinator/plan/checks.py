@@ -71,7 +71,6 @@ _DOCUMENT: Final = {
     "tau": Range("s", 0.0, LONGEST_TAU),
     "margin": Range("m", 0.0, _LARGEST),
     "epoch": Range("", 1, _COUNTER),
-    "revision": Range("", 0, _COUNTER),
 }
 _LINK: Final = {
     "delay": Range("s", 0.0, 5.0),

@@ -134,10 +134,7 @@ class Floor(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PlanDocument(msgspec.Struct, frozen=True, kw_only=True):
-    """The whole plan of one epoch; `tau` [s], `margin` [m].
-
-    `revision` counts how often the plan's times were changed while robots drove it.
-    """
+    """The whole plan of one epoch; `tau` [s], `margin` [m]."""
 
     format: str = FORMAT
     scenario: str
@@ -153,7 +150,6 @@ class PlanDocument(msgspec.Struct, frozen=True, kw_only=True):
     timing: dict[str, float] = {}
     workspace: Floor | None = None
     notes: list[str] = []
-    revision: int = 0
 
     def robot(self, robot_id: str) -> RobotPlan:
         """Return one robot's plan; raises KeyError when no robot has this id."""

@@ -7,7 +7,7 @@ how paths and motions were found.
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Final
 
@@ -59,7 +59,7 @@ def draft_plan(
     )
     names = [robot.id for robot in scenario.robots]
     parts = zip(scenario.robots, paths, motions, strict=True)
-    drafted = [_robot_plan(bare, *part, names) for part in parts]
+    drafted = [_robot_plan(bare, *part, number, names) for number, part in enumerate(parts)]
     robots = [plan for plan, _ in drafted]
     if crossings is None:
         pairs = np.array(list(combinations(range(len(robots)), 2)), dtype=np.int64).reshape(-1, 2)
@@ -69,40 +69,18 @@ def draft_plan(
     return PackedPlan(document, {plan.id: message for plan, message in drafted})
 
 
-def with_new_times(
-    document: PlanDocument,
-    robots: Sequence[Robot],
-    paths: Sequence[Nurbs],
-    motions: Sequence[Motion],
-    changed: Container[int],
-) -> PackedPlan:
-    """Return a document's plan with new motions for the changed robots, without its proof.
-
-    Raises PlanError when a robot's times are too long for a message.
-    """
-    names = [robot.id for robot in document.robots]
-    drafted = [
-        _robot_plan(document, *parts, names)
-        if index in changed
-        else (document.robots[index], pack(document, document.robots[index]))
-        for index, parts in enumerate(zip(robots, paths, motions, strict=True))
-    ]
-    plans = [plan for plan, _ in drafted]
-    at = {name: index for index, name in enumerate(names)}
-    pairs = np.array([(at[c.a], at[c.b]) for c in document.crossings], np.int64).reshape(-1, 2)
-    table = [(k, c.x, c.y, c.s_a, c.s_b) for k, c in enumerate(document.crossings)]
-    said = _crossings(plans, motions, pairs, np.array(table, np.float64).reshape(-1, 5))
-    fresh = msgspec.structs.replace(document, robots=plans, crossings=said, proof=None)
-    return PackedPlan(fresh, {plan.id: message for plan, message in drafted})
-
-
 def _robot_plan(
-    document: PlanDocument, robot: Robot, path: Nurbs, motion: Motion, names: Sequence[str]
+    document: PlanDocument,
+    robot: Robot,
+    path: Nurbs,
+    motion: Motion,
+    number: int,
+    names: Sequence[str],
 ) -> tuple[RobotPlan, bytes]:
     """Return a robot's part and its message; `wire_bytes` is the message's greatest length."""
     planned = _rounded(robot, path, motion, names)
     try:
-        message = pack(document, planned)
+        message = pack(document, planned, number)
         size = len(address(message, _LONGEST_BOOT))
     except OversizeError as error:
         raise PlanError(str(error), robot.id, helps="fewer via points") from None

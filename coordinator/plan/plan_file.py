@@ -17,9 +17,9 @@ from coordinator.plan.references import find_wrong_names
 from coordinator.scenario.file_kinds import kind_of, wrong_kind
 
 
-def plan_name(epoch: int, revision: int = 0) -> str:
+def plan_name(epoch: int) -> str:
     """Return the name under which a plan is attached to a log."""
-    return f"plan-{epoch}.json" if revision == 0 else f"plan-{epoch}-{revision}.json"
+    return f"plan-{epoch}.json"
 
 
 def is_plan_name(name: str) -> bool:

@@ -56,3 +56,12 @@ class Staircases:
         """Return the knots (k, 2) of one staircase: t, need [ms]."""
         knots = slice(self.first[pair], self.first[pair + 1])
         return np.column_stack((self.at[knots], self.need[knots]))
+
+
+def _none() -> Staircases:
+    numbers, times = np.zeros(0, np.int64), np.zeros(0, np.int32)
+    return Staircases(0, numbers, numbers, np.zeros(1, np.int64), times, times)
+
+
+NO_STAIRCASES: Final = _none()
+"""Those of robots that never come near each other."""

@@ -1,7 +1,7 @@
 """Conversion between the plan document and the bytes that robots receive.
 
 A plan's messages are packed once.  The proof reads these very bytes (`unpack`).  A coordinator that
-sends them replaces the boot id and the checksum, and nothing else (`address`).
+sends them replaces the boot id, and with it the checksum, and nothing else (`address`).
 
 Decides: how a RobotPlan becomes a Plan message and how a Plan message reads back.  Must not know:
 how plans are found.
@@ -27,9 +27,9 @@ from coordinator.plan.document import Path, PlanDocument, RobotPlan
 from coordinator.plan.staircases import Staircases
 from coordinator.scenario.link_times import link_times
 from coordinator.scenario.margin import ARC_ERROR, track_mm_for
-from protocol.codec import decode, encode, seal
+from protocol.codec import decode, encode
 from protocol.curve import Curve, cells_per_span
-from protocol.messages import NewTimes, Plan
+from protocol.messages import Plan
 from protocol.plan_bytes import pack_floats, pack_points, pack_profile, pack_stops
 from protocol.plan_parts import unpack_plan
 from protocol.timeline import Timeline
@@ -93,8 +93,8 @@ class PackedPlan:
         return plan
 
 
-def pack(document: PlanDocument, robot: RobotPlan) -> bytes:
-    """Return the Plan message of one robot, with boot id 0.
+def pack(document: PlanDocument, robot: RobotPlan, number: int) -> bytes:
+    """Return the Plan message of the robot with this number, with boot id 0.
 
     Raises OversizeError when it is too long.
     """
@@ -110,9 +110,13 @@ def pack(document: PlanDocument, robot: RobotPlan) -> bytes:
         epoch=document.epoch,
         boot=0,
         robot=robot.id,
+        number=number,
+        revision=0,
+        begin_ms=0,
         tau_ns=round(document.tau * SECOND),
         track_mm=min(track_mm_for(document.margin), 65_535),
         brake_mmps2=0 if accel is None else max(1, min(math.floor(1000.0 * accel), 2**32 - 1)),
+        clock_ms=times.clock_error_ns // MILLISECOND,
         degree=path.degree,
         points=pack_points(path.control_points),
         knots=pack_floats(path.knots[path.degree + 1 : len(path.knots) - path.degree]),
@@ -120,11 +124,8 @@ def pack(document: PlanDocument, robot: RobotPlan) -> bytes:
         speeds=speeds,
         profile=profile,
         stops=pack_stops(stops),
-        checksum=0,
-        lease_ms=times.lease_ns // MILLISECOND,
-        clock_ms=times.clock_error_ns // MILLISECOND,
     )
-    return encode(seal(plan))
+    return encode(plan)
 
 
 def packed(document: PlanDocument) -> PackedPlan:
@@ -132,31 +133,16 @@ def packed(document: PlanDocument) -> PackedPlan:
 
     Raises PartsError naming the robots for which no message can be made.
     """
-    return PackedPlan(document, dict(_each(document.robots, lambda one: pack(document, one))))
+    numbers = {robot.id: number for number, robot in enumerate(document.robots)}
+    made = _each(document.robots, lambda one: pack(document, one, numbers[one.id]))
+    return PackedPlan(document, dict(made))
 
 
 def address(message: bytes, boot: int) -> bytes:
     """Return a packed Plan message as the coordinator with this boot id sends it."""
     plan = decode("plan", message)
     assert isinstance(plan, Plan)
-    return encode(seal(msgspec.structs.replace(plan, boot=boot)))
-
-
-def pack_times(payload: bytes, revision: int) -> bytes:
-    """Return the NewTimes message with the times of a Plan message."""
-    plan = decode("plan", payload)
-    assert isinstance(plan, Plan)
-    times = NewTimes(
-        epoch=plan.epoch,
-        boot=plan.boot,
-        revision=revision,
-        brake_mmps2=plan.brake_mmps2,
-        speeds=plan.speeds,
-        profile=plan.profile,
-        stops=plan.stops,
-        checksum=0,
-    )
-    return encode(seal(times))
+    return encode(msgspec.structs.replace(plan, boot=boot))
 
 
 def unpack(payload: bytes, radius: float) -> Driven:

@@ -90,5 +90,5 @@ def motion_of(plan: Plan, robot: str, times: npt.ArrayLike) -> Array:
     them.  Raises KeyError for an unknown robot.
     """
     planned = plan.robot(robot)
-    driven = unpack(pack(plan, planned), planned.radius)
+    driven = unpack(pack(plan, planned, 0), planned.radius)
     return sample(driven, np.atleast_1d(np.asarray(times, dtype=np.float64)).tolist())

@@ -14,7 +14,7 @@ from itertools import islice, pairwise
 import numpy as np
 from msgspec.structs import replace
 
-from coordinator.base.errors import PartsError, PlanError
+from coordinator.base.errors import InputError, PartsError, PlanError
 from coordinator.curves.chords import chords_of
 from coordinator.curves.nurbs import Nurbs
 from coordinator.ground.tight_places import near_places
@@ -24,7 +24,7 @@ from coordinator.plan.checks import LONGEST_PLAN, LONGEST_TAU
 from coordinator.plan.crossings import CrossingSearch
 from coordinator.plan.document import Limits, PlanDocument, Reason
 from coordinator.plan.drafting import draft_plan
-from coordinator.plan.fault_budget import budget_for, resolve_tau
+from coordinator.plan.shares_of_tau import BRAKING_SHARE, LEAST_TAU, resolve_tau, shares_of
 from coordinator.plan.wire import PackedPlan
 from coordinator.proof.verify import prove_messages
 from coordinator.scenario.model import Scenario
@@ -90,11 +90,15 @@ def plan_fleet(
     a cluster) finds paths and zones in parts; the plan does not depend on the executor.  The
     document's `timing` [s] is measured with the timer; without a timer it is 0.
 
-    Policy "safe": raises PlanError when no plan is found; a plan that is returned has passed its
-    proof.  Policy "paper": the proof may fail; the document then says so and must not be driven.
+    Policy "safe": raises InputError for a tau below LEAST_TAU, and PlanError when no plan is found;
+    a plan that is returned has passed its proof.  Policy "paper": the proof may fail; the document
+    then says so and must not be driven.
     """
     limits = [Limits.of(robot) for robot in scenario.robots]
-    tau = resolve_tau(scenario.tau, budget_for(limits, scenario.link))
+    if scenario.policy == "safe" and not isinstance(scenario.tau, str) and scenario.tau < LEAST_TAU:
+        problem = f"{scenario.name}: tau: {scenario.tau:g} s is less than {LEAST_TAU} s"
+        raise InputError([f"{problem}, the least with which robots never wait in a ring"])
+    tau = resolve_tau(scenario.tau, shares_of(limits, scenario.link))
     stages = _Stages(scenario, tau, executor)
     marks = [timer()]
     for stage in (stages.find_paths, stages.find_zones):
@@ -309,7 +313,8 @@ class _Stages:
     def _track(self, index: int, path: Nurbs) -> Track:
         robot = self.scenario.robots[index]
         speed = self.scenario.planned_speed(robot)
-        limits = limits_on(path, speed, robot.max_accel, robot.max_lateral_accel)
+        share = 1.0 if self.scenario.policy == "paper" else BRAKING_SHARE
+        limits = limits_on(path, speed, share * robot.max_accel, robot.max_lateral_accel)
         return Track(limits, chords_of(path, self.near.errors[index]))
 
     def _meet(self, tracks: list[Track], indices: tuple[int, ...] | None = None) -> Junctions:

@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from coordinator.paths.path_planner import Pathfinder, find_paths
-from coordinator.plan.staircases import Staircases
+from coordinator.plan.staircases import NO_STAIRCASES
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import GivenPath, Point, Pose, Robot, Scenario, Workspace
 from coordinator.schedule.authority import Authority
@@ -33,13 +33,9 @@ def load_kernels() -> None:
 
 
 def compile_rest() -> None:
-    """Compile the kernels that few plans need: headings, new times, maps."""
-    from coordinator.planning.retiming import retime
-    from coordinator.schedule.lateness import Lateness
-
+    """Compile the kernels that few plans need: headings, maps."""
     turning = _robot("E", (2.0, 3.0, 2.0), (8.0, 3.0, 2.0))
-    crossing = _scenario((turning, _robot("F", (5.0, 1.0), (5.0, 5.0))), ())
-    retime(crossing, plan_scenario(crossing), Lateness("F", 0.5, 1.0))
+    plan_scenario(_scenario((turning, _robot("F", (5.0, 1.0), (5.0, 5.0))), ()))
     _compile_maps()
 
 
@@ -74,9 +70,9 @@ def _compile_schedules() -> None:
 
 def _compile_authority() -> None:
     """Compile the kernels that grant authority."""
-    none = np.zeros(0, np.int64)
-    short = np.zeros(0, np.int32)
-    Authority(Staircases(0, none, none, np.zeros(1, np.int64), short, short), 2).grant(0, 0)
+    authority = Authority(NO_STAIRCASES, 2)
+    authority.grant(0, 0, 0)
+    authority.holder_of(0)
 
 
 def _compile_maps() -> None:

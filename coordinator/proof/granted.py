@@ -16,6 +16,7 @@ import numpy as np
 
 from coordinator.plan.staircases import Staircases
 from protocol.messages import Command, Report
+from protocol.phases import GO
 from protocol.timing import LATE_STEP_MS
 
 
@@ -41,18 +42,22 @@ class Granted:
 
     def take_command(self, command: Command) -> None:
         """Take in what a Command grants, and check the invariant."""
-        if command.authority_ms is None:
+        if command.phase != GO:
             return
         self.commands += 1
-        held = dict(command.held)
-        stated = [held.get(name, command.authority_ms) for name in self._robots]
-        self._granted = np.maximum(self._granted, stated)
+        for number in range(command.first, min(command.last + 1, len(self._robots))):
+            stated = command.authority_of(number)
+            self._granted[number] = max(self._granted[number], stated or 0)
         stairs = self._staircases
         ahead, behind = self._passed[stairs.ahead], self._granted[stairs.behind]
         for pair in np.flatnonzero(behind - stairs.tau_ms >= ahead).tolist():
             need = stairs.need_at(pair, float(behind[pair]))
             if need >= ahead[pair]:
                 self.failures.append(self._text(command, pair, need))
+
+    def names(self, numbers: Sequence[int]) -> list[str]:
+        """Return the robots with these numbers."""
+        return [self._robots[number] for number in numbers if number < len(self._robots)]
 
     def holder(self, robot: str) -> str | None:
         """Return a robot that another one has to wait for; None when nobody holds it.

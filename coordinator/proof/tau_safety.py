@@ -22,7 +22,7 @@ import numpy as np
 
 from coordinator.curves.nurbs import Array
 from coordinator.plan.document import Limits, Proof
-from coordinator.plan.fault_budget import Budget
+from coordinator.plan.shares_of_tau import survived
 from coordinator.plan.wire import Driven
 from coordinator.proof.limits import limit_failures
 from coordinator.proof.separation import Closest, Separation
@@ -75,13 +75,11 @@ def prove(
     margin: float,
     gap: Gap | None,
     limits: Sequence[Limits | None],
-    budget: Budget | None,
 ) -> Proof:
     """Prove a plan; tau [s], margin [m].
 
     `limits` has one entry per robot, None if not known.  Without `gap` (no floor known) the
-    clearance is not proven and is None in the proof.  Without a budget the proof names no faults
-    that the plan survives.
+    clearance is not proven and is None in the proof.
     """
     apart = prove_separation(driven, tau, margin)
     failures = [*_say_shares(driven, margin), *apart.failures]
@@ -102,7 +100,7 @@ def prove(
         least_separation=apart.separation,
         least_slack=apart.slack,
         least_clearance=None if clearance is None else round(clearance, 6),
-        survives=[] if budget is None or failures else budget.survives(tau),
+        survives=[] if failures or None in limits else survived(tau),
         tightest=apart.tightest,
         failures=failures,
     )

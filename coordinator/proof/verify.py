@@ -17,7 +17,7 @@ from coordinator.base.errors import PartsError
 from coordinator.curves.nurbs import Array
 from coordinator.plan.checks import LENGTH_TOLERANCE, LONGEST_PLAN
 from coordinator.plan.document import Limits, PlanDocument, Proof, RobotPlan
-from coordinator.plan.fault_budget import budget_for, resolve_tau
+from coordinator.plan.shares_of_tau import resolve_tau, shares_of
 from coordinator.plan.wire import Driven, PackedPlan, packed
 from coordinator.proof.precedence import staircase_failures
 from coordinator.proof.tau_safety import prove
@@ -129,7 +129,6 @@ def _prove_alone(document: PlanDocument, driven: list[Driven]) -> Proof:
         document.margin,
         None if floor is None else Floor(floor.boundary, floor.obstacles).gap,
         [robot.limits for robot in document.robots],
-        budget_for(known, document.link) if all_known else None,
     )
     missing = {"clearance": floor is None, "limits": not all_known}
     return replace(proof, unproven=[name for name, absent in missing.items() if absent])
@@ -150,21 +149,20 @@ def _prove_against(document: PlanDocument, driven: list[Driven], scenario: Scena
     planned = {one.id for one in driven}
     failures += [f"{name} has no plan" for name in robots if name not in planned]
     limits = [Limits.of(robot) for robot in scenario.robots]
-    budget = budget_for(limits, scenario.link)
-    tau, margin = resolve_tau(scenario.tau, budget), scenario.margin
+    tau, margin = resolve_tau(scenario.tau, shares_of(limits, scenario.link)), scenario.margin
     failures += _other_terms(document, scenario, tau)
     floor = Floor(scenario.workspace.boundary, scenario.workspace.obstacles)
     known = [Limits.of(robots[d.id]) if d.id in robots else None for d in driven]
-    proof = prove(driven, tau, margin, floor.gap, known, budget)
+    proof = prove(driven, tau, margin, floor.gap, known)
     return _with_failures(proof, failures)
 
 
 def _other_terms(document: PlanDocument, scenario: Scenario, tau: float) -> list[str]:
     """Return which terms of a plan are not the scenario's; tau [s] is what the scenario asks for.
 
-    Robots act on these terms: tau bounds how late they may be, the margin how far off their paths,
-    the link how long they drive on without a Command, and max_accel how they brake.  A larger
-    min_turn_radius than the scenario's is accepted.
+    Robots act on these terms: the margin bounds how far off their paths they may be, the link how
+    far ahead they are let, and max_accel how they brake.  A larger min_turn_radius than the
+    scenario's is accepted.
     """
     asked = [
         (name, getattr(document, name), value, unit)

@@ -1,7 +1,7 @@
 """How long silence is tolerated on a link that loses and delays messages.
 
-Decides: the leases of both sides and the clock error, from the delay and loss of the link; on a
-good link they are those of protocol/timing.py.  An exchange of messages gives the other clock's
+Decides: how many messages may be lost one after another, when a robot counts as silent, and the
+clock error, from the delay and loss of the link.  An exchange of messages gives the other clock's
 time to within half the duration of the exchange, which is at most the one-way delay.  The clock
 error includes this delay, so the result of any exchange may be used.  Must not know: robots, plans.
 """
@@ -15,16 +15,17 @@ from typing import Final
 from coordinator.scenario.model import Link
 from protocol.timing import (
     CLOCK_ERROR,
-    COMMAND_PERIOD,
-    LEASE,
     MILLISECOND,
     REPORT_PERIOD,
     REPORT_TIMEOUT,
     SECOND,
 )
 
+_SLOWED: Final = 1e-2
+"""How probable it may be that a robot on time slows down because messages were lost."""
+
 _FALSE_ALARM: Final = 1e-6
-"""The greatest allowed probability that all messages of a lease are lost."""
+"""The greatest allowed probability that all Reports of a timeout are lost."""
 
 _JITTER: Final = 100 * MILLISECOND
 """How late messages may be beyond the link's delay, because of both sides' ticks and reordering."""
@@ -32,25 +33,30 @@ _JITTER: Final = 100 * MILLISECOND
 
 @dataclass(frozen=True)
 class LinkTimes:
-    """The times that a fleet on this link tolerates, in ns."""
+    """What a fleet on this link tolerates."""
 
-    lease_ns: int
-    """The robot stops this long, by its own clock, after the newest Command was sent."""
+    lost: int
+    """How many messages one after another may be lost without a robot slowing down."""
     report_timeout_ns: int
     """A robot that is silent for this long is lost."""
     clock_error_ns: int
-    """The greatest error of a moving robot's estimate of the coordinator's clock."""
+    """The greatest error of an armed robot's estimate of the coordinator's clock."""
 
 
 def link_times(link: Link) -> LinkTimes:
-    """Return the times for a link's one-way delay [s] and share of loss."""
+    """Return what is tolerated on a link with this one-way delay [s] and share of loss."""
     delay = round(link.delay * SECOND)
-    tries = math.ceil(math.log(_FALSE_ALARM) / math.log(link.loss)) if link.loss > 0.0 else 1
-    borne = delay + _JITTER
-    clock_error = CLOCK_ERROR + delay
-    lease = max(LEASE, tries * COMMAND_PERIOD + borne + clock_error)
-    timeout = max(REPORT_TIMEOUT, tries * REPORT_PERIOD + borne)
-    return LinkTimes(_whole(lease), _whole(timeout), _whole(clock_error))
+    timeout = (_in_a_row(link.loss, _FALSE_ALARM) + 1) * REPORT_PERIOD + delay + _JITTER
+    return LinkTimes(
+        lost=_in_a_row(link.loss, _SLOWED),
+        report_timeout_ns=_whole(max(REPORT_TIMEOUT, timeout)),
+        clock_error_ns=_whole(CLOCK_ERROR + delay),
+    )
+
+
+def _in_a_row(loss: float, chance: float) -> int:
+    """Return how many messages in a row are lost at most, apart from a chance."""
+    return math.ceil(math.log(chance) / math.log(loss)) if loss > 0.0 else 0
 
 
 def _whole(time_ns: int) -> int:

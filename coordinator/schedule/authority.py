@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from coordinator.plan.staircases import Staircases
-from coordinator.schedule.authority_kernels import Integers, Table, grant
+from coordinator.schedule.authority_kernels import Integers, Table, grant, holder
 
 SLACK_MS: Final = 2_000
 """A robot is granted no more than this beyond its known progress, apart from the headroom: one that
@@ -24,7 +24,8 @@ is late or silent is told little ahead of what it is known to have driven."""
 class Authority:
     """Progress and authority of the robots of one plan, in ms of plan time; both only grow.
 
-    Robots are numbered as in the staircases.
+    `told`: the most that a robot may have been told.  It is what is granted, unless another
+    coordinator granted more before.  Robots are numbered as in the staircases.
     """
 
     def __init__(self, staircases: Staircases, robots: int) -> None:
@@ -39,13 +40,29 @@ class Authority:
         )
         self.progress: Integers = np.zeros(robots, np.int64)
         self.granted: Integers = np.zeros(robots, np.int64)
+        self.told: Integers = np.zeros(robots, np.int64)
 
     def know(self, robot: int, progress_ms: int) -> None:
-        """Take in that a robot has driven up to a plan time; never more than it was granted."""
-        known = min(progress_ms, int(self.granted[robot]))
+        """Take in that a robot has driven up to a plan time; never more than it was told."""
+        known = min(progress_ms, int(self.told[robot]))
         self.progress[robot] = max(int(self.progress[robot]), known)
 
-    def grant(self, now_ms: int, headroom_ms: int) -> None:
-        """Grant all robots what is safe, up to the headroom beyond the plan time `now_ms`."""
-        wanted = np.minimum(now_ms, self.progress + SLACK_MS) + headroom_ms
+    def wanted(self, now_ms: int, headroom_ms: int) -> Integers:
+        """Return how far (n,) [ms] robots would be let at a plan time if nobody were in the way."""
+        wanted: Integers = np.minimum(now_ms, self.progress + SLACK_MS) + headroom_ms
+        return wanted
+
+    def grant(self, now_ms: int, headroom_ms: int, most_ms: int) -> None:
+        """Grant what is safe, up to the headroom beyond a plan time, and at most `most_ms`."""
+        wanted = np.minimum(self.wanted(now_ms, headroom_ms), most_ms)
         grant(self._table, self.progress, wanted, self.granted)
+        np.maximum(self.told, self.granted, out=self.told)
+
+    def holder_of(self, robot: int) -> int | None:
+        """Return the robot that leaves a robot the least authority; None if nobody limits it."""
+        found = int(holder(self._table, self.progress, robot))
+        return None if found < 0 else found
+
+    def may_have_told(self, until_ms: int) -> None:
+        """Take in that any robot may have been told that it may drive up to a plan time."""
+        np.maximum(self.told, until_ms, out=self.told)

@@ -66,3 +66,14 @@ def grant(table: Table, progress: Integers, wanted: Integers, authority: Integer
                 break
             most = min(most, _limit(table, pair, progress[table.ahead[pair]]))
         authority[robot] = max(authority[robot], most)
+
+
+@compiled
+def holder(table: Table, progress: Integers, robot: int) -> int:
+    """Return the robot ahead that leaves a robot the least authority; -1 if nobody limits it."""
+    found, least = np.int64(-1), np.int64(2**62)
+    for pair in range(table.pair_at[robot], table.pair_at[robot + 1]):
+        limit = np.int64(_limit(table, pair, progress[table.ahead[pair]]))
+        if limit < least:
+            found, least = table.ahead[pair], limit
+    return int(found)

@@ -27,14 +27,19 @@ _TOLERANCE: Final = 20
 _CHORD_ERROR: Final = 1e-3
 """How far [m] chords may lie off their paths here; staircases ask for that much more distance."""
 
+STANDOFF: Final = 0.005
+"""How much more distance [m] than the margin staircases ask for: a robot that stands at the end of
+its authority is not quite still, and the next plan needs the whole margin around it."""
+
 
 def with_staircases(plan: PackedPlan) -> PackedPlan:
     """Return a plan with the staircases of its robots, which are not proven yet.
 
+    A robot that is held stands STANDOFF short of its conflict, so that a new plan can start there.
     Raises PartsError naming the robots that would refuse their messages.
     """
     terms = plan.document
-    return plan.bounded_by(staircases_of(plan.driven, terms.tau, terms.margin))
+    return plan.bounded_by(staircases_of(plan.driven, terms.tau, terms.margin + STANDOFF))
 
 
 def staircases_of(

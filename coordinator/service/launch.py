@@ -162,15 +162,13 @@ class Coordinator:
         """Write a later plan beside the first one, report it, and give it to the live table."""
         table.follow(document)
         if first is not None:
-            name = plan_name(document.epoch, document.revision).removeprefix("plan")
+            name = plan_name(document.epoch).removeprefix("plan")
             file = first.with_name(f"{first.stem}{Path(name).stem}{first.suffix}")
             try:
                 write_file(file, to_json(document))
             except InputError as error:  # Do not stop: robots wait for this plan or drive already.
                 self._say("warning", text=str(error))
         text = f"epoch {document.epoch}: {len(document.robots)} robots go on"
-        if document.revision:
-            text = f"epoch {document.epoch}: new times, revision {document.revision}"
         self._say("planned", text=text)
 
     def _recorder(

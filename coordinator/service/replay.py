@@ -1,8 +1,7 @@
 """Run a log again: give the recorded inputs to the planner and the fleet core.
 
 Every message to a robot in the log must be, byte for byte, what the core sends at that moment.  A
-Command that is not the answer to another record marks a tick; a tick that sent nothing has a
-`quiet` record.
+Command that is not the answer to another record marks a tick, and so does an `ahead` record.
 
 Decides: whether this code would have written the same log.
 """
@@ -24,12 +23,11 @@ from coordinator.fleet.log_records import (
     LINK_UP,
     Request,
     adoption_key,
+    ahead_key,
     drops_key,
-    lateness_key,
-    lateness_of,
-    quiet_key,
     request_of,
     router_key,
+    told_key,
 )
 from coordinator.fleet.mission import Mission
 from coordinator.fleet.mission_driver import Journal, MissionDriver
@@ -40,7 +38,6 @@ from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import plan_name
 from coordinator.scenario.model import Scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario
-from coordinator.schedule.lateness import Lateness
 from coordinator.security.denials import denial_key
 from coordinator.service.planning import plan_here
 from protocol import keys
@@ -190,7 +187,7 @@ class _Rerun(Journal):
 
     def keep(self, document: PlanDocument) -> None:
         """Compare a plan with the one that is attached to the log."""
-        name = plan_name(document.epoch, document.revision)
+        name = plan_name(document.epoch)
         recorded = self._attachments.get(name)
         if recorded is not None:
             self._plan_differs = _compare_documents(name, recorded, document)
@@ -243,12 +240,12 @@ class _Rerun(Journal):
         """Let the driver do what led to a record; return what is wrong, or an empty text."""
         name, now_ns = self._fleet.name, record.log_ns
         if record.key == adoption_key(name):
-            return self._finish(Request, request_of(record.payload), now_ns)
-        if record.key == lateness_key(name):
-            return self._finish(Lateness, lateness_of(record.payload), now_ns)
+            return self._finish(request_of(record.payload), now_ns)
         if record.key == router_key(name):
             self._driver.hear_router(record.payload == LINK_UP, now_ns)
-        elif record.key == quiet_key(name) or (kind == "command" and is_sent):
+        elif record.key == told_key(name):
+            self._driver.tell(record.payload, now_ns)
+        elif record.key == ahead_key(name) or (kind == "command" and is_sent):
             self._driver.look(now_ns)
         elif not is_sent:
             changed = self._is_tick(record) if kind == "command" else ""
@@ -280,13 +277,11 @@ class _Rerun(Journal):
         different = sum(a != b for a, b in zip(payload, record.payload, strict=True))
         return _first_difference(payload, record.payload) if different <= _FEW else ""
 
-    def _finish(
-        self, kind: type[Request | Lateness], logged: Request | Lateness | None, now_ns: int
-    ) -> str:
+    def _finish(self, logged: Request | None, now_ns: int) -> str:
         """Do a job again that the log says was done, and give its outcome to the driver."""
-        job = self._driver.under_way(kind)
+        job = self._driver.under_way
         if job is None:
-            return "the core requests no plan and no new times here"
+            return "the core requests no plan here"
         if job.wanted != logged:
             return "the robots do not stand where the log says"
         self._driver.finish(job, job.work(), now_ns)

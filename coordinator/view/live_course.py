@@ -18,14 +18,13 @@ from coordinator.findings.plans_from_messages import SaidPlans
 from coordinator.findings.wait_guesses import with_reasons
 from coordinator.log.unheard_plans import UnheardPlans
 from coordinator.plan.document import PlanDocument
-from coordinator.scenario.link_times import link_times
 from coordinator.view.scene import Scene
 from coordinator.view.scene_log import Course, scene_of_course
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Clock, Command, Message, Plan, Report
+from protocol.messages import Clock, Command, Message, Report
 from protocol.phases import CLOCK_UNSURE, FAULT_NAMES, IDLE, NO_FAULT, OVER
-from protocol.timing import LEASE, SECOND
+from protocol.timing import SECOND
 
 _SURE: Final = 2.0
 """Seconds for which the fleet's clock is compared with ours before its speed is estimated."""
@@ -39,13 +38,13 @@ class FleetTime(msgspec.Struct, frozen=True):
 
 
 class LastWord(msgspec.Struct, frozen=True):
-    """How long ago [s] the last Command was heard, and how long robots drive on without one.
+    """How long ago [s] the last Command was heard, and the headroom [s]: how long robots drive on.
 
     over: whether the last Command's phase was OVER.
     """
 
     age: float
-    lease: float
+    headroom: float
     over: bool
 
 
@@ -60,7 +59,7 @@ class LiveCourse:
         self._first: tuple[int, float] | None = None
         self._latest: tuple[int, float] = (0, 0.0)
         self._word: tuple[float, int] | None = None
-        self._lease = LEASE / SECOND
+        self._headroom = 0.0
         self._floor = document
         self._said = SaidPlans(self._course.plans, document)
         self._explained: dict[int, int] = {}
@@ -68,7 +67,6 @@ class LiveCourse:
         if document is not None:
             self._course.plans[document.epoch] = document
             self._course.whole.add(document.epoch)
-            self._lease = link_times(document.link).lease_ns / SECOND
 
     def hear(self, key: str, payload: bytes, now: float) -> bool:
         """Process a message on a key; return whether a page would look different."""
@@ -111,7 +109,7 @@ class LiveCourse:
         if self._word is None:
             return None
         at, phase = self._word
-        return LastWord(round(max(now - at, 0.0), 3), self._lease, phase == OVER)
+        return LastWord(round(max(now - at, 0.0), 3), self._headroom, phase == OVER)
 
     def _take(self, message: Message, robot: str, now: float) -> bool:
         """Process a message of the fleet; return whether a page would look different."""
@@ -124,6 +122,7 @@ class LiveCourse:
         course = self._course
         if isinstance(message, Command):
             self._word = (now, message.phase)
+            self._headroom = max(message.headroom_ms / 1000.0, 0.0)
             course.take_command(message, self._now_ns(now))
             stand = (message.epoch, message.phase, self._reasons(message.epoch))
             changed = self._stand != stand
@@ -131,8 +130,6 @@ class LiveCourse:
             return changed
         if isinstance(message, Report):
             return self._take_report(message, robot, now)
-        if isinstance(message, Plan):
-            self._lease = message.lease_ms / 1000.0
         return self._said.take(message, robot, self.fleet or "")
 
     def _reasons(self, epoch: int) -> tuple[str, ...]:

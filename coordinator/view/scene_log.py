@@ -57,7 +57,6 @@ class Course:
         self.said = Said()
         self.told: dict[int, tuple[Standing, ...]] = {}
         self.faults: list[tuple[int, FaultSummary]] = []
-        self.late: list[tuple[int, str]] = []
         self.notes: list[str] = []
 
     def take(self, log: Log, name: str) -> None:
@@ -78,11 +77,6 @@ class Course:
             told = msgspec.convert(summarise(log), Summary)
             zero = log.records[0].log_ns - lag_ns + round((told.zero or 0.0) * SECOND)
             self.faults += [(zero + round(fault.t * SECOND), fault) for fault in told.faults]
-            self.late += [
-                (zero + round(changed.t * SECOND), changed.late or "a robot")
-                for epoch in told.epochs
-                for changed in epoch.new_times
-            ]
 
     def take_command(self, command: Command, now_ns: int) -> None:
         """Add a Command of the coordinator.
@@ -255,10 +249,6 @@ def _marks(
         Mark(t=round((at - zero) * _NS, 3), kind="fault", text=f"{fault.robot} {fault.fault}")
         for at, fault in course.faults
         if fault.kind != "freeze"
-    ]
-    marks += [
-        Mark(t=round((at - zero) * _NS, 3), kind="late", text=f"{robot} is late, new times")
-        for at, robot in course.late
     ]
     if course.over is not None:
         marks.append(Mark(t=round((course.over - zero) * _NS, 3), kind="over", text="over"))

@@ -40,9 +40,12 @@ class ClockSync:
         self._slewing = self._compares = False
 
     def start_over(self, now_ns: int) -> None:
-        """Discard all exchanges; answers to questions asked before now are ignored."""
+        """Discard all exchanges; answers to questions asked before now are ignored.
+
+        The offset then steps to what the first exchange says, even while the robot moves.
+        """
         self._doubt(now_ns)
-        self._compares = False
+        self._compares = self._slewing = False
 
     def doubt(self, now_ns: int) -> None:
         """Distrust the offset until an exchange that begins after now confirms it."""

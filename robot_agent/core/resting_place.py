@@ -9,25 +9,21 @@ class RestingPlace:
     """The last place of rest; epoch 0 means that there is none: the robot may have moved since.
 
     s [m] is the arc length; off [mm] to the left, turn [mrad] and beyond [mm] are the offset of
-    PathFollower.  `stood_us` is the plan time [us] at which the plan has the robot there.  A robot
-    may report it while others move, because it is not a position.
+    PathFollower.
     """
 
     def __init__(self) -> None:
-        self.epoch = self.off = self.turn = self.beyond = self.stood_us = 0
+        self.epoch = self.off = self.turn = self.beyond = 0
         self.s = 0.0
         self._tell = False
 
-    def keep(
-        self, epoch: int, s: float, offset: tuple[int, int, int], stood: float, tell: bool
-    ) -> None:
-        """Store a place on an epoch's path; `stood` [s] is the plan time of that place.
+    def keep(self, epoch: int, s: float, offset: tuple[int, int, int], tell: bool) -> None:
+        """Store a place on an epoch's path.
 
         `tell`: whether the place is to be reported without a request.
         """
         self.epoch, self.s, self._tell = epoch, s, tell
         self.off, self.turn, self.beyond = offset
-        self.stood_us = round(1e6 * stood)
 
     def leave(self) -> None:
         """Forget the place: the robot sets out."""

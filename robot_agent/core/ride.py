@@ -1,16 +1,16 @@
-"""A plan being driven: where on the path the robot is, whether it is late, how fast to drive.
+"""A plan being driven: where on the path the robot is, how late it is, how fast to drive.
 
 Decides: speed and distance of every command to the driver, and whether the robot is late, has
-arrived, or rests.  Must not know: phases, messages, clocks; `time` is plan time in seconds.
+arrived, or rests.  Must not know: phases, messages, clocks; `now` is plan time in seconds.
 Firmware: it imports only `math`, other firmware and the shared numbers.
 """
 
-from math import ceil, inf, sqrt
+from math import floor, inf, sqrt
 
 from protocol.curve import Curve
-from protocol.phases import LATE, NO_FAULT, OFF_PATH
+from protocol.phases import NO_FAULT, OFF_PATH
 from protocol.timeline import Timeline
-from protocol.timing import LATE_STEP_MS, SECOND
+from protocol.timing import LATE_STEP_MS
 from robot_agent.core.steering import PathFollower
 
 ARRIVAL_SLACK = 1e-3
@@ -28,11 +28,11 @@ goal."""
 TURN_SHARE = 0.9
 """A robot that would start farther off its path than this share of its tolerance turns first."""
 
-LATE_TIME = 0.05
-LATE_TIME_SHARE = 0.2
-"""A robot is late once it has seemed late for LATE_TIME [s], or for LATE_TIME_SHARE of its share of
-lateness if that is less: one of hundreds of noisy measurements at a stop may be far off.  The delay
-is a part of the share of lateness."""
+GRACE = 0.25
+"""A robot that is behind its plan by less than this [s] catches up without changing its pace."""
+
+ARRIVAL_PATIENCE = 0.2
+"""How long [s] after the plan's end a robot that is nearly at its goal still tries to get there."""
 
 HOLD_OUT = 0.05
 """How long [s] a command to the driver suffices if the next tick does not come."""
@@ -59,14 +59,21 @@ CATCH_UP_BRAKE = 0.15
 """A robot that catches up relies on braking this share harder than its plan does.  So it becomes
 punctual without getting ahead of the plan, even where the plan brakes."""
 
-NO_LIMIT = 1 << 62
-"""The authority [ms] of a robot whose coordinator states none."""
+NOTHING = -(1 << 62)
+"""The authority [ms] that a Command states for a robot of which it says nothing; no stamp [ms]."""
 
 REACTION_TICKS = 3
 """A robot that nears the end of its authority begins to brake this many ticks early."""
 
+MOST_HURRY = 1.1
+"""A late robot's plan time runs at most so much faster: plans brake with 0.8 of what robots can,
+and at this pace they ask for 0.8 * 1.1 ** 2 of it."""
+
 MOST_LATE = 65_535
 """The largest lateness that a report can state, in steps of LATE_STEP_MS."""
+
+MOST_STAMP = (1 << 31) - 1
+"""The largest stamp that a report can state [ms]."""
 
 _SPARE_SPEED = 1.05
 
@@ -75,27 +82,29 @@ class Ride:
     """One plan and the robot on it.
 
     The track tolerance limits the sum of two distances: how far the robot is off its path, to the
-    side or past an end, and how far it is from its planned place along the path.  For a robot
-    behind its plan only the distance that exceeds its share of lateness counts.
+    side or past an end, and how far it is beyond its authority along the path.  A robot may be
+    behind its plan by any time, and ahead of it within its authority.
 
-    `rules`: late [ns], lease [ns], track [mm], brake [mm/s^2, 0 stops at once], clock error [ns].
+    `rules`: track [mm], brake [mm/s^2, 0 stops at once], clock error [ns].
     `path`: the arguments of Curve.  `motion`: the arguments of Timeline.  Raises ValueError when
     these are not a valid plan.  The command to the driver is left in the attributes speed [m/s],
-    curvature [rad/m] and distance [m].
+    curvature [rad/m] and distance [m]; `time` is the plan time [s] that the robot drives by, which
+    only grows.  What the robot is to report is left in `stamp_ms` and `late`, in steps of
+    LATE_STEP_MS.
     """
 
     def __init__(
         self,
         epoch: int,
-        rules: tuple[int, int, int, int, int],
+        rules: tuple[int, int, int],
         path: tuple[int, list[float], list[float], list[float], list[float]],
-        motion: tuple[list[float], list[float], list[float], list[float]],
+        motion: tuple[list[float], list[float], list[float], list[float], float],
         max_speed: float,
         period: float,
     ) -> None:
-        late_ns, self.lease_ns, track_mm, brake_mmps2, self.clock_error_ns = rules
+        track_mm, brake_mmps2, self.clock_error_ns = rules
         self.epoch = epoch
-        self.late = late_ns / SECOND
+        self.stamp_ms, self.late = NOTHING, 0
         self.track = track_mm / 1000.0
         self.speed = self.curvature = self.distance = 0.0
         self._brake = brake_mmps2 / 1000.0 or inf
@@ -117,70 +126,43 @@ class Ride:
         self._brake_from = -inf
         self._rest_from = inf
         self._rest_x = self._rest_y = 0.0
-        self._stuck_from = self._behind_from = inf
-        self._stood_s = inf
-        self._late_time = min(LATE_TIME, LATE_TIME_SHARE * self.late)
+        self._stuck_from = 0.0
         self._stuck_s = -inf
         self._pace = inf
         self._pace_time, self._pace_s = -inf, 0.0
-        self._authority = inf
+        self._authority = 0.0
+        self._halted = self._holds = False
+        self._watch = 0.0  # The time [s] that the ticks have taken, whatever clocks do.
+        self.time = 0.0
+        self._rate = min(max(self._limit / max(motion[1]), 1.0), MOST_HURRY)
         self._reaction = REACTION_TICKS * period
         self._foresight = HOLD_OUT + self._reaction + self._limit / self._brake
 
     def grant(self, authority_ms: int) -> None:
-        """Take in the plan time that the robot may not pass; what it was granted before, it keeps.
+        """Take in the plan time [ms] that the robot may not pass; it keeps what it had before."""
+        self._authority = max(self._authority, authority_ms / 1000.0)
 
-        NO_LIMIT: the robot may drive as its plan says.
-        """
-        authority = inf if authority_ms == NO_LIMIT else authority_ms / 1000.0
-        if authority == inf or self._authority == inf:
-            self._authority = authority
-        else:
-            self._authority = max(self._authority, authority)
+    def halt(self, halted: bool) -> None:
+        """Let the robot brake where it is, or let it go on."""
+        self._halted = halted
 
-    def late_steps(self, stamp_ms: int) -> int:
-        """Return how far the robot is behind its plan, in steps of LATE_STEP_MS, rounded up.
+    def reckon(self, now_ms: int) -> None:
+        """Find what to report at a plan time [ms]: the robot has passed plan time stamp - late.
 
         It counts as being where it seems to be, or as far ahead of that as it may be off.
         """
+        self.stamp_ms, self.late = now_ms, 0
         reached = self.follower.s + self._bearable()
-        if reached >= self._timeline.s_at(stamp_ms / 1000.0):
-            return 0
-        late_ms = stamp_ms - 1000.0 * self._timeline.time_at(max(reached, 0.0))
-        return min(max(ceil(late_ms / LATE_STEP_MS), 0), MOST_LATE)
+        if reached < self._timeline.s_at(now_ms / 1000.0) or now_ms > MOST_STAMP:
+            passed_ms = floor(1000.0 * self._timeline.time_at(max(reached, 0.0)))
+            self.late = max(-((passed_ms - now_ms) // LATE_STEP_MS), 0)
+            if self.late > MOST_LATE or now_ms > MOST_STAMP:
+                self.stamp_ms, self.late = passed_ms, 0
+        self.stamp_ms = max(self.stamp_ms, -MOST_STAMP)
 
-    def take_times(
-        self,
-        motion: tuple[list[float], list[float], list[float], list[float]],
-        time: float,
-    ) -> bool:
-        """Replace the times on the same path; return False, without a change, if they do not fit.
-
-        They do not fit if their length differs, or if the robot would be ahead of its plan with
-        them.
-        """
-        try:
-            timeline = Timeline(*motion)
-        except (ValueError, ArithmeticError, IndexError):
-            return False
-        longer = abs(timeline.length - self._timeline.length)
-        if longer > ARRIVAL_SLACK or self.follower.s > timeline.s_at(time) + self._bearable():
-            return False
-        self._timeline = timeline
-        self._behind_from = inf
-        return True
-
-    def planned_at(self, s: float) -> float:
-        """Return the plan time [s] at which the plan has the robot at arc length s [m]."""
-        return self._timeline.time_at(s)
-
-    def missed(self, time: float) -> bool:
-        """Return whether the robot is farther behind its plan than its share of lateness allows."""
-        return not self.follower.s >= self._timeline.s_at(time - self.late) - self._bearable()
-
-    def seems_late(self) -> bool:
-        """Return whether the robot seemed late at the last tick, confirmed or not."""
-        return self._behind_from < inf
+    def _lags(self, time: float) -> bool:
+        """Return whether the robot is more than GRACE behind a plan time."""
+        return not self.follower.s >= self._timeline.s_at(time - GRACE) - self._bearable()
 
     def stands_at_start(self, x: float, y: float, heading: float) -> tuple[bool, int, float]:
         """Return whether the robot may start from a pose, else its fault, else its turn [rad].
@@ -198,22 +180,22 @@ class Ride:
         """Return whether the robot is off its path, beside it or beyond its ends."""
         return not self.follower.off <= self.track
 
-    def trouble(self, time: float) -> int:
+    def trouble(self) -> int:
         """Return the fault that ends the ride now, or NO_FAULT."""
-        ahead = self.follower.s - self._timeline.s_at(time)
-        if not self.follower.off + max(ahead, 0.0) <= self.track:
+        beyond = self.follower.s - self._timeline.s_at(self._authority)
+        if not self.follower.off + max(beyond, 0.0) <= self.track:
             return OFF_PATH
-        return LATE if self._is_late(time) else NO_FAULT
+        return NO_FAULT
 
-    def arrived(self, time: float) -> bool:
+    def arrived(self) -> bool:
         """Return whether the plan has ended and the robot is at its goal.
 
         At first the robot has to be within ARRIVAL_SLACK, because one whose wheels slip may still
-        come closer.  Shortly before it would count as late, ARRIVAL_SHARE of the track tolerance
+        come closer.  If it has stopped after ARRIVAL_PATIENCE, ARRIVAL_SHARE of the track tolerance
         is enough.
         """
-        left, over = self._timeline.length - self.follower.s, time - self._timeline.finish
-        if over >= self.late - self._late_time:
+        left, over = self._timeline.length - self.follower.s, self.time - self._timeline.finish
+        if over >= ARRIVAL_PATIENCE and self._watch - self._stuck_from >= REST_TIME:
             return left + self.follower.off <= ARRIVAL_SHARE * self.track
         return over >= 0.0 and left <= ARRIVAL_SLACK and self.follower.off <= self._slack
 
@@ -222,40 +204,61 @@ class Ride:
         left = self._timeline.length - self.follower.s
         return left <= ARRIVAL_SLACK and not self.is_off()
 
-    def has_left(self, goal: bool) -> bool:
-        """Return whether the robot was pushed off its goal, or off the place where it stood.
-
-        For a robot that still brakes, only its distance from the path counts.
-        """
-        rest, moved = self._timeline.length if goal else self._stood_s, 0.0
-        if rest < inf:
-            moved = abs(rest - self.follower.s)
+    def has_left_goal(self) -> bool:
+        """Return whether the robot was pushed off its goal."""
+        moved = abs(self._timeline.length - self.follower.s)
         return not self.follower.off + moved <= self.track
 
-    def keep_to_plan(self, time: float) -> None:
+    def keep_to_plan(self, now: float) -> None:
         """Command the plan's mean speed until the next tick, plus a share of the lag to catch up.
 
         The commanded distance ends where the plan will be after HOLD_OUT, so that the robot does
-        not overshoot a stop when the next tick is late.
+        not overshoot a stop when the next tick is late.  A robot that is late drives by an earlier
+        plan time than now, so that it has the plan's speed at each place.  One that is ahead of
+        its plan, because a clock was set or the plan's start was put off, brakes and waits.
         """
         timeline, s = self._timeline, self.follower.s
-        planned = timeline.s_at(time)
+        self._watch += self._period
         if not abs(s - self._stuck_s) <= REST_SLACK:
-            self._stuck_from, self._stuck_s = time, s
-        passed = time - self._pace_time
+            self._stuck_from, self._stuck_s = self._watch, s
+        passed = self._watch - self._pace_time
         if passed >= PACE_TIME:
             self._pace = (s - self._pace_s) / passed if passed < 1.0 else inf
-            self._pace_time, self._pace_s = time, s
-        speed = (timeline.s_at(time + self._period) - planned) / self._period
+            self._pace_time, self._pace_s = self._watch, s
+        if self._halted or now < self.time:
+            if not self._holds:
+                self.begin_to_brake()
+                self._brake_from -= self._period
+            self._holds = True
+            if s > timeline.s_at(self.time):
+                self.time = timeline.time_at(s)
+            self._brake_on()
+            return
+        self._holds = False
+        self._advance(now)
+        planned = timeline.s_at(self.time)
+        speed = (timeline.s_at(self.time + self._period) - planned) / self._period
         lag = planned - s
         more = lag * self._catch_up
         if lag > 0.0:
             more = min(more, sqrt(2.0 * CATCH_UP_BRAKE * self._brake * lag))
         self.speed = min(max(speed + more, 0.0), self._limit)
-        room = timeline.s_at(time + HOLD_OUT) - s
-        if self._authority < time + self._foresight:
+        room = timeline.s_at(self.time + HOLD_OUT) - s
+        if self._authority < self.time + self._foresight:
             room = self._within_authority(room)
         self._reach(room)
+
+    def _advance(self, now: float) -> None:
+        """Move the plan time [s] to drive by: to now, or less far if the robot is late.
+
+        A late robot's time runs as fast as its greatest speed allows, ends waits at once, and
+        stands still while the robot does not follow.
+        """
+        if not self._lags(now):
+            self.time = now
+        elif not self._lags(self.time):
+            time = self._timeline.rest_until(self.time)
+            self.time = min(time + self._rate * self._period, now)
 
     def _within_authority(self, room: float) -> float:
         """Return the room [m] that is left, at most to where the authority ends; limit the speed.
@@ -270,49 +273,46 @@ class Ride:
             self.speed = min(self.speed, sqrt(lost * lost + 2.0 * self._brake * left) - lost)
         return min(room, left)
 
-    def begin_to_brake(self, time: float) -> None:
+    def begin_to_brake(self) -> None:
         """Start to brake, from the commanded speed or the measured one, whichever is less.
 
         A robot that has not moved is commanded to stand.  The measured speed is a mean over
         PACE_TIME; the speed that the robot may have gained since is added to it.
         """
-        stuck = time - self._stuck_from >= REST_TIME
+        stuck = self._watch - self._stuck_from >= REST_TIME
         seen = max(self._pace, 0.0) + 2.0 * PACE_TIME * self._brake
         self._brake_speed = 0.0 if stuck else min(self.speed, seen)
-        self._brake_from = time
-        self._rest_from = self._stood_s = inf
+        self._brake_from = self._watch
+        self._rest_from = inf
 
-    def keep_braking(self, time: float) -> None:
+    def keep_braking(self) -> None:
         """Command a speed that falls evenly; a braking robot does not pass a stop of the plan."""
-        passed = max(time - self._brake_from, 1e-9)
-        self.speed = max(self._brake_speed - self._brake * passed, 0.0)
-        room = self._timeline.s_at(time + HOLD_OUT) - self.follower.s
+        self._watch += self._period
+        self._brake_on()
+
+    def _brake_on(self) -> None:
+        passed = self._watch - self._brake_from
+        fell = self._brake * passed if passed > 0.0 else 0.0
+        self.speed = max(self._brake_speed - fell, 0.0)
+        later = self.time + passed + HOLD_OUT
+        room = self._timeline.s_at(min(later, self._authority)) - self.follower.s
         self._reach(min(room, self.speed * HOLD_OUT))
 
-    def rests(self, time: float, x: float, y: float) -> bool:
+    def rests(self, x: float, y: float) -> bool:
         """Return whether the robot is at rest; to be called every tick while it brakes."""
         moved = not abs(x - self._rest_x) + abs(y - self._rest_y) <= REST_SLACK
         if self.speed > 0.0 or moved or self._rest_from == inf:
-            self._rest_from, self._rest_x, self._rest_y = time, x, y
-        return time - self._rest_from >= REST_TIME
+            self._rest_from, self._rest_x, self._rest_y = self._watch, x, y
+        return self._watch - self._rest_from >= REST_TIME
 
     def stand(self) -> None:
         """Command the robot to stand, and find where on the path it is."""
         self.follower.find()
-        self._stood_s = self.follower.s
         self.hold()
 
     def hold(self) -> None:
         """Command the robot to stand until the next tick."""
         self.speed = self.curvature = self.distance = 0.0
-
-    def _is_late(self, time: float) -> bool:
-        """Return whether lateness is confirmed; to be called every tick while the robot moves."""
-        if not self.missed(time + self._late_time):
-            self._behind_from = inf
-            return False
-        self._behind_from = min(self._behind_from, time)
-        return time - self._behind_from >= self._late_time
 
     def _bearable(self) -> float:
         """Return how far [m] behind its plan the robot may seem to be without counting as late.

@@ -7,22 +7,19 @@ from protocol.phases import ARMED, BRAKING, DONE, FROZEN, IDLE, MOVING
 
 READY = "ready"
 NOT_READY = "not ready any more"
-GO_IN_TIME = "go in time"
-GO_TOO_LATE = "go too late"
+GO = "go"
 TOLD_TO_FREEZE = "told to freeze"
 NEW_EPOCH = "new epoch"
 TROUBLE = "trouble"
 AT_REST = "at rest"
 ARRIVED = "arrived"
 LEFT_PATH = "left its path"
-NEW_TIMES = "new times"
 
 TRANSITIONS = {
     (IDLE, READY): ARMED,
     (IDLE, NEW_EPOCH): IDLE,
     (ARMED, NOT_READY): IDLE,
-    (ARMED, GO_IN_TIME): MOVING,
-    (ARMED, GO_TOO_LATE): FROZEN,
+    (ARMED, GO): MOVING,
     (ARMED, TOLD_TO_FREEZE): FROZEN,
     (ARMED, TROUBLE): FROZEN,
     (ARMED, NEW_EPOCH): IDLE,
@@ -31,12 +28,9 @@ TRANSITIONS = {
     (MOVING, NEW_EPOCH): BRAKING,
     (MOVING, ARRIVED): DONE,
     (MOVING, LEFT_PATH): BRAKING,
-    (MOVING, NEW_TIMES): MOVING,
     (BRAKING, AT_REST): FROZEN,
     (BRAKING, ARRIVED): DONE,
     (FROZEN, NEW_EPOCH): IDLE,
-    (FROZEN, NEW_TIMES): MOVING,
-    (FROZEN, LEFT_PATH): FROZEN,
     (DONE, NEW_EPOCH): IDLE,
     (DONE, LEFT_PATH): FROZEN,
 }

@@ -17,8 +17,6 @@ from sim.campaigns.campaign import Outcome
 
 _MEASURES: Final = {
     "freeze": "death to FREEZE, s",
-    "rest": "death to the last motion, s",
-    "share": "death to the last motion, share of tau",
     "resume": "FREEZE to the next GO, s",
 }
 
@@ -42,7 +40,7 @@ class Violation(msgspec.Struct, frozen=True):
 
 
 class Spread(msgspec.Struct, frozen=True):
-    """How many latencies were measured, and their distribution [s or a share of tau]."""
+    """How many latencies were measured, and their distribution [s]."""
 
     count: int
     median: float

@@ -21,17 +21,14 @@ from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import from_json, plan_name, read
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Command, NewTimes
+from protocol.messages import Command
 from protocol.phases import GO
 from protocol.timing import SECOND
 from sim.judging.blackbox import BlackBox, read_blackbox
 
 
 class Epoch(NamedTuple):
-    """A plan, when it was first sent to robots, and when it started [s since the first GO].
-
-    A plan with new times for an epoch has the same start as the epoch's first plan.
-    """
+    """A plan, when it was first sent to robots, and when it started [s since the first GO]."""
 
     document: PlanDocument
     begin: float
@@ -47,14 +44,10 @@ class Evidence(NamedTuple):
 
 
 class _Told(NamedTuple):
-    """What the logs say; times in ns.
-
-    plans: by name.  begins: when each (epoch, revision) was first sent.  starts: the time
-    zero of each epoch.
-    """
+    """From the logs: plans by name, the first Command and the time zero of each epoch [ns]."""
 
     plans: dict[str, bytes]
-    begins: dict[tuple[int, int], int]
+    begins: dict[int, int]
     starts: dict[int, int]
 
 
@@ -87,10 +80,8 @@ def _told(logs: Sequence[Log]) -> _Told:
         for record in log.records:
             place = keys.split(record.key)
             message = None if place is None else decode(place[1], record.payload)
-            if isinstance(message, NewTimes):
-                told.begins.setdefault((message.epoch, message.revision), record.log_ns)
             if isinstance(message, Command):
-                told.begins.setdefault((message.epoch, 0), record.log_ns)
+                told.begins.setdefault(message.epoch, record.log_ns)
                 if message.phase == GO:
                     told.starts.setdefault(message.epoch, message.start_ns)
     return told
@@ -115,9 +106,8 @@ def _later(told: _Told) -> list[Epoch]:
             (begin_ns - told.starts[first]) / SECOND,
             (told.starts[epoch] - told.starts[first]) / SECOND,
         )
-        for (epoch, revision), begin_ns in sorted(told.begins.items())
-        if (epoch, revision) != (first, 0) and epoch in told.starts
-        if (name := plan_name(epoch, revision)) in told.plans
+        for epoch, begin_ns in sorted(told.begins.items())
+        if epoch != first and epoch in told.starts and (name := plan_name(epoch)) in told.plans
     ]
 
 

@@ -19,7 +19,6 @@ import numpy as np
 
 from coordinator.curves.nurbs import Array
 from coordinator.plan.document import PlanDocument
-from coordinator.plan.fault_budget import share_for_lateness
 from coordinator.plan.wire import Driven, drive
 from protocol.phases import DONE, FROZEN, IDLE, MOVING, PHASE_NAMES
 from sim.judging.blackbox import BlackBox
@@ -31,7 +30,6 @@ _SLACK: Final = 0.02
 """Time [s] by which a black box row may be early or late: one is written per control tick."""
 
 _AT_REST: Final = tuple(PHASE_NAMES[phase] for phase in (FROZEN, IDLE))
-_TIMED: Final = tuple(PHASE_NAMES[phase] for phase in (MOVING, DONE))
 
 
 class PairVerdict(msgspec.Struct, frozen=True):
@@ -168,15 +166,8 @@ def _from_start(driven: Driven, box: BlackBox) -> BlackBox:
 def _legs(
     epochs: Sequence[Epoch], rides: Sequence[Mapping[str, Driven]], name: str, box: BlackBox
 ) -> list[tuple[Driven, BlackBox]]:
-    """Return the plans that a robot drove, each with its rows until the next epoch began.
-
-    New times count from the first moment at which the robot follows a plan again, since a robot
-    that stood because it was late has received them by then.
-    """
-    begins = [
-        _keeps_to_plan(box, epoch.begin) if epoch.document.revision else epoch.begin
-        for epoch in epochs
-    ]
+    """Return the plans that a robot drove, each with its rows until the next epoch began."""
+    begins = [epoch.begin for epoch in epochs]
     return [
         (ride[name], box.between(begin, end, epoch.start))
         for epoch, begin, end, ride in zip(
@@ -184,12 +175,6 @@ def _legs(
         )
         if name in ride
     ]
-
-
-def _keeps_to_plan(box: BlackBox, since: float) -> float:
-    """Return when [s], from `since` on, a robot first follows a plan; infinite if it never does."""
-    rows = zip(box.t.tolist(), box.phases, strict=True)
-    return next((t for t, phase in rows if t >= since and phase in _TIMED), math.inf)
 
 
 def _judge_robot(
@@ -212,7 +197,6 @@ def _judge_robot(
     rests = near[-1] and box.phases[-1] in _AT_REST and _AT_REST[0] in box.phases[there:]
     if not done and rests:
         done = box.t[there:].tolist()
-    late = share_for_lateness(document.tau) + _SLACK
     fault = ""
     if not done:
         ended = float(box.t[-1])
@@ -222,7 +206,7 @@ def _judge_robot(
         id=driven.id,
         arrived=bool(done) and bool(near[-1]),
         t=round(float(done[0]), 3) if done else None,
-        tracking_error=round(max(tracking_error(d, part, late) for d, part in legs), 6),
+        tracking_error=round(max(tracking_error(d, part) for d, part in legs), 6),
         lateness=round(max(_lateness(d, part) for d, part in legs), 3),
         fault=fault,
         clock_error=None if (error := whole.clock_error()) is None else round(error, 6),
@@ -230,23 +214,16 @@ def _judge_robot(
     )
 
 
-def tracking_error(driven: Driven, box: BlackBox, late: float) -> float:
-    """Return the greatest distance [m] from the plan.
-
-    For a robot under way, the distance is to where the plan has it between `late` [s] ago and now.
-    For a robot off its timetable, the distance is to all places where the plan has had it so far.
-    """
+def tracking_error(driven: Driven, box: BlackBox) -> float:
+    """Return the greatest distance [m] from all places where the plan has had the robot so far."""
     count = 2 + int(driven.curve.length / _GRID)
     arcs = np.linspace(0.0, driven.curve.length, count)
     line = driven.curve.at_arc(arcs)
     now = np.array([driven.timeline.s_at(t + _SLACK) for t in box.t])
-    ago = np.array([driven.timeline.s_at(t - late) for t in box.t])
-    timed = np.array([phase in _TIMED for phase in box.phases])
-    low = np.searchsorted(arcs, np.where(timed, ago, 0.0), side="right") - 1
     high = np.searchsorted(arcs, now, side="left")
     worst = 0.0
-    for place, first, last in zip(box.places, low.tolist(), high.tolist(), strict=True):
-        worst = max(worst, _distance(line[first : last + 2], place))
+    for place, last in zip(box.places, high.tolist(), strict=True):
+        worst = max(worst, _distance(line[: last + 2], place))
     return worst
 
 

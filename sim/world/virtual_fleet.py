@@ -79,7 +79,7 @@ class Past(NamedTuple):
 class World:
     """A proven plan, its robots, a link, and faults at times counted from the first GO.
 
-    `freezes` is for tests alone: without it every FREEZE is sent as GO, and nothing is planned.
+    `authority` is for tests alone: without it Commands let robots drive as far as their plans go.
     `effort` is the planning effort of all plans, the first one included; it is recorded in `logs`,
     which the caller closes.  In a world with a `past` the coordinator sends nothing before
     `take_over`, and the logs must be open already.
@@ -96,7 +96,7 @@ class World:
         flaws: Flaws = NO_FLAWS,
         planning_ns: int = PLANNING,
         period_ns: int = PERIOD_NS,
-        freezes: bool = True,
+        authority: bool = True,
         effort: int = DEFAULT_EFFORT,
         logs: RunLogs | None = None,
         past: Past | None = None,
@@ -113,7 +113,7 @@ class World:
         self.agenda = Agenda(past.begin_ns)
         self._network = network
         self.coordinator = VirtualService(
-            past.mission, network, lambda: self.now_ns, planning_ns, logs=logs, freezes=freezes
+            past.mission, network, lambda: self.now_ns, planning_ns, logs=logs, authority=authority
         )
         if not past.began_ns:
             self.coordinator.begin()

@@ -19,21 +19,19 @@ from coordinator.fleet.mission_driver import Job, Journal, MissionDriver, Outcom
 from coordinator.log.head import plan_file
 from coordinator.log.log_file import log_from_bytes
 from coordinator.plan.document import PlanDocument
-from coordinator.schedule.lateness import Lateness
 from coordinator.service.replay import go_on
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Command
-from protocol.phases import FREEZE, GO, OVER
-from protocol.timing import MILLISECOND
+from protocol.phases import OVER
 from sim.world.memory_transport import MemoryNetwork, MemorySession
 from sim.world.run_logs import RunLogs
 
-RETIMING: Final = 150 * MILLISECOND
-"""How long finding new times takes, in virtual time."""
-
 COORDINATOR: Final = "coordinator"
 """The name of the coordinator's session."""
+
+
+_FOR_EVER_MS = 1_000_000_000
 
 
 class VirtualJournal(Journal):
@@ -64,7 +62,7 @@ class VirtualService:
     """The coordinator in virtual time: runs a mission on a network, from `begin` on.
 
     `planning_ns`: how long finding a plan takes.  `logs`: where messages are recorded, if anywhere.
-    `freezes` is for tests alone, see World.
+    `authority` is for tests alone, see World.
     """
 
     def __init__(
@@ -75,14 +73,14 @@ class VirtualService:
         planning_ns: int,
         *,
         logs: RunLogs | None = None,
-        freezes: bool = True,
+        authority: bool = True,
     ) -> None:
         self.bytes_heard = 0
         self._network = network
         self._clock = clock
         self._planning_ns = planning_ns
         self._logs = logs
-        self._freezes = freezes
+        self._authority = authority
         self._before: bytes | None = None
         self._session: MemorySession | None = None
         self._drive(mission)
@@ -115,8 +113,7 @@ class VirtualService:
             return
         now_ns = self._clock()
         jobs = self.driver.look(now_ns)
-        if self._freezes:
-            self._under_way += [(now_ns + self._time_for(job), job, job.work()) for job in jobs]
+        self._under_way += [(now_ns + self._planning_ns, job, job.work()) for job in jobs]
         self.driver.tell_drops(now_ns)
         for one in [one for one in self._under_way if one[0] <= now_ns]:
             self._under_way.remove(one)
@@ -152,9 +149,6 @@ class VirtualService:
         self._before = None
         self.begin()
 
-    def _time_for(self, job: Job) -> int:
-        return RETIMING if isinstance(job.wanted, Lateness) else self._planning_ns
-
     def _enqueue(self, key: str, payload: bytes, sent_ns: int | None) -> None:
         self.bytes_heard += len(payload)
         self.driver.intake.put(Arrival(key, payload, sent_ns))
@@ -164,12 +158,12 @@ class VirtualService:
 
     def _put(self, key: str, payload: bytes) -> None:
         if self._session is not None:
-            self._session.put(key, payload if self._freezes else _heedless(payload))
+            self._session.put(key, payload if self._authority else _heedless(payload))
 
 
 def _heedless(payload: bytes) -> bytes:
-    """Return the message with FREEZE replaced by GO."""
+    """Return the message; a Command lets every robot drive as far as its plan goes."""
     command = decode("command", payload)
-    if isinstance(command, Command) and command.phase == FREEZE:
-        return encode(replace(command, phase=GO))
+    if isinstance(command, Command):
+        return encode(replace(command, headroom_ms=_FOR_EVER_MS, held=()))
     return payload

@@ -33,14 +33,15 @@ STOPS = struct.pack("<fq", 1.5, 8_400_000_000)
 KNOTS = struct.pack("<f", 3.0)
 WEIGHTS = struct.pack("<4f", 1.0, 0.75, 0.75, 1.0)
 
-LEASES = [600, 10]
-
 MESSAGES: dict[str, tuple[str, list]] = {
-    "hello": ("hello", [1, 1, 4_294_967_295, 0.15, 0.5, 0.5, None, 1]),
-    "hello_that_states_no_limits": ("hello", [1, 1, 7, 0.0, 0.0, 0.0, None, 0]),
+    "hello": (
+        "hello",
+        [1, 2, 4_294_967_295, 0.15, 0.5, 0.5, None, 1, 60, 20, 1_200],
+    ),
+    "hello_that_states_no_limits": ("hello", [1, 2, 7, 0.0, 0.0, 0.0, None, 0, 0, 0, 0]),
     "hello_of_a_robot_that_came_back": (
         "hello",
-        [1, 1, 7, 0.0, 0.0, 0.0, [1_500, -20, 1_571], 70_000],
+        [1, 2, 7, 0.0, 0.0, 0.0, [1_500, -20, 1_571], 70_000, 0, 0, 65_535],
     ),
     "admit": ("admit", [7, 12]),
     "plan": (
@@ -50,9 +51,13 @@ MESSAGES: dict[str, tuple[str, list]] = {
             1,
             77,
             "R1",
+            3,
+            0,
+            0,
             5 * 10**8,
             20,
             500,
+            10,
             3,
             POINTS,
             KNOTS,
@@ -62,30 +67,83 @@ MESSAGES: dict[str, tuple[str, list]] = {
             STOPS,
         ],
     ),
-    "plan_with_weights_without_stops": (
+    "plan_with_weights_without_stops_that_begins_later": (
         "plan",
-        [2, 300, 77, "robot-2", 10**12, 65_535, 0, 3, POINTS, KNOTS, WEIGHTS, SPEEDS, PROFILE, b""],
+        [
+            2,
+            300,
+            77,
+            "robot-2",
+            65_535,
+            4,
+            61_500,
+            10**12,
+            65_535,
+            0,
+            65_535,
+            3,
+            POINTS,
+            KNOTS,
+            WEIGHTS,
+            SPEEDS,
+            PROFILE,
+            b"",
+        ],
     ),
     "refusal": ("plan", [6, 77, "R9 stands in no scenario"]),
-    "command_hold": ("command", [3, 5, 1, 0, 0, 0, [], 0, None, []]),
+    "command_hold": ("command", [3, 5, 1, 1, 1, 0, 0, 1, 0, [], 0, 65_535, []]),
     "command_go": (
         "command",
-        [3, 5, 65_536, 1, 1, 123_456_789_012, [], 98_765_432_109, 70_000, [["R2", 1_500]]],
+        [
+            3,
+            5,
+            2,
+            65_536,
+            1,
+            1,
+            98_765_432_109,
+            123_456_789_012,
+            1_800,
+            [[3, 24_000], [128, -1_500]],
+            0,
+            999,
+            [],
+        ],
     ),
-    "command_freeze": ("command", [3, 5, 40_000, 2, 2, -1, ["R1", "R.2_-"], 1, None, []]),
-    "new_times": ("plan", [8, 300, 77, 2, 500, SPEEDS, PROFILE, STOPS]),
-    "pace": ("report", [9, 77, 300, 2, None]),
-    "pace_of_a_robot_that_stands": ("report", [9, 77, 300, 0, 12_345_678]),
-    "report": ("report", [4, 77, 200, 1, 2, 0, None, 12_345, 3]),
-    "report_without_a_stamp": ("report", [4, 77, 7, 1, 1, 0, None, None, 0]),
+    "command_go_for_the_other_robots": (
+        "command",
+        [3, 5, 2, 65_537, 1, 1, 98_765_432_109, 123_456_789_012, 1_800, [], 1_000, 65_535, []],
+    ),
+    "command_freeze": (
+        "command",
+        [3, 5, 1, 40_000, 2, 2, -1, 70_000, -300, [], 0, 65_535, ["R1", "R.2_-"]],
+    ),
+    "command_stop": (
+        "command",
+        [3, 5, 1, 40_001, 2, 4, 10**10, 2 * 10**10, 0, [], 0, 65_535, []],
+    ),
+    "report": ("report", [4, 77, 200, 1, 2, 0, None, 12_345, 3, 4]),
+    "report_without_a_stamp": ("report", [4, 77, 7, 1, 1, 0, None, None, 0, 0]),
     "report_of_a_frozen_robot": (
         "report",
-        [4, 77, 1_000, 1, 4, 1, [3.140625, 1, -3, 700, 0], None, 0],
+        [4, 77, 1_000, 1, 4, 1, [3.140625, 1, -3, 700, 0], None, 0, 0],
     ),
     "clock_question": ("clock", [5, 77, -(2**40), None, None]),
     "clock_answer": ("clock", [5, 77, 2**40, 2**62, 1_000]),
 }
-"""Name to (kind of key, tag and fields); a plan's checksum and what follows is added below."""
+"""Name to (kind of key, tag and fields)."""
+
+FIELDS = {
+    1: "version boot radius_m max_speed_mps max_accel_mps2 place sequence points stops bytes",
+    2: "epoch boot robot number revision begin_ms tau_ns track_mm brake_mmps2 clock_ms degree "
+    "points knots weights speeds profile stops",
+    3: "boot term sequence epoch phase start_ns said_ns headroom_ms held first last wanted",
+    4: "boot sequence epoch phase fault rest stamp_ms late revision",
+    5: "boot sent_ns received_ns answered_ns",
+    6: "boot reason",
+    7: "boot",
+}
+"""Tag to the names of the fields in their order."""
 
 
 def pack(value: object) -> bytes:
@@ -109,18 +167,21 @@ def pack(value: object) -> bytes:
 
 
 def fields(name: str) -> list:
-    """Return the tag and all fields of a message, a plan's checksum included."""
-    _, row = MESSAGES[name]
-    if row[0] == 8:
-        return [*row, zlib.crc32(pack([*row, 0]))]
-    if row[0] != 2:
-        return row
-    return [*row, zlib.crc32(pack([*row, 0, *LEASES])), *LEASES]
+    """Return the tag and all fields of a message."""
+    return MESSAGES[name][1]
+
+
+def payload(name: str) -> bytes:
+    """Return the bytes of a message; those of a plan are followed by their CRC-32."""
+    packed = pack(fields(name))
+    if fields(name)[0] == 2:
+        packed += struct.pack("<I", zlib.crc32(packed))
+    return packed
 
 
 def text() -> str:
     """Return the lines of the golden file: name, kind of key, bytes in hexadecimal."""
-    rows = [f"{name} {kind} {pack(fields(name)).hex()}" for name, (kind, _) in MESSAGES.items()]
+    rows = [f"{name} {kind} {payload(name).hex()}" for name, (kind, _) in MESSAGES.items()]
     return "\n".join(rows) + "\n"
 
 

@@ -27,16 +27,17 @@ def motions(draw) -> tuple:
         st.lists(st.sampled_from([*s[:-1], 0.5 * s[-1], 0.9 * s[-1]]), unique=True, max_size=3)
     )
     departures = draw(st.lists(st.floats(-1.0, 12.0), min_size=3, max_size=3))
-    return s, speeds, sorted(places), departures[: len(places)]
+    begin = draw(st.sampled_from([0.0, -2.5, 7.0]))
+    return s, speeds, sorted(places), departures[: len(places)], begin
 
 
 def stepped(motion: tuple, step: float = 1e-4) -> tuple[np.ndarray, np.ndarray]:
     """Return (times, arc lengths) by stepping along s: dt = ds / v, waiting at each stop."""
-    knots_s, knots_v, stop_s, stop_depart = motion
+    knots_s, knots_v, stop_s, stop_depart, begin = motion
     s = np.unique(np.concatenate((np.arange(0.0, knots_s[-1], step), knots_s, stop_s)))
     v = np.sqrt(np.interp(s, knots_s, np.square(knots_v)))
     took = 2.0 * np.diff(s) / (v[1:] + v[:-1])
-    times, places, time = [0.0], [0.0], 0.0
+    times, places, time = [begin], [0.0], begin
     waits = dict(zip(stop_s, stop_depart, strict=True))
     for i in range(len(s)):
         if s[i] in waits:
@@ -56,12 +57,12 @@ def test_the_motion_agrees_with_stepping_through_it(motion):
     timeline = Timeline(*motion)
     times, places = stepped(motion)
     assert timeline.finish == pytest.approx(times[-1], abs=1e-3)
-    for time in np.linspace(-1.0, times[-1] + 1.0, 60):
+    for time in np.linspace(times[0] - 1.0, times[-1] + 1.0, 60):
         assert timeline.s_at(time) == pytest.approx(np.interp(time, times, places), abs=1e-3)
 
 
 @settings(derandomize=True, max_examples=30, deadline=None)
-@given(motions(), st.lists(st.floats(-1.0, 40.0), min_size=2, max_size=20))
+@given(motions(), st.lists(st.floats(-4.0, 40.0), min_size=2, max_size=20))
 def test_arc_length_never_runs_backwards_and_is_as_continuous_as_the_speed(motion, times):
     fresh = [Timeline(*motion).s_at(time) for time in times]
     timeline = Timeline(*motion)
@@ -77,7 +78,7 @@ def test_arc_length_never_runs_backwards_and_is_as_continuous_as_the_speed(motio
 @given(motions(), st.floats(0.0, 1.0))
 def test_speed_is_the_slope_of_arc_length(motion, part):
     timeline, h = Timeline(*motion), 1e-5
-    time = part * timeline.finish
+    time = motion[4] + part * (timeline.finish - motion[4])
     if any(abs(time - edge) < 2 * h for edge in (*timeline.t0, *timeline.t1)):
         return
     slope = (timeline.s_at(time + h) - timeline.s_at(time - h)) / (2 * h)
@@ -102,6 +103,32 @@ def test_a_late_start_and_a_wait_are_kept_and_a_departure_gone_by_is_no_stop():
     assert timeline.next_stop(3.5) == (1.0, 6.0)
     assert timeline.next_stop(5.0) == (1.0, 6.0)
     assert timeline.next_stop(6.5) is None
+
+
+def test_a_motion_that_begins_later_is_the_same_motion_later():
+    profile = [0.0, 0.25, 1.75, 2.0], [0.0, 0.5, 0.5, 0.0]
+    at_once = Timeline(*profile, [0.25], [4.0])
+    later = Timeline(*profile, [0.25], [10.0], 6.0)
+    assert later.arrivals == [7.0]
+    assert later.finish == at_once.finish + 6.0
+    for time in np.linspace(-1.0, 10.0, 45):
+        assert later.s_at(time + 6.0) == pytest.approx(at_once.s_at(time))
+        assert later.v_at(time + 6.0) == pytest.approx(at_once.v_at(time))
+    assert later.time_at(0.25) == 7.0
+    assert (later.s_at(5.9), later.v_at(5.9)) == (0.0, 0.0)
+
+
+def test_a_departure_before_the_motion_begins_does_not_make_it_begin_earlier():
+    timeline = Timeline([0.0, 4.0], [1.0, 1.0], [0.0], [3.0], 5.0)
+    assert (timeline.arrivals, timeline.finish) == ([5.0], 9.0)
+
+
+def test_a_rest_ends_at_its_departure_and_a_robot_that_drives_does_not_rest():
+    timeline = Timeline([0.0, 4.0], [1.0, 1.0], [0.0, 1.0], [3.0, 6.0], 2.0)
+    assert [timeline.rest_until(t) for t in (0.0, 2.0, 2.9)] == [3.0, 3.0, 3.0]
+    assert [timeline.rest_until(t) for t in (3.0, 3.5)] == [3.0, 3.5]
+    assert [timeline.rest_until(t) for t in (4.0, 5.9)] == [6.0, 6.0]
+    assert [timeline.rest_until(t) for t in (6.0, 8.5, 9.0, 12.0)] == [6.0, 8.5, 9.0, 12.0]
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,8 @@
 """The bytes themselves: golden, short enough, packed as robots expect."""
 
+import re
+from pathlib import Path
+
 import msgspec
 import pytest
 
@@ -7,18 +10,19 @@ from protocol import codec, plan_bytes
 from protocol.messages import (
     MAX_MESSAGE_BYTES,
     MOST_HELD,
-    MOST_NAMED,
+    MOST_ROBOTS,
+    MOST_WANTED,
     Admit,
     Clock,
     Command,
     Hello,
-    NewTimes,
-    Pace,
     Plan,
     Refusal,
     Report,
     Rest,
 )
+from protocol.phases import GO
+from protocol.timing import COMMAND_PERIOD, SECOND
 from tests.golden import make_messages
 
 TYPES = {
@@ -29,9 +33,9 @@ TYPES = {
     5: Clock,
     6: Refusal,
     7: Admit,
-    8: NewTimes,
-    9: Pace,
 }
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "protocol.md"
+REST = ("s_m", "epoch", "off_mm", "turn_mrad", "beyond_mm")
 GOLDEN = [line.split() for line in make_messages.FILE.read_text().splitlines()]
 
 
@@ -39,23 +43,24 @@ def a_plan(points=12, knots=9, profile=13, stops=3, levels=8):
     speeds, speed_knots = plan_bytes.pack_profile(
         [(0.2 * i, 0.1 * (i % levels)) for i in range(profile)]
     )
-    return codec.seal(
-        Plan(
-            epoch=1,
-            boot=2**32 - 1,
-            robot="robot-07",
-            tau_ns=1_500_000_000,
-            track_mm=25,
-            brake_mmps2=500,
-            degree=3,
-            points=plan_bytes.pack_floats([0.1 * i for i in range(2 * points)]),
-            knots=plan_bytes.pack_floats([1.3 * i for i in range(knots)]),
-            weights=b"",
-            speeds=speeds,
-            profile=speed_knots,
-            stops=plan_bytes.pack_stops([(1.1 * i, i * 10**10) for i in range(stops)]),
-            checksum=0,
-        )
+    return Plan(
+        epoch=1,
+        boot=2**32 - 1,
+        robot="robot-07",
+        number=7,
+        revision=0,
+        begin_ms=0,
+        tau_ns=1_500_000_000,
+        track_mm=25,
+        brake_mmps2=500,
+        clock_ms=10,
+        degree=3,
+        points=plan_bytes.pack_floats([0.1 * i for i in range(2 * points)]),
+        knots=plan_bytes.pack_floats([1.3 * i for i in range(knots)]),
+        weights=b"",
+        speeds=speeds,
+        profile=speed_knots,
+        stops=plan_bytes.pack_stops([(1.1 * i, i * 10**10) for i in range(stops)]),
     )
 
 
@@ -66,10 +71,12 @@ def frozen(field):
 
 @pytest.mark.parametrize(("name", "kind", "text"), GOLDEN, ids=[row[0] for row in GOLDEN])
 def test_the_golden_bytes_are_what_the_codec_writes_and_reads(name, kind, text):
-    tag, *fields = make_messages.fields(name)
-    if tag == 4 and fields[5] is not None:
-        fields[5] = Rest(*fields[5])
-    message = TYPES[tag](*map(frozen, fields))
+    tag, *values = make_messages.fields(name)
+    names = make_messages.FIELDS[tag].split()
+    fields = dict(zip(names, map(frozen, values), strict=True))
+    if fields.get("rest"):
+        fields["rest"] = Rest(**dict(zip(REST, fields["rest"], strict=True)))
+    message = TYPES[tag](**fields)
     assert codec.encode(message).hex() == text
     assert codec.decode(kind, bytes.fromhex(text)) == message
 
@@ -79,15 +86,36 @@ def test_the_golden_file_is_what_its_script_makes_and_holds_every_message():
     assert {row[0] for _, row in make_messages.MESSAGES.values()} == set(TYPES)
 
 
+@pytest.mark.parametrize("tag", TYPES)
+def test_the_page_on_the_protocol_names_the_fields_of_every_message_in_their_order(tag):
+    start = f"| {TYPES[tag].__name__} | {tag} |"
+    (row,) = [line for line in PAGE.read_text().splitlines() if line.startswith(start)]
+    cell, count = row.split("|")[-2], 1
+    while count:
+        cell, count = re.subn(r"\([^()]*\)|\[[^\[\]]*\]", "", cell)
+    names = [field.split(":")[0].strip() for field in cell.split(",")]
+    assert names == make_messages.FIELDS[tag].split()
+
+
 def test_a_message_too_long_for_a_robot_is_refused_at_the_sender_with_both_numbers():
-    longest = a_plan(points=440)
+    plan = msgspec.structs.replace(a_plan(points=440), profile=bytes(1_000))
     with pytest.raises(plan_bytes.OversizeError) as caught:
-        codec.encode(msgspec.structs.replace(longest, profile=bytes(1_000)))
+        codec.encode(plan)
     spoken = str(caught.value)
-    real = len(msgspec.msgpack.encode(longest)) - len(longest.profile) + 1_000 + 1
-    assert f"{real} bytes" in spoken
+    assert f"{len(msgspec.msgpack.encode(plan)) + codec.CRC_BYTES} bytes" in spoken
     assert str(MAX_MESSAGE_BYTES) in spoken
     assert "robot-07" in spoken
+
+
+def test_the_crc_counts_for_the_length_of_a_plan():
+    long = msgspec.structs.replace(a_plan(), points=bytes(3_200), knots=bytes(256))
+    room = MAX_MESSAGE_BYTES - len(msgspec.msgpack.encode(long)) - codec.CRC_BYTES
+    fits = msgspec.structs.replace(long, knots=long.knots + bytes(room))
+    assert len(codec.encode(fits)) == MAX_MESSAGE_BYTES
+    longer = msgspec.structs.replace(fits, knots=fits.knots + b"\0")
+    assert len(msgspec.msgpack.encode(longer)) < MAX_MESSAGE_BYTES
+    with pytest.raises(plan_bytes.OversizeError):
+        codec.encode(longer)
 
 
 def test_a_plan_with_12_control_points_and_3_stops_is_at_most_350_bytes_long():
@@ -97,19 +125,36 @@ def test_a_plan_with_12_control_points_and_3_stops_is_at_most_350_bytes_long():
 
 
 def test_a_command_that_names_as_many_robots_as_it_may_is_not_too_long():
-    names = [f"{number:032}" for number in range(MOST_NAMED)]
-    held = tuple((name, -(2**31)) for name in names[:MOST_HELD])
-    largest = 2**32 - 1
+    names = tuple(f"{number:032}" for number in range(MOST_WANTED))
+    held = tuple((MOST_ROBOTS - i, -(2**31)) for i in range(MOST_HELD))
     command = Command(
-        largest, largest, largest, 3, 2**62, tuple(names[MOST_HELD:]), 2**62, -(2**31), held
+        *[2**32 - 1] * 4,
+        phase=4,
+        start_ns=-(2**62),
+        said_ns=-(2**62),
+        headroom_ms=-(2**31),
+        held=held,
+        first=MOST_ROBOTS,
+        last=MOST_ROBOTS,
+        wanted=names,
     )
-    assert len(codec.encode(command)) <= MAX_MESSAGE_BYTES
+    payload = codec.encode(command)
+    assert len(payload) <= MAX_MESSAGE_BYTES
+    assert codec.decode("command", payload) == command
 
 
-def test_a_report_on_the_move_is_at_most_22_bytes_long():
+def test_commands_for_a_thousand_robots_on_time_cost_less_than_1000_bytes_a_second():
+    command = Command(*[2**32 - 1] * 4, GO, 2**62, 2**62, headroom_ms=10**5, last=999)
+    assert all(command.authority_of(number) == 10**5 for number in range(1_000))
+    assert len(codec.encode(command)) * (SECOND // COMMAND_PERIOD) < 1_000
+
+
+def test_a_report_on_the_move_is_at_most_23_bytes_long():
     for boot, sequence, epoch in [(0, 0, 0), (2**32 - 1, 2**16 - 1, 127)]:
-        report = Report(boot, sequence, epoch, phase=5, fault=7, stamp_ms=10**7, late=65_535)
-        assert len(codec.encode(report)) <= 22
+        report = Report(
+            boot, sequence, epoch, phase=5, fault=7, stamp_ms=10**7, late=65_535, revision=127
+        )
+        assert len(codec.encode(report)) <= 23
 
 
 def test_packed_numbers_come_back_as_float32():

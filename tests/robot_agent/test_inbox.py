@@ -4,7 +4,7 @@ import pytest
 
 from protocol import keys
 from protocol.codec import encode
-from protocol.messages import MAX_MESSAGE_BYTES, Clock, Command, Hello, Refusal
+from protocol.messages import MAX_MESSAGE_BYTES, PROTOCOL_VERSION, Clock, Command, Hello, Refusal
 from protocol.phases import FREEZE, GO, HOLD
 from robot_agent.inbox import Inbox
 from tests.robot_agent.test_service import plan_message
@@ -12,8 +12,8 @@ from tests.robot_agent.test_service import plan_message
 HALL = "hall"
 
 
-def a_command(sequence, boot=7, phase=HOLD):
-    return Command(boot, sequence, 1, phase, 0)
+def a_command(sequence, boot=7, term=1, phase=HOLD):
+    return Command(boot, term, sequence, 1, phase, 0, 0)
 
 
 def put(inbox, key, message):
@@ -44,7 +44,7 @@ def test_messages_are_heard_in_the_order_in_which_they_came():
         ("splinefleet/hall/plan/*", encode(plan_message())),
         ("splinefleet/**", encode(a_command(1))),
         (keys.clock(HALL, "R1"), encode(a_command(1))),
-        (keys.hello(HALL, "R1"), encode(Hello(1, 5))),
+        (keys.hello(HALL, "R1"), encode(Hello(PROTOCOL_VERSION, 5))),
         (keys.clock(HALL, "R2"), encode(Clock(5, 1, 2, 3))),
     ],
 )
@@ -83,3 +83,13 @@ def test_a_command_put_on_the_wire_again_is_not_heard_again():
     for sequence in range(7):
         put(inbox, keys.command(HALL), a_command(sequence))
     assert heard(inbox) == []
+
+
+@pytest.mark.parametrize(("boot", "term"), [(8, 1), (6, 1), (7, 2), (7, 0)])
+def test_sequences_count_anew_for_another_boot_or_term(boot, term):
+    """Who is obeyed is not for the inbox to say."""
+    inbox = Inbox("R1")
+    said = [a_command(9), a_command(1, boot, term), a_command(2, boot, term)]
+    for command in said:
+        put(inbox, keys.command(HALL), command)
+    assert heard(inbox) == said

@@ -9,10 +9,21 @@ import math
 import pytest
 
 from protocol import keys
-from protocol.codec import decode, encode, seal
+from protocol.codec import decode, encode
 from protocol.curve import Curve
-from protocol.messages import Clock, Command, Hello, Plan, Refusal, Report
-from protocol.phases import ARMED, DONE, DRIVER_ERROR, FREEZE, FROZEN, GO, HOLD, MOVING, OVER
+from protocol.messages import MOST_ROBOTS, Clock, Command, Hello, Plan, Refusal, Report
+from protocol.phases import (
+    ARMED,
+    BRAKING,
+    DONE,
+    DRIVER_ERROR,
+    FREEZE,
+    FROZEN,
+    GO,
+    HOLD,
+    MOVING,
+    OVER,
+)
 from protocol.plan_bytes import pack_floats, pack_points, pack_profile, pack_stops
 from robot_agent.blackbox import HEADER, BlackBox
 from robot_agent.driver import DriverError
@@ -20,25 +31,41 @@ from robot_agent.service import RefusedError, Robot, run_robot
 from sim.world.body import SimulatedBody
 from sim.world.memory_transport import MemoryNetwork
 from sim.world.robot_clock import RobotClock
-from tests.robot_agent.core.rides import COORDINATOR, ME, MS, SECOND, motion_along, winding_path
+from tests.robot_agent.core.rides import (
+    COORDINATOR,
+    ME,
+    MS,
+    NUMBER,
+    SECOND,
+    TERM,
+    motion_along,
+    place_at,
+    winding_path,
+)
 
 FLEET = "hall"
 PATH = winding_path("fff")
 LENGTH = Curve(*PATH).length
 FINISH = LENGTH / 0.475
+AHEAD = 0.4
+"""How long [s] before its plan begins a robot hears GO."""
 
 
 def plan_message(**changes) -> Plan:
     degree, knots, xs, ys, _ = PATH
-    s, v, _, _ = motion_along(LENGTH, 0.475, math.inf)
+    s, v, *_ = motion_along(LENGTH, 0.475, math.inf)
     speeds, profile = pack_profile(list(zip(s, v, strict=True)))
     fields = {
         "epoch": 1,
         "boot": COORDINATOR,
         "robot": ME,
+        "number": NUMBER,
+        "revision": 0,
+        "begin_ms": 0,
         "tau_ns": SECOND,
         "track_mm": 10,
         "brake_mmps2": 0,
+        "clock_ms": 10,
         "degree": degree,
         "points": pack_points(list(zip(xs, ys, strict=True))),
         "knots": pack_floats(knots[degree + 1 : -degree]),
@@ -46,9 +73,8 @@ def plan_message(**changes) -> Plan:
         "speeds": speeds,
         "profile": profile,
         "stops": pack_stops([]),
-        "checksum": 0,
     }
-    return seal(Plan(**{**fields, **changes}))
+    return Plan(**{**fields, **changes})
 
 
 class Hall:
@@ -67,6 +93,9 @@ class Hall:
         self.reactions = {}
         self.silent = False
         self.wrong_ns = 0
+        self.headroom_ms = 2_000
+        self.held = ()
+        self.range = (0, MOST_ROBOTS)
         for kind in (keys.hello, keys.report, keys.clock):
             self.link.subscribe(kind(FLEET, ME), self.hear)
 
@@ -75,6 +104,7 @@ class Hall:
 
     def sleep(self, ns: int) -> None:
         before = self.clock()
+        assert before < 600 * SECOND, "the robot does not come to an end"
         self.network.advance(before + ns)
         if before // (100 * MS) != self.clock() // (100 * MS) and not self.silent:
             self.command()
@@ -82,7 +112,9 @@ class Hall:
 
     def command(self) -> None:
         self.sequence += 1
-        command = Command(COORDINATOR, self.sequence, 1, self.phase, self.start_ns)
+        said_ns = self.clock() + 10**12
+        who = (COORDINATOR, TERM, self.sequence, 1, self.phase, self.start_ns, said_ns)
+        command = Command(*who, self.headroom_ms, self.held, *self.range)
         self.link.put(keys.command(FLEET), encode(command))
 
     def hear(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
@@ -102,7 +134,7 @@ class Hall:
         if last is None:
             return
         if last.phase == ARMED and self.phase == HOLD:
-            self.phase, self.start_ns = GO, self.clock() + 10**12 + 400 * MS
+            self.phase, self.start_ns = GO, self.clock() + 10**12 + round(AHEAD * SECOND)
         if last.phase == DONE and self.phase == GO:
             self.phase = OVER
         if last.phase in self.reactions:
@@ -126,9 +158,7 @@ def test_a_robot_joins_drives_arrives_and_leaves(fleet):
     hall = Hall()
     assert hall.run(fleet=fleet) == 0
     assert [r.phase for r in hall.reports()][-1] == DONE
-    end = Curve(*PATH)
-    end.place(LENGTH)
-    assert math.dist((hall.body.x, hall.body.y), (end.x, end.y)) < 0.002
+    assert math.dist((hall.body.x, hall.body.y), goal_of_hall()) < 0.002
     assert next(m for m in hall.heard if isinstance(m, Hello)).radius_m == 0.15
 
 
@@ -153,17 +183,17 @@ def test_a_robot_whose_own_clock_is_wrong_and_drifts_arrives_in_time(tmp_path):
             assert float(row["s"]) == pytest.approx(0.475 * float(row["t"]), abs=0.01)
 
 
-def test_a_robot_that_is_told_a_wrong_time_is_late_in_its_black_box(tmp_path, monkeypatch):
+def test_a_robot_that_is_told_a_wrong_time_is_early_in_its_black_box(tmp_path, monkeypatch):
     """A stranger answers its questions about the time; its coordinator runs on its machine."""
     monkeypatch.setattr("robot_agent.blackbox.shares_clock", lambda boot: boot == COORDINATOR)
     hall, box = Hall(), tmp_path / "R1.csv"
-    hall.wrong_ns = -3 * SECOND
+    hall.wrong_ns = 300 * MS
     assert hall.run(host_clock=lambda: hall.clock() + 10**12, blackbox=box) == 0
     rows = list(csv.DictReader(box.read_text().splitlines()))
     moving = [row for row in rows if row["phase"] == "moving"]
     assert len(moving) > 100
     for row in moving:
-        assert float(row["t"]) - float(row["estimate"]) == pytest.approx(3.0, abs=0.01)
+        assert float(row["t"]) - float(row["estimate"]) == pytest.approx(-0.3, abs=0.01)
         assert float(row["s"]) == pytest.approx(max(0.475 * float(row["estimate"]), 0), abs=0.01)
 
 
@@ -177,7 +207,7 @@ def test_between_go_and_arrival_a_robot_sends_at_most_120_bytes_a_second():
         for m in hall.heard[first:]
         if isinstance(m, Clock | Hello) or (isinstance(m, Report) and m.phase == MOVING)
     )
-    assert size / FINISH <= 120.0
+    assert size / (AHEAD + FINISH) <= 120.0
     assert all(r.rest is None for r in hall.reports())
 
 
@@ -212,6 +242,85 @@ def test_a_refusal_ends_the_robot_with_its_reason():
     hall.reactions[0] = refuse
     with pytest.raises(RefusedError, match="R1 is not known"):
         hall.run()
+
+
+def goal_of_hall():
+    return place_at(PATH, LENGTH)
+
+
+def stands_at(hall):
+    """Return how far [m] the robot is from its goal, and whether it stands."""
+    return math.dist((hall.body.x, hall.body.y), goal_of_hall()), hall.body.speed < 1e-4
+
+
+def test_a_robot_drives_as_far_as_the_held_entry_with_its_number_says_and_then_on():
+    hall = Hall()
+    hall.held = ((NUMBER - 1, 100), (NUMBER, 700))
+    seen, react = [], hall.react
+
+    def watch():
+        react()
+        if hall.phase == GO and hall.clock() > 6 * SECOND and not seen:
+            seen.append(stands_at(hall))
+            hall.held = ((NUMBER - 1, 100),)
+
+    hall.react = watch
+    assert hall.run() == 0
+    assert seen == [(pytest.approx(LENGTH - 0.7 * 0.475, abs=3e-3), True)]
+    assert hall.reports()[-1].phase == DONE
+
+
+def test_a_robot_whose_number_a_command_does_not_speak_for_is_granted_nothing_by_it():
+    hall = Hall()
+    hall.range = (NUMBER + 1, MOST_ROBOTS)
+    seen, react = [], hall.react
+
+    def watch():
+        react()
+        if hall.phase == GO and hall.clock() > 6 * SECOND and not seen:
+            seen.append((hall.reports()[-1].phase, *stands_at(hall)))
+            hall.range = (0, NUMBER)
+
+    hall.react = watch
+    assert hall.run() == 0
+    assert seen == [(MOVING, pytest.approx(LENGTH, abs=1e-3), True)]
+    assert hall.reports()[-1].phase == DONE
+
+
+def test_a_robot_that_hears_no_command_stands_at_its_authority_and_goes_on_when_it_hears_one():
+    hall = Hall()
+    hall.headroom_ms = 600
+    seen, react = [], hall.react
+
+    def watch():
+        react()
+        if hall.phase == GO and (hall.clock() + 10**12 - hall.start_ns) > 200 * MS and not seen:
+            hall.silent = True
+        if hall.silent and hall.clock() > 6 * SECOND:
+            seen.append((hall.reports()[-1].phase, *stands_at(hall)))
+            hall.silent = False
+
+    hall.react = watch
+    assert hall.run() == 0
+    ((phase, left, stood),) = seen
+    assert (phase, stood) == (MOVING, True)
+    assert LENGTH - 0.8 * 0.475 - 3e-3 <= left <= LENGTH - 0.6 * 0.475
+    assert hall.reports()[-1].phase == DONE
+
+
+def test_reports_state_stamp_lateness_and_revision():
+    hall = Hall()
+    hall.plans = [plan_message(revision=5)]
+    assert hall.run() == 0
+    reports = hall.reports()
+    for report in reports:
+        assert (report.stamp_ms is not None) == (report.phase in (MOVING, DONE))
+        assert report.late == 0
+    under_way = [report for report in reports if report.phase == MOVING]
+    assert {report.revision for report in under_way} == {5}
+    stamps = [report.stamp_ms for report in under_way]
+    assert stamps == sorted(stamps)
+    assert stamps[0] == pytest.approx(-1000 * AHEAD, abs=110)
 
 
 def test_a_robot_that_gives_up_says_so():
@@ -269,7 +378,7 @@ def test_a_broken_driver_stops_the_motors_and_is_reported():
         del hall.body.pose
 
     hall.reactions[MOVING] = break_driver
-    hall.reactions[3] = mend
+    hall.reactions[BRAKING] = mend
     hall.reactions[FROZEN] = raise_interrupt
     assert hall.run() == 130
     assert hall.reports()[-1].fault == DRIVER_ERROR

@@ -8,7 +8,7 @@ from protocol.messages import Command
 from protocol.phases import ARMED, BAD_PLAN, CLOCK_UNSURE, DONE, DRIVER_ERROR, FROZEN, GO, HOLD
 from robot_agent.core.agent import Agent
 from robot_agent.words import PATIENCE_NS, Lasting, phase_in_words, waits_for
-from tests.robot_agent.core.rides import COORDINATOR, ME, MS
+from tests.robot_agent.core.rides import COORDINATOR, ME, MS, TERM
 from tests.robot_agent.test_service import FLEET, Hall, raise_interrupt
 
 HERE = (1.0, 2.0, 0.0)
@@ -67,7 +67,7 @@ def test_a_robot_at_its_goal_when_a_new_epoch_begins_says_that_it_has_arrived():
 
     def hold():
         hall.sequence += 10
-        command = Command(COORDINATOR, hall.sequence, 2, HOLD, 0)
+        command = Command(COORDINATOR, TERM, hall.sequence, 2, HOLD, 0, 0)
         hall.link.put(keys.command(FLEET), encode(command))
 
     hall.reactions[DONE] = go_on

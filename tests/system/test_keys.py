@@ -119,7 +119,7 @@ def test_a_robot_can_neither_speak_as_another_nor_as_the_coordinator_nor_hear_th
             keys.hello(FLEET, "R2"): HELLO,
             keys.report(FLEET, "R2"): encode(Report(666, 1, 1, IDLE)),
             keys.clock(FLEET, "R2"): b"\x90",
-            keys.command(FLEET): encode(Command(666, 1, 1, GO, 0)),
+            keys.command(FLEET): encode(Command(666, 9, 1, 1, GO, 0, 0)),
             keys.plan(FLEET, "R2"): b"\x90",
             keys.plan(FLEET, "R1"): b"\x90",
             keys.admit(FLEET, "R2"): encode(Admit(666)),

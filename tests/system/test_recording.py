@@ -31,7 +31,7 @@ def speak(coordinator, phase, path):
     numbers = iter(range(10_000))
 
     def is_recorded():
-        coordinator.put(COMMAND, encode(Command(9, next(numbers), 1, phase, 0)))
+        coordinator.put(COMMAND, encode(Command(9, 1, next(numbers), 1, phase, 0, 0)))
         coordinator.put(REPORT, encode(Report(1, next(numbers), 1, MOVING)))
         with contextlib.suppress(InputError):
             return {COMMAND, REPORT} <= {record.key for record in read_log(path).records}
@@ -59,7 +59,7 @@ def test_a_recording_ends_by_itself_when_the_fleet_is_over(tmp_path, coordinator
         speak(coordinator, GO, path)
 
         def has_ended():
-            coordinator.put(COMMAND, encode(Command(9, 0, 1, OVER, 0)))
+            coordinator.put(COMMAND, encode(Command(9, 1, 0, 1, OVER, 0, 0)))
             return process.poll() is not None
 
         wait_for(has_ended)

@@ -231,7 +231,7 @@ def test_an_operator_and_a_page_reach_the_fleet_through_the_router(hall):
 
 def test_an_operator_who_names_no_fleet_speaks_to_one_alone(hall):
     heard = []
-    hold = encode(Command(boot=1, sequence=1, epoch=1, phase=0, start_ns=0))
+    hold = encode(Command(1, 1, 1, 1, 0, 0, 0))
     with ZenohTransport.connect(hall.endpoint) as fleets:
         fleets.subscribe(keys.admit("*", "*"), lambda key, _p, _t: heard.append(key))
         with started("admit", "R1", f"--connect={hall.endpoint}", "--wait=3") as operator:

@@ -104,7 +104,7 @@ def test_a_robot_can_not_pose_as_another_or_the_coordinator_and_reads_no_plan_bu
     forged = {
         keys.hello(FLEET, "R2"): encode(Hello(version=PROTOCOL_VERSION, boot=666)),
         keys.report(FLEET, "R2"): encode(Report(666, 1, 1, IDLE)),
-        keys.command(FLEET): encode(Command(666, 1, 1, GO, 0)),
+        keys.command(FLEET): encode(Command(666, 9, 1, 1, GO, 0, 0)),
         keys.admit(FLEET, "R2"): encode(Admit(666)),
         keys.plan(FLEET, "R1"): b"forged",
         keys.plan(FLEET, "R2"): b"forged",
@@ -180,11 +180,11 @@ def test_a_robot_of_no_fleet_and_a_revoked_key_are_given_nothing_and_heard_by_no
     stolen = [both.hears(stranger, *own) for stranger in strangers]
     for stranger in strangers:
         stranger.put(keys.report(FLEET, "R1"), encode(Report(666, 1, 1, IDLE)))
-        stranger.put(keys.command(FLEET), encode(Command(666, 1, 1, GO, 0)))
+        stranger.put(keys.command(FLEET), encode(Command(666, 9, 1, 1, GO, 0, 0)))
     served(FLEET, "R1", robot)
     wait_for(lambda: keys.report(FLEET, "R1") in {key for key, _, _ in heard.heard})
     assert [inbox.heard for inbox in stolen] == [[], []]
-    assert {encode(Report(666, 1, 1, IDLE)), encode(Command(666, 1, 1, GO, 0))}.isdisjoint(
+    assert {encode(Report(666, 1, 1, IDLE)), encode(Command(666, 9, 1, 1, GO, 0, 0))}.isdisjoint(
         heard.payloads()
     )
 

@@ -27,7 +27,7 @@ class Motion {
     return this.ride.halt || this.presumed;
   }
 
-  /** Presume that the robot brakes from a plan time on, as one does whose lease has run out. */
+  /** Presume that the robot brakes from a plan time on, as one does whose authority has ended. */
   presume(t) {
     this.presumed = null;
     if (t === null || this.ride.halt || t >= this.finish) return;
@@ -120,15 +120,15 @@ class Play {
   }
 
   /**
-   * Presume that no robot has heard a Command since a time: all brake when the lease [s] runs out.
+   * Presume that no robot has heard a Command since a time: all brake after the headroom [s].
    *
    * `since` is null if Commands are heard.  Returns the time at which all rest.
    */
-  presume(since, lease) {
+  presume(since, headroom) {
     const epoch = this.epochs[this.epochs.length - 1], goes = epoch.started && epoch.frozen === null;
-    const from = since === null || !goes ? null : Math.max(since + lease - epoch.start, 0);
-    this.silentFrom = from === null ? Infinity : since + lease;
-    let rest = since === null ? Infinity : since + lease;
+    const from = since === null || !goes ? null : Math.max(since + headroom - epoch.start, 0);
+    this.silentFrom = from === null ? Infinity : since + headroom;
+    let rest = since === null ? Infinity : since + headroom;
     for (const motion of epoch.motions.values()) {
       motion.presume(from);
       if (motion.presumed) rest = Math.max(rest, epoch.start + motion.presumed[1]);

@@ -226,13 +226,13 @@ const word = new Word({
   },
 });
 
-/** While the fleet is silent, draw robots where their leases have stopped them, and list it. */
+/** While the fleet is silent, draw robots where their authority has stopped them, and list it. */
 function presume() {
   const { silence } = word, heard = play.heardMarks || play.scene.marks;
   play.heardMarks = heard;
   play.scene.marks = [...heard, ...word.marks()].sort((a, b) => a.t - b.t);
   const since = silence && silence.kind !== "over" ? silence.since : null;
-  play.known = play.presume(since, since === null ? 0 : silence.lease);
+  play.known = play.presume(since, since === null ? 0 : silence.headroom);
   list();
   stale = true;
 }

@@ -1,7 +1,7 @@
 // What the page hears of a running fleet, and for how long the coordinator has been silent: when the
-// lease has run out, all robots have stopped.
+// headroom has passed, all robots have stopped.
 
-/** The coordinator counts as silent when its last Command is older than the lease by this [s]. */
+/** The coordinator counts as silent when its last Command is older than the headroom by this [s]. */
 const RESERVE = 0.4;
 /** For how long [s] the page goes on after the Command's phase was OVER. */
 const AFTERWARDS = 1;
@@ -45,7 +45,7 @@ class Word {
   look() {
     const gone = !this.open || performance.now() - this.alive > 1000 * PATIENCE;
     const { last, silence } = this, over = last !== null && last.over;
-    const silent = !gone && last !== null && (over || last.age > last.lease + RESERVE);
+    const silent = !gone && last !== null && (over || last.age > last.headroom + RESERVE);
     const kind = gone ? (over ? "over" : "gone") : silent ? (over ? "over" : "silent") : "";
     if (kind === (silence ? silence.kind : "")) return;
     if (silence && silence.kind !== "over" && !kind) this.past.push({ ...silence, until: this.time() });
@@ -63,7 +63,7 @@ class Word {
       silent: ["no word", "no word from the coordinator"],
     }[kind];
     const ended = known ? this.time() : null;
-    return { kind, since, ended, lease: last ? last.lease : 0, lamp, why };
+    return { kind, since, ended, headroom: last ? last.headroom : 0, lamp, why };
   }
 
   /** The beginnings and ends of all silences, as marks. */

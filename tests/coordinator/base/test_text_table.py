@@ -15,7 +15,7 @@ from coordinator.plan.document import Reason
 from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_scenario
 from coordinator.view.live_table import FleetTable
-from protocol.phases import DONE, FREEZE, FROZEN, LEASE_OUT
+from protocol.phases import DONE, FREEZE, FROZEN, OFF_PATH
 from sim.judging.judge import PairVerdict, RobotVerdict, Verdict
 from sim.processes import summary
 from tests.scenarios import a_robot, a_scenario
@@ -70,7 +70,7 @@ def test_the_table_of_a_running_fleet_fits():
     document = plan_scenario(HALL, effort=0)
     fleet = muster(packed(document), 9)
     for member in fleet.members.values():
-        member.phase, member.fault = FROZEN, LEASE_OUT
+        member.phase, member.fault = FROZEN, OFF_PATH
     fleet.phase = FREEZE
     assert_fits(shown(FleetTable(document).render(fleet, 10**9)), "robot", "phase", "progress")
 

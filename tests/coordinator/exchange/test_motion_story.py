@@ -91,7 +91,7 @@ def test_a_log_that_goes_on_from_another_finds_the_plans_inside_that(tmp_path, d
     with Recorder(
         path, metadata={"fleet": "test"}, wall_offset_ns=WALL, attachments=[inner]
     ) as log:
-        go = Command(10, 1, 2, phases.GO, BEGIN)
+        go = Command(10, 1, 1, 2, phases.GO, BEGIN, BEGIN)
         log.record(keys.command("test"), encode(go), BEGIN)
     (leg,) = story_of_log(read_log(path)).legs
     assert (leg.epoch, leg.driven.id) == (2, "R1")
@@ -131,7 +131,7 @@ def test_a_log_from_beside_is_plotted_as_its_messages_have_it(tmp_path, document
 def test_a_log_in_which_nobody_was_sent_off_has_nothing_to_export(tmp_path):
     path = tmp_path / "run.mcap"
     with Recorder(path, metadata={"fleet": "test"}, wall_offset_ns=WALL) as log:
-        log.record(keys.command("test"), encode(Command(9, 1, 1, phases.HOLD, 0)), BEGIN)
+        log.record(keys.command("test"), encode(Command(9, 1, 1, 1, phases.HOLD, 0, 0)), BEGIN)
     arguments = ["export", str(path), "--to", "csv", "-o", str(tmp_path / "a.csv")]
     with pytest.raises(PlanError, match="no robot was sent on its way"):
         commands(arguments, standalone_mode=False)

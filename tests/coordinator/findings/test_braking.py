@@ -70,7 +70,7 @@ def test_a_robot_at_its_goal_has_not_left_its_plan():
     assert broken(said((7.0, FROZEN, LINE.length)), 8) is None
 
 
-def test_a_robot_that_drives_on_by_new_times_brakes_anew():
+def test_a_robot_that_drives_on_brakes_anew():
     words = said((1.0, BRAKING, None), (1.5, FROZEN, None), (2.0, MOVING, None))
     assert broken(words, 3) == (2.0, 0.0)
     words.take_phase(BRAKING, START + 3 * SECOND)

@@ -40,10 +40,11 @@ def document():
 
 
 def test_a_path_and_its_motion_are_sampled_as_the_planner_has_them(document):
-    for robot, driven in zip(document.robots, drive(document), strict=True):
+    for number, (robot, driven) in enumerate(zip(document.robots, drive(document), strict=True)):
         times = np.linspace(-1.0, driven.timeline.finish + 1.0, 400)
         truth = sample(driven, times.tolist())
-        for ride in (ride_of_message(decode("plan", pack(document, robot))), ride_of_plan(robot)):
+        message = decode("plan", pack(document, robot, number))
+        for ride in (ride_of_message(message), ride_of_plan(robot)):
             s = ride.driven_at(times)
             assert np.abs(s - truth[:, 3]).max() < 1e-5
             assert np.hypot(*(ride.places_at(s) - truth[:, :2]).T).max() < 2e-4
@@ -58,9 +59,9 @@ def write_run(folder, document, boxes=(), frozen=None):
             payload = message if isinstance(message, bytes) else encode(message)
             log.record(key, payload, BEGIN + round(seconds * SECOND))
 
-        for robot in document.robots:
-            say(0.0, keys.plan("f", robot.id), address(pack(document, robot), 9))
-        say(0.6, keys.command("f"), Command(9, 1, 1, GO, BEGIN + SECOND))
+        for number, robot in enumerate(document.robots):
+            say(0.0, keys.plan("f", robot.id), address(pack(document, robot, number), 9))
+        say(0.6, keys.command("f"), Command(9, 1, 1, 1, GO, BEGIN + SECOND, BEGIN + SECOND))
         for number, one in enumerate(drive(document)):
             key, end = keys.report("f", one.id), one.timeline.finish
             say(1.2, key, Report(9, 1, 1, MOVING))
@@ -69,7 +70,7 @@ def write_run(folder, document, boxes=(), frozen=None):
             elif number == 0:  # falls silent
                 say(1.0 + frozen - 0.6, key, Report(9, 2, 1, MOVING))
         if frozen is not None:
-            say(1.0 + frozen, keys.command("f"), Command(9, 2, 1, FREEZE, BEGIN + SECOND))
+            say(1.0 + frozen, keys.command("f"), Command(9, 1, 2, 1, FREEZE, BEGIN + SECOND, BEGIN))
             for one in drive(document)[1:]:
                 rest = Rest(rests_at(one, frozen), 1)
                 say(9.0 + frozen, keys.report("f", one.id), Report(9, 3, 1, FROZEN, 0, rest))
@@ -128,7 +129,7 @@ def test_without_black_boxes_distances_are_those_of_the_plans(tmp_path, document
 
 
 def test_with_black_boxes_all_is_what_the_judge_says(tmp_path, document):
-    lates, sides = (0.0, 0.1, 0.6), (0.0, 0.012, 0.0)
+    lates, sides = (0.0, 0.1, 0.6), (0.0, 0.012, 0.15)
     boxes = {
         one.id: box_rows(one, late, side)
         for one, late, side in zip(drive(document), lates, sides, strict=True)
@@ -200,5 +201,4 @@ def test_black_boxes_with_and_without_estimates_say_the_same(tmp_path):
         path.write_text(f"{header}0,1,2,0,0,moving{end}\n1,3,4,0,0,done{end}\n")
         course = read_course(path)
         assert course.places.tolist() == [[1.0, 2.0], [3.0, 4.0]]
-        assert course.timed.all()
         assert course.arrival == 1.0

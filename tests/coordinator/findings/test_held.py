@@ -26,13 +26,14 @@ def plan():
 
 def told(plan, moments):
     """The summary of a log: (plan time [ms], phase, who is held to where, progress by robot)."""
-    fleet, records = plan.document.scenario, []
+    fleet, records, names = plan.document.scenario, [], list(plan.messages)
     for number, (at, phase, held, progress) in enumerate(moments, start=1):
         now = BEGIN + at * MS
         for robot, passed in progress.items():
             report = Report(1, number, 1, MOVING, stamp_ms=passed)
             records.append(Record(keys.report(fleet, robot), encode(report), now, now, 0))
-        command = Command(BOOT, number, 1, phase, BEGIN, (), now, at + 1_500, tuple(held.items()))
+        held_by_number = tuple((names.index(robot), to) for robot, to in held.items())
+        command = Command(BOOT, 1, number, 1, phase, BEGIN, now, 1_500, held_by_number)
         records.append(Record(keys.command(fleet), encode(command), now, now, 0))
     metadata = {"fleet": fleet, "boot": str(BOOT), "policy": "safe"}
     return summarise(Log(metadata, {"plan-1.json": to_json(plan.document)}, records, True, ""))

@@ -6,15 +6,17 @@ from typer.testing import CliRunner
 
 from coordinator.cli.plan_commands import commands
 from coordinator.findings.log_proof import prove_log
-from coordinator.log.log_file import read_log
+from coordinator.log.log_file import logs_before, read_log
 from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_scenario
 from coordinator.proof.granted import Granted
 from coordinator.schedule.staircase_making import with_staircases
 from protocol.codec import decode, encode
 from protocol.messages import Command, Report
+from protocol.phases import GO
 from sim.campaigns.campaign import LINKS, Wish, make_world, run_seed, run_world
 from sim.floors.generator import generate
+from sim.world.fault_text import Fault
 from sim.world.run_logs import RunLogs
 from tests.scenarios import a_robot, a_scenario
 from tests.sweeps import seeds
@@ -22,6 +24,11 @@ from tests.sweeps import seeds
 CROSS = a_scenario(
     [a_robot("R1", (1.0, 4.0), (9.0, 4.0)), a_robot("R2", (5.0, 1.0), (5.0, 7.0))], tau=0.6
 )
+
+
+def go(sequence, all_ms, held=()):
+    """A Command that grants all robots a plan time [ms], and those held by number another one."""
+    return Command(9, 1, sequence, 1, GO, 0, 0, all_ms, held)
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +43,8 @@ def log_path(tmp_path_factory):
     scenario = msgspec.structs.replace(CROSS, link=LINKS[0])
     document = plan_scenario(scenario)
     logs = RunLogs(folder)
-    world = make_world(scenario, document, 3, [], freezes=True, logs=logs)
-    run_world(world, document, freezes=True)
+    world = make_world(scenario, document, 3, [], logs=logs)
+    run_world(world, document)
     logs.close()
     return folder / "run.mcap"
 
@@ -79,10 +86,10 @@ def test_authority_of_a_held_robot_that_is_granted_as_to_all_others_is_found(pla
     behind, ahead = int(stairs.behind[0]), int(stairs.ahead[0])
     needs = int(stairs.at[0])
     granted = Granted(stairs, names)
-    before = ((names[behind], needs - 1),)
-    granted.take_command(Command(9, 1, 1, 1, 0, authority_ms=needs + 500, held=before))
+    before = ((behind, needs - 1),)
+    granted.take_command(go(1, needs + 500, before))
     assert granted.failures == []
-    granted.take_command(Command(9, 2, 1, 1, 0, authority_ms=needs + 600))
+    granted.take_command(go(2, needs + 600))
     assert len(granted.failures) == 1
     assert f"grants {names[behind]} plan time" in granted.failures[0]
     assert f"; {names[ahead]} must have passed" in granted.failures[0]
@@ -95,10 +102,10 @@ def test_a_step_too_far_is_found(plan):
     passed, last = int(stairs.need[0]) - 100, int(stairs.at[0])
     for step, failures in ((-1, 0), (0, 1)):
         granted = Granted(stairs, names)
-        granted.take_command(Command(9, 1, 1, 1, 0, authority_ms=passed))
+        granted.take_command(go(1, passed))
         granted.take_report(names[ahead], Report(1, 1, 1, 2, stamp_ms=passed))
-        held = ((names[behind], last + step),)
-        granted.take_command(Command(9, 2, 1, 1, 0, authority_ms=passed + 1, held=held))
+        held = ((behind, last + step),)
+        granted.take_command(go(2, passed + 1, held))
         assert len(granted.failures) == failures
 
 
@@ -107,7 +114,7 @@ def test_a_report_that_claims_more_than_was_granted_counts_no_further(plan):
     granted = Granted(plan.staircases, names)
     for robot in names:
         granted.take_report(robot, Report(1, 1, 1, 2, stamp_ms=10**6))
-    granted.take_command(Command(9, 1, 1, 1, 0, authority_ms=10**6))
+    granted.take_command(go(1, 10**6))
     assert granted.failures
 
 
@@ -123,6 +130,18 @@ def test_the_command_line_proves_a_log_and_says_so(log_path):
 def test_every_log_of_a_campaign_is_proven_whatever_fails(seed, tmp_path):
     run_seed(generate("warehouse", 8, 1), seed, Wish(tau=0.3), folder=tmp_path)
     for path in tmp_path.glob("*.mcap"):
-        proof = prove_log(read_log(path))
+        log = read_log(path)
+        proof = prove_log(log, before=logs_before(log))
         assert [failure for epoch in proof.epochs for failure in epoch.failures] == []
         assert all(epoch.proof.holds for epoch in proof.epochs)
+
+
+@pytest.mark.parametrize("at", [2.0, 4.5, 7.0])
+def test_the_log_of_a_coordinator_that_took_over_is_proven_from_the_one_before(at, tmp_path):
+    faults = [Fault("coordinator-restart", "", at, 1.5)]
+    outcome = run_seed(generate("warehouse", 8, 1), 3, Wish(tau=0.3), faults, tmp_path)
+    assert outcome.over
+    assert outcome.epochs == 1
+    logs = [read_log(path) for path in sorted(tmp_path.glob("*.mcap"))]
+    assert len(logs) == 2
+    assert all(prove_log(log, before=logs_before(log)).holds for log in logs)

@@ -70,7 +70,7 @@ def records(document, second, rest):
 
     yield 0.0, command, say(1, phases.HOLD)
     for robot in document.robots:
-        yield 0.1, keys.hello("test", robot.id), encode(Hello(1, 5, 0.2))
+        yield 0.1, keys.hello("test", robot.id), encode(Hello(2, 5, 0.2))
         yield 0.2, keys.plan("test", robot.id), address(pack(document, robot), 9)
     yield 0.5, command, say(1, phases.GO, GO_1)
     for i in range(5):

@@ -22,7 +22,7 @@ from protocol.phases import (
     MOVING,
 )
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
-from tests.coordinator.fleet.fleet_floor import DURATION, PARTS, Floor, adopt, frozen_but, state_of
+from tests.coordinator.fleet.fleet_floor import PARTS, Floor, adopt, frozen_but, grants, state_of
 
 PATIENCE = FREEZE_PATIENCE + 3 * SECOND
 """A robot that was admitted is waited for no longer than that."""
@@ -61,7 +61,7 @@ def freezes_in(floor, seconds, operators, knocks):
         floor.tick()
         if floor.fleet.is_settled(floor.now):
             parts = {name: PARTS[name] for name in ("R1", "R3")}
-            floor.take(floor.fleet.adopt(floor.fleet.next_epoch, parts, 200 * SECOND, floor.now))
+            floor.take(floor.fleet.adopt(floor.fleet.next_epoch, parts, floor.now, grants()))
     phases = [command.phase for command in floor.commands[before:]]
     return sum(a != FREEZE and b == FREEZE for a, b in itertools.pairwise(phases))
 
@@ -86,7 +86,7 @@ def test_a_robot_that_came_back_is_taken_in_at_the_place_it_says_when_it_is_admi
     assert floor.fleet.is_settled(floor.now)
     told = {standing.robot: standing for standing in floor.fleet.standings()}
     assert (told["R2"].state, told["R2"].place) == ("rests", (1.5, -0.02, 1.571))
-    floor.fleet.adopt(3, PARTS, DURATION, floor.now)
+    floor.fleet.adopt(3, PARTS, floor.now, grants())
     (sent,) = floor.report("R2", IDLE, boot=9, epoch=0)
     assert sent.payload == PARTS["R2"].plan
 
@@ -104,9 +104,9 @@ def test_who_asked_for_a_robot_that_was_admitted_is_refused_only_when_it_gets_no
     floor.hello("R2", boot=9, place=(1_500, -20, 1_571))
     before = len(floor.fleet.incidents)
     assert ask(7) == []
-    floor.fleet.adopt(3, PARTS, DURATION, floor.now)
+    floor.fleet.adopt(3, PARTS, floor.now, grants())
     assert ask(7) == []
-    floor.fleet.adopt(4, {"R1": PARTS["R1"], "R3": PARTS["R3"]}, DURATION, floor.now)
+    floor.fleet.adopt(4, {"R1": PARTS["R1"], "R3": PARTS["R3"]}, floor.now, grants())
     floor.fleet.members["R2"].stays = "no way"
     (sent,) = ask(7)
     assert decode("plan", sent.payload) == Refusal(7, "R2 stays where it is: no way")
@@ -196,7 +196,7 @@ def test_who_asked_for_a_robot_that_did_not_say_where_it_stands_is_refused_and_o
             floor.report(name, FROZEN, s_m=1.25)
         floor.hello("R2", boot=9)
         floor.tick()
-    floor.fleet.adopt(3, {name: PARTS[name] for name in ("R1", "R3")}, DURATION, floor.now)
+    floor.fleet.adopt(3, {name: PARTS[name] for name in ("R1", "R3")}, floor.now, grants())
     (sent,) = ask(floor)
     assert decode("plan", sent.payload).reason.startswith("R2 was waited for and did not say where")
     assert floor.fleet.phase == HOLD
@@ -281,7 +281,7 @@ def test_a_second_who_asks_for_a_robot_that_is_being_taken_in_is_not_refused():
     assert decode("command", ask(floor, 8)[0].payload).phase == FREEZE
     floor.hello("R2", boot=9, place=(1_500, -20, 1_571))
     assert ask(floor, 7) == ask(floor, 8) == ask(floor, 9) == []
-    floor.take(floor.fleet.adopt(3, PARTS, DURATION, floor.now))
+    floor.take(floor.fleet.adopt(3, PARTS, floor.now, grants()))
     assert ask(floor, 7) == ask(floor, 8) == ask(floor, 9) == []
 
 
@@ -290,5 +290,5 @@ def test_a_new_epoch_ends_the_waiting_for_a_robot_that_has_no_part_in_it():
     adopt(floor, "R1", "R3")
     floor.hello("R2", boot=9)
     ask(floor)
-    floor.take(floor.fleet.adopt(3, {"R1": PARTS["R1"]}, DURATION, floor.now))
+    floor.take(floor.fleet.adopt(3, {"R1": PARTS["R1"]}, floor.now, grants()))
     assert not floor.fleet.members["R2"].admission.is_awaited

@@ -10,11 +10,11 @@ BOOT = 77
 
 
 def command(phase, epoch):
-    return Command(boot=1, sequence=1, epoch=epoch, phase=phase, start_ns=0)
+    return Command(boot=1, term=1, sequence=1, epoch=epoch, phase=phase, start_ns=0, said_ns=0)
 
 
 def plan(epoch):
-    return Plan(epoch, 1, "R2", 10**9, 20, 500, 1, b"", b"", b"", b"", b"", b"", 0)
+    return Plan(epoch, 1, "R2", 0, 0, 0, 10**9, 20, 500, 10, 1, b"", b"", b"", b"", b"", b"")
 
 
 def asked(*messages):

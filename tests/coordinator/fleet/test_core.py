@@ -1,4 +1,4 @@
-"""The fleet core under way, by hand-made messages: every way to fail, bad bytes."""
+"""The fleet core under way, by hand-made messages: every way to fail, STOP, bad bytes."""
 
 from __future__ import annotations
 
@@ -7,22 +7,33 @@ from typing import get_args
 
 import pytest
 
+from coordinator.fleet.grants import STUCK_MS
 from coordinator.fleet.log_records import LINK_GONE
-from coordinator.fleet.own_outage import AWAY, DRAIN
 from coordinator.fleet.phases import (
     FAREWELLS,
     FREEZE_PATIENCE,
     GO_LEAD,
-    TASK_GRACE,
+    HELD_PATIENCE,
     TRANSITIONS,
     Event,
 )
 from protocol import keys
-from protocol.codec import decode, encode
+from protocol.codec import encode
 from protocol.messages import Clock, Hello, Report
-from protocol.phases import ARMED, BRAKING, DONE, FREEZE, FROZEN, GO, HOLD, LATE, MOVING, OVER
+from protocol.phases import (
+    BRAKING,
+    DONE,
+    FREEZE,
+    FROZEN,
+    GO,
+    HOLD,
+    MOVING,
+    OFF_PATH,
+    OVER,
+    STOP,
+)
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
-from tests.coordinator.fleet.fleet_floor import DURATION, Floor
+from tests.coordinator.fleet.fleet_floor import TAU_MS, Floor, chain
 
 
 def test_commands_carry_rising_sequence_numbers_and_the_same_start():
@@ -34,103 +45,154 @@ def test_commands_carry_rising_sequence_numbers_and_the_same_start():
     assert len({c.start_ns for c in floor.commands if c.phase == GO}) == 1
 
 
-def test_a_silent_robot_freezes_the_fleet_within_its_timeout_and_a_command():
+def told_of(floor, kind="fault"):
+    return [one.text for one in floor.fleet.incidents if one.kind == kind]
+
+
+def drive(floor, seconds, *names, **fields):
+    """Let these robots say that they move until the time has passed or the phase has changed."""
+    until, phase = floor.now + round(seconds * SECOND), floor.fleet.phase
+    while floor.now < until and floor.fleet.phase == phase:
+        for name in names:
+            floor.report(name, MOVING, **fields)
+        floor.tick()
+
+
+def test_a_silent_robot_is_told_of_and_nothing_else_happens_while_it_holds_nobody():
     floor = Floor().go()
     began = floor.now
-    while floor.commands[-1].phase == GO:
-        floor.report("R1", MOVING)
-        floor.report("R3", MOVING)
-        floor.tick()
-    assert floor.commands[-1].phase == FREEZE
+    while not floor.fleet.members["R2"].lost:
+        drive(floor, 0.1, "R1", "R3")
     assert floor.now - began <= REPORT_TIMEOUT + 2 * COMMAND_PERIOD
-    assert floor.fleet.members["R2"].lost
-    assert not floor.fleet.members["R1"].lost
-
-
-def test_a_coordinator_that_was_away_renews_no_lease_before_it_has_heard_everybody_anew():
-    floor = Floor().go()
-    floor.now += REPORT_TIMEOUT + 4 * COMMAND_PERIOD
-    floor.everybody(MOVING)
-    said = len(floor.commands)
-    floor.tick(0)
-    floor.report("R1", MOVING)
-    floor.now += DRAIN + 1
-    floor.report("R1", MOVING)
-    floor.report("R2", MOVING)
-    floor.tick()
-    assert len(floor.commands) == said
-    floor.report("R3", MOVING)
-    floor.tick()
+    drive(floor, 60.0, "R1", "R3")
     assert floor.commands[-1].phase == GO
-    assert len(floor.commands) == said + 1
+    assert told_of(floor) == ["R2 has fallen silent"]
 
 
-def test_who_is_not_heard_anew_after_the_coordinator_was_away_is_lost_where_it_last_was_sure():
+def test_a_silent_robot_that_holds_another_one_for_long_makes_the_fleet_plan_anew():
+    floor = Floor(rule=chain).go()
+    began = floor.now
+    drive(floor, 60.0, "R1", "R3")
+    assert floor.commands[-1].phase == FREEZE
+    assert HELD_PATIENCE <= floor.now - began <= HELD_PATIENCE + 5 * SECOND
+
+
+def test_a_late_robot_holds_those_behind_it_and_nobody_plans_anew():
+    floor = Floor(rule=chain).go()
+    late = 0
+    for step in range(600):
+        late = min(step * 2, 400)
+        floor.report("R1", MOVING, late=late)
+        floor.report("R2", MOVING, late=late)
+        floor.report("R3", MOVING)
+        floor.tick()
+    assert floor.commands[-1].phase == GO
+    granted = dict(floor.commands[-1].held)
+    stood_ms = floor.fleet.times.plan_ms(floor.now) - 50 * late
+    assert granted[0] <= stood_ms + TAU_MS
+    assert 2 not in granted
+
+
+def test_who_holds_whom_is_known_and_since_when():
+    floor = Floor(rule=chain).go()
+    drive(floor, 10.0, "R1", "R2", "R3")
+    assert floor.fleet.held() == []
+    began = floor.fleet.times.plan_ms(floor.now)
+    drive(floor, 4.0, "R1", "R3")
+    (held,) = floor.fleet.held()
+    assert (held.robot, held.by) == ("R1", "R2")
+    assert began <= held.since_ms <= began + 2_000
+
+
+def test_a_robot_that_waits_behind_one_that_is_held_is_held_by_the_one_that_stands():
+    floor = Floor(rule=chain).go()
+    drive(floor, 10.0, "R1", "R2", "R3")
+    for step in range(40):
+        floor.report("R1", MOVING, late=2 * step)
+        floor.report("R2", MOVING, late=2 * step)
+        floor.tick()
+    assert floor.fleet._grants.behind(["R3"]) == ["R1", "R2"]
+    assert floor.fleet._grants.behind(["R1"]) == []
+
+
+def test_a_coordinator_that_was_away_goes_on_and_calls_nobody_silent():
     floor = Floor().go()
-    sure = floor.now
-    floor.now += REPORT_TIMEOUT + 4 * COMMAND_PERIOD
-    floor.everybody(MOVING)
+    floor.now += 60 * SECOND
     floor.tick(0)
-    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
-        floor.tick()
-        floor.report("R1", MOVING)
-        floor.report("R3", MOVING)
-    assert floor.commands[-1].phase == FREEZE
+    assert floor.commands[-1].phase == GO
+    drive(floor, 0.5, "R1", "R2", "R3")
+    assert floor.commands[-1].phase == GO
+    assert told_of(floor) == []
+
+
+def test_who_is_not_heard_anew_after_the_coordinator_was_away_is_lost_where_it_was_known_to_be():
+    floor = Floor().go()
+    drive(floor, 2.0, "R1", "R2", "R3")
+    known = floor.fleet.bounds("R2")
+    floor.now += 60 * SECOND
+    drive(floor, 3.0, "R1", "R3")
     assert floor.fleet.members["R2"].lost
-    assert floor.fleet.members["R2"].kept_ns <= sure
+    assert floor.fleet.bounds("R2")[0] == known[0]
+    assert known[1] <= floor.fleet.bounds("R2")[1] <= known[0] + 3.6
 
 
-def test_what_waited_for_a_coordinator_that_was_away_unnoticed_says_where_a_robot_was_then():
-    floor = Floor().go()
-    times, said = floor.fleet.times, floor.now
-    floor.now += AWAY
-    floor.report("R2", MOVING)
-    (standing,) = (one for one in floor.fleet.standings() if one.robot == "R2")
-    assert standing.since <= (said - times.start_ns - times.behind_ns) / SECOND
-
-
-def test_a_robot_that_speaks_but_does_not_set_out_freezes_the_fleet():
-    floor = Floor()
-    for robot in ("R1", "R2", "R3"):
-        floor.hello(robot)
-    floor.everybody(ARMED)
-    floor.tick()
-    while floor.commands[-1].phase == GO and floor.now < floor.fleet.times.start_ns + SECOND:
-        floor.report("R1", MOVING)
-        floor.report("R2", ARMED)
-        floor.report("R3", MOVING)
-        floor.tick()
-    assert floor.commands[-1].phase == FREEZE
-    assert floor.now <= floor.fleet.times.start_ns + REPORT_TIMEOUT + 2 * COMMAND_PERIOD
-
-
-def test_a_robot_called_lost_that_speaks_again_is_waited_for():
-    floor = Floor().go()
-    for _ in range(8):
-        floor.report("R1", MOVING)
-        floor.report("R3", MOVING)
-        floor.tick()
+def test_a_robot_called_lost_that_speaks_again_drives_on():
+    floor = Floor(rule=chain).go()
+    drive(floor, 3.0, "R1", "R3")
     assert floor.fleet.members["R2"].lost
-    floor.report("R2", BRAKING)
-    floor.report("R1", FROZEN, s_m=1.0)
-    floor.report("R3", FROZEN, s_m=1.0)
-    floor.tick()
-    assert not floor.fleet.is_settled(floor.now)
-    floor.report("R2", FROZEN, s_m=0.5)
-    assert floor.fleet.is_settled(floor.now)
+    drive(floor, 20.0, "R1", "R2", "R3")
+    assert not floor.fleet.members["R2"].lost
+    assert floor.commands[-1].phase == GO
+    assert told_of(floor, "back") != []
 
 
-def test_a_fault_report_freezes_the_fleet_at_once():
+def test_a_robot_with_a_fault_is_told_of_at_once_and_the_others_drive_on():
     floor = Floor().go()
-    (sent,) = floor.report("R2", BRAKING, fault=LATE)
-    assert decode("command", sent.payload).phase == FREEZE
-    assert "behind its plan" in floor.fleet.incidents[-2].text
+    floor.report("R2", BRAKING, fault=OFF_PATH)
+    assert told_of(floor) == ["R2 stopped: off its path"]
+    for _ in range(200):
+        floor.report("R1", MOVING)
+        floor.report("R2", FROZEN, fault=OFF_PATH)
+        floor.report("R3", MOVING)
+        floor.tick()
+    assert floor.commands[-1].phase == GO
 
 
-def test_a_robot_that_stops_without_a_word_freezes_the_fleet():
+def test_robots_that_have_stopped_get_a_new_plan_when_nobody_else_is_under_way():
     floor = Floor().go()
-    (sent,) = floor.report("R2", FROZEN)
-    assert decode("command", sent.payload).phase == FREEZE
+    floor.report("R1", DONE)
+    floor.report("R2", FROZEN, fault=OFF_PATH)
+    drive(floor, 30.0, "R3")
+    assert floor.commands[-1].phase == GO
+    floor.report("R3", DONE)
+    drive(floor, 30.0)
+    assert floor.commands[-1].phase == FREEZE
+
+
+def test_stop_stops_everybody_and_the_plan_goes_on_where_it_was():
+    floor = Floor().go()
+    drive(floor, 5.0, "R1", "R2", "R3")
+    before = floor.commands[-1]
+    stopped = floor.now
+    floor.take(floor.fleet.stop(floor.now))
+    drive(floor, 60.0, "R1", "R2", "R3")
+    assert {one.phase for one in floor.commands if one.said_ns > stopped} == {STOP}
+    assert floor.commands[-1].headroom_ms == 0
+    floor.take(floor.fleet.go_on(floor.now))
+    after = floor.commands[-1]
+    assert (after.phase, after.epoch) == (GO, before.epoch)
+    assert after.start_ns - before.start_ns == floor.now - stopped + GO_LEAD
+    drive(floor, 5.0, "R1", "R2", "R3")
+    assert floor.commands[-1].phase == GO
+    assert told_of(floor) == []
+
+
+def test_no_robot_is_told_more_than_the_log_says_ahead():
+    floor = Floor().go()
+    floor.allowed_ms = 4_000
+    drive(floor, 10.0, "R1", "R2", "R3")
+    said = floor.commands[-1]
+    assert (said.said_ns - said.start_ns) // 1_000_000 + said.headroom_ms == 4_000
 
 
 def test_a_robot_that_died_at_its_goal_harms_nobody():
@@ -146,14 +208,20 @@ def test_a_robot_that_died_at_its_goal_harms_nobody():
     assert floor.commands[-1].phase == OVER
 
 
-def test_a_fleet_that_does_not_arrive_in_time_is_frozen():
-    floor = Floor().go()
-    floor.now += GO_LEAD + DURATION + TASK_GRACE
-    floor.tick()
-    for _ in range(2):
-        floor.everybody(MOVING)
+def test_a_robot_that_does_not_get_on_although_nobody_holds_it_is_planned_anew_if_it_holds_others():
+    floor = Floor(rule=chain).go()
+    drive(floor, 6.0, "R1", "R2", "R3")
+    began = floor.now
+    late = 0
+    while floor.commands[-1].phase == GO:
+        late += 2
+        floor.report("R1", MOVING, late=late)
+        floor.report("R2", MOVING, late=late)
+        floor.report("R3", MOVING)
         floor.tick()
-    assert floor.commands[-1].phase == FREEZE
+    patience_ms = STUCK_MS + HELD_PATIENCE // 1_000_000
+    assert patience_ms <= (floor.now - began) // 1_000_000 <= patience_ms + 3_000
+    assert told_of(floor) == ["R2 does not get on"]
 
 
 def test_when_all_have_arrived_the_end_is_said_several_times():
@@ -168,15 +236,15 @@ def test_when_all_have_arrived_the_end_is_said_several_times():
 
 def test_a_frozen_fleet_is_settled_when_the_living_have_said_where_they_rest():
     floor = Floor().go()
-    floor.report("R1", MOVING)
-    floor.report("R2", BRAKING, fault=LATE)
+    floor.fleet._turn("robot failed", floor.now)
+    floor.report("R2", BRAKING, fault=OFF_PATH)
     floor.report("R1", FROZEN, s_m=1.0)
     floor.report("R3", FROZEN)
     floor.tick()
     assert floor.commands[-1].wanted == ("R3",)
     assert not floor.fleet.is_settled(floor.now)
     floor.report("R3", FROZEN, s_m=2.5)
-    floor.report("R2", FROZEN, fault=LATE, s_m=0.5)
+    floor.report("R2", FROZEN, fault=OFF_PATH, s_m=0.5)
     floor.tick()
     assert floor.commands[-1].wanted == ()
     assert floor.fleet.is_settled(floor.now)
@@ -184,15 +252,17 @@ def test_a_frozen_fleet_is_settled_when_the_living_have_said_where_they_rest():
 
 def test_a_frozen_fleet_does_not_wait_for_the_dead_or_for_ever():
     floor = Floor().go()
+    floor.fleet._turn("robot failed", floor.now)
     floor.report("R1", FROZEN, s_m=1.0)
     floor.report("R2", FROZEN, s_m=1.0)
     floor.report("R3", BRAKING)
-    for _ in range(10):
+    for _ in range(15):
         floor.report("R1", FROZEN)
         floor.report("R2", FROZEN)
         floor.tick()
     assert floor.fleet.is_settled(floor.now)
     stubborn = Floor().go()
+    stubborn.fleet._turn("robot failed", stubborn.now)
     stubborn.everybody(BRAKING)
     for _ in range((FREEZE_PATIENCE + 2 * SECOND) // COMMAND_PERIOD + 1):
         stubborn.everybody(BRAKING)
@@ -202,8 +272,8 @@ def test_a_frozen_fleet_does_not_wait_for_the_dead_or_for_ever():
 
 def test_reports_of_other_boots_and_older_sequences_change_nothing():
     floor = Floor().go()
-    floor.report("R1", BRAKING, boot=9, fault=LATE)
-    floor.report("R1", BRAKING, fault=LATE, sequence=0)
+    floor.report("R1", BRAKING, boot=9, fault=OFF_PATH)
+    floor.report("R1", BRAKING, fault=OFF_PATH, sequence=0)
     floor.tick()
     assert floor.commands[-1].phase == GO
 
@@ -212,7 +282,7 @@ def test_reports_of_other_boots_and_older_sequences_change_nothing():
     ("key", "payload"),
     [
         ("splinefleet/hall/report/R1", b"\x00garbage"),
-        ("splinefleet/hall/report/R1", encode(Hello(1, 1))),
+        ("splinefleet/hall/report/R1", encode(Hello(2, 1))),
         ("splinefleet/hall/nonsense/R1", b""),
         ("splinefleet/other/report/R1", encode(Report(1, 1, 1, 1))),
         ("elsewhere", b""),
@@ -229,7 +299,7 @@ def test_bad_bytes_are_counted_and_change_nothing(key, payload):
 
 
 def test_every_cell_of_the_table_that_is_not_listed_changes_nothing():
-    for phase, event in itertools.product((HOLD, GO, FREEZE, OVER), get_args(Event)):
+    for phase, event in itertools.product((HOLD, GO, FREEZE, OVER, STOP), get_args(Event)):
         fleet = Floor().fleet
         fleet.phase = phase
         fleet._turn(event, 0)
@@ -240,18 +310,15 @@ def test_all_robots_whose_links_go_at_once_are_told_of():
     floor = Floor().go()
     for robot in ("R1", "R2"):
         floor.take(floor.fleet.hear(keys.alive("hall", robot), LINK_GONE, floor.now))
-    for _ in range(20):
-        floor.report("R3", FROZEN, s_m=1.0)
-        floor.tick()
-    told = [one.text for one in floor.fleet.incidents if one.kind == "fault"]
-    assert told == ["R1 has lost its link", "R2 has lost its link"]
+    drive(floor, 2.0, "R3")
+    assert told_of(floor) == ["R1 has lost its link", "R2 has lost its link"]
 
 
 def test_a_robot_that_falls_silent_while_the_fleet_freezes_is_told_of_once():
     floor = Floor().go()
+    floor.fleet._turn("robot failed", floor.now)
     floor.take(floor.fleet.hear(keys.alive("hall", "R1"), LINK_GONE, floor.now))
     for _ in range(20):
         floor.report("R3", FROZEN, s_m=1.0)
         floor.tick()
-    told = [one.text for one in floor.fleet.incidents if one.kind == "fault"]
-    assert told == ["R1 has lost its link", "R2 has fallen silent"]
+    assert told_of(floor) == ["R1 has lost its link", "R2 has fallen silent"]

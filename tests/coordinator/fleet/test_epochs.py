@@ -19,20 +19,18 @@ from protocol.phases import (
     GO,
     HOLD,
     IDLE,
-    LATE,
-    LEASE_OUT,
     MOVING,
     OFF_PATH,
     OVER,
 )
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
 from tests.coordinator.fleet.fleet_floor import (
-    DURATION,
     NAMES,
     PARTS,
     Floor,
     adopt,
     frozen_but,
+    grants,
     state_of,
 )
 
@@ -43,8 +41,7 @@ def test_a_frozen_fleet_tells_where_its_robots_stand():
     assert (told["R1"].state, told["R1"].s, told["R1"].epoch) == ("rests", 1.25, 1)
     assert (told["R2"].state, told["R2"].s) == ("lost", None)
     assert told["R3"].state == "arrived"
-    heard = floor.fleet.members["R2"].heard_ns - floor.fleet.times.start_ns
-    assert told["R2"].since < heard / SECOND < told["R2"].until
+    assert (told["R2"].since, told["R2"].until) == floor.fleet.bounds("R2")
 
 
 def test_the_next_epoch_holds_sends_its_plans_and_goes_when_its_robots_are_armed():
@@ -85,28 +82,28 @@ def test_a_robot_lost_while_a_later_epoch_arms_freezes_the_fleet_at_the_new_star
 def test_a_robot_that_does_not_arm_in_later_epochs_is_not_fit_after_some_tries():
     floor = frozen_but("R2")
     for epoch in range(2, 2 + STRIKES):
-        floor.fleet.adopt(epoch, {n: PARTS[n] for n in ("R1", "R3")}, DURATION, floor.now)
+        floor.fleet.adopt(epoch, {n: PARTS[n] for n in ("R1", "R3")}, floor.now, grants())
         for _ in range(ARM_PATIENCE // COMMAND_PERIOD + 2):
             floor.report("R1", ARMED, epoch=epoch)
-            floor.report("R3", IDLE, epoch=0, fault=LATE)
+            floor.report("R3", IDLE, epoch=0, fault=OFF_PATH)
             floor.tick()
         assert floor.commands[-1].phase == FREEZE
     assert state_of(floor) == {"R1": "rests", "R3": "unfit"}
 
 
-@pytest.mark.parametrize(("fault", "state"), [(LATE, "unfit"), (LEASE_OUT, "rests")])
-def test_a_robot_that_fails_by_itself_in_some_epochs_is_not_sent_again(fault, state):
+def test_a_robot_that_fails_by_itself_in_some_epochs_is_not_sent_again():
     floor = Floor().go()
     for epoch in range(1, 1 + STRIKES):
-        floor.report("R2", BRAKING, epoch=epoch, fault=fault)
+        floor.report("R2", BRAKING, epoch=epoch, fault=OFF_PATH)
+        floor.fleet._turn("robot failed", floor.now)
         for name in NAMES:
             floor.report(name, FROZEN, epoch=epoch, s_m=0.5)
         if epoch < STRIKES:
-            floor.fleet.adopt(epoch + 1, PARTS, DURATION, floor.now)
+            floor.fleet.adopt(epoch + 1, PARTS, floor.now, grants())
             floor.everybody(ARMED, epoch=epoch + 1)
             floor.tick()
             floor.everybody(MOVING, epoch=epoch + 1)
-    assert state_of(floor) == {"R1": "rests", "R2": state, "R3": "rests"}
+    assert state_of(floor) == {"R1": "rests", "R2": "unfit", "R3": "rests"}
 
 
 def test_a_lost_robot_that_speaks_again_is_asked_where_it_rests_and_told_of():
@@ -122,24 +119,25 @@ def test_a_lost_robot_that_speaks_again_is_asked_where_it_rests_and_told_of():
     assert state_of(floor)["R2"] == "rests"
 
 
-def test_a_link_that_is_gone_freezes_a_moving_fleet_at_once_but_not_one_that_gathers():
+def test_a_robot_whose_link_is_gone_is_lost_at_once_under_way_but_not_while_the_fleet_gathers():
     floor = Floor()
     floor.hello("R1")
-    assert floor.fleet.hear(keys.alive("hall", "R1"), LINK_GONE, floor.now) == []
+    floor.fleet.hear(keys.alive("hall", "R1"), LINK_GONE, floor.now)
+    assert not floor.fleet.members["R1"].lost
     floor = Floor().go()
-    (sent,) = floor.fleet.hear(keys.alive("hall", "R2"), LINK_GONE, floor.now)
-    assert decode("command", sent.payload).phase == FREEZE
+    floor.fleet.hear(keys.alive("hall", "R2"), LINK_GONE, floor.now)
+    assert floor.fleet.phase == GO
     assert floor.fleet.members["R2"].lost
     assert floor.fleet.hear(keys.alive("hall", "R3"), LINK_UP, floor.now) == []
 
 
 @pytest.mark.parametrize(
-    ("boot", "epoch", "gives_way"),
+    ("boot", "term", "gives_way"),
     [(99, 1, True), (5, 1, False), (5, 2, True), (99, 0, False), (77, 5, False)],
 )
-def test_of_two_coordinators_the_higher_epoch_then_boot_id_wins(boot, epoch, gives_way):
+def test_of_two_coordinators_the_higher_term_then_boot_id_wins(boot, term, gives_way):
     floor = Floor().go()
-    command = encode(Command(boot, 1, epoch, GO, 0))
+    command = encode(Command(boot, term, 1, 1, GO, 0, 0))
     floor.fleet.hear(keys.command("hall"), command, floor.now)
     assert floor.fleet.superseded == gives_way
     assert ("another coordinator" in floor.fleet.incidents[-1].text) == gives_way
@@ -163,7 +161,8 @@ def test_where_a_robot_rested_in_an_earlier_epoch_says_nothing_once_it_was_sent_
     floor.tick()
     assert floor.commands[-1].phase == GO
     floor.hear(keys.report("hall", "R1"), Report(1, next(floor.sequence), 2, MOVING, 0, Rest(1, 1)))
-    floor.report("R3", BRAKING, epoch=2, fault=LATE)
+    floor.report("R3", BRAKING, epoch=2, fault=OFF_PATH)
+    floor.fleet._turn("robot failed", floor.now)
     floor.tick()
     assert not floor.fleet.is_settled(floor.now)
     floor.report("R1", FROZEN, epoch=2, s_m=0.75)
@@ -174,19 +173,21 @@ def test_where_a_robot_rested_in_an_earlier_epoch_says_nothing_once_it_was_sent_
 
 def test_a_robot_lost_while_it_brakes_may_stand_where_it_last_kept_to_its_plan():
     floor = Floor().go()
-    kept = floor.now
-    for _ in range(9):
+    for _ in range(10):
         floor.tick()
+        floor.everybody(MOVING)
+    since, until = floor.fleet.bounds("R2")
+    assert 0.0 < since < until
+    floor.report("R2", BRAKING, fault=OFF_PATH)
+    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
         floor.report("R1", MOVING)
         floor.report("R3", MOVING)
-        floor.report("R2", BRAKING, fault=LATE)
-    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
-        floor.report("R1", FROZEN, s_m=1.0)
-        floor.report("R3", FROZEN, s_m=1.0)
         floor.tick()
+    floor.fleet._turn("robot failed", floor.now)
     told = {standing.robot: standing for standing in floor.fleet.standings()}
     assert told["R2"].state == "lost"
-    assert told["R2"].since <= (kept - floor.fleet.times.start_ns) / SECOND
+    assert told["R2"].since == since
+    assert until <= told["R2"].until <= since + 3.5
 
 
 @pytest.mark.parametrize("epoch", [0, 2, 4_000_000_000])
@@ -204,15 +205,47 @@ def test_a_fault_without_a_name_is_told_by_its_number():
     assert any("fault 7" in incident.text for incident in floor.fleet.incidents)
 
 
-def test_a_coordinator_that_goes_on_takes_an_epoch_above_all_and_ends_where_one_is_missing():
+def test_a_coordinator_that_takes_over_goes_on_in_the_same_epoch_with_a_higher_term():
     floor = Floor().go()
+    floor.tick()
+    before = floor.commands[-1]
     floor.fleet.superseded = True
-    for boot, epoch in ((78, 3), (79, 4)):
+    for boot, term in ((78, 2), (79, 3)):
         floor.fleet.take_over(boot, floor.now, floor.now)
         floor.tick()
-        assert (floor.commands[-1].boot, floor.commands[-1].epoch) == (boot, epoch)
+        said = floor.commands[-1]
+        assert (said.boot, said.term, said.epoch, said.phase) == (boot, term, 1, GO)
     assert not floor.fleet.superseded
-    floor.hear(keys.report("hall", "R1"), Report(1, 999, 5, FROZEN, 0, Rest(1.0, 5)))
+    assert said.start_ns > before.start_ns
+
+
+@pytest.mark.parametrize("phase", [MOVING, FROZEN])
+def test_a_coordinator_that_took_over_ends_where_its_log_lacks_an_epoch(phase):
+    floor = Floor().go()
+    floor.fleet.take_over(78, floor.now, floor.now)
+    floor.hear(keys.report("hall", "R1"), Report(1, 999, 5, phase))
+    assert floor.fleet.superseded
+
+
+def test_a_coordinator_that_took_over_ends_where_its_log_lacks_the_start():
+    floor = Floor()
+    for name in NAMES:
+        floor.hello(name)
+    floor.fleet.take_over(78, floor.now, floor.now)
+    assert floor.fleet.phase == HOLD
+    floor.report("R1", MOVING)
+    assert floor.fleet.superseded
+
+
+def test_a_coordinator_that_took_over_ends_where_a_robot_is_farther_than_its_log_allows():
+    floor = Floor().go()
+    floor.fleet.allowed_ms = 3_000
+    floor.fleet.take_over(78, floor.now, floor.now)
+    near = Report(1, 998, 1, MOVING, stamp_ms=3_000, late=1)
+    floor.hear(keys.report("hall", "R1"), near)
+    assert not floor.fleet.superseded
+    far = Report(1, 999, 1, MOVING, stamp_ms=9_000, late=1)
+    floor.hear(keys.report("hall", "R1"), far)
     assert floor.fleet.superseded
 
 
@@ -220,10 +253,11 @@ def test_nobody_waits_in_a_later_epoch_for_a_robot_that_died_while_the_coordinat
     floor = Floor().go()
     floor.now += REPORT_TIMEOUT + 4 * COMMAND_PERIOD
     floor.tick(0)
-    while floor.fleet.phase == GO:
+    while not floor.fleet.members["R2"].lost:
         floor.tick()
         floor.report("R1", MOVING)
         floor.report("R3", MOVING)
+    floor.fleet._turn("robot failed", floor.now)
     for name in ("R1", "R3"):
         floor.report(name, FROZEN, s_m=1.25)
     adopt(floor, "R1", "R3")
@@ -251,22 +285,12 @@ def test_nobody_is_called_lost_who_had_no_time_to_be_heard_since_the_coordinator
     assert floor.fleet.members["R1"].lost
 
 
-def test_a_robot_that_arms_and_does_not_set_out_three_times_is_left_where_it_stands():
+def test_a_robot_that_lost_its_plan_before_it_set_out_is_sent_it_again():
     floor = Floor().go()
-    for epoch in range(1, STRIKES + 1):
-        while floor.fleet.phase == GO:
-            floor.report("R1", MOVING, epoch=epoch)
-            floor.report("R2", ARMED, epoch=epoch)
-            floor.report("R3", MOVING, epoch=epoch)
-            floor.tick()
-        assert floor.fleet.incidents[-2].text == "R2 has not set out"
-        floor.everybody(FROZEN, epoch=epoch, s_m=0.5)
-        floor.tick()
-        assert floor.fleet.is_settled(floor.now)
-        assert state_of(floor)["R2"] == ("rests" if epoch < STRIKES else "unfit")
-        floor.take(floor.fleet.adopt(epoch + 1, PARTS, DURATION, floor.now))
-        floor.everybody(ARMED, epoch=epoch + 1)
-        floor.tick()
+    floor.now += SECOND
+    (sent,) = floor.report("R2", IDLE, epoch=0)
+    assert sent.payload == floor.fleet.members["R2"].plan
+    assert floor.report("R2", FROZEN, epoch=0) == []
 
 
 @pytest.mark.parametrize("news", ["gone", "silent"])
@@ -283,7 +307,7 @@ def test_a_robot_without_a_part_that_dies_is_not_counted_on(news):
         floor.tick()
     assert floor.fleet.phase == GO
     assert state_of(floor)["R3"] == "rests"
-    floor.report("R1", BRAKING, epoch=2, fault=OFF_PATH)
+    floor.fleet._turn("robot failed", floor.now)
     floor.report("R1", FROZEN, epoch=2, s_m=0.5)
     floor.tick()
     floor.tick()

@@ -5,9 +5,9 @@ import pytest
 
 from coordinator.fleet.grants import Grants
 from coordinator.plan.staircases import Staircases
-from protocol.messages import MOST_HELD, Report
-from protocol.phases import FREEZE, FROZEN, GO, LATE, MOVING
-from protocol.timing import LATE_STEP_MS
+from protocol.messages import MOST_HELD, MOST_ROBOTS, Command, Report
+from protocol.phases import DONE, GO, MOVING
+from protocol.timing import LATE_STEP_MS, MILLISECOND
 from tests.coordinator.fleet.fleet_floor import NAMES, Floor
 
 HEADROOM = 1_000
@@ -26,59 +26,100 @@ def report(stamp_ms, late=0, sequence=1):
     return Report(1, sequence, 1, MOVING, stamp_ms=stamp_ms, late=late)
 
 
+FAR = 10**9
+
+
+def state(grants, now_ms):
+    """What one Command states: up to when all may drive, and who has less."""
+    (stated,) = grants.grant(now_ms, FAR)
+    return now_ms + stated.headroom_ms, stated.held
+
+
 def test_robots_that_meet_nobody_get_the_headroom():
     grants = Grants(staircases(), ["R1", "R2"], HEADROOM)
-    assert grants.grant(2_000) == (3_000, ())
+    assert state(grants, 2_000) == (3_000, ())
 
 
 def test_a_robot_that_says_nothing_is_granted_no_more_than_the_slack_and_is_named():
     grants = Grants(staircases(), ["R1", "R2"], HEADROOM)
     for now in range(0, 10_000, 100):
-        stated = grants.grant(now)
+        stated = state(grants, now)
         grants.hear("R1", report(now))
-    assert stated == (10_900, (("R2", 3_000),))
+    assert stated == (10_900, ((1, 3_000),))
 
 
 def test_the_one_behind_is_held_until_the_one_ahead_says_that_it_has_passed():
     grants = Grants(staircases((0, 1, 4_000, 3_000)), ["R1", "R2"], HEADROOM)
     for now in range(0, 6_000, 100):
-        grants.grant(now)
+        state(grants, now)
         grants.hear("R2", report(now))
         grants.hear("R1", report(now, late=-(-max(now - 2_000, 0) // LATE_STEP_MS)))
-    assert grants.grant(6_000).held == (("R2", 3_999), ("R1", 5_000))
+    assert state(grants, 6_000)[1] == ((0, 5_000), (1, 3_999))
+    assert [(one.robot, one.by) for one in grants.held()] == [("R2", "R1")]
     grants.hear("R1", report(6_000, late=2_950 // LATE_STEP_MS))
-    assert ("R2", 3_999) not in grants.grant(6_100).held
+    assert (1, 3_999) not in state(grants, 6_100)[1]
 
 
 def test_reports_of_strangers_and_reports_without_a_stamp_say_nothing():
     grants = Grants(staircases(), ["R1"], HEADROOM)
-    grants.grant(0)
-    grants.hear("R9", report(5_000))
-    grants.hear("R1", report(None))
-    assert grants.grant(9_000) == (10_000, (("R1", 3_000),))
+    state(grants, 0)
+    assert grants.hear("R9", report(5_000))
+    assert grants.hear("R1", report(None))
+    assert state(grants, 9_000) == (10_000, ((0, 3_000),))
 
 
-@pytest.mark.parametrize("more", [0, 1, 40])
-def test_those_that_a_command_cannot_name_are_granted_no_more_than_the_rule(more):
-    """More robots fall silent, one after another, than a Command can name."""
+def test_a_robot_that_claims_more_than_it_was_told_is_not_believed():
+    grants = Grants(staircases(), ["R1"], HEADROOM)
+    state(grants, 0)
+    assert not grants.hear("R1", report(60_000, late=1))
+    assert grants.bounds("R1") == (1.0, 1.0)
+
+
+def test_a_robot_at_its_goal_is_not_named_though_it_says_nothing_more():
+    grants = Grants(staircases(), ["R1"], HEADROOM)
+    state(grants, 0)
+    grants.hear("R1", Report(1, 1, 1, DONE, stamp_ms=900))
+    assert state(grants, 90_000) == (91_000, ())
+
+
+def test_what_another_coordinator_may_have_told_bounds_where_a_robot_is_and_grants_nothing():
+    grants = Grants(staircases(), ["R1"], HEADROOM)
+    state(grants, 0)
+    grants.lose_sight(7_000)
+    assert grants.bounds("R1") == (0.0, 7.0)
+    assert state(grants, 100) == (1_100, ())
+    assert grants.hear("R1", report(6_000, late=2))
+    assert grants.bounds("R1") == (5.9, 7.0)
+
+
+@pytest.mark.parametrize("more", [0, 1, 40, 250])
+def test_those_that_one_command_cannot_name_are_named_in_several(more):
+    """Robots fall silent one after another; every Command alone may be the only one heard."""
     count = MOST_HELD + more
     names = [f"R{number}" for number in range(count + 5)]
-    grants, told = Grants(staircases(), names, HEADROOM), dict.fromkeys(names, 0)
+    grants, told = Grants(staircases(), names, HEADROOM), [0] * len(names)
     for now in range(0, 60_000, 100):
-        stated = grants.grant(now)
-        held = dict(stated.held)
-        assert len(held) <= MOST_HELD
+        sent = grants.grant(now, FAR)
+        ranges = [(one.first, one.last) for one in sent]
+        assert [first for first, _ in ranges] == [0, *(last + 1 for _, last in ranges[:-1])]
+        assert ranges[-1][1] == MOST_ROBOTS
+        for one in sent:
+            assert len(one.held) <= MOST_HELD
+            stated = Command(1, 1, 1, 1, GO, 0, now * MILLISECOND, *one)
+            for number in range(len(names)):
+                told[number] = max(told[number], stated.authority_of(number) or 0)
         for number, name in enumerate(names):
-            told[name] = max(told[name], held.get(name, stated.authority_ms))
             if number >= count or now <= 100 * number:
                 grants.hear(name, report(now))
-    for number, name in enumerate(names):
+    assert len(sent) == -(-count // MOST_HELD)
+    for number in range(len(names)):
         last = 100 * number if number < count else 59_900
-        assert told[name] <= last + 2_000 + HEADROOM
+        assert told[number] <= last + 2_000 + HEADROOM
 
 
 def authorities(floor):
-    return [command.authority_ms for command in floor.commands if command.phase == GO]
+    sent = [one for one in floor.commands if one.phase == GO]
+    return [(one.said_ns - one.start_ns) // MILLISECOND + one.headroom_ms for one in sent]
 
 
 def a_floor(*pairs):
@@ -87,16 +128,15 @@ def a_floor(*pairs):
     return floor.go()
 
 
-def test_commands_state_authority_from_go_on_and_none_before_it_or_after_a_freeze():
+def test_commands_grant_authority_from_go_on_and_none_in_other_phases():
     floor = a_floor()
     for _ in range(3):
         floor.everybody(MOVING)
         floor.tick()
     assert authorities(floor) == [600, 700, 800, 900]
-    while floor.commands[-1].phase != FREEZE:
-        floor.tick()
+    floor.take(floor.fleet.stop(floor.now))
     others = [command for command in floor.commands if command.phase != GO]
-    assert {command.authority_ms for command in others} == {None}
+    assert {command.headroom_ms for command in others} == {0}
 
 
 def test_a_report_of_another_epoch_or_process_is_no_progress():
@@ -104,26 +144,10 @@ def test_a_report_of_another_epoch_or_process_is_no_progress():
     for boot, epoch in ((1, 2), (5, 1)):
         wrong = Report(boot, next(floor.sequence), epoch, MOVING, stamp_ms=900)
         floor.hear("splinefleet/hall/report/R1", wrong)
-    floor.everybody(MOVING)
     for _ in range(3):
         floor.tick()
-    assert ("R2", TAU - 1) in floor.commands[-1].held
+    assert (1, TAU - 1) in floor.commands[-1].held
     right = Report(1, next(floor.sequence), 1, MOVING, stamp_ms=250)
     floor.hear("splinefleet/hall/report/R1", right)
     floor.tick()
     assert floor.commands[-1].held == ()
-
-
-@pytest.mark.parametrize(("held", "strikes"), [(True, set()), (False, {1})])
-def test_a_robot_that_is_late_because_others_held_it_gets_no_strike(held, strikes):
-    floor = a_floor(*[(0, 1, 0, 60_000)] * held)
-    for _ in range(12):
-        floor.everybody(MOVING)
-        now = (floor.now - floor.fleet.times.start_ns) // 1_000_000
-        for name in NAMES:
-            stamped = Report(1, next(floor.sequence), 1, MOVING, stamp_ms=now)
-            floor.hear(f"splinefleet/hall/report/{name}", stamped)
-        floor.tick()
-    floor.report("R2", FROZEN, fault=LATE)
-    assert floor.commands[-1].phase == FREEZE
-    assert floor.fleet.members["R2"].struck == strikes

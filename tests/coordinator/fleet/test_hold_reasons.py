@@ -3,9 +3,9 @@
 from coordinator.fleet.hold_reasons import PATIENCE, RollCall, missing_in_words
 from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.member import Member
-from protocol.phases import ARMED, BRAKING, CLOCK_UNSURE, FREEZE, FROZEN, HOLD, IDLE, OFF_PATH
-from protocol.timing import SECOND
-from tests.coordinator.fleet.fleet_floor import Floor
+from protocol.phases import ARMED, BRAKING, CLOCK_UNSURE, FROZEN, HOLD, IDLE, MOVING, OFF_PATH
+from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
+from tests.coordinator.fleet.fleet_floor import Floor, chain
 
 
 def ticks(floor, call, seconds):
@@ -58,7 +58,7 @@ def test_one_that_has_left_or_fallen_silent_is_told_so():
     for robot in ("R1", "R2", "R3"):
         floor.hello(robot)
     floor.fleet.hear("splinefleet/hall/alive/R1", LINK_GONE, floor.now)
-    for _ in range(10):
+    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
         floor.tick()
         floor.report("R3", IDLE)
     assert missing_in_words(floor.fleet, floor.now) == (
@@ -68,12 +68,35 @@ def test_one_that_has_left_or_fallen_silent_is_told_so():
 
 def test_a_frozen_fleet_tells_who_has_not_said_where_it_rests():
     floor, call = Floor().go(), RollCall()
-    floor.report("R1", BRAKING, fault=OFF_PATH)
-    assert floor.fleet.phase == FREEZE
+    floor.fleet._turn("robot failed", floor.now)
     floor.report("R1", FROZEN, s_m=1.0)
     floor.report("R2", FROZEN, s_m=1.0)
     floor.report("R3", BRAKING)
     assert ticks(floor, call, 1.5) == ["FREEZE, waiting for R3: has not said where it rests"]
+
+
+def test_who_is_held_by_whom_is_told_once_it_has_lasted():
+    floor, call = Floor(rule=chain).go(), RollCall()
+    told = []
+    for step in range(60):
+        for robot in ("R1", "R2", "R3"):
+            late = max(2 * (step - 20), 0) if robot != "R3" else 0
+            floor.report(robot, MOVING, late=late)
+        floor.tick()
+        told += filter(None, [call.news(floor.fleet, floor.now)])
+    assert told == ["GO, waiting for R1: held by R2, which is late"]
+
+
+def test_who_is_held_by_a_lost_robot_is_told_so():
+    floor, call = Floor(rule=chain).go(), RollCall()
+    told = []
+    for step in range(70):
+        for robot in ("R1", "R2", "R3"):
+            if robot != "R2" or step < 20:
+                floor.report(robot, MOVING)
+        floor.tick()
+        told += filter(None, [call.news(floor.fleet, floor.now)])
+    assert told[0] == "GO, waiting for R1: held by R2, which is not heard"
 
 
 def test_a_line_names_ten_and_counts_the_others():

@@ -21,7 +21,7 @@ from coordinator.fleet.lanes import DEPTH, Bucket, Lanes, Rate
 from coordinator.fleet.log_records import LINK_GONE
 from protocol import keys
 from protocol.codec import encode
-from protocol.messages import MAX_MESSAGE_BYTES, Clock, Hello, Pace, Report
+from protocol.messages import MAX_MESSAGE_BYTES, Clock, Hello, Report
 from protocol.phases import MOVING
 from protocol.timing import CLOCK_PERIOD_FAST, MILLISECOND, REPORT_PERIOD, SECOND
 
@@ -118,12 +118,10 @@ def test_news_of_a_link_stay_in_order_with_the_reports():
 
 
 def said_by_an_honest_robot(seconds, tick_ns=10 * MILLISECOND):
-    """Yield times and messages of a robot that changes its state at every tick, and is late."""
+    """Yield times and messages of a robot that changes its state at every tick."""
     for now in range(0, round(seconds * SECOND), tick_ns):
         yield now, report("R1", now // MILLISECOND)
         if now % REPORT_PERIOD == 0:
-            pace = encode(Pace(5, 1, 1))
-            yield now, Arrival(keys.report("hall", "R1"), pace, None)
             yield now, Arrival(keys.hello("hall", "R1"), encode(Hello(1, 5)), None)
         if now % CLOCK_PERIOD_FAST == 0:
             yield now, Arrival(keys.clock("hall", "R1"), encode(Clock(5, now)), None)

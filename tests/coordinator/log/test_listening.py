@@ -56,12 +56,12 @@ def test_everything_below_the_fleets_name_is_recorded_with_its_stamp(tmp_path):
     recording.begin(link, "f")
     (hear, change) = link.handlers["splinefleet/f/**"], link.handlers["splinefleet/f/alive/*"]
     change(keys.alive("f", "R1"), True)
-    hear(COMMAND, encode(Command(9, 1, 1, GO, 5)), 10**18)
+    hear(COMMAND, encode(Command(9, 1, 1, 1, GO, 5, 5)), 10**18)
     hear(REPORT, encode(Report(1, 1, 1, MOVING)), None)
     hear("splinefleet/f/pose/R1/x", b"junk", None)
     hear(COMMAND, b"\xc1", None)
     assert not recording.listener.over.is_set()
-    hear(COMMAND, encode(Command(9, 2, 1, OVER, 0)), None)
+    hear(COMMAND, encode(Command(9, 1, 2, 1, OVER, 0, 0)), None)
     change(keys.alive("f", "R1"), False)
     recording.wait()
     assert recording.close() == len(read_log(path).records) == 7
@@ -85,7 +85,7 @@ def test_who_hears_nothing_is_told_so_once(tmp_path, monkeypatch, fleet):
     def speak():
         told.append("silence")
         for hear in list(link.handlers.values())[:1]:
-            hear(COMMAND, encode(Command(9, 1, 1, OVER, 0)), None)
+            hear(COMMAND, encode(Command(9, 1, 1, 1, OVER, 0, 0)), None)
 
     recording = Recording(tmp_path / "run.mcap", silence=speak)
     recording.begin(link, fleet)
@@ -106,10 +106,10 @@ def test_what_a_fleet_says_before_its_first_command_is_recorded_with_its_time(tm
     hear(keys.hello("g", "R1"), b"of another fleet", None)
     hear(REPORT, encode(Report(1, 1, 1, MOVING)), None)
     before = recording._clock()
-    hear(COMMAND, encode(Command(9, 1, 1, GO, 5)), None)
+    hear(COMMAND, encode(Command(9, 1, 1, 1, GO, 5, 5)), None)
     thread.join()
     hear(keys.report("g", "R1"), b"of another fleet", None)
-    hear(COMMAND, encode(Command(9, 2, 1, OVER, 0)), None)
+    hear(COMMAND, encode(Command(9, 1, 2, 1, OVER, 0, 0)), None)
     recording.wait()
     assert (names, recording.close()) == (["f"], 4)
     log = read_log(path)
@@ -132,7 +132,7 @@ def test_another_hosts_clock_is_told_by_the_answers_about_the_time(tmp_path, mon
         answered = now[0] - ahead - (1_000_000 if i else 90_000_000)
         hear(keys.clock("f", "R1"), encode(Clock(1, i, answered, answered)), None)
     start = now[0] - ahead
-    hear(COMMAND, encode(Command(9, 1, 1, GO, start)), None)
+    hear(COMMAND, encode(Command(9, 1, 1, 1, GO, start, start)), None)
     now[0] += 2_000_000_000
     hear(REPORT, encode(Report(1, 1, 1, 5)), None)
     recording.close()
@@ -169,7 +169,7 @@ def test_a_file_that_cannot_be_written_is_told_at_the_beginning_or_at_the_close(
 def test_a_fleet_on_zenoh_is_recorded_whole_by_one_who_found_it_by_itself(tmp_path):
     endpoint, path = free_endpoint(), tmp_path / "run.mcap"
     recording, names = Recording(path), []
-    command = [encode(Command(9, i, 1, GO, 0)) for i in range(50)]
+    command = [encode(Command(9, 1, i, 1, GO, 0, 0)) for i in range(50)]
     report = [encode(Report(1, i, 1, MOVING)) for i in range(50)]
     with ZenohTransport.listen(endpoint) as coordinator, ZenohTransport.connect(endpoint) as robot:
         robot.declare_alive(keys.alive("f", "R1"))
@@ -187,7 +187,7 @@ def test_a_fleet_on_zenoh_is_recorded_whole_by_one_who_found_it_by_itself(tmp_pa
                 # A sender drops what a link does not take in half a millisecond.
                 recording.listener.over.wait(0.005)
             while not recording.listener.over.wait(0.02):
-                coordinator.put(COMMAND, encode(Command(9, 99, 1, OVER, 0)))
+                coordinator.put(COMMAND, encode(Command(9, 1, 99, 1, OVER, 0, 0)))
             recording.wait()
         recording.close()
     assert names == ["f"]

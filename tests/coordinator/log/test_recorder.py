@@ -13,10 +13,18 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap.writer import Writer
 
 from coordinator.base.errors import InputError, LogError
+from coordinator.fleet.log_records import (
+    TOLD_TO_GO_ON,
+    TOLD_TO_STOP,
+    ahead_key,
+    ahead_record,
+    told_key,
+)
 from coordinator.log import recorder as recorder_module
 from coordinator.log.recorder import Attachment, Recorder
 from protocol import codec, keys, schema
 from protocol.messages import Command, Report
+from tests.json_schema import problems
 
 WALL = 1_700_000_000_000_000_000
 SCENARIO = Attachment("scenario.json", "application/json", b'{"name": "x"}')
@@ -32,7 +40,7 @@ def test_the_stock_reader_finds_every_message_with_both_stamps_and_its_schema(tm
     report = codec.encode(Report(1, 7, 1, 2))
     with open_log(path) as log:
         log.record(keys.report("f", "R1"), report, 5_000, sent_ns=WALL + 4_000)
-        log.record(keys.command("f"), codec.encode(Command(1, 1, 1, 0, 0)), 6_000)
+        log.record(keys.command("f"), codec.encode(Command(1, 1, 1, 1, 0, 0, 0)), 6_000)
         log.record(keys.report("f", "R1"), report, 7_000)
     with path.open("rb") as stream:
         found = list(make_reader(stream, validate_crcs=True).iter_messages())
@@ -49,6 +57,41 @@ def test_the_stock_reader_finds_every_message_with_both_stamps_and_its_schema(tm
         ("splinefleet.Report", "jsonschema"),
         ("splinefleet.Command", "jsonschema"),
     ]
+
+
+@pytest.mark.parametrize(
+    ("key", "payloads", "encoding", "name"),
+    [
+        (ahead_key("f"), [ahead_record(9_800), ahead_record(-1)], "msgpack", "splinefleet.Ahead"),
+        (told_key("f"), [TOLD_TO_STOP, TOLD_TO_GO_ON], "json", "splinefleet.Told"),
+    ],
+    ids=["ahead", "told"],
+)
+def test_what_a_fleet_may_be_told_and_what_it_was_told_have_schemas(
+    tmp_path, key, payloads, encoding, name
+):
+    path = tmp_path / "run.mcap"
+    with open_log(path) as log:
+        for payload in payloads:
+            log.record(key, payload, 1)
+    with path.open("rb") as stream:
+        found = list(make_reader(stream).iter_messages())
+    assert [message.data for _, _, message in found] == payloads
+    for described, channel, message in found:
+        assert (channel.message_encoding, described.name) == (encoding, name)
+        value = getattr(msgspec, encoding).decode(message.data)
+        assert list(problems(json.loads(described.data), value)) == []
+        assert list(problems(json.loads(described.data), None))
+
+
+def test_what_nobody_tells_a_fleet_is_on_a_channel_without_a_schema(tmp_path):
+    path = tmp_path / "run.mcap"
+    with open_log(path) as log:
+        log.record(told_key("f"), b'"dance"', 1)
+    with path.open("rb") as stream:
+        ((described, channel, _),) = make_reader(stream).iter_messages()
+    assert described is None
+    assert channel.message_encoding == "application/octet-stream"
 
 
 def test_metadata_and_attachments_are_in_the_file_before_the_first_message(tmp_path):
@@ -209,7 +252,7 @@ def test_a_schema_names_every_field_of_its_message():
         "clock": "splinefleet.Clock",
         "admit": "splinefleet.Admit",
     }
-    assert set(json.loads(schema.json_schema("plan"))["$defs"]) == {"Plan", "Refusal", "NewTimes"}
+    assert set(json.loads(schema.json_schema("plan"))["$defs"]) == {"Plan", "Refusal"}
 
 
 def test_what_waits_for_a_disk_that_hangs_is_bounded_and_what_is_missing_is_told(

@@ -1,18 +1,16 @@
 """Which plans a listener has not heard, by what the robots say that they hold."""
 
+import msgspec
 import pytest
 
 from coordinator.log.unheard_plans import UnheardPlans
-from protocol.messages import Command, NewTimes, Pace, Plan, Report
+from protocol.messages import Command, Refusal, Report
 from protocol.phases import GO, HOLD, MOVING
+from tests.protocol.test_wire_format import a_plan
 
 
 def plan(epoch, robot):
-    return Plan(epoch, 5, robot, 0, 25, 0, 3, b"", b"", b"", b"", b"", b"", 0)
-
-
-def times(epoch, revision):
-    return NewTimes(epoch, 5, revision, 0, b"", b"", b"", 0)
+    return msgspec.structs.replace(a_plan(), epoch=epoch, boot=5, robot=robot)
 
 
 def report(epoch):
@@ -23,7 +21,7 @@ def report(epoch):
 def unheard():
     """What is known of an epoch 2 in which R1 was heard to get its plan."""
     known = UnheardPlans()
-    known.take(Command(5, 1, 2, GO, 0), "")
+    known.take(Command(5, 1, 1, 2, GO, 0, 0), "")
     known.take(plan(2, "R1"), "R1")
     known.take(report(2), "R1")
     return known
@@ -50,30 +48,19 @@ def test_a_robot_that_holds_an_earlier_plan_or_none_is_not_missing(unheard):
 
 
 def test_who_slept_through_an_epoch_lacks_the_next_plans_of_all_who_hold_them(unheard):
-    unheard.take(Command(5, 90, 3, HOLD, 0), "")
+    unheard.take(Command(5, 1, 90, 3, HOLD, 0, 0), "")
     assert unheard.robots == set()
     unheard.take(report(3), "R1")
     unheard.take(report(3), "R2")
     assert unheard.robots == {"R1", "R2"}
 
 
-def test_new_times_that_a_robot_holds_are_missing_until_they_are_heard(unheard):
-    unheard.take(Pace(7, 2, 1), "R1")
-    assert unheard.robots == {"R1"}
-    assert unheard.is_news(times(2, 1), "R1")
-    unheard.take(times(2, 1), "R1")
-    unheard.take(report(2), "R1")
-    assert unheard.robots == set()
-
-
-def test_times_are_no_news_before_their_plan(unheard):
-    unheard.take(report(2), "R2")
-    unheard.take(Pace(7, 2, 1), "R2")
-    assert not unheard.is_news(times(2, 1), "R2")
-    unheard.take(times(2, 1), "R2")
-    unheard.take(plan(2, "R2"), "R2")
-    assert unheard.robots == {"R2"}
-    assert unheard.is_news(times(2, 1), "R2")
+def test_only_a_plan_of_a_later_epoch_is_news(unheard):
+    assert not unheard.is_news(plan(1, "R1"), "R1")
+    assert not unheard.is_news(plan(2, "R1"), "R1")
+    assert unheard.is_news(plan(3, "R1"), "R1")
+    assert not unheard.is_news(report(3), "R1")
+    assert not unheard.is_news(Refusal(7, "no"), "R2")
 
 
 def test_the_coordinator_is_asked_at_most_twice_a_second(unheard):

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from coordinator.base.errors import InputError
 from coordinator.cli.plan_commands import commands
 from coordinator.findings.plan_table import render_proof
+from coordinator.fleet.log_records import ahead_key, ahead_record
 from coordinator.log.records import Log, Record
 from coordinator.plan.document import PlanDocument, Stop
 from coordinator.plan.plan_file import from_json, to_json
@@ -102,7 +103,6 @@ less than none lost | link.loss = -0.1 | link.loss | is -0.1, must be from 0 to 
 a delay of an hour | link.delay = 3600 | link.delay | is 3600 s, must be from 0 to 5 s
 a message from later | link.delay = -1 | link.delay | is -1 s, must be from 0 to 5 s
 an epoch of zero | epoch = 0 | epoch | is 0, must be from 1 to 4294967295
-a revision before | revision = -1 | revision | is -1, must be from 0 to 4294967295
 a long message | robots.0.wire_bytes = 9000 | robots[R1].wire_bytes | is 9000, must be from 0 to
 a weak brake | robots.0.limits.max_accel = 1e-9 | robots[R1].limits.max_accel | must be at least 0
 a racing robot | robots.0.profile.1.1 = 5e3 | robots[R1].profile[1][1] | must be from 0 to 999 m/
@@ -294,9 +294,11 @@ def test_a_log_that_was_not_closed_is_told_and_agrees():
     from coordinator.fleet.fleet_from_plan import muster
 
     fleet = muster(packed(document()), 9)
-    (sent, *_) = fleet.tick(10**9)
+    ahead = ahead_record(fleet.needed_ms + 3_000)
+    (sent,) = fleet.tick(10**9)
     assert sent.key == keys.command("test")
-    records = [Record(sent.key, sent.payload, 10**9, 0, 0)]
+    said = [(ahead_key("test"), ahead), (sent.key, sent.payload)]
+    records = [Record(key, payload, 10**9, 0, 0) for key, payload in said]
     early = "the log ends at HOLD, before the fleet had ended; all that it contains agrees"
     assert check_log(a_log(records=records)) == (0, 1, "", early)
     note = "the log was not closed; all that it contains agrees"

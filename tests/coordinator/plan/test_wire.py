@@ -32,7 +32,7 @@ def document(request):
 
 def test_bytes_hold_exactly_the_documents_numbers(document):
     for robot in document.robots:
-        driven = unpack(pack(document, robot), robot.radius)
+        driven = unpack(pack(document, robot, 0), robot.radius)
         curve, line = driven.curve, driven.timeline
         assert curve.degree == robot.path.degree
         assert curve.knots.tolist() == robot.path.knots
@@ -62,21 +62,22 @@ def test_the_robot_rests_at_every_stop_from_arrival_to_departure(document):
 
 
 def test_wire_bytes_is_the_size_of_the_message_and_fits(document):
-    for robot in document.robots:
-        assert len(address(pack(document, robot), 2**32 - 1)) == robot.wire_bytes
+    for number, robot in enumerate(document.robots):
+        assert len(address(pack(document, robot, number), 2**32 - 1)) == robot.wire_bytes
         assert robot.wire_bytes <= MAX_MESSAGE_BYTES
 
 
 def test_a_document_read_from_json_gives_the_same_bytes(document):
     again = from_json(to_json(document))
     assert again == document
-    for robot, same in zip(document.robots, again.robots, strict=True):
-        assert pack(document, robot) == pack(again, same)
+    pairs = zip(document.robots, again.robots, strict=True)
+    for number, (robot, same) in enumerate(pairs):
+        assert pack(document, robot, number) == pack(again, same, number)
 
 
 def test_damaged_bytes_are_refused(document):
     robot, dice = document.robots[2], random.Random(1)
-    payload = pack(document, robot)
+    payload = pack(document, robot, 2)
     for cut in range(0, len(payload), 7):
         with pytest.raises(ValueError, match=r"\w"):
             unpack(payload[:cut], robot.radius)

@@ -145,7 +145,7 @@ def test_a_plan_that_lasts_for_hours_is_proven_too():
 @pytest.mark.parametrize(
     ("fields", "words"),
     [
-        ({"max_accel": 5e-3}, "B brakes for 160 s, .* at most 120 s"),
+        ({"max_accel": 4e-3}, "B brakes for 200 s, .* at most 120 s"),
         ({"max_speed": 4e-4}, "B arrives after .* at most 20000 s"),
     ],
 )

@@ -32,20 +32,18 @@ def told(self, signature):
 
 Dispatcher.compile = told
 
-from coordinator.planning.planner import plan_scenario
-from coordinator.planning.retiming import retime
-from coordinator.schedule.lateness import Lateness
+from coordinator.planning.planner import plan_fleet
+from coordinator.fleet.fleet_from_plan import muster
 from coordinator.scenario_files.scenario_reader import read_scenario
 
 scenario = read_scenario(Path("examples/paper_five.toml"))
-plan_scenario(scenario)
+plan_fleet(scenario)
 print(sorted(seen))
 compile_rest()
 seen.clear()
 for name in ("paper_five_real", "u_trap", "circle_swap", "map_ros", "map_movingai", "map_dxf"):
     scenario = read_scenario(Path(f"examples/{name}.toml"))
-    document = plan_scenario(scenario)
-    retime(scenario, document, Lateness(scenario.robots[0].id, 1.0, 2.0))
+    muster(plan_fleet(scenario), 1)._grants.grant(0, 0)
 print(sorted(seen))
 """
 

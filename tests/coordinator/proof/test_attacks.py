@@ -30,7 +30,7 @@ def test_weights_that_hide_most_of_a_curve_from_the_quadrature_are_refused(strai
     profile = [(0.0, 0.3), (float(np.float32(length)), 0.3)]
     wild = replace(robot, path=path, profile=profile, stops=[], length=length, limits=None)
     with pytest.raises(ValueError, match=r"weights|arc length"):
-        unpack(pack(straight, wild), 0.2)
+        unpack(pack(straight, wild, 0), 0.2)
 
 
 def test_moderate_weights_are_accepted(straight):
@@ -40,7 +40,7 @@ def test_moderate_weights_are_accepted(straight):
     path = Path(degree=degree, knots=knots, control_points=points, weights=weights)
     profile = [(0.0, 0.3), (float(np.float32(length)), 0.3)]
     robot = replace(straight.robots[0], path=path, profile=profile, stops=[], limits=None)
-    assert unpack(pack(straight, robot), 0.2).curve.length == pytest.approx(length, abs=1e-4)
+    assert unpack(pack(straight, robot, 0), 0.2).curve.length == pytest.approx(length, abs=1e-4)
 
 
 def test_a_curve_that_jumps_is_refused():

@@ -16,6 +16,7 @@ from tests.oracles import tracks
 from tests.sweeps import seeds
 
 TAU = 300
+FAR = 10**9
 HEADROOM = 500
 
 
@@ -58,7 +59,7 @@ def test_authority_is_the_greatest_plan_time_that_the_rule_allows(seed):
     dice = random.Random(seed)
     staircases = random_staircases(dice)
     rule, now = Authority(staircases, 6), 0
-    rule.grant(now, HEADROOM)
+    rule.grant(now, HEADROOM, FAR)
     while now < 20_000:
         now += dice.randint(50, 1_500)
         for robot in range(6):
@@ -66,7 +67,7 @@ def test_authority_is_the_greatest_plan_time_that_the_rule_allows(seed):
                 late = dice.choice([0, dice.randint(0, 4_000)])
                 rule.know(robot, now - late)
         before = rule.granted.copy()
-        rule.grant(now, HEADROOM)
+        rule.grant(now, HEADROOM, FAR)
         assert (rule.granted >= before).all()
         for robot in range(6):
             most = min(now, int(rule.progress[robot]) + SLACK_MS) + HEADROOM
@@ -80,14 +81,14 @@ def test_authority_is_the_greatest_plan_time_that_the_rule_allows(seed):
 
 def test_no_robot_is_known_to_have_driven_more_than_it_was_granted():
     rule = Authority(random_staircases(random.Random(1)), 6)
-    rule.grant(1_000, HEADROOM)
+    rule.grant(1_000, HEADROOM, FAR)
     rule.know(0, 10_000_000)
     assert rule.progress[0] == rule.granted[0] <= 1_000 + HEADROOM
 
 
 def test_progress_that_is_told_late_takes_nothing_back():
     rule = Authority(random_staircases(random.Random(1)), 6)
-    rule.grant(1_000, HEADROOM)
+    rule.grant(1_000, HEADROOM, FAR)
     rule.know(0, 400)
     rule.know(0, 300)
     assert rule.progress[0] == 400
@@ -96,7 +97,7 @@ def test_progress_that_is_told_late_takes_nothing_back():
 def test_a_silent_robot_is_granted_no_more_than_the_slack():
     rule = Authority(random_staircases(random.Random(2)), 6)
     for now in range(0, 60_000, 100):
-        rule.grant(now, HEADROOM)
+        rule.grant(now, HEADROOM, FAR)
         for robot in range(1, 6):
             rule.know(robot, now)
     assert rule.granted[0] <= SLACK_MS + HEADROOM
@@ -133,7 +134,7 @@ def drive(fleet, seed, dead=None, obeys=True):
     while now < (20 if dead is None else 2) * end and (driven < end).any():
         now += STEP
         if dice.random() < 0.9:
-            rule.grant(now, HEADROOM)
+            rule.grant(now, HEADROOM, FAR)
         for robot in range(count):
             if dice.random() < 0.02:
                 stalled[robot] = now + dice.uniform(0.0, 6_000.0)

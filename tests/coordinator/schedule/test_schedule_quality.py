@@ -8,7 +8,7 @@ from benchmarks.quality import Found, measure
 from coordinator.base.errors import PlanError
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.plan.document import Limits
-from coordinator.plan.fault_budget import budget_for, resolve_tau
+from coordinator.plan.shares_of_tau import resolve_tau, shares_of
 from coordinator.planning.planner import plan_scenario
 from tests.oracle_exhaustive import TooManyError, find_times
 from tests.oracle_zones import STEP, Course, find_zones
@@ -46,7 +46,7 @@ def solvable(scenario):
         for path, robot in zip(paths, scenario.robots, strict=True)
     ]
     tau = LONGER + resolve_tau(
-        scenario.tau, budget_for(map(Limits.of, scenario.robots), scenario.link)
+        scenario.tau, shares_of(map(Limits.of, scenario.robots), scenario.link)
     )
     zones = find_zones(courses, scenario.margin + ROOM, corners=True)
     horizon = 10.0 * sum(course.alone for course in courses) + 100.0 * tau

@@ -16,7 +16,7 @@ from tests.sweeps import seeds
 MOST_ABOVE = 0.2
 """How far [s] a staircase may lie above the sampled one: cells, tolerance, and sampling."""
 
-WIDER = 0.004
+WIDER = 0.005
 """A robot may rest right beside a conflict, so the upper bound is sampled for this more [m]."""
 
 

@@ -18,7 +18,7 @@ from coordinator.service.coordinator_service import Service
 from coordinator.service.replay import check_log
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import Command, Hello, Report, Rest
+from protocol.messages import PROTOCOL_VERSION, Command, Hello, Report, Rest
 from protocol.phases import ARMED, DONE, FREEZE, FROZEN, GO, HOLD, MOVING, OFF_PATH, OVER
 from protocol.timing import MILLISECOND
 from protocol.transport import Transport
@@ -65,7 +65,7 @@ class Hand(Transport):
 
     def respond(self, command):
         if command.sequence == 1:
-            self.say(keys.hello("one", "R1"), Hello(1, 5))
+            self.say(keys.hello("one", "R1"), Hello(PROTOCOL_VERSION, 5))
         moving = MOVING if command.sequence < 8 else DONE
         phase = {HOLD: ARMED, GO: moving, OVER: DONE, FREEZE: DONE}
         report = Report(5, next(self.sequence), 1, phase[command.phase])

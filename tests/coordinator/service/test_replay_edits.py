@@ -47,7 +47,7 @@ def test_a_command_of_another_coordinator_is_heard_and_not_told(log):
     number = numbers_of(log, keys.command("one"))[2]
     record = log.records[number]
     command = decode("command", record.payload)
-    other = Command(0x01020304, command.sequence + 1, command.epoch, command.phase, 0)
+    other = Command(0x01020304, 0, command.sequence + 1, command.epoch, command.phase, 0, 0)
     heard = replace(record, payload=encode(other), log_ns=record.log_ns + 1)
     records = [*log.records[: number + 1], heard, *log.records[number + 1 :]]
     assert check_log(with_records(log, records)).difference == ""

@@ -169,7 +169,7 @@ def write_log(path, epoch, attachments, commands):
         attachments=[Attachment(name, "", data) for name, data in attachments.items()],
     ) as log:
         for t, phase, start in commands:
-            message = Command(1, 1, epoch, phase, round(start * SECOND))
+            message = Command(1, 1, 1, epoch, phase, round(start * SECOND), 0)
             log.record(keys.command("paper-five"), encode(message), round(t * SECOND))
 
 

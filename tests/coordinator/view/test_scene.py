@@ -24,9 +24,9 @@ from coordinator.view.scene_log import scene_of_logs
 from coordinator.view.scene_plan import scene_of_plan
 from coordinator.view.true_tracks import read_ghosts
 from protocol import keys
-from protocol.codec import encode, seal
-from protocol.messages import Clock, Command, Hello, NewTimes, Pace, Report, Rest
-from protocol.phases import DONE, FREEZE, FROZEN, GO, HOLD, MOVING, OVER
+from protocol.codec import encode
+from protocol.messages import Clock, Command, Hello, Report, Rest
+from protocol.phases import DONE, DRIVER_ERROR, FREEZE, FROZEN, GO, HOLD, MOVING, OFF_PATH, OVER
 from protocol.timing import SECOND
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
@@ -112,7 +112,7 @@ class Telling:
         self.records.append(Record(key, payload, self.zero + round(t * SECOND), 0, 0))
 
     def command(self, t, epoch, phase, start=0.0):
-        said = Command(1, 1, epoch, phase, self.zero + round(start * SECOND))
+        said = Command(1, 1, 1, epoch, phase, self.zero + round(start * SECOND), 0)
         self.say(t, keys.command(self.fleet), encode(said))
 
     def report(self, t, robot, epoch, phase, rest=None, fault=0):
@@ -205,7 +205,7 @@ def test_a_robot_that_stopped_by_itself_stands_from_when_the_plan_had_it_there()
     told.command(0.0, 1, GO)
     line = drive(document)[1].timeline
     rest = line.s_at(2.0)
-    told.report(2.6, "R2", 1, FROZEN, Rest(rest, 1), fault=2)
+    told.report(2.6, "R2", 1, FROZEN, Rest(rest, 1), fault=OFF_PATH)
     told.command(2.7, 1, FREEZE)
     scene = told.scene()
     t0, t1, s0, s1 = scene.epochs[0].rides[1].halt
@@ -214,20 +214,9 @@ def test_a_robot_that_stopped_by_itself_stands_from_when_the_plan_had_it_there()
     assert [mark.text for mark in scene.marks if mark.kind == "fault"] == ["R2 off its path"]
 
 
-def test_new_times_are_a_mark_at_their_moment():
-    told = Telling(planned("paper_five"))
-    told.command(0.0, 1, GO)
-    told.say(5.0, keys.report(told.fleet, "R3"), encode(Pace(1, 1, 0, 4_500_000)))
-    for t in (5.2, 5.3):
-        said = encode(seal(NewTimes(1, 1, 1, 500, b"", b"", b"", 0)))
-        told.say(t, keys.plan(told.fleet, "R3"), said)
-    late = [(mark.t, mark.text) for mark in told.scene().marks if mark.kind == "late"]
-    assert late == [(5.2, "R3 is late, new times")]
-
-
 def test_the_marks_are_the_faults_that_info_tells():
     told, _ = two_epochs()
-    told.report(20.0, "R2", 2, FROZEN, fault=3)
+    told.report(20.0, "R2", 2, FROZEN, fault=DRIVER_ERROR)
     told.records.sort(key=lambda record: record.log_ns)
     log = Log({"fleet": told.fleet}, told.attachments, told.records, True, "")
     said = [(f["robot"], f["fault"]) for f in summarise(log)["faults"] if f["kind"] != "freeze"]
@@ -277,7 +266,7 @@ def test_a_log_from_beside_is_drawn_from_its_messages():
         for robot in document.robots:
             key = keys.hello(told.fleet, robot.id)
             hello = encode(Hello(version=1, boot=1, radius_m=robot.radius))
-            said = pack(document, robot)
+            said = pack(document, robot, 0)
             for k, payload in ((key, hello), (keys.plan(told.fleet, robot.id), said)):
                 heard.insert(0, Record(k, payload, told.zero - SECOND, 0, 0))
     clock = encode(Clock(1, 1, told.zero - SECOND, told.zero - SECOND))

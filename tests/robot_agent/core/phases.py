@@ -7,13 +7,12 @@ from protocol.phases import ARMED, BRAKING, DONE, FREEZE, FROZEN, HOLD, IDLE
 from robot_agent.core.agent import Agent
 from sim.world.body import SimulatedBody
 from tests.robot_agent.core.rides import (
-    COORDINATOR,
     MS,
-    RULES,
     SECOND,
     Run,
     armed_run,
     driven_run,
+    give_plan,
     motion_along,
     winding_path,
 )
@@ -45,7 +44,7 @@ def run_in(phase: int) -> Run:
 
 
 def hear_plan(run: Run) -> None:
-    run.agent.hear_plan(COORDINATOR, run.epoch, RULES, PATH, MOTION)
+    give_plan(run.agent, PATH, MOTION, epoch=run.epoch)
     run.agent.tick(run.own(run.now), *run.body.pose())
 
 

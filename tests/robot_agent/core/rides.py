@@ -13,17 +13,22 @@ from scipy.interpolate import BSpline
 from protocol.curve import Curve
 from protocol.phases import ARMED, GO, HOLD
 from robot_agent.core.agent import Agent
-from robot_agent.core.ride import NO_LIMIT
 from sim.world.body import SimulatedBody
 
 MS = 1_000_000
 SECOND = 1_000_000_000
 PERIOD = 10 * MS
-COORDINATOR = 77
-ME = "R1"
+COORDINATOR, TERM = 77, 3
+ME, NUMBER = "R1", 4
 
-RULES = (250 * MS, 600 * MS, 10, 500, 10 * MS)
-"""late, lease, track [mm], brake [mm/s^2], clock error"""
+RULES = (10, 500, 10 * MS)
+"""track [mm], brake [mm/s^2], clock error [ns]"""
+
+AT_ONCE = (10, 0, 10 * MS)
+"""Rules for a robot that stops at once."""
+
+ENOUGH = 10**9
+"""A plan time [ms] beyond the end of every plan here."""
 
 CORNER = 0.226
 """Control points this far apart [m] bend a cubic with radius 0.08 m where they turn by 90 deg."""
@@ -49,6 +54,13 @@ def winding_path(turns: str = "fffflffrfflffff", step: float = CORNER):
     return 3, uniform_knots(len(points)), xs, ys, [1.0] * len(points)
 
 
+def place_at(path, s: float) -> tuple[float, float]:
+    """Return the place at an arc length on a path."""
+    curve = Curve(*path)
+    curve.place(s)
+    return curve.x, curve.y
+
+
 def dense_line(path) -> tuple[np.ndarray, np.ndarray]:
     """Return places (m, 2) and arc lengths (m,) along a path with unit weights, by SciPy."""
     degree, knots, xs, ys, _ = path
@@ -60,7 +72,7 @@ def dense_line(path) -> tuple[np.ndarray, np.ndarray]:
 def motion_along(length: float, speed: float, accel: float, stops=()):
     """Return the arguments of Timeline: full speed but for the ends and stops (s, depart)."""
     if math.isinf(accel):
-        return [0.0, length], [speed, speed], [s for s, _ in stops], [t for _, t in stops]
+        return [0.0, length], [speed, speed], [s for s, _ in stops], [t for _, t in stops], 0.0
     ramp = speed * speed / (2.0 * accel)
     rests = [0.0, *(s for s, _ in stops if s > 0.0), length]
     knots = []
@@ -72,7 +84,15 @@ def motion_along(length: float, speed: float, accel: float, stops=()):
         [v for _, v in knots],
         [s for s, _ in stops],
         [t for _, t in stops],
+        0.0,
     )
+
+
+def give_plan(
+    agent: Agent, path, motion, rules=RULES, *, boot=COORDINATOR, epoch=1, number=NUMBER, revision=0
+) -> None:
+    """Let an agent hear a plan."""
+    agent.hear_plan(boot, epoch, number, revision, rules, path, motion)
 
 
 @dataclass
@@ -93,7 +113,7 @@ class Run:
     sequence: int = 1
     phase: int = HOLD
     epoch: int = 1
-    authority: int = NO_LIMIT
+    authority: int = ENOUGH
     """What Commands grant, plan time [ms]."""
 
     def own(self, truth_ns: int) -> int:
@@ -127,19 +147,34 @@ class Run:
             self.phases.append(self.agent.phase)
 
     def command(self, phase: int, wanted: bool = False, age: int = 2 * MS) -> None:
-        """Let the robot hear a Command now that was said so long ago [ns]."""
+        """Let the robot hear the coordinator's next Command, said so long ago [ns]."""
         self.phase = phase
         self.sequence += 1
-        self.agent.hear_command(
-            COORDINATOR,
-            self.sequence,
-            self.epoch,
+        self.hear(phase, wanted=wanted, age=age)
+
+    def hear(
+        self,
+        phase: int,
+        *,
+        boot: int = COORDINATOR,
+        term: int = TERM,
+        sequence: int | None = None,
+        epoch: int | None = None,
+        wanted: bool = False,
+        age: int = 2 * MS,
+    ) -> bool:
+        """Let the robot hear a Command of anybody, and return whether it was accepted."""
+        return self.agent.hear_command(
+            boot,
+            term,
+            self.sequence if sequence is None else sequence,
+            self.epoch if epoch is None else epoch,
             phase,
             self.start_ns,
-            wanted,
-            self.own(self.now),
             self.now - age,
             self.authority,
+            wanted,
+            self.own(self.now),
         )
 
 
@@ -158,7 +193,7 @@ def armed_run(path, motion, rules=RULES, *, max_speed=0.5, body=None, seed=None,
     curve.place(0.0)
     body.place(curve.x, curve.y, math.atan2(curve.dy, curve.dx))
     run.command(HOLD)
-    agent.hear_plan(COORDINATOR, 1, rules, path, motion)
+    give_plan(agent, path, motion, rules)
     run.until(SECOND)
     assert agent.phase == ARMED
     return run

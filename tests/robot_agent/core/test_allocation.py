@@ -11,7 +11,15 @@ from protocol.curve import Curve
 from protocol.phases import ARMED, BRAKING, FREEZE, FROZEN, GO, HOLD, MOVING
 from protocol.timeline import Timeline
 from robot_agent.core.agent import Agent
-from tests.robot_agent.core.rides import COORDINATOR, MS, PERIOD, RULES, motion_along, winding_path
+from tests.robot_agent.core.rides import (
+    COORDINATOR,
+    MS,
+    PERIOD,
+    TERM,
+    give_plan,
+    motion_along,
+    winding_path,
+)
 
 PATH = winding_path("fffrfflffffllfffrff", step=2.5)
 CURVE = Curve(*PATH)
@@ -32,8 +40,9 @@ def traced():
 def armed_agent() -> Agent:
     """Return an agent that stands at the path's beginning and has been told the time."""
     agent = Agent(0.5)
-    agent.hear_command(COORDINATOR, 1, 1, HOLD, 0, False, START - 10 * MS)
-    agent.hear_plan(COORDINATOR, 1, RULES, PATH, MOTION)
+    said = START - 10 * MS
+    agent.hear_command(COORDINATOR, TERM, 1, 1, HOLD, 0, said, 0, False, said)
+    give_plan(agent, PATH, MOTION)
     agent.hear_clock(START - 9 * MS, START - 9 * MS, START - 9 * MS, START - 9 * MS)
     agent.tick(START - 8 * MS, *agent.ride.follower.start_pose())
     assert agent.phase == ARMED
@@ -53,7 +62,8 @@ def poses() -> list[tuple[int, float, float, float]]:
 def tell(agent: Agent, tick: int, now: int) -> None:
     """Say what the coordinator does: a Command each 100 ms, the time each 2 s."""
     phase = FREEZE if tick >= FREEZE_AT else GO
-    agent.hear_command(COORDINATOR, 2 + tick, 1, phase, START, False, now)
+    granted = (now - START) // MS + 2_000
+    agent.hear_command(COORDINATOR, TERM, 2 + tick, 1, phase, START, now, granted, False, now)
     if tick % 200 == 0:
         agent.hear_clock(now, now, now, now)
 
@@ -89,6 +99,6 @@ def test_an_agent_takes_up_less_than_64_kib_its_plan_included(traced, bends):
     motion = motion_along(Curve(*path).length, 0.475, 0.5, [(0.5 * i, 10.0 * i) for i in range(8)])
     traced()
     agent = Agent(0.5)
-    agent.hear_plan(COORDINATOR, 1, RULES, path, motion)
+    give_plan(agent, path, motion)
     assert agent.ride is not None
     assert tracemalloc.get_traced_memory()[0] < 64 * KIB

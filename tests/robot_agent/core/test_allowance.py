@@ -23,7 +23,7 @@ from tests.scenarios import a_robot, a_scenario
 TAU = 0.6
 PERIOD = 50 * MS
 LATEST = 0.2
-"""How late [s] a robot may be for good."""
+"""How late [s] the robots are that have to be late."""
 
 
 class Pushed(SimulatedBody):
@@ -74,9 +74,19 @@ def last(accepted, low, high, step):
     return low
 
 
+def onwards(driven, s, way):
+    """Return a direction (2,) without its part along the path: that makes a robot early or late."""
+    curve = Curve(*unpack_plan(driven.plan).path)
+    curve.place(s)
+    ahead = np.array([curve.dx, curve.dy]) / math.hypot(curve.dx, curve.dy)
+    way = way - float(way @ ahead) * ahead
+    return way / max(math.hypot(*way), 1e-9)
+
+
 def pushed(driven, time, lag, way):
     """Return the place to which a robot can come without a fault, pushed along `way` (2,)."""
-    place = driven.curve.at_arc([driven.timeline.s_at(time)])[0]
+    s = driven.timeline.s_at(time)
+    place, way = driven.curve.at_arc([s])[0], onwards(driven, s, way)
     return place + way * last(lambda push: bears(driven, time, lag, push * way), 0.0, 0.3, 1e-5)
 
 

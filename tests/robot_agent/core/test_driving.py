@@ -12,7 +12,7 @@ from protocol.phases import DONE, FROZEN, MOVING, NO_FAULT, OFF_PATH
 from sim.world.body import SimulatedBody
 from sim.world.failing_body import FailingBody
 from tests.robot_agent.core.rides import (
-    RULES,
+    AT_ONCE,
     SECOND,
     armed_run,
     dense_line,
@@ -97,7 +97,7 @@ def test_a_robot_held_up_just_before_a_stop_or_its_goal_is_no_later_for_it(
         motion_along(LENGTH, speed, math.inf, [(STOP, DEPART)]),
         arrival - held - before,
         max_speed=1.05 * speed,
-        rules=(*RULES[:3], 0, RULES[4]),
+        rules=AT_ONCE,
         body=FailingBody(),
     )
     run.body.stall(True)

@@ -225,17 +225,18 @@ def short_ride(agent, path, motion, rules):
     from math import cos, sin
 
     start = 5_000_000_000
-    agent.hear_command(7, 1, 1, 0, 0, False, 0)
-    agent.hear_plan(7, 1, rules, path, motion)
+    agent.hear_command(7, 1, 1, 1, 0, 0, 0, 0, False, 0)
+    agent.hear_plan(7, 1, 0, 0, rules, path, motion)
     agent.hear_clock(0, 1_000_000, 1_000_000, 2_000_000)
     x, y, heading = agent.ride.follower.start_pose()
     agent.tick(1_000, x, y, heading)
     seen = [agent.phase]
-    agent.hear_command(7, 2, 1, 1, start, False, start)
+    agent.hear_command(7, 1, 2, 1, 1, start, start, 1000, False, start)
     for tick in range(300):
         now = start + tick * 10_000_000
         if tick % 10 == 0:
-            agent.hear_command(7, 3 + tick, 1, 1 if tick < 200 else 2, start, False, now)
+            phase, granted = 1 if tick < 200 else 2, 10 * tick + 1000
+            agent.hear_command(7, 1, 3 + tick, 1, phase, start, now, granted, False, now)
         agent.tick(now, x, y, heading)
         way = agent.drive_speed * 0.01
         turn = way * agent.drive_curvature

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import copy
+
 import pytest
 
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import Clock, Command, Hello, Report
-from protocol.phases import ARMED, DONE, FREEZE, FROZEN, GO, HOLD, IDLE, MOVING, OVER
-from protocol.timing import LEASE
-from tests.robot_agent.core.phases import LENGTH, MOTION, PATH, run_in
-from tests.robot_agent.core.rides import COORDINATOR, ME, MS, RULES, SECOND, motion_along
+from protocol.phases import ARMED, DONE, FREEZE, FROZEN, GO, HOLD, IDLE, MOVING, OVER, STOP
+from protocol.timing import COORDINATOR_TIMEOUT
+from tests.robot_agent.core.phases import MOTION, PATH, run_in
+from tests.robot_agent.core.rides import COORDINATOR, ME, MS, SECOND, TERM, give_plan
 from tests.robot_agent.test_service import FLEET, Hall
 
 FORMER = COORDINATOR - 1
 EVERY_PHASE = (IDLE, ARMED, MOVING, FROZEN, DONE)
-EVERY_COMMAND = (HOLD, GO, FREEZE, OVER)
+EVERY_COMMAND = (HOLD, GO, FREEZE, OVER, STOP)
 
 
 def state(run):
@@ -29,13 +31,18 @@ def state(run):
         agent.clock.good,
         agent.ride is None,
         agent.rest._tell,
+        agent._start_ns,
+        agent.ride and (agent.ride._authority, agent.ride._halted),
     )
 
 
-def replay(run, boot=COORDINATOR, sequence=1, epoch=1, phase=FREEZE):
+def replay(run, boot=COORDINATOR, sequence=1, epoch=1, phase=FREEZE, term=TERM):
     """Let the robot hear a Command again, with what it would do most harm with."""
-    now, start = run.own(run.now), run.now - SECOND
-    return run.agent.hear_command(boot, sequence, epoch, phase, start, True, now)
+    again = copy.copy(run)
+    again.start_ns, again.authority = run.now - SECOND, 2 * run.authority
+    return again.hear(
+        phase, boot=boot, term=term, sequence=sequence, epoch=epoch, wanted=True, age=0
+    )
 
 
 @pytest.mark.parametrize("said", EVERY_COMMAND)
@@ -54,9 +61,11 @@ def test_a_command_of_an_earlier_sequence_changes_nothing(phase, said):
 def test_a_command_of_a_former_coordinator_changes_nothing(phase, said):
     run = run_in(phase)
     before = state(run)
-    for epoch in (0, 1):
+    for epoch in (0, 1, 2):
         assert not replay(run, boot=FORMER, sequence=2**31, epoch=epoch, phase=said)
-    assert not replay(run, boot=COORDINATOR + 5, sequence=2**31, epoch=0, phase=said)
+        assert not replay(
+            run, COORDINATOR + 5, sequence=2**31, epoch=epoch, phase=said, term=TERM - 1
+        )
     assert state(run) == before
 
 
@@ -67,27 +76,28 @@ def test_a_command_of_an_earlier_epoch_changes_nothing_for_a_robot_on_its_way_in
     run.until(run.now + 2 * SECOND)
     run.command(HOLD)
     before = state(run)
-    for boot in (FORMER, COORDINATOR + 5):
+    for boot, term in ((FORMER, TERM), (COORDINATOR + 5, TERM - 1)):
         for said in EVERY_COMMAND:
-            assert not replay(run, boot=boot, sequence=10**6, epoch=1, phase=said)
+            assert not replay(run, boot=boot, sequence=10**6, epoch=1, phase=said, term=term)
     assert state(run) == before
 
 
-def test_a_new_coordinator_is_believed_when_the_former_is_not_heard_any_more():
-    run = run_in(ARMED)
-    run.until(run.now + LEASE + 200 * MS, talking=False)
-    assert replay(run, boot=FORMER, epoch=1, phase=HOLD)
-    assert run.agent.phase == IDLE
-
-
 def test_what_is_replayed_does_not_pass_for_the_coordinators_voice():
-    run = run_in(MOVING)
-    end = run.now + LEASE + 300 * MS
+    run = run_in(DONE)
+    end = run.now + COORDINATOR_TIMEOUT + 300 * MS
     while run.now < end:
         run.until(run.now + 50 * MS, talking=False)
         replay(run, sequence=run.sequence, phase=GO)
         replay(run, boot=FORMER, sequence=10**6, phase=GO)
-    assert run.agent.phase != MOVING
+    assert run.agent.may_leave(run.own(run.now))
+
+
+def test_what_is_replayed_grants_nothing():
+    run = run_in(MOVING)
+    again = run.agent.ride._authority
+    replay(run, sequence=run.sequence, phase=GO)
+    replay(run, boot=FORMER, sequence=10**6, phase=GO)
+    assert run.agent.ride._authority == again
 
 
 @pytest.mark.parametrize("boot", [COORDINATOR, FORMER])
@@ -96,7 +106,7 @@ def test_a_plan_of_an_earlier_epoch_or_of_a_former_coordinator_is_not_held(phase
     run = run_in(phase)
     held = run.agent.ride
     for epoch in (0, 1) if phase != IDLE else (0,):
-        run.agent.hear_plan(boot, epoch, RULES, PATH, MOTION)
+        give_plan(run.agent, PATH, MOTION, boot=boot, epoch=epoch, revision=1)
     assert run.agent.ride is held
 
 
@@ -105,28 +115,10 @@ def test_the_plan_of_the_last_epoch_is_not_held_in_the_next():
     run.epoch = 2
     run.command(HOLD)
     assert run.agent.ride is None
-    run.agent.hear_plan(COORDINATOR, 1, RULES, PATH, MOTION)
+    give_plan(run.agent, PATH, MOTION, epoch=1)
     assert run.agent.ride is None
-    run.agent.hear_plan(COORDINATOR, 2, RULES, PATH, MOTION)
+    give_plan(run.agent, PATH, MOTION, epoch=2)
     assert run.agent.ride is not None
-
-
-def test_new_times_of_a_lower_revision_of_another_epoch_or_coordinator_change_nothing():
-    run = run_in(MOVING)
-    motion = motion_along(LENGTH, 0.475, 0.5, [(0.6 * LENGTH, 30.0)])
-    now = run.own(run.now)
-    run.agent.hear_times(COORDINATOR, 1, 2, motion, now)
-    assert run.agent.revision == 2
-    held = run.agent.ride.planned_at(0.65 * LENGTH)
-    other = motion_along(LENGTH, 0.475, 0.5, [(0.7 * LENGTH, 40.0)])
-    for boot, epoch, revision in (
-        (COORDINATOR, 1, 1),
-        (COORDINATOR, 1, 2),
-        (COORDINATOR, 0, 3),
-        (FORMER, 1, 3),
-    ):
-        run.agent.hear_times(boot, epoch, revision, other, now)
-    assert (run.agent.revision, run.agent.ride.planned_at(0.65 * LENGTH)) == (2, held)
 
 
 def test_an_answer_about_the_time_that_comes_again_moves_no_clock():
@@ -146,7 +138,7 @@ def test_a_freeze_of_the_past_makes_no_robot_say_where_it_stands():
     hall = Hall()
     hall.plans = []
     hall.body.place(1.0, 2.0, 0.3)
-    old = encode(Command(COORDINATOR, 1, 1, FREEZE, 0))
+    old = encode(Command(COORDINATOR, TERM, 1, 1, FREEZE, 0, 0))
     step, ends = hall.sleep, hall.clock() + 3 * SECOND
 
     def sleep(ns):

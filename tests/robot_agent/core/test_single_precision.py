@@ -24,7 +24,7 @@ from protocol.plan_parts import unpack_plan
 from protocol.timeline import Timeline
 from robot_agent.core.agent import Agent
 from sim.world.body import SimulatedBody
-from tests.robot_agent.core.rides import MS, RULES, motion_along, winding_path
+from tests.robot_agent.core.rides import ENOUGH, MS, RULES, motion_along, winding_path
 from tests.robot_agent.core.test_firmware import FIRMWARE
 
 ROOT = Path(__file__).parents[3]
@@ -154,11 +154,10 @@ def ride(agent, number, rules, path, motion, speed):
     line = Timeline(*motion)
     departs = round(line.t0[0] * 1e9)
     start, seen = EPOCH + 2000 * MS - departs, []
-    body = SimulatedBody(math.inf if rules[3] == 0 else rules[3] / 1000.0)
-    agent.hear_command(7, 1, 1, HOLD, 0, False, BOOTED)
-    agent.hear_plan(
-        7, 1, rules, (degree, *(number(part) for part in numbers)), tuple(map(number, motion))
-    )
+    body = SimulatedBody(math.inf if rules[1] == 0 else rules[1] / 1000.0)
+    agent.hear_command(7, 1, 1, 1, HOLD, 0, EPOCH, 0, False, BOOTED)
+    single = (*(number(part) for part in motion[:4]), *number(motion[4:]))
+    agent.hear_plan(7, 1, 0, 0, rules, (degree, *(number(part) for part in numbers)), single)
     assert agent.ride is not None
     agent.hear_clock(BOOTED, EPOCH + MS, EPOCH + MS, BOOTED + 2 * MS)
     pose = agent.ride.follower.start_pose()
@@ -168,7 +167,8 @@ def ride(agent, number, rules, path, motion, speed):
     for tick in range((2500 * MS + round(line.finish * 1e9) - departs) // PERIOD):
         now = BOOTED + tick * PERIOD
         if tick % 5 == 0:
-            agent.hear_command(7, 2 + tick, 1, GO, start, False, now)
+            said = now + EPOCH - BOOTED
+            agent.hear_command(7, 1, 2 + tick, 1, GO, start, said, ENOUGH, False, now)
         if tick % 100 == 0:
             agent.hear_clock(now, now + EPOCH - BOOTED, now + EPOCH - BOOTED, now)
         body.step(now)
@@ -196,7 +196,7 @@ def check(parts, speed) -> None:
     assert type(single.ride.follower.s) is Single
     assert type(single.drive_speed) is Single
     twin = ride(Agent(speed, PERIOD), list, rules, path, motion, speed)
-    track = rules[2] / 1000.0
+    track = rules[0] / 1000.0
     line = spline_of(path)
     assert cKDTree(line).query(rows[:, 1:3])[0].max() < track
     assert math.dist(rows[-1, 1:3], line[-1]) < track
@@ -223,4 +223,4 @@ def test_a_robot_with_single_precision_drives_a_large_plan_an_hour_after_go():
     path = winding_path("ffflffrfff", step=8.0)
     length = Curve(*path).length
     motion = motion_along(length, 2.0, 1.0, [(0.0, 3600.0), (30.0, 3625.0)])
-    check(((*RULES[:3], 1000, *RULES[4:]), path, motion), 2.1)
+    check(((RULES[0], 1000, RULES[2]), path, motion), 2.1)

@@ -16,7 +16,6 @@ from protocol.phases import (
     FROZEN,
     GO,
     IDLE,
-    LATE,
     MOVING,
     OFF_PATH,
     PHASE_NAMES,
@@ -24,7 +23,7 @@ from protocol.phases import (
 from protocol.timeline import Timeline
 from robot_agent.core import transitions
 from tests.robot_agent.core.phases import MOTION, hear_next_epoch, hear_plan, run_in
-from tests.robot_agent.core.rides import COORDINATOR, MS, PERIOD, SECOND, Run
+from tests.robot_agent.core.rides import MS, PERIOD, SECOND, Run
 
 FINISH_NS = round(Timeline(*MOTION).finish * SECOND)
 START = (1.0, 2.0, 0.3)
@@ -44,11 +43,6 @@ def be_ready(run: Run) -> None:
     stand(run, START if run.agent.phase == IDLE else run.body.pose(), 0.01)
 
 
-def go_too_late(run: Run) -> None:
-    run.start_ns = run.now - 2 * SECOND
-    run.command(GO)
-
-
 def rest(run: Run) -> None:
     """Have come to rest: a robot that brakes has to be ordered to stand first."""
     if run.agent.phase == BRAKING:
@@ -64,25 +58,6 @@ def arrive(run: Run) -> None:
         brake_at_the_goal(run)
     else:
         run.until(run.start_ns + FINISH_NS + SECOND)
-
-
-def get_new_times(run: Run) -> None:
-    """Be given times that have the robot where it is for a second more."""
-    s = run.agent.ride.follower.s if run.agent.ride else 0.0
-    if run.agent.phase == FROZEN:
-        vars(run).update(vars(copy.deepcopy(late())))
-        s = run.agent.ride.follower.s
-    motion = (*MOTION[:2], [s], [(run.now - run.start_ns) / SECOND + 1.0])
-    run.agent.hear_times(COORDINATOR, run.epoch, 1, motion, run.own(run.now))
-
-
-@functools.cache
-def late() -> Run:
-    """Return a robot that stands because it could not move, while the fleet goes on."""
-    run = copy.deepcopy(brought(MOVING))
-    stand(run, run.body.pose(), 0.6)
-    assert (run.agent.phase, run.agent.fault) == (FROZEN, LATE)
-    return run
 
 
 def brake_at_the_goal(run: Run) -> None:
@@ -110,15 +85,13 @@ def tick_late(run: Run) -> None:
 STIMULI = {
     transitions.READY: be_ready,
     transitions.NOT_READY: tick_late,
-    transitions.GO_IN_TIME: lambda run: run.command(GO),
-    transitions.GO_TOO_LATE: go_too_late,
+    transitions.GO: lambda run: run.command(GO),
     transitions.TOLD_TO_FREEZE: lambda run: run.command(FREEZE),
     transitions.NEW_EPOCH: hear_next_epoch,
     transitions.TROUBLE: lambda run: run.agent.hear_driver_error(run.own(run.now)),
     transitions.AT_REST: rest,
     transitions.ARRIVED: arrive,
     transitions.LEFT_PATH: be_pushed,
-    transitions.NEW_TIMES: get_new_times,
 }
 """What brings an event about."""
 
@@ -126,8 +99,7 @@ ROWS = {
     (IDLE, transitions.READY): ARMED,
     (IDLE, transitions.NEW_EPOCH): IDLE,
     (ARMED, transitions.NOT_READY): IDLE,
-    (ARMED, transitions.GO_IN_TIME): MOVING,
-    (ARMED, transitions.GO_TOO_LATE): FROZEN,
+    (ARMED, transitions.GO): MOVING,
     (ARMED, transitions.TOLD_TO_FREEZE): FROZEN,
     (ARMED, transitions.TROUBLE): FROZEN,
     (ARMED, transitions.NEW_EPOCH): IDLE,
@@ -136,12 +108,9 @@ ROWS = {
     (MOVING, transitions.NEW_EPOCH): BRAKING,
     (MOVING, transitions.ARRIVED): DONE,
     (MOVING, transitions.LEFT_PATH): BRAKING,
-    (MOVING, transitions.NEW_TIMES): MOVING,
     (BRAKING, transitions.AT_REST): FROZEN,
     (BRAKING, transitions.ARRIVED): DONE,
     (FROZEN, transitions.NEW_EPOCH): IDLE,
-    (FROZEN, transitions.NEW_TIMES): MOVING,
-    (FROZEN, transitions.LEFT_PATH): FROZEN,
     (DONE, transitions.NEW_EPOCH): IDLE,
     (DONE, transitions.LEFT_PATH): FROZEN,
 }

@@ -9,7 +9,6 @@ from msgspec.structs import replace
 from rich.console import Console
 from typer.testing import CliRunner
 
-from coordinator.fleet import fleet_from_plan, mission
 from coordinator.scenario.model import Link
 from coordinator.scenario_files.scenario_reader import read_scenario
 from protocol.phases import OVER
@@ -27,6 +26,7 @@ from tests.sweeps import seeds
 ROOT = Path(__file__).resolve().parents[3]
 PAPER = ROOT / "examples" / "paper_five.toml"
 GOOD = LINKS[0]
+UNSAFE = Wish(tau=0.3, authority=False)
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,6 @@ def test_nobody_touches_and_whoever_can_arrives(floors, seed):
     outcome = run_seed(floors[seed % len(floors)], seed)
     assert outcome.violations == ()
     assert outcome.arrived == outcome.expected
-    assert all(share <= 1.0 for share in outcome.latencies.share)
 
 
 @pytest.mark.parametrize("seed", [8, 25, 31, 57])
@@ -73,35 +72,26 @@ def test_the_same_seed_gives_the_same_outcome(five):
     assert run_seed(five, 7) == run_seed(five, 7)
 
 
-def test_with_the_safety_off_the_same_campaign_finds_collisions(crossing):
-    unsafe = Wish(tau=0.0, freezes=False)
-    outcomes = [run_seed(crossing, seed, unsafe) for seed in range(6)]
-    assert any(outcome.touches for outcome in outcomes)
-
-
 @pytest.mark.parametrize("seed", [11, 21, 22, *seeds(12)])
 def test_nobody_touches_when_faults_last_longer_than_tau(crossing, seed):
-    """A tau of 0.3 s covers no fault but lateness; authority keeps robots apart all the same."""
+    """A tau of 0.3 s covers little lateness; authority keeps robots apart all the same."""
     outcome = run_seed(crossing, seed, Wish(tau=0.3))
     assert (outcome.touches, outcome.stuck) == ((), ())
     assert outcome.over
 
 
-def test_without_authority_robots_touch_when_faults_last_longer_than_tau(crossing, monkeypatch):
-    for module in (fleet_from_plan, mission):
-        monkeypatch.setattr(module, "grants_of", lambda _: None)
-    outcomes = [run_seed(crossing, seed, Wish(tau=0.3)) for seed in (11, 21, 22)]
+def test_without_authority_the_same_campaign_finds_collisions(crossing):
+    outcomes = [run_seed(crossing, seed, UNSAFE) for seed in (6, 7, 10)]
     assert any(outcome.touches for outcome in outcomes)
 
 
 def test_a_run_that_fails_shrinks_to_fewer_faults_that_still_fail(crossing):
-    unsafe = Wish(tau=0.0, freezes=False)
     names = [robot.id for robot in crossing.robots]
-    failing = (run_seed(crossing, seed, unsafe) for seed in range(20))
-    outcome = next(one for one in failing if one.touches and len(one.faults) > 2)
+    failing = (run_seed(crossing, seed, UNSAFE) for seed in range(20))
+    outcome = next(one for one in failing if one.touches and len(one.faults) > 1)
 
     def fails(faults: list[Fault]) -> bool:
-        return bool(run_seed(crossing, outcome.seed, unsafe, faults).touches)
+        return bool(run_seed(crossing, outcome.seed, UNSAFE, faults).touches)
 
     faults = read_faults(outcome.faults, names)
     shrunk = shrink(faults, fails)
@@ -110,17 +100,11 @@ def test_a_run_that_fails_shrinks_to_fewer_faults_that_still_fail(crossing):
     assert not shrunk or not fails([])
 
 
-def test_a_plan_is_held_to_what_it_says_it_survives(five):
-    stall, late, hang = Fault("stall", "R1", 3.0, 2.0), [], Fault("coordinator-hang", "", 3.0, 2.0)
-    _, whole = plan_for(five, GOOD, None)
-    assert all(is_promised(whole, faults) for faults in ([stall], late, [hang], [stall, hang]))
-    _, short = plan_for(five, GOOD, 0.3)
-    assert short.proof.survives == ["late"]
-    assert is_promised(short, late)
-    assert not is_promised(short, [stall])
-    assert not is_promised(short, [hang])
-    _, none = plan_for(five, GOOD, 0.0)
-    assert not is_promised(none, [])
+def test_every_proven_plan_is_held_to_survive_everything(five):
+    for tau in (None, 0.2):
+        _, document = plan_for(five, GOOD, tau)
+        assert is_promised(document)
+    assert not is_promised(replace(document, proof=None))
 
 
 def test_every_run_lasts_until_the_fleet_is_over_whoever_is_lost(five):
@@ -139,10 +123,10 @@ def test_whose_link_comes_back_after_over_was_said_is_not_expected():
     """A coordinator that hangs between its farewells goes on with them later."""
     alone = generate("open", 1, 1)
     scenario, document = plan_for(alone, GOOD, None)
-    faults = [Fault("cut", "R1", 3.0, 4.0), Fault("coordinator-hang", "", 6.6, 6.0)]
+    faults = [Fault("cut", "R1", 3.0, 14.0), Fault("coordinator-hang", "", 12.6, 6.0)]
     outcome = run_one(scenario, document, 1, faults)
     assert outcome.over
-    assert outcome.seconds < 6.6
+    assert outcome.seconds < 12.6
     assert outcome.excused == {"R1": "cut"}
     assert outcome.violations == ()
 
@@ -191,4 +175,4 @@ def test_the_command_answers_in_the_form_of_the_contract():
     assert answer["arrived"] == answer["expected"] == 8
     assert answer["violations"] == []
     assert answer["latency"]["freeze"]["count"] == 2
-    assert answer["latency"]["share"]["worst"] < 1.0
+    assert answer["latency"]["resume"]["worst"] < 15.0

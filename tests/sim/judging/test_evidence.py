@@ -39,7 +39,7 @@ def write_log(path, plans, epochs, before=None, name="f"):
         for epoch in epochs:
             at = 10 * epoch * SECOND
             for phase, start in ((HOLD, 0), (GO, at + 2 * SECOND)):
-                command = encode(Command(9, 2 * epoch + phase, epoch, phase, start))
+                command = encode(Command(9, 1, 2 * epoch + phase, epoch, phase, start, at))
                 log.record(keys.command(name), command, at)
     return path
 

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from coordinator.base.errors import InputError
 from coordinator.findings.info import summarise
 from coordinator.fleet.log_records import LINK_UP
+from coordinator.fleet.phases import HELD_PATIENCE
 from coordinator.log.blackbox_attachments import packed
 from coordinator.log.log_file import read_log
 from coordinator.log.recorder import Attachment, Recorder
@@ -93,15 +94,14 @@ def test_until_the_moment_every_byte_is_that_of_the_log_and_then_the_faults_come
     assert [(r.key, r.payload, r.log_ns, r.publish_ns) for r in new.records[: len(kept)]] == fields
     assert new.records[len(kept)].log_ns > history.until_ns
     assert new.metadata["what_if"] == "5"
-    assert {(1, GO), (1, FREEZE), (2, GO)} <= set(phases_of(new))
+    assert {(1, GO), (1, FREEZE)} <= set(phases_of(new))
     frozen = next(
         r.log_ns
         for r in new.records
         if isinstance(m := decode("command", r.payload), Command) and m.phase == FREEZE
     )
-    assert 6.0 < (frozen - history.began_ns) / SECOND < 6.7
+    assert frozen > history.began_ns + 6 * SECOND + HELD_PATIENCE
     assert check_log(new).difference == ""
-    assert "plan-2.json" in new.attachments
     told = {robot.id: robot for robot in judge(folder).robots}
     assert not told["R1"].arrived
     assert told["R2"].arrived
@@ -168,7 +168,7 @@ def test_a_robot_that_was_started_again_is_another_one_at_another_place(scenario
     robot = world.robots["R1"]
     assert robot.service.boot == 77
     assert robot.body.true_pose() == (1.0, 1.5, 0.5)
-    assert world.fleet.phase == FREEZE
+    assert world.fleet.members["R1"].lost
 
 
 def test_a_robot_that_came_back_with_another_boot_is_known_by_both(quiet, tmp_path):
@@ -181,7 +181,7 @@ def test_a_robot_that_came_back_with_another_boot_is_known_by_both(quiet, tmp_pa
             recorder.attach(name, "application/json", data)
         for record in kept:
             recorder.record(record.key, record.payload, record.log_ns)
-        hello = Hello(1, 77, place=(1000, 2000, 500))
+        hello = Hello(2, 77, place=(1000, 2000, 500))
         recorder.record(keys.hello("three", "R1"), encode(hello), until)
     known = read_history(path, 5.0).robots["R1"]
     assert [hello.boot for _, hello in known.boots][-1] == 77

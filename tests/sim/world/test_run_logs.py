@@ -131,7 +131,7 @@ def test_a_core_that_decides_otherwise_is_found_at_the_first_message_that_differ
         if isinstance(told := decode("command", record.payload), Command) and told.phase == FREEZE
     )
     assert check_log(log).difference == ""
-    monkeypatch.setattr(Fleet, "_hear_gone", lambda *_: [])
+    monkeypatch.setattr(Fleet, "_watch", lambda *_: None)
     found = check_log(log).difference
     assert found.startswith(f"message {place} on {log.records[place].key}, ")
     assert "byte" in found

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from coordinator.fleet.log_records import TOLD_TO_GO_ON, TOLD_TO_STOP
+from coordinator.fleet.phases import HELD_PATIENCE
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario
-from protocol.phases import FREEZE, GO, OVER
+from protocol.phases import GO, OVER
 from protocol.timing import CLOCK_ERROR, MILLISECOND, SECOND
 from sim.campaigns.truth import arrived, touches
-from sim.judging.judge import Epoch, judge_boxes
+from sim.floors.generator import generate
+from sim.judging.judge import judge_boxes
 from sim.world.fault_text import Fault
 from sim.world.memory_transport import MemoryNetwork
 from sim.world.virtual_fleet import USUAL_FLAWS, World
@@ -135,7 +138,7 @@ def test_on_a_worse_link_than_planned_for_nobody_touches(scenario, document, see
 
 @pytest.mark.parametrize("dead", ROBOTS)
 @pytest.mark.parametrize("time", [0.5, 3.5, 7.5])
-def test_when_a_robot_dies_the_others_rest_within_tau_and_then_arrive(
+def test_when_a_robot_dies_the_others_arrive_and_only_those_behind_it_wait(
     scenario, document, dead, time
 ):
     world = struck(scenario, document, Fault("kill", dead, time))
@@ -143,11 +146,11 @@ def test_when_a_robot_dies_the_others_rest_within_tau_and_then_arrive(
     assert world.fleet.members[dead].lost
     assert touches(document, boxes) == []
     assert arrived(world, document, boxes) == set(ROBOTS) - {dead}
-    gone_again = [one.now_ns for one in incidents(world, "phase") if one.text == "GO"][1]
-    resumed = (gone_again - world.began_ns) / SECOND
-    assert 0.0 < first_freeze(world) - time < 0.3
-    for box in boxes.values():
-        assert last_motion(box, resumed) <= time + document.tau
+    if world.mission.document.epoch == 1:
+        for box in boxes.values():
+            assert last_motion(box, math.inf) <= document.robot(dead).finish_time + 20.0
+    else:
+        assert first_freeze(world) - time > HELD_PATIENCE / SECOND
 
 
 def test_the_black_box_of_a_dead_robot_covers_the_whole_run(scenario, document):
@@ -160,42 +163,87 @@ def test_the_black_box_of_a_dead_robot_covers_the_whole_run(scenario, document):
 @pytest.mark.parametrize(
     ("fault", "reason"),
     [
-        (Fault("hang", "R1", 3.0, 4.0), "R1 has fallen silent"),
-        (Fault("cut", "R1", 3.0, 4.0), "R1 has fallen silent"),
         (Fault("skid", "R1", 3.0, 0.06), "R1 stopped: off its path"),
         (Fault("driver-error", "R1", 3.0), "R1 stopped: driver error"),
-        (Fault("coordinator-hang", "", 3.0, 4.0), "stopped: did not hear the coordinator"),
     ],
 )
-def test_whoever_fails_for_a_while_arrives_in_a_later_epoch(scenario, document, fault, reason):
+def test_whoever_fails_arrives_in_a_later_epoch(scenario, document, fault, reason):
     world = struck(scenario, document, fault)
     boxes = world.blackboxes()
     assert incidents(world, "fault")[0].text.endswith(reason)
     assert touches(document, boxes, [fault]) == []
     assert world.fleet.phase == OVER
+    assert world.fleet.epoch > 1
     assert arrived(world, document, boxes) == set(ROBOTS)
 
 
-@pytest.mark.parametrize("seconds", [0.6, 2.0])
-def test_a_robot_held_up_for_a_while_gets_new_times_and_nobody_freezes(scenario, document, seconds):
-    world = struck(scenario, document, Fault("stall", "R1", 3.0, seconds))
+@pytest.mark.parametrize(
+    "fault",
+    [
+        Fault("hang", "R1", 3.0, 4.0),
+        Fault("cut", "R1", 3.0, 4.0),
+        Fault("stall", "R1", 3.0, 0.6),
+        Fault("stall", "R1", 3.0, 4.0),
+        Fault("slow", "R3", 2.0, 0.5),
+        Fault("clock-jump", "R2", 3.0, 6.0),
+        Fault("clock-jump", "R2", 3.0, -6.0),
+        Fault("clock-pause", "R2", 3.0, 2.0),
+        Fault("coordinator-hang", "", 3.0, 4.0),
+    ],
+)
+def test_whoever_is_late_or_away_for_a_while_goes_on_and_nobody_plans_anew(
+    scenario, document, fault
+):
+    world = struck(scenario, document, fault)
     boxes = world.blackboxes()
-    assert (world.fleet.epoch, world.fleet.revision) == (1, 1)
     assert [one.text for one in incidents(world, "phase")] == ["GO", "OVER"]
     assert touches(document, boxes) == []
     assert arrived(world, document, boxes) == set(ROBOTS)
-    told = next(one for one in incidents(world, "late") if "new times" in one.text)
-    begin = (told.now_ns - world.began_ns) / SECOND
-    verdict = judge_boxes(document, boxes, [Epoch(world.mission.document, begin, 0.0)])
+    verdict = judge_boxes(document, boxes)
     assert all(robot.tracking_error < 0.5 * document.margin for robot in verdict.robots)
 
 
-def test_a_robot_held_up_for_a_while_freezes_a_fleet_whose_tau_has_no_room(scenario):
-    short = replace(scenario, tau=1.4)
+@pytest.mark.parametrize("tau", [0.2, 0.3, 0.7])
+def test_a_tau_that_covers_no_fault_is_as_safe(scenario, tau):
+    short = replace(scenario, tau=tau)
     document = plan_scenario(short)
-    world = struck(short, document, Fault("stall", "R1", 3.0, 2.0))
-    assert incidents(world, "fault")[0].text == "R1 stopped: behind its plan"
-    assert arrived(world, document, world.blackboxes()) == set(ROBOTS)
+    world = struck(short, document, Fault("stall", "R1", 3.0, 2.0), Fault("hang", "R2", 4.0, 3.0))
+    boxes = world.blackboxes()
+    assert touches(document, boxes) == []
+    assert arrived(world, document, boxes) == set(ROBOTS)
+
+
+def test_a_fleet_that_is_stopped_for_a_minute_goes_on_where_it_was(scenario, document):
+    world = World(scenario, document, good_link(), flaws=USUAL_FLAWS)
+    world.run(5.0)
+    world.coordinator.driver.tell(TOLD_TO_STOP, world.now_ns)
+    world.go_on(2.0)
+    stood = {name: robot.body.true_pose() for name, robot in world.robots.items()}
+    world.go_on(58.0)
+    assert {name: robot.body.true_pose() for name, robot in world.robots.items()} == stood
+    world.coordinator.driver.tell(TOLD_TO_GO_ON, world.now_ns)
+    world.run(120.0)
+    boxes = world.blackboxes()
+    assert (world.fleet.phase, world.fleet.epoch) == (OVER, 1)
+    assert arrived(world, document, boxes) == set(ROBOTS)
+    assert touches(document, boxes) == []
+    assert incidents(world, "fault") == []
+
+
+def test_ten_robots_that_follow_each_other_round_a_loop_all_arrive_however_late():
+    for tau in (0.2, "auto"):
+        loop = replace(generate("ring", 10, 1), tau=tau)
+        document = plan_scenario(loop)
+        late = [
+            Fault("stall", robot.id, 4.0, 1.0 + 4.0 * number / 9.0)
+            for number, robot in enumerate(loop.robots)
+        ]
+        world = World(loop, document, good_link(), faults=late)
+        world.run(300.0)
+        boxes = world.blackboxes()
+        assert (world.fleet.phase, world.fleet.epoch) == (OVER, 1)
+        assert len(arrived(world, document, boxes)) == 10
+        assert touches(document, boxes) == []
 
 
 def test_random_bytes_on_a_robots_keys_change_nothing(scenario, document):
@@ -203,14 +251,6 @@ def test_random_bytes_on_a_robots_keys_change_nothing(scenario, document):
     assert world.fleet.epoch == 1
     assert world.fleet.bad_messages > 100
     assert arrived(world, document, world.blackboxes()) == set(ROBOTS)
-
-
-def test_a_robot_that_stays_slow_is_given_up_and_the_others_arrive(scenario, document):
-    world = struck(scenario, document, Fault("slow", "R3", 2.0, 0.5))
-    boxes = world.blackboxes()
-    assert not world.fleet.members["R3"].is_fit
-    assert touches(document, boxes) == []
-    assert arrived(world, document, boxes) == {"R1", "R2"}
 
 
 def test_a_hanging_coordinator_says_nothing_and_a_hanging_robot_hears_nothing(scenario, document):
@@ -222,13 +262,6 @@ def test_a_hanging_coordinator_says_nothing_and_a_hanging_robot_hears_nothing(sc
     said, heard = len(world.fleet.incidents), world.robots["R2"].service.heard_ns
     world.go_on(0.9)
     assert (said, heard) == (len(world.fleet.incidents), world.robots["R2"].service.heard_ns)
-
-
-def test_without_freezing_no_robot_is_told_to_stop(scenario, document):
-    world = World(scenario, document, good_link(), faults=[Fault("kill", "R1", 2.0)], freezes=False)
-    world.run(20.0)
-    assert world.fleet.phase == FREEZE
-    assert {"R2", "R3"} <= arrived(world, document, world.blackboxes())
 
 
 def test_the_robots_say_little_under_way(scenario, document):
@@ -276,7 +309,7 @@ BRIEFLY = [
 @pytest.mark.parametrize("faults", BRIEFLY)
 def test_a_lost_robot_is_nowhere_but_where_it_is_held_to_stand(scenario, document, faults):
     world = World(scenario, document, good_link(), faults=faults)
-    world.run(8.0)
+    world.run(16.0)
     (lost,) = (one for one in world.mission.site.aside if one.robot.id == "R1")
     body = world.robots["R1"].body
     off = np.hypot(*(lost.places - (body.x, body.y)).T).min()
