@@ -68,7 +68,7 @@ class Hello(msgspec.Struct, frozen=True, array_like=True, tag=1):
 class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):
     """One robot's course in one epoch: its path and timetable.
 
-    On the wire a CRC-32 of the encoded Plan follows it (codec.py).
+    On the wire a seal is the last element of the array (codec.py).
 
     `number`: the robot's number in this epoch's Commands.  `revision` counts a robot's courses in
     one epoch from 0; `begin_ms` is the plan time at which the course begins.  `tau_ns`: robots keep

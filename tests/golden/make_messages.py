@@ -171,12 +171,15 @@ def fields(name: str) -> list:
     return MESSAGES[name][1]
 
 
+def sealed(values: list) -> bytes:
+    """Return the bytes of a plan: one element more, a uint32 in long form, is their CRC-32."""
+    body = pack([*values, 0])[:-1]
+    return body + struct.pack(">BI", 0xCE, zlib.crc32(body))
+
+
 def payload(name: str) -> bytes:
-    """Return the bytes of a message; those of a plan are followed by their CRC-32."""
-    packed = pack(fields(name))
-    if fields(name)[0] == 2:
-        packed += struct.pack("<I", zlib.crc32(packed))
-    return packed
+    """Return the bytes of a message; those of a plan end with their seal."""
+    return (sealed if fields(name)[0] == 2 else pack)(fields(name))
 
 
 def text() -> str:

@@ -136,8 +136,9 @@ def raw(*fields):
     return msgspec.msgpack.encode(fields)
 
 
-def followed_by_crc(packed):
-    return packed + struct.pack("<I", zlib.crc32(packed))
+def with_seal(body):
+    """Return bytes whose array counts one element more already, followed by their seal."""
+    return body + struct.pack(">BI", 0xCE, zlib.crc32(body))
 
 
 @QUICK
@@ -198,7 +199,7 @@ def test_a_plan_with_any_bit_flipped_is_dropped_before_it_is_parsed(monkeypatch)
     monkeypatch.setattr(codec, "_plan_decoder", Parser())
     payload = codec.encode(a_plan())
     assert codec.decode("plan", payload) == a_plan()
-    assert parsed == [payload[: -codec.CRC_BYTES]]
+    assert parsed == [payload]
     for place in range(len(payload)):
         for bit in range(8):
             bad = bytearray(payload)
@@ -215,9 +216,8 @@ def test_a_message_on_a_key_of_another_kind_is_dropped(name, right, text):
 
 @pytest.mark.parametrize(("name", "kind", "text"), GOLDEN, ids=[row[0] for row in GOLDEN])
 def test_a_field_that_a_later_version_adds_is_ignored_by_this_one(name, kind, text):
-    packed = make_messages.pack([*make_messages.fields(name), "new"])
-    if name.startswith("plan"):
-        packed = followed_by_crc(packed)
+    pack = make_messages.sealed if name.startswith("plan") else make_messages.pack
+    packed = pack([*make_messages.fields(name), "new"])
     assert codec.decode(kind, packed) == codec.decode(kind, bytes.fromhex(text)) is not None
 
 
@@ -243,9 +243,9 @@ def test_a_payload_longer_than_a_robot_receives_is_dropped_before_it_is_read():
         ("report", b"\x98\x04\x01\x02\x03\x04\x00\xc0" + b"\x91" * 3_900),
         ("command", b"\x9d\x03\x01\x01\x01\x01\x01\x00\x00\x00\xdd\xff\xff\xff\xff"),
         ("plan", b"\xdc\x00\x12\x02\xc6\xff\xff\xff\xff"),
-        ("plan", followed_by_crc(b"\xdc\x00\x12\x02\xc6\xff\xff\xff\xff")),
-        ("plan", followed_by_crc(b"\x91" * (MAX_MESSAGE_BYTES - 4))),
-        ("plan", followed_by_crc(b"")),
+        ("plan", with_seal(b"\xdc\x00\x13\x02\xc6\xff\xff\xff\xff")),
+        ("plan", with_seal(b"\x91" * (MAX_MESSAGE_BYTES - 5))),
+        ("plan", with_seal(b"")),
         ("plan", b"\xdd\xff\xff\xff\xff"),
         ("plan", b"\x93\x06\x01\xa2\xff\xfe"),
     ],
@@ -254,9 +254,9 @@ def test_a_payload_longer_than_a_robot_receives_is_dropped_before_it_is_read():
         "nested behind",
         "many held",
         "long bytes",
-        "long bytes with a CRC",
-        "nested with a CRC",
-        "nothing but a CRC",
+        "long bytes with a seal",
+        "nested with a seal",
+        "nothing but a seal",
         "long array",
         "no UTF-8",
     ],
@@ -305,20 +305,28 @@ def test_a_plan_with_a_packed_field_of_no_whole_length_is_dropped(field, length)
     assert codec.decode("plan", codec.encode(plan)) is None
 
 
-def test_a_plan_without_its_crc_or_with_another_one_is_dropped():
+def test_a_plan_without_its_seal_or_with_another_one_is_dropped():
     payload = codec.encode(a_plan())
-    packed, crc = payload[: -codec.CRC_BYTES], payload[-codec.CRC_BYTES :]
-    assert packed == msgspec.msgpack.encode(a_plan())
-    assert payload == followed_by_crc(packed)
-    for wrong in (b"", bytes(4), crc[::-1], crc * 2, codec.encode(a_plan(stops=2))[-4:]):
-        assert codec.decode("plan", packed + wrong) is None
+    body, seal = payload[: -codec.SEAL_BYTES], payload[-codec.SEAL_BYTES :]
+    assert payload == with_seal(body)
+    other = codec.encode(a_plan(stops=2))[-codec.SEAL_BYTES :]
+    for wrong in (b"", bytes(5), seal[:1] + seal[:0:-1], seal * 2, other):
+        assert codec.decode("plan", body + wrong) is None
+    assert codec.decode("plan", msgspec.msgpack.encode(a_plan())) is None
 
 
-def test_a_refusal_has_no_crc():
+def test_any_msgpack_library_reads_a_plan_and_finds_the_seal_behind_its_fields():
+    payload = codec.encode(a_plan())
+    *fields, seal = msgspec.msgpack.decode(payload)
+    assert fields == msgspec.msgpack.decode(msgspec.msgpack.encode(a_plan()))
+    assert seal == zlib.crc32(payload[: -codec.SEAL_BYTES])
+
+
+def test_a_refusal_has_no_seal():
     packed = raw(6, 7, "R9 stands in no scenario")
     assert codec.encode(Refusal(7, "R9 stands in no scenario")) == packed
     assert codec.decode("plan", packed) == Refusal(7, "R9 stands in no scenario")
-    assert codec.decode("plan", followed_by_crc(packed)) is None
+    assert codec.decode("plan", with_seal(packed)) is None
 
 
 def command(start_ns=0, said_ns=0, **fields):

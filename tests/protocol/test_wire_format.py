@@ -102,14 +102,14 @@ def test_a_message_too_long_for_a_robot_is_refused_at_the_sender_with_both_numbe
     with pytest.raises(plan_bytes.OversizeError) as caught:
         codec.encode(plan)
     spoken = str(caught.value)
-    assert f"{len(msgspec.msgpack.encode(plan)) + codec.CRC_BYTES} bytes" in spoken
+    assert f"{len(msgspec.msgpack.encode(plan)) + codec.SEAL_BYTES} bytes" in spoken
     assert str(MAX_MESSAGE_BYTES) in spoken
     assert "robot-07" in spoken
 
 
-def test_the_crc_counts_for_the_length_of_a_plan():
+def test_the_seal_counts_for_the_length_of_a_plan():
     long = msgspec.structs.replace(a_plan(), points=bytes(3_200), knots=bytes(256))
-    room = MAX_MESSAGE_BYTES - len(msgspec.msgpack.encode(long)) - codec.CRC_BYTES
+    room = MAX_MESSAGE_BYTES - len(msgspec.msgpack.encode(long)) - codec.SEAL_BYTES
     fits = msgspec.structs.replace(long, knots=long.knots + bytes(room))
     assert len(codec.encode(fits)) == MAX_MESSAGE_BYTES
     longer = msgspec.structs.replace(fits, knots=fits.knots + b"\0")
