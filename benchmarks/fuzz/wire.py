@@ -13,7 +13,7 @@ from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import read_scenario
 from protocol import keys
-from protocol.codec import CRC_BYTES, KINDS, decode, encode
+from protocol.codec import KINDS, SEAL_BYTES, decode, encode
 from protocol.messages import Clock, Command, Plan, Report
 from protocol.phases import GO, HOLD, STOP
 from protocol.plan_parts import unpack_plan
@@ -35,7 +35,7 @@ def codec(data: bytes) -> None:
     kind = _KINDS[data[0] % len(_KINDS)]
     message = decode(kind, data[1:])
     if message is None and kind == "plan":
-        message = decode(kind, _with_crc(data[1:])) or decode(kind, _with_crc(data[1:-CRC_BYTES]))
+        message = decode(kind, _sealed(data[1:])) or decode(kind, _sealed(data[1:-SEAL_BYTES]))
     if message is None:
         return
     again = decode(kind, encode(message))
@@ -47,9 +47,9 @@ def codec(data: bytes) -> None:
             message.authority_of(number)
 
 
-def _with_crc(packed: bytes) -> bytes:
-    """Return bytes followed by their CRC-32, as a Plan's are."""
-    return packed + zlib.crc32(packed).to_bytes(CRC_BYTES, "little")
+def _sealed(body: bytes) -> bytes:
+    """Return bytes followed by the seal that fits them, as a Plan's are."""
+    return body + b"\xce" + zlib.crc32(body).to_bytes(SEAL_BYTES - 1)
 
 
 def codec_seeds() -> Iterator[bytes]:

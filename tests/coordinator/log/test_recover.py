@@ -15,8 +15,6 @@ from coordinator.log.log_file import log_from_bytes, read_log
 from coordinator.log.recorder import Attachment, Recorder
 from coordinator.log.recover import RECOVERED, make_whole
 from coordinator.service.replay import check_log
-from protocol.codec import CRC_BYTES, decode
-from protocol.messages import Plan
 from tests.json_schema import problems
 
 CUTS = 1_000
@@ -51,9 +49,7 @@ def chunks_of(data):
 
 
 def value_of(data):
-    """Return what msgpack states; that of a Plan is followed by its CRC-32."""
-    if isinstance(decode("plan", data), Plan):
-        data = data[:-CRC_BYTES]
+    """Return what msgpack states."""
     return msgspec.to_builtins(msgspec.msgpack.decode(data))
 
 
