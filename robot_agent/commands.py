@@ -47,6 +47,15 @@ def agent(
             min=0.0, help="Greatest acceleration, m/s^2; 0: as in the scenario, inf: no limit."
         ),
     ] = 0.0,
+    holds: Annotated[
+        tuple[int, int, int],
+        typer.Option(
+            metavar="POINTS STOPS BYTES",
+            min=0,
+            max=65_535,
+            help="The largest plan that the robot can hold; 0: not stated.",
+        ),
+    ] = (0, 0, 0),
     blackbox: Annotated[
         Path | None, typer.Option(help="Write the true poses to this CSV file.")
     ] = None,
@@ -120,7 +129,7 @@ def agent(
     files = None if keys is None else read_key_files(keys, "robot", robot)
     if files is not None and (warning := files.warning()):
         typer.echo(warning, err=True)
-    me = Robot(robot, radius, max_speed, max_accel)
+    me = Robot(robot, radius, max_speed, max_accel, holds)
 
     def clock() -> int:
         return int(host_clock_ns() * speed)

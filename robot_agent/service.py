@@ -47,12 +47,16 @@ class RefusedError(Exception):
 
 @dataclass(frozen=True)
 class Robot:
-    """Who the robot is and what it can do [m, m/s, m/s^2]; 0 means not stated."""
+    """Who the robot is and what it can do [m, m/s, m/s^2]; 0 means not stated.
+
+    `holds`: the most control points, stops and bytes of a Plan that it can hold.
+    """
 
     id: str
     radius: float = 0.0
     max_speed: float = 0.0
     max_accel: float = 0.0
+    holds: tuple[int, int, int] = (0, 0, 0)
 
 
 def run_robot(
@@ -300,7 +304,8 @@ class RobotService:
             limits = (robot.radius, robot.max_speed, accel)
             self._hellos += 1
             place = self._place()
-            hello = Hello(PROTOCOL_VERSION, self.boot, *limits, place, self._hellos)
+            said = (*limits, place, self._hellos, *robot.holds)
+            hello = Hello(PROTOCOL_VERSION, self.boot, *said)
             self._transport.put(keys.hello(fleet, robot.id), encode(hello))
         if agent.clock_due(now_ns):
             asked_ns = self._clock() if self._clock else now_ns

@@ -42,7 +42,7 @@ from coordinator.fleet.log_records import (
     is_drops_key,
     request_of,
 )
-from coordinator.fleet.member import STRIKES
+from coordinator.fleet.member import WITHOUT
 from coordinator.fleet.phases import AWAY
 from coordinator.security.denials import denial_of, is_denial_key
 from protocol import codec, keys, phases
@@ -265,13 +265,13 @@ class _Telling:
         return "running"
 
     def _tell_unfit(self, record: Record) -> None:
-        """Record robots that a new epoch leaves out because they have failed too often."""
+        """Record robots that a new epoch leaves out although they are heard."""
         request = request_of(record.payload)
         for one in request.told if request is not None else ():
-            if one.state != "unfit":
+            if one.state not in ("unfit", "overloaded"):
                 self._unfit.pop(one.robot, None)
             elif one.robot not in self._unfit:
-                self._unfit[one.robot] = f"left where it stands: it has failed in {STRIKES} epochs"
+                self._unfit[one.robot] = f"left where it stands: {WITHOUT[one.state]}"
                 self._tell_fault(record.log_ns, one.robot, self._unfit[one.robot], "unfit")
 
     def _tell_silence(self, log_ns: int, of_phases: Collection[int]) -> None:

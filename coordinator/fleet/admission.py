@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from coordinator.fleet.capacity import Capacity
 from coordinator.fleet.events import Incident, Outgoing
 from coordinator.fleet.member import Member
 from coordinator.fleet.roster import Roster
@@ -158,6 +159,8 @@ class Door:
                 f"{member.accel} m/s^2" if member.accel < math.inf else "a robot that stops at once"
             )
             return f"{robot} brakes with {hello.max_accel_mps2} m/s^2, its plan needs {needed}"
+        if member.boot is None and (overload := Capacity.of(hello).objection(member.plan)):
+            return f"{robot} {overload}"
         if member.boot not in (None, hello.boot) and not member.is_silent(now_ns):
             return f"another {robot} is already in fleet {self._fleet}"
         return ""

@@ -35,6 +35,8 @@ def that_do_not_arm(
     for member in members:
         if member.is_silent(now_ns):
             found.append(silent(member))
+        elif member.overload:
+            found.append(Failing(member, member.overload))
         elif now_ns - since_ns > ARM_PATIENCE and not member.is_armed(epoch, now_ns):
             found.append(Failing(member, f"does not arm: {member.describe()}", strike=True))
     return found

@@ -11,6 +11,7 @@ from typing import Final
 import msgspec
 
 from coordinator.fleet.came_back import Admission
+from coordinator.fleet.capacity import Capacity
 from coordinator.fleet.rest_places import Standing, State
 from protocol.messages import Hello, Report
 from protocol.phases import (
@@ -30,6 +31,13 @@ PLAN_PERIOD: Final = COMMAND_PERIOD
 
 STRIKES: Final = 3
 """A robot that has ended this many epochs by a fault of its own is left where it stands."""
+
+WITHOUT: Final[dict[str, str]] = {
+    "lost": "it is lost, no longer heard",
+    "unfit": f"it has failed in {STRIKES} epochs",
+    "overloaded": "it cannot hold its course",
+}
+"""Why the next plan is made without a robot of this state, in words."""
 
 BOOTS: Final = 64
 """The coordinator remembers the Hellos of at most this many processes under one name."""
@@ -74,6 +82,9 @@ class Member:
     """The epochs that it has ended by a fault of its own."""
     rest: Standing | None = None
     admission: Admission = field(default_factory=Admission)
+    capacity: Capacity = Capacity()
+    overload: str = ""
+    """Why it cannot hold its plan, in words."""
     stays: str = ""
     hellos: dict[int, int] = field(default_factory=dict)
     """The sequence number of each process's newest Hello, by boot id; the latest heard is last."""
@@ -98,7 +109,7 @@ class Member:
             x, y, heading = (number / 1000.0 for number in hello.place)
             self.accept(hello, now_ns)
             self.finished = self.planned = False
-            self.stays = ""
+            self.stays = self.overload = ""
             self.sent_epoch = 0
             self.struck.clear()
             self.admission.take_in()
@@ -110,6 +121,8 @@ class Member:
         if hello.boot == self.boot:
             return
         self.boot, self.sequence, self.epoch, self.phase, self.fault = hello.boot, -1, 0, IDLE, 0
+        self.capacity = Capacity.of(hello)
+        self.overload = self.capacity.objection(self.plan)
         self.plan_sent_ns = self.done_ns = None
 
     def set_out(self, epoch: int) -> None:
@@ -120,6 +133,7 @@ class Member:
         """Give the robot a part in a new epoch."""
         self.planned, self.plan, self.speed = True, plan, speed
         self.plan_sent_ns = self.rest = None
+        self.overload = self.capacity.objection(plan)
 
     def plan_due(self, now_ns: int) -> bool:
         """Return whether to send the plan now; if so, record it as sent."""
@@ -204,7 +218,8 @@ class Member:
         """
         if self.finished:
             return Standing(robot=self.id, state="arrived", epoch=epoch)
-        state: State = "lost" if self.lost else "rests" if self.is_fit else "unfit"
+        state: State = "rests" if self.is_fit else "unfit"
+        state = "lost" if self.lost else "overloaded" if self.overload else state
         rest = self.rest
         if rest is None and since == until:
             rest = Standing(robot=self.id, state=state, epoch=epoch, s=0.0)

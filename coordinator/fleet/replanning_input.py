@@ -30,7 +30,7 @@ from coordinator.plan.wire import Driven, drive
 from coordinator.scenario.margin import track_mm_for
 from coordinator.scenario.model import Point, Pose, Robot, Scenario
 
-Why = Literal["arrived", "lost", "unfit", "closed in"]
+Why = Literal["arrived", "lost", "unfit", "overloaded", "closed in"]
 
 _CORNERS: Final = 64
 """Corners of the polygon around a disc; they lie outside of it by 0.12 % of the radius."""
@@ -74,6 +74,11 @@ class Aside:
     why: Why
     places: Array
     pose: Pose | None
+
+    def __str__(self) -> str:
+        """Return where the robot stands, in words."""
+        first, last = (f"({x:.2f}, {y:.2f})" for x, y in self.places[[0, -1]])
+        return f"stands at {first}" if first == last else f"stands between {first} and {last}"
 
     def disc(self) -> tuple[Point, ...]:
         """Return the polygon that contains the robot's disc at every place where it may stand."""
@@ -197,8 +202,7 @@ def _stands(
     s = min(standing.s, ride.curve.length)
     pose = _pose(ride, s, standing, margin)
     if standing.state != "rests":
-        why: Why = "lost" if standing.state == "lost" else "unfit"
-        return Aside(robot, why, np.array([pose[:2]]), pose)
+        return Aside(robot, standing.state, np.array([pose[:2]]), pose)
     if _is_on_path(standing, margin, max(ride.curve.length - s - _THERE, 0.0)):
         return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
     path = None

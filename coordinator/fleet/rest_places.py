@@ -10,11 +10,12 @@ from typing import Literal
 
 import msgspec
 
-State = Literal["rests", "arrived", "lost", "unfit"]
+State = Literal["rests", "arrived", "lost", "unfit", "overloaded"]
 
 
 class Standing(msgspec.Struct, frozen=True, kw_only=True):
-    """The standing of one robot: it can drive on, has arrived, is lost, or is unfit.
+    """The standing of one robot: it can drive on, has arrived, is lost, is
+    unfit, or cannot hold its course.
 
     `epoch` is the epoch whose plan the places refer to.  A robot that said where it rests is at arc
     length `s` [m] of its path, `off` [m] to the left of it, turned from it by `turn` [rad] and

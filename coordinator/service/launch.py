@@ -18,7 +18,7 @@ from coordinator.base.console import answer_json, tell_now, write_file
 from coordinator.base.errors import InputError
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.hold_reasons import RollCall
-from coordinator.fleet.member import STRIKES
+from coordinator.fleet.member import WITHOUT
 from coordinator.fleet.mission import Mission
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.log.head import first_head, resumed
@@ -39,14 +39,6 @@ from coordinator.view.live_table import FleetTable
 from protocol.host_clock import host_clock_ns
 from protocol.phases import COMMAND_NAMES, GO, PHASE_NAMES
 from protocol.shared_clock import announce_clock
-
-_WITHOUT: Final = {
-    "lost": "it is lost, no longer heard",
-    "unfit": f"it has failed in {STRIKES} epochs",
-}
-"""Why a robot has no part in the next epoch, if it is lost or unfit.
-
-For a robot that is closed in, the plan itself says what closes it in."""
 
 
 class Coordinator:
@@ -220,13 +212,16 @@ class Coordinator:
 
     def _tell_aside(self, mission: Mission) -> None:
         """Report robots without a part in a new epoch, unless the reason was reported already."""
-        aside: dict[str, str] = {one.robot.id: one.why for one in mission.site.aside}
-        for robot, why in aside.items():
+        for one in mission.site.aside:
+            robot, why = one.robot.id, one.why
             is_told = bool(mission.fleet.members[robot].stays) or self._aside.get(robot) == why
-            if why in _WITHOUT and not is_told:
-                text = f"{robot} has no part in the next epoch: {_WITHOUT[why]}"
+            if why in WITHOUT and not is_told:  # The plan itself says what closes a robot in.
+                text = (
+                    f"{robot} has no part in the next epoch: {WITHOUT[why]}. It {one}: "
+                    f"clear it, then `splinefleet admit {robot} --connect ...`"
+                )
                 self._say("aside", robot=robot, text=text)
-        self._aside = aside
+        self._aside = {one.robot.id: one.why for one in mission.site.aside}
 
     def _say(self, event: str, **facts: object) -> None:
         if self._events:

@@ -33,7 +33,13 @@ from protocol.timing import SECOND
 if TYPE_CHECKING:
     from coordinator.log.records import Log, Record
 
-_WHY: Final = {"arrived": "arrived", "lost": "lost", "unfit": "not fit", "rests": "no way"}
+_WHY: Final = {
+    "arrived": "arrived",
+    "lost": "lost",
+    "unfit": "not fit",
+    "overloaded": "course too long",
+    "rests": "no way",
+}
 _NS: Final = 1 / SECOND
 _LOST: Final = 2 * SECOND
 """A robot that no longer has a part and was not heard for this long [ns] is taken to be lost."""

@@ -29,8 +29,9 @@ def told(monkeypatch):
 @pytest.mark.parametrize(
     ("why", "said"),
     [
-        ("lost", ["R2 has no part in the next epoch: it is lost, no longer heard"]),
-        ("unfit", ["R2 has no part in the next epoch: it has failed in 3 epochs"]),
+        ("lost", ["it is lost, no longer heard"]),
+        ("unfit", ["it has failed in 3 epochs"]),
+        ("overloaded", ["it cannot hold its course"]),
         ("arrived", []),
         ("closed in", []),
     ],
@@ -43,7 +44,15 @@ def test_a_robot_that_an_epoch_goes_on_without_is_told_once_with_the_reason(told
     mission.site = Site(replace(mission.site.scenario, robots=(one,)), (aside,))
     coordinator._tell_aside(mission)
     coordinator._tell_aside(mission)
-    assert told == said
+    place = "It stands at (1.00, 7.00): clear it, then `splinefleet admit R2 --connect ...`"
+    assert told == [f"R2 has no part in the next epoch: {reason}. {place}" for reason in said]
+
+
+def test_a_robot_that_may_stand_on_a_stretch_is_said_to_stand_between_its_ends():
+    stretch = np.array([[1.0, 7.0], [1.02, 7.0], [3.5, 6.25]])
+    assert str(Aside(HALL.robots[1], "lost", stretch, None)) == (
+        "stands between (1.00, 7.00) and (3.50, 6.25)"
+    )
 
 
 def test_arrivals_count_from_the_first_go_whatever_epoch_they_were_in(told):

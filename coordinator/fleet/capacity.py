@@ -1,0 +1,42 @@
+"""What a robot can hold of a Plan, as its Hello states it, compared with the Plan made for it.
+
+Decides: whether a Plan is too large for a robot, and the words that say so.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from protocol.codec import decode
+from protocol.messages import Hello, Plan
+from protocol.plan_bytes import unpack_points, unpack_stops
+
+_WHAT: Final = ("control points", "stops", "bytes")
+
+
+class Capacity(NamedTuple):
+    """The most control points, stops and bytes of a Plan that a robot can hold; 0: not stated."""
+
+    points: int = 0
+    stops: int = 0
+    bytes: int = 0
+
+    @classmethod
+    def of(cls, hello: Hello) -> Capacity:
+        """Return what a robot's Hello states."""
+        return cls(hello.points, hello.stops, hello.bytes)
+
+    def objection(self, payload: bytes) -> str:
+        """Return what makes an encoded Plan too large for the robot, or an empty text."""
+        plan = decode("plan", payload) if any(self) else None
+        if not isinstance(plan, Plan):
+            return ""
+        size = Capacity(
+            len(unpack_points(plan.points)), len(unpack_stops(plan.stops)), len(payload)
+        )
+        over = [
+            f"{needed} {what}, it holds {most}"
+            for what, needed, most in zip(_WHAT, size, self, strict=True)
+            if 0 < most < needed
+        ]
+        return f"cannot hold its course: {'; '.join(over)}" if over else ""
