@@ -82,7 +82,7 @@ class Member:
     """The epochs that it has ended by a fault of its own."""
     rest: Standing | None = None
     admission: Admission = field(default_factory=Admission)
-    capacity: Capacity = Capacity()
+    capacity: Capacity = field(default_factory=Capacity)
     overload: str = ""
     """Why it cannot hold its plan, in words."""
     stays: str = ""

@@ -14,8 +14,9 @@ State = Literal["rests", "arrived", "lost", "unfit", "overloaded"]
 
 
 class Standing(msgspec.Struct, frozen=True, kw_only=True):
-    """The standing of one robot: it can drive on, has arrived, is lost, is
-    unfit, or cannot hold its course.
+    """The standing of one robot: how it takes part, and where it is.
+
+    It can drive on ("rests"), has arrived, is lost, is unfit, or cannot hold its course.
 
     `epoch` is the epoch whose plan the places refer to.  A robot that said where it rests is at arc
     length `s` [m] of its path, `off` [m] to the left of it, turned from it by `turn` [rad] and

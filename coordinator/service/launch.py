@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
-from typing import Final
 
 from coordinator.base.console import answer_json, tell_now, write_file
 from coordinator.base.errors import InputError

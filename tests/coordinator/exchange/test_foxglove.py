@@ -22,7 +22,7 @@ from coordinator.findings.info_fields import FaultSummary
 from coordinator.plan import trajectory
 from coordinator.plan.document import Floor
 from coordinator.plan.plan_file import to_json
-from coordinator.plan.wire import drive, pack
+from coordinator.plan.wire import drive
 from tests.coordinator.findings.two_epochs import (
     BEGIN,
     FREEZE_1,
@@ -144,7 +144,7 @@ def test_a_logs_robots_are_where_their_plans_have_them_in_every_epoch(story, doc
     before, after = t <= frozen, t >= GO_2 - GO_1
     alike(poses[before], trajectory.sample(one, t[before].tolist()))
     alike(poses[after], trajectory.sample(later, (t[after] - (GO_2 - GO_1)).tolist()))
-    own = RobotsOwn(pack(document, document.robot("R1")))
+    own = RobotsOwn(document, document.robot("R1"))
     rest, slowing = own.rest(frozen)
     for moment, pose in zip(t, poses, strict=True):
         if frozen < moment < GO_2 - GO_1:

@@ -15,7 +15,6 @@ from coordinator.log.log_file import read_log
 from coordinator.log.recorder import Attachment, Recorder
 from coordinator.plan import trajectory
 from coordinator.plan.plan_file import to_json
-from coordinator.plan.wire import pack
 from protocol import keys, phases
 from protocol.codec import encode
 from protocol.messages import Command
@@ -44,14 +43,14 @@ def test_a_plans_csv_is_that_of_the_plan_command(document):
 
 
 def test_every_row_of_a_plan_is_where_the_robot_itself_would_be(document):
-    own = {robot.id: RobotsOwn(pack(document, robot)) for robot in document.robots}
+    own = {robot.id: RobotsOwn(document, robot) for robot in document.robots}
     for robot, t, *seen in rows_of(csv_lines(story_of_plan(document), 0.1)):
         assert seen == pytest.approx(own[robot].at(t), abs=3e-4)
 
 
 def test_a_log_is_told_over_all_its_epochs_through_braking_and_rest(story, document, second):
-    first = {robot.id: RobotsOwn(pack(document, robot)) for robot in document.robots}
-    later = RobotsOwn(pack(second, second.robots[0]))
+    first = {robot.id: RobotsOwn(document, robot) for robot in document.robots}
+    later = RobotsOwn(second, second.robots[0])
     frozen = FREEZE_1 - GO_1
     rest, slowing = first["R1"].rest(frozen)
     found = rows_of(csv_lines(story, 0.05))

@@ -28,7 +28,8 @@ GO_1, FREEZE_1, GO_2 = 1.0, 4.0, 7.0
 class RobotsOwn:
     """A robot's own curve and time-table, made of the bytes that it gets."""
 
-    def __init__(self, payload):
+    def __init__(self, document, robot):
+        payload = pack(document, robot, 0)
         parts = unpack_plan(decode("plan", payload))
         self.curve, self.line = Curve(*parts.path), Timeline(*parts.motion)
         self.rate = decode("plan", payload).brake_mmps2 / 1000.0
@@ -51,7 +52,7 @@ def first_plan():
 
 def second_plan(document):
     """The plan of epoch 2, from where R1 rests; R2 is lost."""
-    own = RobotsOwn(pack(document, document.robot("R1")))
+    own = RobotsOwn(document, document.robot("R1"))
     own.curve.place(own.rest(FREEZE_1 - GO_1)[0])
     start = (own.curve.x, own.curve.y)
     robot = a_robot("R1", start, (9.0, 4.0))
@@ -66,12 +67,12 @@ def records(document, second, rest):
 
     def say(epoch, phase, start=0.0):
         start_ns = BEGIN + round(start * SECOND) if start else 0
-        return encode(Command(9, next(number), epoch, phase, start_ns))
+        return encode(Command(9, 1, next(number), epoch, phase, start_ns, start_ns))
 
     yield 0.0, command, say(1, phases.HOLD)
-    for robot in document.robots:
+    for index, robot in enumerate(document.robots):
         yield 0.1, keys.hello("test", robot.id), encode(Hello(2, 5, 0.2))
-        yield 0.2, keys.plan("test", robot.id), address(pack(document, robot), 9)
+        yield 0.2, keys.plan("test", robot.id), address(pack(document, robot, index), 9)
     yield 0.5, command, say(1, phases.GO, GO_1)
     for i in range(5):
         yield 1.5 + 0.5 * i, keys.report("test", "R2"), encode(Report(5, i, 1, phases.MOVING))
@@ -79,7 +80,7 @@ def records(document, second, rest):
     stopped = Report(5, 9, 1, phases.FROZEN, 0, Rest(rest, 1))
     yield 5.5, keys.report("test", "R1"), encode(stopped)
     yield 6.0, command, say(2, phases.HOLD)
-    yield 6.1, keys.plan("test", "R1"), address(pack(second, second.robots[0]), 9)
+    yield 6.1, keys.plan("test", "R1"), address(pack(second, second.robots[0], 0), 9)
     yield 6.5, command, say(2, phases.GO, GO_2)
     yield 30.0, keys.report("test", "R1"), encode(Report(5, 10, 2, phases.DONE))
     yield 30.1, command, say(2, phases.OVER)
@@ -90,7 +91,7 @@ def log_of(path, document, second, *, attached=True):
     attachments = [
         Attachment(f"plan-{plan.epoch}.json", "application/json", to_json(plan)) for plan in plans
     ]
-    own = RobotsOwn(pack(document, document.robot("R1")))
+    own = RobotsOwn(document, document.robot("R1"))
     with Recorder(
         path, metadata={"fleet": "test"}, wall_offset_ns=WALL, attachments=attachments
     ) as log:

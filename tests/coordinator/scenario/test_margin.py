@@ -41,7 +41,7 @@ def test_the_least_margin_leaves_a_robot_room_to_arrive():
 
 def test_a_check_of_an_older_log_tells_which_version_wrote_it():
     difference = check_log(read_log(CORE_1)).difference
-    assert "byte 0 is 0x98 in the log, 0x9a now" in difference
+    assert "attachment plan-1.json: tau is not what the planner gives now" in difference
     assert (
         "splinefleet 0.1.0 wrote this log, and only that version reproduces its bytes" in difference
     )
