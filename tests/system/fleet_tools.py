@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -84,15 +85,19 @@ def wait_for(state, seconds=20.0):
 
 
 def line_with(process, text, seconds=20.0):
-    """Read the process's stdout up to a line that holds the text and return that line."""
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        line = process.stdout.readline()
-        if not line:
-            raise AssertionError(f"ended without saying {text!r}: {process.stderr.read()}")
-        if text in line:
-            return line
-    raise AssertionError(f"did not say {text!r} within {seconds} s")
+    """Read the process's stdout up to a line that holds the text and return that line.
+
+    A process that says nothing of it within the deadline is killed.
+    """
+    late = threading.Timer(seconds, process.kill)
+    late.start()
+    try:
+        for line in process.stdout:
+            if text in line:
+                return line
+    finally:
+        late.cancel()
+    raise AssertionError(f"did not say {text!r} within {seconds} s: {process.stderr.read()}")
 
 
 def free_endpoint():
