@@ -22,8 +22,11 @@ REPORT_TIMEOUT = 1 * SECOND
 """A robot that has not been heard for this long counts as lost, and it is named to people."""
 
 COORDINATOR_TIMEOUT = 2 * SECOND
-"""A robot at rest that has not heard its coordinator for this long may obey another one, or leave
-when it is at its goal."""
+"""A robot at rest that has not heard its coordinator for this long may obey another one."""
+
+LEAVE_TIMEOUT = 10 * SECOND
+"""A robot at its goal that has not heard its coordinator for this long may leave.  Until then one
+that resumes from a log finds it there."""
 
 CLOCK_ERROR = 10 * MILLISECOND
 """A robot sets out only when the error of its clock offset is less than this."""

@@ -47,6 +47,7 @@ from protocol.timing import (
     CLOCK_ERROR,
     CLOCK_RESERVE,
     HELLO_PERIOD,
+    LEAVE_TIMEOUT,
     MILLISECOND,
     REPORT_PERIOD,
     SECOND,
@@ -241,10 +242,11 @@ class Agent:
     def may_leave(self, now_ns: int) -> bool:
         """Return whether nothing is left to do.
 
-        That is when the fleet has ended, or when the robot is at its goal and its coordinator is
-        silent.
+        That is when the fleet has ended, or when the robot is at its goal and its coordinator has
+        been silent for LEAVE_TIMEOUT.
         """
-        return self.finished or (self.phase == DONE and self._leader.is_silent(now_ns))
+        is_alone = self._leader.is_silent(now_ns, LEAVE_TIMEOUT)
+        return self.finished or (self.phase == DONE and is_alone)
 
     def _try_to_arm(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> None:
         stands, self.fault, self.drive_turn = ride.stands_at_start(x, y, heading)

@@ -44,6 +44,6 @@ class Leader:
         self.epoch, self.phase, self._heard_ns = epoch, phase, now_ns
         return another
 
-    def is_silent(self, now_ns: int) -> bool:
-        """Return whether the newest Command came longer than COORDINATOR_TIMEOUT ago."""
-        return now_ns - self._heard_ns > COORDINATOR_TIMEOUT
+    def is_silent(self, now_ns: int, patience_ns: int = COORDINATOR_TIMEOUT) -> bool:
+        """Return whether the newest Command came longer than `patience_ns` ago."""
+        return now_ns - self._heard_ns > patience_ns

@@ -107,9 +107,7 @@ def test_arc_lengths_near_a_place_agree_with_samples_of_the_path():
 
 
 @pytest.mark.parametrize(("kind", "robots"), [("circle", 6), ("warehouse", 8)])
-def test_a_robot_keeps_out_of_what_forces_its_wait_and_not_by_much_more_than_it_has_to(
-    kind, robots
-):
+def test_a_robot_keeps_out_of_what_forces_its_wait_by_little_more_than_it_has_to(kind, robots):
     plan = plan_scenario(generate(kind, robots, 1))
     driven = {one.id: one for one in drive(plan)}
     assert plan.waits

@@ -8,7 +8,7 @@ import pytest
 
 from protocol.phases import ARMED, BRAKING, DONE, FREEZE, FROZEN, GO, IDLE, MOVING, OVER
 from protocol.timeline import Timeline
-from protocol.timing import COORDINATOR_TIMEOUT, LATE_STEP_MS
+from protocol.timing import LATE_STEP_MS, LEAVE_TIMEOUT
 from robot_agent.core.agent import Agent
 from robot_agent.core.ride import MOST_LATE, MOST_STAMP, NOTHING, Ride
 from tests.robot_agent.core.phases import MOTION, PATH, hear_plan, run_in
@@ -84,8 +84,8 @@ def test_the_time_is_asked_for_often_at_first_and_rarely_later():
 def test_a_robot_may_leave_when_all_is_over_or_at_its_goal_alone():
     run = run_in(DONE)
     run.command(GO)
-    assert not run.agent.may_leave(run.own(run.now) + COORDINATOR_TIMEOUT)
-    assert run.agent.may_leave(run.own(run.now) + COORDINATOR_TIMEOUT + MS)
+    assert not run.agent.may_leave(run.own(run.now) + LEAVE_TIMEOUT)
+    assert run.agent.may_leave(run.own(run.now) + LEAVE_TIMEOUT + MS)
     for phase in (IDLE, ARMED, MOVING, BRAKING, FROZEN):
         assert not run_in(phase).agent.may_leave(1 << 60)
     run = run_in(FROZEN)
