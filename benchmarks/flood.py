@@ -107,7 +107,7 @@ def run_beside(rate: int, seconds: float) -> Row:
         "most ms": _share(ages, 1.0),
         "memory MB": memory[0],
         "growth MB": max(memory) - memory[0],
-        "freezes": len(convert(log["freezes"], list[object])),
+        "freezes": convert(log["freezes"], int),
         "arrived": f"{sum(ended_well)} of {ROBOTS}",
         "trouble": trouble,
     }

@@ -197,7 +197,8 @@ class Summary(msgspec.Struct):
     epochs: list[EpochSummary] = []
     robots: dict[str, RobotSummary] = {}
     faults: list[FaultSummary] = []
-    freezes: list[FreezeSummary] = []
+    freezes: int = 0
+    frozen: list[FreezeSummary] = []
     held: list[HeldSummary] = []
     latencies: dict[str, Percentiles] = {}
     broadcast: Broadcast | None = None

@@ -42,8 +42,8 @@ def render(summary: dict[str, object]) -> RenderableType:
         parts.append(waits_table(told.waits))
     if told.faults:
         parts.append(_faults(told))
-    if told.freezes:
-        parts.append(_freezes(told.freezes))
+    if told.frozen:
+        parts.append(_frozen(told.frozen))
     parts += [
         Text(f"{one.robot} was held by {one.by} from {one.begin:.2f} to {one.until:.2f} s")
         for one in told.held
@@ -179,7 +179,7 @@ def _faults(told: Summary) -> Table:
     return table
 
 
-def _freezes(freezes: list[FreezeSummary]) -> Table:
+def _frozen(freezes: list[FreezeSummary]) -> Table:
     table = plain_table(
         "at", "epoch", "noticed after", "silent for", "all at rest", "next GO", title="freezes"
     )

@@ -136,9 +136,10 @@ class Numbers:
 
     def fill(self, summary: Summary) -> None:
         """Put everything that was counted into the summary."""
-        summary.freezes = [freeze for _, freeze in self._freezes]
+        summary.frozen = [freeze for _, freeze in self._freezes]
+        summary.freezes = len(summary.frozen)
         for name in ("notice", "silence", "rest", "go"):
-            found = [getattr(freeze, name) for freeze in summary.freezes]
+            found = [getattr(freeze, name) for freeze in summary.frozen]
             self._times[f"freeze_{name}"] = [value for value in found if value is not None]
         times = self._times.items()
         summary.latencies = {name: percentiles(values) for name, values in times if values}

@@ -19,7 +19,7 @@ class Capacity(NamedTuple):
 
     points: int = 0
     stops: int = 0
-    bytes: int = 0
+    size: int = 0
 
     @classmethod
     def of(cls, hello: Hello) -> Capacity:
@@ -31,12 +31,11 @@ class Capacity(NamedTuple):
         plan = decode("plan", payload) if any(self) else None
         if not isinstance(plan, Plan):
             return ""
-        size = Capacity(
-            len(unpack_points(plan.points)), len(unpack_stops(plan.stops)), len(payload)
-        )
+        points, stops = unpack_points(plan.points), unpack_stops(plan.stops)
+        needed = (len(points), len(stops), len(payload))
         over = [
-            f"{needed} {what}, it holds {most}"
-            for what, needed, most in zip(_WHAT, size, self, strict=True)
-            if 0 < most < needed
+            f"{count} {what}, it holds {most}"
+            for what, count, most in zip(_WHAT, needed, self, strict=True)
+            if 0 < most < count
         ]
         return f"cannot hold its course: {'; '.join(over)}" if over else ""

@@ -29,11 +29,14 @@ def conclude(folder: Path, name: str, code: int, as_json: bool) -> None:
     for picture in ("plan.svg", "plan.png"):
         draw_plan(read(folder / "plan.json"), folder / picture)
     verdict, log = judge(folder), read_log(newest_log(folder))
+    told = summarise(log, courses_of(log, [folder / "blackbox"]), readable_logs_before(log))
     summary = RunSummary(
         scenario=name,
         succeeded=succeeded(code, verdict),
+        freezes=told["freezes"],
+        held=told["held"],
         judge=verdict,
-        info=summarise(log, courses_of(log, [folder / "blackbox"]), readable_logs_before(log)),
+        info=told,
         files=files_of(folder),
     )
     write_file(folder / "summary.json", msgspec.json.format(msgspec.json.encode(summary), indent=1))

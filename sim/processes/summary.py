@@ -20,10 +20,15 @@ _ERRORS: Final = ("tracking error mm", "lateness s", "clock error ms")
 
 
 class RunSummary(msgspec.Struct):
-    """The content of summary.json: the judge's verdict and the summary of the log."""
+    """The content of summary.json: the judge's verdict and the summary of the log.
+
+    `freezes` and `held` are those of `info`, how often the fleet froze and who was held by whom.
+    """
 
     scenario: str
     succeeded: bool
+    freezes: object
+    held: object
     judge: Verdict
     info: dict[str, object]
     files: dict[str, str]

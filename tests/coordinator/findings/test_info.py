@@ -320,7 +320,7 @@ def test_the_end_of_an_epoch_whose_robots_have_arrived_is_no_fault(tmp_path):
         ("nobody goes", None),
     ]
     assert [fault["kind"] for fault in told["faults"]] == ["silence", "freeze"]
-    assert len(told["freezes"]) == 1
+    assert told["freezes"] == len(told["frozen"]) == 1
 
 
 def test_a_robot_that_is_back_and_waits_for_the_end_of_an_epoch_is_no_fault_of_it(tmp_path):
@@ -330,7 +330,7 @@ def test_a_robot_that_is_back_and_waits_for_the_end_of_an_epoch_is_no_fault_of_i
     run.insert(-3, (10.0, keys.alive("f", "R1"), LINK_GONE))
     told = summarise(log_of(tmp_path, run, plans=[plan_document(1), plan_document(2)]))
     assert [epoch["ended"] for epoch in told["epochs"]] == ["frozen", "arrived", "nobody goes"]
-    assert len(told["freezes"]) == 1
+    assert told["freezes"] == len(told["frozen"]) == 1
 
 
 def test_a_robot_that_is_left_where_it_stands_is_told_once_and_why(tmp_path):
@@ -457,7 +457,7 @@ def frozen_run():
 
 def test_a_freeze_is_timed_from_the_first_sign_to_the_next_go(tmp_path):
     told = summarise(log_of(tmp_path, frozen_run()))
-    (freeze,) = told["freezes"]
+    (freeze,) = told["frozen"]
     assert (freeze["t"], freeze["epoch"]) == (pytest.approx(1.1), 1)
     times = [freeze[name] for name in ("notice", "silence", "rest", "go")]
     assert times == pytest.approx([0.1, 0.2, 1.2, 3.4])
@@ -470,7 +470,7 @@ def test_a_freeze_is_timed_from_the_first_sign_to_the_next_go(tmp_path):
 def test_a_freeze_for_silence_tells_how_long_it_was_and_no_sign(tmp_path):
     (go, _, moving, *_), all_robots = frozen_run(), keys.command("f")
     run = [go, moving, (3.5, all_robots, command(2, 1, phases.FREEZE))]
-    (freeze,) = summarise(log_of(tmp_path, run))["freezes"]
+    (freeze,) = summarise(log_of(tmp_path, run))["frozen"]
     assert freeze["notice"] is None
     assert freeze["silence"] == pytest.approx(0.6)
     assert (freeze["rest"], freeze["go"]) == (None, None)
