@@ -74,8 +74,8 @@ class Door:
         is_heard = member.boot is not None and not member.is_silent(now_ns)
         if is_heard or admission.hello is None or admission.hello.boot == member.boot:
             return self._admit_again(member, boot, is_heard, now_ns)
-        if member.planned and not member.finished:
-            self._tell_denied(robot, f"{robot} is not given up yet, ask again", now_ns)
+        if member.is_under_way(now_ns):
+            self._tell_denied(robot, f"another {robot} is still heard, ask again", now_ns)
             return False
         if not admission.is_at_door(member.timeout_ns, now_ns):
             self._tell_denied(robot, f"{robot} has come back but is no longer heard", now_ns)
@@ -182,7 +182,7 @@ def _what_becomes_of(member: Member) -> str:
     if member.finished:
         return "it has arrived"
     if member.planned:
-        return "the next plan is made with it"
+        return "it goes on"
     if member.stays:
         return f"it stays where it is: {member.stays}"
     return f"it waits for the next epoch, which {_admit(member)} begins"

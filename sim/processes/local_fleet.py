@@ -223,6 +223,9 @@ class LocalFleet:
             case "stop":
                 target.send_signal(signal.SIGSTOP)
                 self._hung.append(target)
+            case "continue":
+                target.send_signal(signal.SIGCONT)
+                self._hung.remove(target)
             case "body":
                 with self._script(fault.robot).open("a") as script:
                     script.write(f"{fault.kind} {fault.value}\n")

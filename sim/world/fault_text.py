@@ -15,7 +15,7 @@ from typing import Final, Literal, NamedTuple
 
 from coordinator.base.errors import InputError
 
-Act = Literal["kill", "stop", "body", "cut", "heal", "babble", "resume"]
+Act = Literal["kill", "stop", "continue", "body", "cut", "heal", "babble", "resume"]
 """What is done to a robot or the coordinator; `body` is a line in the script of its driver."""
 
 _LONGEST: Final = 1e6
@@ -45,7 +45,13 @@ class Kind:
 
 KINDS: Final = {
     "kill": Kind("the process ends at once", "kill"),
-    "hang": Kind("the process is stopped and never continues", "stop"),
+    "hang": Kind(
+        "the process is stopped for SECONDS; without SECONDS, for ever",
+        "stop",
+        "SECONDS",
+        math.inf,
+        ending="continue",
+    ),
     "slow": Kind(
         "the wheels turn at SHARE of the speed commanded", "body", "SHARE", None, most=1.0
     ),
@@ -74,7 +80,11 @@ KINDS: Final = {
     ),
     "coordinator-kill": Kind("the coordinator ends at once", "kill"),
     "coordinator-hang": Kind(
-        "the coordinator is stopped and ends after 5 s", "stop", "", 5.0, ending="kill"
+        "the coordinator is stopped for SECONDS; 5 by default",
+        "stop",
+        "SECONDS",
+        5.0,
+        ending="continue",
     ),
     "coordinator-restart": Kind(
         "the coordinator ends at once and another resumes SECONDS later; 3 by default",
@@ -130,7 +140,7 @@ def strikes_of(faults: Iterable[Fault]) -> list[Strike]:
     for fault in faults:
         strikes.append(Strike(fault.time, fault.act, fault, first=True))
         ending = KINDS[fault.kind].ending
-        if ending is not None:
+        if ending is not None and math.isfinite(fault.value):
             strikes.append(Strike(fault.time + fault.value, ending, fault, first=False))
     return sorted(strikes, key=lambda strike: strike.time)
 

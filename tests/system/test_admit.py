@@ -35,7 +35,7 @@ def test_a_restarted_robot_is_taken_in_where_it_stands_and_arrives(tmp_path):
         agents = {name: stack.enter_context(agent(name)) for name in ROBOTS}
         line_with(coordinator, '"R3 is moving"', 40.0)
         agents["R3"].kill()
-        line_with(coordinator, '"planned"', 30.0)
+        line_with(coordinator, '"R3 has lost its link"', 30.0)
         box = read_blackbox(tmp_path / "R3.csv")
         x, y = box.places[-1] if len(box.t) else robots["R3"].start[:2]
         stack.enter_context(agent("R3", "--at", str(x), str(y), "1.5708"))
@@ -66,12 +66,12 @@ def test_a_robot_that_hung_until_it_was_lost_is_taken_in_again_and_arrives(tmp_p
             for name in ROBOTS
         }
         line_with(coordinator, '"R3 is moving"', 40.0)
-        agents["R3"].send_signal(signal.SIGSTOP)
+        agents["R1"].send_signal(signal.SIGSTOP)
         line_with(coordinator, '"planned"', 40.0)
-        line_with(coordinator, '"R1 is moving"', 40.0)
-        agents["R3"].send_signal(signal.SIGCONT)
-        assert "splinefleet admit R3" in line_with(coordinator, '"back"', 30.0)
-        done = splinefleet("admit", "R3", f"--connect={endpoint}")
+        line_with(coordinator, '"R2 is moving"', 40.0)
+        agents["R1"].send_signal(signal.SIGCONT)
+        assert "splinefleet admit R1" in line_with(coordinator, '"back"', 30.0)
+        done = splinefleet("admit", "R1", f"--connect={endpoint}")
         assert done.returncode == 0, done.stderr
         summary = json.loads(line_with(coordinator, '"summary"', 60.0))
         assert coordinator.wait(20.0) == 0

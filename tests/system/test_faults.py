@@ -30,7 +30,7 @@ from sim.world.fault_text import parse_faults
 from tests.system.fleet_tools import processes_of
 from tests.system.stalls import without_stalls, witness
 
-DEADLINE_S = 60.0
+DEADLINE_S = 90.0
 ROBOTS = ("R1", "R2", "R3")
 
 THREE_ROBOTS = """
@@ -104,19 +104,18 @@ class Run:
 
 
 LOST = ("kill:R1@1.2", "hang:R1@1.2", "stall:R1@1.2")
-FOR_A_WHILE = ("cut:R1@1.2:4", "slow:R1@1.2:0.5", "stall:R1@1.2:2", "skid:R1@1.2")
+FOR_A_WHILE = ("cut:R1@1.2:4", "hang:R1@1.2:2", "skid:R1@1.2")
+LATE = ("slow:R1@1.2:0.5", "stall:R1@1.2:2")
 HARMLESS = ("cut:R1@1.2:0.15", "slow:R1@1.2:0.98")
-COORDINATOR = ("coordinator-kill@1.2", "coordinator-hang@1.2")
 CLOCK_STEPS = ("clock-step:R1@1.2:3600", "clock-step:R2@1.5:-86400")
 TWO_DEATHS = ("kill:R1@1.2", "hang:R3@1.2")
-HELD_UP = ("stall:R1@1.2:1.5",)
-ROOMY_TAU = 4.0
-"""With so much [s] new times have all the time they need on a busy machine."""
 ALONE = (
     *LOST,
     *FOR_A_WHILE,
+    *LATE,
     *HARMLESS,
-    *COORDINATOR,
+    "coordinator-kill@1.2",
+    "coordinator-hang@1.2:2",
     "skid:R1@1.2:0.2",
     "cut:R1@1.2:30",
     "corrupt:R1@0.5:2",
@@ -133,8 +132,7 @@ def run_fleet(folder, texts):
     """Run the three robots with faults, to their end; nobody may have touched or be left over."""
     folder.mkdir()
     file = folder / "three.toml"
-    roomy = f"tau = {ROOMY_TAU}\n" if texts == HELD_UP else ""
-    file.write_text(roomy + THREE_ROBOTS)
+    file.write_text(THREE_ROBOTS)
     fleet = LocalFleet(
         read_scenario(file),
         folder / "out",
@@ -173,7 +171,7 @@ def runs(tmp_path_factory):
     with witness() as stalls, ThreadPoolExecutor(TOGETHER) as pool:
         yield {
             texts: pool.submit(drive, stalls, tmp_path_factory.mktemp("fleet"), texts)
-            for texts in (*((text,) for text in ALONE), CLOCK_STEPS, TWO_DEATHS, HELD_UP)
+            for texts in (*((text,) for text in ALONE), CLOCK_STEPS, TWO_DEATHS)
         }
 
 
@@ -200,13 +198,17 @@ async def test_a_robot_that_fails_for_a_while_is_named_and_nobody_touches(run_wi
     run = await run_with(fault)
     assert run.named == {"R1"}
     assert run.arrived >= {"R2", "R3"}
-    assert "R1" in run.arrived or fault.startswith(("slow", "skid"))
+    assert "R1" in run.arrived or fault.startswith("skid")
+    assert not run.froze or fault.startswith("skid")
 
 
-async def test_a_robot_held_up_drives_on_and_nobody_freezes(run_with):
-    run = await run_with(*HELD_UP)
-    assert run.arrived == set(ROBOTS)
-    assert not run.froze
+@pytest.mark.parametrize("fault", LATE)
+async def test_a_late_robot_drives_on_and_holds_the_one_behind_it_and_nobody_freezes(
+    run_with, fault
+):
+    run = await run_with(fault)
+    assert run.went_well(), run.outcome
+    assert {(held["robot"], held["by"]) for held in run.info["held"]} == {("R2", "R1")}
     assert check_log(read_log(run.folder / "run.mcap")).difference == ""
     assert max(robot.tracking_error for robot in run.verdict.robots) < 0.01
 
@@ -246,13 +248,20 @@ async def test_random_bytes_on_its_keys_change_nothing(run_with):
     assert run.went_well(), run.outcome
 
 
-@pytest.mark.parametrize("fault", COORDINATOR)
-async def test_without_a_coordinator_all_robots_stop_by_themselves(run_with, fault):
-    run = await run_with(fault)
+async def test_without_a_coordinator_all_robots_stop_by_themselves(run_with):
+    run = await run_with("coordinator-kill@1.2")
     assert run.outcome.code == -signal.SIGKILL
     assert run.arrived == set()
     for robot in ROBOTS:
-        assert run.box(robot).phases[-1] == "frozen"
+        box = run.box(robot)
+        assert box.phases[-1] == "moving"
+        assert box.s[-1] == box.s[box.t > box.t[-1] - 1.0][0] < box.s[0] + 1.4
+
+
+async def test_a_coordinator_that_hung_goes_on_in_the_same_epoch(run_with):
+    run = await run_with("coordinator-hang@1.2:2")
+    assert run.arrived == set(ROBOTS)
+    assert not run.froze
 
 
 async def test_a_coordinator_that_was_killed_is_started_again(run_with):

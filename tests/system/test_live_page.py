@@ -6,8 +6,10 @@ from contextlib import ExitStack
 
 import pytest
 
+from coordinator.plan.shares_of_tau import shares_of
 from coordinator.plan.wire import drive
 from coordinator.planning.planner import plan_scenario
+from coordinator.scenario.model import Link
 from coordinator.scenario_files.scenario_reader import read_scenario
 from tests.system.browser import browser, find_browser
 from tests.system.fleet_tools import TWO_ROBOTS, free_endpoint, line_with, splinefleet, started
@@ -30,10 +32,10 @@ def tab(tmp_path):
         yield tab
 
 
-def rest_when_silent(driven, since):
-    """Where a robot rests whose lease of 0.6 s began at a plan time [s]."""
-    rate, t = driven.plan.brake_mmps2 / 1000.0, since + 0.6
-    return driven.timeline.s_at(t) + driven.timeline.v_at(t) ** 2 / (2.0 * rate)
+def rests_when_silent(document, since):
+    """Where the authority of each robot ends that was granted at a plan time [s]."""
+    headroom = shares_of([robot.limits for robot in document.robots], Link()).headroom
+    return {one.id: one.timeline.s_at(since + headroom) for one in drive(document)}
 
 
 def test_robots_are_shown_at_rest_when_the_coordinator_or_the_view_is_silent(tab, tmp_path):
@@ -59,8 +61,9 @@ def test_robots_are_shown_at_rest_when_the_coordinator_or_the_view_is_silent(tab
         assert "no word from the coordinator" in tab.run(EVENTS)
         since = float(re.search(r"since ([\d.]+) s", tab.run(WORD))[1])
         shown = tab.run("splinefleet.at(splinefleet.time)")
-        for one in drive(plan_scenario(read_scenario(tmp_path / "two.toml"), effort=0)):
-            assert shown[one.id]["s"] == pytest.approx(rest_when_silent(one, since), abs=0.05)
+        document = plan_scenario(read_scenario(tmp_path / "two.toml"), effort=0)
+        for robot, s in rests_when_silent(document, since).items():
+            assert shown[robot]["s"] == pytest.approx(s, abs=0.05)
 
         coordinator.send_signal(signal.SIGCONT)
         tab.wait(f"{WORD} === '' && {LAMP} === 'true'")

@@ -27,12 +27,19 @@ class Motion {
     return this.ride.halt || this.presumed;
   }
 
-  /** Presume that the robot brakes from a plan time on, as one does whose authority has ended. */
+  /** Presume that the robot's authority ends at a plan time: it brakes in time to rest there. */
   presume(t) {
     this.presumed = null;
     if (t === null || this.ride.halt || t >= this.finish) return;
-    const { brake } = this.ride, [s, v] = this.planned(t), slowing = brake > 0 ? v / brake : 0;
-    this.presumed = [t, t + slowing, s, s + 0.5 * v * slowing];
+    const { brake } = this.ride, slowing = (v) => (brake > 0 ? v / brake : 0);
+    const [end] = this.planned(t);
+    let low = 0, high = t;
+    for (let i = 0; i < 40; i++) {
+      const middle = 0.5 * (low + high), [s, v] = this.planned(middle);
+      if (s + 0.5 * v * slowing(v) <= end) low = middle; else high = middle;
+    }
+    const [s, v] = this.planned(low);
+    this.presumed = [low, low + slowing(v), s, end];
   }
 
   /** Headings at the polyline's points, without jumps: the mean of the pieces beside them. */
@@ -120,7 +127,7 @@ class Play {
   }
 
   /**
-   * Presume that no robot has heard a Command since a time: all brake after the headroom [s].
+   * Presume that no robot has heard a Command since a time: authorities end after the headroom [s].
    *
    * `since` is null if Commands are heard.  Returns the time at which all rest.
    */
@@ -131,7 +138,9 @@ class Play {
     let rest = since === null ? Infinity : since + headroom;
     for (const motion of epoch.motions.values()) {
       motion.presume(from);
-      if (motion.presumed) rest = Math.max(rest, epoch.start + motion.presumed[1]);
+      if (!motion.presumed) continue;
+      this.silentFrom = Math.min(this.silentFrom, epoch.start + motion.presumed[0]);
+      rest = Math.max(rest, epoch.start + motion.presumed[1]);
     }
     return rest;
   }

@@ -73,7 +73,7 @@ def test_a_robot_whose_hello_is_the_first_word_again_is_told_of():
 def test_a_robot_heard_again_before_the_next_plan_is_there_is_planned_for():
     floor = frozen_but("R2")
     floor.report("R2", FROZEN, s_m=0.75)
-    assert told(floor, "back") == ["R2 is heard again; the next plan is made with it"]
+    assert told(floor, "back") == ["R2 is heard again; it goes on"]
     assert ask(floor) == []
     assert told(floor, "not admitted") == []
     floor.tick()
@@ -89,7 +89,7 @@ def test_a_robot_lost_again_and_heard_again_is_told_of_again():
             for name in ("R1", "R3"):
                 floor.report(name, FROZEN, s_m=1.25)
             floor.tick()
-    assert told(floor, "back") == ["R2 is heard again; the next plan is made with it"] * 2
+    assert told(floor, "back") == ["R2 is heard again; it goes on"] * 2
     assert told(floor, "fault")[-2:] == ["R2 has fallen silent"] * 2
 
 

@@ -23,7 +23,7 @@ def test_faults_come_back_in_order_of_time():
     assert faults == [
         Fault("coordinator-kill", "", 4.0),
         Fault("kill", "R1", 8.0),
-        Fault("hang", "R2", 9.5),
+        Fault("hang", "R2", 9.5, math.inf),
     ]
     assert [fault.act for fault in faults] == ["kill", "kill", "stop"]
 
@@ -52,7 +52,7 @@ def test_the_number_after_the_time_has_a_default_where_it_may_be_left_out(text, 
 def test_a_fault_that_ends_strikes_twice():
     assert acts_of("cut:R1@8:5") == [(8.0, "cut", True), (13.0, "heal", False)]
     assert acts_of("coordinator-restart@10:2") == [(10.0, "kill", True), (12.0, "resume", False)]
-    assert acts_of("coordinator-hang@10") == [(10.0, "stop", True), (15.0, "kill", False)]
+    assert acts_of("coordinator-hang@10") == [(10.0, "stop", True), (15.0, "continue", False)]
 
 
 def test_strikes_of_several_faults_are_in_order_of_time():
