@@ -22,14 +22,13 @@ from coordinator.motion.velocity_profile import Motion, Wait, limits_on
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.plan.document import Limits, PlanDocument, Proof
 from coordinator.plan.drafting import draft_plan
-from coordinator.plan.fault_budget import budget_for
 from coordinator.plan.wire import Driven, drive
 from coordinator.planning.planner import plan_scenario
 from coordinator.proof.separation import Separation
 from coordinator.proof.tau_safety import prove, prove_separation
 from coordinator.scenario.floor import Floor
 from coordinator.scenario.margin import TOLERANCE
-from coordinator.scenario.model import Link, Scenario
+from coordinator.scenario.model import Scenario
 from sim.floors.generator import KINDS, generate
 from sim.floors.layout import Kind
 from tests.damages import damaged, judge
@@ -148,7 +147,7 @@ def _prove(case: Case, driven: list[Driven]) -> Proof:
     floor = Floor(case.scenario.workspace.boundary, case.scenario.workspace.obstacles)
     limits = [Limits.of(robot) for robot in case.scenario.robots]
     margin = case.scenario.margin
-    return prove(driven, case.tau, margin, floor.gap, limits, budget_for(limits, Link()))
+    return prove(driven, case.tau, margin, floor.gap, limits)
 
 
 def _least(action: Callable[[], object], runs: int = 3) -> float:

@@ -1,8 +1,9 @@
 """Fleets in virtual time with random faults: whether robots touch or wait for ever.
 
 `python -m benchmarks.reliability --count 10000` runs seeded campaigns; with `--sweep` one robot at
-a time is killed at every moment of its plan instead.  Both print tables and write them to
-benchmarks/results/.  Decides: the floors and the moments.  Must not know: what a run is made of.
+a time is killed at every moment of its plan, or at a random one, instead.  Both print tables and
+write them to benchmarks/results/.  Decides: the floors and the moments.  Must not know: what a run
+is made of.
 """
 
 from __future__ import annotations
@@ -10,10 +11,12 @@ from __future__ import annotations
 import argparse
 import functools
 import math
+import statistics
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
+from random import Random
 from typing import Final, NamedTuple, TypeVar
 
 from benchmarks.campaign import record
@@ -21,8 +24,9 @@ from benchmarks.table import ROOT, Row
 from coordinator.plan.document import PlanDocument
 from coordinator.scenario.model import Scenario
 from coordinator.scenario_files.scenario_reader import read_scenario
+from protocol.phases import FREEZE
 from sim.campaigns.answer import Answer, add_up
-from sim.campaigns.campaign import LINKS, Outcome, Wish, plan_for, run_one
+from sim.campaigns.campaign import LINKS, Outcome, Wish, make_world, plan_for, run_one
 from sim.campaigns.pool import attempt
 from sim.floors.generator import KINDS, generate
 from sim.world.fault_text import Fault
@@ -34,20 +38,28 @@ FLOORS: Final = 4
 MADE: Final = 5
 """Seeds use FLOORS floors in turn; the last of these is generated anew for every MADE of its seeds.
 """
-BINS: Final = 10
-SWEEPS: Final = (("paper_five", 0.1), ("17 robots", 0.5))
-"""The floors, and the step [s] between moments of death."""
+SWEEPS: Final = (("paper_five", 0.1), ("17 robots", 0.1))
+"""The floors on which every robot dies at every moment, and the step [s] between the moments."""
+LARGE: Final = (("100 open", 100), ("100 warehouse", 100))
+"""The floors on which random robots die at random moments, and how many deaths."""
+
+LOOK: Final = 0.2
+"""How often [s] a run is looked at for who is held."""
 
 Answered = TypeVar("Answered")
 
 
 class Death(NamedTuple):
-    """A robot's death on a floor, how long [s] the others moved after it, and violations."""
+    """A robot's death on a floor: who was under way, who was held by it, and what was wrong.
+
+    `froze`: whether the fleet was planned anew before the others had arrived.
+    """
 
     robot: str
     time: float
-    tau: float
-    rest: float
+    under_way: int
+    held: int
+    froze: bool
     violations: tuple[str, ...]
 
 
@@ -56,6 +68,10 @@ def floor(name: str) -> Scenario:
     """Return a floor by its name in the tables."""
     if name == "17 robots":
         return generate("polygons", 17, 1)
+    if name == "100 open":
+        return generate("open", 100, 1)
+    if name == "100 warehouse":
+        return generate("warehouse", 100, 1)
     if name.startswith("made "):
         number = int(name.split()[1])
         kind = tuple(KINDS)[number % len(KINDS)]
@@ -93,11 +109,14 @@ def campaigns(count: int = COUNT, from_seed: int = 0, jobs: int = JOBS) -> list[
 
 
 def sweep(jobs: int = JOBS) -> dict[str, list[Row]]:
-    """Return tables of (last motion of any other robot - death) in shares of tau, per floor."""
+    """Return tables of how many robots a dead one holds, per floor."""
     tables = {}
     for name, step in SWEEPS:
         deaths = _in_turn(partial(_death, name), _moments(name, step), jobs)
-        tables[f"{name}: a robot dies, every {step} s, {len(deaths)} runs"] = _histogram(deaths)
+        tables[f"{name}: every robot dies every {step} s, {len(deaths)} runs"] = _held(deaths)
+    for name, count in LARGE:
+        deaths = _in_turn(partial(_death, name), _random_moments(name, count), jobs)
+        tables[f"{name}: random deaths, {count} runs"] = _held(deaths)
     return tables
 
 
@@ -114,39 +133,52 @@ def _moments(name: str, step: float) -> list[tuple[str, float]]:
     ]
 
 
+def _random_moments(name: str, count: int) -> list[tuple[str, float]]:
+    """Return random robots with random moments from their GO to their arrival."""
+    dice, robots = Random(name), _planned(name)[1].robots
+    chosen = [dice.choice(robots) for _ in range(count)]
+    return [(robot.id, round(dice.uniform(0.0, robot.finish_time), 3)) for robot in chosen]
+
+
 def _death(name: str, moment: tuple[str, float]) -> Death:
     scenario, document = _planned(name)
     robot, time = moment
-    seed = round(1000.0 * time)
-    found = run_one(scenario, document, seed, [Fault("kill", robot, time)])
-    rest = max(found.latencies.rest, default=0.0)
-    return Death(robot, time, document.tau, rest, found.violations)
+    seed, faults = round(1000.0 * time), [Fault("kill", robot, time)]
+    found = run_one(scenario, document, seed, faults)
+    world, held = make_world(scenario, document, seed, faults), set[str]()
+    under_way = sum(one.finish_time > time for one in document.robots) - 1
+    while not world.fleet.is_finished and world.fleet.phase != FREEZE:
+        world.go_on(LOOK)
+        held |= {one.robot for one in world.fleet.held() if world.struck}
+    arrived = sum(one.finished for one in world.fleet.members.values())
+    froze = arrived < len(document.robots) - 1
+    return Death(robot, time, under_way, len(held - {robot}), froze, found.violations)
 
 
-def _histogram(deaths: Sequence[Death]) -> list[Row]:
-    """Return how many deaths have which share of tau, and each violation."""
-    shares = [death.rest / death.tau for death in deaths]
-    bins = [min(int(share * BINS), BINS) for share in shares]
+def _held(deaths: Sequence[Death]) -> list[Row]:
+    """Return how many robots were held, in how many runs nobody was, and each violation."""
+    held = sorted(death.held for death in deaths)
     rows: list[Row] = [
-        {"share of tau": _bin(number), "deaths": bins.count(number)} for number in range(BINS + 1)
+        {
+            "what": "robots under way beside the dead one, mean",
+            "deaths": _mean(deaths, "under_way"),
+        },
+        {"what": "robots held by it, mean", "deaths": _mean(deaths, "held")},
+        {"what": "robots held by it, 95 %", "deaths": held[math.ceil(0.95 * len(held)) - 1]},
+        {"what": "runs in which nobody was held", "deaths": held.count(0)},
+        {"what": "runs planned anew for others", "deaths": sum(death.froze for death in deaths)},
+        {"what": "violations", "deaths": sum(bool(one.violations) for one in deaths)},
     ]
-    longest = max(deaths, key=lambda death: death.rest)
-    rows.append(
-        {"share of tau": "longest", "deaths": f"{longest.rest:.2f} s of {longest.tau:.2f} s"}
-    )
-    rows.append(
-        {"share of tau": "violations", "deaths": sum(bool(one.violations) for one in deaths)}
-    )
     rows += [
-        {"share of tau": f"{one.robot} at {one.time} s", "deaths": "; ".join(one.violations)}
+        {"what": f"{one.robot} at {one.time} s", "deaths": "; ".join(one.violations)}
         for one in deaths
         if one.violations
     ]
     return rows
 
 
-def _bin(number: int) -> str:
-    return f"{number / BINS:.1f} to {(number + 1) / BINS:.1f}" if number < BINS else "above"
+def _mean(deaths: Sequence[Death], field: str) -> float:
+    return statistics.fmean(getattr(death, field) for death in deaths)
 
 
 def _row(name: str, answer: Answer) -> Row:

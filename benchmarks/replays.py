@@ -40,7 +40,6 @@ class Again(msgspec.Struct, frozen=True):
     seed: int
     logs: int
     epochs: int
-    quiet: int
     messages: int
     commands: int
     made_s: float
@@ -68,7 +67,6 @@ def run_and_check(seed: int) -> Again:
         seed=seed,
         logs=len(logs),
         epochs=max(told, default=0),
-        quiet=sum(record.key.endswith("/quiet") for log in logs for record in log.records),
         messages=sum(len(log.records) for log in logs),
         commands=sum(check.commands for check in checks),
         made_s=made - began,

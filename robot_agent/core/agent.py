@@ -61,6 +61,9 @@ from robot_agent.core.ride import HOLD_OUT, NOTHING, Ride
 LATE_TICK = 50 * MILLISECOND
 """When a tick is this late [ns], the motors' watchdog has already stopped the robot."""
 
+CLOCK_PATIENCE = 3.0
+"""A robot at its start that cannot learn the time for this long [s] arms without it."""
+
 _NEVER = -(1 << 62)
 
 
@@ -87,6 +90,7 @@ class Agent:
         self.report_stamp_ms, self.report_late = NOTHING, 0
         self.rest = RestingPlace()
         self._max_speed, self._period = max_speed, period_ns / SECOND
+        self._unsure = 0.0  # How long [s] it stands at its start without knowing the time.
         self._late_tick_ns = max(LATE_TICK, 2 * period_ns)
         self._ticked_ns = -_NEVER
         self._passed = 0.0  # How long [s] the wheels may have turned since the last tick.
@@ -161,6 +165,7 @@ class Agent:
         if self.phase not in (IDLE, ARMED) or epoch <= max(self.epoch, self._spent_epoch):
             return
         self.phase, self.ride, self.epoch, self.fault = IDLE, None, 0, NO_FAULT
+        self._unsure = 0.0
         try:
             self.ride = Ride(epoch, rules, path, motion, self._max_speed, self._period)
             self.epoch, self.number, self.revision = epoch, number, revision
@@ -189,7 +194,7 @@ class Agent:
         if ride is None:
             return
         if self.phase == ARMED and not self._knows_time(ride, now_ns):
-            self._apply(transitions.NOT_READY, now_ns)
+            self._disarm(now_ns)
         if self.phase == IDLE:
             self._try_to_arm(ride, now_ns, x, y, heading)
         elif self.phase in (MOVING, BRAKING, DONE):
@@ -249,13 +254,23 @@ class Agent:
         return self.finished or (self.phase == DONE and is_alone)
 
     def _try_to_arm(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> None:
+        """Arm at the start, as soon as the time is known well enough or for CLOCK_PATIENCE not."""
         stands, self.fault, self.drive_turn = ride.stands_at_start(x, y, heading)
         if not stands:
             return
-        if self.clock.error_ns(now_ns) > ride.clock_error_ns - CLOCK_RESERVE:
-            self.fault = CLOCK_UNSURE
-        else:
+        self._unsure += self._passed
+        if self.clock.error_ns(now_ns) <= ride.clock_error_ns - CLOCK_RESERVE:
+            self._unsure = 0.0
             self._apply(transitions.READY, now_ns)
+        elif self._unsure > CLOCK_PATIENCE:
+            self._apply(transitions.READY, now_ns)
+        else:
+            self.fault = CLOCK_UNSURE
+
+    def _disarm(self, now_ns: int) -> None:
+        """Arm again with the time, unless the robot does without it."""
+        if self.phase == ARMED and self._unsure <= CLOCK_PATIENCE:
+            self._apply(transitions.NOT_READY, now_ns)
 
     def _keep_to_plan(self, ride: Ride, now_ns: int) -> None:
         """Follow the plan by the clock; without a known time, at the plan's pace."""
@@ -272,10 +287,9 @@ class Agent:
         return self.clock.error_ns(now_ns) <= ride.clock_error_ns
 
     def _lose_clock(self, now_ns: int) -> None:
-        """Synchronise the clock anew; an armed robot has to arm again."""
+        """Synchronise the clock anew."""
         self.clock.start_over(now_ns)
-        if self.phase == ARMED:
-            self._apply(transitions.NOT_READY, now_ns)
+        self._disarm(now_ns)
 
     def _fail(self, fault: int, now_ns: int) -> None:
         """Brake, and record the fault if none is recorded yet.

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import heapq
 import random
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from protocol.transport import AliveHandler, Handler, Transport
@@ -21,6 +22,8 @@ LONGEST_HOLD_NS: Final = 50_000_000
 
 DROP_NOTICE_NS: Final = 100_000_000
 """How long a killed session counts as alive, unless the network has another drop_notice_ns."""
+
+Fate = Callable[[str, int], int | None]
 
 
 class _Flight(NamedTuple):
@@ -49,6 +52,8 @@ class MemoryNetwork:
     back so that later ones overtake it; the choice is made separately for each receiving session.
     delay_ns: the shortest and the longest delay; messages between two sessions arrive in order,
     except for those held back.  drop_notice_ns: how long a session counts as alive after `drop`.
+    fate: how much longer [ns] a message on a key takes that is sent at a time; None if it is lost.
+    Messages that take longer hold up no others.
     Raises ValueError for numbers out of range.
     """
 
@@ -61,6 +66,7 @@ class MemoryNetwork:
         doubling: float = 0.0,
         reordering: float = 0.0,
         drop_notice_ns: int = DROP_NOTICE_NS,
+        fate: Fate = lambda _key, _now_ns: 0,
     ) -> None:
         for name, value in (("loss", loss), ("doubling", doubling), ("reordering", reordering)):
             if not 0.0 <= value <= 1.0:
@@ -77,12 +83,13 @@ class MemoryNetwork:
         self._reordering = reordering
         self._sessions: dict[str, MemorySession] = {}
         self._drop_notice_ns = drop_notice_ns
+        self._fate = fate
         self._cut: dict[str, int] = {}
         self._held: dict[str, list[_Flight]] = {}
         self._liveliness = Liveliness()
         self._due: list[_Flight | _Look] = []
         self._sequence = 0
-        self._latest_due: dict[tuple[str, str], int] = {}
+        self._latest_due: dict[tuple[str, str, int], int] = {}
         self._routes: dict[str, list[MemorySession]] = {}
 
     def session(self, name: str) -> MemorySession:
@@ -155,13 +162,14 @@ class MemoryNetwork:
             lost, doubled, held = (self._random.random() for _ in range(3))
             delay_ns = self._random.randint(*self._delay_ns)
             hold_ns = self._random.randint(1, LONGEST_HOLD_NS)
-            if lost < self._loss or sender in self._cut or receiver.name in self._cut:
+            late_ns = self._fate(key, self.now_ns)
+            if late_ns is None or lost < self._loss or {sender, receiver.name} & self._cut.keys():
                 continue
-            due_ns = self.now_ns + delay_ns
+            due_ns = self.now_ns + delay_ns + late_ns
             if held < self._reordering:
                 due_ns += hold_ns
             else:
-                link = (sender, receiver.name)
+                link = (sender, receiver.name, late_ns)
                 due_ns = max(due_ns, self._latest_due.get(link, 0))
                 self._latest_due[link] = due_ns
             self._launch(due_ns, sender, receiver, key, payload)

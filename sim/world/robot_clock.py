@@ -32,6 +32,12 @@ class RobotClock:
         else:
             self._stopped_ns += by_ns
 
+    def drift(self, ppm: int) -> None:
+        """Run faster or slower from now on."""
+        now_ns = self._truth()
+        self._offset_ns += (now_ns - self._began_ns) * self._drift_ppm // 1_000_000
+        self._began_ns, self._drift_ppm = now_ns, ppm
+
     def stop(self) -> None:
         """Stop the clock."""
         self._stopped_ns = self()

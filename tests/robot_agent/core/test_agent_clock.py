@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from protocol.curve import Curve
@@ -19,6 +21,7 @@ from protocol.phases import (
 )
 from protocol.timeline import Timeline
 from protocol.timing import LATE_STEP_MS
+from robot_agent.core.agent import CLOCK_PATIENCE
 from sim.world.body import SimulatedBody
 from tests.robot_agent.core.phases import BODY_ACCEL, LENGTH, MOTION, PATH, run_in
 from tests.robot_agent.core.rides import (
@@ -26,6 +29,7 @@ from tests.robot_agent.core.rides import (
     SECOND,
     armed_run,
     driven_run,
+    give_plan,
     motion_along,
     winding_path,
 )
@@ -177,3 +181,26 @@ def test_a_robot_that_brakes_rests_no_later_because_its_clock_was_set():
     while run.agent.phase != FROZEN:
         run.until(run.now + 11 * MS)
     assert run.now - began <= SECOND * 0.475 / BODY_ACCEL + 200 * MS
+
+
+def test_a_robot_that_cannot_learn_the_time_arms_after_a_while_and_drives_within_its_authority(
+    monkeypatch,
+):
+    run = run_in(IDLE)
+    monkeypatch.setattr(run.agent.clock, "add", lambda *_: True)
+    run.agent.clock.start_over(run.own(run.now))
+    curve = Curve(*PATH)
+    curve.place(0.0)
+    run.body.place(curve.x, curve.y, math.atan2(curve.dy, curve.dx))
+    give_plan(run.agent, PATH, MOTION)
+    given, run.authority = run.now, 3_000
+    run.until(given + round((CLOCK_PATIENCE - 0.1) * SECOND))
+    assert (run.agent.phase, run.agent.fault) == (IDLE, CLOCK_UNSURE)
+    run.until(given + round((CLOCK_PATIENCE + 0.1) * SECOND))
+    assert (run.agent.phase, run.agent.fault) == (ARMED, NO_FAULT)
+    run.command(GO)
+    run.until(run.now + 6 * SECOND)
+    assert run.agent.ride.follower.s == pytest.approx(Timeline(*MOTION).s_at(3.0), abs=2e-3)
+    run.authority = 10**6
+    run.until(run.now + 20 * SECOND)
+    assert run.agent.phase == DONE
