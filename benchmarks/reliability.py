@@ -38,7 +38,7 @@ FLOORS: Final = 4
 MADE: Final = 5
 """Seeds use FLOORS floors in turn; the last of these is generated anew for every MADE of its seeds.
 """
-SWEEPS: Final = (("paper_five", 0.1), ("17 robots", 0.1))
+SWEEPS: Final = (("paper_five", 0.1), ("17 robots", 0.5))
 """The floors on which every robot dies at every moment, and the step [s] between the moments."""
 LARGE: Final = (("100 open", 100), ("100 warehouse", 100))
 """The floors on which random robots die at random moments, and how many deaths."""
