@@ -17,7 +17,9 @@ from typing import Final
 
 from benchmarks.against_paper import against_paper
 from benchmarks.agent import agent
+from benchmarks.beyond import beyond
 from benchmarks.curves import curves
+from benchmarks.disturbance import disturbance
 from benchmarks.flood import flood
 from benchmarks.fuzz.running import fuzz_all
 from benchmarks.fuzz.table import MODULES
@@ -55,6 +57,8 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "paper": {"comparison with Algorithm 2 of the paper": against_paper},
     "safety": {"seeded scenarios, judged by a dense sampler": partial(safety, 200)},
     "reliability": {"seeded fleets with 1 to 4 faults": partial(campaigns, 500)},
+    "disturbance": {"robots stopped, Commands lost": disturbance},
+    "beyond": {"beyond every budget": beyond},
     "replays": {"logs of faulty runs, replayed": replays},
     "agent": {"one tick of the robot's core": agent},
     "flood": {"a fleet beside a flood": flood},

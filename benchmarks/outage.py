@@ -1,84 +1,93 @@
-"""Deaths of real robot processes: how soon the fleet gets FREEZE, is at rest, and goes on.
+"""Real processes that are killed, stopped and continued at random: who touches, who arrives.
 
-Run as `python -m benchmarks.outage [ROBOTS] [TIMES]`.  Times are those of the coordinator's log and
-of the black boxes, all on one host's clock; all robots run on this machine.
+Run as `python -m benchmarks.outage [ROBOTS] [RUNS] [TOGETHER]`.  In every run one robot's process
+or the coordinator's is killed, stopped for good, or stopped for 2 s; a killed coordinator is
+started again.  The judge looks at the black boxes.  All programs run on this machine, TOGETHER
+fleets at a time.
 """
 
 from __future__ import annotations
 
-import statistics
 import sys
 import tempfile
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
-from typing import Final
+from random import Random
+from typing import Final, NamedTuple
 
-import numpy as np
+import msgspec
 from msgspec.structs import replace
 
 from benchmarks.table import Row, show
+from coordinator.findings.info import summarise
 from coordinator.log.log_file import read_log
-from coordinator.plan.plan_file import read
 from coordinator.scenario.model import Scenario
-from protocol.codec import decode
-from protocol.messages import Command
-from protocol.phases import FREEZE, GO
-from protocol.timing import SECOND
 from sim.floors.generator import generate
-from sim.judging.blackbox import read_blackbox
+from sim.judging.judge import judge
+from sim.processes.boxed_log import newest_log
 from sim.processes.local_fleet import LocalFleet
 from sim.world.fault_text import parse_faults
 
-_STILL: Final = 2e-4
-"""A robot that moves less than this [m] between two rows rests."""
+KINDS: Final = ("kill", "hang", "hang 2 s", "coordinator-restart", "coordinator-hang 2 s")
+"""What happens to a process, in turn."""
+LATEST: Final = 20.0
+"""Faults strike up to this time after the first GO [s]."""
 
 
-def outages(robots: int = 17, times: int = 5) -> list[Row]:
-    """Kill a robot of a warehouse, and stop one, several times each; measure the reaction times."""
-    scenario = replace(generate("warehouse", robots, 1), name="outage")
-    rows = []
-    for kind in ("kill", "hang"):
-        measured = [_outage(scenario, f"{kind}:R{3 + k}@{4 + 0.37 * k}") for k in range(times)]
-        for index, what in enumerate(("to FREEZE", "to rest", "FREEZE to GO")):
-            values = [one[index] for one in measured]
-            rows.append(
-                {
-                    "fault": kind,
-                    "ms": what,
-                    "median": 1000.0 * statistics.median(values),
-                    "most": 1000.0 * max(values),
-                    "tau": 1000.0 * measured[0][3],
-                }
-            )
+class Run(NamedTuple):
+    """One run: robots that arrived, that touch, how often the fleet froze, who was held."""
+
+    kind: str
+    fault: str
+    arrived: int
+    collisions: int
+    freezes: int
+    held: int
+
+
+def outages(robots: int = 17, runs: int = 50, together: int = 2) -> list[Row]:
+    """Return a row for each kind of fault, and one for each run in which somebody touched."""
+    scenario = replace(generate("open", robots, 1), name="outage")
+    with ThreadPoolExecutor(together) as pool:
+        found = list(pool.map(partial(_outage, scenario), range(runs)))
+    rows = [_row(kind, robots, [run for run in found if run.kind == kind]) for kind in KINDS]
+    rows += [{"fault": run.fault, "collisions": run.collisions} for run in found if run.collisions]
     return rows
 
 
-def _outage(scenario: Scenario, text: str) -> tuple[float, float, float, float]:
-    """Return times [s]: death to FREEZE, death to rest of all, FREEZE to the next GO; and tau."""
+def _row(kind: str, robots: int, runs: Sequence[Run]) -> Row:
+    return {
+        "fault": kind,
+        "runs": len(runs),
+        "arrived": f"{sum(run.arrived for run in runs)} of {robots * len(runs)}",
+        "collisions": sum(run.collisions for run in runs),
+        "freezes": sum(run.freezes for run in runs),
+        "robots held, a run": sum(run.held for run in runs) / max(len(runs), 1),
+    }
+
+
+def _outage(scenario: Scenario, number: int) -> Run:
+    kind, dice = KINDS[number % len(KINDS)], Random(number)
+    name, _, seconds = kind.partition(" ")
+    whose = "" if name.startswith("coordinator") else f":{dice.choice(scenario.robots).id}"
+    text = f"{name}{whose}@{dice.uniform(0.0, LATEST):.2f}" + (":2" if seconds else "")
     faults = parse_faults([text], [robot.id for robot in scenario.robots])
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
         LocalFleet(scenario, folder, speed=1.0, effort=20, faults=faults).run()
-        log = read_log(folder / "run.mcap")
-        turns = []
-        for record in log.records:
-            message = decode("command", record.payload) if record.key.endswith("/command") else None
-            if isinstance(message, Command):
-                turns.append((record.log_ns, message.epoch, message.phase, message.start_ns))
-        first = next(start for _, _, phase, start in turns if phase == GO)
-        frozen = next(now for now, _, phase, _ in turns if phase == FREEZE)
-        again = next(now for now, epoch, phase, _ in turns if phase == GO and epoch > 1)
-        struck = faults[0].robot
-        death = float(read_blackbox(folder / "blackbox" / f"{struck}.csv").t[-1])
-        last = 0.0
-        for robot in scenario.robots:
-            box = read_blackbox(folder / "blackbox" / f"{robot.id}.csv")
-            moved = np.hypot(*np.diff(box.places, axis=0).T) > _STILL
-            here = moved & (box.t[1:] >= death) & (box.t[1:] < (again - first) / SECOND)
-            last = max(last, float(box.t[1:][here].max(initial=death)) - death)
-        tau = read(folder / "plan.json").tau
-    return (frozen - first) / SECOND - death, last, (again - frozen) / SECOND, tau
+        verdict, told = judge(folder), summarise(read_log(newest_log(folder)))
+    return Run(
+        kind,
+        text,
+        sum(robot.arrived for robot in verdict.robots),
+        verdict.collisions,
+        int(str(told["freezes"])),
+        len({one["robot"] for one in msgspec.convert(told["held"], list[dict[str, object]])}),
+    )
 
 
 if __name__ == "__main__":
     asked = [int(text) for text in sys.argv[1:]]
-    show("deaths of real robots", outages(*asked))
+    show("processes killed and stopped at random", outages(*asked))
