@@ -10,7 +10,6 @@ Times of a story are seconds since the GO of its first epoch, as in black boxes 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,9 +20,10 @@ import numpy as np
 
 from coordinator.base.errors import InputError
 from coordinator.curves.nurbs import Array
-from coordinator.findings.braking import Said
+from coordinator.findings.braking import Driving, Said
 from coordinator.findings.info import summarise
 from coordinator.findings.info_fields import Summary
+from coordinator.findings.progress import Progress
 from coordinator.findings.traffic_numbers import clock_lag
 from coordinator.log.log_file import read_log, readable_logs_before
 from coordinator.log.recorder import WALL_OFFSET
@@ -40,38 +40,33 @@ _UNKNOWN_RADIUS: Final = 0.15
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """What one robot drove in one epoch: its plan, whose time zero is `start` [s].
-
-    From plan time `brake` [s] on, the robot braked at `rate` [m/s^2] (0: it stopped at once), and
-    then it rested.
-    """
+    """What one robot drove in one epoch, and how: its plan, whose time zero is `start` [s]."""
 
     epoch: int
     driven: Driven
     start: float
-    brake: float = math.inf
-    rate: float = 0.0
+    driving: Driving = field(default_factory=lambda: Driving(Progress()))
 
     @property
     def end(self) -> float:
         """The time [s] at which the robot came to rest."""
-        line = self.driven.timeline
-        if self.brake >= line.finish:
-            return self.start + line.finish
-        slowing = line.v_at(self.brake) / self.rate if self.rate > 0.0 else 0.0
-        return self.start + self.brake + slowing
+        line, (progress, brake, rate) = self.driven.timeline, self.driving
+        slowing = line.v_at(brake) / rate if brake < line.finish and rate > 0.0 else 0.0
+        return self.start + progress.when(min(brake, line.finish) + slowing)
 
     def sample(self, times: Array) -> Array:
         """Return x, y [m], heading [rad], s [m], v [m/s] at times of the story, (m, 5)."""
         line = self.driven.timeline
-        by_plan = np.minimum(times - self.start, self.brake)
+        progress, brake, rate = self.driving
+        passed = progress.at(times - self.start)
+        by_plan = np.minimum(passed, brake)
         s = np.array([line.s_at(t) for t in by_plan.tolist()])
         v = np.array([line.v_at(t) for t in by_plan.tolist()])
-        slowing = times - self.start - by_plan
-        if self.rate > 0.0:
-            slowing = np.minimum(slowing, v / self.rate)
-            s += slowing * (v - 0.5 * self.rate * slowing)
-            v -= self.rate * slowing
+        slowing = passed - by_plan
+        if rate > 0.0:
+            slowing = np.minimum(slowing, v / rate)
+            s += slowing * (v - 0.5 * rate * slowing)
+            v -= rate * slowing
         else:
             v[slowing > 0.0] = 0.0
         return trajectory.at_arcs(self.driven, s, v)
@@ -230,7 +225,6 @@ def _legs(
         start_ns = turn.start_ns + lag_ns
         for robot, one in driven.get(epoch, {}).items():
             words, rate = heard.said.of(epoch, robot), one.plan.brake_mmps2 / 1000.0
-            broken = words.broken(one.timeline, rate, start_ns, turn.frozen_ns)
-            brake, rate = (math.inf, 0.0) if broken is None else broken
-            legs.append(Leg(epoch, one, (start_ns - zero_ns) / 1e9, brake, rate))
+            driving = words.driving(one.timeline, rate, start_ns, turn.frozen_ns)
+            legs.append(Leg(epoch, one, (start_ns - zero_ns) / 1e9, driving))
     return legs

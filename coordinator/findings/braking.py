@@ -1,10 +1,11 @@
-"""Finds from a robot's reports where it left its plan for good; used by page, export and info.
+"""Finds from a robot's reports how it drove its plan; used by page, export and info.
 
-Decides three cases.  Usually a robot is assumed to have braked at the constant rate of its plan,
-and to have come to rest where it reported.  If that braking would have taken much longer than the
-time from its first report of braking to its rest, it is assumed to have stopped at once, at the
-time at which its plan has it at that place.  If it was not heard again, it is assumed to stand
-still from the time at which it was last heard.  Must not know: logs, pictures.
+Decides where a robot left its plan for good, in three cases.  Usually a robot is assumed to have
+braked at the constant rate of its plan, and to have come to rest where it reported.  If that
+braking would have taken much longer than the time from its first report of braking to its rest, it
+is assumed to have stopped at once, at the time at which its plan has it at that place.  If it was
+not heard again, it is assumed to stand still from the time at which it was last heard.  Must not
+know: logs, pictures.
 """
 
 from __future__ import annotations
@@ -12,25 +13,33 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
+import numpy as np
+
+from coordinator.findings.progress import Knot, Progress
 from protocol.messages import Report
 from protocol.phases import BRAKING, DONE, FROZEN, IDLE, MOVING
 from protocol.timeline import Timeline
-from protocol.timing import SECOND
+from protocol.timing import LATE_STEP_MS, SECOND
 
 _HALVINGS: Final = 60
+
+_SILENT: Final = SECOND
+"""A robot on its way that was not heard for this long [ns] is shown at rest."""
 
 _SUDDEN: Final = 0.5
 """A robot that comes to rest within this share of its braking time was stopped at once."""
 
 
-class Broken(NamedTuple):
-    """The plan time `brake` [s] at which a robot left its plan, and the rate of its braking.
+class Driving(NamedTuple):
+    """How a robot drove its plan: its progress, and from which plan time on it braked to rest.
 
-    `rate` is in m/s^2; 0 means that the robot stopped at once.
+    `brake` is in s, infinite for a robot that did not leave its plan.  `rate` is the rate of its
+    braking in m/s^2; 0 means that the robot stopped at once.
     """
 
-    brake: float
-    rate: float
+    progress: Progress
+    brake: float = math.inf
+    rate: float = 0.0
 
 
 class Words:
@@ -38,7 +47,7 @@ class Words:
 
     `phase`: its last phase.  `rest`: the arc length [m] where it first reported that it rests.
     `stopping_ns`: since when it has reported that it brakes or rests.  `stopped_ns`: since when it
-    has reported that it rests.
+    has reported that it rests.  `progress`: how far in its plan it has come.
     """
 
     def __init__(self) -> None:
@@ -47,9 +56,13 @@ class Words:
         self.last_ns: int | None = None
         self.stopping_ns: int | None = None
         self.stopped_ns: int | None = None
+        self.progress = Progress()
 
-    def take_phase(self, phase: int, now_ns: int) -> bool:
-        """Record a phase; return whether the robot has begun to stop."""
+    def take(self, report: Report, now_ns: int) -> bool:
+        """Record phase and progress; return whether the robot has begun to stop."""
+        phase = report.phase
+        if report.stamp_ms is not None:
+            self.progress.take(report.stamp_ms / 1000.0, report.late * LATE_STEP_MS / 1000.0)
         fresh = self.stopping_ns is None and phase in (BRAKING, FROZEN)
         self.phase, self.last_ns = phase, now_ns
         if phase == MOVING:  # it moves again, on new times
@@ -60,25 +73,40 @@ class Words:
             self.stopped_ns = now_ns
         return fresh
 
-    def broken(
-        self, line: Timeline, rate: float, start_ns: int, frozen_ns: int | None
-    ) -> Broken | None:
-        """Return where the robot left its plan; None if it did not.
+    def driving(self, line: Timeline, rate: float, start_ns: int, frozen_ns: int | None) -> Driving:
+        """Return how the robot drove its plan, and where it left it.
 
         rate: its deceleration [m/s^2]; start_ns: the plan's time zero; frozen_ns: when the fleet
         was commanded to stop, None if it was not.
         """
+        progress = self.progress
+
+        def passed_at(at_ns: int) -> float:
+            return float(progress.at(np.array([max((at_ns - start_ns) / SECOND, 0.0)]))[0])
+
         if self.rest is not None:
             brake = brakes_at(line, self.rest, rate)
-            if brake < math.inf and self._was_stopped(line.v_at(brake), rate):
-                return Broken(brakes_at(line, self.rest, 0.0), 0.0)
-            return Broken(brake, rate) if brake < math.inf else None
+            if brake == math.inf:
+                return Driving(progress)
+            passed = brakes_at(line, self.rest, 0.0)
+            if progress.is_late and self.stopped_ns is not None:
+                rests = (self.stopped_ns - start_ns) / SECOND
+                return Driving(progress.stops(rests, passed), passed)
+            if self._was_stopped(line.v_at(brake), rate):
+                return Driving(progress, passed)
+            return Driving(progress, brake, rate)
         if frozen_ns is None or self.phase == DONE:
-            return None
+            return Driving(progress)
         if self.stopping_ns is not None:
-            return Broken(max((self.stopping_ns - start_ns) / SECOND, 0.0), rate)
+            return Driving(progress, passed_at(self.stopping_ns), rate)
         last_ns = frozen_ns if self.last_ns is None else min(self.last_ns, frozen_ns)
-        return Broken(max((last_ns - start_ns) / SECOND, 0.0), 0.0)
+        return Driving(progress, passed_at(last_ns))
+
+    def silent_since(self, now_ns: int) -> int | None:
+        """Return when a robot on its way was last heard, if that is too long ago; else None."""
+        drives = self.phase in (MOVING, BRAKING)
+        silent = drives and self.last_ns is not None and now_ns - self.last_ns > _SILENT
+        return self.last_ns if silent else None
 
     def _was_stopped(self, speed: float, rate: float) -> bool:
         if self.stopping_ns is None or self.stopped_ns is None:
@@ -98,7 +126,7 @@ class Said:
     def take(self, report: Report, robot: str, now_ns: int) -> bool:
         """Record a report; return whether the robot began to stop or first stated its rest."""
         self._last_ns[robot] = now_ns
-        fresh = self.of(report.epoch, robot).take_phase(report.phase, now_ns)
+        fresh = self.of(report.epoch, robot).take(report, now_ns)
         if report.rest is None:
             return fresh
         words = self.of(report.rest.epoch, robot)
@@ -114,6 +142,22 @@ class Said:
         """Return the robots that reported in an epoch, which shows that they have its plan."""
         found = {name for number, name in self._words if number == epoch}
         return {name for name in found if self._words[epoch, name].last_ns is not None}
+
+    def silent(self, epoch: int, now_ns: int) -> frozenset[str]:
+        """Return the robots on their way in an epoch that have not been heard for too long."""
+        return frozenset(
+            name
+            for (number, name), words in self._words.items()
+            if number == epoch and words.silent_since(now_ns) is not None
+        )
+
+    def late(self, epoch: int) -> dict[str, list[Knot]]:
+        """Return the last two knots of each robot's progress in an epoch, if it ever was late."""
+        return {
+            name: words.progress.knots[-2:]
+            for (number, name), words in self._words.items()
+            if number == epoch and words.progress.knots
+        }
 
     def last_ns(self, robot: str) -> int | None:
         """Return when a robot was last heard, in any epoch; None if never."""

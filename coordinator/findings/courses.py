@@ -101,15 +101,16 @@ class Courses:
                     ride = ride_of_message(self._plans[epoch, robot])
                 except ValueError:
                     continue
-                found.setdefault(robot, []).append((epoch, self._halted(epoch, robot, ride)))
+                found.setdefault(robot, []).append((epoch, self._driven(epoch, robot, ride)))
         return found
 
-    def _halted(self, epoch: int, robot: str, ride: RideSamples) -> RideSamples:
-        """Return the ride; if the robot left its plan, the ride ends there."""
+    def _driven(self, epoch: int, robot: str, ride: RideSamples) -> RideSamples:
+        """Return the ride as the robot drove it: late, and to where it left its plan."""
         start_ns = self._zero_ns + round(self._starts[epoch] * SECOND)
         words = self._said.of(epoch, robot)
-        broken = words.broken(ride.line, ride.rate, start_ns, self._frozen.get(epoch))
-        return ride if broken is None else ride.halted(*broken)
+        return ride.driven(
+            words.driving(ride.line, ride.brake_rate, start_ns, self._frozen.get(epoch))
+        )
 
     def _by_plan(self, rides: list[tuple[int, RideSamples]], times: Array) -> Array:
         """Return a robot's places by its plans, (n, 2).

@@ -7,10 +7,12 @@ core.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from coordinator.findings.info_fields import HeldSummary
 from coordinator.findings.log_proof import plans_of, take_messages
 from coordinator.log.records import Log
+from coordinator.plan.document import PlanDocument
 from coordinator.plan.wire import packed
 from coordinator.proof.granted import Granted
 from coordinator.schedule.staircase_making import with_staircases
@@ -25,37 +27,65 @@ def late_numbers(command: Command) -> list[int]:
     return [number for number, authority_ms in command.held if authority_ms < now_ms]
 
 
+class Hold(NamedTuple):
+    """A robot that another one holds, since when and until when [ns]; None: it is still held."""
+
+    robot: str
+    by: str
+    since_ns: int
+    until_ns: int | None = None
+
+
+class Holds:
+    """Who is held and who was, found from the Commands of a coordinator, in order."""
+
+    def __init__(self) -> None:
+        self.over: list[Hold] = []
+        self._now: dict[str, Hold] = {}
+
+    @property
+    def all(self) -> list[Hold]:
+        """All holds: those that are over, in the order of their ends, then the others."""
+        return [*self.over, *self._now.values()]
+
+    @property
+    def now(self) -> list[Hold]:
+        """Who is held now."""
+        return list(self._now.values())
+
+    def take(self, command: Command, epoch: Granted, now_ns: int) -> None:
+        """Take in a Command; `epoch`: what its epoch's Commands have granted, this one included."""
+        late = epoch.names(late_numbers(command) if command.phase == GO else [])
+        in_range = set(epoch.names(range(command.first, command.last + 1)))
+        for name in sorted((self._now.keys() & in_range) - set(late)):
+            self.over.append(self._now.pop(name)._replace(until_ns=now_ns))
+        for name in late:
+            if name not in self._now and (holder := epoch.holder(name)) is not None:
+                self._now[name] = Hold(name, holder, now_ns)
+
+
 def held_in(log: Log, before: Sequence[Log], seconds: Callable[[int], float]) -> list[HeldSummary]:
     """Return who was held in a log, in the order of when it ended.
 
     `before`: the logs that the log resumes, oldest first.  `seconds` converts a time of the log
     [ns] to the time of the summary [s].
     """
-    granted: dict[int, Granted] = {}
-    logs = [*before, log]
-    for document in plans_of(logs):
-        plan = with_staircases(packed(document))
-        assert plan.staircases is not None
-        granted[document.epoch] = Granted(plan.staircases, list(plan.messages))
-    since: dict[str, tuple[float, str]] = {}
-    found: list[HeldSummary] = []
-
-    def watch(command: Command, epoch: Granted, log_ns: int) -> None:
-        now = seconds(log_ns)
-        late = epoch.names(late_numbers(command) if command.phase == GO else [])
-        in_range = set(epoch.names(range(command.first, command.last + 1)))
-        for name in sorted((since.keys() & in_range) - set(late)):
-            begin, by = since.pop(name)
-            found.append(HeldSummary(name, by, round(begin, 3), round(now, 3)))
-        for name in late:
-            if name not in since and (holder := epoch.holder(name)) is not None:
-                since[name] = now, holder
-
-    for one in logs[:-1]:
+    granted = {document.epoch: granted_of(document) for document in plans_of([*before, log])}
+    holds = Holds()
+    for one in before:
         take_messages(one, granted)
-    take_messages(log, granted, watch)
-    end = seconds(log.records[-1].log_ns) if log.records else 0.0
-    found += [
-        HeldSummary(name, by, round(begin, 3), round(end, 3)) for name, (begin, by) in since.items()
+    take_messages(log, granted, holds.take)
+    end_ns = log.records[-1].log_ns if log.records else 0
+
+    def time(at_ns: int | None) -> float:
+        return round(seconds(end_ns if at_ns is None else at_ns), 3)
+
+    return [
+        HeldSummary(hold.robot, hold.by, time(hold.since_ns), time(hold.until_ns))
+        for hold in holds.all
     ]
-    return found
+
+
+def granted_of(document: PlanDocument) -> Granted:
+    """Return what has been granted in a plan's epoch: nothing yet."""
+    return Granted(with_staircases(packed(document)))

@@ -1,4 +1,4 @@
-"""Proves a log: the plan of every epoch, its staircases, and every authority that was granted.
+"""Proves a log: each epoch's plan and its staircases, the Plans sent, the authority granted.
 
 Decides: which messages of a log belong to which epoch's proof.  Must not know: files, the fleet
 core.
@@ -20,13 +20,14 @@ from coordinator.scenario.model import Scenario
 from coordinator.schedule.staircase_making import with_staircases
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Command, Report
+from protocol.messages import Command, Plan, Report
 
 
 class EpochProof(msgspec.Struct, frozen=True):
-    """The proof of one epoch's plan, and whether its Commands granted no more than is safe.
+    """The proof of one epoch's plan, and whether what was sent was safe.
 
-    `commands` states how many of them granted authority; `failures` says which granted too much.
+    `commands` states how many Commands granted authority; `failures` says which of them granted too
+    much, and which Plans are not as proven.
     """
 
     epoch: int
@@ -43,7 +44,7 @@ class LogProof(msgspec.Struct, frozen=True):
 
 
 def prove_log(log: Log, scenario: Scenario | None = None, before: Sequence[Log] = ()) -> LogProof:
-    """Prove every plan that a log holds and check every Command that its coordinator sent.
+    """Prove every plan that a log holds; check every Plan and Command that its coordinator sent.
 
     `scenario` is that of the first plan; later plans are proven from the log alone, because robots
     that stay behind are obstacles in them.  `before`: the logs that the log resumes, oldest first.
@@ -54,11 +55,9 @@ def prove_log(log: Log, scenario: Scenario | None = None, before: Sequence[Log] 
     logs = [*before, log]
     for document in plans_of(logs):
         plan = with_staircases(packed(document))
-        assert plan.staircases is not None
         first = document.epoch == 1
         proofs[document.epoch] = prove_messages(plan, scenario if first else None)
-        names = [robot.id for robot in document.robots]
-        granted[document.epoch] = Granted(plan.staircases, names)
+        granted[document.epoch] = Granted(plan)
     for one in logs:
         take_messages(one, granted)
     epochs = [
@@ -73,20 +72,24 @@ def take_messages(
     granted: Mapping[int, Granted],
     watch: Callable[[Command, Granted, int], None] = lambda _command, _granted, _now: None,
 ) -> None:
-    """Let what was granted, by epoch, take in a log's Reports and its coordinator's Commands.
+    """Let what was granted, by epoch, take in a log's Plans, Reports and coordinator's Commands.
 
     `watch` is called after each Command with its epoch and the time of the log [ns].
     """
     fleet, boot = log.metadata.get("fleet", ""), log.metadata.get("boot", "")
     for record in log.records:
         place = keys.split(record.key)
-        if place is None or place[0] != fleet or place[1] not in ("command", "report"):
+        if place is None or place[0] != fleet or place[1] not in ("plan", "command", "report"):
             continue
         message = decode(place[1], record.payload)
         epoch = granted.get(getattr(message, "epoch", 0))
-        if epoch is not None and isinstance(message, Report):
+        if epoch is None:
+            continue
+        if isinstance(message, Plan):
+            epoch.take_plan(place[2], message)
+        elif isinstance(message, Report):
             epoch.take_report(place[2], message)
-        elif epoch is not None and isinstance(message, Command) and str(message.boot) == boot:
+        elif isinstance(message, Command) and str(message.boot) == boot:
             epoch.take_command(message)
             watch(message, epoch, record.log_ns)
 

@@ -101,7 +101,7 @@ def render_log_proof(proof: LogProof) -> RenderableType:
     for epoch in proof.epochs:
         lines += [Text(f"epoch {epoch.epoch}"), render_proof(epoch.proof)]
         if epoch.failures:
-            told = f"{len(epoch.failures)} times more authority was granted than is safe:"
+            told = f"{len(epoch.failures)} of the messages sent are not safe:"
             lines += [Text(f"  {told}", "red")]
             lines += [Text(_folded(one)) for one in epoch.failures[:_FAILURES]]
         else:

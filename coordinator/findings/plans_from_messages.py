@@ -41,6 +41,7 @@ class SaidPlans:
     def __init__(self, documents: dict[int, PlanDocument], known: PlanDocument | None) -> None:
         self._documents = documents
         self._known = known
+        self._numbers: dict[tuple[int, str], int] = {}
         self.radius = {} if known is None else {robot.id: robot.radius for robot in known.robots}
 
     def take(self, message: Message, robot: str, fleet: str) -> bool:
@@ -60,8 +61,10 @@ class SaidPlans:
             robot = _robot_plan(plan, self.radius.get(plan.robot, RADIUS))
         except (ValueError, msgspec.MsgspecError, IndexError):
             return False
-        others = [one for one in document.robots if one.id != plan.robot]
-        robots = sorted([*others, robot], key=lambda one: one.id)
+        self._numbers[plan.epoch, plan.robot] = plan.number
+        robots = sorted(
+            [*document.robots, robot], key=lambda one: (self._numbers[plan.epoch, one.id], one.id)
+        )
         self._documents[plan.epoch] = msgspec.structs.replace(document, robots=robots)
         return True
 

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from coordinator.findings.braking import Driving
 from coordinator.plan.document import RobotPlan
 from protocol.messages import Plan
 from protocol.plan_parts import unpack_plan
@@ -33,18 +34,18 @@ class RideSamples:
     """A path as a polyline and the motion along it; plan times [s], arc lengths [m].
 
     arcs (m,), places (m, 2): the path.
-    `brake`: the plan time from which it braked, at `rate` [m/s^2] (0: it stopped at once), to rest.
+    `brake_rate`: the robot's deceleration [m/s^2].  `driving`: how it drove; None: by its plan.
     """
 
     line: Timeline
     arcs: Array
     places: Array
-    rate: float
-    brake: float = math.inf
+    brake_rate: float
+    driving: Driving | None = None
 
-    def halted(self, brake: float, rate: float) -> RideSamples:
-        """Return the ride with its end replaced: the robot left its plan at `brake`."""
-        return replace(self, brake=brake, rate=rate)
+    def driven(self, driving: Driving) -> RideSamples:
+        """Return the ride as it was driven."""
+        return replace(self, driving=driving)
 
     def arcs_at(self, times: Array) -> Array:
         """Return where along its path the plan has the robot at plan times (n,)."""
@@ -59,11 +60,15 @@ class RideSamples:
 
     def driven_at(self, times: Array) -> Array:
         """Return how far along its path the robot was at plan times (n,), its braking included."""
-        s = self.arcs_at(np.minimum(times, self.brake))
-        if math.isfinite(self.brake) and self.rate > 0.0:
-            speed = self.line.v_at(self.brake)
-            slowing = np.clip(times - self.brake, 0.0, speed / self.rate)
-            s = s + slowing * (speed - 0.5 * self.rate * slowing)
+        if self.driving is None:
+            return self.arcs_at(times)
+        progress, brake, rate = self.driving
+        passed = progress.at(times)
+        s = self.arcs_at(np.minimum(passed, brake))
+        if math.isfinite(brake) and rate > 0.0:
+            speed = self.line.v_at(brake)
+            slowing = np.clip(passed - brake, 0.0, speed / rate)
+            s = s + slowing * (speed - 0.5 * rate * slowing)
         return s
 
     def places_at(self, s: Array) -> Array:

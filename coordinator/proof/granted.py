@@ -1,36 +1,55 @@
-"""Checks that the authority which a coordinator granted was safe, from its messages alone.
+"""Checks that what a coordinator sent was safe, from its messages alone.
+
+Plans have to be the proven ones; a robot with the number of another would drive on its authority.
 
 At every Command, need_ij(A_j) < P_i has to hold for all ordered pairs (design section 3).  A_j is
 the authority of the robot behind, P_i the progress that the robot ahead has reported.  Within tau
 of each other robots need nothing.
 
-Decides: whether Commands keep to the invariant.  Must not know: the rule that grants authority,
-logs.
+Decides: whether Plans are as proven and Commands keep to the invariant.  Must not know: the rule
+that grants authority, logs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import msgspec
 import numpy as np
 
-from coordinator.plan.staircases import Staircases
-from protocol.messages import Command, Report
+from coordinator.plan.wire import PackedPlan
+from protocol.codec import encode
+from protocol.messages import Command, Plan, Report
 from protocol.phases import GO
 from protocol.timing import LATE_STEP_MS
 
 
 class Granted:
-    """What one epoch's Commands granted and its Reports told [ms of plan time]; both only grow."""
+    """What one epoch's Commands granted and its Reports told [ms of plan time]; both only grow.
 
-    def __init__(self, staircases: Staircases, robots: Sequence[str]) -> None:
+    `plan` has its staircases.
+    """
+
+    def __init__(self, plan: PackedPlan) -> None:
+        assert plan.staircases is not None
         self.commands = 0
         self.failures: list[str] = []
-        self._staircases = staircases
-        self._robots = list(robots)
+        self._staircases = plan.staircases
+        self._messages = plan.messages
+        self._robots = robots = [robot.id for robot in plan.document.robots]
         self._index: Mapping[str, int] = {name: index for index, name in enumerate(robots)}
         self._granted = np.zeros(len(robots))
         self._passed = np.zeros(len(robots))
+
+    def take_plan(self, robot: str, plan: Plan) -> None:
+        """Check that a robot was sent the course that was proven, with its own number."""
+        if encode(msgspec.structs.replace(plan, boot=0)) == self._messages.get(robot):
+            return
+        name = self._robots[plan.number] if plan.number < len(self._robots) else "nobody"
+        whose = "" if name == robot else f"; its number {plan.number} is that of {name}"
+        self.failures.append(
+            f"the Plan of epoch {plan.epoch} that {robot} was sent is not the one proven{whose}"
+        )
 
     def take_report(self, robot: str, report: Report) -> None:
         """Take in a robot's progress; it counts no further than what the robot was granted."""

@@ -53,7 +53,7 @@ class Feed:
             return self._course.scene()
 
     def events(self) -> Iterator[tuple[str, str]]:
-        """Yield a scene whenever something new is known, and regularly the time and LastWord.
+        """Yield a scene whenever something new is known, and regularly the times and LateRides.
 
         A page that gets no event for several periods knows that this server has ended.
         """
@@ -73,9 +73,11 @@ class Feed:
     def _times(self) -> Iterator[tuple[str, str]]:
         with self._news:
             now = time.monotonic()
-            clock, word = self._course.clock(now), self._course.word(now)
+            clock, word, late = self._course.clock(now), self._course.word(now), self._course.late()
         if clock is not None:
             yield "clock", msgspec.json.encode(clock).decode()
+        if late is not None:
+            yield "late", msgspec.json.encode(late).decode()
         if now - self._made < _PERIOD_S:
             word = None  # messages that came while a scene was made are not processed yet
         yield "word", msgspec.json.encode(word).decode()

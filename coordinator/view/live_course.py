@@ -13,12 +13,14 @@ from typing import Final
 
 import msgspec
 
+from coordinator.findings.held import Holds, granted_of, late_numbers
 from coordinator.findings.info_fields import FaultSummary
 from coordinator.findings.plans_from_messages import SaidPlans
 from coordinator.findings.wait_guesses import with_reasons
 from coordinator.log.unheard_plans import UnheardPlans
 from coordinator.plan.document import PlanDocument
-from coordinator.view.scene import Scene
+from coordinator.proof.granted import Granted
+from coordinator.view.scene import Knot, Scene
 from coordinator.view.scene_log import Course, scene_of_course
 from protocol import keys
 from protocol.codec import decode
@@ -48,13 +50,26 @@ class LastWord(msgspec.Struct, frozen=True):
     over: bool
 
 
+class LateRides(msgspec.Struct, frozen=True):
+    """How far in their plans the robots of an epoch have come that are or were late.
+
+    By robot, the last knots (at most two) of its ride's `passed` (scene.py); one that is on time
+    again stays.
+    """
+
+    epoch: int
+    passed: dict[str, list[Knot]]
+
+
 class LiveCourse:
     """The course of a fleet, put together message by message; `now` is our clock in seconds."""
 
     def __init__(self, fleet: str | None, document: PlanDocument | None) -> None:
         self.fleet = fleet
         self._course = Course()
-        self._stand: tuple[int, int, tuple[str, ...]] | None = None
+        self._stand: tuple[int, int, tuple[str, ...], frozenset[str]] | None = None
+        self._granted: dict[int, Granted] = {}
+        self._holds = Holds()
         self._faults: dict[str, int] = {}
         self._first: tuple[int, float] | None = None
         self._latest: tuple[int, float] = (0, 0.0)
@@ -111,6 +126,13 @@ class LiveCourse:
         at, phase = self._word
         return LastWord(round(max(now - at, 0.0), 3), self._headroom, phase == OVER)
 
+    def late(self) -> LateRides | None:
+        """Return how far late robots have come in the newest epoch; None if all were on time."""
+        epoch = max(self._course.starts, default=0)
+        knots = self._course.said.late(epoch)
+        last = {robot: [(round(t, 3), round(p, 3)) for t, p in two] for robot, two in knots.items()}
+        return LateRides(epoch, last) if last else None
+
     def _take(self, message: Message, robot: str, now: float) -> bool:
         """Process a message of the fleet; return whether a page would look different."""
         before = self.unheard.robots
@@ -124,13 +146,32 @@ class LiveCourse:
             self._word = (now, message.phase)
             self._headroom = max(message.headroom_ms / 1000.0, 0.0)
             course.take_command(message, self._now_ns(now))
-            stand = (message.epoch, message.phase, self._reasons(message.epoch))
+            held = self._take_held(message, now)
+            silent = course.said.silent(message.epoch, self._now_ns(now))
+            stand = (message.epoch, message.phase, self._reasons(message.epoch), silent)
             changed = self._stand != stand
             self._stand = stand
-            return changed
+            return changed or held
         if isinstance(message, Report):
             return self._take_report(message, robot, now)
         return self._said.take(message, robot, self.fleet or "")
+
+    def _take_held(self, command: Command, now: float) -> bool:
+        """Find out who is held; return whether that has changed.
+
+        What is granted is followed from the first Command on that grants some robot too little, as
+        every Command and Report states all.
+        """
+        epoch, plans = command.epoch, self._course.plans
+        if epoch not in self._granted and late_numbers(command) and epoch in plans:
+            self._granted[epoch] = granted_of(plans[epoch])
+        granted = self._granted.get(epoch)
+        if granted is None:
+            return False
+        granted.take_command(command)
+        self._holds.take(command, granted, self._now_ns(now))
+        before, self._course.held = self._course.held, self._holds.all
+        return before != self._course.held
 
     def _reasons(self, epoch: int) -> tuple[str, ...]:
         """Return why each known robot has no part in an epoch, as far as messages show."""
@@ -144,6 +185,8 @@ class LiveCourse:
     def _take_report(self, report: Report, robot: str, now: float) -> bool:
         course, now_ns = self._course, self._now_ns(now)
         stops = course.said.take(report, robot, now_ns)
+        if report.epoch in self._granted:
+            self._granted[report.epoch].take_report(robot, report)
         learning = (
             report.phase == IDLE and report.fault == CLOCK_UNSURE
         )  # as every robot does at first

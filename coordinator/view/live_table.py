@@ -64,14 +64,18 @@ class FleetTable:
             title += f" · {max(time, 0.0):.1f} s"
         columns = ("robot", "phase", "progress by the clock", "%", "next stop")
         table = plain_table(*columns, title=title)
+        held = {one.robot: one for one in fleet.held()} if fleet.phase == GO else {}
         for member in fleet.members.values():
             line = self._lines.get(member.id)
             share = 1.0 if member.finished else 0.0
             phase = "lost" if member.lost else PHASE_NAMES[member.phase]
             if line is not None and member.phase >= MOVING:
-                share = line.s_at(time) / line.length
+                since = held[member.id].since_ms / 1000.0 if member.id in held else time
+                share = line.s_at(since) / line.length
                 if member.phase == MOVING and line.v_at(time) == 0.0 and not member.lost:
                     phase = "waiting"
+                if member.id in held:
+                    phase = f"held by {held[member.id].by} since {since:.1f} s"
             if member.fault:
                 phase += f" ({FAULT_NAMES[member.fault]})"
             table.add_row(

@@ -19,6 +19,9 @@ Leg = tuple[float, float, float, float, float, float]
 Halt = tuple[float, float, float, float]
 """How a robot left its plan: braking from plan time t0 to t1 [s], arc length s0 to s1 [m]."""
 
+Knot = tuple[float, float]
+"""A time of the plan, and the plan time that a robot has passed then [s]."""
+
 
 class Body(msgspec.Struct, frozen=True, kw_only=True):
     """A robot: id and radius [m]."""
@@ -40,15 +43,21 @@ class Ride(msgspec.Struct, frozen=True, kw_only=True):
     """One robot's part in an epoch.
 
     path: arc lengths, x and y of a polyline.  legs: the motion; between legs, before the first and
-    after the last the robot rests.  halt: where it left its plan, braking at a constant rate; null
-    if it never did.  brake [m/s^2]: its deceleration; 0 means that it stops at once.
+    after the last the robot rests.  passed: the plan time that the robot has passed over the time
+    of the plan, linear between the knots; before the first one the robot is on time, after the last
+    one it goes on as between the last two, but no faster than the clock.  halt: where it left its
+    plan, braking at a constant rate, in passed plan time; null if it never did.  unheard: whether
+    that is only assumed, because it has not been heard since.  brake [m/s^2]: its deceleration; 0
+    means that it stops at once.
     """
 
     robot: int
     path: tuple[list[float], list[float], list[float]]
     legs: list[Leg]
     waits: list[Wait] = []
+    passed: list[Knot] = []
     halt: Halt | None = None
+    unheard: bool = False
     brake: float = 0.0
 
 
@@ -70,6 +79,18 @@ class Aside(msgspec.Struct, frozen=True, kw_only=True):
 
     robot: int
     why: str
+
+
+class Held(msgspec.Struct, frozen=True, kw_only=True):
+    """A robot that had to slow down or stand because another one was late or lost.
+
+    by: the other one.  since, until [s]: when; `until` is null while it lasts.
+    """
+
+    robot: int
+    by: int
+    since: float
+    until: float | None = None
 
 
 class Epoch(msgspec.Struct, frozen=True, kw_only=True):
@@ -129,4 +150,5 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     epochs: list[Epoch]
     marks: list[Mark] = []
     ghosts: list[Ghost] = []
+    held: list[Held] = []
     notes: list[str] = []

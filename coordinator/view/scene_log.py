@@ -6,6 +6,7 @@ robot is that has left its plan.  Must not know: files, black boxes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
@@ -13,6 +14,7 @@ import msgspec
 
 from coordinator.base.errors import InputError
 from coordinator.findings.braking import Said
+from coordinator.findings.held import Hold
 from coordinator.findings.info import summarise
 from coordinator.findings.info_fields import FaultSummary, Summary
 from coordinator.findings.plans_from_messages import RADIUS, plans_said
@@ -22,7 +24,7 @@ from coordinator.fleet.rest_places import Standing
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import from_json, is_plan_name
 from coordinator.plan.wire import Driven, drive
-from coordinator.view.scene import Aside, Epoch, Halt, Mark, Scene
+from coordinator.view.scene import Aside, Epoch, Halt, Held, Mark, Ride, Scene
 from coordinator.view.scene_plan import index_of, rides_of, rounded_points, scene_from, zones_of
 from protocol import keys
 from protocol.codec import decode
@@ -44,6 +46,9 @@ _NS: Final = 1 / SECOND
 _LOST: Final = 2 * SECOND
 """A robot that no longer has a part and was not heard for this long [ns] is taken to be lost."""
 
+_LONG: Final = SECOND
+"""A robot that was held for this long [ns] is in the list of what happened."""
+
 
 class Course:
     """The facts of one or several logs of the same fleet, in order; times in ns.
@@ -64,9 +69,13 @@ class Course:
         self.told: dict[int, tuple[Standing, ...]] = {}
         self.faults: list[tuple[int, FaultSummary]] = []
         self.notes: list[str] = []
+        self.held: list[Hold] = []
 
-    def take(self, log: Log, name: str) -> None:
-        """Add a log; raise InputError if a plan in it cannot be read."""
+    def take(self, log: Log, name: str, before: Sequence[Log] = ()) -> None:
+        """Add a log; raise InputError if a plan in it cannot be read.
+
+        `before`: the logs that it resumes, oldest first.
+        """
         for file, content in log.attachments.items():
             if is_plan_name(file):
                 document = from_json(content, f"{name}: {file}")
@@ -80,9 +89,13 @@ class Course:
         for record in log.records:
             self._take(record, fleet, lag_ns)
         if log.records:
-            told = msgspec.convert(summarise(log), Summary)
+            told = msgspec.convert(summarise(log, before=before), Summary)
             zero = log.records[0].log_ns - lag_ns + round((told.zero or 0.0) * SECOND)
             self.faults += [(zero + round(fault.t * SECOND), fault) for fault in told.faults]
+            self.held += [
+                Hold(one.robot, one.by, *(zero + round(t * SECOND) for t in (one.begin, one.until)))
+                for one in told.held
+            ]
 
     def take_command(self, command: Command, now_ns: int) -> None:
         """Add a Command of the coordinator.
@@ -146,8 +159,8 @@ def scene_of_logs(logs: Sequence[tuple[str, Log]]) -> Scene:
     logs: (name for messages, log).  Raise InputError if there is no plan in them.
     """
     course = Course()
-    for name, log in logs:
-        course.take(log, name)
+    for number, (name, log) in enumerate(logs):
+        course.take(log, name, [one for _, one in logs[:number]])
     if not course.plans:
         raise InputError([f"{logs[-1][0]}: holds no plan, so there is nothing to draw"])
     return msgspec.structs.replace(scene_of_course(course), notes=course.notes)
@@ -166,7 +179,11 @@ def scene_of_course(course: Course) -> Scene:
     ]
     end = (course.last - zero) * _NS
     scene = scene_from(documents, epochs, "log", max(end, 1.0), others)
-    return msgspec.structs.replace(scene, marks=list(_marks(course, epochs, zero, list(index))))
+    return msgspec.structs.replace(
+        scene,
+        marks=list(_marks(course, epochs, zero, list(index))),
+        held=list(_held(course, zero, index)),
+    )
 
 
 def _epoch(
@@ -181,11 +198,11 @@ def _epoch(
     start = (course.starts[number] - zero) * _NS if number in course.starts else begin
     frozen = (course.frozen[number] - zero) * _NS if number in course.frozen else None
     driven = drive(document)
-    halts = {}
-    for one in driven:
-        halt = _halt(course, number, one)
-        if halt is not None:
-            halts[one.id] = halt
+    rides = rides_of(document, index, driven)
+    if number in course.starts:
+        rides = [
+            _as_driven(course, number, one, ride) for one, ride in zip(driven, rides, strict=True)
+        ]
     known = 0 if first.workspace is None else len(first.workspace.obstacles)
     floor = document.workspace
     return Epoch(
@@ -195,7 +212,7 @@ def _epoch(
         started=number in course.starts,
         frozen=None if frozen is None else round(frozen, 4),
         arrived=all(course.is_done(number, robot.id) for robot in document.robots),
-        rides=rides_of(document, index, halts, driven),
+        rides=rides,
         aside=_aside(course, document, index),
         keep_out=[]
         if floor is None or document is first
@@ -218,19 +235,35 @@ def _aside(course: Course, document: PlanDocument, index: Mapping[str, int]) -> 
     ]
 
 
-def _halt(course: Course, epoch: int, one: Driven) -> Halt | None:
-    """Return where a robot left its plan for good; plan times [s], arc lengths [m]."""
-    if epoch not in course.starts:
-        return None
+def _as_driven(course: Course, epoch: int, one: Driven, ride: Ride) -> Ride:
+    """Return a ride with what the robot's reports tell: how late it was, where it left its plan."""
     line, rate = one.timeline, one.plan.brake_mmps2 / 1000.0
     words = course.said.of(epoch, one.id)
-    broken = words.broken(line, rate, course.starts[epoch], course.frozen.get(epoch))
-    if broken is None:
-        return None
-    now, place = broken.brake, line.s_at(broken.brake)
-    slowing = line.v_at(now) / broken.rate if broken.rate > 0.0 else 0.0
-    rest = place + 0.5 * slowing * line.v_at(now)
-    return (round(now, 5), round(now + slowing, 5), round(place, 5), round(rest, 5))
+    frozen_ns, silent_ns = course.frozen.get(epoch), words.silent_since(course.last)
+    end_ns = silent_ns if frozen_ns is None else frozen_ns
+    progress, now, rate = words.driving(line, rate, course.starts[epoch], end_ns)
+    halt: Halt | None = None
+    if now < math.inf:
+        place, speed = line.s_at(now), line.v_at(now)
+        slowing = speed / rate if rate > 0.0 else 0.0
+        rest = place + 0.5 * slowing * speed
+        halt = (round(now, 5), round(now + slowing, 5), round(place, 5), round(rest, 5))
+    passed = [(round(t, 3), round(p, 3)) for t, p in progress.knots]
+    unheard = frozen_ns is None and silent_ns is not None
+    return msgspec.structs.replace(ride, passed=passed, halt=halt, unheard=unheard)
+
+
+def _held(course: Course, zero: int, index: Mapping[str, int]) -> Iterator[Held]:
+    """Yield who was held, as far as both robots are known."""
+    for hold in course.held:
+        if hold.robot in index and hold.by in index:
+            until = None if hold.until_ns is None else round((hold.until_ns - zero) * _NS, 3)
+            yield Held(
+                robot=index[hold.robot],
+                by=index[hold.by],
+                since=round((hold.since_ns - zero) * _NS, 3),
+                until=until,
+            )
 
 
 def _marks(
@@ -255,6 +288,15 @@ def _marks(
         Mark(t=round((at - zero) * _NS, 3), kind="fault", text=f"{fault.robot} {fault.fault}")
         for at, fault in course.faults
         if fault.kind != "freeze"
+    ]
+    marks += [
+        Mark(
+            t=round((hold.since_ns - zero) * _NS, 3),
+            kind="late",
+            text=f"{hold.robot} is held by {hold.by}",
+        )
+        for hold in course.held
+        if (course.last if hold.until_ns is None else hold.until_ns) - hold.since_ns >= _LONG
     ]
     if course.over is not None:
         marks.append(Mark(t=round((course.over - zero) * _NS, 3), kind="over", text="over"))

@@ -16,7 +16,7 @@ from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.plan.document import Crossing, PlanDocument, Reason, RobotPlan
 from coordinator.plan.wire import Driven, drive
 from coordinator.scenario.model import Point
-from coordinator.view.scene import Body, Epoch, Halt, Leg, Ride, Scene, Wait, Zone
+from coordinator.view.scene import Body, Epoch, Leg, Ride, Scene, Wait, Zone
 from protocol.timeline import Timeline
 
 ACCURACY: Final = 4e-4
@@ -89,21 +89,18 @@ def scene_from(
 def rides_of(
     document: PlanDocument,
     index: Mapping[str, int],
-    halts: Mapping[str, Halt] | None = None,
     driven: Sequence[Driven] | None = None,
 ) -> list[Ride]:
     """Return the motions of a document, from the bytes that the robots get.
 
     `driven`: what `drive` returned for the document, if the caller has it already.
     """
-    left = {} if halts is None else halts
     return [
         Ride(
             robot=index[robot.id],
             path=_columns(polyline(one.curve)),
             legs=_legs(one.timeline),
             waits=_waits(robot, index),
-            halt=left.get(robot.id),
             brake=one.plan.brake_mmps2 / 1000.0,
         )
         for robot, one in zip(document.robots, driven or drive(document), strict=True)

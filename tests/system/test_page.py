@@ -16,7 +16,7 @@ from coordinator.plan.wire import drive
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import read_scenario
 from coordinator.view.page import page_of
-from coordinator.view.scene import Mark
+from coordinator.view.scene import Held, Mark
 from coordinator.view.scene_plan import scene_of_plan
 from sim.floors.generator import generate
 from tests.system.browser import browser, find_browser
@@ -50,8 +50,7 @@ AXE = next(
 def folder(tmp_path_factory):
     """A folder with plan.json and page.html of the paper's five robots."""
     folder = tmp_path_factory.mktemp("page")
-    document = plan_scenario(read_scenario(ROOT / "examples" / "paper_five.toml"), effort=0)
-    (folder / "plan.json").write_bytes(to_json(document))
+    (folder / "plan.json").write_bytes(to_json(planned_five()))
     made = splinefleet("plot", folder / "plan.json", "-o", folder / "page.html")
     assert made.returncode == 0, made.stderr
     return folder
@@ -71,9 +70,12 @@ CURRENT = """(() => {
 })()"""
 
 
+def planned_five():
+    return plan_scenario(read_scenario(ROOT / "examples" / "paper_five.toml"), effort=0)
+
+
 def test_the_newest_event_is_marked_and_in_sight_at_any_time(tab, tmp_path):
-    document = plan_scenario(read_scenario(ROOT / "examples" / "paper_five.toml"), effort=0)
-    scene = scene_of_plan(document)
+    scene = scene_of_plan(planned_five())
     marks = [Mark(t=0.5 * n, kind="late", text=f"event {n}") for n in range(50)]
     (tmp_path / "many.html").write_text(page_of(replace(scene, marks=marks)))
     tab.screen(1400, 900)
@@ -260,6 +262,31 @@ def test_waiting_is_told_in_words(page, folder):
     page.settle()
     said = page.run("document.getElementById('robots').innerText")
     assert f"{robot.id}\nwaits for {stop.yields_to}" in said
+
+
+def test_late_robots_are_drawn_where_they_say_and_who_holds_them_is_told(tab, tmp_path):
+    held = Held(robot=0, by=2, since=4.0, until=7.0)
+    scene = scene_of_plan(planned_five())
+    (epoch,), knots = scene.epochs, [(4.0, 4.0), (6.0, 4.0), (9.0, 7.5)]
+    rides = [replace(epoch.rides[0], passed=knots), *epoch.rides[1:]]
+    scene = replace(scene, epochs=[replace(epoch, rides=rides)], held=[held])
+    (tmp_path / "late.html").write_text(page_of(scene))
+    tab.screen(1400, 900)
+    tab.open((tmp_path / "late.html").as_uri())
+    by_plan = {t: tab.run(f"splinefleet.at({t}).R2") for t in (3, 4, 5, 7.5, 9, 11)}
+    (tmp_path / "on_time.html").write_text(page_of(scene_of_plan(planned_five())))
+    told = {t: tab.run(f"splinefleet.at({t}).R1") for t in (3, 4, 5, 7.5, 9, 11)}
+    tab.run("splinefleet.seek(5)")
+    tab.settle()
+    row = tab.run("document.querySelector('#robots li').innerText")
+    tab.open((tmp_path / "on_time.html").as_uri())
+    for t, passed in ((3, 3.0), (4, 4.0), (5, 4.0), (7.5, 5.75), (9, 7.5), (11, 9.5)):
+        assert told[t]["s"] == pytest.approx(tab.run(f"splinefleet.at({passed}).R1.s"), abs=1e-6)
+        assert by_plan[t] == tab.run(f"splinefleet.at({t}).R2")
+    assert told[5]["v"] == pytest.approx(0.0)
+    assert [told[t]["state"] for t in (3, 5)] == ["drives", "held"]
+    assert "held by R3 since 4.0 s" in row
+    assert tab.errors == []
 
 
 @pytest.mark.parametrize("dark", [False, True])

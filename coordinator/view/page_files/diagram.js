@@ -15,7 +15,7 @@ class DiagramView {
     const { epochs } = this.play;
     return Math.max(1, ...epochs.flatMap((epoch, number) => {
       const next = epochs[number + 1], end = next ? epoch.planTime(next.begin) : Infinity;
-      return [...epoch.motions.values()].map((motion) => motion.progress(end)[0]);
+      return [...epoch.motions.values()].map((motion) => motion.progress(motion.passed(end))[0]);
     }));
   }
 
@@ -37,7 +37,7 @@ class DiagramView {
   }
 
   draw(t, found, focus, hover, look) {
-    const key = [focus, look.dark, this.play.scene.end, this.play.scene.marks.length].join();
+    const key = [focus, look.dark, this.play.scene.end, this.play.scene.marks.length, this.play.learned].join();
     if (this.sheet.resize() || key !== this.key) {
       this.key = key;
       this.background = this.lines(focus, look);
@@ -92,31 +92,39 @@ class DiagramView {
         pen.globalAlpha = focus >= 0 && focus !== index ? 0.15 : crowd && focus !== index ? 0.45 : 1;
         pen.strokeStyle = look.robot(index);
         pen.lineWidth = focus === index ? 2.75 : crowd ? 1 : 1.75;
-        this.line(pen, epoch, motion, end);
+        this.line(pen, motion, epoch, Math.max(epoch.begin, 0), end);
+        this.heldLines(pen, index, motion, epoch, end, look);
       }
     });
     pen.globalAlpha = 1;
     return sheet;
   }
 
-  line(pen, epoch, motion, end) {
-    const times = [Math.max(epoch.begin, 0)];
+  /** The line of a robot's motion in an epoch from one time to another. */
+  line(pen, motion, epoch, from, to) {
+    const times = [from, to], add = (passed) => times.push(epoch.start + motion.when(passed));
     for (const [t0, t1, , , v0, v1] of motion.ride.legs) {
       const parts = Math.abs(v1 - v0) > 1e-9 ? 6 : 1;
-      for (let i = 0; i <= parts; i++) times.push(epoch.start + t0 + (t1 - t0) * i / parts);
+      for (let i = 0; i <= parts; i++) add(t0 + (t1 - t0) * i / parts);
     }
-    if (motion.halt) times.push(epoch.start + motion.halt[0], epoch.start + motion.halt[1]);
-    times.push(end);
-    times.sort((a, b) => a - b);
+    if (motion.halt) motion.halt.slice(0, 2).forEach(add);
+    for (const t of motion.known) times.push(epoch.start + t);
     pen.beginPath();
-    let begun = false;
-    for (const t of times) {
-      if (t < Math.max(epoch.begin, 0) || t > end) continue;
-      const x = this.X(t), y = this.Y(motion.progress(epoch.planTime(t))[0]);
-      if (begun) pen.lineTo(x, y); else pen.moveTo(x, y);
-      begun = true;
+    for (const t of times.filter((one) => one >= from && one <= to).sort((a, b) => a - b)) {
+      const x = this.X(t), y = this.Y(motion.progress(motion.passed(epoch.planTime(t)))[0]);
+      if (t === from) pen.moveTo(x, y); else pen.lineTo(x, y);
     }
     pen.stroke();
+  }
+
+  /** Mark when a robot was held. */
+  heldLines(pen, index, motion, epoch, end, look) {
+    pen.strokeStyle = look.amber;
+    pen.lineWidth += 2;
+    for (const { since, until } of this.play.holds[index]) {
+      const from = Math.max(since, epoch.begin), to = Math.min(until ?? end, end);
+      if (from < to) this.line(pen, motion, epoch, from, to);
+    }
   }
 
   axes(pen, look) {

@@ -3,6 +3,9 @@
 /** The states of robots that have left their plan for good. */
 const RESTS = new Set(["stopped", "unheard"]);
 
+/** The states of robots that stand or slow down because of another one. */
+const WAITS = new Set(["waits", "held"]);
+
 /** The radius [px] from which a robot's name fits into its disc. */
 const NAMED = 8.5;
 
@@ -173,7 +176,7 @@ class FloorView extends Ground {
 
   waiting(found, focus) {
     return found.flatMap((robot, index) => {
-      const other = robot && robot.state === "waits" ? found[robot.lets] : null;
+      const other = robot && WAITS.has(robot.state) ? found[robot.lets] : null;
       const wanted = focus < 0 || focus === index || (robot && focus === robot.lets);
       return other && wanted ? [{ robot, other, index }] : [];
     });
@@ -185,7 +188,7 @@ class FloorView extends Ground {
     pen.setLineDash(quiet ? [1, 3] : [2, 4]);
     pen.globalAlpha = quiet ? 0.5 : 1;
     for (const { robot, other, index } of this.waiting(found, focus)) {
-      pen.strokeStyle = quiet ? look.robot(index) : look.ink;
+      pen.strokeStyle = robot.state === "held" ? look.amber : quiet ? look.robot(index) : look.ink;
       pen.beginPath();
       pen.moveTo(this.X(robot.x), this.Y(robot.y));
       pen.lineTo(this.X(other.x), this.Y(other.y));
@@ -201,7 +204,8 @@ class FloorView extends Ground {
     pen.textAlign = "left";
     pen.textBaseline = "middle";
     for (const { robot, index } of this.waiting(found, focus)) {
-      const bodies = this.play.scene.robots, text = `waits for ${bodies[robot.lets].id}`;
+      const bodies = this.play.scene.robots, verb = robot.state === "held" ? "held by" : "waits for";
+      const text = `${verb} ${bodies[robot.lets].id}`;
       const wide = pen.measureText(text).width + 14, tall = 22;
       const x = this.X(robot.x), y = this.Y(robot.y);
       const away = Math.max(this.zoom * bodies[index].radius, 4) + 8;

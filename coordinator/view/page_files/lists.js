@@ -8,8 +8,15 @@ function element(name, properties, ...children) {
   return made;
 }
 
+/** The least lateness [s] that is told. */
+const LATE = 0.2;
+
 function said(robot, bodies, why) {
   if (!robot) return why;
+  if (robot.state === "held") {
+    return `held by ${bodies[robot.lets].id} since ${robot.held.since.toFixed(1)} s`;
+  }
+  if (robot.state === "drives" && robot.late > LATE) return `drives, ${robot.late.toFixed(1)} s late`;
   if (robot.state === "waits") {
     const left = `${(robot.wait.until - robot.plan).toFixed(1)} s`;
     return robot.lets >= 0 ? `waits for ${bodies[robot.lets].id}, ${left}` : `waits ${left}`;

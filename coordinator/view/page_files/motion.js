@@ -10,6 +10,9 @@ function lastUpTo(values, x) {
   return low;
 }
 
+/** The time [s] over which the speed of a late robot is taken. */
+const MOMENT = 0.05;
+
 /** One robot's part in an epoch: s(t) from its legs, (x, y) from its polyline. */
 class Motion {
   constructor(ride) {
@@ -20,6 +23,35 @@ class Motion {
     this.finish = ride.legs[ride.legs.length - 1][1];
     this.headings = this.turned();
     this.presumed = null;
+    this.learn(ride.passed);
+  }
+
+  /** Take in the newest knots of its progress. */
+  learn(knots) {
+    const older = (this.knots || []).filter(([t]) => knots.length && t < knots[0][0]);
+    this.knots = [...older, ...knots];
+    this.known = this.knots.map(([t]) => t);
+  }
+
+  /** The plan time that it has passed at a time of the plan. */
+  passed(t) {
+    const { knots } = this, last = knots.length - 1;
+    if (last < 1 || t <= knots[0][0]) return t;
+    const i = Math.min(lastUpTo(this.known, t), last - 1);
+    const [[t0, p0], [t1, p1]] = [knots[i], knots[i + 1]], rate = (p1 - p0) / (t1 - t0);
+    if (t <= t1) return p0 + rate * (t - t0);
+    return rate > 0 ? p1 + Math.min(rate, 1) * (t - t1) : p1;
+  }
+
+  /** When it has passed a plan time; the time of the last knot if it never does. */
+  when(passed) {
+    const { knots } = this, last = knots.length - 1;
+    if (last < 1 || passed <= knots[0][1]) return passed;
+    const after = knots.findIndex((knot) => knot[1] >= passed);
+    const [[t0, p0], [t1, p1]] = after < 1 ? knots.slice(-2) : knots.slice(after - 1, after + 1);
+    const rate = (p1 - p0) / (t1 - t0);
+    if (after >= 1) return t0 + (passed - p0) / rate;
+    return rate > 0 ? t1 + (passed - p1) / Math.min(rate, 1) : t1;
   }
 
   /** Where it left its plan: as the robot reported, else as is presumed. */
@@ -67,7 +99,7 @@ class Motion {
     return [s0 + passed * (v0 + 0.5 * rate * passed), v0 + rate * passed];
   }
 
-  /** [arc length, speed] at a plan time; after a halt the robot brakes and rests. */
+  /** [arc length, speed] when it has passed a plan time; after a halt it brakes and rests. */
   progress(t) {
     const { halt } = this;
     if (!halt || t < halt[0]) return this.planned(t);
@@ -123,6 +155,8 @@ class Play {
     for (const epoch of this.epochs) epoch.planTime = (t) => (epoch.started ? t - epoch.start : -1);
     this.begins = this.epochs.map((epoch) => epoch.begin);
     this.silentFrom = Infinity;
+    this.learned = 0;
+    this.holds = scene.robots.map((_, index) => scene.held.filter((one) => one.robot === index));
     this.ghosts = new Map(scene.ghosts.map((ghost) => [ghost.robot, ghost]));
   }
 
@@ -161,20 +195,40 @@ class Play {
     return epoch.planTime(t) < 0 ? "hold" : "go";
   }
 
+  /** The one that holds a robot at a time, {robot, by, since, until}, or undefined. */
+  held(index, t) {
+    return this.holds[index].findLast((one) => t >= one.since && (one.until === null || t < one.until));
+  }
+
+  /** Learn how far late robots have come, by their names. */
+  learn({ epoch, passed }) {
+    const found = this.epochs.find((one) => one.epoch === epoch);
+    this.scene.robots.forEach(({ id }, index) => {
+      const motion = found && passed[id] ? found.motions.get(index) : undefined;
+      if (motion) motion.learn(passed[id]);
+    });
+    this.learned++;
+  }
+
   /** One robot at a time: {x, y, heading, s, length, v, state, lets, motion}. */
   robot(index, t) {
     const now = lastUpTo(this.begins, t);
     const motion = this.epochs[now].motions.get(index);
     if (!motion) return this.left(index, now);
-    const plan = this.epochs[now].planTime(t);
-    const [s, v] = motion.progress(plan), wait = motion.wait(plan), { halt } = motion;
+    const clock = this.epochs[now].planTime(t), plan = motion.passed(clock), late = clock - plan;
+    const [s, planned] = motion.progress(plan), wait = motion.wait(plan), { halt } = motion;
+    const v = planned * (plan - motion.passed(clock - MOMENT)) / MOMENT;
+    const held = this.held(index, t);
     let state = "drives", lets = -1;
-    if (motion.presumed && plan >= halt[0]) state = "unheard";
+    if ((motion.presumed || motion.ride.unheard) && halt && plan >= halt[0]) state = "unheard";
     else if (halt && plan >= halt[0]) state = plan < halt[1] ? "brakes" : "stopped";
     else if (plan >= motion.finish) state = "arrived";
     else if (plan < 0) state = "ready";
+    else if (held) [state, lets] = ["held", held.by];
     else if (wait) [state, lets] = ["waits", wait.lets];
-    return { ...motion.place(s), s, length: motion.length, v, state, lets, wait, plan, motion };
+    return {
+      ...motion.place(s), s, length: motion.length, v, state, lets, wait, held, late, plan, motion,
+    };
   }
 
   /** Why a robot has no part in the epoch at a time. */
@@ -188,7 +242,8 @@ class Play {
     for (let i = now - 1; i >= 0; i--) {
       const motion = this.epochs[i].motions.get(index);
       if (!motion) continue;
-      const [s] = motion.progress(this.epochs[i].planTime(this.epochs[i + 1].begin));
+      const end = this.epochs[i].planTime(this.epochs[i + 1].begin);
+      const [s] = motion.progress(motion.passed(end));
       return { ...motion.place(s), s, length: motion.length, v: 0, state: why, lets: -1 };
     }
     return null;

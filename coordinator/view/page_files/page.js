@@ -220,6 +220,7 @@ function repaint() {
 /** What is known of a running fleet, and of its clock, which the page follows. */
 const word = new Word({
   scene: load,
+  late: (found) => { play.learn(found); },
   changed: () => {
     presume();
     tellWord();

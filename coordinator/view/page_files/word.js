@@ -9,9 +9,12 @@ const AFTERWARDS = 1;
 const PATIENCE = 2;
 
 class Word {
-  /** `scene` gets every new scene; `changed` is called when messages stop or come again. */
-  constructor({ scene, changed }) {
-    this.told = { scene, changed };
+  /**
+   * `scene` gets every new scene, `late` how far late robots have come; `changed` is called when
+   * messages stop or come again.
+   */
+  constructor({ scene, late, changed }) {
+    this.told = { scene, late, changed };
     this.open = true;
     this.begin();
   }
@@ -30,6 +33,7 @@ class Word {
       take(JSON.parse(event.data));
     });
     hear("scene", this.told.scene);
+    hear("late", this.told.late);
     hear("clock", ({ now, speed }) => { this.clock = { now, speed, heard: this.alive }; });
     hear("word", (found) => {
       if (found) this.last = { ...found, heard: this.alive };

@@ -11,11 +11,12 @@ from coordinator.findings import plan_table
 from coordinator.findings.wait_summary import WaitSummary, waits_of
 from coordinator.findings.wait_table import waits_table
 from coordinator.fleet.fleet_from_plan import muster
+from coordinator.fleet.grants import Held
 from coordinator.plan.document import Reason
 from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_scenario
 from coordinator.view.live_table import FleetTable
-from protocol.phases import DONE, FREEZE, FROZEN, OFF_PATH
+from protocol.phases import DONE, FREEZE, FROZEN, GO, MOVING, OFF_PATH
 from sim.judging.judge import PairVerdict, RobotVerdict, Verdict
 from sim.processes import summary
 from tests.scenarios import a_robot, a_scenario
@@ -24,9 +25,9 @@ NAME = "transport-robot-number-25"
 HALL = a_scenario([a_robot(NAME, (1.0, 1.0), (9.0, 7.0)), a_robot("R2", (1.0, 7.0), (9.0, 1.0))])
 
 
-def shown(table):
+def shown(table, width=80):
     text = io.StringIO()
-    Console(file=text, width=80).print(table)
+    Console(file=text, width=width).print(table)
     return text.getvalue()
 
 
@@ -73,6 +74,19 @@ def test_the_table_of_a_running_fleet_fits():
         member.phase, member.fault = FROZEN, OFF_PATH
     fleet.phase = FREEZE
     assert_fits(shown(FleetTable(document).render(fleet, 10**9)), "robot", "phase", "progress")
+
+
+def test_the_table_of_a_running_fleet_tells_who_is_held_and_since_when(monkeypatch):
+    document = plan_scenario(HALL, effort=0)
+    fleet = muster(packed(document), 9)
+    fleet.phase = GO
+    first, second = fleet.members
+    for member in fleet.members.values():
+        member.phase = MOVING
+    monkeypatch.setattr(fleet, "held", lambda: [Held(first, second, 400)])
+    said = shown(FleetTable(document).render(fleet, 3 * 10**9), width=160)
+    assert f"held by {second} since 0.4 s" in said
+    assert said.count("held by") == 1
 
 
 def test_the_table_of_a_fleet_shows_robots_that_have_no_part_in_the_newest_plan():

@@ -25,7 +25,10 @@ def said(*reports):
 
 
 def broken(words, frozen, rate=ACCEL):
-    return words.broken(LINE, rate, START, None if frozen is None else START + frozen * SECOND)
+    """When and how the robot left its plan (passed plan time [s], rate), or None."""
+    end = None if frozen is None else START + frozen * SECOND
+    _, *left = words.driving(LINE, rate, START, end)
+    return None if left[0] == math.inf else tuple(left)
 
 
 def rest_after_braking_from(t):
@@ -73,7 +76,7 @@ def test_a_robot_at_its_goal_has_not_left_its_plan():
 def test_a_robot_that_drives_on_brakes_anew():
     words = said((1.0, BRAKING, None), (1.5, FROZEN, None), (2.0, MOVING, None))
     assert broken(words, 3) == (2.0, 0.0)
-    words.take_phase(BRAKING, START + 3 * SECOND)
+    words.take(Report(1, 4, 1, BRAKING), START + 3 * SECOND)
     assert broken(words, 3) == (3.0, ACCEL)
 
 

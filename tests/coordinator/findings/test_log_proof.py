@@ -12,7 +12,7 @@ from coordinator.planning.planner import plan_scenario
 from coordinator.proof.granted import Granted
 from coordinator.schedule.staircase_making import with_staircases
 from protocol.codec import decode, encode
-from protocol.messages import Command, Report
+from protocol.messages import Command, Plan, Report
 from protocol.phases import GO
 from sim.campaigns.campaign import LINKS, Wish, make_world, run_seed, run_world
 from sim.floors.generator import generate
@@ -54,7 +54,7 @@ def changed(log, change):
     records = []
     for record in log.records:
         kind = record.key.split("/")[2] if record.key.startswith("splinefleet/") else ""
-        message = decode(kind, record.payload) if kind in ("command", "report") else None
+        message = decode(kind, record.payload) if kind in ("plan", "command", "report") else None
         other = None if message is None else change(message)
         payload = record.payload if other is None else encode(other)
         records.append(msgspec.structs.replace(record, payload=payload))
@@ -85,7 +85,7 @@ def test_authority_of_a_held_robot_that_is_granted_as_to_all_others_is_found(pla
     stairs = plan.staircases
     behind, ahead = int(stairs.behind[0]), int(stairs.ahead[0])
     needs = int(stairs.at[0])
-    granted = Granted(stairs, names)
+    granted = Granted(plan)
     before = ((behind, needs - 1),)
     granted.take_command(go(1, needs + 500, before))
     assert granted.failures == []
@@ -101,7 +101,7 @@ def test_a_step_too_far_is_found(plan):
     behind, ahead = int(stairs.behind[0]), int(stairs.ahead[0])
     passed, last = int(stairs.need[0]) - 100, int(stairs.at[0])
     for step, failures in ((-1, 0), (0, 1)):
-        granted = Granted(stairs, names)
+        granted = Granted(plan)
         granted.take_command(go(1, passed))
         granted.take_report(names[ahead], Report(1, 1, 1, 2, stamp_ms=passed))
         held = ((behind, last + step),)
@@ -111,11 +111,36 @@ def test_a_step_too_far_is_found(plan):
 
 def test_a_report_that_claims_more_than_was_granted_counts_no_further(plan):
     names = [robot.id for robot in plan.document.robots]
-    granted = Granted(plan.staircases, names)
+    granted = Granted(plan)
     for robot in names:
         granted.take_report(robot, Report(1, 1, 1, 2, stamp_ms=10**6))
     granted.take_command(go(1, 10**6))
     assert granted.failures
+
+
+def test_a_number_given_twice_is_found(log_path):
+    def twice(message):
+        return msgspec.structs.replace(message, number=0) if isinstance(message, Plan) else None
+
+    proof = prove_log(changed(read_log(log_path), twice))
+    assert not proof.holds
+    assert len(proof.epochs[0].failures) == 1
+    assert (
+        "R2 was sent is not the one proven; its number 0 is that of R1"
+        in (proof.epochs[0].failures[0])
+    )
+
+
+def test_a_plan_that_leaves_a_stop_earlier_than_proven_is_found(log_path):
+    def early(message):
+        if not isinstance(message, Plan) or not message.stops:
+            return None
+        return msgspec.structs.replace(message, stops=b"")
+
+    proof = prove_log(changed(read_log(log_path), early))
+    assert [one.split(" that ")[1] for one in proof.epochs[0].failures] == [
+        "R1 was sent is not the one proven"
+    ]
 
 
 def test_the_command_line_proves_a_log_and_says_so(log_path):

@@ -5,16 +5,29 @@ from pathlib import Path
 
 import pytest
 
-from coordinator.plan.wire import pack
+from coordinator.plan.wire import pack, packed
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import read_scenario
+from coordinator.schedule.staircase_making import with_staircases
 from coordinator.view.live_course import LiveCourse
 from coordinator.view.scene_plan import scene_of_plan
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import Clock, Command, Hello, Report, Rest
-from protocol.phases import BRAKING, CLOCK_UNSURE, FREEZE, FROZEN, GO, HOLD, IDLE, OFF_PATH, OVER
+from protocol.phases import (
+    BRAKING,
+    CLOCK_UNSURE,
+    FREEZE,
+    FROZEN,
+    GO,
+    HOLD,
+    IDLE,
+    MOVING,
+    OFF_PATH,
+    OVER,
+)
 from protocol.timing import SECOND
+from tests.coordinator.findings.test_log_proof import CROSS
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 FLEET = "paper-five"
@@ -159,3 +172,56 @@ def test_strangers_and_bad_bytes_change_nothing():
     spoilt[-9] ^= 0xFF
     course.hear(keys.plan(FLEET, "R1"), bytes(spoilt), 0.0)
     assert course.scene().robots == []
+
+
+def test_a_robot_not_heard_on_its_way_is_shown_where_it_was_last_heard_until_it_is_heard_again():
+    course = LiveCourse(FLEET, document())
+    tell_time(course, 0.0, 0.0)
+    tell_command(course, 0.0, GO)
+    moving = encode(Report(1, 1, 1, MOVING, stamp_ms=3_000))
+    course.hear(keys.report(FLEET, "R1"), moving, OURS + 3.0)
+    assert not tell_command(course, 3.5, GO)
+    assert tell_command(course, 4.5, GO)
+    ride = course.scene().epochs[0].rides[0]
+    assert ride.unheard
+    assert ride.halt[0] == pytest.approx(3.0, abs=1e-3)
+    moving = encode(Report(1, 2, 1, MOVING, stamp_ms=5_000))
+    course.hear(keys.report(FLEET, "R1"), moving, OURS + 5.0)
+    assert tell_command(course, 5.1, GO)
+    ride = course.scene().epochs[0].rides[0]
+    assert (ride.unheard, ride.halt, ride.passed) == (False, None, [])
+
+
+def test_how_late_robots_are_and_who_holds_whom_is_told_from_the_messages():
+    document = plan_scenario(CROSS)
+    stairs, names = with_staircases(packed(document)).staircases, ["R1", "R2"]
+    behind, ahead = names[stairs.behind[0]], names[stairs.ahead[0]]
+    waits, fleet = int(stairs.at[0]) - 1, document.scenario
+    course = LiveCourse(fleet, None)
+    for number, robot in enumerate(document.robots):
+        course.hear(keys.hello(fleet, robot.id), encode(Hello(2, 1, robot.radius)), OURS)
+        course.hear(keys.plan(fleet, robot.id), pack(document, robot, number), OURS)
+
+    def tell(ms, progress, held=()):
+        for robot, late in progress.items():
+            said = Report(1, 1, 1, MOVING, stamp_ms=ms, late=late)
+            course.hear(keys.report(fleet, robot), encode(said), OURS + ms / 1000.0)
+        said = Command(1, 1, 1, 1, GO, ZERO, ZERO + ms * 10**6, 1_500, held)
+        return course.hear(keys.command(fleet), encode(said), OURS + ms / 1000.0)
+
+    course.hear(keys.clock(fleet, "R1"), encode(Clock(1, 5, ZERO, ZERO)), OURS)
+    tell(0, {})
+    assert course.late() is None
+    tell(400, {ahead: 0, behind: 0})
+    stuck = (names.index(behind), waits)
+    assert tell(waits + 500, {ahead: waits // 50, behind: 10}, (stuck,))
+    assert not tell(waits + 600, {behind: 12}, (stuck,))
+    late = course.late()
+    assert late.epoch == 1
+    assert late.passed[ahead][-1] == pytest.approx(((waits + 500) / 1000.0, 0.5), abs=0.11)
+    (held,) = course.scene().held
+    assert (names[held.robot], names[held.by], held.until) == (behind, ahead, None)
+    assert held.since == pytest.approx((waits + 500) / 1000.0, abs=1e-3)
+    assert tell(waits + 900, {ahead: 0, behind: 0})
+    (held,) = course.scene().held
+    assert held.until == pytest.approx((waits + 900) / 1000.0, abs=1e-3)

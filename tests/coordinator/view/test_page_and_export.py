@@ -13,7 +13,11 @@ from tests.coordinator.view.test_scene import Telling, planned
 
 
 def on_the_page(ride, t):
-    """Where the page has a ride at a plan time, by the words of scene.py."""
+    """Where the page has a ride at a time of the plan, by the words of scene.py."""
+    if len(ride.passed) > 1 and t > ride.passed[0][0]:
+        (t0, p0), (t1, p1) = ride.passed[-2:]
+        beyond = p1 + min(max((p1 - p0) / (t1 - t0), 0.0), 1.0) * (t - t1)
+        t = beyond if t > t1 else np.interp(t, *zip(*ride.passed, strict=True))
     if ride.halt is not None and t >= ride.halt[0]:
         t0, t1, s0, s1 = ride.halt
         part = min((t - t0) / (t1 - t0), 1.0) if t1 > t0 else 1.0
