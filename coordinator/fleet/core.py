@@ -87,10 +87,10 @@ class Fleet(FleetState):
 
     def tick(self, now_ns: int) -> list[Outgoing]:
         """Act on the time and return the Commands; to be called every COMMAND_PERIOD."""
-        was_away = now_ns - self._looked_ns > AWAY
+        passed_ns = now_ns - self._looked_ns
         self._looked_ns = now_ns
-        if was_away or self._router.is_down:
-            self._excuse(now_ns)
+        if passed_ns > AWAY or self._router.is_down:
+            self._excuse(now_ns, passed_ns if self.phase == GO else 0)
         if self.phase == HOLD:
             self._muster(now_ns)
         elif self.phase == GO:
@@ -146,7 +146,7 @@ class Fleet(FleetState):
         self.times.put_off(later_ns + GO_LEAD)
         self._changed_ns, self._stopped_ns = now_ns, self._stopped_ns + later_ns
         self._looked_ns, self._patient_until_ns = now_ns, now_ns + RESUME_PATIENCE
-        self._excuse(now_ns + RESUME_PATIENCE)
+        self._excuse(now_ns + RESUME_PATIENCE, RESUME_PATIENCE)
         self._tell_phase(now_ns, f"resumed from a log: {COMMAND_NAMES[self.phase]}")
 
     def _hear_hello(self, robot: str, hello: Hello, now_ns: int) -> list[Outgoing]:

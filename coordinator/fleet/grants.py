@@ -128,9 +128,9 @@ class Grants:
         late = (now_ms - self._got_on_ms > STUCK_MS) & ~self._done
         return [self._robots[k] for k in np.flatnonzero(late)]
 
-    def excuse(self, now_ms: int) -> None:
-        """Take in that robots could not get on, or be heard, until now."""
-        np.maximum(self._got_on_ms, now_ms, out=self._got_on_ms)
+    def excuse(self, lost_ms: int) -> None:
+        """Take in that for so long [ms] robots could not get on, or could not be heard."""
+        self._got_on_ms += lost_ms
 
     def lose_sight(self, until_ms: int) -> None:
         """Take in that robots may have been told more, up to a plan time, than is known."""

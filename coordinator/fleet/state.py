@@ -19,7 +19,7 @@ from protocol import keys
 from protocol.codec import encode
 from protocol.messages import MOST_WANTED, Command
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD, OVER, STOP
-from protocol.timing import COMMAND_PERIOD
+from protocol.timing import COMMAND_PERIOD, MILLISECOND
 
 
 class FleetState:
@@ -114,14 +114,17 @@ class FleetState:
             self._patient_until_ns = now_ns + RESUME_PATIENCE
             for member in self.members.planned:
                 member.lost = member.gone = False
-            self._excuse(self._patient_until_ns)
+            self._excuse(self._patient_until_ns, RESUME_PATIENCE)
 
-    def _excuse(self, until_ns: int) -> None:
-        """Take in that robots could not be heard: silence counts only from now on."""
+    def _excuse(self, until_ns: int, lost_ns: int = 0) -> None:
+        """Take in that robots could not be heard: silence counts only from then on.
+
+        `lost_ns`: for how much of the plan's time they could not.
+        """
         for member in self.members.values():
             if not member.lost:
                 member.excused_ns = until_ns
-        self._grants.excuse(self.times.plan_ms(until_ns))
+        self._grants.excuse(lost_ns // MILLISECOND)
 
     def plans(self) -> list[Outgoing]:
         """Return the Plan messages of this epoch."""

@@ -33,7 +33,7 @@ from protocol.phases import (
     STOP,
 )
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
-from tests.coordinator.fleet.fleet_floor import TAU_MS, Floor, chain
+from tests.coordinator.fleet.fleet_floor import NAMES, TAU_MS, Floor, chain
 
 
 def test_commands_carry_rising_sequence_numbers_and_the_same_start():
@@ -113,6 +113,20 @@ def test_a_robot_that_waits_behind_one_that_is_held_is_held_by_the_one_that_stan
         floor.tick()
     assert floor.fleet._grants.behind(["R3"]) == ["R1", "R2"]
     assert floor.fleet._grants.behind(["R1"]) == []
+
+
+def test_a_robot_that_does_not_get_on_is_found_though_the_coordinator_is_away_again_and_again():
+    floor = Floor(rule=chain).go()
+    drive(floor, 3.0, "R1", "R2", "R3")
+    began, stood_ms, looks = floor.now, floor.fleet.times.plan_ms(floor.now), 0
+    while floor.fleet.phase == GO and floor.now - began < 60 * SECOND:
+        late = (floor.fleet.times.plan_ms(floor.now) - stood_ms) // 50
+        for name in NAMES:
+            floor.report(name, MOVING, late=0 if name == "R3" else late)
+        looks += 1
+        floor.tick(COMMAND_PERIOD * (3 if looks % 20 == 0 else 1))
+    assert floor.now - began < 20 * SECOND
+    assert told_of(floor) == ["R2 does not get on"]
 
 
 def test_a_coordinator_that_was_away_goes_on_and_calls_nobody_silent():
