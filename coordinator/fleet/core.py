@@ -178,7 +178,7 @@ class Fleet(FleetState):
             return []
         if report.rest is not None and not 1 <= report.rest.epoch <= self.times.epoch:
             self.bad_messages += 1  # The place is on a path that the coordinator does not know.
-            if member.boot is not None:
+            if report.boot == member.boot:
                 self.outrun(f"{robot} rests on a path of epoch {report.rest.epoch}", now_ns)
             return []
         if report.boot == member.boot and self._was_ahead_of_log(report):
@@ -189,8 +189,10 @@ class Fleet(FleetState):
             return []
         if was_unheard:
             self._door.tell_heard_again(member, now_ns)
-        if report.epoch == self.epoch and not self._grants.hear(robot, report):
-            self.outrun(f"{robot} has driven farther", now_ns)
+        if report.epoch == self.epoch:
+            plan_ms = self.times.plan_ms(now_ns)
+            if not self._grants.hear(robot, report, plan_ms):
+                self.outrun(f"{robot} has driven farther", now_ns)
         if (member.phase, member.fault) != was:
             self._tell(now_ns, "report", robot, member.describe())
             has_stopped = member.planned and member.has_stopped(self.epoch)

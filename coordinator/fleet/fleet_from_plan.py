@@ -61,7 +61,8 @@ def grants_of(plan: PackedPlan) -> Grants:
         if failures := staircase_failures(plan.driven, plan.staircases, document.margin):
             raise PlanError("staircases do not cover all conflicts: " + "; ".join(failures))
     headroom_ms = math.ceil(1000.0 * _shares_of(document).headroom)
-    return Grants(plan.staircases, [robot.id for robot in document.robots], headroom_ms)
+    names, lines = [one.id for one in plan.driven], [one.timeline for one in plan.driven]
+    return Grants(plan.staircases, names, headroom_ms, lines)
 
 
 def _shares_of(document: PlanDocument) -> Shares:

@@ -13,13 +13,20 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from coordinator.plan.staircases import NO_STAIRCASES, Staircases
-from coordinator.schedule.authority import Authority
+from coordinator.schedule.authority import EVER, Authority
 from protocol.messages import MOST_HELD, MOST_ROBOTS, Report
 from protocol.phases import DONE
+from protocol.timeline import Timeline
 from protocol.timing import LATE_STEP_MS
 
 STUCK_MS: Final = 10_000
 """A robot that nobody holds and that has not got on for this long is stuck."""
+
+ROOM: Final = 0.1
+"""A robot that seems to be at most so far [m] beyond what it was told has not driven farther."""
+
+_STEPS: Final = 2
+"""By how many steps of lateness its known progress has to grow for a robot to have got on."""
 
 ROOM_MS: Final = 1_000
 """A robot that others let drive on for less than this is near the end of its authority.
@@ -49,34 +56,60 @@ class Grants:
 
     `headroom_ms`: how far ahead of the plan's time a robot may drive when nobody holds it.  That is
     enough to drive on when Commands are lost, and then to brake.  A robot's number is its place in
-    `robots`.
+    `robots`.  `lines`: the robots' motions.
     """
 
-    def __init__(self, staircases: Staircases, robots: Sequence[str], headroom_ms: int) -> None:
+    def __init__(
+        self,
+        staircases: Staircases,
+        robots: Sequence[str],
+        headroom_ms: int,
+        lines: Sequence[Timeline] = (),
+    ) -> None:
         self.headroom_ms = headroom_ms
         self._rule = Authority(staircases, len(robots))
         self._robots = list(robots)
+        self._lines = lines
         self._number = {name: number for number, name in enumerate(robots)}
         self._done = np.zeros(len(robots), bool)
         self._got_on_ms = np.zeros(len(robots), np.int64)
         """When each robot last got on, or could not because it was held."""
+        self._passed_ms = np.zeros(len(robots), np.int64)
+        """What each robot had passed when it last got on."""
         self._held: dict[int, tuple[int, int]] = {}
         """By number: who holds a robot, and since when [ms]."""
 
-    def hear(self, robot: str, report: Report) -> bool:
-        """Take in how far a robot says that it has driven; return whether it can be there."""
+    def hear(self, robot: str, report: Report, now_ms: int) -> bool:
+        """Take in how far a robot says that it has driven; return whether it can be there.
+
+        `now_ms`: the plan time at which the report is heard.
+        """
         number = self._number.get(robot)
         if number is None:
             return True
         self._done[number] = report.phase == DONE
-        if report.stamp_ms is None:
+        if report.phase == DONE:
+            self._rule.arrive(number)
+        if report.stamp_ms is None or self._rule.progress[number] == EVER:
             return True
-        before = self._rule.progress[number]
         claimed_ms = report.stamp_ms - LATE_STEP_MS * report.late
         self._rule.know(number, claimed_ms)
-        if self._rule.progress[number] > before:
-            self._got_on_ms[number] = max(report.stamp_ms, int(self._got_on_ms[number]))
-        return report.late == 0 or claimed_ms <= self._rule.told[number] + ROOM_MS
+        passed_ms = int(self._rule.progress[number])
+        if passed_ms - self._passed_ms[number] >= _STEPS * LATE_STEP_MS:
+            self._passed_ms[number] = passed_ms
+            self._got_on_ms[number] = max(now_ms, int(self._got_on_ms[number]))
+        return report.late == 0 or self._can_be_at(number, claimed_ms)
+
+    def _can_be_at(self, number: int, claimed_ms: int) -> bool:
+        """Return whether a robot can be where its plan has it at a plan time, by what it was told.
+
+        One that waits by its plan is there until the wait ends, which may be long after that.
+        """
+        told_ms = int(self._rule.told[number])
+        if claimed_ms <= told_ms + ROOM_MS or not self._lines:
+            return claimed_ms <= told_ms + ROOM_MS
+        line = self._lines[number]
+        return line.s_at(claimed_ms / 1000.0) <= line.s_at(told_ms / 1000.0) + ROOM
 
     def grant(self, now_ms: int, most_ms: int) -> list[Stated]:
         """Grant what is safe at a plan time [ms], at most up to `most_ms`.

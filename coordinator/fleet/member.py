@@ -213,15 +213,15 @@ class Member:
         """Return what is known of where the robot is.
 
         A robot that has not said where it rests is on this epoch's path, somewhere between its
-        places at the plan times `since` and `until` [s].  If the two are equal, it is at the
-        beginning of the path.
+        places at the plan times `since` and `until` [s].  It has not left the beginning of the path
+        if it may not have driven beyond plan time 0.
         """
         if self.finished:
             return Standing(robot=self.id, state="arrived", epoch=epoch)
         state: State = "rests" if self.is_fit else "unfit"
         state = "lost" if self.lost else "overloaded" if self.overload else state
         rest = self.rest
-        if rest is None and since == until:
+        if rest is None and until <= 0.0:
             rest = Standing(robot=self.id, state=state, epoch=epoch, s=0.0)
         if rest is not None:
             return msgspec.structs.replace(rest, state=state)

@@ -16,6 +16,9 @@ import numpy as np
 from coordinator.plan.staircases import Staircases
 from coordinator.schedule.authority_kernels import Integers, Table, grant, holder
 
+EVER: Final = 2**40
+"""The progress [ms] of a robot that is at its goal: it has passed all plan times."""
+
 SLACK_MS: Final = 2_000
 """A robot is granted no more than this beyond its known progress, apart from the headroom: one that
 is late or silent is told little ahead of what it is known to have driven."""
@@ -46,6 +49,10 @@ class Authority:
         """Take in that a robot has driven up to a plan time; never more than it was told."""
         known = min(progress_ms, int(self.told[robot]))
         self.progress[robot] = max(int(self.progress[robot]), known)
+
+    def arrive(self, robot: int) -> None:
+        """Take in that a robot is at its goal, where its plan has it from then on."""
+        self.progress[robot] = self.told[robot] = EVER
 
     def wanted(self, now_ms: int, headroom_ms: int) -> Integers:
         """Return how far (n,) [ms] robots would be let at a plan time if nobody were in the way."""

@@ -129,6 +129,22 @@ def test_a_robot_that_does_not_get_on_is_found_though_the_coordinator_is_away_ag
     assert told_of(floor) == ["R2 does not get on"]
 
 
+def test_a_robot_at_the_end_of_its_authority_that_is_lost_does_not_stand_at_its_start():
+    member = Floor().fleet.members["R1"]
+    standing = member.standing(1, 5.056, 5.056)
+    assert (standing.s, standing.since, standing.until) == (None, 5.056, 5.056)
+    assert member.standing(1, 0.0, 0.0).s == 0.0
+
+
+def test_a_report_of_a_strange_process_does_not_make_a_resumed_coordinator_give_up():
+    floor = Floor().go()
+    floor.fleet.take_over(78, floor.now, floor.now)
+    floor.report("R1", FROZEN, boot=999, epoch=3, s_m=0.5)
+    assert not floor.fleet.superseded
+    floor.report("R1", FROZEN, epoch=3, s_m=0.5)
+    assert floor.fleet.superseded
+
+
 def test_a_coordinator_that_was_away_goes_on_and_calls_nobody_silent():
     floor = Floor().go()
     floor.now += 60 * SECOND

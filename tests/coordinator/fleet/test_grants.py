@@ -7,6 +7,7 @@ from coordinator.fleet.grants import Grants
 from coordinator.plan.staircases import Staircases
 from protocol.messages import MOST_HELD, MOST_ROBOTS, Command, Report
 from protocol.phases import DONE, GO, MOVING
+from protocol.timeline import Timeline
 from protocol.timing import LATE_STEP_MS, MILLISECOND
 from tests.coordinator.fleet.fleet_floor import NAMES, Floor
 
@@ -44,7 +45,7 @@ def test_a_robot_that_says_nothing_is_granted_no_more_than_the_slack_and_is_name
     grants = Grants(staircases(), ["R1", "R2"], HEADROOM)
     for now in range(0, 10_000, 100):
         stated = state(grants, now)
-        grants.hear("R1", report(now))
+        grants.hear("R1", report(now), now)
     assert stated == (10_900, ((1, 3_000),))
 
 
@@ -52,34 +53,65 @@ def test_the_one_behind_is_held_until_the_one_ahead_says_that_it_has_passed():
     grants = Grants(staircases((0, 1, 4_000, 3_000)), ["R1", "R2"], HEADROOM)
     for now in range(0, 6_000, 100):
         state(grants, now)
-        grants.hear("R2", report(now))
-        grants.hear("R1", report(now, late=-(-max(now - 2_000, 0) // LATE_STEP_MS)))
+        grants.hear("R2", report(now), now)
+        grants.hear("R1", report(now, late=-(-max(now - 2_000, 0) // LATE_STEP_MS)), now)
     assert state(grants, 6_000)[1] == ((0, 5_000), (1, 3_999))
     assert [(one.robot, one.by) for one in grants.held()] == [("R2", "R1")]
-    grants.hear("R1", report(6_000, late=2_950 // LATE_STEP_MS))
+    grants.hear("R1", report(6_000, late=2_950 // LATE_STEP_MS), 6_000)
     assert (1, 3_999) not in state(grants, 6_100)[1]
 
 
 def test_reports_of_strangers_and_reports_without_a_stamp_say_nothing():
     grants = Grants(staircases(), ["R1"], HEADROOM)
     state(grants, 0)
-    assert grants.hear("R9", report(5_000))
-    assert grants.hear("R1", report(None))
+    assert grants.hear("R9", report(5_000), 5_000)
+    assert grants.hear("R1", report(None), 0)
     assert state(grants, 9_000) == (10_000, ((0, 3_000),))
 
 
 def test_a_robot_that_claims_more_than_it_was_told_is_not_believed():
     grants = Grants(staircases(), ["R1"], HEADROOM)
     state(grants, 0)
-    assert not grants.hear("R1", report(60_000, late=1))
+    assert not grants.hear("R1", report(60_000, late=1), 0)
     assert grants.bounds("R1") == (1.0, 1.0)
 
 
 def test_a_robot_at_its_goal_is_not_named_though_it_says_nothing_more():
     grants = Grants(staircases(), ["R1"], HEADROOM)
     state(grants, 0)
-    grants.hear("R1", Report(1, 1, 1, DONE, stamp_ms=900))
+    grants.hear("R1", Report(1, 1, 1, DONE, stamp_ms=900), 900)
     assert state(grants, 90_000) == (91_000, ())
+
+
+def test_a_robot_at_its_goal_lets_the_one_behind_it_by_though_it_says_nothing_more():
+    grants = Grants(staircases((0, 1, 4_000, 2**31 - 1)), ["R1", "R2"], HEADROOM)
+    for now in range(0, 9_000, 100):
+        state(grants, now)
+        grants.hear("R2", report(min(now, 3_900)), now)
+        if now <= 2_000:
+            grants.hear("R1", report(now), now)
+    assert [one.by for one in grants.held()] == ["R1"]
+    grants.hear("R1", Report(1, 1, 1, DONE, stamp_ms=2_000), 9_000)
+    assert (1, 3_999) not in state(grants, 9_100)[1]
+    assert grants.held() == []
+
+
+def test_a_robot_that_waits_by_its_plan_has_driven_no_farther_though_its_wait_ends_later():
+    line = Timeline([0.0, 1.0, 2.0], [0.5, 0.5, 0.5], [1.0], [60.0])
+    for lines, believed in (((), False), ((line,), True)):
+        grants = Grants(staircases(), ["R1"], HEADROOM, lines)
+        state(grants, 2_000)
+        assert grants.hear("R1", report(65_000, late=100), 2_000) == believed
+        assert not grants.hear("R1", report(65_000, late=20), 2_000)
+
+
+def test_a_robot_whose_progress_wavers_does_not_get_on():
+    grants = Grants(staircases(), ["R1"], HEADROOM)
+    for now in range(0, 15_000, 100):
+        state(grants, now)
+        late = -(-max(now - 2_000, 0) // LATE_STEP_MS)
+        grants.hear("R1", report(now + now // 1_000, late), now)
+    assert grants.stuck(15_000) == ["R1"]
 
 
 def test_what_another_coordinator_may_have_told_bounds_where_a_robot_is_and_grants_nothing():
@@ -88,7 +120,7 @@ def test_what_another_coordinator_may_have_told_bounds_where_a_robot_is_and_gran
     grants.lose_sight(7_000)
     assert grants.bounds("R1") == (0.0, 7.0)
     assert state(grants, 100) == (1_100, ())
-    assert grants.hear("R1", report(6_000, late=2))
+    assert grants.hear("R1", report(6_000, late=2), 6_000)
     assert grants.bounds("R1") == (5.9, 7.0)
 
 
@@ -110,7 +142,7 @@ def test_those_that_one_command_cannot_name_are_named_in_several(more):
                 told[number] = max(told[number], stated.authority_of(number) or 0)
         for number, name in enumerate(names):
             if number >= count or now <= 100 * number:
-                grants.hear(name, report(now))
+                grants.hear(name, report(now), now)
     assert len(sent) == -(-count // MOST_HELD)
     for number in range(len(names)):
         last = 100 * number if number < count else 59_900
