@@ -7,6 +7,7 @@ core.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import msgspec
 
@@ -20,7 +21,8 @@ from coordinator.scenario.model import Scenario
 from coordinator.schedule.staircase_making import with_staircases
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Command, Plan, Report
+from protocol.messages import Command, Hello, Message, Plan, Report
+from protocol.phases import GO
 
 
 class EpochProof(msgspec.Struct, frozen=True):
@@ -58,12 +60,14 @@ def prove_log(log: Log, scenario: Scenario | None = None, before: Sequence[Log] 
         first = document.epoch == 1
         proofs[document.epoch] = prove_messages(plan, scenario if first else None)
         granted[document.epoch] = Granted(plan)
+    unknown: set[int] = set()
     for one in logs:
-        take_messages(one, granted)
+        unknown |= take_messages(one, granted)
     epochs = [
         EpochProof(number, proofs[number], found.commands, found.failures)
         for number, found in granted.items()
     ]
+    epochs += [EpochProof(number, _unproven(number), 0, []) for number in sorted(unknown)]
     return LogProof(all(e.proof.holds and not e.failures for e in epochs), epochs)
 
 
@@ -71,27 +75,77 @@ def take_messages(
     log: Log,
     granted: Mapping[int, Granted],
     watch: Callable[[Command, Granted, int], None] = lambda _command, _granted, _now: None,
-) -> None:
+) -> set[int]:
     """Let what was granted, by epoch, take in a log's Plans, Reports and coordinator's Commands.
 
-    `watch` is called after each Command with its epoch and the time of the log [ns].
+    `watch` is called after each Command with its epoch and the time of the log [ns].  Returns the
+    other epochs, in which robots were sent Plans or let drive.
     """
     fleet, boot = log.metadata.get("fleet", ""), log.metadata.get("boot", "")
+    unknown: set[int] = set()
+    processes = _Processes()
     for record in log.records:
         place = keys.split(record.key)
-        if place is None or place[0] != fleet or place[1] not in ("plan", "command", "report"):
+        if place is None or place[0] != fleet:
             continue
         message = decode(place[1], record.payload)
+        processes.take(place[2], message, record.log_ns)
         epoch = granted.get(getattr(message, "epoch", 0))
-        if epoch is None:
-            continue
         if isinstance(message, Plan):
-            epoch.take_plan(place[2], message)
-        elif isinstance(message, Report):
-            epoch.take_report(place[2], message)
+            if epoch is None:
+                unknown.add(message.epoch)
+            else:
+                epoch.take_plan(place[2], message)
+        elif isinstance(message, Report) and epoch is not None:
+            if processes.may_be(place[2], message.boot):
+                epoch.take_report(place[2], message)
         elif isinstance(message, Command) and str(message.boot) == boot:
-            epoch.take_command(message)
-            watch(message, epoch, record.log_ns)
+            if epoch is not None:
+                epoch.take_command(message)
+                watch(message, epoch, record.log_ns)
+            elif message.phase == GO:
+                unknown.add(message.epoch)
+    return unknown
+
+
+class _Asked(NamedTuple):
+    boot: int
+    log_ns: int
+
+
+class _Processes:
+    """Which process of each robot its coordinator has accepted: a Plan answered it.
+
+    A log that another one resumes may begin after that; then any process may be the accepted one.
+    """
+
+    def __init__(self) -> None:
+        self._asked: dict[str, _Asked] = {}
+        self._accepted: dict[str, int] = {}
+
+    def take(self, robot: str, message: Message | None, log_ns: int) -> None:
+        if isinstance(message, Hello | Report):
+            self._asked[robot] = _Asked(message.boot, log_ns)
+        elif isinstance(message, Plan) and robot in self._asked:
+            asked = self._asked.pop(robot)
+            if asked.log_ns == log_ns:
+                self._accepted[robot] = asked.boot
+
+    def may_be(self, robot: str, boot: int) -> bool:
+        return self._accepted.get(robot, boot) == boot
+
+
+def _unproven(epoch: int) -> Proof:
+    """Return the proof of a plan that the log does not hold."""
+    said = f"robots were sent Plans of epoch {epoch} or let drive; the log does not hold its plan"
+    return Proof(
+        holds=False,
+        pairs=0,
+        least_separation=None,
+        least_clearance=None,
+        survives=[],
+        failures=[said],
+    )
 
 
 def plans_of(logs: Iterable[Log]) -> list[PlanDocument]:

@@ -20,7 +20,7 @@ import numpy as np
 from coordinator.plan.wire import PackedPlan
 from protocol.codec import encode
 from protocol.messages import Command, Plan, Report
-from protocol.phases import GO
+from protocol.phases import DONE, GO
 from protocol.timing import LATE_STEP_MS
 
 
@@ -40,6 +40,7 @@ class Granted:
         self._index: Mapping[str, int] = {name: index for index, name in enumerate(robots)}
         self._granted = np.zeros(len(robots))
         self._passed = np.zeros(len(robots))
+        self._at_goal = np.zeros(len(robots), bool)
 
     def take_plan(self, robot: str, plan: Plan) -> None:
         """Check that a robot was sent the course that was proven, with its own number."""
@@ -52,9 +53,14 @@ class Granted:
         )
 
     def take_report(self, robot: str, report: Report) -> None:
-        """Take in a robot's progress; it counts no further than what the robot was granted."""
+        """Take in a robot's progress; it counts no further than what the robot was granted.
+
+        A robot at its goal has passed all plan times, and no Command lets it drive on.
+        """
         index = self._index.get(robot)
-        if index is not None and report.stamp_ms is not None:
+        if index is not None and report.phase == DONE:
+            self._passed[index], self._at_goal[index] = np.inf, True
+        elif index is not None and report.stamp_ms is not None:
             passed = report.stamp_ms - LATE_STEP_MS * report.late
             passed = min(passed, int(self._granted[index]))
             self._passed[index] = max(self._passed[index], passed)
@@ -66,7 +72,8 @@ class Granted:
         self.commands += 1
         for number in range(command.first, min(command.last + 1, len(self._robots))):
             stated = command.authority_of(number)
-            self._granted[number] = max(self._granted[number], stated or 0)
+            if not self._at_goal[number]:
+                self._granted[number] = max(self._granted[number], stated or 0)
         stairs = self._staircases
         ahead, behind = self._passed[stairs.ahead], self._granted[stairs.behind]
         for pair in np.flatnonzero(behind - stairs.tau_ms >= ahead).tolist():

@@ -13,7 +13,7 @@ from coordinator.proof.granted import Granted
 from coordinator.schedule.staircase_making import with_staircases
 from protocol.codec import decode, encode
 from protocol.messages import Command, Plan, Report
-from protocol.phases import GO
+from protocol.phases import DONE, GO
 from sim.campaigns.campaign import LINKS, Wish, make_world, run_seed, run_world
 from sim.floors.generator import generate
 from sim.world.fault_text import Fault
@@ -77,6 +77,47 @@ def test_authority_that_goes_on_for_a_robot_that_reports_nothing_is_found(log_pa
     proof = prove_log(changed(read_log(log_path), mute))
     assert not proof.holds
     assert "has reported 0.000 s" in proof.epochs[0].failures[0]
+
+
+def test_reports_of_a_strange_process_are_no_progress(log_path):
+    def mute(message):
+        if isinstance(message, Report):
+            return msgspec.structs.replace(message, stamp_ms=None)
+        return None
+
+    log = changed(read_log(log_path), mute)
+    records = []
+    for record in log.records:
+        records.append(record)
+        if record.key.split("/")[2:3] == ["report"]:
+            said = decode("report", record.payload)
+            forged = msgspec.structs.replace(said, boot=999, stamp_ms=10**6)
+            records.append(msgspec.structs.replace(record, payload=encode(forged)))
+    assert not prove_log(msgspec.structs.replace(log, records=records)).holds
+
+
+def test_a_fleet_that_drives_by_a_plan_that_the_log_does_not_hold_is_found(log_path):
+    def elsewhere(message):
+        if isinstance(message, Command):
+            return msgspec.structs.replace(message, epoch=7)
+        return None
+
+    proof = prove_log(changed(read_log(log_path), elsewhere))
+    assert not proof.holds
+    assert [epoch.epoch for epoch in proof.epochs] == [1, 7]
+    assert "does not hold its plan" in proof.epochs[1].proof.failures[0]
+
+
+def test_a_robot_at_its_goal_holds_nobody_and_is_granted_nothing(plan):
+    names = [robot.id for robot in plan.document.robots]
+    stairs = plan.staircases
+    behind, ahead = int(stairs.behind[0]), int(stairs.ahead[0])
+    granted = Granted(plan)
+    granted.take_command(go(1, int(stairs.at[0]) - 1))
+    granted.take_report(names[ahead], Report(1, 1, 1, DONE))
+    granted.take_command(go(2, 10**8, ((behind, int(stairs.at[-1])),)))
+    assert granted.failures == []
+    assert granted.holder(names[behind]) is None
 
 
 def test_authority_of_a_held_robot_that_is_granted_as_to_all_others_is_found(plan):
