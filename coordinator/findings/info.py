@@ -32,6 +32,7 @@ from coordinator.findings.traffic_numbers import (
     busiest,
     clock_lag,
     first_go,
+    is_own,
     is_question,
 )
 from coordinator.findings.true_course import TrueCourse, courses_in
@@ -221,7 +222,8 @@ class _Telling:
 
     def _tell(self, message: Message, robot: str, record: Record) -> None:
         if isinstance(message, Command):
-            self._tell_command(message, record.log_ns)
+            if is_own(self._log, message):
+                self._tell_command(message, record.log_ns)
         elif isinstance(message, Report):
             self._tell_report(message, robot, record.log_ns)
         elif isinstance(message, Plan):

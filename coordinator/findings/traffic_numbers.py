@@ -60,11 +60,18 @@ def first_go(logs: Iterable[Log], lag_ns: int) -> int | None:
     return found
 
 
+def is_own(log: Log, command: Command) -> bool:
+    """Return whether the coordinator that kept a log sent a Command; any may have if none did."""
+    return log.metadata.get("boot", "") in ("", str(command.boot))
+
+
 def _own_first_go(log: Log, lag_ns: int) -> int | None:
     for record in log.records:
         if record.key.endswith("/command"):
             message = decode("command", record.payload)
-            if isinstance(message, Command) and message.phase == phases.GO:
+            if not isinstance(message, Command) or message.phase != phases.GO:
+                continue
+            if is_own(log, message):
                 return message.start_ns + lag_ns
     return None
 

@@ -40,7 +40,7 @@ class Door:
         known = self._members.get(robot)
         if known is not None and known.has_heard(hello):
             return None
-        reason = self._objection(robot, hello, now_ns)
+        reason = self._objection(robot, hello, begun, now_ns)
         if reason:
             return self._refuse(robot, hello.boot, reason, now_ns)
         member = self._members[robot]
@@ -140,8 +140,12 @@ class Door:
             self._tell(now_ns, "refused", robot, reason)
         return Outgoing(keys.plan(self._fleet, robot), encode(Refusal(boot, reason[:200])))
 
-    def _objection(self, robot: str, hello: Hello, now_ns: int) -> str:
-        """Return why a robot cannot join, or an empty text if it can."""
+    def _objection(self, robot: str, hello: Hello, begun: bool, now_ns: int) -> str:
+        """Return why a robot cannot join, or an empty text if it can.
+
+        Before the fleet begins, a process that has said nothing but Hello gives way to a newer one:
+        its Hello may be an old one, put on the wire again.
+        """
         member = self._members.get(robot)
         if member is None:
             return self._unknown(robot)
@@ -159,9 +163,10 @@ class Door:
                 f"{member.accel} m/s^2" if member.accel < math.inf else "a robot that stops at once"
             )
             return f"{robot} brakes with {hello.max_accel_mps2} m/s^2, its plan needs {needed}"
-        if member.boot is None and (overload := Capacity.of(hello).objection(member.plan)):
+        if not begun and (overload := Capacity.of(hello).objection(member.plan)):
             return f"{robot} {overload}"
-        if member.boot not in (None, hello.boot) and not member.is_silent(now_ns):
+        has_place = begun or member.sequence >= 0
+        if has_place and member.boot not in (None, hello.boot) and not member.is_silent(now_ns):
             return f"another {robot} is already in fleet {self._fleet}"
         return ""
 

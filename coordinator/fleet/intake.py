@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 from coordinator.fleet.lanes import Lanes, Rate
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import MAX_MESSAGE_BYTES
+from protocol.messages import MAX_MESSAGE_BYTES, Clock, Command, Message
 
 TOO_LONG: Final = "too long"
 NOT_OURS: Final = "not for a coordinator"
@@ -52,15 +52,15 @@ class Arrival(NamedTuple):
 
 
 class Intake:
-    """The messages that wait for the fleet core of one fleet.
+    """The messages that wait for the fleet core of one fleet; `boot` is the coordinator's boot id.
 
     `boot_of` returns the boot id of a robot's accepted process, or None if no process was accepted;
     it raises KeyError for a stranger.  `dropped` counts the dropped messages by cause.
     """
 
-    def __init__(self, fleet: str, boot_of: Callable[[str], int | None]) -> None:
+    def __init__(self, fleet: str, boot: int, boot_of: Callable[[str], int | None]) -> None:
         self.dropped: dict[str, int] = {}
-        self._fleet = fleet
+        self._fleet, self._boot = fleet, boot
         self._boot_of = boot_of
         self._strangers: set[str] = set()
         self._lanes: Lanes[Arrival] = Lanes()
@@ -88,9 +88,20 @@ class Intake:
             if message is None:
                 room = self._lanes.put((robot,), UNREADABLE_RATE, arrival)
                 return room or self._drop(UNREADABLE)
+            if self._is_ours(message):
+                return self._drop(NOT_OURS)
             accepted = message.boot == boot
         room = self._lanes.put((robot, kind, accepted), RATES[kind], arrival)
         return room or self._drop(TOO_MANY)
+
+    def _is_ours(self, message: Message) -> bool:
+        """Return whether only this coordinator can have said a message; here it is an echo.
+
+        In the log it would look like one that the coordinator sent.
+        """
+        if isinstance(message, Clock):
+            return message.received_ns is not None
+        return isinstance(message, Command) and message.boot == self._boot
 
     def take(self, now_ns: int) -> Arrival | None:
         """Return the next message to hear; None if no message may pass now."""

@@ -111,7 +111,7 @@ class MissionDriver:
         """The job whose outcome is needed."""
 
         members = self.fleet.members
-        self.intake = Intake(self.fleet.name, lambda robot: members[robot].boot)
+        self.intake = Intake(self.fleet.name, self.fleet.boot, lambda robot: members[robot].boot)
         self._journal = journal
         self._send = send
         self._plans = self.fleet.plans()

@@ -546,3 +546,15 @@ def test_the_tables_show_freezes_latencies_and_the_other_way_of_telling_position
 def test_the_summary_is_imported_without_the_file_format():
     code = "import sys, coordinator.findings.info; sys.exit('mcap' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_commands_of_other_coordinators_are_not_this_fleets(tmp_path):
+    other = Command(4, 1, 1, 1, phases.GO, GO_AT - 1000 * SECOND, 0)
+    said = [
+        (0.0, keys.command("f"), other),
+        (0.5, keys.command("f"), command(1, 1, phases.HOLD)),
+        (1.0, keys.command("f"), command(2, 1, phases.GO)),
+    ]
+    told = summarise(log_of(tmp_path, said, metadata={"fleet": "f", "boot": "9"}))
+    assert [change["phase"] for change in told["epochs"][0]["phases"]] == ["HOLD", "GO"]
+    assert told["epochs"][0]["start"] == 0.0

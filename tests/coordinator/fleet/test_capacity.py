@@ -11,6 +11,7 @@ from protocol.codec import decode, encode
 from protocol.messages import Hello, Refusal
 from protocol.phases import FREEZE, IDLE
 from protocol.plan_bytes import pack_points, pack_stops, unpack_points
+from protocol.timing import REPORT_TIMEOUT
 from tests.coordinator.fleet.fleet_floor import PARTS, Floor, frozen_but, grants
 from tests.scenarios import a_robot, a_scenario
 
@@ -46,6 +47,10 @@ def test_a_robot_that_cannot_hold_its_first_course_is_refused_by_name(plan):
     assert floor.fleet.incidents[-1].text == refusal.reason
     (sent,) = floor.hello("R2", stops=2)
     assert sent.payload == encode(plan)
+    floor.report("R2", IDLE)
+    floor.tick(2 * REPORT_TIMEOUT)
+    (sent,) = floor.hello("R2", boot=2, stops=1)
+    assert isinstance(decode("plan", sent.payload), Refusal)
 
 
 def test_a_later_course_that_a_robot_cannot_hold_is_planned_anew_without_it(plan):

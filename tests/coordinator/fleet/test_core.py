@@ -18,7 +18,7 @@ from coordinator.fleet.phases import (
     Event,
 )
 from protocol import keys
-from protocol.codec import encode
+from protocol.codec import decode, encode
 from protocol.messages import Clock, Hello, Report
 from protocol.phases import (
     BRAKING,
@@ -27,6 +27,7 @@ from protocol.phases import (
     FROZEN,
     GO,
     HOLD,
+    IDLE,
     MOVING,
     OFF_PATH,
     OVER,
@@ -134,6 +135,16 @@ def test_a_robot_at_the_end_of_its_authority_that_is_lost_does_not_stand_at_its_
     standing = member.standing(1, 5.056, 5.056)
     assert (standing.s, standing.since, standing.until) == (None, 5.056, 5.056)
     assert member.standing(1, 0.0, 0.0).s == 0.0
+
+
+def test_a_process_that_has_said_only_hello_gives_way_to_the_next_one():
+    floor = Floor()
+    floor.hello("R1", boot=999)
+    (sent,) = floor.hello("R1", boot=1)
+    assert sent.payload == b"plan of R1"
+    floor.report("R1", IDLE)
+    (refusal,) = floor.hello("R1", boot=999, sequence=1)
+    assert decode("plan", refusal.payload).reason == "another R1 is already in fleet hall"
 
 
 def test_a_report_of_a_strange_process_does_not_make_a_resumed_coordinator_give_up():

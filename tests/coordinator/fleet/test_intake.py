@@ -21,16 +21,17 @@ from coordinator.fleet.lanes import DEPTH, Bucket, Lanes, Rate
 from coordinator.fleet.log_records import LINK_GONE
 from protocol import keys
 from protocol.codec import encode
-from protocol.messages import MAX_MESSAGE_BYTES, Clock, Hello, Report
+from protocol.messages import MAX_MESSAGE_BYTES, Clock, Command, Hello, Report
 from protocol.phases import MOVING
 from protocol.timing import CLOCK_PERIOD_FAST, MILLISECOND, REPORT_PERIOD, SECOND
 
 ROBOTS = ("R1", "R2")
 BOOT = 5
+OWN = 77
 
 
 def an_intake():
-    return Intake("hall", dict.fromkeys(ROBOTS, BOOT).__getitem__)
+    return Intake("hall", OWN, dict.fromkeys(ROBOTS, BOOT).__getitem__)
 
 
 def report(robot="R1", sequence=1, boot=BOOT):
@@ -59,6 +60,16 @@ def test_what_is_not_for_a_coordinator_is_dropped_and_counted(key, payload, caus
     assert not intake.put(Arrival(key, payload, None))
     assert intake.dropped == {cause: 1}
     assert heard(intake) == []
+
+
+def test_an_echo_of_what_only_this_coordinator_can_say_is_dropped():
+    intake = an_intake()
+    answer, command = Clock(BOOT, 1, 2, 3), Command(OWN, 1, 1, 1, MOVING, 0, 0)
+    assert not intake.put(Arrival(keys.clock("hall", "R1"), encode(answer), None))
+    assert not intake.put(Arrival(keys.command("hall"), encode(command), None))
+    assert intake.dropped == {NOT_OURS: 2}
+    other = Command(OWN + 1, 1, 1, 1, MOVING, 0, 0)
+    assert intake.put(Arrival(keys.command("hall"), encode(other), None))
 
 
 def test_a_flood_of_one_robot_takes_no_turn_and_no_room_from_another():

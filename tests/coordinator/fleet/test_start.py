@@ -56,6 +56,7 @@ def test_stated_brakes_are_held_against_those_that_the_plan_counts_on(needed, jo
 def test_a_second_process_with_a_robots_name_is_refused_while_the_first_speaks():
     floor = Floor()
     floor.hello("R1", boot=1)
+    floor.report("R1", IDLE)
     assert isinstance(decode("plan", floor.hello("R1", boot=2)[0].payload), Refusal)
     floor.now += REPORT_TIMEOUT + 1
     assert floor.hello("R1", boot=2)[0].payload == b"plan of R1"
