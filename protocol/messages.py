@@ -133,6 +133,9 @@ class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
     plan time, those in `held` (number, plan time) up to the plan time that stands with them.  A
     robot keeps the greatest authority that it was granted in this epoch.  `wanted` names robots at
     rest whose place has not been heard yet.
+
+    `run`: the boot id of the coordinator that began this run of the fleet; one that takes over
+    states the same.  A robot under way obeys no other run, whose plans are not its own.
     """
 
     boot: Counter
@@ -147,6 +150,7 @@ class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
     first: Number = 0
     last: Number = MOST_ROBOTS
     wanted: Annotated[tuple[RobotId, ...], msgspec.Meta(max_length=MOST_WANTED)] = ()
+    run: Counter = 0
 
     def authority_of(self, number: int) -> int | None:
         """Return the plan time [ms] up to which a robot may drive; None if nothing is said."""

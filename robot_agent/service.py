@@ -245,6 +245,7 @@ class RobotService:
             NOTHING if authority is None else authority,
             self.robot.id in command.wanted,
             now_ns,
+            command.run,
         )
         if not counts:
             return

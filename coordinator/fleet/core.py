@@ -227,8 +227,15 @@ class Fleet(FleetState):
         return []
 
     def _hear_other(self, command: Command, now_ns: int) -> list[Outgoing]:
-        """Give way to another coordinator of this fleet if its (term, boot id) is greater."""
-        if command.boot != self.boot and (command.term, command.boot) > (self.term, self.boot):
+        """Give way to another coordinator of this fleet if its (term, boot id) is greater.
+
+        Robots under way obey the coordinators of their own run alone, so one that has sent robots
+        on their way gives way to no other run.
+        """
+        has_gone = self.times.has_gone or self.epoch != self.first_epoch
+        if command.boot == self.boot or (has_gone and command.run != self.run):
+            return []
+        if (command.term, command.boot) > (self.term, self.boot):
             if not self.superseded:
                 self._tell(now_ns, "superseded", "", "another coordinator leads this fleet now")
             self.superseded = True

@@ -34,7 +34,7 @@ class FleetState:
         grants: Grants,
     ) -> None:
         self.name = name
-        self.boot = boot
+        self.boot = self.run = boot
         self.term = 1
         self.times = times
         self.epoch = self.first_epoch = times.epoch
@@ -184,6 +184,7 @@ class FleetState:
             first=stated.first,
             last=stated.last,
             wanted=tuple(wanted[:MOST_WANTED]),
+            run=self.run,
         )
         return encode(command)
 

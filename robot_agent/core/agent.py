@@ -16,7 +16,7 @@ The rules:
 - A robot that is off its path, or whose driver fails, brakes along its path and freezes; so does
   one that is told to.  It moves again only with the plan of a later epoch.
 - When another coordinator takes over, the robot learns its clock; before motion it also drops the
-  old one's plan (leader.py).
+  old one's plan (leader.py).  Once it has moved, it obeys the coordinators of its own run alone.
 - A robot accepts a plan when it is idle or armed and the plan's coordinator and epoch are those of
   the newest Command (or no Command has been heard yet).  It arms when it also stands at the plan's
   start and knows the time well enough; until then it reports why it does not.
@@ -111,15 +111,20 @@ class Agent:
         authority_ms: int,
         wanted: bool,
         now_ns: int,
+        run: int = 0,
     ) -> bool:
         """Process a Command and return whether it was accepted.
 
         `authority_ms`: the plan time that this robot may not pass, NOTHING if it is not named.
-        `wanted`: whether the Command asks this robot where it rests.
+        `wanted`: whether the Command asks this robot where it rests.  `run`: which run of the fleet
+        the Command is of.
         """
         leader, before_motion = self._leader, self.phase in (IDLE, ARMED)
+        if not before_motion and run != leader.run:
+            return False
         if not leader.counts(term, boot, sequence, before_motion, now_ns):
             return False
+        leader.run = run
         if epoch != leader.epoch and self.ride is None:
             self.fault = NO_FAULT
         if leader.hear(term, boot, sequence, epoch, phase, now_ns):

@@ -18,12 +18,12 @@ class Leader:
     """The coordinator that the robot obeys.
 
     term, boot: who it is, -1 as long as no coordinator was heard; epoch, phase, sequence: those of
-    its newest Command.
+    its newest Command; run: the run of the fleet that it leads.
     """
 
     def __init__(self) -> None:
         self.term = self.boot = self.sequence = -1
-        self.epoch = 0
+        self.epoch = self.run = 0
         self.phase = HOLD
         self._heard_ns = _NEVER
 

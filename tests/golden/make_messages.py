@@ -91,7 +91,7 @@ MESSAGES: dict[str, tuple[str, list]] = {
         ],
     ),
     "refusal": ("plan", [6, 77, "R9 stands in no scenario"]),
-    "command_hold": ("command", [3, 5, 1, 1, 1, 0, 0, 1, 0, [], 0, 65_535, []]),
+    "command_hold": ("command", [3, 5, 1, 1, 1, 0, 0, 1, 0, [], 0, 65_535, [], 5]),
     "command_go": (
         "command",
         [
@@ -108,19 +108,20 @@ MESSAGES: dict[str, tuple[str, list]] = {
             0,
             999,
             [],
+            4_294_967_295,
         ],
     ),
     "command_go_for_the_other_robots": (
         "command",
-        [3, 5, 2, 65_537, 1, 1, 98_765_432_109, 123_456_789_012, 1_800, [], 1_000, 65_535, []],
+        [3, 5, 2, 65_537, 1, 1, 98_765_432_109, 123_456_789_012, 1_800, [], 1_000, 65_535, [], 4],
     ),
     "command_freeze": (
         "command",
-        [3, 5, 1, 40_000, 2, 2, -1, 70_000, -300, [], 0, 65_535, ["R1", "R.2_-"]],
+        [3, 5, 1, 40_000, 2, 2, -1, 70_000, -300, [], 0, 65_535, ["R1", "R.2_-"], 5],
     ),
     "command_stop": (
         "command",
-        [3, 5, 1, 40_001, 2, 4, 10**10, 2 * 10**10, 0, [], 0, 65_535, []],
+        [3, 5, 1, 40_001, 2, 4, 10**10, 2 * 10**10, 0, [], 0, 65_535, [], 0],
     ),
     "report": ("report", [4, 77, 200, 1, 2, 0, None, 12_345, 3, 4]),
     "report_without_a_stamp": ("report", [4, 77, 7, 1, 1, 0, None, None, 0, 0]),
@@ -137,7 +138,7 @@ FIELDS = {
     1: "version boot radius_m max_speed_mps max_accel_mps2 place sequence points stops bytes",
     2: "epoch boot robot number revision begin_ms tau_ns track_mm brake_mmps2 clock_ms degree "
     "points knots weights speeds profile stops",
-    3: "boot term sequence epoch phase start_ns said_ns headroom_ms held first last wanted",
+    3: "boot term sequence epoch phase start_ns said_ns headroom_ms held first last wanted run",
     4: "boot sequence epoch phase fault rest stamp_ms late revision",
     5: "boot sent_ns received_ns answered_ns",
     6: "boot reason",

@@ -135,12 +135,23 @@ def test_a_robot_whose_link_is_gone_is_lost_at_once_under_way_but_not_while_the_
     ("boot", "term", "gives_way"),
     [(99, 1, True), (5, 1, False), (5, 2, True), (99, 0, False), (77, 5, False)],
 )
-def test_of_two_coordinators_the_higher_term_then_boot_id_wins(boot, term, gives_way):
+def test_of_two_coordinators_of_a_run_the_higher_term_then_boot_id_wins(boot, term, gives_way):
     floor = Floor().go()
-    command = encode(Command(boot, term, 1, 1, GO, 0, 0))
+    command = encode(Command(boot, term, 1, 1, GO, 0, 0, run=77))
     floor.fleet.hear(keys.command("hall"), command, floor.now)
     assert floor.fleet.superseded == gives_way
     assert ("another coordinator" in floor.fleet.incidents[-1].text) == gives_way
+
+
+@pytest.mark.parametrize("term", [0, 1, 9])
+@pytest.mark.parametrize(("phase", "boot"), [(HOLD, 99), (HOLD, 5), (GO, 99), (GO, 5)])
+def test_a_coordinator_under_way_gives_way_to_no_other_run(term, phase, boot):
+    command = encode(Command(boot, term, 1, 1, phase, 0, 0, run=boot))
+    leads, begins = Floor().go(), Floor()
+    for floor in (leads, begins):
+        floor.fleet.hear(keys.command("hall"), command, floor.now)
+    assert not leads.fleet.superseded
+    assert begins.fleet.superseded == ((term, boot) > (1, 77))
 
 
 def test_no_plan_goes_to_a_robot_that_has_no_part():

@@ -162,6 +162,7 @@ class Run:
         epoch: int | None = None,
         wanted: bool = False,
         age: int = 2 * MS,
+        run: int = 0,
     ) -> bool:
         """Let the robot hear a Command of anybody, and return whether it was accepted."""
         return self.agent.hear_command(
@@ -175,6 +176,7 @@ class Run:
             self.authority,
             wanted,
             self.own(self.now),
+            run,
         )
 
 

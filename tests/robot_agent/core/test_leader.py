@@ -17,6 +17,7 @@ from protocol.phases import (
     IDLE,
     MOVING,
     NO_FAULT,
+    OVER,
     STOP,
 )
 from protocol.timing import COORDINATOR_TIMEOUT
@@ -51,6 +52,23 @@ def test_a_higher_coordinator_is_obeyed_in_motion_in_the_same_epoch_without_brak
     assert not run.hear(FREEZE, sequence=10**6)
     assert run.hear(FREEZE, boot=boot, term=term, sequence=1)
     assert run.agent.phase == BRAKING
+
+
+@pytest.mark.parametrize("phase", [MOVING, BRAKING, FROZEN, DONE])
+@pytest.mark.parametrize(("boot", "term"), [*HIGHER, (COORDINATOR, TERM)])
+def test_a_robot_under_way_obeys_no_coordinator_of_another_run(phase, boot, term):
+    run = run_in(phase)
+    for said in (HOLD, GO, FREEZE, STOP, OVER):
+        for epoch in (1, 2):
+            assert not run.hear(said, boot=boot, term=term, sequence=10**6, epoch=epoch, run=9)
+    assert (run.agent.phase, run.agent.fault) == (phase, NO_FAULT)
+
+
+@pytest.mark.parametrize("phase", [IDLE, ARMED])
+def test_a_robot_before_motion_obeys_a_higher_coordinator_of_another_run(phase):
+    run = run_in(phase)
+    assert run.hear(HOLD, boot=COORDINATOR + 1, sequence=0, run=9)
+    assert run.agent.phase == IDLE
 
 
 def test_a_robot_led_by_another_coordinator_arrives_as_if_it_had_not_changed():
