@@ -10,7 +10,7 @@ Times of a story are seconds since the GO of its first epoch, as in black boxes 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -24,7 +24,7 @@ from coordinator.findings.braking import Driving, Said
 from coordinator.findings.info import summarise
 from coordinator.findings.info_fields import Summary
 from coordinator.findings.progress import Progress
-from coordinator.findings.traffic_numbers import clock_lag
+from coordinator.findings.traffic_numbers import clock_lag, is_own
 from coordinator.log.log_file import read_log, readable_logs_before
 from coordinator.log.recorder import WALL_OFFSET
 from coordinator.log.records import Log
@@ -112,9 +112,9 @@ def story_of_plan(document: PlanDocument) -> Story:
 
 def story_of_log(log: Log) -> Story:
     """Return the story of a log, which consists of the epochs that got a GO."""
-    heard = _Heard(log)
-    documents = documents_of(log)
     lag_ns = clock_lag(log)
+    heard = _Heard([*readable_logs_before(log), log], lag_ns)
+    documents = documents_of(log)
     starts = [turn.start_ns for turn in heard.turns.values()]
     zero_ns = (min(starts) if starts else 0) + lag_ns
     legs = _legs(heard, _driven(heard, documents), zero_ns, lag_ns)
@@ -162,22 +162,31 @@ class _Turn:
 
 @dataclass
 class _Heard:
-    """What the messages of a log say about who drove when."""
+    """What the messages of logs say about who drove when; each log resumes the one before.
 
-    log: Log
+    `lag_ns`: how far the logs' clock is ahead of the coordinator's.
+    """
+
+    logs: Sequence[Log]
+    lag_ns: int
     turns: dict[int, _Turn] = field(default_factory=dict)
     radii: dict[str, float] = field(default_factory=dict)
     plans: dict[tuple[int, str], bytes] = field(default_factory=dict)
     said: Said = field(default_factory=Said)
 
     def __post_init__(self) -> None:
-        for record in self.log.records:
+        for log in self.logs:
+            self._hear(log)
+
+    def _hear(self, log: Log) -> None:
+        for record in log.records:
             place = keys.split(record.key)
             if place is None or place[1] == "alive":
                 continue
             message = codec.decode(place[1], record.payload)
             if isinstance(message, Command):
-                self._hear_command(message, record.log_ns)
+                if is_own(log, message):
+                    self._hear_command(message, record.log_ns)
             elif isinstance(message, Hello) and message.radius_m > 0.0:
                 self.radii[place[2]] = message.radius_m
             elif isinstance(message, Plan):
@@ -186,10 +195,9 @@ class _Heard:
                 self.said.take(message, place[2], record.log_ns)
 
     def _hear_command(self, command: Command, log_ns: int) -> None:
-        if self.log.metadata.get("boot", str(command.boot)) != str(command.boot):
-            return  # from another coordinator
         if command.phase == phases.GO:
             self.turns.setdefault(command.epoch, _Turn(command.start_ns))
+            self.said.begin(command.epoch, command.start_ns + self.lag_ns)
         elif command.phase == phases.FREEZE and command.epoch in self.turns:
             turn = self.turns[command.epoch]
             turn.frozen_ns = log_ns if turn.frozen_ns is None else turn.frozen_ns

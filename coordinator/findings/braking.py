@@ -19,7 +19,7 @@ from coordinator.findings.progress import Knot, Progress
 from protocol.messages import Report
 from protocol.phases import BRAKING, DONE, FROZEN, IDLE, MOVING
 from protocol.timeline import Timeline
-from protocol.timing import LATE_STEP_MS, SECOND
+from protocol.timing import LATE_STEP_MS, MILLISECOND, SECOND
 
 _HALVINGS: Final = 60
 
@@ -58,11 +58,15 @@ class Words:
         self.stopped_ns: int | None = None
         self.progress = Progress()
 
-    def take(self, report: Report, now_ns: int) -> bool:
-        """Record phase and progress; return whether the robot has begun to stop."""
+    def take(self, report: Report, now_ns: int, paused: float = 0.0) -> bool:
+        """Record phase and progress; return whether the robot has begun to stop.
+
+        `paused`: for how long [s] the plan's time had stood when the robot made the report.
+        """
         phase = report.phase
         if report.stamp_ms is not None:
-            self.progress.take(report.stamp_ms / 1000.0, report.late * LATE_STEP_MS / 1000.0)
+            t, late = report.stamp_ms / 1000.0, report.late * LATE_STEP_MS / 1000.0
+            self.progress.take(t + paused, late + paused)
         fresh = self.stopping_ns is None and phase in (BRAKING, FROZEN)
         self.phase, self.last_ns = phase, now_ns
         if phase == MOVING:  # it moves again, on new times
@@ -122,17 +126,35 @@ class Said:
     def __init__(self) -> None:
         self._words: dict[tuple[int, str], Words] = {}
         self._last_ns: dict[str, int] = {}
+        self._starts: dict[int, list[int]] = {}
+
+    def begin(self, epoch: int, start_ns: int) -> None:
+        """Record the time zero that a GO states; it is put off while plan time stands."""
+        starts = self._starts.setdefault(epoch, [])
+        if start_ns not in starts[-1:]:
+            starts.append(start_ns)
 
     def take(self, report: Report, robot: str, now_ns: int) -> bool:
         """Record a report; return whether the robot began to stop or first stated its rest."""
         self._last_ns[robot] = now_ns
-        fresh = self.of(report.epoch, robot).take(report, now_ns)
+        fresh = self.of(report.epoch, robot).take(report, now_ns, self._paused(report, now_ns))
         if report.rest is None:
             return fresh
         words = self.of(report.rest.epoch, robot)
         fresh = fresh or words.rest is None
         words.rest = report.rest.s_m if words.rest is None else words.rest
         return fresh
+
+    def _paused(self, report: Report, now_ns: int) -> float:
+        """Return for how long [s] plan time had stood, by the start that a robot's stamp fits best.
+
+        A robot states the time by the newest start that it has heard.
+        """
+        starts = self._starts.get(report.epoch, [])
+        if len(starts) < 2 or report.stamp_ms is None:
+            return 0.0
+        made_ns = now_ns - report.stamp_ms * MILLISECOND
+        return (min(starts, key=lambda start: abs(made_ns - start)) - starts[0]) / SECOND
 
     def of(self, epoch: int, robot: str) -> Words:
         """Return what a robot reported in an epoch."""

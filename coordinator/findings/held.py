@@ -56,12 +56,12 @@ class Holds:
     def take(self, command: Command, epoch: Granted, now_ns: int) -> None:
         """Take in a Command; `epoch`: what its epoch's Commands have granted, this one included."""
         late = epoch.names(late_numbers(command) if command.phase == GO else [])
+        held = {name: by for name in late if (by := epoch.holder(name)) is not None}
         in_range = set(epoch.names(range(command.first, command.last + 1)))
-        for name in sorted((self._now.keys() & in_range) - set(late)):
+        for name in sorted((self._now.keys() & in_range) - held.keys()):
             self.over.append(self._now.pop(name)._replace(until_ns=now_ns))
-        for name in late:
-            if name not in self._now and (holder := epoch.holder(name)) is not None:
-                self._now[name] = Hold(name, holder, now_ns)
+        for name, by in held.items():
+            self._now.setdefault(name, Hold(name, by, now_ns))
 
 
 def held_in(log: Log, before: Sequence[Log], seconds: Callable[[int], float]) -> list[HeldSummary]:

@@ -18,6 +18,10 @@ Knot = tuple[float, float]
 ON_TIME: Final = 0.15
 """A robot that is late by no more than this [s] is shown on time."""
 
+_UNHEARD: Final = 1.0
+"""A robot that is late after no word for so long [s] drove by the clock, and then stood: its
+authority had ended."""
+
 
 class Progress:
     """The plan time that a robot has passed, over the time of the plan; both [s].
@@ -43,6 +47,11 @@ class Progress:
         if late > ON_TIME:
             if not was_late and (not self.knots or self._before > self.knots[-1][0]):
                 self.knots.append((self._before, self._before))
+            if t - self._before > _UNHEARD:
+                before, passed = self.knots[-1]
+                stood = before + max(t - late - passed, 0.0)
+                if before < stood < t:
+                    self._add(stood, t - late)
             self._add(t, t - late)
         elif was_late:
             self._add(t, t)

@@ -13,6 +13,7 @@ that grants authority, logs.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -22,6 +23,9 @@ from protocol.codec import encode
 from protocol.messages import Command, Plan, Report
 from protocol.phases import DONE, GO
 from protocol.timing import LATE_STEP_MS
+
+_NEAR: Final = 1_000
+"""A robot is held when it is let drive for less than this [ms]."""
 
 
 class Granted:
@@ -88,9 +92,12 @@ class Granted:
     def holder(self, robot: str) -> str | None:
         """Return a robot that another one has to wait for; None when nobody holds it.
 
-        Beyond what it was granted, it needs the robot returned to have passed more than it has.
+        Beyond what it was granted, it needs the robot returned to have passed more than it has.  A
+        robot that has _NEAR or more of that left to drive is not held yet.
         """
         stairs, index = self._staircases, self._index[robot]
+        if self._granted[index] - self._passed[index] >= _NEAR:
+            return None
         next_ms = float(self._granted[index]) + 1.0
         for pair in np.flatnonzero(stairs.behind == index).tolist():
             ahead = int(stairs.ahead[pair])

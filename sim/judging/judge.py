@@ -251,7 +251,7 @@ def _lateness(driven: Driven, box: BlackBox) -> float:
         return 0.0
     reached = np.minimum(box.s[moving] + 1e-4, driven.curve.length)
     due = np.interp(reached, *_latest(fine_s, fine_t))
-    return float(max(0.0, np.max(np.minimum(box.t[moving], legs.finish) - due)))
+    return float(max(0.0, np.max(box.t[moving] - due)))
 
 
 def _latest(s: Array, t: Array) -> tuple[Array, Array]:

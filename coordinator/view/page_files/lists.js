@@ -10,13 +10,17 @@ function element(name, properties, ...children) {
 
 /** The least lateness [s] that is told. */
 const LATE = 0.2;
+/** A late robot that is slower than this [m/s] stands. */
+const STANDS = 0.01;
 
 function said(robot, bodies, why) {
   if (!robot) return why;
   if (robot.state === "held") {
     return `held by ${bodies[robot.lets].id} since ${robot.held.since.toFixed(1)} s`;
   }
-  if (robot.state === "drives" && robot.late > LATE) return `drives, ${robot.late.toFixed(1)} s late`;
+  if (robot.state === "drives" && robot.late > LATE) {
+    return `${robot.v > STANDS ? "drives" : "stands"}, ${robot.late.toFixed(1)} s late`;
+  }
   if (robot.state === "waits") {
     const left = `${(robot.wait.until - robot.plan).toFixed(1)} s`;
     return robot.lets >= 0 ? `waits for ${bodies[robot.lets].id}, ${left}` : `waits ${left}`;

@@ -221,10 +221,10 @@ class Play {
     const held = this.held(index, t);
     let state = "drives", lets = -1;
     if ((motion.presumed || motion.ride.unheard) && halt && plan >= halt[0]) state = "unheard";
+    else if (held) [state, lets] = ["held", held.by];
     else if (halt && plan >= halt[0]) state = plan < halt[1] ? "brakes" : "stopped";
     else if (plan >= motion.finish) state = "arrived";
     else if (plan < 0) state = "ready";
-    else if (held) [state, lets] = ["held", held.by];
     else if (wait) [state, lets] = ["waits", wait.lets];
     return {
       ...motion.place(s), s, length: motion.length, v, state, lets, wait, held, late, plan, motion,

@@ -92,8 +92,8 @@ def test_a_log_that_goes_on_from_another_finds_the_plans_inside_that(tmp_path, d
     ) as log:
         go = Command(10, 1, 1, 2, phases.GO, BEGIN, BEGIN)
         log.record(keys.command("test"), encode(go), BEGIN)
-    (leg,) = story_of_log(read_log(path)).legs
-    assert (leg.epoch, leg.driven.id) == (2, "R1")
+    legs = story_of_log(read_log(path)).legs
+    assert {(leg.epoch, leg.driven.id) for leg in legs} >= {(1, "R1"), (2, "R1")}
 
 
 def test_the_command_writes_both_from_both(tmp_path, document, second):

@@ -47,8 +47,8 @@ def ends(plan):
 
 def test_a_robot_is_held_while_its_authority_ends_before_the_time_of_the_plan(plan):
     behind, ahead, wait = ends(plan)
-    stuck = {ahead: 100}
-    moments = [(at, GO, {}, {}) for at in range(0, wait - 1_000, 500)]
+    moments = [(at, GO, {}, {behind: at}) for at in range(0, wait - 1_000, 500)]
+    stuck = {ahead: 100, behind: wait - 200}
     moments += [(wait + late, GO, {behind: wait}, stuck) for late in (-100, 100, 200, 900)]
     moments += [(wait + 1_000, GO, {}, {ahead: wait})]
     (held,) = told(plan, moments)["held"]
@@ -63,11 +63,19 @@ def test_a_robot_is_held_while_its_authority_ends_before_the_time_of_the_plan(pl
 
 def test_it_ends_with_a_freeze_and_is_shown_to_people(plan):
     behind, ahead, wait = ends(plan)
-    moments = [(0, GO, {}, {}), (wait + 500, GO, {behind: wait}, {}), (wait + 900, FREEZE, {}, {})]
+    near = {behind: wait - 200}
+    moments = [(wait - 1_700, GO, {}, {}), (wait + 500, GO, {behind: wait}, near)]
+    moments += [(wait + 900, FREEZE, {}, {})]
     summary = told(plan, moments)
     assert summary["held"][0]["until"] == pytest.approx((wait + 900) / 1000.0, abs=1e-3)
     shown = [str(part) for part in render(summary).renderables]
     assert any(f"{behind} was held by {ahead} from" in text for text in shown)
+
+
+def test_a_late_robot_that_nobody_is_in_the_way_of_is_held_by_nobody(plan):
+    behind, _, wait = ends(plan)
+    moments = [(0, GO, {}, {}), (wait + 500, GO, {behind: wait}, {behind: wait - 1_100})]
+    assert told(plan, moments)["held"] == []
 
 
 def test_a_robot_whose_own_silence_ends_its_authority_is_held_by_nobody(plan):

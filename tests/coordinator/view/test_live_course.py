@@ -214,8 +214,10 @@ def test_how_late_robots_are_and_who_holds_whom_is_told_from_the_messages():
     assert course.late() is None
     tell(400, {ahead: 0, behind: 0})
     stuck = (names.index(behind), waits)
-    assert tell(waits + 500, {ahead: waits // 50, behind: 10}, (stuck,))
-    assert not tell(waits + 600, {behind: 12}, (stuck,))
+    tell(waits - 1_600, {ahead: 66, behind: 0})
+    tell(waits + 400, {ahead: waits // 50, behind: 10}, (stuck,))
+    assert tell(waits + 500, {ahead: waits // 50, behind: 12}, (stuck,))
+    assert not tell(waits + 600, {behind: 14}, (stuck,))
     late = course.late()
     assert late.epoch == 1
     assert late.passed[ahead][-1] == pytest.approx(((waits + 500) / 1000.0, 0.5), abs=0.11)
