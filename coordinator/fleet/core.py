@@ -25,7 +25,14 @@ from coordinator.fleet.failures import sets_out, silent, that_do_not_arm
 from coordinator.fleet.grants import Grants
 from coordinator.fleet.log_records import LINK_GONE, LINK_UP, router_key
 from coordinator.fleet.member import Member
-from coordinator.fleet.phases import AWAY, FREEZE_PATIENCE, GO_LEAD, HELD_PATIENCE, RESUME_PATIENCE
+from coordinator.fleet.phases import (
+    AWAY,
+    FREEZE_PATIENCE,
+    GO_LEAD,
+    HELD_PATIENCE,
+    RESUME_PATIENCE,
+    SILENT_PATIENCE,
+)
 from coordinator.fleet.router_link import RouterLink
 from coordinator.fleet.state import FleetState
 from protocol import keys
@@ -258,8 +265,8 @@ class Fleet(FleetState):
     def _watch(self, now_ns: int) -> None:
         """Look for robots that have stopped, and end the drive if nobody is on the way any more.
 
-        Robots that hold others for longer than HELD_PATIENCE are given up, and so are those that
-        alone are left.
+        Robots that hold others for longer than HELD_PATIENCE, or SILENT_PATIENCE, are given up, and
+        so are those that alone are left.
         """
         moving = [m for m in self.members.planned if m.phase != DONE]
         if not moving:
@@ -283,7 +290,8 @@ class Fleet(FleetState):
             self._waits_since_ns, now_ns
         ):
             return
-        if now_ns - self._waits_since_ns > HELD_PATIENCE:
+        are_silent = all(member.lost and not member.gone for member in stopped)
+        if now_ns - self._waits_since_ns > (SILENT_PATIENCE if are_silent else HELD_PATIENCE):
             self._waits_since_ns = None
             for member in stopped:
                 if member.id in stuck and not member.lost and not member.has_stopped(self.epoch):

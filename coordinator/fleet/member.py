@@ -17,6 +17,7 @@ from protocol.messages import Hello, Report
 from protocol.phases import (
     ARMED,
     BRAKING,
+    CLOCK_UNSURE,
     DONE,
     FROZEN,
     IDLE,
@@ -200,8 +201,11 @@ class Member:
         return self.phase == ARMED and self.epoch == epoch and is_heard
 
     def has_stopped(self, epoch: int) -> bool:
-        """Return whether the robot has given up its timetable of this epoch."""
-        if self.epoch not in (0, epoch):
+        """Return whether the robot has given up its timetable of this epoch.
+
+        One that is not certain of the time has not; it arms when it is, and sets out.
+        """
+        if self.epoch not in (0, epoch) or self.fault == CLOCK_UNSURE:
             return False
         return self.phase in (BRAKING, FROZEN) or (self.phase != MOVING and self.fault != 0)
 

@@ -19,6 +19,10 @@ AWAY: Final = 2 * COMMAND_PERIOD
 HELD_PATIENCE: Final = 5 * SECOND
 """How long robots that have stopped may hold others before a new plan is made around them."""
 
+SILENT_PATIENCE: Final = 10 * SECOND
+"""The same for robots that are silent although no link is known to be gone: they may be heard
+again."""
+
 FREEZE_PATIENCE: Final = 10 * SECOND
 """How long the fleet waits for a frozen robot to say where it stands; then the robot is lost."""
 

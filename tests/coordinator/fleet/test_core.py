@@ -14,6 +14,7 @@ from coordinator.fleet.phases import (
     FREEZE_PATIENCE,
     GO_LEAD,
     HELD_PATIENCE,
+    SILENT_PATIENCE,
     TRANSITIONS,
     Event,
 )
@@ -22,6 +23,7 @@ from protocol.codec import decode, encode
 from protocol.messages import Clock, Hello, Report
 from protocol.phases import (
     BRAKING,
+    CLOCK_UNSURE,
     DONE,
     FREEZE,
     FROZEN,
@@ -75,7 +77,24 @@ def test_a_silent_robot_that_holds_another_one_for_long_makes_the_fleet_plan_ane
     began = floor.now
     drive(floor, 60.0, "R1", "R3")
     assert floor.commands[-1].phase == FREEZE
-    assert HELD_PATIENCE <= floor.now - began <= HELD_PATIENCE + 5 * SECOND
+    assert SILENT_PATIENCE <= floor.now - began <= SILENT_PATIENCE + 5 * SECOND
+
+
+def test_one_whose_link_is_gone_is_planned_around_sooner_than_one_that_is_silent():
+    floor = Floor(rule=chain).go()
+    drive(floor, 2.0, "R1", "R2", "R3")
+    floor.fleet.hear(keys.alive("hall", "R2"), LINK_GONE, floor.now)
+    began = floor.now
+    drive(floor, 60.0, "R1", "R3")
+    assert floor.commands[-1].phase == FREEZE
+    assert HELD_PATIENCE <= floor.now - began < SILENT_PATIENCE
+
+
+def test_a_robot_that_is_not_certain_of_the_time_has_not_stopped():
+    member = Floor().go().fleet.members["R1"]
+    for fault, stopped in ((CLOCK_UNSURE, False), (OFF_PATH, True)):
+        member.phase, member.fault = IDLE, fault
+        assert member.has_stopped(1) == stopped
 
 
 def test_a_late_robot_holds_those_behind_it_and_nobody_plans_anew():

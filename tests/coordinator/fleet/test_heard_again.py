@@ -6,7 +6,7 @@ import pytest
 
 from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.member import STRIKES
-from coordinator.fleet.phases import HELD_PATIENCE
+from coordinator.fleet.phases import SILENT_PATIENCE
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Admit, Refusal
@@ -199,7 +199,7 @@ def test_two_robots_that_die_at_once_are_both_told_of_once(news):
     if news == "gone after silence":
         link_gone()
     floor.report("R1", DONE)
-    for _ in range(HELD_PATIENCE // COMMAND_PERIOD + 5):
+    for _ in range(SILENT_PATIENCE // COMMAND_PERIOD + 5):
         floor.tick()
     assert floor.fleet.is_settled(floor.now)
     what = "has lost its link" if news == "gone" else "has fallen silent"

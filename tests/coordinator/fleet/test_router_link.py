@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from coordinator.fleet.log_records import LINK_GONE, LINK_UP, is_router_key, link_record, router_key
-from coordinator.fleet.phases import HELD_PATIENCE, RESUME_PATIENCE
+from coordinator.fleet.phases import HELD_PATIENCE, RESUME_PATIENCE, SILENT_PATIENCE
 from coordinator.log.channels import describe
 from protocol import keys
 from protocol.messages import Report, Rest
@@ -87,7 +87,7 @@ def test_a_robot_that_does_not_come_back_with_the_router_is_lost_where_it_was_la
 def test_robots_that_fall_silent_together_are_waited_for_where_there_is_a_router():
     direct, behind = Floor().go(), routed()
     for floor in (direct, behind):
-        wait(floor, REPORT_TIMEOUT + HELD_PATIENCE + SECOND)
+        wait(floor, REPORT_TIMEOUT + SILENT_PATIENCE + SECOND)
         assert lost(floor) == set(NAMES)
     assert direct.fleet.is_settled(direct.now)
     assert behind.fleet.phase == GO

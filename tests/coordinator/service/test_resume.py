@@ -140,7 +140,17 @@ def test_wherever_the_log_ends_the_fleet_goes_on_where_it_was(story):
             assert passed_ns == last_ns - told[-1].start_ns - GO_LEAD
         if fleet.members["R1"].planned:
             assert decode("plan", fleet.members["R1"].plan).boot == 77
-    assert resumed >= {(1, GO), (1, FREEZE), (2, GO)}
+    assert resumed >= {(1, GO), (1, FREEZE)}
+
+
+def test_a_fleet_goes_on_in_its_second_epoch(story):
+    log = log_from_bytes(story, "run.mcap")
+    told = [decode("command", r.payload) for r in log.records]
+    at = max(i for i, m in enumerate(told) if isinstance(m, Command) and m.phase == GO)
+    del log.records[at + 1 :]
+    now = log.records[-1].log_ns + SECOND
+    command = decode("command", go_on(log, 77, now).fleet.tick(now)[0].payload)
+    assert (command.epoch, command.phase, command.term) == (2, GO, 2)
 
 
 def test_a_frozen_robot_is_asked_where_it_rests_and_planned_from_there(story):
