@@ -35,9 +35,9 @@ class _Piece:
 
     def __init__(self, degree: int) -> None:
         self.begin = self.end = inf
-        self.xs = array("d", [0.0] * (degree + 1))
-        self.ys = array("d", [0.0] * (degree + 1))
-        self.ws = array("d", [0.0] * (degree + 1))
+        self.xs = [0.0] * (degree + 1)
+        self.ys = [0.0] * (degree + 1)
+        self.ws = [0.0] * (degree + 1)
 
 
 class Curve:
@@ -75,15 +75,19 @@ class Curve:
             raise ValueError(f"weight {min(weights)} is not positive")
         self.degree = degree
         self.knots = array("d", knots)
+        self._last = knots[-1]
         self.x = self.y = self.dx = self.dy = 0.0
         self._hx = array("d", [x * w for x, w in zip(xs, weights)])  # noqa: B905
         self._hy = array("d", [y * w for y, w in zip(ys, weights)])  # noqa: B905
         self._hw = array("d", weights)
+        self._is_plain = degree == 3 and min(weights) == max(weights) == 1.0
         self._span = degree
         self._powers = tuple(range(degree, -1, -1))
         self._piece, self._spare = _Piece(degree), _Piece(degree)
         self._rows = [[0.0] * (degree + 1) for _ in self._powers]
         self._cell = 0
+        self._cell_begin = self._cell_end = inf
+        self._hermite = [0.0] * 5
         self._cell_u = array("d", [0.0])
         self._cell_s = array("d", [0.0])
         self._cell_slope = array("f", [])
@@ -94,12 +98,33 @@ class Curve:
 
     def evaluate(self, u: float) -> None:
         """Evaluate C(u) and C'(u) by Horner's rule; u is clamped into the domain."""
-        u = min(max(u, 0.0), self.knots[-1])
+        if u < 0.0:
+            u = 0.0
+        elif u > self._last:
+            u = self._last
         piece = self._piece
         if not piece.begin <= u < piece.end:
             piece = self._piece_at(u)
-        xs, ys, ws = piece.xs, piece.ys, piece.ws
         t = u - piece.begin
+        if self._is_plain:
+            x0, x1, x2, x3 = piece.xs
+            cubic = x3 * t
+            square = cubic + x2
+            slope = square * t + x1
+            self.x = slope * t + x0
+            self.dx = (cubic + square) * t + slope
+            y0, y1, y2, y3 = piece.ys
+            cubic = y3 * t
+            square = cubic + y2
+            slope = square * t + y1
+            self.y = slope * t + y0
+            self.dy = (cubic + square) * t + slope
+        else:
+            self._evaluate_rational(piece, t)
+
+    def _evaluate_rational(self, piece: _Piece, t: float) -> None:
+        """Evaluate a piece of any degree and weights; cubics of equal weights need less."""
+        xs, ys, ws = piece.xs, piece.ys, piece.ws
         x = y = w = dx = dy = dw = 0.0
         for i in self._powers:
             dx = dx * t + x
@@ -119,20 +144,32 @@ class Curve:
 
     def parameter_at(self, s: float) -> float:
         """Return the parameter u at arc length s: a cubic Hermite piece per cell of the table."""
-        table_s, cell = self._cell_s, self._cell
-        s = min(max(s, 0.0), self.length)
-        while cell < len(table_s) - 2 and s >= table_s[cell + 1]:
+        if s < 0.0:
+            s = 0.0
+        elif s > self.length:
+            s = self.length
+        if not self._cell_begin <= s < self._cell_end:
+            self._find_cell(s)
+        size, u0, u1, m0, m1 = self._hermite
+        part = (s - self._cell_begin) / size
+        rest = 1.0 - part
+        value = rest * rest * ((1.0 + 2.0 * part) * u0 + part * m0)
+        return value + part * part * ((3.0 - 2.0 * part) * u1 - rest * m1)
+
+    def _find_cell(self, s: float) -> None:
+        """Go to the cell of an arc length in the table, and keep its numbers."""
+        table_s, table_u, slopes, cell = self._cell_s, self._cell_u, self._cell_slope, self._cell
+        last = len(table_s) - 2
+        while cell < last and s >= table_s[cell + 1]:
             cell += 1
         while cell > 0 and s < table_s[cell]:
             cell -= 1
         self._cell = cell
-        size = table_s[cell + 1] - table_s[cell]
-        part = (s - table_s[cell]) / size
-        rest = 1.0 - part
-        u0, u1 = self._cell_u[cell], self._cell_u[cell + 1]
-        m0, m1 = self._cell_slope[cell] * size, self._cell_slope[cell + 1] * size
-        value = rest * rest * ((1.0 + 2.0 * part) * u0 + part * m0)
-        return value + part * part * ((3.0 - 2.0 * part) * u1 - rest * m1)
+        size, hermite = table_s[cell + 1] - table_s[cell], self._hermite
+        hermite[0], hermite[1], hermite[2] = size, table_u[cell], table_u[cell + 1]
+        hermite[3], hermite[4] = slopes[cell] * size, slopes[cell + 1] * size
+        self._cell_begin = table_s[cell]
+        self._cell_end = table_s[cell + 1] if cell < last else inf
 
     def _piece_at(self, u: float) -> _Piece:
         """Return the polynomials at u, from the cache or newly expanded into the older piece.
@@ -155,7 +192,7 @@ class Curve:
         piece.begin, piece.end = knots[span], knots[span + 1] if span < last else inf
         return piece
 
-    def _expand(self, points: array, powers: array) -> None:  # type: ignore[type-arg]
+    def _expand(self, points: array, powers: list[float]) -> None:  # type: ignore[type-arg]
         """Expand one coordinate of the span in powers of u minus the span's first knot.
 
         This is De Boor's algorithm on polynomials instead of numbers: row i holds the polynomial

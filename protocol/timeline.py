@@ -1,11 +1,12 @@
 """The arc length s(t) of a robot at plan time t, from its speed knots and stops.
 
 Decides: the meaning of `profile` and `stops` on the wire.  Firmware: it imports only `array` and
-allocates nothing after construction.  The robot and the proof both use it, so that what is proven
-is what is driven.
+`math`, and allocates nothing after construction.  The robot and the proof both use it, so that what
+is proven is what is driven.
 """
 
 from array import array
+from math import inf
 
 
 class Timeline:
@@ -34,6 +35,8 @@ class Timeline:
         self.v1 = array("d", [])
         self.arrivals: list[float] = []
         self._leg = 0
+        self._leg_from = self._leg_to = inf
+        self._leg_numbers = [0.0] * 6
         time, stop = begin, 0
         for i in range(len(profile_s) - 1):
             s, v = profile_s[i], profile_v[i]
@@ -53,14 +56,15 @@ class Timeline:
 
     def s_at(self, time: float) -> float:
         """Return the arc length [m] at a plan time [s], from 0 to `length`."""
-        leg = self._find(time)
-        passed = time - self.t0[leg]
+        if not self._leg_from <= time < self._leg_to:
+            self._find(time)
+        begin, end, s0, s1, v0, half_rate = self._leg_numbers
+        passed = time - begin
         if passed <= 0.0:
-            return self.s0[leg]
-        if time >= self.t1[leg]:
-            return self.s1[leg]
-        rate = (self.v1[leg] - self.v0[leg]) / (self.t1[leg] - self.t0[leg])
-        return self.s0[leg] + passed * (self.v0[leg] + 0.5 * rate * passed)
+            return s0
+        if time >= end:
+            return s1
+        return s0 + passed * (v0 + half_rate * passed)
 
     def v_at(self, time: float) -> float:
         """Return the speed [m/s] at a plan time [s]; 0 while the robot rests."""
@@ -101,14 +105,22 @@ class Timeline:
     def _find(self, time: float) -> int:
         """Return the last leg that has begun, or the first leg if none has.
 
-        The search starts at the leg found last.
+        The search starts at the leg found last; the numbers of the leg found are kept.
         """
-        leg = self._leg
-        while leg < len(self.t0) - 1 and time >= self.t0[leg + 1]:
+        leg, last = self._leg, len(self.t0) - 1
+        if self._leg_from <= time < self._leg_to:
+            return leg
+        while leg < last and time >= self.t0[leg + 1]:
             leg += 1
         while leg > 0 and time < self.t0[leg]:
             leg -= 1
         self._leg = leg
+        self._leg_from = self.t0[leg] if leg > 0 else -inf
+        self._leg_to = self.t0[leg + 1] if leg < last else inf
+        numbers, begin, end = self._leg_numbers, self.t0[leg], self.t1[leg]
+        numbers[0], numbers[1] = begin, end
+        numbers[2], numbers[3], numbers[4] = self.s0[leg], self.s1[leg], self.v0[leg]
+        numbers[5] = 0.5 * ((self.v1[leg] - self.v0[leg]) / (end - begin)) if end > begin else 0.0
         return leg
 
     def _add_leg(self, time: float, s0: float, s1: float, v0: float, v1: float) -> float:
