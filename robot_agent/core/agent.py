@@ -64,6 +64,7 @@ LATE_TICK = 50 * MILLISECOND
 CLOCK_PATIENCE = 3.0
 """A robot at its start that cannot learn the time for this long [s] arms without it."""
 
+_ON_ITS_WAY = (MOVING, BRAKING)
 _NEVER = -(1 << 62)
 
 
@@ -189,37 +190,32 @@ class Agent:
 
     def tick(self, now_ns: int, x: float, y: float, heading: float) -> None:
         """Decide what the robot at this pose [m, m, rad] does until the next tick."""
-        ride = self.ride
-        if now_ns - self._ticked_ns > self._late_tick_ns:
-            self.clock.doubt(now_ns)  # The robot hung, or its clock was set.
-        self._passed = min(max(now_ns - self._ticked_ns, 0) / SECOND, HOLD_OUT)
+        ride, phase = self.ride, self.phase
+        passed_ns = now_ns - self._ticked_ns
         self._ticked_ns = now_ns
-        self.clock.follow(now_ns, self.phase in (MOVING, BRAKING))
+        if passed_ns > self._late_tick_ns:
+            self.clock.doubt(now_ns)  # The robot hung, or its clock was set.
+        passed = passed_ns / SECOND if passed_ns > 0 else 0.0
+        self._passed = passed if passed < HOLD_OUT else HOLD_OUT
+        self.clock.follow(now_ns, phase in _ON_ITS_WAY)
         self.drive_speed = self.drive_curvature = self.drive_distance = self.drive_turn = 0.0
         if ride is None:
             return
-        if self.phase == ARMED and not self._knows_time(ride, now_ns):
+        if phase == ARMED and not self._knows_time(ride, now_ns):
             self._disarm(now_ns)
         if self.phase == IDLE:
             self._try_to_arm(ride, now_ns, x, y, heading)
-        elif self.phase in (MOVING, BRAKING, DONE):
+        elif phase in _ON_ITS_WAY:
+            self._drive(ride, now_ns, x, y, heading)
+        elif phase == DONE:
             ride.follower.locate(x, y, heading)
-            if self.phase == MOVING:
-                self._keep_to_plan(ride, now_ns)
-            elif self.phase == DONE and ride.has_left_goal():
+            if ride.has_left_goal():
                 self._fail(OFF_PATH, now_ns)
-            if self.phase == BRAKING:
-                ride.keep_braking()
-                if ride.rests(x, y):
-                    there = ride.at_goal()
-                    self._apply(transitions.ARRIVED if there else transitions.AT_REST, now_ns)
-            self.drive_speed, self.drive_distance = ride.speed, ride.distance
-            self.drive_curvature = ride.curvature
 
     def report_due(self, now_ns: int) -> bool:
         """Return whether to report now; if so, the report counts as sent."""
         state = (self.epoch, self.phase, self.fault)
-        if state == self._reported and now_ns - self._reported_ns < REPORT_PERIOD:
+        if now_ns - self._reported_ns < REPORT_PERIOD and state == self._reported:
             return False
         self._reported, self._reported_ns = state, now_ns
         self.report_sequence += 1
@@ -243,7 +239,7 @@ class Agent:
     def clock_due(self, now_ns: int) -> bool:
         """Return whether to ask for the time now; if so, the question counts as sent."""
         enough = (self.ride.clock_error_ns if self.ride else CLOCK_ERROR) - CLOCK_RESERVE
-        return self.clock.due(now_ns, enough, self.phase in (MOVING, BRAKING))
+        return self.clock.due(now_ns, enough, self.phase in _ON_ITS_WAY)
 
     def has_driven(self) -> bool:
         """Return whether the robot has ever set out on a plan, or frozen while it held a plan."""
@@ -255,8 +251,9 @@ class Agent:
         That is when the fleet has ended, or when the robot is at its goal and its coordinator has
         been silent for LEAVE_TIMEOUT.
         """
-        is_alone = self._leader.is_silent(now_ns, LEAVE_TIMEOUT)
-        return self.finished or (self.phase == DONE and is_alone)
+        if self.phase == DONE and self._leader.is_silent(now_ns, LEAVE_TIMEOUT):
+            return True
+        return self.finished
 
     def _try_to_arm(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> None:
         """Arm at the start, as soon as the time is known well enough or for CLOCK_PATIENCE not."""
@@ -276,6 +273,19 @@ class Agent:
         """Arm again with the time, unless the robot does without it."""
         if self.phase == ARMED and self._unsure <= CLOCK_PATIENCE:
             self._apply(transitions.NOT_READY, now_ns)
+
+    def _drive(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> None:
+        """Follow the plan or brake, and take over what the ride commands."""
+        ride.follower.locate(x, y, heading)
+        if self.phase == MOVING:
+            self._keep_to_plan(ride, now_ns)
+        if self.phase == BRAKING:
+            ride.keep_braking()
+            if ride.rests(x, y):
+                there = ride.at_goal()
+                self._apply(transitions.ARRIVED if there else transitions.AT_REST, now_ns)
+        self.drive_speed, self.drive_distance = ride.speed, ride.distance
+        self.drive_curvature = ride.curvature
 
     def _keep_to_plan(self, ride: Ride, now_ns: int) -> None:
         """Follow the plan by the clock; without a known time, at the plan's pace."""

@@ -35,6 +35,7 @@ class ClockSync:
     def __init__(self) -> None:
         self.offset_ns = self.good = 0
         self._low_ns, self._high_ns, self._at_ns = -_UNKNOWN, _UNKNOWN, 0
+        self._middle_ns = 0
         self._asked_ns = self._since_ns = -_UNKNOWN
         self._asked = self._followed_ns = 0
         self._slewing = self._compares = False
@@ -70,10 +71,11 @@ class ClockSync:
         if self.good:
             low, high = max(low, old_low), min(high, old_high)
         self._low_ns, self._high_ns, self._at_ns = low, high, now_ns
+        self._middle_ns = (low + high) // 2
         self._compares = False
         self.good += 1
         if not self._slewing:
-            self._step()
+            self.offset_ns = self._middle_ns
         return True
 
     def is_said_in_future(self, said_ns: int, now_ns: int) -> bool:
@@ -82,15 +84,16 @@ class ClockSync:
 
     def follow(self, now_ns: int, slewing: bool) -> None:
         """Move the offset to the middle of the interval: gradually if `slewing`, else at once."""
-        most = (now_ns - self._followed_ns) // SLEW_SHARE
+        before_ns = self._followed_ns
         self._followed_ns, self._slewing = now_ns, slewing
-        if not self.good:
+        left = self._middle_ns - self.offset_ns
+        if not left or not self.good:
             return
-        left = self._middle() - self.offset_ns
+        most = (now_ns - before_ns) // SLEW_SHARE
         if slewing and abs(left) > most:
             self.offset_ns += most if left > 0 else -most
         else:
-            self._step()
+            self.offset_ns = self._middle_ns
 
     def due(self, now_ns: int, enough_ns: int, moving: bool) -> bool:
         """Return whether to ask for the time now; if so, the question counts as asked.
@@ -99,21 +102,29 @@ class ClockSync:
         `enough_ns`, because a crowd of robots must not overload the coordinator.  It asks rarely
         while it moves.
         """
-        sure = self.error_ns(now_ns) <= enough_ns
-        rarely = sure and (moving or self.good >= CLOCK_SAMPLES)
-        period = min(CLOCK_PERIOD_FAST * (1 + self._asked // CLOCK_SAMPLES), CLOCK_PERIOD)
-        if now_ns - self._asked_ns < (CLOCK_PERIOD if rarely else period):
+        passed = now_ns - self._asked_ns
+        if passed < CLOCK_PERIOD_FAST:
+            return False
+        if passed < self._period():
+            return False
+        rarely = (moving or self.good >= CLOCK_SAMPLES) and self.error_ns(now_ns) <= enough_ns
+        if rarely and passed < CLOCK_PERIOD:
             return False
         self._asked_ns = now_ns
         self._asked = 0 if rarely else self._asked + 1
         return True
 
+    def _period(self) -> int:
+        """Return how long [ns] after a question to wait with the next one while unsure."""
+        period = CLOCK_PERIOD_FAST * (1 + self._asked // CLOCK_SAMPLES)
+        return period if period < CLOCK_PERIOD else CLOCK_PERIOD
+
     def error_ns(self, now_ns: int) -> int:
         """Return the bound [ns] on the offset's error; enormous while the offset is not known."""
         if not self.good:
             return _UNKNOWN
-        low, high = self._widened(now_ns)
-        return max(high - self.offset_ns, self.offset_ns - low)
+        above, below = self._high_ns - self.offset_ns, self.offset_ns - self._low_ns
+        return (above if above > below else below) + _drift(now_ns - self._at_ns)
 
     def _doubt(self, now_ns: int) -> None:
         self._since_ns, self._asked_ns = now_ns, -_UNKNOWN
@@ -123,12 +134,6 @@ class ClockSync:
         """Return the interval [ns] that the offset is in now."""
         drift = _drift(now_ns - self._at_ns)
         return self._low_ns - drift, self._high_ns + drift
-
-    def _middle(self) -> int:
-        return (self._low_ns + self._high_ns) // 2
-
-    def _step(self) -> None:
-        self.offset_ns = self._middle()
 
 
 def _drift(passed_ns: int) -> int:

@@ -131,6 +131,7 @@ class Ride:
         self._pace = inf
         self._pace_time, self._pace_s = -inf, 0.0
         self._authority = 0.0
+        self._granted = self._timeline.s_at(0.0)  # Where [m] the authority ends.
         self._halted = self._holds = False
         self._watch = 0.0  # The time [s] that the ticks have taken, whatever clocks do.
         self.time = 0.0
@@ -140,7 +141,9 @@ class Ride:
 
     def grant(self, authority_ms: int) -> None:
         """Take in the plan time [ms] that the robot may not pass; it keeps what it had before."""
-        self._authority = max(self._authority, authority_ms / 1000.0)
+        authority = authority_ms / 1000.0
+        if authority > self._authority:
+            self._authority, self._granted = authority, self._timeline.s_at(authority)
 
     def halt(self, halted: bool) -> None:
         """Let the robot brake where it is, or let it go on."""
@@ -182,10 +185,10 @@ class Ride:
 
     def trouble(self) -> int:
         """Return the fault that ends the ride now, or NO_FAULT."""
-        beyond = self.follower.s - self._timeline.s_at(self._authority)
-        if not self.follower.off + max(beyond, 0.0) <= self.track:
-            return OFF_PATH
-        return NO_FAULT
+        follower = self.follower
+        beyond = follower.s - self._granted
+        off = follower.off + beyond if beyond > 0.0 else follower.off
+        return NO_FAULT if off <= self.track else OFF_PATH
 
     def arrived(self) -> bool:
         """Return whether the plan has ended and the robot is at its goal.
@@ -194,10 +197,13 @@ class Ride:
         come closer.  If it has stopped after ARRIVAL_PATIENCE, ARRIVAL_SHARE of the track tolerance
         is enough.
         """
-        left, over = self._timeline.length - self.follower.s, self.time - self._timeline.finish
+        over = self.time - self._timeline.finish
+        if over < 0.0:
+            return False
+        left = self._timeline.length - self.follower.s
         if over >= ARRIVAL_PATIENCE and self._watch - self._stuck_from >= REST_TIME:
             return left + self.follower.off <= ARRIVAL_SHARE * self.track
-        return over >= 0.0 and left <= ARRIVAL_SLACK and self.follower.off <= self._slack
+        return left <= ARRIVAL_SLACK and self.follower.off <= self._slack
 
     def at_goal(self) -> bool:
         """Return whether the robot is where the plan ends."""
@@ -218,17 +224,18 @@ class Ride:
         its plan, because a clock was set or the plan's start was put off, brakes and waits.
         """
         timeline, s = self._timeline, self.follower.s
-        self._watch += self._period
+        period = self._period
+        self._watch = watch = self._watch + period
         if not abs(s - self._stuck_s) <= REST_SLACK:
-            self._stuck_from, self._stuck_s = self._watch, s
-        passed = self._watch - self._pace_time
+            self._stuck_from, self._stuck_s = watch, s
+        passed = watch - self._pace_time
         if passed >= PACE_TIME:
             self._pace = (s - self._pace_s) / passed if passed < 1.0 else inf
-            self._pace_time, self._pace_s = self._watch, s
+            self._pace_time, self._pace_s = watch, s
         if self._halted or now < self.time:
             if not self._holds:
                 self.begin_to_brake()
-                self._brake_from -= self._period
+                self._brake_from -= period
             self._holds = True
             if s > timeline.s_at(self.time):
                 self.time = timeline.time_at(s)
@@ -236,15 +243,21 @@ class Ride:
             return
         self._holds = False
         self._advance(now)
-        planned = timeline.s_at(self.time)
-        speed = (timeline.s_at(self.time + self._period) - planned) / self._period
+        time = self.time
+        planned = timeline.s_at(time)
+        speed = (timeline.s_at(time + period) - planned) / period
         lag = planned - s
         more = lag * self._catch_up
         if lag > 0.0:
             more = min(more, sqrt(2.0 * CATCH_UP_BRAKE * self._brake * lag))
-        self.speed = min(max(speed + more, 0.0), self._limit)
-        room = timeline.s_at(self.time + HOLD_OUT) - s
-        if self._authority < self.time + self._foresight:
+        speed += more
+        if speed < 0.0:
+            speed = 0.0
+        elif speed > self._limit:
+            speed = self._limit
+        self.speed = speed
+        room = timeline.s_at(time + HOLD_OUT) - s
+        if self._authority < time + self._foresight:
             room = self._within_authority(room)
         self._reach(room)
 
@@ -265,7 +278,7 @@ class Ride:
 
         The speed is such that the robot can brake before that place after REACTION_TICKS.
         """
-        left = max(self._timeline.s_at(self._authority) - self.follower.s, 0.0)
+        left = max(self._granted - self.follower.s, 0.0)
         if self._brake == inf:
             self.speed = min(self.speed, left / self._reaction)
         else:
@@ -319,8 +332,9 @@ class Ride:
 
         This is at most what its distance off the path leaves of the track tolerance.
         """
-        return min(self._slack, self.track - self.follower.off)
+        spare = self.track - self.follower.off
+        return spare if spare < self._slack else self._slack
 
     def _reach(self, distance: float) -> None:
-        self.distance = max(distance, 0.0)
+        self.distance = distance if distance > 0.0 else 0.0
         self.curvature = self.follower.curvature(self.speed * self._period)

@@ -46,6 +46,8 @@ class PathFollower:
         self._x = self._y = self._heading = inf
         self._tx = 1.0
         self._ty = 0.0
+        self._still_at = inf  # s, if the last `locate` did not change it and still holds.
+        self._bend_travel, self._bend = -inf, 0.0
 
     def start_pose(self) -> tuple[float, float, float]:
         """Return x, y [m] and heading [rad] at the curve's beginning."""
@@ -69,19 +71,34 @@ class PathFollower:
 
     def locate(self, x: float, y: float, heading: float) -> None:
         """Project a pose on the path near the last s, by Newton steps of one evaluation each."""
+        s = self.s
+        if s == self._still_at and x == self._x and y == self._y and heading == self._heading:
+            return
         if not abs(x) + abs(y) + abs(heading) < 1e9:
             self.lateral = self.off = inf
+            self._still_at = inf
             return
         self._x, self._y, self._heading = x, y, heading
-        curve, s = self._curve, self.s
+        curve = self._curve
+        length, began = curve.length, s
         for _ in range(4):
             self._tangent_at(s)
             along = (x - curve.x) * self._tx + (y - curve.y) * self._ty
+            if along > _LONGEST_STEP:
+                along = _LONGEST_STEP
+            elif along < -_LONGEST_STEP:
+                along = -_LONGEST_STEP
             before = s
-            s = min(max(s + min(max(along, -_LONGEST_STEP), _LONGEST_STEP), 0.0), curve.length)
+            s += along
+            if s < 0.0:
+                s = 0.0
+            elif s > length:
+                s = length
             if abs(s - before) < _CLOSE_ENOUGH:
                 break
         self._take(s)
+        if s == began:
+            self._still_at, self._bend_travel = s, -inf
 
     def find(self) -> None:
         """Search the path around s for the point nearest to the pose of the last `locate`.
@@ -122,27 +139,40 @@ class PathFollower:
         """Return the curvature [rad/m] to drive.
 
         `travel` [m] is the distance until the next tick.  To be called after `locate`: the
-        look-ahead begins at the tangent found there.
+        look-ahead begins at the tangent found there.  For a robot that stands, the result for the
+        last travel is kept.
         """
-        ahead = max(_LOOK_AHEAD_TICKS * travel, _LEAST_LOOK_AHEAD)
-        ahead = min(ahead, self._curve.length - self.s)
+        still_at = self._still_at
+        if still_at < inf and travel == self._bend_travel:
+            return self._bend
+        ahead = _LOOK_AHEAD_TICKS * travel
+        if ahead < _LEAST_LOOK_AHEAD:
+            ahead = _LEAST_LOOK_AHEAD
+        left = self._curve.length - self.s
+        if ahead > left:
+            ahead = left
         bend = 0.0
         if ahead > _CLOSE_ENOUGH:
             tx, ty = self._tx, self._ty
             self._tangent_at(self.s + ahead)
-            bend = atan2(tx * self._ty - ty * self._tx, tx * self._tx + ty * self._ty) / ahead
+            ahead_x, ahead_y = self._tx, self._ty
+            bend = atan2(tx * ahead_y - ty * ahead_x, tx * ahead_x + ty * ahead_y) / ahead
+            if still_at < inf:
+                self._tx, self._ty, self._still_at = tx, ty, still_at
         if self.lateral < inf:
             rate = 1.0 / max(SETTLING_LENGTH, _TICKS_TO_SETTLE * travel)
             bend -= rate * (rate * self.lateral + 2.0 * self.heading_error)
-        return min(max(bend, -_SHARPEST), _SHARPEST)
+        self._bend_travel, self._bend = travel, min(max(bend, -_SHARPEST), _SHARPEST)
+        return self._bend
 
     def _take(self, s: float) -> None:
         """Set the robot's place to s, which must be where the tangent was last evaluated."""
-        curve, self.s = self._curve, s
+        curve, tx, ty = self._curve, self._tx, self._ty
+        self.s = s
         dx, dy = self._x - curve.x, self._y - curve.y
-        self.lateral = dy * self._tx - dx * self._ty
+        self.lateral = dy * tx - dx * ty
         self.off = sqrt(dx * dx + dy * dy)
-        self.beyond = dx * self._tx + dy * self._ty if s <= 0.0 or s >= curve.length else 0.0
+        self.beyond = dx * tx + dy * ty if s <= 0.0 or s >= curve.length else 0.0
         self.heading_error = self._turned_from_tangent(self._heading)
 
     def _apart(self, s: float) -> float:
@@ -158,7 +188,9 @@ class PathFollower:
     def _tangent_at(self, s: float) -> None:
         """Evaluate the curve at s and store its direction, unless it has none there."""
         curve = self._curve
-        curve.place(s)
-        size = sqrt(curve.dx * curve.dx + curve.dy * curve.dy)
+        curve.evaluate(curve.parameter_at(s))
+        dx, dy = curve.dx, curve.dy
+        size = sqrt(dx * dx + dy * dy)
         if size > 1e-9:
-            self._tx, self._ty = curve.dx / size, curve.dy / size
+            self._tx, self._ty = dx / size, dy / size
+        self._still_at = inf
