@@ -43,6 +43,7 @@ class Inbox:
         self._lanes: dict[type[Message], deque[tuple[int, Heard]]] = {
             kind: deque(maxlen=depth) for kind, depth in _DEPTHS.items()
         }
+        self._queues = tuple(self._lanes.values())
         self._count = 0
         self._newest = (-1, -1, -1)
 
@@ -68,8 +69,10 @@ class Inbox:
 
         Another thread may `put` meanwhile.
         """
-        waiting = [lane for lane in self._lanes.values() if lane]
-        return min(waiting, key=lambda lane: lane[0][0]).popleft()[1] if waiting else None
+        if not any(self._queues):
+            return None
+        waiting = [lane for lane in self._queues if lane]
+        return min(waiting, key=lambda lane: lane[0][0]).popleft()[1]
 
     def _is_mine(self, robot: str, message: Message) -> bool:
         """Return whether a message is for this robot or for all; `robot`: the name in its key."""

@@ -37,6 +37,8 @@ from robot_agent.loop import PERIOD_NS, FixedRateLoop
 from robot_agent.steady_clock import SteadyClock
 from robot_agent.words import Lasting, phase_in_words, waits_for
 
+_NOWHERE = (0.0, 0.0, 0.0)
+
 _SILENCE_NS = 5 * COMMAND_PERIOD
 """A coordinator from which nothing was received for this long counts as silent."""
 
@@ -270,7 +272,8 @@ class RobotService:
         if pose is None and agent.ride is not None:
             pose = agent.ride.follower.start_pose()
             driver.place(*pose)
-        agent.tick(now_ns, *(pose or (0.0, 0.0, 0.0)))
+        x, y, heading = pose or _NOWHERE
+        agent.tick(now_ns, x, y, heading)
         if agent.drive_turn:
             driver.turn(agent.drive_turn)
         else:

@@ -41,8 +41,9 @@ class Agenda:
 
     def happen(self) -> None:
         """Perform all actions that are due by now."""
-        while self._events and self._events[0][0] <= self.now_ns:
-            _, order, action = heapq.heappop(self._events)
+        events, now_ns = self._events, self.now_ns
+        while events and events[0][0] <= now_ns:
+            _, order, action = heapq.heappop(events)
             again_ns = action()
             if again_ns:
-                heapq.heappush(self._events, (again_ns, order, action))
+                heapq.heappush(events, (again_ns, order, action))

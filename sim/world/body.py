@@ -58,20 +58,21 @@ class SimulatedBody(Driver):
 
     def true_pose(self) -> Pose | None:
         """Return the body's pose without noise."""
-        return None if math.isnan(self.x) else (self.x, self.y, self.heading)
+        x = self.x
+        return None if math.isnan(x) else (x, self.y, self.heading)
 
     def pose(self) -> Pose | None:
         """Return the measured pose."""
-        if math.isnan(self.x) or not self._noise:
+        if not self._noise or math.isnan(self.x):
             return self.true_pose()
         noise = (self._random.gauss(0.0, self._noise), self._random.gauss(0.0, self._noise))
         return self.x + noise[0], self.y + noise[1], self.heading
 
     def drive(self, speed_mps: float, curvature_radpm: float, distance_m: float) -> None:
         """Drive as commanded; the command is valid for WATCHDOG_NS from the last `step`."""
-        self._wanted = max(speed_mps, 0.0)
+        self._wanted = 0.0 if speed_mps < 0.0 else speed_mps
         self._curvature = curvature_radpm
-        self._room = max(distance_m, 0.0)
+        self._room = 0.0 if distance_m < 0.0 else distance_m
         self._turn = 0.0
         self._powered_ns = self.WATCHDOG_NS
 
@@ -86,12 +87,15 @@ class SimulatedBody(Driver):
 
     def step(self, now_ns: int) -> None:
         """Integrate the motion from the last step until now; earlier times are ignored."""
-        now_ns = now_ns if self._clock is None else self._clock()
+        if self._clock is not None:
+            now_ns = self._clock()
         before = now_ns if self._now_ns is None else self._now_ns
-        passed = max(now_ns - before, 0)
+        passed = now_ns - before if now_ns > before else 0
         self._now_ns = before + passed
         driven = min(passed, self._powered_ns)
         self._powered_ns -= driven
+        if not (self._wanted or self.speed or self._turn):
+            return
         ordered = self._ramp(driven / 1e9)
         if ordered >= self._room:
             ordered = self._room

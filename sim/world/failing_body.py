@@ -58,9 +58,10 @@ class FailingBody(SimulatedBody):
 
     def step(self, now_ns: int) -> None:
         """Let time pass, sliding if that is due."""
-        before = now_ns if self._now_ns is None else self._now_ns
+        before = self._now_ns
         super().step(now_ns)
         if self._slide_left:
+            before = now_ns if before is None else before
             way = min(abs(self._slide_left), self._slide_speed * max(now_ns - before, 0) / 1e9)
             way = math.copysign(way, self._slide_left)
             self._slide_left -= way

@@ -42,10 +42,11 @@ class Inhabitant:
     dead: bool = False
     hung: bool = False
     rows: list[Row] = field(default_factory=list)
+    _own_ns: int = 0
 
     def tick(self) -> None:
         """Let one control period pass; without a running program the watchdog stops the motors."""
-        own_ns = self.clock()
+        own_ns = self._own_ns = self.clock()
         if self.dead or self.hung:
             self.body.step(own_ns)
             return
@@ -56,23 +57,23 @@ class Inhabitant:
             self.service.rescue(error, own_ns)
 
     def note(self, now_ns: int, began_ns: int) -> None:
-        """Record the body's true pose; `began_ns` is the virtual time of the first GO."""
-        pose, agent = self.body.true_pose(), self.service.agent
+        """Record the body's true pose, right after `tick`.
+
+        `began_ns` is the virtual time of the first GO.
+        """
+        pose, agent, rows = self.body.true_pose(), self.service.agent, self.rows
         if pose is None:
             return
         s = agent.ride.follower.s if agent.ride is not None else 0.0
-        t, rows = (now_ns - began_ns) / SECOND, self.rows
-        row = (t, *pose, s, PHASE_NAMES[agent.phase], self._estimate(began_ns))
+        t, phase, estimate = (now_ns - began_ns) / SECOND, PHASE_NAMES[agent.phase], None
+        if not (self.dead or self.hung):
+            estimate_ns = self.service.coordinator_time(self._own_ns)
+            estimate = None if estimate_ns is None else (estimate_ns - began_ns) / SECOND
+        row = (t, *pose, s, phase, estimate)
         if len(rows) > 1 and _is_alike(rows[-1], row) and _is_alike(rows[-2], row):
-            rows.pop()
-        rows.append(row)
-
-    def _estimate(self, began_ns: int) -> float | None:
-        """Return the robot's estimate of the time t; a program that is dead or hangs has none."""
-        if self.dead or self.hung:
-            return None
-        estimate_ns = self.service.coordinator_time(self.clock())
-        return None if estimate_ns is None else (estimate_ns - began_ns) / SECOND
+            rows[-1] = row
+        else:
+            rows.append(row)
 
     def blackbox(self) -> BlackBox:
         """Return the recorded rows as a black box."""
@@ -84,7 +85,7 @@ class Inhabitant:
 
 def _is_alike(before: Row, row: Row) -> bool:
     """Return whether two rows differ only in their times."""
-    if before[1:6] != row[1:6]:
+    if before[1] != row[1] or before[2:6] != row[2:6]:
         return False
     one, other = before[6], row[6]
     if one is None or other is None:

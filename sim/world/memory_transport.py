@@ -103,8 +103,9 @@ class MemoryNetwork:
         """Deliver what is due up to now_ns, in order; ValueError when time would run backwards."""
         if now_ns < self.now_ns:
             raise ValueError(f"time would run backwards, from {self.now_ns} ns to {now_ns} ns")
-        while self._due and self._due[0].due_ns <= now_ns:
-            event = heapq.heappop(self._due)
+        due = self._due
+        while due and due[0].due_ns <= now_ns:
+            event = heapq.heappop(due)
             self.now_ns = event.due_ns
             if isinstance(event, _Look):
                 self._liveliness.look(self.now_ns, self._cut)

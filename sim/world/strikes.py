@@ -75,7 +75,9 @@ class Strikes:
     @property
     def coordinator_hangs(self) -> bool:
         """Return whether the coordinator is inactive: it hangs or is dead."""
-        return any(self._is_under(kind, "") for kind in ("coordinator-hang", "coordinator-restart"))
+        if not self._until:
+            return False
+        return self._is_under("coordinator-hang", "") or self._is_under("coordinator-restart", "")
 
     def strike(self, fault: Fault) -> None:
         """Begin a fault; a fault of a dead robot is ignored."""

@@ -158,14 +158,16 @@ class World:
 
     def step(self) -> None:
         """Jump to the next event: a delivery, a tick, a fault or the end of one."""
-        due_ns, arriving_ns = self.agenda.next_ns(), self._network.next_due_ns()
+        agenda, network = self.agenda, self._network
+        due_ns, arriving_ns = agenda.next_ns(), network.next_due_ns()
         if arriving_ns is not None and arriving_ns < due_ns:
             due_ns = arriving_ns
-        self.agenda.now_ns = max(due_ns, self.now_ns)
-        self._network.advance(self.now_ns)
+        if due_ns > agenda.now_ns:
+            agenda.now_ns = due_ns
+        network.advance(agenda.now_ns)
         if not self._strikes.coordinator_hangs:
             self.coordinator.take_arrivals()
-        self.agenda.happen()
+        agenda.happen()
 
     def strike(self, fault: Fault) -> None:
         """Begin a fault now."""
@@ -197,6 +199,11 @@ class World:
     def _inhabitant(
         self, plan: RobotPlan, boot: int, flaws: Flaws, chance: random.Random
     ) -> Inhabitant:
+        agenda = self.agenda
+
+        def truth() -> int:
+            return agenda.now_ns
+
         accel = plan.limits.max_accel if plan.limits is not None else None
         ahead_ns = chance.randrange(-SECOND, SECOND)
         body = FailingBody(
@@ -204,10 +211,10 @@ class World:
             wheel_gain=1.0 + chance.uniform(-flaws.gain, flaws.gain),
             noise=chance.uniform(0.0, flaws.noise),
             seed=boot,
-            clock=lambda: self.now_ns,
+            clock=truth,
         )
         drift_ppm = chance.randint(-flaws.drift_ppm, flaws.drift_ppm)
-        own_clock = RobotClock(lambda: self.now_ns, ahead_ns, drift_ppm)
+        own_clock = RobotClock(truth, ahead_ns, drift_ppm)
         clock = SteadyClock(own_clock)
         service = self._service(plan.id, plan.radius, body, boot, clock)
         return Inhabitant(service, body, own_clock, clock)
@@ -226,11 +233,14 @@ class World:
         )
 
     def _ticker(self, robot: Inhabitant) -> Action:
+        agenda, period_ns = self.agenda, self._period_ns
+
         def tick() -> int:
             robot.tick()
-            if self.began_ns and self.now_ns >= self.began_ns:
-                robot.note(self.now_ns, self.began_ns)
-            return self.now_ns + self._period_ns
+            now_ns, began_ns = agenda.now_ns, self.began_ns
+            if began_ns and now_ns >= began_ns:
+                robot.note(now_ns, began_ns)
+            return now_ns + period_ns
 
         return tick
 
