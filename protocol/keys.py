@@ -6,6 +6,7 @@ Decides: the names of the keys.  Must not know: what is sent on them.
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 from typing import Final
 
 ROOT: Final = "splinefleet"
@@ -51,6 +52,7 @@ def alive(fleet: str, robot: str) -> str:
     return f"{ROOT}/{fleet}/alive/{robot}"
 
 
+@lru_cache(maxsize=1024)
 def split(key: str) -> tuple[str, str, str] | None:
     """Split a key into (fleet, kind, robot); robot is empty for `command`; None for other keys."""
     parts = key.split("/")

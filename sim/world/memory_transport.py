@@ -227,6 +227,7 @@ class MemorySession(Transport):
         self.name = name
         self._network = network
         self._subscriptions: list[tuple[list[str], Handler]] = []
+        self._handlers: dict[str, list[Handler]] = {}
         self._closed = False
 
     def put(self, key: str, payload: bytes) -> None:
@@ -238,6 +239,7 @@ class MemorySession(Transport):
         """Call the handler, from within `advance`, for what other sessions put."""
         if not self._closed:
             self._subscriptions.append((key_expression.split("/"), handler))
+            self._handlers = {}
             self._network.forget_routes()
 
     def declare_alive(self, key: str) -> None:
@@ -267,7 +269,11 @@ class MemorySession(Transport):
 
     def deliver(self, key: str, payload: bytes, sent_ns: int) -> None:
         """Hand a message that has arrived to every handler that subscribes to its key."""
-        parts = key.split("/")
-        for expression, handler in tuple(self._subscriptions):
-            if not self._closed and fits(expression, parts):
+        handlers = self._handlers.get(key)
+        if handlers is None:
+            parts = key.split("/")
+            handlers = [handler for wanted, handler in self._subscriptions if fits(wanted, parts)]
+            self._handlers[key] = handlers
+        for handler in handlers:
+            if not self._closed:
                 handler(key, payload, sent_ns)
