@@ -98,49 +98,36 @@ class Curve:
 
     def evaluate(self, u: float) -> None:
         """Evaluate C(u) and C'(u) by Horner's rule; u is clamped into the domain."""
-        if u < 0.0:
-            u = 0.0
-        elif u > self._last:
-            u = self._last
+        u = min(max(u, 0.0), self.knots[-1])
         piece = self._piece
         if not piece.begin <= u < piece.end:
             piece = self._piece_at(u)
-        t = u - piece.begin
-        if self._is_plain:
-            x0, x1, x2, x3 = piece.xs
-            cubic = x3 * t
-            square = cubic + x2
-            slope = square * t + x1
-            self.x = slope * t + x0
-            self.dx = (cubic + square) * t + slope
-            y0, y1, y2, y3 = piece.ys
-            cubic = y3 * t
-            square = cubic + y2
-            slope = square * t + y1
-            self.y = slope * t + y0
-            self.dy = (cubic + square) * t + slope
-        else:
-            self._evaluate_rational(piece, t)
-
-    def _evaluate_rational(self, piece: _Piece, t: float) -> None:
-        """Evaluate a piece of any degree and weights; cubics of equal weights need less."""
-        xs, ys, ws = piece.xs, piece.ys, piece.ws
-        x = y = w = dx = dy = dw = 0.0
-        for i in self._powers:
-            dx = dx * t + x
-            dy = dy * t + y
-            dw = dw * t + w
-            x = x * t + xs[i]
-            y = y * t + ys[i]
-            w = w * t + ws[i]
-        self.x = x = x / w
-        self.y = y = y / w
-        self.dx = (dx - dw * x) / w
-        self.dy = (dy - dw * y) / w
+        self._evaluate(piece, u - piece.begin)
 
     def place(self, s: float) -> None:
-        """Evaluate the curve at arc length s [m], clamped to [0, length]."""
-        self.evaluate(self.parameter_at(s))
+        """Evaluate the curve at arc length s [m], clamped to [0, length].
+
+        A robot does so several times a tick, nearly always on a cubic whose weights are all 1:
+        that case is spelled out.  The result is that of `evaluate` to the last bit.
+        """
+        u = self.parameter_at(s)
+        piece = self._piece
+        if not (self._is_plain and piece.begin <= u < piece.end and u <= self._last):
+            self.evaluate(u)
+            return
+        t = u - piece.begin
+        x0, x1, x2, x3 = piece.xs
+        cubic = x3 * t
+        square = cubic + x2
+        slope = square * t + x1
+        self.x = slope * t + x0
+        self.dx = (cubic + square) * t + slope
+        y0, y1, y2, y3 = piece.ys
+        cubic = y3 * t
+        square = cubic + y2
+        slope = square * t + y1
+        self.y = slope * t + y0
+        self.dy = (cubic + square) * t + slope
 
     def parameter_at(self, s: float) -> float:
         """Return the parameter u at arc length s: a cubic Hermite piece per cell of the table."""
@@ -155,6 +142,21 @@ class Curve:
         rest = 1.0 - part
         value = rest * rest * ((1.0 + 2.0 * part) * u0 + part * m0)
         return value + part * part * ((3.0 - 2.0 * part) * u1 - rest * m1)
+
+    def _evaluate(self, piece: _Piece, t: float) -> None:
+        xs, ys, ws = piece.xs, piece.ys, piece.ws
+        x = y = w = dx = dy = dw = 0.0
+        for i in self._powers:
+            dx = dx * t + x
+            dy = dy * t + y
+            dw = dw * t + w
+            x = x * t + xs[i]
+            y = y * t + ys[i]
+            w = w * t + ws[i]
+        self.x = x = x / w
+        self.y = y = y / w
+        self.dx = (dx - dw * x) / w
+        self.dy = (dy - dw * y) / w
 
     def _find_cell(self, s: float) -> None:
         """Go to the cell of an arc length in the table, and keep its numbers."""

@@ -64,6 +64,10 @@ class Inbox:
         self._count += 1
         lane.append((self._count, Heard(place[0], message, heard_ns)))
 
+    def is_empty(self) -> bool:
+        """Return whether no message waits."""
+        return not any(self._queues)
+
     def take(self) -> Heard | None:
         """Remove and return the waiting message that arrived first; None when none waits.
 

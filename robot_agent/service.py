@@ -181,7 +181,8 @@ class RobotService:
 
     def tick(self, now_ns: int) -> bool:
         """Receive, read the pose, decide, drive, send, record; return False at the end."""
-        self._hear(now_ns)
+        if not self.inbox.is_empty():
+            self._hear(now_ns)
         self._move(now_ns)
         self._speak(now_ns)
         return self.refusal is None and not self.agent.may_leave(now_ns)

@@ -201,7 +201,7 @@ class Agent:
         self.drive_speed = self.drive_curvature = self.drive_distance = self.drive_turn = 0.0
         if ride is None:
             return
-        if phase == ARMED and not self._knows_time(ride, now_ns):
+        if phase == ARMED and not self.clock.is_within(ride.clock_error_ns, now_ns):
             self._disarm(now_ns)
         if self.phase == IDLE:
             self._try_to_arm(ride, now_ns, x, y, heading)
@@ -211,6 +211,29 @@ class Agent:
             ride.follower.locate(x, y, heading)
             if ride.has_left_goal():
                 self._fail(OFF_PATH, now_ns)
+
+    def quiet_until(self, now_ns: int) -> int:
+        """Return until when [ns] ticks change nothing and nothing is to be sent.
+
+        That is so for a robot that is at its goal or frozen, after a tick in which it has sent what
+        was due, as long as it hears nothing, its pose stays the same, and no tick is late.  A shell
+        may then call `skip` instead of `tick`.  The result is `now_ns` if there is more to do.
+        """
+        ride = self.ride
+        if ride is None or self._reported != (self.epoch, self.phase, self.fault):
+            return now_ns
+        if self.phase == FROZEN or (self.phase == DONE and ride.follower.is_still()):
+            enough = ride.clock_error_ns - CLOCK_RESERVE
+            return min(self._reported_ns + REPORT_PERIOD, self.clock.quiet_until(enough))
+        return now_ns
+
+    def skip(self, now_ns: int) -> bool:
+        """Take the place of a tick that changes nothing; False if the tick is late."""
+        if now_ns - self._ticked_ns > self._late_tick_ns:
+            return False
+        self._ticked_ns = now_ns
+        self.clock.skip(now_ns)
+        return True
 
     def report_due(self, now_ns: int) -> bool:
         """Return whether to report now; if so, the report counts as sent."""
@@ -261,7 +284,7 @@ class Agent:
         if not stands:
             return
         self._unsure += self._passed
-        if self.clock.error_ns(now_ns) <= ride.clock_error_ns - CLOCK_RESERVE:
+        if self.clock.is_within(ride.clock_error_ns - CLOCK_RESERVE, now_ns):
             self._unsure = 0.0
             self._apply(transitions.READY, now_ns)
         elif self._unsure > CLOCK_PATIENCE:
@@ -297,9 +320,6 @@ class Agent:
             self._apply(transitions.ARRIVED, now_ns)
         else:
             ride.keep_to_plan(now)
-
-    def _knows_time(self, ride: Ride, now_ns: int) -> bool:
-        return self.clock.error_ns(now_ns) <= ride.clock_error_ns
 
     def _lose_clock(self, now_ns: int) -> None:
         """Synchronise the clock anew."""
@@ -349,6 +369,6 @@ class Agent:
 
         Without a known time it is so many seconds after the one that the robot drove by last.
         """
-        if self._knows_time(ride, now_ns):
+        if self.clock.is_within(ride.clock_error_ns, now_ns):
             return (now_ns + self.clock.offset_ns - self._start_ns) / SECOND
         return ride.time + passed

@@ -38,6 +38,7 @@ class ClockSync:
         self._middle_ns = 0
         self._asked_ns = self._since_ns = -_UNKNOWN
         self._asked = self._followed_ns = 0
+        self._period_ns = CLOCK_PERIOD_FAST  # How long to wait with the next question while unsure.
         self._slewing = self._compares = False
 
     def start_over(self, now_ns: int) -> None:
@@ -103,32 +104,44 @@ class ClockSync:
         while it moves.
         """
         passed = now_ns - self._asked_ns
-        if passed < CLOCK_PERIOD_FAST:
+        if passed < self._period_ns:
             return False
-        if passed < self._period():
-            return False
-        rarely = (moving or self.good >= CLOCK_SAMPLES) and self.error_ns(now_ns) <= enough_ns
+        rarely = (moving or self.good >= CLOCK_SAMPLES) and self.is_within(enough_ns, now_ns)
         if rarely and passed < CLOCK_PERIOD:
             return False
         self._asked_ns = now_ns
         self._asked = 0 if rarely else self._asked + 1
+        self._period_ns = min(CLOCK_PERIOD_FAST * (1 + self._asked // CLOCK_SAMPLES), CLOCK_PERIOD)
         return True
 
-    def _period(self) -> int:
-        """Return how long [ns] after a question to wait with the next one while unsure."""
-        period = CLOCK_PERIOD_FAST * (1 + self._asked // CLOCK_SAMPLES)
-        return period if period < CLOCK_PERIOD else CLOCK_PERIOD
+    def quiet_until(self, enough_ns: int) -> int:
+        """Return a time [ns] before which a robot that stands asks nothing, if it hears nothing."""
+        until_ns = self._asked_ns + CLOCK_PERIOD
+        if self.good >= CLOCK_SAMPLES and self.is_within(enough_ns, until_ns):
+            return until_ns
+        return self._asked_ns + self._period_ns
+
+    def skip(self, now_ns: int) -> None:
+        """Take the place of `follow` for a robot that stands and has heard nothing since."""
+        self._followed_ns = now_ns
 
     def error_ns(self, now_ns: int) -> int:
         """Return the bound [ns] on the offset's error; enormous while the offset is not known."""
         if not self.good:
             return _UNKNOWN
         above, below = self._high_ns - self.offset_ns, self.offset_ns - self._low_ns
-        return (above if above > below else below) + _drift(now_ns - self._at_ns)
+        return max(above, below) + _drift(now_ns - self._at_ns)
+
+    def is_within(self, limit_ns: int, now_ns: int) -> bool:
+        """Return whether `error_ns` is at most `limit_ns`; asked in every tick, so spelled out."""
+        above, below = self._high_ns - self.offset_ns, self.offset_ns - self._low_ns
+        room = limit_ns - (above if above > below else below)
+        return self.good > 0 and (now_ns - self._at_ns) * DRIFT_PPM < room * 1_000_000
 
     def _doubt(self, now_ns: int) -> None:
         self._since_ns, self._asked_ns = now_ns, -_UNKNOWN
         self.good = self._asked = 0
+        self._period_ns = CLOCK_PERIOD_FAST
 
     def _widened(self, now_ns: int) -> tuple[int, int]:
         """Return the interval [ns] that the offset is in now."""

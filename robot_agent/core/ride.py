@@ -155,7 +155,7 @@ class Ride:
         It counts as being where it seems to be, or as far ahead of that as it may be off.
         """
         self.stamp_ms, self.late = now_ms, 0
-        reached = self.follower.s + self._bearable()
+        reached = self.follower.s + min(self._slack, self.track - self.follower.off)
         if reached < self._timeline.s_at(now_ms / 1000.0) or now_ms > MOST_STAMP:
             passed_ms = floor(1000.0 * self._timeline.time_at(max(reached, 0.0)))
             self.late = max(-((passed_ms - now_ms) // LATE_STEP_MS), 0)
@@ -164,8 +164,16 @@ class Ride:
         self.stamp_ms = max(self.stamp_ms, -MOST_STAMP)
 
     def _lags(self, time: float) -> bool:
-        """Return whether the robot is more than GRACE behind a plan time."""
-        return not self.follower.s >= self._timeline.s_at(time - GRACE) - self._bearable()
+        """Return whether the robot is more than GRACE behind a plan time.
+
+        It may seem to be behind by what its distance off the path leaves of the track tolerance,
+        but by no more than the slack.
+        """
+        follower = self.follower
+        bearable = self.track - follower.off
+        if bearable > self._slack:
+            bearable = self._slack
+        return not follower.s >= self._timeline.s_at(time - GRACE) - bearable
 
     def stands_at_start(self, x: float, y: float, heading: float) -> tuple[bool, int, float]:
         """Return whether the robot may start from a pose, else its fault, else its turn [rad].
@@ -242,8 +250,7 @@ class Ride:
             self._brake_on()
             return
         self._holds = False
-        self._advance(now)
-        time = self.time
+        self.time = time = self._advanced(now) if self._lags(now) else now
         planned = timeline.s_at(time)
         speed = (timeline.s_at(time + period) - planned) / period
         lag = planned - s
@@ -261,30 +268,33 @@ class Ride:
             room = self._within_authority(room)
         self._reach(room)
 
-    def _advance(self, now: float) -> None:
-        """Move the plan time [s] to drive by: to now, or less far if the robot is late.
+    def _advanced(self, now: float) -> float:
+        """Return the plan time [s] by which a robot drives that lags behind now.
 
-        A late robot's time runs as fast as its greatest speed allows, ends waits at once, and
-        stands still while the robot does not follow.
+        It runs as fast as the robot's greatest speed allows, ends waits at once, and stands still
+        while the robot does not follow.
         """
-        if not self._lags(now):
-            self.time = now
-        elif not self._lags(self.time):
-            time = self._timeline.rest_until(self.time)
-            self.time = min(time + self._rate * self._period, now)
+        if self._lags(self.time):
+            return self.time
+        time = self._timeline.rest_until(self.time)
+        return min(time + self._rate * self._period, now)
 
     def _within_authority(self, room: float) -> float:
         """Return the room [m] that is left, at most to where the authority ends; limit the speed.
 
         The speed is such that the robot can brake before that place after REACTION_TICKS.
         """
-        left = max(self._granted - self.follower.s, 0.0)
+        left = self._granted - self.follower.s
+        if left < 0.0:
+            left = 0.0
         if self._brake == inf:
-            self.speed = min(self.speed, left / self._reaction)
+            most = left / self._reaction
         else:
             lost = self._brake * self._reaction
-            self.speed = min(self.speed, sqrt(lost * lost + 2.0 * self._brake * left) - lost)
-        return min(room, left)
+            most = sqrt(lost * lost + 2.0 * self._brake * left) - lost
+        if self.speed > most:
+            self.speed = most
+        return room if room < left else left
 
     def begin_to_brake(self) -> None:
         """Start to brake, from the commanded speed or the measured one, whichever is less.
@@ -326,14 +336,6 @@ class Ride:
     def hold(self) -> None:
         """Command the robot to stand until the next tick."""
         self.speed = self.curvature = self.distance = 0.0
-
-    def _bearable(self) -> float:
-        """Return how far [m] behind its plan the robot may seem to be without counting as late.
-
-        This is at most what its distance off the path leaves of the track tolerance.
-        """
-        spare = self.track - self.follower.off
-        return spare if spare < self._slack else self._slack
 
     def _reach(self, distance: float) -> None:
         self.distance = distance if distance > 0.0 else 0.0

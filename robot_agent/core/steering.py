@@ -100,6 +100,10 @@ class PathFollower:
         if s == began:
             self._still_at, self._bend_travel = s, -inf
 
+    def is_still(self) -> bool:
+        """Return whether `locate` changes nothing as long as the pose stays the same."""
+        return self._still_at < inf
+
     def find(self) -> None:
         """Search the path around s for the point nearest to the pose of the last `locate`.
 
@@ -188,7 +192,7 @@ class PathFollower:
     def _tangent_at(self, s: float) -> None:
         """Evaluate the curve at s and store its direction, unless it has none there."""
         curve = self._curve
-        curve.evaluate(curve.parameter_at(s))
+        curve.place(s)
         dx, dy = curve.dx, curve.dy
         size = sqrt(dx * dx + dy * dy)
         if size > 1e-9:

@@ -63,8 +63,10 @@ class SimulatedBody(Driver):
 
     def pose(self) -> Pose | None:
         """Return the measured pose."""
-        if not self._noise or math.isnan(self.x):
-            return self.true_pose()
+        if not self._noise and not math.isnan(self.x):
+            return self.x, self.y, self.heading
+        if math.isnan(self.x):
+            return None
         noise = (self._random.gauss(0.0, self._noise), self._random.gauss(0.0, self._noise))
         return self.x + noise[0], self.y + noise[1], self.heading
 
@@ -92,18 +94,20 @@ class SimulatedBody(Driver):
         before = now_ns if self._now_ns is None else self._now_ns
         passed = now_ns - before if now_ns > before else 0
         self._now_ns = before + passed
-        driven = min(passed, self._powered_ns)
+        driven = passed if passed < self._powered_ns else self._powered_ns
         self._powered_ns -= driven
         if not (self._wanted or self.speed or self._turn):
             return
-        ordered = self._ramp(driven / 1e9)
+        seconds = driven / 1e9
+        ordered = seconds * self.speed if self.speed == self._wanted else self._ramp(seconds)
         if ordered >= self._room:
             ordered = self._room
             self.speed = 0.0
         if passed > driven:
             self.speed = 0.0
         self._room -= ordered
-        self._roll(ordered * self._gain)
+        if ordered > 0.0:
+            self._roll(ordered * self._gain)
         if self._turn and not self.speed:
             most = TURN_RATE * driven / 1e9
             angle = min(max(self._turn, -most), most)

@@ -46,7 +46,12 @@ class FailingBody(SimulatedBody):
         if self._failing:
             self._failing = False
             raise DriverError("the base does not answer")
-        return super().pose()
+        return SimulatedBody.pose(self)
+
+    def is_still(self) -> bool:
+        """Return whether the body keeps its pose, measured and true, until it is driven again."""
+        moves = self.speed or self._wanted or self._turn or self._slide_left
+        return not (moves or self._noise or self._failing)
 
     def turn(self, angle_rad: float) -> None:
         """Turn as commanded, unless stalled."""
@@ -54,12 +59,14 @@ class FailingBody(SimulatedBody):
 
     def drive(self, speed_mps: float, curvature_radpm: float, distance_m: float) -> None:
         """Drive as commanded, unless stalled."""
-        super().drive(0.0 if self._stalled else speed_mps, curvature_radpm, distance_m)
+        if self._stalled:
+            speed_mps = 0.0
+        SimulatedBody.drive(self, speed_mps, curvature_radpm, distance_m)
 
     def step(self, now_ns: int) -> None:
         """Let time pass, sliding if that is due."""
         before = self._now_ns
-        super().step(now_ns)
+        SimulatedBody.step(self, now_ns)
         if self._slide_left:
             before = now_ns if before is None else before
             way = min(abs(self._slide_left), self._slide_speed * max(now_ns - before, 0) / 1e9)

@@ -14,7 +14,7 @@ import numpy as np
 
 from protocol.phases import PHASE_NAMES
 from protocol.timing import MILLISECOND, SECOND
-from robot_agent.driver import DriverError
+from robot_agent.driver import DriverError, Pose
 from robot_agent.service import RobotService
 from sim.judging.blackbox import BlackBox
 from sim.world.failing_body import FailingBody
@@ -43,6 +43,12 @@ class Inhabitant:
     hung: bool = False
     rows: list[Row] = field(default_factory=list)
     _own_ns: int = 0
+    _quiet_until_ns: int = 0
+    _quiet_pose: Pose | None = None
+
+    def run(self, service: RobotService) -> None:
+        """Let the robot run another program."""
+        self.service, self._quiet_until_ns = service, 0
 
     def tick(self) -> None:
         """Let one control period pass; without a running program the watchdog stops the motors."""
@@ -50,11 +56,25 @@ class Inhabitant:
         if self.dead or self.hung:
             self.body.step(own_ns)
             return
+        if own_ns < self._quiet_until_ns and self._rests_on(own_ns):
+            return
+        service = self.service
+        self._quiet_until_ns = own_ns
         try:
-            self.service.tick(own_ns)
+            service.tick(own_ns)
+            if not self.body.speed and self.body.is_still():
+                self._quiet_until_ns = service.agent.quiet_until(own_ns)
+                self._quiet_pose = self.body.true_pose()
         except DriverError as error:
             self.body.stop()
             self.service.rescue(error, own_ns)
+
+    def _rests_on(self, own_ns: int) -> bool:
+        """Skip a tick of a robot that rests, because it would change nothing; False if it may."""
+        body, service = self.body, self.service
+        if not body.is_still() or body.true_pose() != self._quiet_pose:
+            return False
+        return service.inbox.is_empty() and service.agent.skip(own_ns)
 
     def note(self, now_ns: int, began_ns: int) -> None:
         """Record the body's true pose, right after `tick`.
@@ -70,7 +90,8 @@ class Inhabitant:
             estimate_ns = self.service.coordinator_time(self._own_ns)
             estimate = None if estimate_ns is None else (estimate_ns - began_ns) / SECOND
         row = (t, *pose, s, phase, estimate)
-        if len(rows) > 1 and _is_alike(rows[-1], row) and _is_alike(rows[-2], row):
+        is_as_before = len(rows) > 1 and rows[-1][1] == row[1]
+        if is_as_before and _is_alike(rows[-1], row) and _is_alike(rows[-2], row):
             rows[-1] = row
         else:
             rows.append(row)
@@ -85,7 +106,7 @@ class Inhabitant:
 
 def _is_alike(before: Row, row: Row) -> bool:
     """Return whether two rows differ only in their times."""
-    if before[1] != row[1] or before[2:6] != row[2:6]:
+    if before[1:6] != row[1:6]:
         return False
     one, other = before[6], row[6]
     if one is None or other is None:

@@ -188,9 +188,8 @@ class World:
         robot.body.stop()
         if place is not None:
             robot.body.place(*place)
-        robot.service = self._service(
-            name, robot.service.robot.radius, robot.body, boot, robot.clock
-        )
+        radius = robot.service.robot.radius
+        robot.run(self._service(name, radius, robot.body, boot, robot.clock))
 
     def blackboxes(self) -> dict[str, BlackBox]:
         """Return every robot's black box."""
