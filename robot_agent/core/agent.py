@@ -298,10 +298,20 @@ class Agent:
             self._apply(transitions.NOT_READY, now_ns)
 
     def _drive(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> None:
-        """Follow the plan or brake, and take over what the ride commands."""
+        """Follow the plan by the clock, or brake, and take over what the ride commands.
+
+        Without a known time the robot drives at its plan's pace.
+        """
         ride.follower.locate(x, y, heading)
         if self.phase == MOVING:
-            self._keep_to_plan(ride, now_ns)
+            now = self._plan_time(ride, now_ns, self._passed)
+            fault = ride.trouble()
+            if fault != NO_FAULT:
+                self._fail(fault, now_ns)
+            elif ride.arrived():
+                self._apply(transitions.ARRIVED, now_ns)
+            else:
+                ride.keep_to_plan(now)
         if self.phase == BRAKING:
             ride.keep_braking()
             if ride.rests(x, y):
@@ -309,17 +319,6 @@ class Agent:
                 self._apply(transitions.ARRIVED if there else transitions.AT_REST, now_ns)
         self.drive_speed, self.drive_distance = ride.speed, ride.distance
         self.drive_curvature = ride.curvature
-
-    def _keep_to_plan(self, ride: Ride, now_ns: int) -> None:
-        """Follow the plan by the clock; without a known time, at the plan's pace."""
-        now = self._plan_time(ride, now_ns, self._passed)
-        fault = ride.trouble()
-        if fault != NO_FAULT:
-            self._fail(fault, now_ns)
-        elif ride.arrived():
-            self._apply(transitions.ARRIVED, now_ns)
-        else:
-            ride.keep_to_plan(now)
 
     def _lose_clock(self, now_ns: int) -> None:
         """Synchronise the clock anew."""

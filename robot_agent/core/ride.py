@@ -266,7 +266,8 @@ class Ride:
         room = timeline.s_at(time + HOLD_OUT) - s
         if self._authority < time + self._foresight:
             room = self._within_authority(room)
-        self._reach(room)
+        self.distance = room if room > 0.0 else 0.0
+        self.curvature = self.follower.curvature(self.speed * period)
 
     def _advanced(self, now: float) -> float:
         """Return the plan time [s] by which a robot drives that lags behind now.
@@ -319,7 +320,8 @@ class Ride:
         self.speed = max(self._brake_speed - fell, 0.0)
         later = self.time + passed + HOLD_OUT
         room = self._timeline.s_at(min(later, self._authority)) - self.follower.s
-        self._reach(min(room, self.speed * HOLD_OUT))
+        self.distance = max(min(room, self.speed * HOLD_OUT), 0.0)
+        self.curvature = self.follower.curvature(self.speed * self._period)
 
     def rests(self, x: float, y: float) -> bool:
         """Return whether the robot is at rest; to be called every tick while it brakes."""
@@ -336,7 +338,3 @@ class Ride:
     def hold(self) -> None:
         """Command the robot to stand until the next tick."""
         self.speed = self.curvature = self.distance = 0.0
-
-    def _reach(self, distance: float) -> None:
-        self.distance = distance if distance > 0.0 else 0.0
-        self.curvature = self.follower.curvature(self.speed * self._period)

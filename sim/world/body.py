@@ -98,8 +98,7 @@ class SimulatedBody(Driver):
         self._powered_ns -= driven
         if not (self._wanted or self.speed or self._turn):
             return
-        seconds = driven / 1e9
-        ordered = seconds * self.speed if self.speed == self._wanted else self._ramp(seconds)
+        ordered = self._ramp(driven / 1e9)
         if ordered >= self._room:
             ordered = self._room
             self.speed = 0.0
@@ -116,13 +115,15 @@ class SimulatedBody(Driver):
 
     def _ramp(self, seconds: float) -> float:
         """Change speed towards the commanded one; return the distance [m] travelled meanwhile."""
-        change = self._wanted - self.speed
-        ramp, end = abs(change) / self._accel, self._wanted
+        speed, end = self.speed, self._wanted
+        if speed == end:
+            return end * seconds
+        change = end - speed
+        ramp = abs(change) / self._accel
         if ramp > seconds:
-            ramp, end = seconds, self.speed + math.copysign(seconds * self._accel, change)
-        way = 0.5 * (self.speed + end) * ramp + end * (seconds - ramp)
+            ramp, end = seconds, speed + math.copysign(seconds * self._accel, change)
         self.speed = end
-        return way
+        return 0.5 * (speed + end) * ramp + end * (seconds - ramp)
 
     def _roll(self, way: float) -> None:
         """Move along an arc of the commanded curvature."""

@@ -23,6 +23,7 @@ from sim.world.robot_clock import RobotClock
 Row = tuple[float, float, float, float, float, str, float | None]
 """t, x, y, heading, s, phase, estimate: as in a black box file; an unknown estimate is None."""
 
+_AWAKE: Final = -(1 << 62)
 _SAME_ERROR: Final = MILLISECOND / SECOND
 """Clock errors that differ by less [s] count as the same."""
 
@@ -43,12 +44,12 @@ class Inhabitant:
     hung: bool = False
     rows: list[Row] = field(default_factory=list)
     _own_ns: int = 0
-    _quiet_until_ns: int = 0
+    _quiet_until_ns: int = _AWAKE
     _quiet_pose: Pose | None = None
 
     def run(self, service: RobotService) -> None:
         """Let the robot run another program."""
-        self.service, self._quiet_until_ns = service, 0
+        self.service, self._quiet_until_ns = service, _AWAKE
 
     def tick(self) -> None:
         """Let one control period pass; without a running program the watchdog stops the motors."""
@@ -59,7 +60,7 @@ class Inhabitant:
         if own_ns < self._quiet_until_ns and self._rests_on(own_ns):
             return
         service = self.service
-        self._quiet_until_ns = own_ns
+        self._quiet_until_ns = _AWAKE
         try:
             service.tick(own_ns)
             if not self.body.speed and self.body.is_still():
@@ -81,17 +82,19 @@ class Inhabitant:
 
         `began_ns` is the virtual time of the first GO.
         """
-        pose, agent, rows = self.body.true_pose(), self.service.agent, self.rows
+        pose, service, rows = self.body.true_pose(), self.service, self.rows
         if pose is None:
             return
-        s = agent.ride.follower.s if agent.ride is not None else 0.0
-        t, phase, estimate = (now_ns - began_ns) / SECOND, PHASE_NAMES[agent.phase], None
+        agent, t = service.agent, (now_ns - began_ns) / SECOND
+        ride, estimate = agent.ride, None
+        s = ride.follower.s if ride is not None else 0.0
         if not (self.dead or self.hung):
-            estimate_ns = self.service.coordinator_time(self._own_ns)
-            estimate = None if estimate_ns is None else (estimate_ns - began_ns) / SECOND
-        row = (t, *pose, s, phase, estimate)
-        is_as_before = len(rows) > 1 and rows[-1][1] == row[1]
-        if is_as_before and _is_alike(rows[-1], row) and _is_alike(rows[-2], row):
+            estimate_ns = service.coordinator_time(self._own_ns)
+            if estimate_ns is not None:
+                estimate = (estimate_ns - began_ns) / SECOND
+        row = (t, *pose, s, PHASE_NAMES[agent.phase], estimate)
+        has_stood = len(rows) > 1 and rows[-1][1] == pose[0] and rows[-2][1] == pose[0]
+        if has_stood and _is_alike(rows[-1], row) and _is_alike(rows[-2], row):
             rows[-1] = row
         else:
             rows.append(row)
