@@ -21,6 +21,10 @@ _LEAST_LOOK_AHEAD = 0.002
 _SHARPEST = 50.0
 _LONGEST_STEP = 0.05
 _CLOSE_ENOUGH = 2e-4
+_STILL = 1e-9
+"""A robot whose pose stays the same is not located again once s changes by less than this [m]: the
+last bits of s would never come to rest."""
+
 _BESIDE = 2e-3
 """A place found on the path is right if the robot is at most this far [m] before or behind it."""
 
@@ -46,7 +50,7 @@ class PathFollower:
         self._x = self._y = self._heading = inf
         self._tx = 1.0
         self._ty = 0.0
-        self._still_at = inf  # s, if the last `locate` did not change it and still holds.
+        self._still_at = inf  # s, if the last `locate` hardly changed it and still holds.
         self._bend_travel, self._bend = -inf, 0.0
 
     def start_pose(self) -> tuple[float, float, float]:
@@ -97,7 +101,7 @@ class PathFollower:
             if abs(s - before) < _CLOSE_ENOUGH:
                 break
         self._take(s)
-        if s == began:
+        if abs(s - began) < _STILL:
             self._still_at, self._bend_travel = s, -inf
 
     def is_still(self) -> bool:
