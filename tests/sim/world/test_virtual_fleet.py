@@ -12,6 +12,7 @@ from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario
 from protocol.phases import GO, OVER
 from protocol.timing import CLOCK_ERROR, MILLISECOND, SECOND
+from robot_agent.core.agent import Agent
 from sim.campaigns.truth import arrived, touches
 from sim.floors.generator import generate
 from sim.judging.judge import judge_boxes
@@ -120,6 +121,31 @@ def test_the_same_seed_gives_the_same_run(scenario, document):
         rows.append({name: robot.rows for name, robot in world.robots.items()})
     assert rows[0] == rows[1]
     assert len(rows[0]["R1"]) > 100
+
+
+def test_skipped_ticks_change_nothing(scenario, document, monkeypatch):
+    """Robots rest at their goals while one is pushed, one's base fails and one's clock is set."""
+
+    def seen():
+        faults = [
+            Fault("driver-error", "R1", 14.0),
+            Fault("clock-jump", "R2", 15.0, -0.5),
+            Fault("hang", "R3", 16.0, 0.5),
+            Fault("stall", "R3", 5.0, 2.0),
+        ]
+        world = struck(scenario, document, *faults, seed=2)
+        push(world.robots["R2"].body, 0.001, 0.0)
+        world.go_on(1.0)
+        clocks = [vars(robot.service.agent.clock) for robot in world.robots.values()]
+        return {name: robot.rows for name, robot in world.robots.items()}, clocks
+
+    skipped = []
+    skip = Agent.skip
+    monkeypatch.setattr(Agent, "skip", lambda *told: skipped.append(told[1]) or skip(*told))
+    with_skips = seen()
+    assert len(skipped) > 100
+    monkeypatch.setattr(Agent, "quiet_until", lambda _, now_ns: now_ns)
+    assert seen() == with_skips
 
 
 @pytest.mark.parametrize("seed", range(4))
