@@ -112,7 +112,9 @@ def recorded(tmp_path, scenario):
         ],
     )
     hand = Hand()
-    service = Service(_mission(scenario, document), hand, recorder, Clock(), speed=1000.0)
+    service = Service(
+        _mission(scenario, document), hand, recorder, Clock(20 * MILLISECOND), speed=1000.0
+    )
     yield service, hand, recorder
     recorder.close()
 

@@ -123,10 +123,10 @@ def test_whose_link_comes_back_after_over_was_said_is_not_expected():
     """A coordinator that hangs between its farewells goes on with them later."""
     alone = generate("open", 1, 1)
     scenario, document = plan_for(alone, GOOD, None)
-    faults = [Fault("cut", "R1", 3.0, 14.0), Fault("coordinator-hang", "", 12.6, 6.0)]
+    faults = [Fault("cut", "R1", 3.0, 19.0), Fault("coordinator-hang", "", 17.6, 6.0)]
     outcome = run_one(scenario, document, 1, faults)
     assert outcome.over
-    assert outcome.seconds < 12.6
+    assert outcome.seconds < 17.6
     assert outcome.excused == {"R1": "cut"}
     assert outcome.violations == ()
 
