@@ -186,7 +186,8 @@ class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
 
     `stamp_ms` is the plan time at which the report was made.  `late` is how far behind its plan the
     robot was then, in steps of LATE_STEP_MS, rounded up: it has passed plan time stamp - late.  A
-    robot that does not drive states no stamp.  `revision`: the course that it drives.
+    robot that does not drive states no stamp.  `revision`: the newest course that it holds; it
+    drives that course from the plan time on at which the course begins.
     """
 
     boot: Counter

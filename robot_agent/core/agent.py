@@ -17,6 +17,9 @@ The rules:
   one that is told to.  It moves again only with the plan of a later epoch.
 - When another coordinator takes over, the robot learns its clock; before motion it also drops the
   old one's plan (leader.py).  Once it has moved, it obeys the coordinators of its own run alone.
+- A robot that drives, or is at its goal, holds at most one newer course of its epoch, and changes
+  to it where that begins.  It does not take one whose beginning it has passed, or one that its
+  course does not lead into.
 - A robot accepts a plan when it is idle or armed and the plan's coordinator and epoch are those of
   the newest Command (or no Command has been heard yet).  It arms when it also stands at the plan's
   start and knows the time well enough; until then it reports why it does not.
@@ -65,6 +68,7 @@ CLOCK_PATIENCE = 3.0
 """A robot at its start that cannot learn the time for this long [s] arms without it."""
 
 _ON_ITS_WAY = (MOVING, BRAKING)
+_WITH_COURSE = (MOVING, BRAKING, DONE)
 _NEVER = -(1 << 62)
 
 
@@ -76,8 +80,9 @@ class Agent:
     To be read after `report_due`: report_sequence, epoch, phase, fault and report_s [m] or None;
     when report_s is a number, the other numbers of `rest` are to be reported with it.  The report
     states report_stamp_ms, unless it is NOTHING, and report_late, in steps of LATE_STEP_MS, and
-    `revision`.  A Command says how far the robot with `number` may drive.
-    `ride` is the plan that the robot holds, with its position on the path, or None.
+    `revision`, the newest course that it holds.  A Command says how far the robot with `number` may
+    drive.
+    `ride` is the course that the robot drives, with its position on the path, or None.
     """
 
     def __init__(self, max_speed: float = 0.0, period_ns: int = SECOND // 100) -> None:
@@ -85,6 +90,7 @@ class Agent:
         self.epoch = self.number = self.revision = 0
         self.finished = False
         self.ride: Ride | None = None
+        self._coming: Ride | None = None
         self.drive_speed = self.drive_curvature = self.drive_distance = self.drive_turn = 0.0
         self.report_sequence = 0
         self.report_s: float | None = None
@@ -97,7 +103,7 @@ class Agent:
         self._passed = 0.0  # How long [s] the wheels may have turned since the last tick.
         self._leader = Leader()
         self._spent_epoch = self._start_ns = 0
-        self._reported = (0, 0, 0)
+        self._reported = (0, 0, 0, 0)
         self._reported_ns = self._hello_ns = _NEVER
 
     def hear_command(
@@ -161,12 +167,17 @@ class Agent:
     ) -> None:
         """Process a plan (see Ride for its parts); `boot` is the boot id of its coordinator.
 
-        A plan that is not valid is reported as BAD_PLAN and discarded.
+        A plan that is not valid is reported as BAD_PLAN and discarded; a newer course that is not
+        valid, or that the robot cannot change to, is discarded.
         """
         leader = self._leader
         if leader.boot < 0:
             leader.boot, leader.epoch = boot, epoch
         if boot != leader.boot or epoch != leader.epoch:
+            return
+        if epoch == self.epoch and self.ride is not None and self.phase in (MOVING, DONE):
+            if number == self.number and revision > self.revision:
+                self._hear_course(self.ride, revision, rules, path, motion)
             return
         if self.phase not in (IDLE, ARMED) or epoch <= max(self.epoch, self._spent_epoch):
             return
@@ -177,6 +188,23 @@ class Agent:
             self.epoch, self.number, self.revision = epoch, number, revision
         except (ValueError, ArithmeticError, IndexError):
             self.fault = BAD_PLAN
+
+    def _hear_course(
+        self,
+        ride: Ride,
+        revision: int,
+        rules: tuple[int, int, int],
+        path: tuple[int, list[float], list[float], list[float], list[float]],
+        motion: tuple[list[float], list[float], list[float], list[float], float],
+    ) -> None:
+        """Hold a newer course, if the one that the robot drives leads into it."""
+        try:
+            coming = Ride(self.epoch, rules, path, motion, self._max_speed, self._period)
+        except (ValueError, ArithmeticError, IndexError):
+            return
+        if ride.leads_into(coming):
+            ride.end_with(coming)
+            self._coming, self.revision = coming, revision
 
     def hear_clock(self, sent_ns: int, received_ns: int, answered_ns: int, now_ns: int) -> None:
         """Process the coordinator's answer to a question about the time."""
@@ -203,6 +231,9 @@ class Agent:
             return
         if phase == ARMED and not self.clock.is_within(ride.clock_error_ns, now_ns):
             self._disarm(now_ns)
+        if self._coming is not None and phase in _WITH_COURSE:
+            ride = self._on_course(ride, now_ns, x, y, heading)
+            phase = self.phase
         if self.phase == IDLE:
             self._try_to_arm(ride, now_ns, x, y, heading)
         elif phase in _ON_ITS_WAY:
@@ -220,7 +251,8 @@ class Agent:
         may then call `skip` instead of `tick`.  The result is `now_ns` if there is more to do.
         """
         ride = self.ride
-        if ride is None or self._reported != (self.epoch, self.phase, self.fault):
+        state = (self.epoch, self.phase, self.fault, self.revision)
+        if ride is None or self._coming is not None or self._reported != state:
             return now_ns
         if self.phase == FROZEN or (self.phase == DONE and ride.follower.is_still()):
             enough = ride.clock_error_ns - CLOCK_RESERVE
@@ -237,7 +269,7 @@ class Agent:
 
     def report_due(self, now_ns: int) -> bool:
         """Return whether to report now; if so, the report counts as sent."""
-        state = (self.epoch, self.phase, self.fault)
+        state = (self.epoch, self.phase, self.fault, self.revision)
         if now_ns - self._reported_ns < REPORT_PERIOD and state == self._reported:
             return False
         self._reported, self._reported_ns = state, now_ns
@@ -304,6 +336,8 @@ class Agent:
         """
         ride.follower.locate(x, y, heading)
         if self.phase == MOVING:
+            if ride.may_turn:
+                self.drive_turn = ride.turn_before_start(x, y, heading)
             now = self._plan_time(ride, now_ns, self._passed)
             fault = ride.trouble()
             if fault != NO_FAULT:
@@ -319,6 +353,17 @@ class Agent:
                 self._apply(transitions.ARRIVED if there else transitions.AT_REST, now_ns)
         self.drive_speed, self.drive_distance = ride.speed, ride.distance
         self.drive_curvature = ride.curvature
+
+    def _on_course(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> Ride:
+        """Return the course to drive now: the newer one, once it has begun."""
+        coming = self._coming
+        ride.follower.locate(x, y, heading)
+        if coming is None or not ride.is_over(self._plan_time(ride, now_ns, 0.0)):
+            return ride
+        coming.follow(ride)
+        self.ride, self._coming = coming, None
+        self._apply(transitions.NEW_COURSE, now_ns)
+        return coming
 
     def _lose_clock(self, now_ns: int) -> None:
         """Synchronise the clock anew."""
@@ -359,7 +404,7 @@ class Agent:
         self.rest.keep(self.epoch, ride.follower.s, ride.follower.offset(), tell)
 
     def _drop_plan(self, now_ns: int) -> None:
-        self.ride, self.epoch, self.fault = None, 0, NO_FAULT
+        self.ride, self._coming, self.epoch, self.fault = None, None, 0, NO_FAULT
         self.rest.hush()
         self.clock.start_over(now_ns)
 

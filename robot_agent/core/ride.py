@@ -77,6 +77,11 @@ MOST_STAMP = (1 << 31) - 1
 
 _SPARE_SPEED = 1.05
 
+JOINT_GAP = 3e-3
+JOINT_TURN = 0.02
+JOINT_SPEED = 0.02
+"""How far apart two courses may be where one leads into the other [m, rad, m/s]."""
+
 
 class Ride:
     """One plan and the robot on it.
@@ -105,6 +110,7 @@ class Ride:
         track_mm, brake_mmps2, self.clock_error_ns = rules
         self.epoch = epoch
         self.stamp_ms, self.late = NOTHING, 0
+        self.begin = motion[4]
         self.track = track_mm / 1000.0
         self.speed = self.curvature = self.distance = 0.0
         self._brake = brake_mmps2 / 1000.0 or inf
@@ -130,11 +136,13 @@ class Ride:
         self._stuck_s = -inf
         self._pace = inf
         self._pace_time, self._pace_s = -inf, 0.0
-        self._authority = 0.0
+        self._told = self._authority = 0.0  # The latter ends where another course begins at rest.
         self._granted = self._timeline.s_at(0.0)  # Where [m] the authority ends.
         self._halted = self._holds = False
         self._watch = 0.0  # The time [s] that the ticks have taken, whatever clocks do.
-        self.time = 0.0
+        self.time = self.begin
+        self._until = self._rests = inf  # When the next course begins [s], and if it does at rest.
+        self.may_turn = False
         self._rate = min(max(self._limit / max(motion[1]), 1.0), MOST_HURRY)
         self._reaction = REACTION_TICKS * period
         self._foresight = HOLD_OUT + self._reaction + self._limit / self._brake
@@ -142,12 +150,72 @@ class Ride:
     def grant(self, authority_ms: int) -> None:
         """Take in the plan time [ms] that the robot may not pass; it keeps what it had before."""
         authority = authority_ms / 1000.0
-        if authority > self._authority:
-            self._authority, self._granted = authority, self._timeline.s_at(authority)
+        if authority > self._told:
+            self._told = authority
+            self._limit_authority()
+
+    def _limit_authority(self) -> None:
+        self._authority = min(self._told, self._rests)
+        self._granted = self._timeline.s_at(self._authority)
 
     def halt(self, halted: bool) -> None:
         """Let the robot brake where it is, or let it go on."""
         self._halted = halted
+
+    def leads_into(self, coming: "Ride") -> bool:
+        """Return whether the robot can change to another course where that begins.
+
+        It can unless it has driven, or reported, beyond that.  Where it does not rest, the courses
+        have one heading and one speed there; a robot may also come to rest where its authority
+        ends.
+        """
+        begin, mine, other = coming.begin, self.follower, coming.follower
+        if self.time > begin or self.stamp_ms - LATE_STEP_MS * self.late > 1000.0 * begin:
+            return False
+        speed, s = coming._timeline.v_at(begin), self._timeline.s_at(begin)
+        gap, turn = mine.joint(s, other)
+        if gap > JOINT_GAP:
+            return False
+        if speed == 0.0 and (self._timeline.v_at(begin) == 0.0 or self._told <= begin):
+            return True
+        differ = abs(self._timeline.v_at(begin) - speed)
+        return differ <= JOINT_SPEED and abs(turn) <= JOINT_TURN
+
+    def end_with(self, coming: "Ride") -> None:
+        """Take in where another course begins; the robot stops there if that begins at rest."""
+        self._until = coming.begin
+        self._rests = coming.begin if coming._timeline.v_at(coming.begin) == 0.0 else inf
+        self._limit_authority()
+
+    def is_over(self, now: float) -> bool:
+        """Return whether the next course has begun at a plan time [s], and the robot is there."""
+        if now < self._until or self.time < min(self._until, self._timeline.finish):
+            return False
+        left = self._timeline.s_at(self._until) - self.follower.s
+        return left <= max(ARRIVAL_SLACK, self.speed * self._period) or (
+            self._watch - self._stuck_from >= REST_TIME and left <= ARRIVAL_SHARE * self.track
+        )
+
+    def follow(self, before: "Ride") -> None:
+        """Go on from the course before this one, at this one's beginning."""
+        self._told, self._halted, self._holds = before._told, before._halted, False
+        self._limit_authority()
+        self.may_turn = self._timeline.v_at(self.begin) == 0.0
+        self._watch, self.speed, self._pace = before._watch, before.speed, before._pace
+        self._pace_time = self._watch
+        self._brake_speed, self._brake_from = before._brake_speed, before._brake_from
+
+    def turn_before_start(self, x: float, y: float, heading: float) -> float:
+        """Return the turn on the spot [rad] that a robot at rest needs before this course.
+
+        `may_turn` tells that the robot has not left the course's beginning.
+        """
+        if self.follower.s > ARRIVAL_SLACK:
+            self.may_turn = False
+        if self._halted or not self.may_turn:
+            return 0.0
+        stands, _, turn = self.stands_at_start(x, y, heading)
+        return 0.0 if stands else turn
 
     def reckon(self, now_ms: int) -> None:
         """Find what to report at a plan time [ms]: the robot has passed plan time stamp - late.
@@ -319,7 +387,8 @@ class Ride:
         fell = self._brake * passed if passed > 0.0 else 0.0
         self.speed = max(self._brake_speed - fell, 0.0)
         later = self.time + passed + HOLD_OUT
-        room = self._timeline.s_at(min(later, self._authority)) - self.follower.s
+        later = min(later, self._authority, self._until)
+        room = self._timeline.s_at(later) - self.follower.s
         self.distance = max(min(room, self.speed * HOLD_OUT), 0.0)
         self.curvature = self.follower.curvature(self.speed * self._period)
 

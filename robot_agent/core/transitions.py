@@ -14,6 +14,7 @@ TROUBLE = "trouble"
 AT_REST = "at rest"
 ARRIVED = "arrived"
 LEFT_PATH = "left its path"
+NEW_COURSE = "new course"
 
 TRANSITIONS = {
     (IDLE, READY): ARMED,
@@ -32,6 +33,7 @@ TRANSITIONS = {
     (BRAKING, ARRIVED): DONE,
     (FROZEN, NEW_EPOCH): IDLE,
     (DONE, NEW_EPOCH): IDLE,
+    (DONE, NEW_COURSE): MOVING,
     (DONE, LEFT_PATH): FROZEN,
 }
 """(phase, event) -> phase; an event that is not listed for a phase leaves it unchanged."""

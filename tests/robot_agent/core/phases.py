@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from protocol.curve import Curve
 from protocol.phases import ARMED, BRAKING, DONE, FREEZE, FROZEN, HOLD, IDLE
 from robot_agent.core.agent import Agent
@@ -46,6 +48,24 @@ def run_in(phase: int) -> Run:
 def hear_plan(run: Run) -> None:
     give_plan(run.agent, PATH, MOTION, epoch=run.epoch)
     run.agent.tick(run.own(run.now), *run.body.pose())
+
+
+def course_from_goal(begin: float, turns: str = "ffrffff"):
+    """Return the path and motion of a course that begins where PATH ends, at a plan time [s]."""
+    curve = Curve(*PATH)
+    curve.place(LENGTH)
+    heading = math.atan2(curve.dy, curve.dx)
+    path = winding_path(turns, begin=(curve.x, curve.y), heading=heading)
+    profile_s, profile_v, *_ = motion_along(Curve(*path).length, 0.475, 0.5)
+    return path, (profile_s, profile_v, [0.0], [begin], begin)
+
+
+def hear_course_from_goal(run: Run, revision: int = 1, after: float = 0.2) -> float:
+    """Let a robot hear of a course from its goal; return when the course begins [s]."""
+    begin = round((run.now - run.start_ns) / SECOND + after, 3)
+    path, motion = course_from_goal(begin)
+    give_plan(run.agent, path, motion, epoch=run.epoch, revision=revision)
+    return begin
 
 
 def hear_next_epoch(run: Run) -> None:

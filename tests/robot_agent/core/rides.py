@@ -43,9 +43,14 @@ def uniform_knots(count: int, degree: int = 3) -> list[float]:
     )
 
 
-def winding_path(turns: str = "fffflffrfflffff", step: float = CORNER):
+def winding_path(
+    turns: str = "fffflffrfflffff",
+    step: float = CORNER,
+    begin: tuple[float, float] = (1.0, 2.0),
+    heading: float = 0.3,
+):
     """Return the arguments of Curve for a cubic that goes forward, left and right by 90 degrees."""
-    points, heading = [(1.0, 2.0)], 0.3
+    points = [begin]
     for turn in turns:
         heading += {"f": 0.0, "l": math.pi / 2, "r": -math.pi / 2}[turn]
         x, y = points[-1]

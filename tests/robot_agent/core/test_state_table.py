@@ -22,7 +22,13 @@ from protocol.phases import (
 )
 from protocol.timeline import Timeline
 from robot_agent.core import transitions
-from tests.robot_agent.core.phases import MOTION, hear_next_epoch, hear_plan, run_in
+from tests.robot_agent.core.phases import (
+    MOTION,
+    hear_course_from_goal,
+    hear_next_epoch,
+    hear_plan,
+    run_in,
+)
 from tests.robot_agent.core.rides import MS, PERIOD, SECOND, Run
 
 FINISH_NS = round(Timeline(*MOTION).finish * SECOND)
@@ -69,6 +75,12 @@ def brake_at_the_goal(run: Run) -> None:
     vars(run).update(vars(near))
 
 
+def change_course(run: Run) -> None:
+    """Hear of a course that begins at the goal, and come to its beginning."""
+    hear_course_from_goal(run)
+    stand(run, run.body.pose(), 0.5)
+
+
 def be_pushed(run: Run) -> None:
     """Be pushed aside."""
     run.body.x -= 0.05 * math.sin(run.body.heading)
@@ -92,6 +104,7 @@ STIMULI = {
     transitions.AT_REST: rest,
     transitions.ARRIVED: arrive,
     transitions.LEFT_PATH: be_pushed,
+    transitions.NEW_COURSE: change_course,
 }
 """What brings an event about."""
 
@@ -113,6 +126,7 @@ ROWS = {
     (FROZEN, transitions.NEW_EPOCH): IDLE,
     (DONE, transitions.NEW_EPOCH): IDLE,
     (DONE, transitions.LEFT_PATH): FROZEN,
+    (DONE, transitions.NEW_COURSE): MOVING,
 }
 """What the rules at the head of agent.py ask for."""
 

@@ -1,0 +1,251 @@
+"""A robot that drives takes a newer course, changes to it where it begins, or does not take it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from protocol.curve import Curve
+from protocol.phases import DONE, FREEZE, FROZEN, GO, MOVING, STOP
+from protocol.timeline import Timeline
+from sim.world.body import SimulatedBody
+from tests.robot_agent.core.phases import (
+    BODY_ACCEL,
+    LENGTH,
+    MOTION,
+    PATH,
+    course_from_goal,
+    hear_course_from_goal,
+    run_in,
+)
+from tests.robot_agent.core.rides import (
+    MS,
+    RULES,
+    SECOND,
+    Run,
+    armed_run,
+    dense_line,
+    driven_run,
+    give_plan,
+    motion_along,
+    place_at,
+    winding_path,
+)
+
+FINISH = Timeline(*MOTION).finish
+TRACK = RULES[0] / 1000.0
+LINE = winding_path("fffffff", heading=0.0)
+"""A straight line along x from (1, 2)."""
+SPEED, ACCEL = 0.4, 0.5
+
+
+def line_from(x, length, v0):
+    """A straight course along x from (x, 2) that begins with a speed and ends at rest."""
+    xs = np.linspace(x, x + length, 4).tolist()
+    path = (3, [0.0] * 4 + [1.0] * 4, xs, [2.0] * 4, [1.0] * 4)
+    ramp, first = SPEED**2 / (2 * ACCEL), (SPEED**2 - v0**2) / (2 * ACCEL)
+    knots = [(0.0, v0), *([(first, SPEED)] if first > 0 else []), (length - ramp, SPEED)]
+    return path, [*knots, (length, 0.0)]
+
+
+def give_line(run, begin, x, v0, length=1.0, revision=1):
+    path, knots = line_from(x, length, v0)
+    length = Curve(*path).length
+    knots[-1] = (length, 0.0)
+    motion = ([s for s, _ in knots], [v for _, v in knots], [], [], begin)
+    give_plan(run.agent, path, motion, revision=revision)
+    return Timeline(*motion)
+
+
+def on_line(authority=None) -> Run:
+    """A robot in the middle of LINE, which is 1.58 m long."""
+    run = armed_run(LINE, motion_along(Curve(*LINE).length, SPEED, ACCEL), body=body())
+    run.authority = run.authority if authority is None else authority
+    run.command(GO)
+    run.until(run.start_ns + 1500 * MS)
+    return run
+
+
+def body():
+    return SimulatedBody(BODY_ACCEL)
+
+
+def plan_time(run):
+    return (run.now - run.start_ns) / SECOND
+
+
+def go_on(run, seconds):
+    run.until(run.now + round(seconds * SECOND))
+
+
+def test_a_robot_at_its_goal_drives_a_newer_course_from_its_beginning_on():
+    run = run_in(DONE)
+    begin = hear_course_from_goal(run, after=1.0)
+    assert run.agent.revision == 1
+    go_on(run, 0.9)
+    assert run.agent.phase == DONE
+    go_on(run, 0.2)
+    assert run.agent.phase == MOVING
+    path, motion = course_from_goal(begin)
+    line = Timeline(*motion)
+    go_on(run, 1.5)
+    x, y = place_at(path, line.s_at(plan_time(run)))
+    assert math.dist(run.places[-1], (x, y)) < TRACK
+    run.agent.report_due(run.own(run.now))
+    assert run.agent.report_late == 0
+    go_on(run, line.finish)
+    assert run.agent.phase == DONE
+    assert math.dist(run.places[-1], place_at(path, line.length)) < 2e-3
+
+
+def test_a_course_heard_on_the_way_is_driven_when_the_goal_is_reached():
+    run = driven_run(PATH, MOTION, 1.5, body=body())
+    path, motion = course_from_goal(round(FINISH, 3) + 0.001)
+    give_plan(run.agent, path, motion, revision=1)
+    assert run.agent.revision == 1
+    run.until(run.start_ns + round((FINISH + 0.1) * SECOND))
+    assert run.agent.phase == MOVING
+    run.until(run.start_ns + round((Timeline(*motion).finish + 1.0) * SECOND))
+    assert run.agent.phase == DONE
+    both = np.concatenate((dense_line(PATH)[0], dense_line(path)[0]))
+    apart = [np.hypot(*(both - place).T).min() for place in run.places]
+    assert max(apart) < TRACK
+
+
+def test_a_late_robot_changes_where_the_course_begins_not_when():
+    run = on_line(authority=2000)
+    go_on(run, 3.0)
+    s = Timeline(*motion_along(Curve(*LINE).length, SPEED, ACCEL)).s_at(3.2)
+    give_line(run, begin=3.2, x=1.0 + s, v0=SPEED)
+    assert run.agent.revision == 1
+    go_on(run, 1.0)
+    assert run.agent.ride.follower.s < s  # The end of its authority lies on the old course.
+    run.authority = 10**6
+    go_on(run, 3.0)
+    assert run.agent.ride.begin == 3.2
+    go_on(run, 6.0)
+    assert run.agent.phase == DONE
+    assert math.dist(run.places[-1], (2.0 + s, 2.0)) < 3e-3
+
+
+def test_a_robot_changes_to_another_course_in_motion_without_slowing_down():
+    run = on_line()
+    old = Timeline(*motion_along(Curve(*LINE).length, SPEED, ACCEL))
+    line = give_line(run, begin=2.0, x=1.0 + old.s_at(2.0), v0=SPEED, length=1.5)
+    go_on(run, 0.4)
+    for _ in range(40):
+        go_on(run, 0.02)
+        assert run.agent.drive_speed > 0.9 * SPEED
+    assert run.agent.ride.begin == 2.0
+    go_on(run, line.finish)
+    assert math.dist(run.places[-1], (1.0 + old.s_at(2.0) + line.length, 2.0)) < 2e-3
+
+
+def test_a_robot_stops_at_the_end_of_its_authority_where_a_course_begins_at_rest():
+    run = on_line(authority=2500)
+    old = Timeline(*motion_along(Curve(*LINE).length, SPEED, ACCEL))
+    x = 1.0 + old.s_at(2.5)
+    path = winding_path("ffff", step=0.2, begin=(x, 2.0), heading=1.2)
+    profile_s, profile_v, *_ = motion_along(Curve(*path).length, 0.3, ACCEL)
+    motion = (profile_s, profile_v, [0.0], [5.0], 2.5)
+    give_plan(run.agent, path, motion, revision=1)
+    assert run.agent.revision == 1
+    run.authority = 10**6
+    go_on(run, 0.3)
+    run.until(run.start_ns + round(Timeline(*motion).finish * SECOND) + SECOND)
+    assert run.agent.phase == DONE
+    assert math.dist(run.places[-1], place_at(path, Curve(*path).length)) < 3e-3
+    assert max(x for x, _ in run.places if abs(_ - 2.0) < 1e-3) < x + TRACK
+
+
+@pytest.mark.parametrize(
+    ("begin", "x", "v0"),
+    [
+        (1.4, 0.0, SPEED),  # It has begun.
+        (2.0, 0.05, SPEED),  # It begins somewhere else.
+        (2.0, 0.0, 0.5 * SPEED),  # It begins at another speed.
+        (2.0, 0.0, 0.0),  # It begins at rest, where the robot may drive on.
+    ],
+)
+def test_a_course_that_the_one_under_way_does_not_lead_into_is_not_taken(begin, x, v0):
+    run = on_line()
+    old = Timeline(*motion_along(Curve(*LINE).length, SPEED, ACCEL))
+    give_line(run, begin=begin, x=1.0 + old.s_at(begin) + x, v0=v0)
+    assert run.agent.revision == 0
+    run.until(run.start_ns + round(old.finish * SECOND) + SECOND)
+    assert run.agent.phase == DONE
+    assert math.dist(run.places[-1], place_at(LINE, old.length)) < 2e-3
+
+
+@pytest.mark.parametrize("change", ["number", "epoch", "path"])
+def test_a_course_for_others_or_of_nonsense_is_not_taken(change):
+    run = run_in(DONE)
+    path, motion = course_from_goal(plan_time(run) + 0.5)
+    number, epoch = (5, 1) if change == "number" else (4, 2 if change == "epoch" else 1)
+    path = (3, [], [], [], []) if change == "path" else path
+    give_plan(run.agent, path, motion, number=number, epoch=epoch, revision=1)
+    go_on(run, 1.0)
+    assert (run.agent.phase, run.agent.fault, run.agent.revision) == (DONE, 0, 0)
+
+
+def test_a_robot_that_has_reported_to_be_beyond_the_beginning_does_not_take_a_course():
+    run = run_in(DONE)
+    go_on(run, 0.1)
+    begin = plan_time(run) - 0.001
+    assert run.agent.report_due(run.own(run.now) + SECOND)
+    path, motion = course_from_goal(begin)
+    give_plan(run.agent, path, motion, revision=1)
+    assert run.agent.revision == 0
+
+
+def test_an_older_course_is_not_taken_after_a_newer_one():
+    run = run_in(DONE)
+    hear_course_from_goal(run, revision=3, after=0.5)
+    hear_course_from_goal(run, revision=2, after=0.4)
+    assert run.agent.revision == 3
+    go_on(run, 0.45)
+    assert run.agent.phase == DONE
+
+
+def test_a_newer_course_takes_the_place_of_one_that_has_not_begun():
+    run = run_in(DONE)
+    hear_course_from_goal(run, revision=1, after=0.5)
+    hear_course_from_goal(run, revision=2, after=1.0)
+    go_on(run, 0.8)
+    assert (run.agent.phase, run.agent.revision) == (DONE, 2)
+    go_on(run, 0.4)
+    assert run.agent.phase == MOVING
+
+
+def test_a_robot_turns_on_the_spot_before_it_sets_out_on_a_course_in_another_direction():
+    run = run_in(DONE)
+    x, y, heading = run.body.pose()
+    path = winding_path("fffff", begin=place_at(PATH, LENGTH), heading=heading + 2.5)
+    begin = round(plan_time(run) + 0.2, 3)
+    profile_s, profile_v, *_ = motion_along(Curve(*path).length, 0.4, ACCEL)
+    motion = (profile_s, profile_v, [0.0], [begin + 3.0], begin)
+    give_plan(run.agent, path, motion, revision=1)
+    go_on(run, 2.5)
+    assert math.dist(run.places[-1], (x, y)) < 3e-3
+    turned = run.body.pose()[2] - heading - 2.5
+    assert abs(math.remainder(turned, 2 * math.pi)) < 0.25
+    run.until(run.start_ns + round(Timeline(*motion).finish * SECOND) + SECOND)
+    assert run.agent.phase == DONE
+    apart = [np.hypot(*(dense_line(path)[0] - p).T).min() for p in run.places[-300:]]
+    assert max(apart) < TRACK
+
+
+@pytest.mark.parametrize("order", [FREEZE, STOP])
+@pytest.mark.parametrize("before", [0.05, 0.4])
+def test_a_robot_told_to_brake_near_a_change_stays_on_its_courses(order, before):
+    run = on_line()
+    old = Timeline(*motion_along(Curve(*LINE).length, SPEED, ACCEL))
+    give_line(run, begin=2.0, x=1.0 + old.s_at(2.0), v0=SPEED)
+    run.until(run.start_ns + round((2.0 - before) * SECOND))
+    run.command(order)
+    go_on(run, 3.0)
+    assert run.agent.phase == (FROZEN if order == FREEZE else MOVING)
+    assert run.agent.drive_speed == 0.0
+    assert max(abs(y - 2.0) for _, y in run.places) < TRACK
