@@ -11,10 +11,11 @@ Decides: how a motion becomes pieces.  Must not know: other robots, zones or sch
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -57,16 +58,34 @@ class Pieces:
         return Pieces(self.rows[which], self.robot[which], self.leg[which])
 
 
+class Part(NamedTuple):
+    """The part of a fleet's motions that is compared: what a change of some courses concerns.
+
+    spans: for each course the plan times [s] from and until which it may be driven.  asked: whether
+    a course is compared with all others; others are compared with those alone.
+    """
+
+    spans: Sequence[tuple[float, float]]
+    asked: Sequence[bool]
+
+
 class Flights:
     """The motions c_i(t) of a fleet, from plan time 0 until 1 s after the last robot has arrived.
 
     Before and after that, robots stand at their starts and goals, so other times add no places.
+    With `part`, each motion only lasts for its span, or until that time.
     """
 
-    def __init__(self, driven: Sequence[Driven]) -> None:
+    def __init__(self, driven: Sequence[Driven], part: Part | None = None) -> None:
         self.driven = driven
-        self.finish = 1.0 + max(one.timeline.finish for one in driven)
-        parts = [_legs(one, self.finish) for one in driven]
+        spans = [(0.0, math.inf)] * len(driven) if part is None else part.spans
+        begins = [begin for begin, _ in spans]
+        self.finish = 1.0 + max([*(one.timeline.finish for one in driven), *begins])
+        self.asked = np.ones(len(driven), np.bool_) if part is None else np.array(part.asked)
+        parts = [
+            _legs(one, begin, min(end, self.finish))
+            for one, (begin, end) in zip(driven, spans, strict=True)
+        ]
         self._legs = np.concatenate(parts)
         self._robot = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
         self._noise = _ARC_ERRORS * np.array([one.arc_error for one in driven])
@@ -147,16 +166,21 @@ class Flights:
         return Pieces(rows, robot, leg)
 
 
-def _legs(driven: Driven, finish: float) -> Array:
-    """Return the legs (n, 5) of a motion, with a leg for each time at rest."""
+def _legs(driven: Driven, begin: float, finish: float) -> Array:
+    """Return the legs (n, 5) of a motion in a span of time [s], with a leg for each rest."""
     line = driven.timeline
     t0, t1, s0 = np.array(line.t0), np.array(line.t1), np.array(line.s0)
     v0, v1 = np.array(line.v0), np.array(line.v1)
     driving = np.column_stack((t0, t1, s0, v0, (v1 - v0) / (t1 - t0)))
     still = np.zeros(len(t0))
-    since = np.concatenate(([0.0], t1[:-1]))
+    since = np.concatenate(([min(begin, t0[0])], t1[:-1]))
     resting = np.column_stack((since, t0, s0, still, still))
     legs = np.stack((resting, driving), axis=1).reshape(-1, 5)
-    parked = (line.finish, finish, line.length, 0.0, 0.0)
+    parked = (line.finish, max(finish, line.finish), line.length, 0.0, 0.0)
     legs = np.vstack((legs, parked))
+    missed = np.clip(begin - legs[:, _LEG_BEGIN], 0.0, None)
+    legs[:, _LEG_S] += missed * (legs[:, _LEG_V] + 0.5 * legs[:, _LEG_RATE] * missed)
+    legs[:, _LEG_V] += legs[:, _LEG_RATE] * missed
+    legs[:, _LEG_BEGIN] += missed
+    legs[:, _LEG_END] = np.minimum(legs[:, _LEG_END], finish)
     return legs[legs[:, _LEG_BEGIN] < legs[:, _LEG_END]]

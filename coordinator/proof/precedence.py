@@ -18,8 +18,9 @@ import numpy as np
 
 from coordinator.plan.staircases import Staircases
 from coordinator.plan.wire import Driven
-from coordinator.proof.motion_pieces import Flights
-from coordinator.proof.precedence_kernels import Motions, Needs, uncovered
+from coordinator.proof.motion_pieces import Flights, Part
+from coordinator.proof.precedence_kernels import Needs, uncovered
+from coordinator.proof.separation_kernels import Motions
 from coordinator.scenario.margin import RESOLUTION, TOLERANCE
 
 _DEVIATION: Final = 2.5e-4
@@ -29,20 +30,22 @@ _MOST_SAID: Final = 20
 
 
 def staircase_failures(
-    driven: Sequence[Driven], staircases: Staircases, margin: float
+    driven: Sequence[Driven], staircases: Staircases, margin: float, part: Part | None = None
 ) -> list[str]:
     """Return a sentence for each ordered pair with a conflict above its staircase; margin [m].
 
-    A shortfall of the distance below margin.TOLERANCE is accepted, as by the proof of tau-safety.
+    `part`: which motions are compared, and when; by default all of them.  A shortfall of the
+    distance below margin.TOLERANCE is accepted, as by the proof of tau-safety.
     """
     if len(driven) < 2:
         return []
-    flights = Flights(driven)
+    flights = Flights(driven, part)
     pieces = flights.pieces(_DEVIATION)
     count = len(driven)
     first = np.searchsorted(pieces.robot, np.arange(count + 1))
     keep = np.array([one.radius for one in driven]) + 0.5 * margin
-    motions = Motions(pieces.rows, first, keep - 0.5 * (TOLERANCE + RESOLUTION))
+    enough = keep - 0.5 * (TOLERANCE + RESOLUTION)
+    motions = Motions(pieces.rows, first, enough, flights.asked)
     needs = Needs(
         np.searchsorted(staircases.behind, np.arange(count + 1)),
         staircases.ahead,

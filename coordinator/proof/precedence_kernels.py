@@ -26,6 +26,7 @@ from coordinator.proof.separation_kernels import (
     Y1,
     Array,
     Indices,
+    Motions,
 )
 
 SHORTEST: Final = 2.5e-4
@@ -35,17 +36,6 @@ _GROUP: Final = 8
 """Pieces whose common box is looked at first."""
 
 _DEEPEST: Final = 64
-
-
-class Motions(NamedTuple):
-    """Pieces (m, 7) of all robots, those of robot r from first[r] to first[r + 1], and `keep` (n,).
-
-    keep [m]: a robot's part of the least distance that is enough.
-    """
-
-    pieces: Array
-    first: Indices
-    keep: Array
 
 
 class Needs(NamedTuple):
@@ -223,9 +213,12 @@ def _open_in_pair(
 
 @compiled
 def uncovered(motions: Motions, needs: Needs, tau: float) -> list[Uncovered]:
-    """Return a conflict of each ordered pair of robots that has one which no staircase covers."""
+    """Return a conflict of each ordered pair of robots that has one which no staircase covers.
+
+    `keep` of motions [m]: each robot's part of the least distance that is enough.
+    """
     found = [Uncovered(0, 0, 0.0, 0.0) for _ in range(0)]
-    pieces, first, keep = motions
+    pieces, first, keep, asked = motions
     count, stack = len(keep), np.empty((_DEEPEST, 2))
     boxes = [_boxes(pieces[first[r] : first[r + 1]]) for r in range(count)]
     around = np.empty((count, 4))
@@ -239,7 +232,9 @@ def uncovered(motions: Motions, needs: Needs, tau: float) -> list[Uncovered]:
         his = pieces[first[behind] : first[behind + 1]]
         for ahead in range(count):
             apart = keep[ahead] + keep[behind]
-            if ahead == behind or _are_apart(around[ahead], around[behind], apart):
+            if ahead == behind or not (asked[ahead] or asked[behind]):
+                continue
+            if _are_apart(around[ahead], around[behind], apart):
                 continue
             its = pieces[first[ahead] : first[ahead + 1]]
             t_ahead, t_behind = _open_in_pair(

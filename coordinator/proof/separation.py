@@ -20,7 +20,7 @@ import numpy as np
 
 from coordinator.curves.nurbs import Array
 from coordinator.plan.wire import Driven
-from coordinator.proof.motion_pieces import Flights, Pieces
+from coordinator.proof.motion_pieces import Flights, Part, Pieces
 from coordinator.proof.separation_kernels import (
     BEGIN,
     END,
@@ -29,6 +29,7 @@ from coordinator.proof.separation_kernels import (
     X0,
     X1,
     Indices,
+    Motions,
     finer_pairs,
     near_pairs,
 )
@@ -40,6 +41,9 @@ margin.RESOLUTION."""
 
 _REACH: Final = 0.1
 """The first guess [m] of the least slack; while no pair is found, it is multiplied by four."""
+
+_FARTHEST: Final = 1e6
+"""Motions that are not nearer than this [m] at any two times that count are never compared."""
 
 _BLOCK: Final = 4.0
 _MOST_BLOCKS: Final = 2000
@@ -83,29 +87,33 @@ class _Candidates:
 
 
 class Separation:
-    """How near robots of a fleet come to each other, at all times no more than tau [s] apart."""
+    """How near robots of a fleet come to each other, at all times no more than tau [s] apart.
 
-    def __init__(self, driven: Sequence[Driven], tau: float) -> None:
-        self._flights = Flights(driven)
+    `part`: which motions are compared, and when; by default all of them.
+    """
+
+    def __init__(self, driven: Sequence[Driven], tau: float, part: Part | None = None) -> None:
+        self._flights = Flights(driven, part)
         self._tau = tau
         self._pieces = self._flights.pieces(_COARSE)
         self._first = np.searchsorted(self._pieces.robot, np.arange(len(driven) + 1))
         self._block = max(_BLOCK, self._flights.finish / _MOST_BLOCKS)
 
     def least(self, keep: Array, reach: float = _REACH) -> Closest | None:
-        """Return the least slack of all pairs; None for fewer than two robots.
+        """Return the least slack of all pairs; None where no two motions are compared.
 
         The need of a pair is the sum of its robots' `keep` (n,) [m].  `reach` [m]: a guess of the
         least slack; a guess that is too small costs another sweep.
         """
         if len(keep) < 2:
             return None
-        while True:
+        while reach < _FARTHEST:
             candidates = self._near(keep, reach, each=False)
             if len(candidates.pairs):
                 finest = self._refined(candidates, keep, math.inf, each=False)
                 return self._worst(finest, keep, each=False)[0]
             reach = 4.0 * max(reach, _REACH)
+        return None
 
     def below(self, keep: Array, limit: float) -> list[Closest]:
         """Return the least slack of every pair for which it is below a limit [m], least first."""
@@ -114,9 +122,8 @@ class Separation:
         return sorted(worst, key=lambda one: one.slack)
 
     def _near(self, keep: Array, limit: float, each: bool) -> _Candidates:
-        pairs, found = near_pairs(
-            self._pieces.rows, self._first, keep, self._tau, self._block, limit, each
-        )
+        motions = Motions(self._pieces.rows, self._first, keep, self._flights.asked)
+        pairs, found = near_pairs(motions, self._tau, self._block, limit, each)
         _, distinct = np.unique(pairs[:, 0] * len(self._pieces.rows) + pairs[:, 1], True)
         return _Candidates(self._pieces, pairs[distinct], found[distinct])
 

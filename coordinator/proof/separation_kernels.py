@@ -30,6 +30,18 @@ _LEFT, _BOTTOM, _RIGHT, _TOP = range(4)
 """Columns of boxes (n, 4) [m]."""
 
 
+class Motions(NamedTuple):
+    """Pieces (m, 7) of all robots, those of robot r from first[r] to first[r + 1]; `keep` (n,).
+
+    asked (n,): only pairs with at least one robot that is asked for are looked at.
+    """
+
+    pieces: Array
+    first: Indices
+    keep: Array
+    asked: npt.NDArray[np.bool_]
+
+
 class Nearest(NamedTuple):
     """The least distance [m] of points that drive two pieces, and the time [s] on each piece."""
 
@@ -199,21 +211,21 @@ def _boxes(
 
 @compiled
 def near_pairs(
-    rows: Array, first: Indices, keep: Array, tau: float, block: float, limit: float, each: bool
+    motions: Motions, tau: float, block: float, limit: float, each: bool
 ) -> tuple[Indices, Array]:
     """Return the pairs of pieces (m, 2) that may have the least slack, if it is below a limit [m].
 
-    rows (k, 7): pieces, of robot r from first[r] to first[r + 1]; block [s]: time is divided into
-    blocks of this length, and in each a sweep along x compares the boxes that robots cover.
-    `each`: look for the least slack of each pair of robots, not for the least of all.  A pair of
-    pieces may be returned more than once, or without having the least slack.  Also returns the
-    candidates (m, 4).
+    block [s]: time is divided into blocks of this length, and in each a sweep along x compares the
+    boxes that robots cover.  `each`: look for the least slack of each pair of robots, not for the
+    least of all.  A pair of pieces may be returned more than once, or without having the least
+    slack.  Also returns the candidates (m, 4).
     """
+    rows, first, keep, asked = motions
     found = _nothing()
     ranges = np.empty((len(keep), 2), np.int64)
     ranges[:, 0] = first[:-1]
     spare = 0.5 * tau + 1e-6
-    for number in range(int(rows[-1, END] / block) + 1):
+    for number in range(int(rows[:, BEGIN].min() / block), int(rows[-1, END] / block) + 1):
         begin, end = number * block - spare, (number + 1) * block + spare
         boxes = _boxes(rows, first, keep, begin, end, ranges)
         order = np.argsort(boxes[:, _LEFT])
@@ -221,6 +233,8 @@ def near_pairs(
             a = order[i]
             for j in range(i + 1, len(order)):
                 b = order[j]
+                if not (asked[a] or asked[b]):
+                    continue
                 if boxes[b, _LEFT] - boxes[a, _RIGHT] > limit:
                     break
                 if boxes[b, _BOTTOM] - boxes[a, _TOP] > limit:

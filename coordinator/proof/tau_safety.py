@@ -25,6 +25,7 @@ from coordinator.plan.document import Limits, Proof
 from coordinator.plan.shares_of_tau import survived
 from coordinator.plan.wire import Driven
 from coordinator.proof.limits import limit_failures
+from coordinator.proof.motion_pieces import Part
 from coordinator.proof.separation import Closest, Separation
 from coordinator.scenario.margin import RESOLUTION, TOLERANCE, beside_solid, between_robots
 
@@ -132,11 +133,16 @@ class Apart(NamedTuple):
     failures: list[str]
 
 
-def prove_separation(driven: Sequence[Driven], tau: float, margin: float) -> Apart:
-    """Prove that all pairs keep r_i + r_j + margin [m] at times no more than tau [s] apart."""
+def prove_separation(
+    driven: Sequence[Driven], tau: float, margin: float, part: Part | None = None
+) -> Apart:
+    """Prove that all pairs keep r_i + r_j + margin [m] at times no more than tau [s] apart.
+
+    `part`: which motions are compared, and when; by default all of them.
+    """
     radii = np.array([one.radius for one in driven])
     keep = radii + 0.5 * margin
-    fleet = Separation(driven, tau)
+    fleet = Separation(driven, tau, part)
     tightest = fleet.least(keep)
     if tightest is None:
         return Apart(None, None, "", [])

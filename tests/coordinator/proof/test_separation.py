@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from coordinator.curves.nurbs import nurbs
 from coordinator.plan.document import Path, PlanDocument, RobotPlan, Stop
 from coordinator.plan.wire import drive
-from coordinator.proof.motion_pieces import Flights
+from coordinator.proof.motion_pieces import Flights, Part
 from coordinator.proof.separation import Separation
 from coordinator.proof.separation_kernels import BEGIN, DEVIATION, END, X0, X1, nearest
 from coordinator.proof.tau_safety import prove_separation
@@ -123,6 +123,27 @@ def test_every_pair_that_comes_too_near_is_told_with_its_own_worst_place(seed):
     assert [one.slack for one in found] == sorted(one.slack for one in found)
     for one in found:
         assert one.slack == pytest.approx(alone[one.a, one.b], abs=RESOLUTION)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_of_a_part_only_the_courses_asked_for_are_compared_and_only_in_their_spans(seed):
+    fleet, dice = a_fleet(seed, 5), np.random.default_rng(seed)
+    spans = [tuple(np.sort(dice.uniform(0.0, 25.0, 2)).tolist()) for _ in fleet]
+    spans[1] = (spans[1][0], np.inf)
+    part = Part(spans, [index == 2 for index in range(5)])
+    found = Separation(fleet, TAU, part).least(np.zeros(5))
+    least = np.inf
+    for index in (0, 1, 3, 4):
+        mine, his = (
+            np.arange(begin, min(end, 40.0), 0.02) for begin, end in (spans[2], spans[index])
+        )
+        near = np.abs(mine[:, None] - his) <= TAU
+        apart = np.hypot(*(places(fleet[2], mine)[:, None] - places(fleet[index], his)).T).T
+        least = min(least, np.where(near, apart, np.inf).min(initial=np.inf))
+    assert (found is None) == (least == np.inf)
+    if found is not None:
+        assert 2 in (found.a, found.b)
+        assert least - 0.05 <= found.slack <= least + 1e-3
 
 
 @pytest.mark.parametrize("seed", range(4))
