@@ -83,12 +83,12 @@ def _paths_of(scenario: Scenario, indices: Sequence[int]) -> list[Nurbs]:
 
 
 class Pathfinder:
-    """A search for the robots' paths on one floor."""
+    """A search for the robots' paths on one floor; `floor`: that of the scenario, if it is made."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, floor: GrownFloor | None = None) -> None:
         self.scenario = scenario
         workspace = scenario.workspace
-        self.floor = GrownFloor(workspace.boundary, workspace.obstacles)
+        self.floor = floor or GrownFloor(workspace.boundary, workspace.obstacles)
         self._starts = np.array([robot.start[:2] for robot in scenario.robots])
         self._goals = np.array([robot.goal[:2] for robot in scenario.robots])
         self._radii = np.array([robot.radius for robot in scenario.robots])

@@ -78,7 +78,7 @@ def _robot_plan(
     names: Sequence[str],
 ) -> tuple[RobotPlan, bytes]:
     """Return a robot's part and its message; `wire_bytes` is the message's greatest length."""
-    planned = _rounded(robot, path, motion, names)
+    planned = rounded(robot, path, motion, names)
     try:
         message = pack(document, planned, number)
         size = len(address(message, _LONGEST_BOOT))
@@ -87,7 +87,8 @@ def _robot_plan(
     return msgspec.structs.replace(planned, wire_bytes=size), message
 
 
-def _rounded(robot: Robot, path: Nurbs, motion: Motion, names: Sequence[str]) -> RobotPlan:
+def rounded(robot: Robot, path: Nurbs, motion: Motion, names: Sequence[str]) -> RobotPlan:
+    """Return a robot's part of a plan, rounded to the wire; `names`: those whom it may let pass."""
     waits = [wait for wait in motion.waits if wait.s > 0.0]
     starts = [wait for wait in motion.waits if wait.s <= 0.0]
     profile = _rounded_profile(motion)

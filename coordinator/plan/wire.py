@@ -93,10 +93,13 @@ class PackedPlan:
         return plan
 
 
-def pack(document: PlanDocument, robot: RobotPlan, number: int) -> bytes:
+def pack(
+    document: PlanDocument, robot: RobotPlan, number: int, revision: int = 0, begin_ms: int = 0
+) -> bytes:
     """Return the Plan message of the robot with this number, with boot id 0.
 
-    Raises OversizeError when it is too long.
+    `revision`, `begin_ms`: which of the robot's courses it is, and the plan time at which the
+    course begins.  Raises OversizeError when it is too long.
     """
     limits = robot.limits
     accel = limits.max_accel if limits is not None else None
@@ -111,8 +114,8 @@ def pack(document: PlanDocument, robot: RobotPlan, number: int) -> bytes:
         boot=0,
         robot=robot.id,
         number=number,
-        revision=0,
-        begin_ms=0,
+        revision=revision,
+        begin_ms=begin_ms,
         tau_ns=round(document.tau * SECOND),
         track_mm=min(track_mm_for(document.margin), 65_535),
         brake_mmps2=0 if accel is None else max(1, min(math.floor(1000.0 * accel), 2**32 - 1)),

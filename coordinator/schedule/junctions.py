@@ -50,7 +50,10 @@ square."""
 
 
 class Junctions:
-    """Tracks and the zones between them, for robots of radii (n,) [m], a margin [m] and tau [s]."""
+    """Tracks and the zones between them, for robots of radii (n,) [m], a margin [m] and tau [s].
+
+    `among`: only the zones of these robots (indices).
+    """
 
     def __init__(
         self,
@@ -59,10 +62,11 @@ class Junctions:
         margin: float,
         tau: float,
         executor: Executor | None = None,
+        among: Sequence[int] | None = None,
     ) -> None:
         self.tracks = list(tracks)
         self.radii, self.margin, self.tau = np.array(radii, dtype=np.float64), margin, tau
-        self.zones = self._find(executor)
+        self.zones = self._find(executor, among)
         self._fine = False
         self._cell = _cell_for(self.zones)
         self.tracks = [replace(track, cell=self._cell) for track in tracks]

@@ -11,8 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from coordinator.curves.nurbs import Array
 from coordinator.motion.velocity_profile import Motion
 from coordinator.schedule.forbidden_interval_kernels import Timetable
+from protocol.timeline import Timeline
 
 _KNOTS = 32
 _SERIALS = itertools.count(1)
@@ -32,15 +34,24 @@ class Motions:
         self.found[index] = motion
         self.table.serial[index] = next(_SERIALS) if serial is None else serial
         self.placed[index] = motion is not None
-        if motion is None:
-            return
-        size = len(motion.knots_s)
+        if motion is not None:
+            self._set(index, motion.knots_s, motion.knots_w, motion.knots_t)
+
+    def put_line(self, index: int, line: Timeline) -> None:
+        """Set a robot's motion to one that it was sent, which does not change."""
+        self.table.serial[index], self.placed[index] = next(_SERIALS), True
+        s, v, t = (
+            np.column_stack((getattr(line, one), getattr(line, other))).ravel()
+            for one, other in (("s0", "s1"), ("v0", "v1"), ("t0", "t1"))
+        )
+        self._set(index, s, v * v, t)
+
+    def _set(self, index: int, s: Array, w: Array, t: Array) -> None:
+        size = len(s)
         if size > self.table.s.shape[1]:
             self._widen(2 * size)
         table = self.table
-        table.s[index, :size] = motion.knots_s
-        table.w[index, :size] = motion.knots_w
-        table.t[index, :size] = motion.knots_t
+        table.s[index, :size], table.w[index, :size], table.t[index, :size] = s, w, t
         table.knots[index] = size
 
     def all(self) -> list[Motion]:

@@ -1,0 +1,41 @@
+"""A course: what one robot was sent to drive, and the plan times at which it may be driving it.
+
+Decides: nothing.  A robot drives the course in force until a newer one begins.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+from coordinator.curves.chords import Chords, chords_of
+from coordinator.curves.nurbs import Nurbs
+from coordinator.plan.wire import Driven
+
+_CHORD_ERROR = 5e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A robot's course, driven from plan time `since` at the earliest, until `until` [s]."""
+
+    driven: Driven
+    since: float
+    until: float = math.inf
+
+    @cached_property
+    def chords(self) -> Chords:
+        """The course's path as chords, for zones."""
+        return self.chords_of(self.driven.curve)
+
+    @staticmethod
+    def chords_of(path: Nurbs) -> Chords:
+        """Return a path as chords, for zones."""
+        return chords_of(path, _CHORD_ERROR)
+
+    @property
+    def goal(self) -> tuple[float, float]:
+        """The place where the robot rests at the end [m]."""
+        x, y = self.driven.curve.points[-1].tolist()
+        return x, y

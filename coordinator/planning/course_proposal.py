@@ -1,0 +1,175 @@
+"""A new course for one robot at rest among the courses of all others, found and proven.
+
+The others keep their courses: the robot waits for them, or goes ahead of them where that holds up
+nobody.  On a floor where every place that robots rest at leaves the others a way there is always
+such a course: at the latest, when all others rest (Cap, Vokrinek and Kleiner 2015).
+
+Decides: how one robot gets from where it rests to where it is wanted.  Must not know: why, who
+asked, clocks, messages.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from coordinator.base.errors import PlanError
+from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.ground.grown_floor import GrownFloor
+from coordinator.motion.velocity_profile import Motion, SpeedLimits, limits_on
+from coordinator.paths.path_planner import Pathfinder
+from coordinator.plan.course import Course
+from coordinator.plan.document import Limits, PlanDocument, RobotPlan
+from coordinator.plan.drafting import rounded
+from coordinator.plan.shares_of_tau import BRAKING_SHARE
+from coordinator.plan.staircases import Staircases
+from coordinator.plan.wire import pack, unpack
+from coordinator.proof.course_proof import course_failures, that_may_meet
+from coordinator.scenario.floor import Floor
+from coordinator.scenario.model import Robot, Scenario
+from coordinator.schedule.junctions import Junctions
+from coordinator.schedule.safe_interval_kernels import Departure
+from coordinator.schedule.safe_intervals import earliest_motion
+from coordinator.schedule.staircase_making import STANDOFF, staircases_of
+from coordinator.schedule.timetable import Motions
+from coordinator.schedule.track import Track
+
+_NEED_PAD: Final = 0.0005
+_TAU_PAD: Final = 0.002
+"""What is added to every need [m] and to tau [s], to allow for rounding to the wire."""
+
+_TURN_RATE: Final = 1.0
+_TURN_TIME: Final = 0.3
+"""A robot at rest turns on the spot at this rate [rad/s] at least, and settles in this time [s]."""
+
+
+class Site:
+    """A floor, prepared for many proposals, and the terms of the plan in force."""
+
+    def __init__(self, scenario: Scenario, terms: PlanDocument) -> None:
+        self.scenario, self.terms = scenario, terms
+        workspace = scenario.workspace
+        self.floor = GrownFloor(workspace.boundary, workspace.obstacles)
+        self.gap = Floor(workspace.boundary, workspace.obstacles).gap
+
+
+@dataclass(frozen=True)
+class Wish:
+    """Where a robot at rest is wanted: `robot` has its place as start, and its goal.
+
+    The robot has this `number`, faces `heading` [rad], and its course of this `revision` begins at
+    plan time `begin` [ms].
+    """
+
+    robot: Robot
+    heading: float
+    number: int
+    revision: int
+    begin_ms: int
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A proven course: its message with boot id 0, and its staircases with the courses `near`.
+
+    In `staircases` the course has index 0, that of near[k] is k + 1.
+    """
+
+    course: Course
+    plan: RobotPlan
+    message: bytes
+    near: list[Course]
+    staircases: Staircases
+
+
+def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
+    """Return the earliest course that fulfils a wish; raises PlanError where there is none."""
+    robot, terms = wish.robot, site.terms
+    path = _path(site, robot, others)
+    speed = site.scenario.planned_speed(robot)
+    limits = limits_on(path, speed, BRAKING_SHARE * robot.max_accel, robot.max_lateral_accel)
+    release = 0.001 * wish.begin_ms + _turning(path, wish.heading)
+    motion, names = _motion(site, robot, Track(limits, Course.chords_of(path)), others, release)
+    plan = rounded(robot, path, motion, names)
+    message = pack(terms, plan, wish.number, wish.revision, wish.begin_ms)
+    course = Course(unpack(message, robot.radius), 0.001 * wish.begin_ms)
+    margin = terms.margin
+    near = that_may_meet(course, others, margin + STANDOFF)
+    courses = [course, *near]
+    driven = [one.driven for one in courses]
+    staircases = staircases_of(driven, terms.tau, margin + STANDOFF, among=(0,))
+    failures = course_failures(courses, staircases, margin, Limits.of(robot), site.gap)
+    if failures:
+        raise PlanError(
+            "the course found does not pass its proof: " + "; ".join(failures), robot.id
+        )
+    return Proposal(course, plan, message, near, staircases)
+
+
+def _path(site: Site, robot: Robot, others: Sequence[Course]) -> Nurbs:
+    """Return the robot's path, clear of the places where the others will rest, if possible."""
+    stand = tuple(
+        Robot(
+            id=one.driven.id,
+            start=one.goal,
+            goal=one.goal,
+            radius=one.driven.radius,
+            max_speed=1.0,
+            max_accel=1.0,
+            max_lateral_accel=1.0,
+        )
+        for one in others
+        if one.until == math.inf
+    )
+    scenario = Scenario(
+        name=site.scenario.name,
+        workspace=site.scenario.workspace,
+        robots=(robot, *stand),
+        margin=site.scenario.margin,
+        speed_reserve=site.scenario.speed_reserve,
+    )
+    return Pathfinder(scenario, site.floor).path(0)
+
+
+def _turning(path: Nurbs, heading: float) -> float:
+    """Return how long [s] a robot at rest takes to turn towards its path."""
+    _, ahead = path.derivatives([0.0], 1)
+    turn = math.remainder(math.atan2(ahead[0, 1], ahead[0, 0]) - heading, 2.0 * math.pi)
+    return abs(turn) / _TURN_RATE + _TURN_TIME if abs(turn) > 0.01 else 0.0
+
+
+def _motion(
+    site: Site, robot: Robot, track: Track, others: Sequence[Course], release: float
+) -> tuple[Motion, list[str]]:
+    """Return the earliest motion from a time [s] on, and the names of whom it may let pass."""
+    margin = site.terms.margin + _NEED_PAD
+    low, high = track.chords.points.min(axis=0), track.chords.points.max(axis=0)
+    near = [
+        one
+        for one in others
+        if _apart(one, low, high) < robot.radius + one.driven.radius + margin + 0.01
+    ]
+    tracks = [track, *(_known(one) for one in near)]
+    radii = [robot.radius, *(one.driven.radius for one in near)]
+    junctions = Junctions(tracks, radii, margin, site.terms.tau + _TAU_PAD, among=(0,))
+    motions = Motions(junctions.lengths())
+    for index, one in enumerate(near, start=1):
+        motions.put_line(index, one.driven.timeline)
+    motion = earliest_motion(junctions, motions, 0, departure=Departure(release, math.inf))
+    if motion is None:
+        raise PlanError("has no way among the others, whenever it sets out", robot.id)
+    return motion, [robot.id, *(one.driven.id for one in near)]
+
+
+def _known(course: Course) -> Track:
+    return Track(SpeedLimits(course.driven.timeline.length, 1.0, math.inf, ()), course.chords)
+
+
+def _apart(course: Course, low: Array, high: Array) -> float:
+    """Return the distance [m] along x or y of a course from a box."""
+    points = course.chords.points
+    return float(np.maximum(points.min(axis=0) - high, low - points.max(axis=0)).max())

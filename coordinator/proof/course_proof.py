@@ -1,0 +1,57 @@
+"""The proof of a robot's new course among the courses of all others, from its wire bytes.
+
+The course is compared with every course that another robot may be driving, at the plan times at
+which both may still be driven.  All that was proven before stays as it is.
+
+Decides: whether a new course may leave the coordinator.  Must not know: how it was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from coordinator.plan.course import Course
+from coordinator.plan.document import Limits
+from coordinator.plan.staircases import Staircases
+from coordinator.proof.limits import limit_failures
+from coordinator.proof.motion_pieces import Part
+from coordinator.proof.precedence import staircase_failures
+from coordinator.proof.tau_safety import Gap, clearances, prove_separation
+from coordinator.scenario.margin import TOLERANCE
+
+
+def course_failures(
+    courses: Sequence[Course], staircases: Staircases, margin: float, limits: Limits, gap: Gap
+) -> list[str]:
+    """Return what is wrong with the first of these courses among the others; margin [m].
+
+    `staircases` are those of the first course with the others, by their indices.  `gap` returns the
+    distance [m] from a polyline to the nearest solid thing.
+    """
+    driven = [one.driven for one in courses]
+    part = Part([(one.since, one.until) for one in courses], [k == 0 for k in range(len(courses))])
+    mine = driven[0]
+    failures = limit_failures(mine, limits)
+    (clearance,) = clearances([mine], gap)
+    if clearance < margin - TOLERANCE:
+        failures.append(f"{mine.id} comes within {clearance:.4f} m of something solid")
+    if len(courses) > 1:
+        failures += prove_separation(driven, staircases.tau_ms / 1000.0, margin, part).failures
+        failures += staircase_failures(driven, staircases, margin, part)
+    return failures
+
+
+def that_may_meet(course: Course, others: Sequence[Course], margin: float) -> list[Course]:
+    """Return the other courses whose boxes come as near as matters to that of a course."""
+    found = []
+    low, high = course.driven.chain.points.min(axis=0), course.driven.chain.points.max(axis=0)
+    for other in others:
+        points = other.driven.chain.points
+        need = course.driven.radius + other.driven.radius + margin
+        need += course.driven.chain.bound + other.driven.chain.bound
+        apart = np.maximum(points.min(axis=0) - high, low - points.max(axis=0))
+        if apart.max() < need:
+            found.append(other)
+    return found

@@ -1,0 +1,122 @@
+"""A new course for one robot among the courses of all others, held against dense sampling."""
+
+import math
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from coordinator.base.errors import PlanError
+from coordinator.plan.course import Course
+from coordinator.plan.document import Limits
+from coordinator.planning.course_proposal import Proposal, Site, Wish, propose
+from coordinator.planning.planner import plan_fleet
+from coordinator.proof.course_proof import course_failures
+from sim.floors.generator import generate
+from tests.scenarios import a_robot, a_scenario
+
+STEP = 0.02
+
+
+def a_site(scenario):
+    """A site, the courses of its plan by robot, and the robots."""
+    plan = plan_fleet(scenario, effort=0)
+    courses = {one.id: Course(one, 0.0) for one in plan.driven}
+    return Site(scenario, plan.document), courses, {one.id: one for one in scenario.robots}
+
+
+def sent_on(site, courses, robots, name, goal, revision=1):
+    """Let a robot that has arrived go to another goal; the others keep their courses."""
+    line, curve = courses[name].driven.timeline, courses[name].driven.curve
+    _, ahead = curve.derivatives([curve.knots[-1]], 1)
+    wish = Wish(
+        replace(robots[name], start=courses[name].goal, goal=goal, via=()),
+        math.atan2(ahead[0, 1], ahead[0, 0]),
+        list(courses).index(name),
+        revision,
+        math.ceil(1000.0 * line.finish) + 300,
+    )
+    return propose(site, wish, [one for other, one in courses.items() if other != name])
+
+
+def places(course, times):
+    s = [course.driven.timeline.s_at(t) for t in times.tolist()]
+    return course.driven.curve.at_arc(np.array(s))
+
+
+def assert_keeps_apart(found: Proposal, others, tau, margin):
+    """Sample the courses at all times no more than tau apart, from the course's beginning on."""
+    end = max(one.driven.timeline.finish for one in (found.course, *others)) + 1.0
+    mine = np.arange(found.course.since, end, STEP)
+    for other in others:
+        his = np.arange(max(found.course.since - tau, 0.0), end, STEP)
+        gap = places(found.course, mine)[:, None] - places(other, his)
+        apart = np.hypot(gap[..., 0], gap[..., 1])
+        apart[np.abs(mine[:, None] - his) > tau] = np.inf
+        need = found.course.driven.radius + other.driven.radius + margin
+        assert apart.min() >= need - 1e-3
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_robots_that_have_arrived_are_sent_on_and_on_while_the_others_drive(seed):
+    scenario = generate("open", 6, seed)
+    site, courses, robots = a_site(scenario)
+    starts = {robot.id: robot.start[:2] for robot in scenario.robots}
+    for name in sorted(courses, key=lambda name: courses[name].driven.timeline.finish):
+        found = sent_on(site, courses, robots, name, starts[name])
+        others = [one for other, one in courses.items() if other != name]
+        assert_keeps_apart(found, others, site.terms.tau, site.terms.margin)
+        assert found.course.goal == pytest.approx(starts[name], abs=1e-5)
+        assert found.course.driven.plan.begin_ms == round(1000.0 * found.course.since)
+        assert found.course.driven.plan.revision == 1
+        courses[name] = found.course
+
+
+def test_a_robot_waits_at_its_place_for_one_that_is_under_way_across_its_course():
+    scenario = a_scenario(
+        [a_robot("R1", (1.0, 4.0), (2.0, 4.0)), a_robot("R2", (5.0, 1.0), (5.0, 7.0))], tau=0.6
+    )
+    site, courses, robots = a_site(scenario)
+    found = sent_on(site, courses, robots, "R1", (9.0, 4.0))
+    assert [one.driven.id for one in found.near] == ["R2"]
+    assert_keeps_apart(found, [courses["R2"]], site.terms.tau, site.terms.margin)
+    alone = sent_on(site, {"R1": courses["R1"]}, robots, "R1", (9.0, 4.0))
+    assert alone.near == []
+    assert found.course.driven.timeline.finish >= alone.course.driven.timeline.finish
+
+
+def test_a_robot_gets_time_to_turn_towards_its_course():
+    scenario = a_scenario([a_robot("R1", (1.0, 4.0), (2.0, 4.0))], tau=0.6)
+    site, courses, robots = a_site(scenario)
+    times = {}
+    for goal in ((3.0, 4.0), (1.0, 4.0)):
+        found = sent_on(site, courses, robots, "R1", goal)
+        times[goal] = float(found.course.driven.timeline.t0[0]) - found.course.since
+    assert times[3.0, 4.0] < 0.05
+    assert times[1.0, 4.0] >= math.pi
+
+
+def test_where_another_one_rests_for_good_there_is_no_course_to():
+    scenario = a_scenario(
+        [a_robot("R1", (1.0, 4.0), (2.0, 4.0)), a_robot("R2", (8.0, 1.0), (8.0, 6.0))], tau=0.6
+    )
+    site, courses, robots = a_site(scenario)
+    with pytest.raises(PlanError) as caught:
+        sent_on(site, courses, robots, "R1", (8.0, 5.9))
+    assert caught.value.robot == "R1"
+
+
+def test_a_course_that_comes_too_near_another_one_is_found_by_its_proof():
+    scenario = a_scenario(
+        [a_robot("R1", (1.0, 4.0), (2.0, 4.0)), a_robot("R2", (5.0, 1.0), (5.0, 7.0))], tau=0.6
+    )
+    site, courses, robots = a_site(scenario)
+    found = sent_on(site, {"R1": courses["R1"]}, robots, "R1", (9.0, 4.0))
+    late = sent_on(site, courses, robots, "R2", (5.0, 1.2), revision=3)
+    limits, terms = Limits.of(robots["R1"]), site.terms
+    arguments = (found.staircases, terms.margin, limits, site.gap)
+    assert course_failures([found.course], *arguments) == []
+    assert course_failures([found.course, late.course], *arguments) != []
+    for since, until in ((1e5, math.inf), (0.0, 0.1)):
+        elsewhere = Course(late.course.driven, since, until)
+        assert course_failures([found.course, elsewhere], *arguments) == []
