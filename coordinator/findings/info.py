@@ -56,6 +56,8 @@ if TYPE_CHECKING:
     from coordinator.log.records import Log, Record
 
 _POINT_BYTES: Final = 8
+_AT_ONCE: Final = 0.15
+"""A hold that ends within this [s] of a freeze was ended by it."""
 _NO_BOXES: Final[Mapping[str, TrueCourse]] = {}
 
 
@@ -138,12 +140,21 @@ class _Telling:
         self._numbers.fill(told)
         if self._is_late:
             told.held = held_in(self._log, self._before, self._seconds)
+            self._tell_why_frozen()
         if self._starts_ns:
             first_ns, last_ns = min(self._starts_ns.values()), self._last_arrival_ns or end_ns
             if self._last_arrival_ns is not None:
                 told.robot_payload_bytes_per_second = busiest(self._sent, first_ns, last_ns)
             seconds = max(last_ns - first_ns, 0) / 1e9
             told.broadcast = broadcast(told, self._ours, seconds)
+
+    def _tell_why_frozen(self) -> None:
+        """Add to each freeze whom robots were held by when it came."""
+        for fault in self.summary.faults:
+            if fault.kind == "freeze":
+                by = {one.by for one in self.summary.held if abs(one.until - fault.t) < _AT_ONCE}
+                if by:
+                    fault.fault += f": others were held by {', '.join(sorted(by))}"
 
     def _take_plans(self) -> None:
         """Take facts of plans from the attachments, or from messages where none is attached."""

@@ -68,6 +68,8 @@ def test_it_ends_with_a_freeze_and_is_shown_to_people(plan):
     moments += [(wait + 900, FREEZE, {}, {})]
     summary = told(plan, moments)
     assert summary["held"][0]["until"] == pytest.approx((wait + 900) / 1000.0, abs=1e-3)
+    (freeze,) = [one["fault"] for one in summary["faults"] if one["kind"] == "freeze"]
+    assert freeze == f"the fleet was told to freeze: others were held by {ahead}"
     shown = [str(part) for part in render(summary).renderables]
     assert any(f"{behind} was held by {ahead} from" in text for text in shown)
 
