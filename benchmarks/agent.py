@@ -28,12 +28,17 @@ from benchmarks.table import ROOT, Row
 from coordinator.plan.wire import Driven, drive
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import read_scenario, scenario_to_json
+from protocol.phases import GO, HOLD
 from protocol.plan_parts import PlanParts, unpack_plan
 from robot_agent.core.agent import Agent
+from robot_agent.core.ride import NOTHING
 from sim.processes.local_fleet import free_port
 
 RATE: Final = 50
 """Ticks a second of every robot of a fleet."""
+
+HEADROOM_MS: Final = 1_041
+"""What Commands grant a robot that nobody holds, beyond the plan's time."""
 
 _RIDES: Final = 9
 _SPEED: Final = 0.5
@@ -73,8 +78,8 @@ def agent() -> list[Row]:
 def _armed(parts: PlanParts) -> Agent:
     """Return a robot that knows its plan."""
     robot = Agent(0.0, 10_000_000)
-    robot.hear_command(7, 1, 1, 0, 0, False, 0)
-    robot.hear_plan(7, 1, *parts)
+    robot.hear_command(7, 1, 1, 1, HOLD, 0, 0, NOTHING, False, 0)
+    robot.hear_plan(7, 1, 0, 0, *parts)
     return robot
 
 
@@ -84,12 +89,13 @@ def _ride(driven: Driven, robot: Agent) -> list[float]:
         robot.hear_clock(i, i, i, i)
     assert robot.ride is not None
     robot.tick(1_000, *robot.ride.follower.start_pose())
-    robot.hear_command(7, 2, 1, 1, 1_000, False, 2_000)
+    robot.hear_command(7, 1, 2, 1, GO, 1_000, 2_000, HEADROOM_MS, False, 2_000)
     spent = []
     for i, (t, x, y, heading) in enumerate(_seen(driven)):
         now = 1_000 + round(t * 1e9)
         if i % 10 == 0:
-            robot.hear_command(7, 3 + i, 1, 1, 1_000, False, now)
+            granted = round(1000.0 * t) + HEADROOM_MS
+            robot.hear_command(7, 1, 3 + i, 1, GO, 1_000, now, granted, False, now)
         begin = time.perf_counter_ns()
         robot.tick(now, x, y, heading)
         spent.append((time.perf_counter_ns() - begin) / 1000.0)
