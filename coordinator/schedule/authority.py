@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from coordinator.plan.staircases import Staircases
-from coordinator.schedule.authority_kernels import Integers, Table, grant, holder
+from coordinator.schedule.authority_kernels import Integers, Table, breaks, grant, holder
 
 EVER: Final = 2**40
 """The progress [ms] of a robot that is at its goal: it has passed all plan times."""
@@ -32,18 +32,21 @@ class Authority:
     """
 
     def __init__(self, staircases: Staircases, robots: int) -> None:
-        self._table = Table(
-            staircases.tau_ms,
-            np.searchsorted(staircases.behind, np.arange(robots + 1)),
-            staircases.ahead,
-            staircases.first,
-            staircases.at,
-            staircases.need,
-            staircases.first[:-1].copy(),
-        )
+        self._table = _table_of(staircases, robots)
         self.progress: Integers = np.zeros(robots, np.int64)
         self.granted: Integers = np.zeros(robots, np.int64)
         self.told: Integers = np.zeros(robots, np.int64)
+
+    def renew(self, staircases: Staircases) -> bool:
+        """Grant by other staircases from now on, unless one forbids what was told already.
+
+        Returns whether that is so.
+        """
+        table = _table_of(staircases, len(self.told))
+        if breaks(table, self.progress, self.told):
+            return False
+        self._table = table
+        return True
 
     def know(self, robot: int, progress_ms: int) -> None:
         """Take in that a robot has driven up to a plan time; never more than it was told."""
@@ -53,6 +56,10 @@ class Authority:
     def arrive(self, robot: int) -> None:
         """Take in that a robot is at its goal, where its plan has it from then on."""
         self.progress[robot] = self.told[robot] = EVER
+
+    def set_out(self, robot: int, begin_ms: int) -> None:
+        """Take in that a robot at its goal has a course from there that begins at a plan time."""
+        self.progress[robot] = self.told[robot] = self.granted[robot] = begin_ms
 
     def wanted(self, now_ms: int, headroom_ms: int) -> Integers:
         """Return how far (n,) [ms] robots would be let at a plan time if nobody were in the way."""
@@ -73,3 +80,15 @@ class Authority:
     def may_have_told(self, until_ms: int) -> None:
         """Take in that any robot may have been told that it may drive up to a plan time."""
         np.maximum(self.told, until_ms, out=self.told)
+
+
+def _table_of(staircases: Staircases, robots: int) -> Table:
+    return Table(
+        staircases.tau_ms,
+        np.searchsorted(staircases.behind, np.arange(robots + 1)),
+        staircases.ahead,
+        staircases.first,
+        staircases.at,
+        staircases.need,
+        staircases.first[:-1].copy(),
+    )

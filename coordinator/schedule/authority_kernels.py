@@ -69,6 +69,16 @@ def grant(table: Table, progress: Integers, wanted: Integers, authority: Integer
 
 
 @compiled
+def breaks(table: Table, progress: Integers, told: Integers) -> bool:
+    """Return whether some robot was told a plan time (n,) [ms] that the others do not let it."""
+    for robot in range(len(told)):
+        for pair in range(table.pair_at[robot], table.pair_at[robot + 1]):
+            if told[robot] > _limit(table, pair, progress[table.ahead[pair]]):
+                return True
+    return False
+
+
+@compiled
 def holder(table: Table, progress: Integers, robot: int) -> int:
     """Return the robot ahead that leaves a robot the least authority; -1 if nobody limits it."""
     found, least = np.int64(-1), np.int64(2**62)

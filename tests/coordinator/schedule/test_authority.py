@@ -169,3 +169,43 @@ def test_a_robot_that_dies_holds_only_those_behind_it(fleet, seed):
 
 def test_without_authority_the_same_robots_touch(fleet):
     assert min(drive(fleet, seed, obeys=False)[0] for seed in range(2)) < -0.05
+
+
+@pytest.mark.parametrize("seed", seeds(40))
+def test_other_staircases_count_from_then_on_unless_they_forbid_what_was_told(seed):
+    dice = random.Random(seed)
+    rule, now = Authority(random_staircases(dice), 6), 0
+    rule.grant(now, HEADROOM, FAR)
+    renewed = 0
+    while now < 20_000:
+        now += dice.randint(50, 1_500)
+        for robot in range(6):
+            rule.know(robot, now - dice.choice([0, dice.randint(0, 4_000)]))
+        rule.grant(now, HEADROOM, FAR)
+        other = random_staircases(dice)
+        told = rule.told.tolist()
+        fits = all(is_allowed(other, robot, told[robot], rule.progress) for robot in range(6))
+        assert rule.renew(other) == fits
+        renewed += fits
+        before = rule.granted.copy()
+        rule.grant(now + 100, HEADROOM, FAR)
+        for robot in np.flatnonzero(rule.granted > before).tolist():
+            if fits:
+                assert is_allowed(other, robot, int(rule.granted[robot]), rule.progress)
+    assert renewed
+
+
+def test_a_robot_that_sets_out_again_is_where_its_course_begins_and_is_granted_anew():
+    at, need = np.array([9_000, 20_000], np.int32), np.array([8_000, 19_000], np.int32)
+    one = Staircases(TAU, np.array([0]), np.array([1]), np.array([0, 2]), at, need)
+    rule = Authority(one, 2)
+    for now in range(0, 5_000, 100):
+        rule.grant(now, HEADROOM, FAR)
+        rule.know(1, now)
+    rule.arrive(0)
+    rule.grant(6_000, HEADROOM, FAR)
+    assert rule.granted[1] == 6_500
+    rule.set_out(0, 7_000)
+    rule.know(1, 6_400)
+    rule.grant(9_500, HEADROOM, FAR)
+    assert (rule.progress[0], rule.granted[1]) == (7_000, 8_900)
