@@ -93,7 +93,8 @@ def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     speed = site.scenario.planned_speed(robot)
     limits = limits_on(path, speed, BRAKING_SHARE * robot.max_accel, robot.max_lateral_accel)
     release = 0.001 * wish.begin_ms + _turning(path, wish.heading)
-    motion, names = _motion(site, robot, Track(limits, Course.chords_of(path)), others, release)
+    track = Track(limits, Course.chords_of(path))
+    motion, names = _motion(site, robot, track, others, 0.001 * wish.begin_ms, release)
     plan = rounded(robot, path, motion, names)
     message = pack(terms, plan, wish.number, wish.revision, wish.begin_ms)
     course = Course(unpack(message, robot.radius), 0.001 * wish.begin_ms)
@@ -143,9 +144,17 @@ def _turning(path: Nurbs, heading: float) -> float:
 
 
 def _motion(
-    site: Site, robot: Robot, track: Track, others: Sequence[Course], release: float
+    site: Site,
+    robot: Robot,
+    track: Track,
+    others: Sequence[Course],
+    begin: float,
+    release: float,
 ) -> tuple[Motion, list[str]]:
-    """Return the earliest motion from a time [s] on, and the names of whom it may let pass."""
+    """Return the earliest motion of a robot that may leave at `release` [s], and who may be ahead.
+
+    The robot stands at its start from `begin` [s] on.
+    """
     margin = site.terms.margin + _NEED_PAD
     low, high = track.chords.points.min(axis=0), track.chords.points.max(axis=0)
     near = [
@@ -159,7 +168,8 @@ def _motion(
     motions = Motions(junctions.lengths())
     for index, one in enumerate(near, start=1):
         motions.put_line(index, one.driven.timeline)
-    motion = earliest_motion(junctions, motions, 0, departure=Departure(release, math.inf))
+    departure = Departure(release, math.inf, begin)
+    motion = earliest_motion(junctions, motions, 0, departure=departure)
     if motion is None:
         raise PlanError("has no way among the others, whenever it sets out", robot.id)
     return motion, [robot.id, *(one.driven.id for one in near)]

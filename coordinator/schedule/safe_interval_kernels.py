@@ -59,10 +59,14 @@ class Approach(NamedTuple):
 
 
 class Departure(NamedTuple):
-    """When a robot may leave its first station: from `release` to `leave_by` [s]."""
+    """When a robot may leave its first station: from `release` to `leave_by` [s].
+
+    It stands there from `since` on; by default it always has.
+    """
 
     release: float
     leave_by: float
+    since: float = -math.inf
 
 
 class _States(NamedTuple):
@@ -125,16 +129,17 @@ def search(
     rest (stations,) [s]: the least time from each station to the goal.  A polite robot never waits
     in a zone that the other robot has yet to pass.
     """
-    release, leave_by = departure
+    release, leave_by, _ = departure
     first, times = _intervals(ride, forbidden, polite and not ride.at_once)
-    if _is_hopeless(first, times, release):
+    start = _start(first, times, departure)
+    if start < 0:
         return np.empty((0, 3)), math.inf
     states, goal = _unreached(first, times), len(ride.stations) - 1
-    states.best[0] = release
+    states.best[start] = release
     size = len(forbidden.cell) + len(forbidden.low) + 1
     closed = Closed(np.empty(size), np.empty(size), np.empty(size, np.int64))
     extra = 0.0 if ride.at_once else _PER_STOP
-    heap = [(release + rest[0], 0, 0)]
+    heap = [(release + rest[0], 0, start)]
     while len(heap) > 0:
         _, _, here = heapq.heappop(heap)
         if states.done[here]:
@@ -182,13 +187,18 @@ def _patience(ride: Ride, forbidden: ForbiddenTimes, p: int) -> float:
 
 
 @compiled
-def _is_hopeless(first: Indices, times: Array, release: float) -> bool:
-    """Tell whether a robot cannot stay at its start until `release` [s] or at its goal for ever."""
-    if first[1] == 0 or first[-2] == first[-1]:
-        return True
-    return bool(
-        times[0, BEGIN] > -math.inf or times[0, END] <= release or times[-1, END] < math.inf
-    )
+def _start(first: Indices, times: Array, departure: Departure) -> int:
+    """Return the interval in which a robot stands at its start until it may leave.
+
+    -1 if others do not let it stand there for so long, or at its goal for ever.
+    """
+    release, _, since = departure
+    if first[-2] == first[-1] or times[-1, END] < math.inf:
+        return -1
+    for k in range(first[1]):
+        if times[k, BEGIN] <= since and times[k, END] > release:
+            return k
+    return -1
 
 
 @compiled

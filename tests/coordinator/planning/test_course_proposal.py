@@ -85,6 +85,18 @@ def test_a_robot_waits_at_its_place_for_one_that_is_under_way_across_its_course(
     assert found.course.driven.timeline.finish >= alone.course.driven.timeline.finish
 
 
+def test_a_robot_may_rest_where_another_one_has_left_and_is_sent_on_from_there():
+    scenario = a_scenario(
+        [a_robot("R1", (1.0, 4.0), (3.0, 4.0)), a_robot("R2", (8.0, 4.0), (8.0, 1.0))], tau=0.6
+    )
+    site, courses, robots = a_site(scenario)
+    for revision, goal in enumerate(((8.0, 4.0), (8.0, 6.5)), start=1):
+        found = sent_on(site, courses, robots, "R1", goal, revision)
+        assert_keeps_apart(found, [courses["R2"]], site.terms.tau, site.terms.margin)
+        courses["R1"] = found.course
+    assert found.course.goal == pytest.approx((8.0, 6.5), abs=1e-5)
+
+
 def test_a_robot_gets_time_to_turn_towards_its_course():
     scenario = a_scenario([a_robot("R1", (1.0, 4.0), (2.0, 4.0))], tau=0.6)
     site, courses, robots = a_site(scenario)
