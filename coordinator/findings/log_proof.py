@@ -114,7 +114,7 @@ class _Asked(NamedTuple):
 
 
 class _Processes:
-    """Which process of each robot its coordinator has accepted: a Plan answered it.
+    """The process of each robot that the coordinator accepted: it answered its word with a Plan.
 
     A log that another one resumes may begin after that; then any process may be the accepted one.
     """

@@ -19,8 +19,8 @@ ON_TIME: Final = 0.15
 """A robot that is late by no more than this [s] is shown on time."""
 
 _UNHEARD: Final = 1.0
-"""A robot that is late after no word for so long [s] drove by the clock, and then stood: its
-authority had ended."""
+"""A robot that is late when it is heard again after a silence this long [s] is assumed to have
+driven by the clock until its authority ended, and to have stood since then."""
 
 
 class Progress:

@@ -23,10 +23,10 @@ STUCK_MS: Final = 10_000
 """A robot that nobody holds and that has not got on for this long is stuck."""
 
 ROOM: Final = 0.1
-"""A robot that seems to be at most so far [m] beyond what it was told has not driven farther."""
+"""Tolerance [m]: a robot beyond the end of its authority by no more than this has not passed it."""
 
 _STEPS: Final = 2
-"""By how many steps of lateness its known progress has to grow for a robot to have got on."""
+"""A robot gets on when its known progress has grown by this many steps of lateness."""
 
 ROOM_MS: Final = 1_000
 """A robot that others let drive on for less than this is near the end of its authority.

@@ -1,6 +1,6 @@
 """A course: what one robot was sent to drive, and the plan times at which it may be driving it.
 
-Decides: nothing.  A robot drives the course in force until a newer one begins.
+Decides: from and until when a course counts.  Must not know: why a robot has it, who may drive.
 """
 
 from __future__ import annotations
@@ -8,12 +8,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 from coordinator.curves.chords import Chords, chords_of
 from coordinator.curves.nurbs import Nurbs
 from coordinator.plan.wire import Driven
 
-_CHORD_ERROR = 5e-4
+_CHORD_ERROR: Final = 5e-4
+"""How far [m] chords may be from a path."""
 
 
 @dataclass(frozen=True, eq=False)

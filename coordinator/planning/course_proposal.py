@@ -28,6 +28,7 @@ from coordinator.plan.drafting import rounded
 from coordinator.plan.shares_of_tau import BRAKING_SHARE
 from coordinator.plan.staircases import Staircases
 from coordinator.plan.wire import pack, unpack
+from coordinator.planning.planner import NEED_PAD, TAU_PAD
 from coordinator.proof.course_proof import course_failures, that_may_meet
 from coordinator.scenario.floor import Floor
 from coordinator.scenario.model import Robot, Scenario
@@ -37,10 +38,6 @@ from coordinator.schedule.safe_intervals import earliest_motion
 from coordinator.schedule.staircase_making import STANDOFF, staircases_of
 from coordinator.schedule.timetable import Motions
 from coordinator.schedule.track import Track
-
-_NEED_PAD: Final = 0.0005
-_TAU_PAD: Final = 0.002
-"""What is added to every need [m] and to tau [s], to allow for rounding to the wire."""
 
 _TURN_RATE: Final = 1.0
 _TURN_TIME: Final = 0.3
@@ -155,7 +152,7 @@ def _motion(
 
     The robot stands at its start from `begin` [s] on.
     """
-    margin = site.terms.margin + _NEED_PAD
+    margin = site.terms.margin + NEED_PAD
     low, high = track.chords.points.min(axis=0), track.chords.points.max(axis=0)
     near = [
         one
@@ -164,7 +161,7 @@ def _motion(
     ]
     tracks = [track, *(_known(one) for one in near)]
     radii = [robot.radius, *(one.driven.radius for one in near)]
-    junctions = Junctions(tracks, radii, margin, site.terms.tau + _TAU_PAD, among=(0,))
+    junctions = Junctions(tracks, radii, margin, site.terms.tau + TAU_PAD, among=(0,))
     motions = Motions(junctions.lengths())
     for index, one in enumerate(near, start=1):
         motions.put_line(index, one.driven.timeline)
@@ -180,6 +177,6 @@ def _known(course: Course) -> Track:
 
 
 def _apart(course: Course, low: Array, high: Array) -> float:
-    """Return the distance [m] along x or y of a course from a box."""
+    """Return by how much [m] a course's box and another box are apart, along x or along y."""
     points = course.chords.points
     return float(np.maximum(points.min(axis=0) - high, low - points.max(axis=0)).max())

@@ -46,9 +46,9 @@ LATER_EFFORT = 4
 The whole fleet stands while such a plan is made: a longer search would cost about as much time as
 it gains."""
 
-_NEED_PAD = 0.0005
-_TAU_PAD = 0.002
-"""The schedule adds _NEED_PAD [m] to every need and _TAU_PAD [s] to tau, to allow for rounding to
+NEED_PAD = 0.0005
+TAU_PAD = 0.002
+"""The schedule adds NEED_PAD [m] to every need and TAU_PAD [s] to tau, to allow for rounding to
 the wire.  Where robots stand too near each other for that, less is added
 (ground/tight_places.py)."""
 
@@ -163,7 +163,7 @@ class _Stages:
         self.executor = executor
         self.tau = tau
         self.pathfinder = Pathfinder(scenario)
-        self.near = near_places(scenario, _NEED_PAD)
+        self.near = near_places(scenario, NEED_PAD)
         self.paths: list[Nurbs] = []
         self.tracks: list[Track] = []
         self.notes: list[str] = []
@@ -321,5 +321,5 @@ class _Stages:
         robots = self.scenario.robots
         chosen = range(len(robots)) if indices is None else indices
         radii = [robots[i].radius - self.near.less[i] for i in chosen]
-        margin = self.scenario.margin + _NEED_PAD
-        return Junctions(tracks, radii, margin, self.tau + _TAU_PAD, self.executor)
+        margin = self.scenario.margin + NEED_PAD
+        return Junctions(tracks, radii, margin, self.tau + TAU_PAD, self.executor)
