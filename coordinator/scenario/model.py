@@ -48,8 +48,17 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
     max_lateral_accel: float
     """Default: max_accel."""
     min_turn_radius: float = 0.0
+    max_turn_rate: float = 1.0
+    """How fast it turns on the spot [rad/s]."""
     priority: int = 0
+    home: Pose | None = None
+    """Where it goes when it is in the way and has nothing to do."""
     path: GivenPath | None = None
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether the robot stays at its start until it gets an order."""
+        return self.path is None and not self.via and self.goal[:2] == self.start[:2]
 
     @property
     def end_fields(self) -> tuple[str, str]:
@@ -57,6 +66,39 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
         if self.path is None:
             return "start", "goal"
         return "path.control_points[0]", f"path.control_points[{len(self.path.control_points) - 1}]"
+
+
+class Order(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a robot is wanted while the fleet drives; lengths [m], headings [rad], times [s].
+
+    robot: "" leaves the choice to the coordinator.  release: when it becomes known, counted from
+    the first GO; after: or when the order with this id is done.  dwell: how long the robot stands
+    at the goal before the order is done.  Of several that wait, a higher priority goes first.
+    """
+
+    id: str
+    goal: Pose
+    robot: str = ""
+    release: float = 0.0
+    after: str = ""
+    via: tuple[Point, ...] = ()
+    dwell: float = 0.0
+    priority: int = 0
+
+
+class Demand(msgspec.Struct, frozen=True, kw_only=True):
+    """Orders that go on by themselves: each robot goes from one of these places to another.
+
+    places [m]: a robot's next order goes to one that no robot holds or is bound for.  per_robot:
+    how many orders each robot gets; the next becomes known when the last is done, the first at a
+    random time within first_within [s].  dwell [s]: as in an Order.
+    """
+
+    places: tuple[Pose, ...]
+    per_robot: int = 1
+    first_within: float = 0.0
+    dwell: float = 0.0
+    seed: int = 0
 
 
 class MapPart(msgspec.Struct, frozen=True, kw_only=True):
@@ -95,6 +137,8 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
     stop_time: float = 2.0
     speed_reserve: float = 0.05
     link: Link = Link()
+    orders: tuple[Order, ...] = ()
+    demand: Demand | None = None
 
     def need(self, a: Robot, b: Robot) -> float:
         """Return the least distance [m] between the centres of two robots."""
