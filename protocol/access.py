@@ -63,14 +63,16 @@ def observer_rights(fleet: str) -> Rights:
 
 
 def operator_rights(fleet: str, robots: Iterable[str]) -> Rights:
-    """Return the rights of an operator: to admit robots again, and to receive the outcome.
+    """Return the rights of an operator: to admit robots, to give orders, to receive the outcome.
 
     Its keys contain no wildcard for the robot: Zenoh 1.10 crashes when it forwards a key longer
     than 65,535 bytes.
     """
-    hears = (keys.command(fleet), keys.plan(fleet, "*"))
+    hears = (keys.command(fleet), keys.plan(fleet, "*"), keys.orders(fleet, "*"))
+    admits = (keys.admit(fleet, robot) for robot in robots)
     return Rights(
-        puts=tuple(keys.admit(fleet, robot) for robot in robots),
+        puts=(*admits, keys.order(fleet), keys.tell(fleet)),
+        asks=(keys.orders(fleet, "*"),),
         subscribes=(*hears, keys.command(_EVERY_FLEET), keys.plan(_EVERY_FLEET, "*")),
         hears=hears,
     )
@@ -92,13 +94,14 @@ def coordinator_rights(fleet: str) -> Rights:
     It receives the command too, so that one of two coordinators of a fleet can give way.
     """
     hears = [kind(fleet, "*") for kind in (keys.hello, keys.report, keys.clock, keys.admit)]
-    hears.append(keys.command(fleet))
+    hears += [keys.command(fleet), keys.order(fleet), keys.tell(fleet)]
+    told = (keys.plan(fleet, "*"), keys.clock(fleet, "*"), keys.orders(fleet, "*"))
     return Rights(
-        puts=(keys.command(fleet), keys.plan(fleet, "*"), keys.clock(fleet, "*")),
+        puts=(keys.command(fleet), *told),
         subscribes=tuple(hears),
         hears=tuple(hears),
         watches=(keys.alive(fleet, "*"),),
-        answers=(keys.plan(fleet, "*"),),
+        answers=(keys.plan(fleet, "*"), keys.orders(fleet, "*")),
     )
 
 

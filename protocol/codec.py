@@ -18,13 +18,17 @@ import msgspec
 from protocol.messages import (
     MAX_MESSAGE_BYTES,
     Admit,
+    Cancel,
     Clock,
     Command,
     Hello,
     Message,
+    Order,
+    OrderState,
     Plan,
     Refusal,
     Report,
+    Tell,
 )
 from protocol.plan_bytes import (
     OversizeError,
@@ -47,6 +51,9 @@ KINDS: Final[dict[str, tuple[type[Message], ...]]] = {
     "report": (Report,),
     "clock": (Clock,),
     "admit": (Admit,),
+    "order": (Order, Cancel),
+    "orders": (OrderState,),
+    "tell": (Tell,),
 }
 """Which messages may be sent on which kind of key."""
 
@@ -109,6 +116,9 @@ def _is_sane(message: Message) -> bool:
     if isinstance(message, Hello):
         limits = (message.radius_m, message.max_speed_mps, message.max_accel_mps2)
         return all(0.0 <= limit < math.inf for limit in limits)
+    if isinstance(message, Order):
+        numbers = [*message.goal, *(number for place in message.via for number in place)]
+        return all(map(math.isfinite, numbers))
     if isinstance(message, Report):
         return message.rest is None or math.isfinite(message.rest.s_m)
     return not isinstance(message, Plan) or _is_whole(message)

@@ -14,6 +14,9 @@ NAME: Final = re.compile(r"(?!\.+(?:/|$))[A-Za-z0-9_.-]{1,32}")
 """What a fleet's or a robot's name may be; Zenoh itself would accept nearly anything.  A name of
 dots alone is refused because `.` and `..` are folders that exist already."""
 
+_OF_A_FLEET: Final = ("command", "order", "tell")
+_OF_ONE: Final = ("hello", "plan", "report", "clock", "alive", "admit", "orders")
+
 NAME_IN_WORDS: Final = "1 to 32 of A-Z a-z 0-9 _ . -, not dots alone"
 
 
@@ -47,6 +50,21 @@ def admit(fleet: str, robot: str) -> str:
     return f"{ROOT}/{fleet}/admit/{robot}"
 
 
+def order(fleet: str) -> str:
+    """Return the key on which operators give orders and take them back."""
+    return f"{ROOT}/{fleet}/order"
+
+
+def orders(fleet: str, order_id: str) -> str:
+    """Return the key on which the coordinator says what became of an order."""
+    return f"{ROOT}/{fleet}/orders/{order_id}"
+
+
+def tell(fleet: str) -> str:
+    """Return the key on which operators stop a fleet, let it go on, or end it."""
+    return f"{ROOT}/{fleet}/tell"
+
+
 def alive(fleet: str, robot: str) -> str:
     """Return the key that is alive as long as the robot's link is up; no message is put on it."""
     return f"{ROOT}/{fleet}/alive/{robot}"
@@ -54,12 +72,15 @@ def alive(fleet: str, robot: str) -> str:
 
 @lru_cache(maxsize=1024)
 def split(key: str) -> tuple[str, str, str] | None:
-    """Split a key into (fleet, kind, robot); robot is empty for `command`; None for other keys."""
+    """Split a key into (fleet, kind, robot or order); None for other keys.
+
+    The last part is empty for keys that name neither.
+    """
     parts = key.split("/")
     if parts[0] != ROOT or not all(NAME.fullmatch(part) for part in parts[1:]):
         return None
-    if len(parts) == 3 and parts[2] == "command":
-        return parts[1], "command", ""
-    if len(parts) == 4 and parts[2] in ("hello", "plan", "report", "clock", "alive", "admit"):
+    if len(parts) == 3 and parts[2] in _OF_A_FLEET:
+        return parts[1], parts[2], ""
+    if len(parts) == 4 and parts[2] in _OF_ONE:
         return parts[1], parts[2], parts[3]
     return None

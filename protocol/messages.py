@@ -12,7 +12,7 @@ import msgspec
 
 from protocol.timing import MILLISECOND
 
-PROTOCOL_VERSION: Final = 2
+PROTOCOL_VERSION: Final = 3
 
 MAX_MESSAGE_BYTES: Final = 4_000
 """No message to a robot may be longer: zenoh-pico drops larger payloads silently."""
@@ -24,8 +24,11 @@ more, several Commands speak for a range of numbers each."""
 MOST_WANTED: Final = 60
 """A Command asks at most this many robots where they rest, so that it is not too long."""
 
-MOST_ROBOTS: Final = 65_535
-"""The numbers of an epoch's robots are smaller than this."""
+MOST_VIAS: Final = 50
+"""An order names at most this many places to pass."""
+
+MOST_NUMBER: Final = 2**32 - 1
+"""The greatest number that a course of an epoch can have."""
 
 Counter = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 Nanoseconds = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
@@ -35,7 +38,7 @@ Offset = Annotated[int, msgspec.Meta(ge=-32_768, le=32_767)]
 Place = Annotated[int, msgspec.Meta(ge=-(2**31), le=2**31 - 1)]
 PlanTime = Annotated[int, msgspec.Meta(ge=-(2**31), le=2**31 - 1)]
 """A time of the plan [ms]: 0 is its start, which a Command states as start_ns."""
-Number = Annotated[int, msgspec.Meta(ge=0, le=MOST_ROBOTS)]
+Number = Annotated[int, msgspec.Meta(ge=0, le=MOST_NUMBER)]
 Capacity = Annotated[int, msgspec.Meta(ge=0, le=65_535)]
 Packed = Annotated[bytes, msgspec.Meta(max_length=3_600)]
 RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}(?!\n)$")]
@@ -70,7 +73,7 @@ class Plan(msgspec.Struct, frozen=True, array_like=True, tag=2):
 
     On the wire a seal is the last element of the array (codec.py).
 
-    `number`: the robot's number in this epoch's Commands.  `revision` counts a robot's courses in
+    `number`: the course's number in this epoch's Commands.  `revision` counts a robot's courses in
     one epoch from 0; `begin_ms` is the plan time at which the course begins.  `tau_ns`: robots keep
     clear while their plan times differ by no more than this; only listeners use it.
 
@@ -129,9 +132,9 @@ class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
     plan's time zero on the coordinator's clock (0 before the first GO), `said_ns` is when the
     Command was sent, on the same clock: the Command's plan time is the difference.
 
-    With GO, robots with a number from `first` to `last` may drive up to `headroom_ms` beyond that
-    plan time, those in `held` (number, plan time) up to the plan time that stands with them.  A
-    robot keeps the greatest authority that it was granted in this epoch.  `wanted` names robots at
+    With GO, courses with a number from `first` to `last` may be driven up to `headroom_ms` beyond
+    that plan time, those in `held` (number, plan time) up to the plan time that stands with them.
+    A robot keeps the greatest authority that it was granted on a course.  `wanted` names robots at
     rest whose place has not been heard yet.
 
     `run`: the boot id of the coordinator that began this run of the fleet; one that takes over
@@ -148,7 +151,7 @@ class Command(msgspec.Struct, frozen=True, array_like=True, tag=3):
     headroom_ms: PlanTime = 0
     held: Annotated[tuple[tuple[Number, PlanTime], ...], msgspec.Meta(max_length=MOST_HELD)] = ()
     first: Number = 0
-    last: Number = MOST_ROBOTS
+    last: Number = MOST_NUMBER
     wanted: Annotated[tuple[RobotId, ...], msgspec.Meta(max_length=MOST_WANTED)] = ()
     run: Counter = 0
 
@@ -166,8 +169,8 @@ class Rest(msgspec.Struct, frozen=True, array_like=True):
     """Where a robot rests: arc length on an epoch's path, and the offset from the path there.
 
     `off_mm`: how far left of the path; `turn_mrad`: heading relative to the path; `beyond_mm`: how
-    far past the path's end, negative: before its beginning.  Sent once, and again when the
-    coordinator asks.
+    far past the path's end, negative: before its beginning.  `revision`: which of the epoch's
+    courses the path is of.  Sent once, and again when the coordinator asks.
     """
 
     s_m: Annotated[float, msgspec.Meta(ge=0.0)]
@@ -175,6 +178,7 @@ class Rest(msgspec.Struct, frozen=True, array_like=True):
     off_mm: Offset = 0
     turn_mrad: Offset = 0
     beyond_mm: Offset = 0
+    revision: Counter = 0
 
 
 class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
@@ -186,8 +190,8 @@ class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
 
     `stamp_ms` is the plan time at which the report was made.  `late` is how far behind its plan the
     robot was then, in steps of LATE_STEP_MS, rounded up: it has passed plan time stamp - late.  A
-    robot that does not drive states no stamp.  `revision`: the newest course that it holds; it
-    drives that course from the plan time on at which the course begins.
+    robot that does not drive states no stamp.  `revision`: the course that it drives; `holds`: the
+    newest course that it holds.
     """
 
     boot: Counter
@@ -199,6 +203,7 @@ class Report(msgspec.Struct, frozen=True, array_like=True, tag=4):
     stamp_ms: PlanTime | None = None
     late: Annotated[int, msgspec.Meta(ge=0, le=65_535)] = 0
     revision: Counter = 0
+    holds: Counter = 0
 
 
 class Clock(msgspec.Struct, frozen=True, array_like=True, tag=5):
@@ -214,4 +219,69 @@ class Clock(msgspec.Struct, frozen=True, array_like=True, tag=5):
     answered_ns: Nanoseconds | None = None
 
 
-Message = Hello | Plan | Refusal | Command | Report | Clock | Admit
+OrderId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}(?!\n)$")]
+Spot = tuple[float, float]
+
+
+class Order(msgspec.Struct, frozen=True, array_like=True, tag=10):
+    """An operator's order: where a robot is wanted.
+
+    `boot` is a number that the operator's program chooses.  `goal`: x, y [m], and heading [rad] if
+    it matters.  `robot`: empty if the coordinator is to choose.  `via`: places [m] to pass, in
+    order.  `dwell_ms`: how long the robot stands at the goal before the order is done.  Of orders
+    that wait, a higher `priority` goes first.  `now`: the robot leaves what it does for this order.
+    The same `id` again is the same order.
+    """
+
+    boot: Counter
+    id: OrderId
+    goal: Annotated[tuple[float, ...], msgspec.Meta(min_length=2, max_length=3)]
+    robot: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{0,32}(?!\n)$")] = ""
+    via: Annotated[tuple[Spot, ...], msgspec.Meta(max_length=MOST_VIAS)] = ()
+    dwell_ms: Counter = 0
+    priority: Annotated[int, msgspec.Meta(ge=-(2**31), le=2**31 - 1)] = 0
+    now: bool = False
+
+
+class Cancel(msgspec.Struct, frozen=True, array_like=True, tag=11):
+    """An operator takes an order back."""
+
+    boot: Counter
+    id: OrderId
+
+
+class Tell(msgspec.Struct, frozen=True, array_like=True, tag=12):
+    """An operator's word to the fleet: stop at once (0), go on (1), end when all rest (2)."""
+
+    boot: Counter
+    what: Annotated[int, msgspec.Meta(ge=0, le=2)]
+
+
+HALT, GO_ON, END = range(3)
+"""What a Tell may say."""
+
+
+class OrderState(msgspec.Struct, frozen=True, array_like=True, tag=13):
+    """What became of an order; `state` counts in ORDER_STATES, times are in ms since the first GO.
+
+    `robot`: who does it, empty until one is chosen.  `alone_ms`: the time that its robot would take
+    with nobody else on the floor.  `reason`: for whom it waits, or why it was refused or cancelled.
+    """
+
+    id: OrderId
+    state: Annotated[int, msgspec.Meta(ge=0, le=4)]
+    robot: str = ""
+    released_ms: int | None = None
+    accepted_ms: int | None = None
+    planned_arrival_ms: int | None = None
+    arrived_ms: int | None = None
+    alone_ms: int | None = None
+    reason: Annotated[str, msgspec.Meta(max_length=300)] = ""
+
+
+ORDER_STATES: Final = ("waiting", "under way", "done", "cancelled", "refused")
+WAITING, UNDER_WAY, ORDER_DONE, CANCELLED, REFUSED = range(5)
+
+Message = (
+    Hello | Plan | Refusal | Command | Report | Clock | Admit | Order | Cancel | Tell | OrderState
+)

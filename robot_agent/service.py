@@ -236,8 +236,9 @@ class RobotService:
     def _hear_command(self, fleet: str, command: Command, now_ns: int) -> None:
         if self._fleet is None:
             self._join(fleet)
-        authority = command.authority_of(self.agent.number)
-        counts = self.agent.hear_command(
+        agent = self.agent
+        authority, coming = (command.authority_of(n) for n in (agent.number, agent.next_number))
+        counts = agent.hear_command(
             command.boot,
             command.term,
             command.sequence,
@@ -249,6 +250,7 @@ class RobotService:
             self.robot.id in command.wanted,
             now_ns,
             command.run,
+            NOTHING if coming is None else coming,
         )
         if not counts:
             return
@@ -298,7 +300,7 @@ class RobotService:
         if agent.report_s is None:
             return None
         rest = agent.rest
-        return Rest(agent.report_s, rest.epoch, rest.off, rest.turn, rest.beyond)
+        return Rest(agent.report_s, rest.epoch, rest.off, rest.turn, rest.beyond, rest.revision)
 
     def _speak(self, now_ns: int) -> None:
         if self._fleet is None:
@@ -326,5 +328,6 @@ class RobotService:
                 None if agent.report_stamp_ms == NOTHING else agent.report_stamp_ms,
                 agent.report_late,
                 agent.revision,
+                agent.holds,
             )
             self._transport.put(keys.report(fleet, robot.id), encode(report))

@@ -25,6 +25,7 @@ from coordinator.fleet.failures import sets_out, silent, that_do_not_arm
 from coordinator.fleet.grants import Grants
 from coordinator.fleet.log_records import LINK_GONE, LINK_UP, router_key
 from coordinator.fleet.member import Member
+from coordinator.fleet.orders import OrderBook, order_of
 from coordinator.fleet.phases import (
     AWAY,
     FREEZE_PATIENCE,
@@ -37,10 +38,21 @@ from coordinator.fleet.router_link import RouterLink
 from coordinator.fleet.state import FleetState
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import Admit, Clock, Command, Hello, Report
+from protocol.messages import (
+    END,
+    HALT,
+    REFUSED,
+    Admit,
+    Cancel,
+    Clock,
+    Command,
+    Hello,
+    Order,
+    Report,
+    Tell,
+)
 from protocol.phases import (
     COMMAND_NAMES,
-    DONE,
     FREEZE,
     GO,
     HOLD,
@@ -61,8 +73,9 @@ class Fleet(FleetState):
         members: list[Member],
         times: EpochTimes,
         grants: Grants,
+        orders: OrderBook | None = None,
     ) -> None:
-        super().__init__(name, boot, members, times, grants)
+        super().__init__(name, boot, members, times, grants, orders)
         self.bad_messages = 0
         self._door = Door(name, self.members, self.incidents)
 
@@ -72,7 +85,7 @@ class Fleet(FleetState):
             self._hear_router(payload == LINK_UP, now_ns)
             return []
         place = keys.split(key)
-        if place is None or place[0] != self.name or place[1] == "plan":
+        if place is None or place[0] != self.name or place[1] in ("plan", "orders"):
             self.bad_messages += 1
             return []
         _, kind, robot = place
@@ -89,6 +102,10 @@ class Fleet(FleetState):
             return self._hear_other(message, now_ns)
         if isinstance(message, Admit):
             return self._hear_admit(robot, message, now_ns)
+        if isinstance(message, Order | Cancel):
+            return self._hear_order(message, now_ns)
+        if isinstance(message, Tell):
+            return self._hear_tell(message, now_ns)
         self.bad_messages += 1
         return []
 
@@ -106,7 +123,7 @@ class Fleet(FleetState):
             self._settle(now_ns)
         elif self.phase == OVER:
             self._farewells += 1
-        return self._commands(now_ns)
+        return [*self._commands(now_ns), *self.new_courses(now_ns), *self.order_states()]
 
     def stop(self, now_ns: int) -> list[Outgoing]:
         """Stop a fleet that drives: robots brake at once and keep their plans."""
@@ -131,7 +148,7 @@ class Fleet(FleetState):
         grants: Grants,
     ) -> list[Outgoing]:
         """Begin the next epoch with the parts of these robots; the others stay where they are."""
-        self.epoch, self._grants, self.allowed_ms = epoch, grants, 0
+        self.epoch, self.grants, self.allowed_ms = epoch, grants, 0
         self.times.begin(epoch)
         self.members.assign(parts)
         self._turn("planned" if parts else "none can go", now_ns)
@@ -148,7 +165,7 @@ class Fleet(FleetState):
         for member in self.members.values():
             member.gone = False
         if self.phase == GO:
-            self._grants.lose_sight(self.allowed_ms)
+            self.grants.lose_sight(self.allowed_ms)
         later_ns = now_ns - last_ns
         self.times.put_off(later_ns + GO_LEAD)
         self._changed_ns, self._stopped_ns = now_ns, self._stopped_ns + later_ns
@@ -198,7 +215,7 @@ class Fleet(FleetState):
             self._door.tell_heard_again(member, now_ns)
         if report.epoch == self.epoch:
             plan_ms = self.times.plan_ms(now_ns)
-            if not self._grants.hear(robot, report, plan_ms):
+            if not self.grants.hear(robot, report, plan_ms):
                 self.outrun(f"{robot} has driven farther", now_ns)
         if (member.phase, member.fault) != was:
             self._tell(now_ns, "report", robot, member.describe())
@@ -217,6 +234,36 @@ class Fleet(FleetState):
         if report.epoch > self.epoch:
             return True
         return self.phase == HOLD and report.epoch == self.epoch and sets_out(report)
+
+    def _hear_order(self, message: Order | Cancel, now_ns: int) -> list[Outgoing]:
+        """Take in an order, or take one back; the answer is what has become of it."""
+        if isinstance(message, Cancel):
+            self.orders.cancel(message.id)
+        elif self.is_ending:
+            task = self.orders.give(order_of(message), self.since_go_ms(now_ns))
+            if not task.is_over and task.accepted_ms is None:
+                self.orders.end(task, REFUSED, "the fleet ends when all rest")
+        else:
+            self.orders.give(order_of(message), self.since_go_ms(now_ns))
+        task_now = self.orders.tasks.get(message.id)
+        answer = [] if task_now is None else [self._order_state(task_now.message())]
+        return [*answer, *self.order_states()]
+
+    def _hear_tell(self, message: Tell, now_ns: int) -> list[Outgoing]:
+        """Stop, go on, or end when all rest."""
+        if message.what == END:
+            if not self.is_ending:
+                self._tell(now_ns, "order", "", "the fleet ends when all rest")
+            self.is_ending, self.orders.stays = True, False
+            return []
+        return self.stop(now_ns) if message.what == HALT else self.go_on(now_ns)
+
+    def new_courses(self, now_ns: int) -> list[Outgoing]:
+        """Return the courses that robots do not hold yet, to be sent again."""
+        if self.phase != GO:
+            return []
+        lacking = [one for one in self.members.values() if one.lacks_course(self.epoch)]
+        return [plan for member in lacking for plan in self._send_plan(member, now_ns)]
 
     def _hear_gone(self, robot: str, now_ns: int) -> list[Outgoing]:
         """Record that the link to a robot is gone; a robot under way is lost at once."""
@@ -268,7 +315,10 @@ class Fleet(FleetState):
         Robots that hold others for longer than HELD_PATIENCE, or SILENT_PATIENCE, are given up, and
         so are those that alone are left.
         """
-        moving = [m for m in self.members.planned if m.phase != DONE]
+        moving = [m for m in self.members.planned if not m.has_arrived]
+        if not moving and self.orders.is_open_or_stays:
+            self._waits_since_ns = None
+            return
         if not moving:
             self._turn("all done" if self.members.has_arrived else "some can go on", now_ns)
             return
@@ -278,9 +328,9 @@ class Fleet(FleetState):
         for member in moving:
             if member.is_silent(now_ns) and not member.lost:
                 self._lose(member, now_ns)
-        stuck = set(self._grants.stuck(self.times.plan_ms(now_ns)))
+        stuck = set(self.grants.stuck(self.times.plan_ms(now_ns)))
         stopped = [m for m in moving if m.lost or m.has_stopped(self.epoch) or m.id in stuck]
-        waits = stopped and self._grants.behind([member.id for member in stopped])
+        waits = stopped and self.grants.behind([member.id for member in stopped])
         if not waits and len(stopped) < len(moving):
             self._waits_since_ns = None
             return

@@ -13,6 +13,8 @@ from coordinator.fleet.epoch_times import EpochTimes
 from coordinator.fleet.events import Part
 from coordinator.fleet.grants import Grants
 from coordinator.fleet.member import Member
+from coordinator.fleet.orders import OrderBook
+from coordinator.plan.course import Course
 from coordinator.plan.document import PlanDocument, RobotPlan
 from coordinator.plan.shares_of_tau import Shares, shares_of
 from coordinator.plan.wire import PackedPlan, address
@@ -22,7 +24,7 @@ from coordinator.schedule.staircase_making import with_staircases
 from protocol.timing import SECOND
 
 
-def muster(plan: PackedPlan, boot: int) -> Fleet:
+def muster(plan: PackedPlan, boot: int, orders: OrderBook | None = None) -> Fleet:
     """Return the fleet core for a plan; raise PlanError if the plan is not proven.
 
     `boot` is the coordinator's boot id, 32 random bits.
@@ -46,6 +48,7 @@ def muster(plan: PackedPlan, boot: int) -> Fleet:
         members,
         EpochTimes(document.epoch, round(_shares_of(document).headroom * SECOND)),
         grants_of(plan),
+        orders,
     )
 
 
@@ -61,8 +64,8 @@ def grants_of(plan: PackedPlan) -> Grants:
         if failures := staircase_failures(plan.driven, plan.staircases, document.margin):
             raise PlanError("staircases do not cover all conflicts: " + "; ".join(failures))
     headroom_ms = math.ceil(1000.0 * _shares_of(document).headroom)
-    names, lines = [one.id for one in plan.driven], [one.timeline for one in plan.driven]
-    return Grants(plan.staircases, names, headroom_ms, lines)
+    courses = [Course(one, 0.0) for one in plan.driven]
+    return Grants(plan.staircases, [one.id for one in plan.driven], headroom_ms, courses)
 
 
 def _shares_of(document: PlanDocument) -> Shares:

@@ -1,22 +1,27 @@
-"""The authority of a fleet's robots, as Commands state it, and who is held by whom.
+"""The courses of a fleet's robots, the authority on them as Commands state it, who is held by whom.
 
-Decides: how authorities are divided among Commands, when a robot counts as held or stuck.  Must not
-know: phases, when a Command is sent.
+A robot has a course in force and at most one that it was sent and has not begun.  It is granted
+nothing on that one before it reports that it drives it, so it is always on one known course.
+
+Decides: which courses robots may be driving, how authorities are divided among Commands, when a
+robot counts as held or stuck.  Must not know: phases, when a Command is sent.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from coordinator.plan.course import Course
 from coordinator.plan.staircases import NO_STAIRCASES, Staircases
 from coordinator.schedule.authority import EVER, Authority
-from protocol.messages import MOST_HELD, MOST_ROBOTS, Report
+from coordinator.schedule.course_staircases import CourseStaircases
+from protocol.messages import MOST_HELD, MOST_NUMBER, Report
 from protocol.phases import DONE
-from protocol.timeline import Timeline
 from protocol.timing import LATE_STEP_MS
 
 STUCK_MS: Final = 10_000
@@ -40,7 +45,49 @@ class Stated(NamedTuple):
     headroom_ms: int = 0
     held: tuple[tuple[int, int], ...] = ()
     first: int = 0
-    last: int = MOST_ROBOTS
+    last: int = MOST_NUMBER
+
+
+class Span(NamedTuple):
+    """A part of a robot's course, by its revision and plan times [ms]."""
+
+    revision: int
+    since_ms: int
+    until_ms: int
+
+
+@dataclass
+class Sent:
+    """A course that a robot was sent: its revision, its number in Commands, its place in tables.
+
+    `course` is None where nobody asked for it.
+    """
+
+    slot: int
+    number: int
+    revision: int = 0
+    begin_ms: int = 0
+    course: Course | None = None
+    is_confirmed: bool = True
+
+
+@dataclass
+class Courses:
+    """A robot's course in force, and the one that it was sent and has not begun."""
+
+    now: Sent
+    next: Sent | None = None
+
+    def __iter__(self) -> Iterator[Sent]:
+        """Iterate over the courses that the robot may be driving."""
+        yield self.now
+        if self.next is not None:
+            yield self.next
+
+    @property
+    def newest(self) -> Sent:
+        """The newest course."""
+        return self.now if self.next is None else self.next
 
 
 class Held(NamedTuple):
@@ -52,11 +99,11 @@ class Held(NamedTuple):
 
 
 class Grants:
-    """The authorities of the robots of one plan; `robots` in the order of its staircases.
+    """The courses and authorities of the robots of one plan; `robots` in the order of its zones.
 
     `headroom_ms`: how far ahead of the plan's time a robot may drive when nobody holds it.  That is
-    enough to drive on when Commands are lost, and then to brake.  A robot's number is its place in
-    `robots`.  `lines`: the robots' motions.
+    enough to drive on when Commands are lost, and then to brake.  A robot's first course has its
+    place in `robots` as its number.  `courses`: the robots' first courses.
     """
 
     def __init__(
@@ -64,67 +111,160 @@ class Grants:
         staircases: Staircases,
         robots: Sequence[str],
         headroom_ms: int,
-        lines: Sequence[Timeline] = (),
+        courses: Sequence[Course] = (),
     ) -> None:
+        count = len(robots)
         self.headroom_ms = headroom_ms
-        self._rule = Authority(staircases, len(robots))
         self._robots = list(robots)
-        self._lines = lines
-        self._number = {name: number for number, name in enumerate(robots)}
-        self._done = np.zeros(len(robots), bool)
-        self._got_on_ms = np.zeros(len(robots), np.int64)
+        self._staircases = CourseStaircases(staircases)
+        self._rule = Authority(staircases, 2 * count)
+        self._rule.barred[count:] = True
+        self._courses = {
+            name: Courses(Sent(slot, slot, course=courses[slot] if courses else None))
+            for slot, name in enumerate(robots)
+        }
+        self._numbers = np.full(2 * count, -1, np.int64)
+        """The number of the course in each slot; -1 where there is none."""
+        self._numbers[:count] = np.arange(count)
+        self._next_number = count
+        self._reserved: set[int] = set()
+        self._done = np.zeros(2 * count, bool)
+        self._got_on_ms = np.zeros(2 * count, np.int64)
         """When each robot last got on, or could not because it was held."""
-        self._passed_ms = np.zeros(len(robots), np.int64)
+        self._passed_ms = np.zeros(2 * count, np.int64)
         """What each robot had passed when it last got on."""
         self._held: dict[int, tuple[int, int]] = {}
-        """By number: who holds a robot, and since when [ms]."""
+        """By slot: who holds a robot, and since when [ms]."""
+
+    def of(self, robot: str) -> Courses | None:
+        """Return a robot's courses; None if it has no part in the plan."""
+        return self._courses.get(robot)
+
+    def possible(self) -> list[Course]:
+        """Return all courses that robots may be driving."""
+        sent = (one.course for courses in self._courses.values() for one in courses)
+        return [course for course in sent if course is not None]
+
+    def reserve(self) -> int:
+        """Return a number for a course that is being looked for.
+
+        Nothing is granted to it before the course is committed.
+        """
+        number, self._next_number = self._next_number, self._next_number + 1
+        self._reserved.add(number)
+        return number
+
+    def release(self, number: int) -> None:
+        """Give up a number that was reserved."""
+        self._reserved.discard(number)
+
+    def commit(
+        self,
+        number: int,
+        course: Course,
+        near: Sequence[Course],
+        staircases: Staircases,
+    ) -> bool:
+        """Add a course that its robot may begin from now on; False if what was told forbids it.
+
+        `staircases`: those of the course, index 0, with the courses `near`, from index 1 on.
+        """
+        plan = course.driven.plan
+        mine, count = self._courses[course.driven.id], len(self._robots)
+        slot = (mine.now.slot + count) % (2 * count)
+        slots = [slot, *(self._slot(one) for one in near)]
+        begin_ms = plan.begin_ms
+        self._staircases.put(slot, staircases, slots)
+        self._rule.open(slot, min(int(self._rule.progress[mine.now.slot]), begin_ms))
+        if not self._rule.renew(self._staircases.all):
+            self._staircases.put(slot, NO_STAIRCASES, ())
+            self._rule.renew(self._staircases.all)
+            return False
+        self.release(number)
+        mine.next = Sent(slot, number, plan.revision, begin_ms, course, is_confirmed=False)
+        self._numbers[slot], self._done[slot] = number, False
+        self._passed_ms[slot] = begin_ms
+        return True
+
+    def _slot(self, course: Course) -> int:
+        """Return the slot of a course, or -1 if its robot has left it for a newer one."""
+        driven = course.driven
+        slots = [one.slot for one in self._courses[driven.id] if one.course is course]
+        return slots[0] if slots else -1
 
     def hear(self, robot: str, report: Report, now_ms: int) -> bool:
         """Take in how far a robot says that it has driven; return whether it can be there.
 
         `now_ms`: the plan time at which the report is heard.
         """
-        number = self._number.get(robot)
-        if number is None:
+        mine = self._courses.get(robot)
+        if mine is None:
             return True
-        self._done[number] = report.phase == DONE
+        if mine.next is not None:
+            mine.next.is_confirmed |= report.holds >= mine.next.revision
+            if report.revision >= mine.next.revision:
+                self._begin(mine, mine.next, now_ms)
+        if report.revision != mine.now.revision:
+            return True
+        fits = self._hear_progress(mine.now, report, now_ms)
+        if mine.next is not None:
+            passed_ms = int(self._rule.progress[mine.now.slot])
+            self._rule.reach(mine.next.slot, min(passed_ms, mine.next.begin_ms))
+        return fits
+
+    def _begin(self, mine: Courses, begun: Sent, now_ms: int) -> None:
+        """Take in that a robot has left its old course for the next one."""
+        old, mine.now, mine.next = mine.now, begun, None
+        begun.is_confirmed = True
+        rule = self._rule
+        rule.reach(begun.slot, begun.begin_ms)
+        rule.reach(old.slot, EVER)
+        rule.barred[old.slot], rule.barred[begun.slot] = True, False
+        self._numbers[old.slot] = -1
+        self._held.pop(old.slot, None)
+        self._got_on_ms[begun.slot] = now_ms
+
+    def _hear_progress(self, sent: Sent, report: Report, now_ms: int) -> bool:
+        slot = sent.slot
+        self._done[slot] = report.phase == DONE
         if report.phase == DONE:
-            self._rule.arrive(number)
-        if report.stamp_ms is None or self._rule.progress[number] == EVER:
+            self._rule.arrive(slot)
+        if report.stamp_ms is None or self._rule.progress[slot] == EVER:
             return True
         claimed_ms = report.stamp_ms - LATE_STEP_MS * report.late
-        self._rule.know(number, claimed_ms)
-        passed_ms = int(self._rule.progress[number])
-        if passed_ms - self._passed_ms[number] >= _STEPS * LATE_STEP_MS:
-            self._passed_ms[number] = passed_ms
-            self._got_on_ms[number] = max(now_ms, int(self._got_on_ms[number]))
-        return report.late == 0 or self._can_be_at(number, claimed_ms)
+        self._rule.know(slot, claimed_ms)
+        passed_ms = int(self._rule.progress[slot])
+        if passed_ms - self._passed_ms[slot] >= _STEPS * LATE_STEP_MS:
+            self._passed_ms[slot] = passed_ms
+            self._got_on_ms[slot] = max(now_ms, int(self._got_on_ms[slot]))
+        return report.late == 0 or self._can_be_at(sent, claimed_ms)
 
-    def _can_be_at(self, number: int, claimed_ms: int) -> bool:
+    def _can_be_at(self, sent: Sent, claimed_ms: int) -> bool:
         """Return whether a robot can be where its plan has it at a plan time, by what it was told.
 
         One that waits by its plan is there until the wait ends, which may be long after that.
         """
-        told_ms = int(self._rule.told[number])
-        if claimed_ms <= told_ms + ROOM_MS or not self._lines:
+        told_ms = int(self._rule.told[sent.slot])
+        if claimed_ms <= told_ms + ROOM_MS or sent.course is None:
             return claimed_ms <= told_ms + ROOM_MS
-        line = self._lines[number]
+        line = sent.course.driven.timeline
         return line.s_at(claimed_ms / 1000.0) <= line.s_at(told_ms / 1000.0) + ROOM
 
     def grant(self, now_ms: int, most_ms: int) -> list[Stated]:
         """Grant what is safe at a plan time [ms], at most up to `most_ms`.
 
-        Return what the Commands state of it; there are several if more robots have less than the
+        Return what the Commands state of it; there are several if more courses have less than the
         headroom than one Command can name.
         """
         rule = self._rule
         rule.grant(now_ms, self.headroom_ms, most_ms)
         self._note_held(now_ms, most_ms)
         most = min(now_ms + self.headroom_ms, most_ms)
-        less = np.flatnonzero((rule.granted < most) & ~self._done).tolist()
-        named = [(k, int(rule.granted[k])) for k in less]
+        less = np.flatnonzero((rule.granted < most) & ~self._done & (self._numbers >= 0))
+        pairs = zip(self._numbers[less].tolist(), rule.granted[less].tolist(), strict=True)
+        named = sorted([*pairs, *((number, 0) for number in self._reserved)])
         parts = [named[k : k + MOST_HELD] for k in range(0, max(len(named), 1), MOST_HELD)]
-        ends = [-1, *(part[-1][0] for part in parts[:-1]), MOST_ROBOTS]
+        ends = [-1, *(part[-1][0] for part in parts[:-1]), self._next_number]
         return [
             Stated(most - now_ms, tuple(part), begin + 1, end)
             for part, (begin, end) in zip(parts, pairwise(ends), strict=True)
@@ -137,29 +277,32 @@ class Grants:
         self._got_on_ms[is_near] = now_ms
         is_held = is_near & (rule.granted < now_ms)
         before, self._held = self._held, {}
-        for number in np.flatnonzero(is_held).tolist():
-            by = rule.holder_of(number)
+        for slot in np.flatnonzero(is_held).tolist():
+            by = rule.holder_of(slot)
             if by is not None:
-                _, since = before.get(number, (by, now_ms))
-                self._held[number] = by, since
+                _, since = before.get(slot, (by, now_ms))
+                self._held[slot] = by, since
+
+    def _name(self, slot: int) -> str:
+        return self._robots[slot % len(self._robots)]
 
     def held(self) -> list[Held]:
         """Return the robots that others hold."""
-        names = self._robots
-        return [Held(names[k], names[by], since) for k, (by, since) in self._held.items()]
+        name = self._name
+        return [Held(name(k), name(by), since) for k, (by, since) in self._held.items()]
 
     def behind(self, stopped: Collection[str]) -> list[str]:
         """Return the robots that are held by these robots, or by others that these hold."""
-        found = {self._number[name] for name in stopped if name in self._number}
-        own = set(found)
-        while more := {k for k, (by, _) in self._held.items() if by in found} - found:
-            found |= more
-        return [self._robots[k] for k in sorted(found - own)]
+        held = {one.robot: one.by for one in self.held()}
+        found = own = set(stopped)
+        while more := {robot for robot, by in held.items() if by in found} - found:
+            found = found | more
+        return [name for name in self._robots if name in found - own]
 
     def stuck(self, now_ms: int) -> list[str]:
         """Return the robots that have not got on for STUCK_MS although nobody holds them."""
-        late = (now_ms - self._got_on_ms > STUCK_MS) & ~self._done
-        return [self._robots[k] for k in np.flatnonzero(late)]
+        late = (now_ms - self._got_on_ms > STUCK_MS) & ~self._done & ~self._rule.barred
+        return [self._name(slot) for slot in np.flatnonzero(late).tolist()]
 
     def excuse(self, lost_ms: int) -> None:
         """Take in that for so long [ms] robots could not get on, or could not be heard."""
@@ -167,14 +310,18 @@ class Grants:
 
     def lose_sight(self, until_ms: int) -> None:
         """Take in that robots may have been told more, up to a plan time, than is known."""
-        self._rule.may_have_told(until_ms)
+        self._rule.may_have_told(np.flatnonzero(self._numbers >= 0), until_ms)
 
-    def bounds(self, robot: str) -> tuple[float, float]:
-        """Return the plan times [s] between which a robot is: known to have passed, told."""
-        if robot not in self._number:
-            return 0.0, 0.0
-        number = self._number[robot]
-        return int(self._rule.progress[number]) / 1000.0, int(self._rule.told[number]) / 1000.0
+    def spans(self, robot: str) -> list[Span]:
+        """Return the parts of its courses on which a robot is: known to have passed, told."""
+        mine, rule = self._courses.get(robot), self._rule
+        if mine is None:
+            return [Span(0, 0, 0)]
+        return [
+            Span(one.revision, int(rule.progress[one.slot]), int(rule.told[one.slot]))
+            for one in mine
+            if one is mine.now or rule.told[one.slot] > one.begin_ms
+        ]
 
 
 NOBODY: Final = Grants(NO_STAIRCASES, (), 0)

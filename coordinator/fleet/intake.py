@@ -30,10 +30,15 @@ RATES: Final = {
     "clock": Rate(100),
     "admit": Rate(20),
     "command": Rate(50),
+    "order": Rate(100),
+    "tell": Rate(20),
 }
 """The allowed rate of messages of each kind, several times what the protocol needs.
 
 News of a robot's link share the lane of its reports, so that their order is kept."""
+
+_SENT: Final = ("plan", "orders")
+"""On these kinds of keys only coordinators send."""
 
 UNREADABLE_RATE: Final = Rate(50, 64)
 """How many messages that cannot be decoded reach the core, which counts them, and the log."""
@@ -71,7 +76,7 @@ class Intake:
         if len(payload) > MAX_MESSAGE_BYTES:
             return self._drop(TOO_LONG)
         place = keys.split(key)
-        if place is None or place[0] != self._fleet or place[1] == "plan":
+        if place is None or place[0] != self._fleet or place[1] in _SENT:
             return self._drop(NOT_OURS)
         _, kind, robot = place
         try:
@@ -90,7 +95,7 @@ class Intake:
                 return room or self._drop(UNREADABLE)
             if self._is_ours(message):
                 return self._drop(NOT_OURS)
-            accepted = message.boot == boot
+            accepted = getattr(message, "boot", None) == boot
         room = self._lanes.put((robot, kind, accepted), RATES[kind], arrival)
         return room or self._drop(TOO_MANY)
 

@@ -6,6 +6,7 @@ These records are never sent.  `replay --check` runs the fleet again from them:
 - `ahead`: until another such record, no robot is told that it may drive beyond this plan time [ms]
   of the epoch; it is in the log before a robot is told that much, so a coordinator that resumes
   from the log knows how far any robot may be;
+- `course`: a search for a robot's course came to its end, and what was asked;
 - `told`: an operator told the fleet to stop, or to go on;
 - `router`: the coordinator's own link to a router came up or went down.  For a robot's link the
   same bytes are recorded under the robot's `alive` key;
@@ -43,6 +44,39 @@ class Request:
     told: tuple[Standing, ...]
 
 
+@dataclass(frozen=True)
+class CourseRequest:
+    """A request for a robot's next course: for which order, and what its message will say.
+
+    `serial` counts the requests of a mission.
+    """
+
+    serial: int
+    order: str
+    robot: str
+    number: int
+    revision: int
+    begin_ms: int
+
+
+def course_key(fleet: str) -> str:
+    """Return the key of a fleet's `course` records."""
+    return f"coordinator/{fleet}/course"
+
+
+def is_course_key(key: str) -> bool:
+    """Return whether this is a key of `course` records."""
+    return _is_record(key, "course")
+
+
+def course_request_of(payload: bytes) -> CourseRequest | None:
+    """Decode a request for a course; return None if the bytes do not encode one."""
+    try:
+        return msgspec.json.decode(payload, type=CourseRequest)
+    except _UNREADABLE:
+        return None
+
+
 def adoption_key(fleet: str) -> str:
     """Return the key of a fleet's `epoch` records."""
     return f"coordinator/{fleet}/epoch"
@@ -53,7 +87,7 @@ def is_adoption_key(key: str) -> bool:
     return _is_record(key, "epoch")
 
 
-def adoption_record(request: Request) -> bytes:
+def adoption_record(request: Request | CourseRequest) -> bytes:
     """Encode a request as JSON."""
     return msgspec.json.encode(request)
 

@@ -5,6 +5,7 @@ Decides: when a robot counts as armed, lost, fit or at rest.  Must not know: the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -12,6 +13,7 @@ import msgspec
 
 from coordinator.fleet.came_back import Admission
 from coordinator.fleet.capacity import Capacity
+from coordinator.fleet.grants import Span
 from coordinator.fleet.rest_places import Standing, State
 from protocol.messages import Hello, Report
 from protocol.phases import (
@@ -40,6 +42,9 @@ WITHOUT: Final[dict[str, str]] = {
 }
 """Why the next plan is made without a robot of this state, in words."""
 
+_BEYOND: Final = 1e9
+"""An arc length [m] beyond the end of every path."""
+
 BOOTS: Final = 64
 """The coordinator remembers the Hellos of at most this many processes under one name."""
 
@@ -49,7 +54,8 @@ class Member:
     """One robot of the fleet, as the coordinator has heard it.
 
     `boot`: the boot id of its accepted process; None before one is accepted.
-    `planned`: it has a part in this epoch.
+    `planned`: it has a part in this epoch.  `revision`: the newest course that it was sent in it,
+    whose message is `plan`; `driven`, `holds`: the courses that it says it drives, and holds.
     `excused_ns`: until then it could not be heard, which is not its fault.
     `sent_epoch`: the last epoch in which it may have moved.
     `finished`: it has reached its goal.
@@ -70,6 +76,9 @@ class Member:
     heard_ns: int = 0
     excused_ns: int = 0
     sequence: int = -1
+    revision: int = 0
+    driven: int = 0
+    holds: int = 0
     sent_epoch: int = 0
     epoch: int = 0
     phase: int = IDLE
@@ -122,6 +131,7 @@ class Member:
         if hello.boot == self.boot:
             return
         self.boot, self.sequence, self.epoch, self.phase, self.fault = hello.boot, -1, 0, IDLE, 0
+        self.driven = self.holds = 0
         self.capacity = Capacity.of(hello)
         self.overload = self.capacity.objection(self.plan)
         self.plan_sent_ns = self.done_ns = None
@@ -133,8 +143,25 @@ class Member:
     def take_part(self, plan: bytes, speed: float) -> None:
         """Give the robot a part in a new epoch."""
         self.planned, self.plan, self.speed = True, plan, speed
+        self.revision = self.driven = self.holds = 0
         self.plan_sent_ns = self.rest = None
         self.overload = self.capacity.objection(plan)
+
+    def take_course(self, plan: bytes, revision: int) -> None:
+        """Give the robot, which rests at its goal, another course in the same epoch."""
+        self.plan, self.revision = plan, revision
+        self.plan_sent_ns = self.done_ns = None
+        self.finished = False
+
+    @property
+    def has_arrived(self) -> bool:
+        """Whether the robot is at the goal of its newest course."""
+        return self.phase == DONE and self.driven == self.revision
+
+    def lacks_course(self, epoch: int) -> bool:
+        """Return whether the robot drives, or is at its goal, and lacks its newest course."""
+        has_old = self.epoch == epoch and self.phase in (MOVING, DONE)
+        return self.planned and has_old and self.holds < self.revision
 
     def plan_due(self, now_ns: int) -> bool:
         """Return whether to send the plan now; if so, record it as sent."""
@@ -153,6 +180,7 @@ class Member:
         if self.phase == DONE and report.phase == FROZEN:
             self.finished, self.done_ns = False, None  # It was pushed off its goal.
         self.epoch, self.phase, self.fault = report.epoch, report.phase, report.fault
+        self.driven, self.holds = report.revision, report.holds
         if report.rest is not None and report.rest.epoch >= self.sent_epoch:
             self.rest = Standing(
                 robot=self.id,
@@ -162,8 +190,9 @@ class Member:
                 off=report.rest.off_mm / 1000.0,
                 turn=report.rest.turn_mrad / 1000.0,
                 beyond=report.rest.beyond_mm / 1000.0,
+                revision=report.rest.revision,
             )
-        if report.phase == DONE:
+        if report.phase == DONE and report.revision == self.revision:
             self.finished = True
             self.done_ns = now_ns if self.done_ns is None else self.done_ns
         return True
@@ -210,29 +239,40 @@ class Member:
         return self.phase in (BRAKING, FROZEN) or (self.phase != MOVING and self.fault != 0)
 
     def is_at_rest(self) -> bool:
-        """Return whether the robot has arrived or has said where it rests."""
-        return self.finished or self.rest is not None
+        """Return whether the robot is at a goal or has said where it rests."""
+        return self.finished or self.phase == DONE or self.rest is not None
 
-    def standing(self, epoch: int, since: float, until: float) -> Standing:
+    def standing(self, epoch: int, spans: Sequence[Span]) -> Standing:
         """Return what is known of where the robot is.
 
-        A robot that has not said where it rests is on this epoch's path, somewhere between its
-        places at the plan times `since` and `until` [s].  It has not left the beginning of the path
-        if it may not have driven beyond plan time 0.
+        A robot that has not said where it rests is somewhere on these spans of this epoch's
+        courses.  It has not left the beginning of its path if it may not have driven beyond plan
+        time 0.
         """
         if self.finished:
             return Standing(robot=self.id, state="arrived", epoch=epoch)
         state: State = "rests" if self.is_fit else "unfit"
         state = "lost" if self.lost else "overloaded" if self.overload else state
         rest = self.rest
-        if rest is None and until <= 0.0:
+        if rest is None and self.phase == DONE:
+            rest = self._at_end(epoch)
+        if rest is None and all(one.until_ms <= 0 for one in spans):
             rest = Standing(robot=self.id, state=state, epoch=epoch, s=0.0)
         if rest is not None:
             return msgspec.structs.replace(rest, state=state)
+        (revision, since, until), *also = [
+            (one.revision, one.since_ms / 1000.0, one.until_ms / 1000.0) for one in spans
+        ]
         return Standing(
             robot=self.id,
             state="lost",
             epoch=epoch,
             since=since,
             until=until,
+            revision=revision,
+            also=tuple(also),
         )
+
+    def _at_end(self, epoch: int) -> Standing:
+        """Return where a robot rests that is at the goal of a course that is not its newest."""
+        return Standing(robot=self.id, state="rests", epoch=epoch, s=_BEYOND, revision=self.driven)

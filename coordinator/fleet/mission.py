@@ -10,15 +10,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
+from coordinator.fleet.dispatch import Dispatcher
 from coordinator.fleet.events import Incident, Outgoing
 from coordinator.fleet.fleet_from_plan import grants_of, muster, parts_of
 from coordinator.fleet.grants import NOBODY
-from coordinator.fleet.log_records import Request
+from coordinator.fleet.log_records import CourseRequest, Request
+from coordinator.fleet.orders import OrderBook
 from coordinator.fleet.recovery import Planner, Recovery, recover
 from coordinator.fleet.replanning_input import Site
 from coordinator.fleet.rest_places import Standing
 from coordinator.plan.document import PlanDocument
-from coordinator.plan.wire import PackedPlan, address, drive
+from coordinator.plan.wire import Driven, PackedPlan, address
+from coordinator.planning.course_proposal import Site as Floor
+from coordinator.planning.course_search import Answer
 from coordinator.scenario.model import Scenario
 
 MOST_EPOCHS: Final = 200
@@ -29,14 +33,33 @@ _NEAR: Final = 0.05
 
 
 class Mission:
-    """One scenario from its first plan to the end of the fleet; `planner` plans later epochs."""
+    """One scenario from its first plan to the end of the fleet; `planner` plans later epochs.
 
-    def __init__(self, scenario: Scenario, plan: PackedPlan, boot: int, planner: Planner) -> None:
+    `stays`: whether the fleet waits for orders until it is told to end.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        plan: PackedPlan,
+        boot: int,
+        planner: Planner,
+        *,
+        stays: bool = False,
+    ) -> None:
         self.site = Site(scenario)
         self.documents = {plan.document.epoch: plan.document}
-        self.fleet = muster(plan, boot)
+        self.rides = rides_of(plan)
+        self.fleet = muster(plan, boot, _book_of(scenario, stays))
+        self.dispatcher = Dispatcher(self.fleet, scenario.robots)
         self._planner = planner
         self._wanted: Request | None = None
+        self._begin(plan.document)
+
+    def _begin(self, document: PlanDocument | None) -> None:
+        """Begin an epoch with a plan, or with none if nobody can drive."""
+        planned = self.site.planned()
+        self.dispatcher.begin(None if document is None else lambda: Floor(planned, document))
 
     @property
     def document(self) -> PlanDocument:
@@ -59,7 +82,14 @@ class Mission:
         """Plan a requested epoch; pure, may take seconds."""
         if request.epoch > MOST_EPOCHS:
             return Recovery(self.site, None, (f"given up after {MOST_EPOCHS} epochs",))
-        return recover(self.site, self.documents, request.told, request.epoch, self._planner)
+        return recover(
+            self.site,
+            self.rides,
+            request.told,
+            request.epoch,
+            self._planner,
+            has_orders=self.fleet.orders.is_used,
+        )
 
     def _outran(self, told: Iterable[Standing]) -> str:
         """Return the id of a robot that rests farther ahead than it can be after the freeze, or "".
@@ -70,14 +100,24 @@ class Mission:
         times = self.fleet.times
         if not times.has_gone or times.epoch not in self.documents:
             return ""
-        rides = {ride.id: ride for ride in drive(self.documents[times.epoch])}
         for one in told:
-            if one.s is not None and one.epoch == times.epoch and one.robot in rides:
-                _, until = self.fleet.bounds(one.robot)
-                reached = rides[one.robot].timeline.s_at(max(until, 0.0))
-                if one.s > reached + self.site.scenario.margin + _NEAR:
-                    return one.robot
+            ride = self.rides.get((one.robot, one.epoch, one.revision))
+            if one.s is None or one.epoch != times.epoch or ride is None:
+                continue
+            until_ms = [s.until_ms for s in self.fleet.spans(one.robot) if s[0] == one.revision]
+            reached = ride.timeline.s_at(max([0, *until_ms]) / 1000.0)
+            if min(one.s, ride.timeline.length) > reached + self.site.scenario.margin + _NEAR:
+                return one.robot
         return ""
+
+    def commit(self, request: CourseRequest, answer: Answer, now_ns: int) -> None:
+        """Put the answer to a request for a course into effect."""
+        robot = self.dispatcher.commit(request, answer, now_ns)
+        if robot is not None and answer.proposal is not None:
+            ride = answer.proposal.course.driven
+            self.rides[robot.id, self.fleet.epoch, request.revision] = ride
+            self.rides.pop((robot.id, self.fleet.epoch, request.revision - 2), None)
+            self.site = self.site.sent(robot)
 
     def take_over(self, boot: int, last_ns: int, now_ns: int) -> None:
         """Resume with another boot id for a coordinator that was last known alive at `last_ns`."""
@@ -105,8 +145,23 @@ class Mission:
         for one in self.site.aside:
             self.fleet.members[one.robot.id].finished |= one.why == "arrived"
         if recovery.plan is None:
+            self._begin(None)
             return self.fleet.adopt(request.epoch, {}, now_ns, NOBODY)
         document = recovery.plan.document
         self.documents[document.epoch] = document
+        have_parts = {robot.id for robot in document.robots}
+        old = {key: ride for key, ride in self.rides.items() if key[0] not in have_parts}
+        self.rides = old | rides_of(recovery.plan)
+        self._begin(document)
         parts = parts_of(recovery.plan, self.fleet.boot)
         return self.fleet.adopt(document.epoch, parts, now_ns, grants_of(recovery.plan))
+
+
+def rides_of(plan: PackedPlan) -> dict[tuple[str, int, int], Driven]:
+    """Return the courses of a plan by robot, epoch and revision."""
+    return {(one.id, plan.document.epoch, 0): one for one in plan.driven}
+
+
+def _book_of(scenario: Scenario, stays: bool) -> OrderBook:
+    names = [robot.id for robot in scenario.robots]
+    return OrderBook(scenario.orders, scenario.demand, names, stays=stays)

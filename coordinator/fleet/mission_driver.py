@@ -23,11 +23,13 @@ from coordinator.fleet.log_records import (
     NOT_RECORDED,
     TOLD_TO_GO_ON,
     TOLD_TO_STOP,
+    CourseRequest,
     Request,
     adoption_key,
     adoption_record,
     ahead_key,
     ahead_record,
+    course_key,
     drops_key,
     drops_record,
     link_record,
@@ -37,6 +39,7 @@ from coordinator.fleet.log_records import (
 from coordinator.fleet.mission import Mission
 from coordinator.fleet.recovery import Recovery
 from coordinator.plan.document import PlanDocument
+from coordinator.planning.course_search import Answer
 from protocol.phases import FREEZE, GO, HOLD
 from protocol.timing import MILLISECOND, SECOND
 
@@ -93,7 +96,7 @@ class Job:
     The shell passes the job and the outcome that `work` returned to `MissionDriver.finish`.
     """
 
-    wanted: Request
+    wanted: Request | CourseRequest
     work: Callable[[], Outcome]
 
 
@@ -107,8 +110,8 @@ class MissionDriver:
         self.is_withheld = False
         """True once a phase could not be logged: then nothing is sent any more."""
 
-        self.under_way: Job | None = None
-        """The job whose outcome is needed."""
+        self.under_way: dict[Request | CourseRequest, Job] = {}
+        """The jobs whose outcomes are needed: at most one of them is a plan for an epoch."""
 
         members = self.fleet.members
         self.intake = Intake(self.fleet.name, self.fleet.boot, lambda robot: members[robot].boot)
@@ -146,17 +149,23 @@ class MissionDriver:
     def look(self, now_ns: int) -> list[Job]:
         """Let the core look at the time; return the jobs to start now.
 
-        A new job replaces an earlier one, whose outcome is no longer needed.
+        A new plan for an epoch replaces an earlier one, whose outcome is no longer needed.
         """
         self._state_ahead(now_ns)
         self._say(self.fleet.tick(now_ns), now_ns)
         self._look_at_log(now_ns)
+        jobs = [
+            Job(request, partial(self._solve_course, request))
+            for request in self.mission.dispatcher.look(now_ns)
+        ]
         request = self.mission.request(now_ns)
         self._plans = self.fleet.plans()
-        if request is None:
-            return []
-        self.under_way = Job(request, partial(self._solve, request))
-        return [self.under_way]
+        if request is not None:
+            for old in [one for one in self.under_way if isinstance(one, Request)]:
+                del self.under_way[old]
+            jobs.append(Job(request, partial(self._solve, request)))
+        self.under_way |= {job.wanted: job for job in jobs}
+        return jobs
 
     def tell(self, what: bytes, now_ns: int) -> None:
         """Stop the fleet (TOLD_TO_STOP), or let it go on (TOLD_TO_GO_ON)."""
@@ -166,8 +175,8 @@ class MissionDriver:
 
     def finish(self, job: Job, outcome: Outcome, now_ns: int) -> None:
         """Put the outcome of a job into effect, unless it is no longer needed."""
-        if self.under_way is job:
-            self.under_way = None
+        if self.under_way.get(job.wanted) is job:
+            del self.under_way[job.wanted]
             outcome(now_ns)
             self._plans = self.fleet.plans()
 
@@ -201,6 +210,21 @@ class MissionDriver:
 
     def _solve(self, asked: Request) -> Outcome:
         return partial(self._adopt, asked, self.mission.solve(asked))
+
+    def _solve_course(self, asked: CourseRequest) -> Outcome:
+        return partial(self._commit, asked, self.mission.dispatcher.solve(asked))
+
+    def _commit(self, asked: CourseRequest, found: Answer, now_ns: int) -> None:
+        """Put a course into effect that was looked for; it is in the log before it is sent."""
+        if self._journal.error is not None:
+            return
+        self._journal.record(course_key(self.fleet.name), adoption_record(asked), now_ns)
+        self.mission.commit(asked, found, now_ns)
+        messages = self.fleet.new_courses(now_ns)
+        if messages:
+            is_logged = self._journal.sync()
+            self.is_withheld |= not is_logged
+        self._say([*messages, *self.fleet.order_states()], now_ns)
 
     def _adopt(self, asked: Request, found: Recovery, now_ns: int) -> None:
         """Begin the next epoch, unless it cannot be logged."""

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from coordinator.base.errors import PlanError
 from coordinator.fleet.disbelieved_places import doubtful
-from coordinator.fleet.replanning_input import Site, next_site, passable
+from coordinator.fleet.replanning_input import Rides, Site, next_site, passable
 from coordinator.fleet.rest_places import Standing
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.plan.document import PlanDocument
@@ -58,12 +58,16 @@ class Recovery:
 
 def recover(
     site: Site,
-    documents: Mapping[int, PlanDocument],
+    rides: Rides,
     told: Sequence[Standing],
     epoch: int,
     plan: Planner,
+    *,
+    has_orders: bool = False,
 ) -> Recovery:
-    """Replan a fleet from where its robots stand; `documents` has the plans so far by epoch.
+    """Replan a fleet from where its robots stand; `rides` has the courses so far.
+
+    With `has_orders`, robots at their goals get a part as well, because orders may reach them.
 
     A robot that has no way to its goal, or for which no order of the robots works, stays where it
     is, and the others are planned around it.  A robot on a given path may leave that path and find
@@ -71,10 +75,12 @@ def recover(
     drive on, because the robot that blocks them may move.  A robot that has come back and cannot
     stand where it says is treated as if it were where it was before.
     """
-    now = next_site(site, documents, told)
+    now = next_site(site, rides, told)
     doubts = doubtful(now, told)
     if doubts:
-        now = next_site(site, documents, [_unbelieved(s) if s.robot in doubts else s for s in told])
+        now = next_site(site, rides, [_unbelieved(s) if s.robot in doubts else s for s in told])
+    if has_orders:
+        now = now.idling()
     now, dropped = passable(now)
     said = [*(f"{name} stays where it is: {why}" for name, why in doubts.items()), *dropped]
     found = _with_those_that_can(now, said, epoch, plan, every_via=True)

@@ -25,8 +25,7 @@ from coordinator.curves.knots import piece
 from coordinator.curves.nurbs import Array
 from coordinator.fleet.rest_places import Standing
 from coordinator.paths.given_path import path_of
-from coordinator.plan.document import PlanDocument
-from coordinator.plan.wire import Driven, drive
+from coordinator.plan.wire import Driven
 from coordinator.scenario.margin import track_mm_for
 from coordinator.scenario.model import Point, Pose, Robot, Scenario
 
@@ -123,6 +122,20 @@ class Site:
             robots.append(replace(one, via=left))
         return Site(replace(self.scenario, robots=tuple(robots)), self.aside)
 
+    def sent(self, robot: Robot) -> Site:
+        """Return the site in which a robot is on its way to another goal."""
+        others = tuple(r for r in self.scenario.robots if r.id != robot.id)
+        aside = tuple(one for one in self.aside if one.robot.id != robot.id)
+        return Site(replace(self.scenario, robots=(*others, robot)), aside)
+
+    def idling(self) -> Site:
+        """Return the site in which robots at their goals are planned for, as idle ones."""
+        stay = [one for one in self.aside if one.why == "arrived"]
+        idle = [replace(one.robot, start=one.robot.goal, via=(), path=None) for one in stay]
+        robots = sorted([*self.scenario.robots, *idle], key=lambda robot: robot.id)
+        aside = tuple(one for one in self.aside if one.why != "arrived")
+        return Site(replace(self.scenario, robots=tuple(robots)), aside)
+
     def on_given_path(self, robot: str) -> bool:
         """Return whether a robot that is planned for has a given path."""
         return any(r.id == robot and r.path is not None for r in self.scenario.robots)
@@ -133,24 +146,25 @@ class Site:
         return Site(replace(self.scenario, robots=tuple(robots)), self.aside)
 
 
-def next_site(site: Site, documents: Mapping[int, PlanDocument], told: Sequence[Standing]) -> Site:
+Rides = Mapping[tuple[str, int, int], Driven]
+"""The courses that robots were sent, by robot, epoch and revision."""
+
+
+def next_site(site: Site, rides: Rides, told: Sequence[Standing]) -> Site:
     """Return the site after the fleet has come to rest.
 
-    `documents` has the plans by epoch; the standings refer to their paths.  A robot of the site's
-    scenario without a standing keeps its start.  A robot aside without a standing stays aside,
-    unless it is closed in: then it is planned for again.
+    `rides` has the courses that the standings refer to.  A robot of the site's scenario without a
+    standing keeps its start.  A robot aside without a standing stays aside, unless it is closed in:
+    then it is planned for again.
     """
     known = {standing.robot: standing for standing in told}
-    driven: dict[int, dict[str, Driven]] = {}
-    for epoch in {standing.epoch for standing in told} & set(documents):
-        driven[epoch] = {one.id: one for one in drive(documents[epoch])}
     robots: list[Robot] = []
     aside: list[Aside] = []
     before = {one.robot.id: one for one in site.aside}
     everybody = [*site.scenario.robots, *(one.robot for one in site.aside)]
     for robot in sorted(everybody, key=lambda robot: robot.id):
         was, standing = before.get(robot.id), known.get(robot.id)
-        found = _stands(robot, was, standing, driven, site.scenario.margin)
+        found = _stands(robot, was, standing, rides, site.scenario.margin)
         if isinstance(found, Robot):
             robots.append(found)
         else:
@@ -181,7 +195,7 @@ def _stands(
     robot: Robot,
     was: Aside | None,
     standing: Standing | None,
-    driven: Mapping[int, Mapping[str, Driven]],
+    rides: Rides,
     margin: float,
 ) -> Robot | Aside:
     """Return a robot with its new start, or an Aside if it is not to be planned for."""
@@ -193,12 +207,12 @@ def _stands(
         return replace(was.robot, start=was.pose)
     if standing.state == "arrived":
         return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
-    ride = driven.get(standing.epoch, {}).get(robot.id)
+    ride = rides.get((robot.id, standing.epoch, standing.revision))
     if ride is None:
         known = was or Aside(robot, "lost", np.array([robot.start[:2]]), None)
         return changed(known, why="lost") if standing.state == "lost" else known
     if standing.s is None:
-        return Aside(robot, "lost", _stretch(ride, standing), None)
+        return Aside(robot, "lost", _stretches(rides, standing), None)
     s = min(standing.s, ride.curve.length)
     pose = _pose(ride, s, standing, margin)
     if standing.state != "rests":
@@ -221,10 +235,21 @@ def _comes_back(robot: Robot, standing: Standing, place: Pose, margin: float) ->
     return replace(robot, start=place, via=(), path=None)
 
 
-def _stretch(ride: Driven, standing: Standing) -> Array:
+def _stretches(rides: Rides, standing: Standing) -> Array:
     """Return the places (n, 2) [m] where a robot may stand if only plan times are known."""
-    low = ride.timeline.s_at(max(standing.since, 0.0))
-    high = max(ride.timeline.s_at(max(standing.until, 0.0)), low)
+    first = (standing.revision, standing.since, standing.until)
+    ways = [
+        _stretch(ride, since, until)
+        for revision, since, until in (first, *standing.also)
+        if (ride := rides.get((standing.robot, standing.epoch, revision))) is not None
+    ]
+    return np.concatenate(ways)
+
+
+def _stretch(ride: Driven, since: float, until: float) -> Array:
+    """Return the places (n, 2) [m] of a robot's course between two plan times [s]."""
+    low = ride.timeline.s_at(max(since, 0.0))
+    high = max(ride.timeline.s_at(max(until, 0.0)), low)
     return ride.curve.at_arc(np.linspace(low, high, 2 + math.ceil((high - low) / _STEP)))
 
 

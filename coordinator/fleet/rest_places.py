@@ -18,11 +18,12 @@ class Standing(msgspec.Struct, frozen=True, kw_only=True):
 
     It can drive on ("rests"), has arrived, is lost, is unfit, or cannot hold its course.
 
-    `epoch` is the epoch whose plan the places refer to.  A robot that said where it rests is at arc
-    length `s` [m] of its path, `off` [m] to the left of it, turned from it by `turn` [rad] and
-    `beyond` [m] past its end (negative: before its beginning).  A robot that did not say it (`s` is
-    None) is where the plan has it at some plan time from `since` to `until` [s].  A robot that has
-    come back states its `place`: x, y [m], heading [rad].
+    `epoch` and `revision` say which course the places refer to.  A robot that said where it rests
+    is at arc length `s` [m] of its path, `off` [m] to the left of it, turned from it by `turn`
+    [rad] and `beyond` [m] past its end (negative: before its beginning).  A robot that did not say
+    it (`s` is None) is where its course has it at some plan time from `since` to `until` [s], or in
+    one of the `also` stretches: revision, since, until.  A robot that has come back states its
+    `place`: x, y [m], heading [rad].
     """
 
     robot: str
@@ -35,3 +36,5 @@ class Standing(msgspec.Struct, frozen=True, kw_only=True):
     since: float = 0.0
     until: float = 0.0
     place: tuple[float, float, float] | None = None
+    revision: int = 0
+    also: tuple[tuple[int, float, float], ...] = ()

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from coordinator.fleet.events import Part
+from coordinator.fleet.grants import Span
 from coordinator.fleet.member import Member
 from coordinator.fleet.rest_places import Standing
 from protocol.phases import FROZEN, IDLE
@@ -73,13 +74,13 @@ class Roster(dict[str, Member]):
                 member.sent_epoch = 0
                 member.admission.end()
 
-    def standings(self, epoch: int, bounds: Callable[[str], tuple[float, float]]) -> list[Standing]:
+    def standings(self, epoch: int, spans: Callable[[str], list[Span]]) -> list[Standing]:
         """Return the standings of all robots that have a part or have said where they rest.
 
-        `bounds` returns the plan times [s] between which a robot may stand that has not said where.
+        `spans` returns the parts of its courses on which a robot may stand that has not said where.
         """
         return [
-            member.standing(epoch, *bounds(member.id))
+            member.standing(epoch, spans(member.id))
             for member in self.values()
             if member.planned or member.rest is not None
         ]

@@ -9,15 +9,16 @@ from __future__ import annotations
 from coordinator.fleet.epoch_times import EpochTimes
 from coordinator.fleet.events import Incident, Outgoing
 from coordinator.fleet.failures import Failing, silent
-from coordinator.fleet.grants import Grants, Held, Stated
+from coordinator.fleet.grants import Grants, Held, Span, Stated
 from coordinator.fleet.member import Member
+from coordinator.fleet.orders import OrderBook
 from coordinator.fleet.phases import FAREWELLS, RESUME_PATIENCE, TRANSITIONS, Event
 from coordinator.fleet.rest_places import Standing
 from coordinator.fleet.roster import Roster
 from coordinator.fleet.router_link import RouterLink
 from protocol import keys
 from protocol.codec import encode
-from protocol.messages import MOST_WANTED, Command
+from protocol.messages import MOST_WANTED, Command, OrderState
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD, OVER, STOP
 from protocol.timing import COMMAND_PERIOD, MILLISECOND
 
@@ -32,6 +33,7 @@ class FleetState:
         members: list[Member],
         times: EpochTimes,
         grants: Grants,
+        orders: OrderBook | None = None,
     ) -> None:
         self.name = name
         self.boot = self.run = boot
@@ -45,7 +47,9 @@ class FleetState:
         self._changed_ns = 0
         self.allowed_ms = 0
         """The plan time up to which robots may be told to drive, because the log says so."""
-        self._grants = grants
+        self.grants = grants
+        self.orders = orders or OrderBook()
+        self._first_go_ns = 0
         self._looked_ns = self._stopped_ns = 0
         self._waits_since_ns: int | None = None
         """Since when robots that have stopped hold others, or are the only ones left."""
@@ -53,6 +57,8 @@ class FleetState:
         self._patient_until_ns = 0
         self.is_resumed = self.superseded = False
         self._farewells = 0
+        self.is_ending = False
+        """Whether an operator has told the fleet to end when all rest."""
 
     @property
     def is_finished(self) -> bool:
@@ -63,6 +69,15 @@ class FleetState:
     def next_epoch(self) -> int:
         """The number of the next plan."""
         return max(self.epoch, self.times.epoch + 1)
+
+    @property
+    def has_gone(self) -> bool:
+        """Whether the fleet has ever set out."""
+        return self._first_go_ns != 0
+
+    def since_go_ms(self, now_ns: int) -> int:
+        """Return the time since the first GO [ms]."""
+        return (now_ns - self._first_go_ns) // MILLISECOND
 
     def is_settled(self, now_ns: int) -> bool:
         """Return whether a frozen fleet rests: each robot has said where it rests, or is lost."""
@@ -83,14 +98,14 @@ class FleetState:
 
     def standings(self) -> list[Standing]:
         """Return the standings of robots that have a part or have said where they rest."""
-        return self.members.standings(self.times.epoch, self.bounds)
+        return self.members.standings(self.times.epoch, self.spans)
 
-    def bounds(self, robot: str) -> tuple[float, float]:
-        """Return the plan times [s] between which a robot of the newest epoch may stand.
+    def spans(self, robot: str) -> list[Span]:
+        """Return the parts of its courses of the newest epoch on which a robot may stand.
 
         No robot has moved in an epoch that has not started to drive.
         """
-        return self._grants.bounds(robot) if self.times.has_gone else (0.0, 0.0)
+        return self.grants.spans(robot) if self.times.has_gone else [Span(0, 0, 0)]
 
     def missing(self, now_ns: int) -> list[str]:
         """Return the ids of the robots that are not armed yet."""
@@ -99,11 +114,11 @@ class FleetState:
     @property
     def needed_ms(self) -> int:
         """The plan time up to which robots are told to drive, if nobody is in their way."""
-        return self.times.plan_ms(self._looked_ns) + self._grants.headroom_ms
+        return self.times.plan_ms(self._looked_ns) + self.grants.headroom_ms
 
     def held(self) -> list[Held]:
         """Return the robots that others hold while the fleet drives."""
-        return self._grants.held() if self.phase == GO else []
+        return self.grants.held() if self.phase == GO else []
 
     def _hear_router(self, up: bool, now_ns: int) -> None:
         """Excuse all robots when the router is back: nobody could be heard."""
@@ -124,7 +139,14 @@ class FleetState:
         for member in self.members.values():
             if not member.lost:
                 member.excused_ns = until_ns
-        self._grants.excuse(lost_ns // MILLISECOND)
+        self.grants.excuse(lost_ns // MILLISECOND)
+
+    def order_states(self) -> list[Outgoing]:
+        """Return what has become of orders since this was called last."""
+        return [self._order_state(one) for one in self.orders.changed()]
+
+    def _order_state(self, state: OrderState) -> Outgoing:
+        return Outgoing(keys.orders(self.name, state.id), encode(state))
 
     def plans(self) -> list[Outgoing]:
         """Return the Plan messages of this epoch."""
@@ -157,6 +179,7 @@ class FleetState:
         self.phase, self._changed_ns = phase, now_ns
         if event == "all armed":
             self.times.go(now_ns)
+            self._first_go_ns = self._first_go_ns or self.times.start_ns
             for member in self.members.planned:
                 member.set_out(self.epoch)
         self._tell_phase(now_ns, COMMAND_NAMES[phase])
@@ -165,7 +188,7 @@ class FleetState:
         """Return the Command, or several if one cannot name all who have less authority."""
         stated = [Stated()]
         if self.phase == GO:
-            stated = self._grants.grant(self.times.plan_ms(now_ns), self.allowed_ms)
+            stated = self.grants.grant(self.times.plan_ms(now_ns), self.allowed_ms)
         return [Outgoing(keys.command(self.name), self._command(now_ns, one)) for one in stated]
 
     def _command(self, now_ns: int, stated: Stated) -> bytes:

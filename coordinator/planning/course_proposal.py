@@ -12,10 +12,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from msgspec.structs import replace as changed
 
 from coordinator.base.errors import PlanError
 from coordinator.curves.nurbs import Array, Nurbs
@@ -31,7 +32,7 @@ from coordinator.plan.wire import pack, unpack
 from coordinator.planning.planner import NEED_PAD, TAU_PAD
 from coordinator.proof.course_proof import course_failures, that_may_meet
 from coordinator.scenario.floor import Floor
-from coordinator.scenario.model import Robot, Scenario
+from coordinator.scenario.model import Pose, Robot, Scenario
 from coordinator.schedule.junctions import Junctions
 from coordinator.schedule.safe_interval_kernels import Departure
 from coordinator.schedule.safe_intervals import earliest_motion
@@ -39,9 +40,8 @@ from coordinator.schedule.staircase_making import STANDOFF, staircases_of
 from coordinator.schedule.timetable import Motions
 from coordinator.schedule.track import Track
 
-_TURN_RATE: Final = 1.0
 _TURN_TIME: Final = 0.3
-"""A robot at rest turns on the spot at this rate [rad/s] at least, and settles in this time [s]."""
+"""A robot that has turned on the spot settles in this time [s]."""
 
 
 class Site:
@@ -51,7 +51,8 @@ class Site:
         self.scenario, self.terms = scenario, terms
         workspace = scenario.workspace
         self.floor = GrownFloor(workspace.boundary, workspace.obstacles)
-        self.gap = Floor(workspace.boundary, workspace.obstacles).gap
+        solid = Floor(workspace.boundary, workspace.obstacles)
+        self.gap, self.room = solid.gap, solid.distance
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,10 @@ class Wish:
     number: int
     revision: int
     begin_ms: int
+
+    def to(self, goal: Pose) -> Wish:
+        """Return the same wish with another goal."""
+        return replace(self, robot=changed(self.robot, goal=goal, via=()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +94,7 @@ def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     path = _path(site, robot, others)
     speed = site.scenario.planned_speed(robot)
     limits = limits_on(path, speed, BRAKING_SHARE * robot.max_accel, robot.max_lateral_accel)
-    release = 0.001 * wish.begin_ms + _turning(path, wish.heading)
+    release = 0.001 * wish.begin_ms + _turning(path, wish)
     track = Track(limits, Course.chords_of(path))
     motion, names = _motion(site, robot, track, others, 0.001 * wish.begin_ms, release)
     plan = rounded(robot, path, motion, names)
@@ -133,11 +138,11 @@ def _path(site: Site, robot: Robot, others: Sequence[Course]) -> Nurbs:
     return Pathfinder(scenario, site.floor).path(0)
 
 
-def _turning(path: Nurbs, heading: float) -> float:
+def _turning(path: Nurbs, wish: Wish) -> float:
     """Return how long [s] a robot at rest takes to turn towards its path."""
     _, ahead = path.derivatives([0.0], 1)
-    turn = math.remainder(math.atan2(ahead[0, 1], ahead[0, 0]) - heading, 2.0 * math.pi)
-    return abs(turn) / _TURN_RATE + _TURN_TIME if abs(turn) > 0.01 else 0.0
+    turn = math.remainder(math.atan2(ahead[0, 1], ahead[0, 0]) - wish.heading, 2.0 * math.pi)
+    return abs(turn) / wish.robot.max_turn_rate + _TURN_TIME if abs(turn) > 0.01 else 0.0
 
 
 def _motion(

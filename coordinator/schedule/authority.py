@@ -1,8 +1,8 @@
-"""How far each robot is known to have driven, and how far it may drive.
+"""How far each robot is known to have driven, and how far it may drive, on each of its courses.
 
-A robot's progress is the plan time that has it where it is; its authority is the plan time that it
-does not pass.  Authorities are granted such that no robot comes to where another one may still be,
-however late robots or messages are (design section 3).
+A robot's progress on a course is the plan time that has it where it is; its authority is the plan
+time that it does not pass.  Authorities are granted such that no robot comes to where another one
+may still be, however late robots or messages are (design section 3).
 
 Decides: what is known of progress, and which authorities follow.  Must not know: messages, phases.
 """
@@ -25,17 +25,19 @@ is late or silent is told little ahead of what it is known to have driven."""
 
 
 class Authority:
-    """Progress and authority of the robots of one plan, in ms of plan time; both only grow.
+    """Progress and authority on the courses of one plan, in ms of plan time; both only grow.
 
     `told`: the most that a robot may have been told.  It is what is granted, unless another
-    coordinator granted more before.  Robots are numbered as in the staircases.
+    coordinator granted more before.  `barred`: courses on which nothing more is granted.  Courses
+    are numbered as in the staircases.
     """
 
-    def __init__(self, staircases: Staircases, robots: int) -> None:
-        self._table = _table_of(staircases, robots)
-        self.progress: Integers = np.zeros(robots, np.int64)
-        self.granted: Integers = np.zeros(robots, np.int64)
-        self.told: Integers = np.zeros(robots, np.int64)
+    def __init__(self, staircases: Staircases, courses: int) -> None:
+        self._table = _table_of(staircases, courses)
+        self.progress: Integers = np.zeros(courses, np.int64)
+        self.granted: Integers = np.zeros(courses, np.int64)
+        self.told: Integers = np.zeros(courses, np.int64)
+        self.barred = np.zeros(courses, bool)
 
     def renew(self, staircases: Staircases) -> bool:
         """Grant by other staircases from now on, unless one forbids what was told already.
@@ -48,23 +50,28 @@ class Authority:
         self._table = table
         return True
 
-    def know(self, robot: int, progress_ms: int) -> None:
-        """Take in that a robot has driven up to a plan time; never more than it was told."""
-        known = min(progress_ms, int(self.told[robot]))
-        self.progress[robot] = max(int(self.progress[robot]), known)
+    def know(self, course: int, progress_ms: int) -> None:
+        """Take in that a course was driven up to a plan time; never more than was told."""
+        self.reach(course, min(progress_ms, int(self.told[course])))
 
-    def arrive(self, robot: int) -> None:
-        """Take in that a robot is at its goal, where its plan has it from then on."""
-        self.progress[robot] = self.told[robot] = EVER
+    def reach(self, course: int, progress_ms: int) -> None:
+        """Take in that a course was driven up to a plan time, whatever was told."""
+        self.progress[course] = max(int(self.progress[course]), progress_ms)
 
-    def set_out(self, robot: int, begin_ms: int) -> None:
-        """Take in that a robot at its goal has a course from there that begins at a plan time."""
-        self.progress[robot] = self.told[robot] = self.granted[robot] = begin_ms
+    def arrive(self, course: int) -> None:
+        """Take in that a robot is at the end of a course, where it stays."""
+        self.progress[course] = self.told[course] = EVER
+
+    def open(self, course: int, progress_ms: int) -> None:
+        """Begin a new course, on which nothing is granted as long as it is barred."""
+        self.progress[course] = progress_ms
+        self.granted[course] = self.told[course] = 0
+        self.barred[course] = True
 
     def wanted(self, now_ms: int, headroom_ms: int) -> Integers:
         """Return how far (n,) [ms] robots would be let at a plan time if nobody were in the way."""
         wanted: Integers = np.minimum(now_ms, self.progress + SLACK_MS) + headroom_ms
-        return wanted
+        return np.where(self.barred, 0, wanted)
 
     def grant(self, now_ms: int, headroom_ms: int, most_ms: int) -> None:
         """Grant what is safe, up to the headroom beyond a plan time, and at most `most_ms`."""
@@ -72,20 +79,20 @@ class Authority:
         grant(self._table, self.progress, wanted, self.granted)
         np.maximum(self.told, self.granted, out=self.told)
 
-    def holder_of(self, robot: int) -> int | None:
-        """Return the robot that leaves a robot the least authority; None if nobody limits it."""
-        found = int(holder(self._table, self.progress, robot))
+    def holder_of(self, course: int) -> int | None:
+        """Return the course that leaves a course the least authority; None if nobody limits it."""
+        found = int(holder(self._table, self.progress, course))
         return None if found < 0 else found
 
-    def may_have_told(self, until_ms: int) -> None:
-        """Take in that any robot may have been told that it may drive up to a plan time."""
-        np.maximum(self.told, until_ms, out=self.told)
+    def may_have_told(self, courses: Integers, until_ms: int) -> None:
+        """Take in that courses may have been let be driven up to a plan time."""
+        self.told[courses] = np.maximum(self.told[courses], until_ms)
 
 
-def _table_of(staircases: Staircases, robots: int) -> Table:
+def _table_of(staircases: Staircases, courses: int) -> Table:
     return Table(
         staircases.tau_ms,
-        np.searchsorted(staircases.behind, np.arange(robots + 1)),
+        np.searchsorted(staircases.behind, np.arange(courses + 1)),
         staircases.ahead,
         staircases.first,
         staircases.at,

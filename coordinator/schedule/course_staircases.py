@@ -1,75 +1,82 @@
-"""The staircases of all courses that robots may be driving, while courses come and go.
+"""The staircases between all courses that robots may be driving, while courses come and go.
 
-Every course has a number of its own.  A pair of robots may have several staircases: one for each
-pair of their courses.  All of them count (design section 4.1).
-
-Decides: which staircases count.  Must not know: how they are found, who may drive.
+Decides: which staircases count.  Must not know: how they are found, who drives which course.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from coordinator.plan.staircases import NO_STAIRCASES, Indices, Milliseconds, Staircases
+from coordinator.plan.staircases import Indices, Milliseconds, Staircases
 
 
 class CourseStaircases:
-    """Staircases between courses, with the robots' numbers as indices."""
+    """Staircases between courses; a pair of robots has one for each pair of their courses."""
 
-    def __init__(self, tau_ms: int) -> None:
-        self._tau_ms = tau_ms
-        self._all = NO_STAIRCASES
-        self._courses: Indices = np.zeros((0, 2), np.int64)
-        """The courses ahead and behind, one row for each staircase."""
+    def __init__(self, staircases: Staircases) -> None:
+        self._all = staircases
 
     @property
     def all(self) -> Staircases:
-        """All staircases that count, sorted by the robot behind, then the one ahead."""
+        """All staircases that count, sorted by the course behind, then the one ahead."""
         return self._all
 
-    def add(self, found: Staircases, robots: Sequence[int], courses: Sequence[int]) -> None:
-        """Add the staircases of a new course; their index k is robots[k] on courses[k]."""
-        number, course = np.array(robots, np.int64), np.array(courses, np.int64)
-        mine, new = self._all, np.column_stack((course[found.ahead], course[found.behind]))
-        self._set(
-            np.concatenate((mine.ahead, number[found.ahead])),
-            np.concatenate((mine.behind, number[found.behind])),
-            np.concatenate((np.diff(mine.first), np.diff(found.first))),
-            np.concatenate((mine.at, found.at)),
-            np.concatenate((mine.need, found.need)),
-            np.concatenate((self._courses, new)),
+    def put(self, course: int, found: Staircases, courses: Sequence[int]) -> None:
+        """Replace all staircases of a course by others; their index k is courses[k].
+
+        Those with a course of -1, which is driven no more, are left out.
+        """
+        number, mine = np.array(courses, np.int64), self._all
+        old = _Rows.of(mine, mine.ahead, mine.behind)
+        new = _Rows.of(found, number[found.ahead], number[found.behind])
+        old = old.those((old.ahead != course) & (old.behind != course))
+        new = new.those((new.ahead >= 0) & (new.behind >= 0))
+        self._all = old.and_those(new).sorted(found.tau_ms or mine.tau_ms)
+
+
+class _Rows(NamedTuple):
+    """Staircases one by one: ahead, behind, number of knots (n,), and all knots (k,) [ms]."""
+
+    ahead: Indices
+    behind: Indices
+    sizes: Indices
+    at: Milliseconds
+    need: Milliseconds
+
+    @classmethod
+    def of(cls, staircases: Staircases, ahead: Indices, behind: Indices) -> _Rows:
+        sizes = np.diff(staircases.first)
+        return cls(ahead, behind, sizes, staircases.at, staircases.need)
+
+    def those(self, kept: npt.NDArray[np.bool_]) -> _Rows:
+        knots = np.repeat(kept, self.sizes)
+        return _Rows(
+            self.ahead[kept],
+            self.behind[kept],
+            self.sizes[kept],
+            self.at[knots],
+            self.need[knots],
         )
 
-    def drop(self, courses: Collection[int]) -> None:
-        """Drop the staircases of courses that are over, or that are never driven."""
-        kept = ~np.isin(self._courses, list(courses)).any(axis=1)
-        mine, sizes = self._all, np.diff(self._all.first)
-        knots = np.repeat(kept, sizes)
-        self._set(
-            mine.ahead[kept],
-            mine.behind[kept],
-            sizes[kept],
-            mine.at[knots],
-            mine.need[knots],
-            self._courses[kept],
+    def and_those(self, others: _Rows) -> _Rows:
+        return _Rows(
+            np.concatenate((self.ahead, others.ahead)),
+            np.concatenate((self.behind, others.behind)),
+            np.concatenate((self.sizes, others.sizes)),
+            np.concatenate((self.at, others.at)),
+            np.concatenate((self.need, others.need)),
         )
 
-    def _set(
-        self,
-        ahead: Indices,
-        behind: Indices,
-        sizes: Indices,
-        at: Milliseconds,
-        need: Milliseconds,
-        courses: Indices,
-    ) -> None:
-        order = np.lexsort((courses[:, 0], courses[:, 1], ahead, behind))
-        begins = np.cumsum(sizes) - sizes
-        first = np.append(0, np.cumsum(sizes[order]))
-        rows = np.arange(first[-1]) + np.repeat(begins[order] - first[:-1], sizes[order])
-        self._courses = courses[order]
-        self._all = Staircases(
-            self._tau_ms, ahead[order], behind[order], first, at[rows], need[rows]
-        )
+    def sorted(self, tau_ms: int) -> Staircases:
+        """Return the staircases by the course behind, then the one ahead."""
+        order = np.lexsort((self.ahead, self.behind))
+        sizes = self.sizes[order]
+        begins = (np.cumsum(self.sizes) - self.sizes)[order]
+        first = np.append(0, np.cumsum(sizes))
+        rows = np.arange(first[-1]) + np.repeat(begins - first[:-1], sizes)
+        at, need = self.at[rows], self.need[rows]
+        return Staircases(tau_ms, self.ahead[order], self.behind[order], first, at, need)

@@ -35,7 +35,7 @@ class Legs(NamedTuple):
     """Motions as legs of constant acceleration, those of robot r from first[r] to first[r + 1].
 
     t0, t1 [s], s0, s1 [m], v0, v1 [m/s]: at the beginning and the end of a leg; between legs, and
-    after the last one, a robot rests.
+    after the last one, a robot rests.  since (robots,) [s]: before this a motion does not count.
     """
 
     first: Indices
@@ -45,6 +45,7 @@ class Legs(NamedTuple):
     s1: Array
     v0: Array
     v1: Array
+    since: Array
 
 
 class Pairing(NamedTuple):
@@ -82,10 +83,13 @@ def _time_in(legs: Legs, leg: int, s: float) -> float:
 
 @compiled
 def first_time_at(legs: Legs, robot: int, s: float) -> float:
-    """Return when [s] a robot comes to arc length s [m]; 0 where it starts, inf beyond its goal."""
+    """Return when [s] a robot comes to arc length s [m]; inf beyond its goal.
+
+    It is where it starts from the time on from which its motion counts.
+    """
     begin, end = legs.first[robot], legs.first[robot + 1]
     if s <= 0.0:
-        return 0.0
+        return float(legs.since[robot])
     leg = begin + int(np.searchsorted(legs.s1[begin:end], s))
     return math.inf if leg == end else _time_in(legs, leg, s)
 

@@ -90,4 +90,5 @@ def _legs_of(driven: Sequence[Driven]) -> Legs:
         np.concatenate([np.array(getattr(line, name)) for line in lines])
         for name in ("t0", "t1", "s0", "s1", "v0", "v1")
     ]
-    return Legs(np.cumsum([0, *(len(line.t0) for line in lines)]), *columns)
+    since = np.array([0.001 * one.plan.begin_ms for one in driven])
+    return Legs(np.cumsum([0, *(len(line.t0) for line in lines)]), *columns, since)

@@ -21,9 +21,12 @@ from coordinator.fleet.events import Outgoing
 from coordinator.fleet.intake import Arrival
 from coordinator.fleet.log_records import (
     LINK_UP,
+    CourseRequest,
     Request,
     adoption_key,
     ahead_key,
+    course_key,
+    course_request_of,
     drops_key,
     request_of,
     router_key,
@@ -241,6 +244,8 @@ class _Rerun(Journal):
         name, now_ns = self._fleet.name, record.log_ns
         if record.key == adoption_key(name):
             return self._finish(request_of(record.payload), now_ns)
+        if record.key == course_key(name):
+            return self._finish(course_request_of(record.payload), now_ns)
         if record.key == router_key(name):
             self._driver.hear_router(record.payload == LINK_UP, now_ns)
         elif record.key == told_key(name):
@@ -277,12 +282,15 @@ class _Rerun(Journal):
         different = sum(a != b for a, b in zip(payload, record.payload, strict=True))
         return _first_difference(payload, record.payload) if different <= _FEW else ""
 
-    def _finish(self, logged: Request | None, now_ns: int) -> str:
+    def _finish(self, logged: Request | CourseRequest | None, now_ns: int) -> str:
         """Do a job again that the log says was done, and give its outcome to the driver."""
-        job = self._driver.under_way
-        if job is None:
+        under_way = self._driver.under_way
+        if not under_way:
             return "the core requests no plan here"
-        if job.wanted != logged:
+        job = None if logged is None else under_way.get(logged)
+        if job is None:
+            if isinstance(logged, CourseRequest):
+                return f"the core does not look for a course of {logged.robot} here"
             return "the robots do not stand where the log says"
         self._driver.finish(job, job.work(), now_ns)
         return self._plan_differs
@@ -301,7 +309,7 @@ def _is_sent(kind: str, payload: bytes, boot: int) -> bool:
         return message.received_ns is not None
     if isinstance(message, Command):
         return message.boot == boot
-    return kind == "plan"
+    return kind in ("plan", "orders")
 
 
 def _first_difference(expected: bytes, found: bytes) -> str:

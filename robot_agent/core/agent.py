@@ -80,14 +80,15 @@ class Agent:
     To be read after `report_due`: report_sequence, epoch, phase, fault and report_s [m] or None;
     when report_s is a number, the other numbers of `rest` are to be reported with it.  The report
     states report_stamp_ms, unless it is NOTHING, and report_late, in steps of LATE_STEP_MS, and
-    `revision`, the newest course that it holds.  A Command says how far the robot with `number` may
-    drive.
+    `revision`, the course that it drives, and `holds`, the newest course that it holds.  A Command
+    says how far the courses with `number` and `next_number` may be driven.
     `ride` is the course that the robot drives, with its position on the path, or None.
     """
 
     def __init__(self, max_speed: float = 0.0, period_ns: int = SECOND // 100) -> None:
         self.clock, self.phase, self.fault = ClockSync(), IDLE, NO_FAULT
         self.epoch = self.number = self.revision = 0
+        self.next_number = self.holds = 0
         self.finished = False
         self.ride: Ride | None = None
         self._coming: Ride | None = None
@@ -103,7 +104,7 @@ class Agent:
         self._passed = 0.0  # How long [s] the wheels may have turned since the last tick.
         self._leader = Leader()
         self._spent_epoch = self._start_ns = 0
-        self._reported = (0, 0, 0, 0)
+        self._reported = (0, 0, 0, 0, 0)
         self._reported_ns = self._hello_ns = _NEVER
 
     def hear_command(
@@ -119,10 +120,12 @@ class Agent:
         wanted: bool,
         now_ns: int,
         run: int = 0,
+        next_authority_ms: int = NOTHING,
     ) -> bool:
         """Process a Command and return whether it was accepted.
 
-        `authority_ms`: the plan time that this robot may not pass, NOTHING if it is not named.
+        `authority_ms`: the plan time that this robot may not pass, NOTHING if it is not named;
+        `next_authority_ms`: the same on its newer course.
         `wanted`: whether the Command asks this robot where it rests.  `run`: which run of the fleet
         the Command is of.
         """
@@ -148,12 +151,17 @@ class Agent:
         elif epoch == self.epoch and self.ride is not None:
             self.ride.halt(phase == STOP)
             if phase == GO:
-                self.ride.grant(authority_ms)
+                self._grant(self.ride, authority_ms, next_authority_ms)
                 self._start_ns = start_ns
                 self._apply(transitions.GO, now_ns)
         if wanted:
             self.rest.ask()
         return True
+
+    def _grant(self, ride: Ride, authority_ms: int, next_authority_ms: int) -> None:
+        ride.grant(authority_ms)
+        if self._coming is not None:
+            self._coming.grant(next_authority_ms)
 
     def hear_plan(
         self,
@@ -176,8 +184,8 @@ class Agent:
         if boot != leader.boot or epoch != leader.epoch:
             return
         if epoch == self.epoch and self.ride is not None and self.phase in (MOVING, DONE):
-            if number == self.number and revision > self.revision:
-                self._hear_course(self.ride, revision, rules, path, motion)
+            if revision > self.holds:
+                self._hear_course(self.ride, number, revision, rules, path, motion)
             return
         if self.phase not in (IDLE, ARMED) or epoch <= max(self.epoch, self._spent_epoch):
             return
@@ -185,13 +193,15 @@ class Agent:
         self._unsure = 0.0
         try:
             self.ride = Ride(epoch, rules, path, motion, self._max_speed, self._period)
-            self.epoch, self.number, self.revision = epoch, number, revision
+            self.epoch, self.number, self.next_number = epoch, number, number
+            self.revision = self.holds = revision
         except (ValueError, ArithmeticError, IndexError):
             self.fault = BAD_PLAN
 
     def _hear_course(
         self,
         ride: Ride,
+        number: int,
         revision: int,
         rules: tuple[int, int, int],
         path: tuple[int, list[float], list[float], list[float], list[float]],
@@ -204,7 +214,7 @@ class Agent:
             return
         if ride.leads_into(coming):
             ride.end_with(coming)
-            self._coming, self.revision = coming, revision
+            self._coming, self.next_number, self.holds = coming, number, revision
 
     def hear_clock(self, sent_ns: int, received_ns: int, answered_ns: int, now_ns: int) -> None:
         """Process the coordinator's answer to a question about the time."""
@@ -251,7 +261,7 @@ class Agent:
         may then call `skip` instead of `tick`.  The result is `now_ns` if there is more to do.
         """
         ride = self.ride
-        state = (self.epoch, self.phase, self.fault, self.revision)
+        state = (self.epoch, self.phase, self.fault, self.revision, self.holds)
         if ride is None or self._coming is not None or self._reported != state:
             return now_ns
         if self.phase == FROZEN or (self.phase == DONE and ride.follower.is_still()):
@@ -269,7 +279,7 @@ class Agent:
 
     def report_due(self, now_ns: int) -> bool:
         """Return whether to report now; if so, the report counts as sent."""
-        state = (self.epoch, self.phase, self.fault, self.revision)
+        state = (self.epoch, self.phase, self.fault, self.revision, self.holds)
         if now_ns - self._reported_ns < REPORT_PERIOD and state == self._reported:
             return False
         self._reported, self._reported_ns = state, now_ns
@@ -362,6 +372,7 @@ class Agent:
             return ride
         coming.follow(ride)
         self.ride, self._coming = coming, None
+        self.number, self.revision = self.next_number, self.holds
         self._apply(transitions.NEW_COURSE, now_ns)
         return coming
 
@@ -401,7 +412,7 @@ class Agent:
     def _rest(self, ride: Ride, tell: bool) -> None:
         """Stand, and store the place of rest until the robot moves, even if the plan is dropped."""
         ride.stand()
-        self.rest.keep(self.epoch, ride.follower.s, ride.follower.offset(), tell)
+        self.rest.keep(self.epoch, self.revision, ride.follower.s, ride.follower.offset(), tell)
 
     def _drop_plan(self, now_ns: int) -> None:
         self.ride, self._coming, self.epoch, self.fault = None, None, 0, NO_FAULT

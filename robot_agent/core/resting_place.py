@@ -13,16 +13,18 @@ class RestingPlace:
     """
 
     def __init__(self) -> None:
-        self.epoch = self.off = self.turn = self.beyond = 0
+        self.epoch = self.revision = self.off = self.turn = self.beyond = 0
         self.s = 0.0
         self._tell = False
 
-    def keep(self, epoch: int, s: float, offset: tuple[int, int, int], tell: bool) -> None:
-        """Store a place on an epoch's path.
+    def keep(
+        self, epoch: int, revision: int, s: float, offset: tuple[int, int, int], tell: bool
+    ) -> None:
+        """Store a place on the path of one of an epoch's courses.
 
         `tell`: whether the place is to be reported without a request.
         """
-        self.epoch, self.s, self._tell = epoch, s, tell
+        self.epoch, self.revision, self.s, self._tell = epoch, revision, s, tell
         self.off, self.turn, self.beyond = offset
 
     def leave(self) -> None:

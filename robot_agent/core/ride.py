@@ -165,16 +165,18 @@ class Ride:
     def leads_into(self, coming: "Ride") -> bool:
         """Return whether the robot can change to another course where that begins.
 
-        It can unless it has driven, or reported, beyond that.  Where it does not rest, the courses
-        have one heading and one speed there; a robot may also come to rest where its authority
-        ends.
+        It can unless it has driven, or reported, beyond that; at its goal it has not, however late
+        it is.  Where it does not rest, the courses have one heading and one speed there; a robot
+        may also come to rest where its authority ends.
         """
         begin, mine, other = coming.begin, self.follower, coming.follower
-        if self.time > begin or self.stamp_ms - LATE_STEP_MS * self.late > 1000.0 * begin:
-            return False
         speed, s = coming._timeline.v_at(begin), self._timeline.s_at(begin)
         gap, turn = mine.joint(s, other)
         if gap > JOINT_GAP:
+            return False
+        if speed == 0.0 and begin >= self._timeline.finish:
+            return True
+        if self.time > begin or self.stamp_ms - LATE_STEP_MS * self.late > 1000.0 * begin:
             return False
         if speed == 0.0 and (self._timeline.v_at(begin) == 0.0 or self._told <= begin):
             return True
@@ -198,7 +200,7 @@ class Ride:
 
     def follow(self, before: "Ride") -> None:
         """Go on from the course before this one, at this one's beginning."""
-        self._told, self._halted, self._holds = before._told, before._halted, False
+        self._halted, self._holds = before._halted, False
         self._limit_authority()
         self.may_turn = self._timeline.v_at(self.begin) == 0.0
         self._watch, self.speed, self._pace = before._watch, before.speed, before._pace

@@ -100,9 +100,12 @@ class World:
         effort: int = DEFAULT_EFFORT,
         logs: RunLogs | None = None,
         past: Past | None = None,
+        stays: bool = False,
     ) -> None:
         if past is None:
-            mission = Mission(scenario, packed(document), _BOOT, partial(_plan, effort))
+            mission = Mission(
+                scenario, packed(document), _BOOT, partial(_plan, effort), stays=stays
+            )
             past = Past(mission, SECOND, 0, {})
             if logs is not None:
                 logs.begin(first_head(scenario, document, boot=_BOOT, effort=effort))

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.intake import Arrival
-from coordinator.fleet.log_records import link_record
+from coordinator.fleet.log_records import Request, link_record
 from coordinator.fleet.mission import Mission
 from coordinator.fleet.mission_driver import Job, Journal, MissionDriver, Outcome
 from coordinator.log.head import plan_file
@@ -31,7 +31,10 @@ COORDINATOR: Final = "coordinator"
 """The name of the coordinator's session."""
 
 
-_FOR_EVER_MS = 1_000_000_000
+_FOR_EVER_MS: Final = 1_000_000_000
+
+_COURSES_PER_PLAN: Final = 6
+"""How many courses are found in the time of a plan for the fleet."""
 
 
 class VirtualJournal(Journal):
@@ -94,7 +97,8 @@ class VirtualService:
         self._session = self._network.session(COORDINATOR)
         for kind in (keys.hello, keys.report, keys.clock, keys.admit):
             self._session.subscribe(kind(self.fleet.name, "*"), self._enqueue)
-        self._session.subscribe(keys.command(self.fleet.name), self._enqueue)
+        for key in (keys.command, keys.order, keys.tell):
+            self._session.subscribe(key(self.fleet.name), self._enqueue)
         self._session.watch_alive(keys.alive(self.fleet.name, "*"), self._link_changed)
 
     @property
@@ -113,12 +117,17 @@ class VirtualService:
             return
         now_ns = self._clock()
         jobs = self.driver.look(now_ns)
-        self._under_way += [(now_ns + self._planning_ns, job, job.work()) for job in jobs]
+        self._under_way += [(now_ns + self._time_of(job), job, job.work()) for job in jobs]
         self.driver.tell_drops(now_ns)
         for one in [one for one in self._under_way if one[0] <= now_ns]:
             self._under_way.remove(one)
             _, job, outcome = one
             self.driver.finish(job, outcome, now_ns)
+
+    def _time_of(self, job: Job) -> int:
+        """Return how long a job takes [ns]: a plan for the fleet, or one robot's course."""
+        is_plan = isinstance(job.wanted, Request)
+        return self._planning_ns if is_plan else self._planning_ns // _COURSES_PER_PLAN
 
     def take_arrivals(self) -> None:
         """Pass the messages that have arrived to the driver."""

@@ -117,20 +117,30 @@ MESSAGES: dict[str, tuple[str, list]] = {
     ),
     "command_freeze": (
         "command",
-        [3, 5, 1, 40_000, 2, 2, -1, 70_000, -300, [], 0, 65_535, ["R1", "R.2_-"], 5],
+        [3, 5, 1, 40_000, 2, 2, -1, 70_000, -300, [], 0, 2**32 - 1, ["R1", "R.2_-"], 5],
     ),
     "command_stop": (
         "command",
-        [3, 5, 1, 40_001, 2, 4, 10**10, 2 * 10**10, 0, [], 0, 65_535, [], 0],
+        [3, 5, 1, 40_001, 2, 4, 10**10, 2 * 10**10, 0, [], 0, 2**32 - 1, [], 0],
     ),
-    "report": ("report", [4, 77, 200, 1, 2, 0, None, 12_345, 3, 4]),
-    "report_without_a_stamp": ("report", [4, 77, 7, 1, 1, 0, None, None, 0, 0]),
+    "report": ("report", [4, 77, 200, 1, 2, 0, None, 12_345, 3, 4, 5]),
+    "report_without_a_stamp": ("report", [4, 77, 7, 1, 1, 0, None, None, 0, 0, 0]),
     "report_of_a_frozen_robot": (
         "report",
-        [4, 77, 1_000, 1, 4, 1, [3.140625, 1, -3, 700, 0], None, 0, 0],
+        [4, 77, 1_000, 1, 4, 1, [3.140625, 1, -3, 700, 0, 2], None, 0, 2, 2],
     ),
     "clock_question": ("clock", [5, 77, -(2**40), None, None]),
     "clock_answer": ("clock", [5, 77, 2**40, 2**62, 1_000]),
+    "order": (
+        "order",
+        [10, 9, "o-1", [9.0, 5.0, 0.5], "R1", [[5.0, 7.0]], 3_000, -1, True],
+    ),
+    "cancel": ("order", [11, 9, "o-1"]),
+    "tell": ("tell", [12, 9, 1]),
+    "order_state": (
+        "orders",
+        [13, "o-1", 1, "R1", 0, 400, 21_000, None, 18_500, "held by R2"],
+    ),
 }
 """Name to (kind of key, tag and fields)."""
 
@@ -139,10 +149,14 @@ FIELDS = {
     2: "epoch boot robot number revision begin_ms tau_ns track_mm brake_mmps2 clock_ms degree "
     "points knots weights speeds profile stops",
     3: "boot term sequence epoch phase start_ns said_ns headroom_ms held first last wanted run",
-    4: "boot sequence epoch phase fault rest stamp_ms late revision",
+    4: "boot sequence epoch phase fault rest stamp_ms late revision holds",
     5: "boot sent_ns received_ns answered_ns",
     6: "boot reason",
     7: "boot",
+    10: "boot id goal robot via dwell_ms priority now",
+    11: "boot id",
+    12: "boot what",
+    13: "id state robot released_ms accepted_ms planned_arrival_ms arrived_ms alone_ms reason",
 }
 """Tag to the names of the fields in their order."""
 
@@ -151,6 +165,8 @@ def pack(value: object) -> bytes:
     """Return msgpack in its shortest form, floats as float64."""
     if value is None:
         return b"\xc0"
+    if isinstance(value, bool):
+        return b"\xc3" if value else b"\xc2"
     if isinstance(value, int):
         mark, form = next(row[2:] for row in _INTEGERS if row[0] <= value <= row[1])
         return (b"" if mark is None else bytes([mark])) + struct.pack(f">{form}", value)

@@ -222,17 +222,17 @@ def test_a_field_that_a_later_version_adds_is_ignored_by_this_one(name, kind, te
 
 
 def test_a_hello_of_version_1_is_understood_so_that_its_robot_can_be_refused_by_name():
-    assert PROTOCOL_VERSION == 2
+    assert PROTOCOL_VERSION == 3
     hello = Hello(1, 7, 0.15, 0.5, 0.5, None, 3)
     assert codec.decode("hello", raw(1, 1, 7, 0.15, 0.5, 0.5, None, 3)) == hello
     assert (hello.points, hello.stops, hello.bytes) == (0, 0, 0)
 
 
 def test_a_payload_longer_than_a_robot_receives_is_dropped_before_it_is_read():
-    padded = raw(4, 1, 2, 3, 4, 0, None, None, 0, 0, bytes(MAX_MESSAGE_BYTES - 14))
+    padded = raw(4, 1, 2, 3, 4, 0, None, None, 0, 0, 0, bytes(MAX_MESSAGE_BYTES - 15))
     assert len(padded) == MAX_MESSAGE_BYTES
     assert codec.decode("report", padded) is not None
-    longer = raw(4, 1, 2, 3, 4, 0, None, None, 0, 0, bytes(MAX_MESSAGE_BYTES))
+    longer = raw(4, 1, 2, 3, 4, 0, None, None, 0, 0, 0, bytes(MAX_MESSAGE_BYTES))
     assert codec.decode("report", longer) is None
 
 
@@ -363,7 +363,7 @@ HOLDS = (3, 1, 1, 1, 1, 0, 0, 0)
 
 
 def test_a_command_may_leave_out_what_has_a_default():
-    spelt_out = Command(1, 1, 1, 1, 0, 0, 0, 0, (), 0, 65_535, ())
+    spelt_out = Command(1, 1, 1, 1, 0, 0, 0, 0, (), 0, 2**32 - 1, ())
     assert codec.decode("command", raw(*HOLDS)) == spelt_out
 
 
@@ -387,12 +387,12 @@ def test_a_command_may_leave_out_what_has_a_default():
         ("command", (*HOLDS, 2**31)),
         ("command", (*HOLDS, 0, [[1, 0]] * (MOST_HELD + 1))),
         ("command", (*HOLDS, 0, [["R1", 0]])),
-        ("command", (*HOLDS, 0, [[65_536, 0]])),
+        ("command", (*HOLDS, 0, [[2**32, 0]])),
         ("command", (*HOLDS, 0, [[1, 2**31]])),
         ("command", (*HOLDS, 0, [[1]])),
         ("command", (*HOLDS, 0, [[1, 2, 3]])),
         ("command", (*HOLDS, 0, [], -1)),
-        ("command", (*HOLDS, 0, [], 0, 65_536)),
+        ("command", (*HOLDS, 0, [], 0, 2**32)),
         ("command", (*HOLDS, 0, [], 0, 1, ["R1"] * (MOST_WANTED + 1))),
         ("command", (*HOLDS, 0, [], 0, 1, ["R 1"])),
         ("command", (*HOLDS, 0, [], 0, 1, ["R1\n"])),
@@ -403,6 +403,14 @@ def test_a_command_may_leave_out_what_has_a_default():
         ("report", (4, 1, -1, 1, 0)),
         ("report", (4, 1, 1, 1, 2, 0, None, 2**31)),
         ("report", (4, 1, 1, 1, 2, 0, None, 0, 65_536)),
+        ("order", (10, 1, "a", [1.0])),
+        ("order", (10, 1, "a", [1.0, math.nan])),
+        ("order", (10, 1, "a", [1.0, 2.0], "R1", [[1.0, math.inf]])),
+        ("order", (10, 1, "a/b", [1.0, 2.0])),
+        ("order", (10, 1, "", [1.0, 2.0])),
+        ("order", (10, 1, "a", [1.0, 2.0], "R1", [], -1)),
+        ("tell", (12, 1, 3)),
+        ("orders", (13, "a", 5)),
         ("report", (4, 1, 1, 1, 2, 0, None, 0, -1)),
         ("report", (4, 1, 1, 1, 2, 0, None, 0, 0, -1)),
         ("report", (8, 1, 1, 2, None)),
@@ -423,7 +431,7 @@ def test_a_field_out_of_its_bounds_is_dropped(kind, fields):
         ("robot", "R1\n"),
         ("robot", "../R1"),
         ("number", -1),
-        ("number", 65_536),
+        ("number", 2**32),
         ("revision", -1),
         ("begin_ms", 2**31),
         ("clock_ms", 0),

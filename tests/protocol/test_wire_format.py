@@ -10,16 +10,20 @@ from protocol import codec, plan_bytes
 from protocol.messages import (
     MAX_MESSAGE_BYTES,
     MOST_HELD,
-    MOST_ROBOTS,
+    MOST_NUMBER,
     MOST_WANTED,
     Admit,
+    Cancel,
     Clock,
     Command,
     Hello,
+    Order,
+    OrderState,
     Plan,
     Refusal,
     Report,
     Rest,
+    Tell,
 )
 from protocol.phases import GO
 from protocol.timing import COMMAND_PERIOD, SECOND
@@ -33,9 +37,13 @@ TYPES = {
     5: Clock,
     6: Refusal,
     7: Admit,
+    10: Order,
+    11: Cancel,
+    12: Tell,
+    13: OrderState,
 }
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "protocol.md"
-REST = ("s_m", "epoch", "off_mm", "turn_mrad", "beyond_mm")
+REST = ("s_m", "epoch", "off_mm", "turn_mrad", "beyond_mm", "revision")
 GOLDEN = [line.split() for line in make_messages.FILE.read_text().splitlines()]
 
 
@@ -126,7 +134,7 @@ def test_a_plan_with_12_control_points_and_3_stops_is_at_most_350_bytes_long():
 
 def test_a_command_that_names_as_many_robots_as_it_may_is_not_too_long():
     names = tuple(f"{number:032}" for number in range(MOST_WANTED))
-    held = tuple((MOST_ROBOTS - i, -(2**31)) for i in range(MOST_HELD))
+    held = tuple((MOST_NUMBER - i, -(2**31)) for i in range(MOST_HELD))
     command = Command(
         *[2**32 - 1] * 4,
         phase=4,
@@ -134,8 +142,8 @@ def test_a_command_that_names_as_many_robots_as_it_may_is_not_too_long():
         said_ns=-(2**62),
         headroom_ms=-(2**31),
         held=held,
-        first=MOST_ROBOTS,
-        last=MOST_ROBOTS,
+        first=MOST_NUMBER,
+        last=MOST_NUMBER,
         wanted=names,
     )
     payload = codec.encode(command)
@@ -149,12 +157,11 @@ def test_commands_for_a_thousand_robots_on_time_cost_less_than_1000_bytes_a_seco
     assert len(codec.encode(command)) * (SECOND // COMMAND_PERIOD) < 1_000
 
 
-def test_a_report_on_the_move_is_at_most_23_bytes_long():
+def test_a_report_on_the_move_is_at_most_24_bytes_long():
     for boot, sequence, epoch in [(0, 0, 0), (2**32 - 1, 2**16 - 1, 127)]:
-        report = Report(
-            boot, sequence, epoch, phase=5, fault=7, stamp_ms=10**7, late=65_535, revision=127
-        )
-        assert len(codec.encode(report)) <= 23
+        most = {"stamp_ms": 10**7, "late": 65_535, "revision": 127, "holds": 127}
+        report = Report(boot, sequence, epoch, phase=5, fault=7, **most)
+        assert len(codec.encode(report)) <= 24
 
 
 def test_packed_numbers_come_back_as_float32():

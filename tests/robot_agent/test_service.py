@@ -11,7 +11,7 @@ import pytest
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.curve import Curve
-from protocol.messages import MOST_ROBOTS, Clock, Command, Hello, Plan, Refusal, Report
+from protocol.messages import MOST_NUMBER, Clock, Command, Hello, Plan, Refusal, Report
 from protocol.phases import (
     ARMED,
     BRAKING,
@@ -95,7 +95,7 @@ class Hall:
         self.wrong_ns = 0
         self.headroom_ms = 2_000
         self.held = ()
-        self.range = (0, MOST_ROBOTS)
+        self.range = (0, MOST_NUMBER)
         for kind in (keys.hello, keys.report, keys.clock):
             self.link.subscribe(kind(FLEET, ME), self.hear)
 
@@ -272,7 +272,7 @@ def test_a_robot_drives_as_far_as_the_held_entry_with_its_number_says_and_then_o
 
 def test_a_robot_whose_number_a_command_does_not_speak_for_is_granted_nothing_by_it():
     hall = Hall()
-    hall.range = (NUMBER + 1, MOST_ROBOTS)
+    hall.range = (NUMBER + 1, MOST_NUMBER)
     seen, react = [], hall.react
 
     def watch():

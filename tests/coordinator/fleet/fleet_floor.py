@@ -32,6 +32,12 @@ def grants():
     return Grants(NO_STAIRCASES, NAMES, HEADROOM_MS)
 
 
+def bounds(fleet, robot):
+    """The plan times [s] between which a robot may stand on its only course."""
+    ((_, since_ms, until_ms),) = fleet.spans(robot)
+    return since_ms / 1000.0, until_ms / 1000.0
+
+
 def chain():
     """The grants of robots that follow each other: R1 behind R2, and R2 behind R3."""
     ahead, behind = np.array([1, 2]), np.array([0, 1])

@@ -7,7 +7,7 @@ from typing import get_args
 
 import pytest
 
-from coordinator.fleet.grants import STUCK_MS
+from coordinator.fleet.grants import STUCK_MS, Span
 from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.phases import (
     FAREWELLS,
@@ -36,7 +36,7 @@ from protocol.phases import (
     STOP,
 )
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
-from tests.coordinator.fleet.fleet_floor import NAMES, TAU_MS, Floor, chain
+from tests.coordinator.fleet.fleet_floor import NAMES, TAU_MS, Floor, bounds, chain
 
 
 def test_commands_carry_rising_sequence_numbers_and_the_same_start():
@@ -131,8 +131,8 @@ def test_a_robot_that_waits_behind_one_that_is_held_is_held_by_the_one_that_stan
         floor.report("R1", MOVING, late=2 * step)
         floor.report("R2", MOVING, late=2 * step)
         floor.tick()
-    assert floor.fleet._grants.behind(["R3"]) == ["R1", "R2"]
-    assert floor.fleet._grants.behind(["R1"]) == []
+    assert floor.fleet.grants.behind(["R3"]) == ["R1", "R2"]
+    assert floor.fleet.grants.behind(["R1"]) == []
 
 
 def test_a_robot_that_does_not_get_on_is_found_though_the_coordinator_is_away_again_and_again():
@@ -151,7 +151,7 @@ def test_a_robot_that_does_not_get_on_is_found_though_the_coordinator_is_away_ag
 
 def test_a_robot_at_the_end_of_its_authority_that_is_lost_does_not_stand_at_its_start():
     member = Floor().fleet.members["R1"]
-    standing = member.standing(1, 5.056, 5.056)
+    standing = member.standing(1, [Span(0, 5_056, 5_056)])
     assert (standing.s, standing.since, standing.until) == (None, 5.056, 5.056)
     assert member.standing(1, 0.0, 0.0).s == 0.0
 
@@ -188,12 +188,12 @@ def test_a_coordinator_that_was_away_goes_on_and_calls_nobody_silent():
 def test_who_is_not_heard_anew_after_the_coordinator_was_away_is_lost_where_it_was_known_to_be():
     floor = Floor().go()
     drive(floor, 2.0, "R1", "R2", "R3")
-    known = floor.fleet.bounds("R2")
+    known = bounds(floor.fleet, "R2")
     floor.now += 60 * SECOND
     drive(floor, 3.0, "R1", "R3")
     assert floor.fleet.members["R2"].lost
-    assert floor.fleet.bounds("R2")[0] == known[0]
-    assert known[1] <= floor.fleet.bounds("R2")[1] <= known[0] + 3.6
+    assert bounds(floor.fleet, "R2")[0] == known[0]
+    assert known[1] <= bounds(floor.fleet, "R2")[1] <= known[0] + 3.6
 
 
 def test_a_robot_called_lost_that_speaks_again_drives_on():

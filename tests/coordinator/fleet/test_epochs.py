@@ -29,6 +29,7 @@ from tests.coordinator.fleet.fleet_floor import (
     PARTS,
     Floor,
     adopt,
+    bounds,
     frozen_but,
     grants,
     state_of,
@@ -41,7 +42,7 @@ def test_a_frozen_fleet_tells_where_its_robots_stand():
     assert (told["R1"].state, told["R1"].s, told["R1"].epoch) == ("rests", 1.25, 1)
     assert (told["R2"].state, told["R2"].s) == ("lost", None)
     assert told["R3"].state == "arrived"
-    assert (told["R2"].since, told["R2"].until) == floor.fleet.bounds("R2")
+    assert (told["R2"].since, told["R2"].until) == bounds(floor.fleet, "R2")
 
 
 def test_the_next_epoch_holds_sends_its_plans_and_goes_when_its_robots_are_armed():
@@ -187,7 +188,7 @@ def test_a_robot_lost_while_it_brakes_may_stand_where_it_last_kept_to_its_plan()
     for _ in range(10):
         floor.tick()
         floor.everybody(MOVING)
-    since, until = floor.fleet.bounds("R2")
+    since, until = bounds(floor.fleet, "R2")
     assert 0.0 < since < until
     floor.report("R2", BRAKING, fault=OFF_PATH)
     for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):

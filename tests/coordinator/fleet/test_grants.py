@@ -1,11 +1,13 @@
 """The authority that Commands state, by hand-made staircases and messages."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from coordinator.fleet.grants import Grants
 from coordinator.plan.staircases import Staircases
-from protocol.messages import MOST_HELD, MOST_ROBOTS, Command, Report
+from protocol.messages import MOST_HELD, Command, Report
 from protocol.phases import DONE, GO, MOVING
 from protocol.timeline import Timeline
 from protocol.timing import LATE_STEP_MS, MILLISECOND
@@ -73,7 +75,7 @@ def test_a_robot_that_claims_more_than_it_was_told_is_not_believed():
     grants = Grants(staircases(), ["R1"], HEADROOM)
     state(grants, 0)
     assert not grants.hear("R1", report(60_000, late=1), 0)
-    assert grants.bounds("R1") == (1.0, 1.0)
+    assert grants.spans("R1") == [(0, 1_000, 1_000)]
 
 
 def test_a_robot_at_its_goal_is_not_named_though_it_says_nothing_more():
@@ -98,8 +100,9 @@ def test_a_robot_at_its_goal_lets_the_one_behind_it_by_though_it_says_nothing_mo
 
 def test_a_robot_that_waits_by_its_plan_has_driven_no_farther_though_its_wait_ends_later():
     line = Timeline([0.0, 1.0, 2.0], [0.5, 0.5, 0.5], [1.0], [60.0])
-    for lines, believed in (((), False), ((line,), True)):
-        grants = Grants(staircases(), ["R1"], HEADROOM, lines)
+    course = SimpleNamespace(driven=SimpleNamespace(timeline=line))
+    for courses, believed in (((), False), ((course,), True)):
+        grants = Grants(staircases(), ["R1"], HEADROOM, courses)
         state(grants, 2_000)
         assert grants.hear("R1", report(65_000, late=100), 2_000) == believed
         assert not grants.hear("R1", report(65_000, late=20), 2_000)
@@ -118,10 +121,10 @@ def test_what_another_coordinator_may_have_told_bounds_where_a_robot_is_and_gran
     grants = Grants(staircases(), ["R1"], HEADROOM)
     state(grants, 0)
     grants.lose_sight(7_000)
-    assert grants.bounds("R1") == (0.0, 7.0)
+    assert grants.spans("R1") == [(0, 0, 7_000)]
     assert state(grants, 100) == (1_100, ())
     assert grants.hear("R1", report(6_000, late=2), 6_000)
-    assert grants.bounds("R1") == (5.9, 7.0)
+    assert grants.spans("R1") == [(0, 5_900, 7_000)]
 
 
 @pytest.mark.parametrize("more", [0, 1, 40, 250])
@@ -134,7 +137,7 @@ def test_those_that_one_command_cannot_name_are_named_in_several(more):
         sent = grants.grant(now, FAR)
         ranges = [(one.first, one.last) for one in sent]
         assert [first for first, _ in ranges] == [0, *(last + 1 for _, last in ranges[:-1])]
-        assert ranges[-1][1] == MOST_ROBOTS
+        assert ranges[-1][1] == len(names)
         for one in sent:
             assert len(one.held) <= MOST_HELD
             stated = Command(1, 1, 1, 1, GO, 0, now * MILLISECOND, *one)
@@ -156,7 +159,7 @@ def authorities(floor):
 
 def a_floor(*pairs):
     floor = Floor()
-    floor.fleet._grants = Grants(staircases(*pairs), NAMES, HEADROOM)
+    floor.fleet.grants = Grants(staircases(*pairs), NAMES, HEADROOM)
     return floor.go()
 
 

@@ -66,12 +66,19 @@ def lost(robot, since, until):
     return Standing(robot=robot, state="lost", epoch=1, since=since, until=until)
 
 
+def rides(documents):
+    """The courses of these plans by robot, epoch and revision."""
+    return {
+        (one.id, epoch, 0): one for epoch, document in documents.items() for one in drive(document)
+    }
+
+
 def driven(documents, robot):
     return next(one for one in drive(documents[1]) if one.id == robot)
 
 
 def recovered(scenario, documents, *told):
-    return recover(Site(scenario), documents, told, 2, plan)
+    return recover(Site(scenario), rides(documents), told, 2, plan)
 
 
 def test_robots_start_where_they_rest_with_their_headings_and_the_vias_ahead(scenario, documents):
@@ -112,7 +119,7 @@ def test_a_robot_at_its_goal_stays_there_and_is_driven_around(scenario, document
     assert [robot.id for robot in found.document.robots] == ["A", "C"]
     assert [(one.robot.id, one.why) for one in found.site.aside] == [("B", "arrived")]
     at_goal = replace(told[0], s=driven(documents, "A").curve.length)
-    again = next_site(Site(scenario), documents, (at_goal, *told[1:]))
+    again = next_site(Site(scenario), rides(documents), (at_goal, *told[1:]))
     assert {one.robot.id: one.why for one in again.aside}["A"] == "arrived"
 
 
@@ -120,16 +127,16 @@ def test_a_robot_that_comes_back_is_planned_for_from_the_place_it_says_even_if_i
     scenario, documents
 ):
     told = [Standing(robot="A", state="arrived", epoch=1), rests("B", 2.0), rests("C", 2.0)]
-    before = next_site(Site(scenario), documents, told)
+    before = next_site(Site(scenario), rides(documents), told)
     assert [one.robot.id for one in before.aside] == ["A"]
     (goal,) = (robot.goal for robot in scenario.robots if robot.id == "A")
     carried = (goal[0] - 1.0, goal[1], 0.5)
     back = Standing(robot="A", state="rests", epoch=1, place=carried)
-    after = next_site(before, documents, [back])
+    after = next_site(before, rides(documents), [back])
     assert {robot.id: robot.start for robot in after.scenario.robots}["A"] == carried
     assert after.aside == ()
     there = replace(back, place=(goal[0], goal[1] + 0.001, 0.5))
-    assert [one.why for one in next_site(before, documents, [there]).aside] == ["arrived"]
+    assert [one.why for one in next_site(before, rides(documents), [there]).aside] == ["arrived"]
 
 
 def test_a_robot_whose_goal_is_closed_off_stays_and_is_named_and_the_rest_go_on(scenario):
@@ -138,14 +145,15 @@ def test_a_robot_whose_goal_is_closed_off_stays_and_is_named_and_the_rest_go_on(
     whole = replace(scenario, robots=(scenario.robots[0], scenario.robots[2]))
     documents = {1: plan(whole, 1).document}
     told = (Standing(robot="A", state="arrived", epoch=1), rests("C", 0.4))
-    found = recover(Site(scenario), documents, told, 2, plan)
+    found = recover(Site(scenario), rides(documents), told, 2, plan)
     assert found.document is not None
     assert [robot.id for robot in found.document.robots] == ["C"]
     assert found.said[0] == f"B stays where it is: {found.stays['B']}"
     assert found.stays["B"].startswith("(7.00, 4.40) is nearer than")
     assert found.stays.keys() == {"B"}
     assert {one.robot.id: one.why for one in found.site.aside} == {"A": "arrived", "B": "closed in"}
-    later = next_site(found.site, documents, (Standing(robot="C", state="arrived", epoch=1),))
+    there = Standing(robot="C", state="arrived", epoch=1)
+    later = next_site(found.site, rides(documents), (there,))
     assert [robot.id for robot in later.scenario.robots] == ["B"]
 
 
@@ -183,7 +191,7 @@ def test_a_robot_that_cannot_stand_where_it_says_is_left_where_it_was(
         where = f"({place[0]:.2f}, {place[1]:.2f}), where B stands"
     back = Standing(robot="A", state="rests", epoch=0, place=place)
     told = (Standing(robot="B", state="rests", epoch=2, s=0.0), back)
-    found = recover(first.site, known, told, 3, plan)
+    found = recover(first.site, rides(known), told, 3, plan)
     assert found.stays == {"A": f"it says that it stands at {where}"}
     assert found.doubted == ("A",)
     assert found.said == (f"A stays where it is: {found.stays['A']}",)
@@ -194,19 +202,19 @@ def test_a_robot_that_cannot_stand_where_it_says_is_left_where_it_was(
 
 def test_a_closed_in_robot_whose_place_is_not_believed_is_not_sent_on_its_way(scenario, documents):
     told = (rests("A", 0.3), rests("B", 2.0), rests("C", 0.4))
-    site = next_site(Site(scenario), documents, told).without("A")
+    site = next_site(Site(scenario), rides(documents), told).without("A")
     back = Standing(robot="A", state="rests", epoch=0, place=(-3.0, 1.0, 0.0))
-    found = recover(site, documents, (back, *told[1:]), 2, plan)
+    found = recover(site, rides(documents), (back, *told[1:]), 2, plan)
     assert [(one.robot.id, one.why) for one in found.site.aside] == [("A", "lost")]
-    later = next_site(found.site, documents, told[1:])
+    later = next_site(found.site, rides(documents), told[1:])
     assert [one.robot.id for one in later.aside] == ["A"]
 
 
 def test_a_robot_that_came_back_and_died_is_left_where_it_said_that_it_stands(scenario, documents):
     told = (rests("A", 0.3), rests("B", 2.0), rests("C", 0.4))
-    site = next_site(Site(scenario), documents, told).without("A")
+    site = next_site(Site(scenario), rides(documents), told).without("A")
     dead = Standing(robot="A", state="lost", epoch=0, place=(1.5, 1.5, 0.0))
-    (aside,) = next_site(site, documents, (dead, *told[1:])).aside
+    (aside,) = next_site(site, rides(documents), (dead, *told[1:])).aside
     assert (aside.why, aside.places.tolist()) == ("lost", [[1.5, 1.5]])
 
 
@@ -217,7 +225,7 @@ def test_nobody_left_to_drive_is_no_plan(scenario, documents):
 
 def test_a_robot_off_its_path_starts_from_where_it_is(scenario, documents):
     told = (rests("A", 0.3), rests("B", 0.5), rests("C", 0.4, off=0.12, turn=0.3))
-    site = next_site(Site(scenario), documents, told)
+    site = next_site(Site(scenario), rides(documents), told)
     ride = driven(documents, "C")
     place, ahead = ride.curve.at_arc([0.4, 0.4001])
     heading = math.atan2(*(ahead - place)[::-1])
@@ -234,7 +242,7 @@ def test_a_robot_beyond_an_end_of_its_path_starts_from_where_it_is(
     ride = driven(documents, "C")
     s = end * ride.curve.length
     told = (rests("A", 0.3), rests("B", 0.5), rests("C", s, off=0.02, beyond=beyond))
-    site = next_site(Site(scenario), documents, told)
+    site = next_site(Site(scenario), rides(documents), told)
     near = abs(s - 1e-4)
     place, ahead = ride.curve.at_arc(sorted((s, near)))
     heading = math.atan2(*(ahead - place)[::-1])
@@ -347,9 +355,8 @@ def test_robots_turn_on_the_spot_rather_than_take_needle_turns(scenario, documen
         asked.append({(len(one.start), one.min_turn_radius > 0.0) for one in scenario.robots})
         raise PlanError("C is in the way")
 
-    recover(
-        Site(scenario), documents, [rests("A", 0.3), rests("B", 0.3), rests("C", 0.4)], 2, fails
-    )
+    told = [rests("A", 0.3), rests("B", 0.3), rests("C", 0.4)]
+    recover(Site(scenario), rides(documents), told, 2, fails)
     assert asked[:4] == [{(3, True)}, {(2, True)}, {(3, False)}, {(2, False)}]
 
 
@@ -360,4 +367,4 @@ def test_the_robot_that_an_error_blames_stays_whatever_words_its_advice_has(scen
         return plan(asked, epoch)
 
     told = tuple(rests(name, 0.4) for name in "ABC")
-    assert recover(Site(scenario), documents, told, 2, without_c).stays.keys() == {"C"}
+    assert recover(Site(scenario), rides(documents), told, 2, without_c).stays.keys() == {"C"}

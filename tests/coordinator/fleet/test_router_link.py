@@ -11,7 +11,7 @@ from protocol import keys
 from protocol.messages import Report, Rest
 from protocol.phases import ARMED, DONE, FROZEN, GO, HOLD, MOVING
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
-from tests.coordinator.fleet.fleet_floor import NAMES, Floor
+from tests.coordinator.fleet.fleet_floor import NAMES, Floor, bounds
 
 LONG = 20 * SECOND
 
@@ -53,16 +53,16 @@ def test_a_router_that_dies_stops_nothing_but_what_is_granted_and_nobody_is_give
     if not tokens_first:
         lose_tokens(floor)
     wait(floor, 5 * SECOND)
-    granted = max(floor.fleet.bounds(name)[1] for name in NAMES)
+    granted = max(bounds(floor.fleet, name)[1] for name in NAMES)
     wait(floor, LONG)
-    assert max(floor.fleet.bounds(name)[1] for name in NAMES) == granted
+    assert max(bounds(floor.fleet, name)[1] for name in NAMES) == granted
     tell(floor, up=True)
     for _ in range(20):
         floor.everybody(MOVING)
         floor.tick()
     assert (floor.fleet.phase, floor.fleet.epoch) == (GO, 1)
     assert lost(floor) == set()
-    assert min(floor.fleet.bounds(name)[1] for name in NAMES) > granted
+    assert min(bounds(floor.fleet, name)[1] for name in NAMES) > granted
     assert incidents(floor) == ["the router is gone", "the router is back"]
 
 
@@ -70,7 +70,7 @@ def test_a_robot_that_does_not_come_back_with_the_router_is_lost_where_it_was_la
     floor = routed()
     wait(floor, SECOND)
     floor.everybody(MOVING)
-    known = floor.fleet.bounds("R2")[0]
+    known = bounds(floor.fleet, "R2")[0]
     tell(floor, up=False)
     wait(floor, 2 * SECOND)
     tell(floor, up=True)
@@ -81,7 +81,7 @@ def test_a_robot_that_does_not_come_back_with_the_router_is_lost_where_it_was_la
         floor.tick()
     assert 0 <= floor.now - back - RESUME_PATIENCE - REPORT_TIMEOUT <= 2 * COMMAND_PERIOD
     assert lost(floor) == {"R2"}
-    assert floor.fleet.bounds("R2")[0] == known
+    assert bounds(floor.fleet, "R2")[0] == known
 
 
 def test_robots_that_fall_silent_together_are_waited_for_where_there_is_a_router():

@@ -43,7 +43,7 @@ compile_rest()
 seen.clear()
 for name in ("paper_five_real", "u_trap", "circle_swap", "map_ros", "map_movingai", "map_dxf"):
     scenario = read_scenario(Path(f"examples/{name}.toml"))
-    muster(plan_fleet(scenario), 1)._grants.grant(0, 0)
+    muster(plan_fleet(scenario), 1).grants.grant(0, 0)
 print(sorted(seen))
 """
 

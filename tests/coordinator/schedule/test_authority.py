@@ -195,17 +195,21 @@ def test_other_staircases_count_from_then_on_unless_they_forbid_what_was_told(se
     assert renewed
 
 
-def test_a_robot_that_sets_out_again_is_where_its_course_begins_and_is_granted_anew():
+def test_a_course_that_is_barred_is_granted_nothing_and_one_that_is_opened_holds_others_behind():
     at, need = np.array([9_000, 20_000], np.int32), np.array([8_000, 19_000], np.int32)
     one = Staircases(TAU, np.array([0]), np.array([1]), np.array([0, 2]), at, need)
     rule = Authority(one, 2)
     for now in range(0, 5_000, 100):
         rule.grant(now, HEADROOM, FAR)
         rule.know(1, now)
-    rule.arrive(0)
-    rule.grant(6_000, HEADROOM, FAR)
-    assert rule.granted[1] == 6_500
-    rule.set_out(0, 7_000)
+    rule.open(0, 7_000)
     rule.know(1, 6_400)
     rule.grant(9_500, HEADROOM, FAR)
-    assert (rule.progress[0], rule.granted[1]) == (7_000, 8_900)
+    assert (rule.progress[0], rule.granted[0]) == (7_000, 0)
+    assert rule.granted[1] == rule.progress[1] + SLACK_MS + HEADROOM
+    rule.know(1, 6_900)
+    rule.grant(9_500, HEADROOM, FAR)
+    assert rule.granted[1] == 8_999
+    rule.barred[0] = False
+    rule.grant(9_500, HEADROOM, FAR)
+    assert rule.granted[0] == 9_000 + HEADROOM

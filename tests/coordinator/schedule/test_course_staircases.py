@@ -5,45 +5,40 @@ import random
 import numpy as np
 import pytest
 
+from coordinator.plan.staircases import NO_STAIRCASES
 from coordinator.schedule.course_staircases import CourseStaircases
 from tests.coordinator.schedule.test_authority import TAU, random_staircases
 from tests.sweeps import seeds
 
 
-def listed(staircases, robots, courses):
-    """Every staircase with the robots and courses that it is about."""
-    return [
+def listed(staircases, courses):
+    """Every staircase with the courses that it is about, by the one behind."""
+    return sorted(
         (
-            robots[staircases.ahead[pair]],
-            robots[staircases.behind[pair]],
-            courses[staircases.ahead[pair]],
             courses[staircases.behind[pair]],
+            courses[staircases.ahead[pair]],
             staircases.knots_of(pair).tolist(),
         )
         for pair in range(len(staircases.ahead))
-    ]
-
-
-def sorted_by_robots(rows):
-    return sorted((behind, ahead, knots) for ahead, behind, _, _, knots in rows)
+    )
 
 
 @pytest.mark.parametrize("seed", seeds(40))
-def test_what_is_left_is_what_was_added_and_not_dropped(seed):
-    dice, table, rows = random.Random(seed), CourseStaircases(TAU), []
-    for number in range(8):
-        found = random_staircases(dice, 4)
-        robots = dice.sample(range(20), 4)
-        courses = [10 * number + k for k in range(4)]
-        table.add(found, robots, courses)
-        rows += listed(found, robots, courses)
-        if dice.random() < 0.5:
-            over = {row[2] for row in dice.sample(rows, min(2, len(rows)))}
-            table.drop(over)
-            rows = [row for row in rows if not over & {row[2], row[3]}]
-        same = list(range(20))
-        assert sorted_by_robots(listed(table.all, same, same)) == sorted_by_robots(rows)
+def test_a_course_has_the_staircases_that_were_put_last_and_the_others_keep_theirs(seed):
+    dice = random.Random(seed)
+    first = random_staircases(dice, 10)
+    table, rows = CourseStaircases(first), listed(first, range(10))
+    for _ in range(12):
+        found, course = random_staircases(dice, 4), dice.randrange(20)
+        courses = [course, *dice.sample([n for n in range(20) if n != course], 3)]
+        if dice.random() < 0.3:
+            courses[3] = -1
+        table.put(course, found, courses)
+        rows = [row for row in rows if course not in row[:2]]
+        rows += [row for row in listed(found, courses) if -1 not in row[:2]]
+        assert listed(table.all, range(20)) == sorted(rows)
         assert (np.diff(table.all.behind) >= 0).all()
         assert table.all.tau_ms == TAU
-    table.drop({row[2] for row in rows} | {row[3] for row in rows})
+    for course in range(20):
+        table.put(course, NO_STAIRCASES, ())
     assert len(table.all.ahead) == len(table.all.at) == 0

@@ -119,6 +119,7 @@ class Run:
     phase: int = HOLD
     epoch: int = 1
     authority: int = ENOUGH
+    next_authority: int | None = None
     """What Commands grant, plan time [ms]."""
 
     def own(self, truth_ns: int) -> int:
@@ -182,6 +183,7 @@ class Run:
             wanted,
             self.own(self.now),
             run,
+            self.authority if self.next_authority is None else self.next_authority,
         )
 
 

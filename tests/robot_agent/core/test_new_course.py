@@ -83,7 +83,7 @@ def go_on(run, seconds):
 def test_a_robot_at_its_goal_drives_a_newer_course_from_its_beginning_on():
     run = run_in(DONE)
     begin = hear_course_from_goal(run, after=1.0)
-    assert run.agent.revision == 1
+    assert run.agent.holds == 1
     go_on(run, 0.9)
     assert run.agent.phase == DONE
     go_on(run, 0.2)
@@ -104,7 +104,7 @@ def test_a_course_heard_on_the_way_is_driven_when_the_goal_is_reached():
     run = driven_run(PATH, MOTION, 1.5, body=body())
     path, motion = course_from_goal(round(FINISH, 3) + 0.001)
     give_plan(run.agent, path, motion, revision=1)
-    assert run.agent.revision == 1
+    assert run.agent.holds == 1
     run.until(run.start_ns + round((FINISH + 0.1) * SECOND))
     assert run.agent.phase == MOVING
     run.until(run.start_ns + round((Timeline(*motion).finish + 1.0) * SECOND))
@@ -119,7 +119,7 @@ def test_a_late_robot_changes_where_the_course_begins_not_when():
     go_on(run, 3.0)
     s = Timeline(*motion_along(Curve(*LINE).length, SPEED, ACCEL)).s_at(3.2)
     give_line(run, begin=3.2, x=1.0 + s, v0=SPEED)
-    assert run.agent.revision == 1
+    assert run.agent.holds == 1
     go_on(run, 1.0)
     assert run.agent.ride.follower.s < s  # The end of its authority lies on the old course.
     run.authority = 10**6
@@ -151,7 +151,7 @@ def test_a_robot_stops_at_the_end_of_its_authority_where_a_course_begins_at_rest
     profile_s, profile_v, *_ = motion_along(Curve(*path).length, 0.3, ACCEL)
     motion = (profile_s, profile_v, [0.0], [5.0], 2.5)
     give_plan(run.agent, path, motion, revision=1)
-    assert run.agent.revision == 1
+    assert run.agent.holds == 1
     run.authority = 10**6
     go_on(run, 0.3)
     run.until(run.start_ns + round(Timeline(*motion).finish * SECOND) + SECOND)
@@ -173,38 +173,53 @@ def test_a_course_that_the_one_under_way_does_not_lead_into_is_not_taken(begin, 
     run = on_line()
     old = Timeline(*motion_along(Curve(*LINE).length, SPEED, ACCEL))
     give_line(run, begin=begin, x=1.0 + old.s_at(begin) + x, v0=v0)
-    assert run.agent.revision == 0
+    assert run.agent.holds == 0
     run.until(run.start_ns + round(old.finish * SECOND) + SECOND)
     assert run.agent.phase == DONE
     assert math.dist(run.places[-1], place_at(LINE, old.length)) < 2e-3
 
 
-@pytest.mark.parametrize("change", ["number", "epoch", "path"])
+@pytest.mark.parametrize("change", ["epoch", "path"])
 def test_a_course_for_others_or_of_nonsense_is_not_taken(change):
     run = run_in(DONE)
     path, motion = course_from_goal(plan_time(run) + 0.5)
-    number, epoch = (5, 1) if change == "number" else (4, 2 if change == "epoch" else 1)
     path = (3, [], [], [], []) if change == "path" else path
-    give_plan(run.agent, path, motion, number=number, epoch=epoch, revision=1)
+    give_plan(run.agent, path, motion, epoch=2 if change == "epoch" else 1, revision=1)
     go_on(run, 1.0)
-    assert (run.agent.phase, run.agent.fault, run.agent.revision) == (DONE, 0, 0)
+    assert (run.agent.phase, run.agent.fault, run.agent.holds) == (DONE, 0, 0)
 
 
-def test_a_robot_that_has_reported_to_be_beyond_the_beginning_does_not_take_a_course():
+def test_a_robot_at_its_goal_takes_a_course_that_should_have_begun_already():
     run = run_in(DONE)
-    go_on(run, 0.1)
-    begin = plan_time(run) - 0.001
+    go_on(run, 1.0)
     assert run.agent.report_due(run.own(run.now) + SECOND)
-    path, motion = course_from_goal(begin)
+    path, motion = course_from_goal(plan_time(run) - 0.5)
     give_plan(run.agent, path, motion, revision=1)
-    assert run.agent.revision == 0
+    go_on(run, 0.1)
+    assert (run.agent.phase, run.agent.holds, run.agent.revision) == (MOVING, 1, 1)
+    go_on(run, Timeline(*motion).finish)
+    assert run.agent.phase == DONE
+
+
+def test_a_course_has_a_number_and_authority_of_its_own():
+    run = run_in(DONE)
+    path, motion = course_from_goal(plan_time(run) + 0.3)
+    run.authority = 0  # It was granted much on its old course.
+    give_plan(run.agent, path, motion, number=9, revision=1)
+    assert (run.agent.number, run.agent.next_number) == (4, 9)
+    go_on(run, 2.0)
+    assert (run.agent.phase, run.agent.number) == (MOVING, 9)
+    assert math.dist(run.places[-1], place_at(path, 0.0)) < TRACK
+    run.authority = 10**6
+    go_on(run, Timeline(*motion).finish)
+    assert run.agent.phase == DONE
 
 
 def test_an_older_course_is_not_taken_after_a_newer_one():
     run = run_in(DONE)
     hear_course_from_goal(run, revision=3, after=0.5)
     hear_course_from_goal(run, revision=2, after=0.4)
-    assert run.agent.revision == 3
+    assert run.agent.holds == 3
     go_on(run, 0.45)
     assert run.agent.phase == DONE
 
@@ -214,7 +229,7 @@ def test_a_newer_course_takes_the_place_of_one_that_has_not_begun():
     hear_course_from_goal(run, revision=1, after=0.5)
     hear_course_from_goal(run, revision=2, after=1.0)
     go_on(run, 0.8)
-    assert (run.agent.phase, run.agent.revision) == (DONE, 2)
+    assert (run.agent.phase, run.agent.holds) == (DONE, 2)
     go_on(run, 0.4)
     assert run.agent.phase == MOVING
 

@@ -1,0 +1,280 @@
+"""Which robot gets its next course when, and what that does to the fleet.
+
+An order is looked for (`requests`), found or not (`solve`, pure, may take long), and put into
+effect (`commit`).  A course that was found counts only if no authority told since breaks it, and no
+course committed since comes near it; otherwise it is looked for again.
+
+Decides: which robot does which order, when a robot makes room, when an order is refused.  Must not
+know: how courses are found, links, files.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from msgspec.structs import replace
+from scipy.optimize import linear_sum_assignment
+
+from coordinator.curves.nurbs import Array
+from coordinator.fleet.core import Fleet
+from coordinator.fleet.events import Incident
+from coordinator.fleet.log_records import CourseRequest
+from coordinator.fleet.orders import Task
+from coordinator.plan.course import Course
+from coordinator.plan.wire import address
+from coordinator.planning.course_proposal import Site, Wish
+from coordinator.planning.course_search import Answer, make_room, search
+from coordinator.proof.course_proof import that_may_meet
+from coordinator.scenario.model import Pose, Robot
+from protocol.messages import REFUSED, UNDER_WAY, WAITING
+from protocol.phases import GO
+
+_LEAD_MS: Final = 300
+"""How long before a course begins it is asked for: enough to find it and to tell the robot."""
+
+_AGAIN_MS: Final = 2_000
+"""An order for which nothing was found is looked for again when the fleet has changed, or after
+this."""
+
+_NOBODY_MOVES_MS: Final = 20_000
+"""Orders for which nothing is found for so long while nobody moves are refused."""
+
+_STANDOFF: Final = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What a request is answered from."""
+
+    site: Site
+    wish: Wish
+    others: tuple[Course, ...]
+    ways: tuple[tuple[float, Array], ...] | None
+    """Radii and paths of the robots that need room; None if the robot goes where it is wanted."""
+
+    commits: int
+
+
+class Dispatcher:
+    """The orders of one fleet on their way to courses; `robots`: the scenario's."""
+
+    def __init__(self, fleet: Fleet, robots: Iterable[Robot]) -> None:
+        self._fleet = fleet
+        self._robots = {robot.id: robot for robot in robots}
+        self._make_site: Callable[[], Site] | None = None
+        self._made_site: Site | None = None
+        self._serial = 0
+        self._asked: dict[CourseRequest, _Asked] = {}
+        self._committed: list[Course] = []
+        self._tried: dict[str, tuple[object, int]] = {}
+        """By order: the state of the fleet and the time [ms] when nothing was found for it."""
+        self._ways: dict[str, tuple[float, Array]] = {}
+        """By order that makes room: the radius and path of the robot that needs it."""
+        self._moved_ms = 0
+
+    def begin(self, make_site: Callable[[], Site] | None) -> None:
+        """Begin an epoch: earlier requests are void, and nothing was tried yet.
+
+        `make_site` prepares its floor when the first order needs it; None if nobody can drive.
+        """
+        self._make_site, self._made_site, self._committed = make_site, None, []
+        self._asked.clear()
+        self._tried.clear()
+
+    @property
+    def _site(self) -> Site | None:
+        if self._made_site is None and self._make_site is not None:
+            self._made_site = self._make_site()
+        return self._made_site
+
+    def look(self, now_ns: int) -> list[CourseRequest]:
+        """Let orders become known and done, and return the courses that are to be looked for."""
+        fleet, book = self._fleet, self._fleet.orders
+        if not fleet.has_gone or not book.is_used:
+            return []
+        now_ms = fleet.since_go_ms(now_ns)
+        book.look(now_ms, lambda robot: fleet.members[robot].has_arrived, self._is_free)
+        if fleet.phase != GO or self._site is None or fleet.superseded:
+            self._moved_ms = now_ms
+            return []
+        self._refuse_if_stuck(now_ms)
+        idle = self._idle(now_ns)
+        asked = {one.order for one in self._asked}
+        state = (len(self._committed), tuple(idle))
+        tasks = [
+            task
+            for task in book.waiting()
+            if task.order.id not in asked and self._is_due(task, state, now_ms)
+        ]
+        return [self._request(task, robot, now_ns) for task, robot in self._assigned(tasks, idle)]
+
+    def solve(self, request: CourseRequest) -> Answer:
+        """Look for a course; pure, may take long."""
+        asked = self._asked[request]
+        if asked.ways is None:
+            return search(asked.site, asked.wish, asked.others)
+        return make_room(asked.site, asked.wish, asked.others, asked.ways)
+
+    def commit(self, request: CourseRequest, answer: Answer, now_ns: int) -> Robot | None:
+        """Put an answer into effect; return the robot with its new goal if it gets a course."""
+        fleet = self._fleet
+        asked = self._asked.pop(request, None)
+        if asked is None:
+            return None
+        fleet.grants.release(request.number)
+        task, idle = fleet.orders.tasks[request.order], self._idle(now_ns)
+        if task.state != WAITING or fleet.phase != GO or request.robot not in idle:
+            return None
+        now_ms = fleet.since_go_ms(now_ns)
+        proposal = answer.proposal
+        if proposal is None:
+            self._not_found(task, asked, answer, idle, now_ms)
+            return None
+        margin = asked.site.terms.margin + _STANDOFF
+        if that_may_meet(proposal.course, self._committed[asked.commits :], margin):
+            return None
+        if not fleet.grants.commit(
+            request.number, proposal.course, proposal.near, proposal.staircases
+        ):
+            self._tried[task.order.id] = ((len(self._committed), tuple(idle)), now_ms)
+            return None
+        self._committed.append(proposal.course)
+        self._ways.pop(task.order.id, None)
+        if task.makes_room:
+            task.order = replace(task.order, goal=proposal.course.goal)
+            text = f"{request.robot} {task.reason}"
+            fleet.incidents.append(Incident(now_ns, "order", request.robot, text))
+        task.state, task.robot, task.reason = UNDER_WAY, request.robot, ""
+        task.accepted_ms = now_ms
+        task.alone_ms = round(1000.0 * answer.alone)
+        finish_ms = round(1000.0 * proposal.course.driven.timeline.finish)
+        task.planned_arrival_ms = finish_ms - fleet.times.plan_ms(now_ns) + now_ms
+        plan = address(proposal.message, fleet.boot)
+        fleet.members[request.robot].take_course(plan, request.revision)
+        return replace(asked.wish.robot, goal=task.order.goal)
+
+    def _not_found(
+        self, task: Task, asked: _Asked, answer: Answer, idle: list[str], now_ms: int
+    ) -> None:
+        """Refuse an order for ever, or let it wait; let idle robots make room for it."""
+        book, robot = self._fleet.orders, asked.wish.robot.id
+        if task.makes_room or math.isinf(answer.alone):
+            book.end(task, REFUSED, f"{robot} {answer.reason}")
+            self._ways.pop(task.order.id, None)
+            return
+        self._tried[task.order.id] = ((len(self._committed), tuple(idle)), now_ms)
+        by = ", ".join(answer.blockers)
+        task.reason = f"waits for {by}" if by else f"{robot} {answer.reason}"
+        if not task.order.robot:
+            task.robot = ""
+        waiting = {one.robot for one in book.waiting() if one.makes_room}
+        for name in answer.blockers:
+            own = [one for one in book.waiting() if one.robot == name]
+            is_idle = name in idle and name not in waiting
+            if is_idle and answer.way is not None and all(o.order.id in self._tried for o in own):
+                room = book.room_for(name, self._place(name)[0], task.order.id, now_ms)
+                self._ways[room.order.id] = (asked.wish.robot.radius, answer.way)
+
+    def _request(self, task: Task, robot: str, now_ns: int) -> CourseRequest:
+        fleet, site = self._fleet, self._site
+        assert site is not None
+        mine = fleet.grants.of(robot)
+        assert mine is not None
+        self._serial += 1
+        wait_ms = max(fleet.grants.headroom_ms - round(1000.0 * site.terms.tau), 0)
+        begin_ms = fleet.times.plan_ms(now_ns) + _LEAD_MS + wait_ms
+        number, revision = fleet.grants.reserve(), mine.now.revision + 1
+        request = CourseRequest(self._serial, task.order.id, robot, number, revision, begin_ms)
+        (x, y), heading = self._place(robot)
+        is_car = self._robots[robot].min_turn_radius > 0.0
+        start: Pose = (x, y, heading) if is_car else (x, y)
+        goal, via = task.order.goal, task.order.via
+        wanted = replace(self._robots[robot], start=start, goal=goal, via=via, path=None)
+        others = [one for one in fleet.grants.possible() if one.driven.id != robot]
+        way = self._ways.get(task.order.id)
+        self._asked[request] = _Asked(
+            site,
+            Wish(wanted, heading, number, revision, begin_ms),
+            tuple(others),
+            None if way is None else (way,),
+            len(self._committed),
+        )
+        return request
+
+    def _place(self, robot: str) -> tuple[tuple[float, float], float]:
+        """Return where a robot rests at the end of its course [m], and its heading [rad]."""
+        mine = self._fleet.grants.of(robot)
+        assert mine is not None
+        assert mine.now.course is not None
+        curve = mine.now.course.driven.curve
+        _, ahead = curve.derivatives([float(curve.knots[-1])], 1)
+        return mine.now.course.goal, math.atan2(ahead[0, 1], ahead[0, 0])
+
+    def _idle(self, now_ns: int) -> list[str]:
+        """Return the robots that rest at their goals and have nothing to do."""
+        fleet = self._fleet
+        busy = {one.robot for one in fleet.orders.under_way()}
+        return [
+            member.id
+            for member in fleet.members.planned
+            if member.has_arrived
+            and member.id not in busy
+            and not member.is_silent(now_ns)
+            and (mine := fleet.grants.of(member.id)) is not None
+            and mine.next is None
+        ]
+
+    def _is_due(self, task: Task, state: object, now_ms: int) -> bool:
+        tried = self._tried.get(task.order.id)
+        return tried is None or tried[0] != state or now_ms - tried[1] >= _AGAIN_MS
+
+    def _assigned(self, tasks: list[Task], idle: list[str]) -> list[tuple[Task, str]]:
+        """Return which orders idle robots get now: those that they are named in, then others."""
+        free = dict.fromkeys(idle)
+        for one in self._asked:
+            free.pop(one.robot, None)
+        pairs = []
+        for task in tasks:
+            if task.order.robot in free:
+                del free[task.order.robot]
+                pairs.append((task, task.order.robot))
+        named = {one.order.robot for one in self._fleet.orders.waiting()}
+        names = [name for name in free if name not in named]
+        others = [task for task in tasks if not task.order.robot]
+        if others and names:
+            cost = np.array([[self._time_to(name, task) for name in names] for task in others])
+            for row, column in zip(*linear_sum_assignment(cost), strict=True):
+                pairs.append((others[row], names[column]))
+        return pairs
+
+    def _time_to(self, robot: str, task: Task) -> float:
+        """Return how long [s] a robot would take straight to an order's goal."""
+        place, _ = self._place(robot)
+        return math.dist(place, task.order.goal[:2]) / self._robots[robot].max_speed
+
+    def _is_free(self, robot: str, place: Pose) -> bool:
+        """Return whether a robot could rest at a place where no other one is or is bound for."""
+        site = self._site
+        if site is None:
+            return False
+        radius = self._robots[robot].radius + site.terms.margin
+        return all(
+            math.dist(one.goal, place[:2]) >= radius + one.driven.radius
+            for one in self._fleet.grants.possible()
+        )
+
+    def _refuse_if_stuck(self, now_ms: int) -> None:
+        """Refuse all orders when nobody moves and nothing is found for a long time."""
+        fleet, book = self._fleet, self._fleet.orders
+        moves = bool(self._asked) or any(
+            not member.has_arrived and not member.lost for member in fleet.members.planned
+        )
+        is_later = not book.waiting() or any(one.arrived_ms is not None for one in book.under_way())
+        if moves or is_later or book.stays:
+            self._moved_ms = now_ms
+        elif now_ms - self._moved_ms > _NOBODY_MOVES_MS:
+            book.refuse_all(lambda task: task.reason or "no robot can do it")

@@ -1,0 +1,263 @@
+"""The orders of a fleet: which are known, who does them, what became of them.
+
+Decides: when an order becomes known, when it is done, and which order comes next.  Must not know:
+courses, messages, clocks; times are in ms since the first GO.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from random import Random
+from typing import Final
+
+from coordinator.scenario.model import Demand, Order, Pose
+from protocol import messages as protocol_messages
+from protocol.messages import (
+    CANCELLED,
+    ORDER_DONE,
+    REFUSED,
+    UNDER_WAY,
+    WAITING,
+    OrderState,
+)
+
+_REASON: Final = 300
+"""Reasons are cut to this many characters, so that a message can state them."""
+
+
+@dataclass
+class Task:
+    """An order and what has become of it; times in ms since the first GO, None if not known.
+
+    `robot`: who does it, "" until one is chosen.  `makes_room`: the coordinator's own order, for a
+    robot that is in the way.
+    """
+
+    order: Order
+    released_ms: int
+    robot: str = ""
+    state: int = WAITING
+    accepted_ms: int | None = None
+    planned_arrival_ms: int | None = None
+    arrived_ms: int | None = None
+    alone_ms: int | None = None
+    reason: str = ""
+    makes_room: bool = False
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more becomes of the order."""
+        return self.state in (ORDER_DONE, CANCELLED, REFUSED)
+
+    def message(self) -> OrderState:
+        """Return what the coordinator says of the order."""
+        return OrderState(
+            id=self.order.id,
+            state=self.state,
+            robot=self.robot,
+            released_ms=self.released_ms,
+            accepted_ms=self.accepted_ms,
+            planned_arrival_ms=self.planned_arrival_ms,
+            arrived_ms=self.arrived_ms,
+            alone_ms=self.alone_ms,
+            reason=self.reason[:_REASON],
+        )
+
+
+def order_of(message: protocol_messages.Order) -> Order:
+    """Return the order that an operator's message gives."""
+    x, y, *heading = message.goal
+    goal: Pose = (x, y, heading[0]) if heading else (x, y)
+    return Order(
+        id=message.id,
+        goal=goal,
+        robot=message.robot,
+        via=message.via,
+        dwell=message.dwell_ms / 1000.0,
+        priority=message.priority,
+    )
+
+
+class OrderBook:
+    """The orders of one fleet.
+
+    `orders`: those that become known by themselves; `robots`: the fleet's.  `stays`: whether the
+    fleet waits for further orders when all are done.
+    """
+
+    def __init__(
+        self,
+        orders: Sequence[Order] = (),
+        demand: Demand | None = None,
+        robots: Sequence[str] = (),
+        *,
+        stays: bool = False,
+    ) -> None:
+        self.tasks: dict[str, Task] = {}
+        self.stays = stays
+        self._robots = list(robots)
+        self._later = {order.id: order for order in orders}
+        self._demand = demand
+        self._given = dict.fromkeys(robots, 0)
+        self._open: dict[str, Task] = {}
+        self._said: dict[str, OrderState] = {}
+        self._ended: list[Task] = []
+        self._made_room = 0
+
+    @property
+    def is_used(self) -> bool:
+        """Whether the fleet has had orders, has some, or may get some."""
+        return self.stays or bool(self.tasks or self._later or self._demand)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether an order is not over, or one may become known by itself."""
+        return bool(self._open or self._later) or self._wants_more()
+
+    @property
+    def is_open_or_stays(self) -> bool:
+        """Whether the fleet is not to end yet, even if all robots rest."""
+        return self.stays or self.is_open
+
+    def _wants_more(self) -> bool:
+        demand = self._demand
+        return demand is not None and any(
+            count < demand.per_robot for count in self._given.values()
+        )
+
+    def give(self, order: Order, now_ms: int, *, makes_room: bool = False) -> Task:
+        """Take in an order; the same id again is the same order."""
+        known = self.tasks.get(order.id)
+        if known is not None:
+            return known
+        task = Task(order, now_ms, order.robot, makes_room=makes_room)
+        self.tasks[order.id] = self._open[order.id] = task
+        if order.robot and order.robot not in self._robots:
+            self.end(task, REFUSED, f"there is no robot {order.robot} in this fleet")
+        return task
+
+    def room_for(self, robot: str, goal: Pose, whose: str, now_ms: int) -> Task:
+        """Return a new order of the coordinator's own: a robot makes room for another order."""
+        self._made_room += 1
+        order = Order(id=f"room-{self._made_room}", robot=robot, goal=goal)
+        task = self.give(order, now_ms, makes_room=True)
+        task.reason = f"makes room for {whose}"
+        return task
+
+    def end(self, task: Task, state: int, reason: str = "") -> None:
+        """Take in that an order is over."""
+        task.state, task.reason = state, reason
+        self._open.pop(task.order.id, None)
+        self._ended.append(task)
+
+    def cancel(self, order_id: str) -> Task | None:
+        """Take an order back, unless it is over; return it, or None if there is no such order.
+
+        A robot that is under way for it ends where it is bound for.
+        """
+        self._later.pop(order_id, None)
+        task = self.tasks.get(order_id)
+        if task is not None and not task.is_over:
+            under_way = task.state == UNDER_WAY and task.arrived_ms is None
+            self.end(task, CANCELLED, f"{task.robot} ends at its goal" if under_way else "")
+        return task
+
+    def of_robot(self, robot: str) -> Task | None:
+        """Return the order that a robot does now."""
+        return next(
+            (one for one in self._open.values() if one.robot == robot and one.state == UNDER_WAY),
+            None,
+        )
+
+    def under_way(self) -> list[Task]:
+        """Return the orders that robots do now."""
+        return [one for one in self._open.values() if one.state == UNDER_WAY]
+
+    def waiting(self) -> list[Task]:
+        """Return the orders that wait, in the order in which they are to be served."""
+        found = [one for one in self._open.values() if one.state == WAITING]
+        return sorted(found, key=lambda one: (not one.makes_room, -one.order.priority))
+
+    def look(
+        self,
+        now_ms: int,
+        has_arrived: Callable[[str], bool],
+        is_free: Callable[[str, Pose], bool],
+    ) -> None:
+        """Let time pass: orders are done, and others become known.
+
+        `has_arrived`: whether a robot is at the goal of its newest course; `is_free`: whether a
+        place is one that no other robot holds or is bound for.
+        """
+        for task in self.under_way():
+            if task.arrived_ms is None and has_arrived(task.robot):
+                task.arrived_ms = now_ms
+            dwell_ms = round(1000.0 * task.order.dwell)
+            if task.arrived_ms is not None and now_ms >= task.arrived_ms + dwell_ms:
+                self.end(task, ORDER_DONE)
+        for order in list(self._later.values()):
+            if self._is_known(order, now_ms):
+                del self._later[order.id]
+                self.give(order, now_ms)
+        if self._demand is not None:
+            for robot in self._robots:
+                self._demand_of(self._demand, robot, now_ms, is_free)
+
+    def _is_known(self, order: Order, now_ms: int) -> bool:
+        if not order.after:
+            return now_ms >= 1000.0 * order.release
+        before = self.tasks.get(order.after)
+        return before is not None and before.is_over
+
+    def _demand_of(
+        self, demand: Demand, robot: str, now_ms: int, is_free: Callable[[str, Pose], bool]
+    ) -> None:
+        """Give a robot its next order to one of the places, when its last one is over."""
+        count = self._given[robot]
+        dice = Random(f"{demand.seed} {robot} {count}")
+        if count >= demand.per_robot or (
+            count == 0 and now_ms < 1000.0 * dice.uniform(0.0, demand.first_within)
+        ):
+            return
+        if count and not self.tasks[f"{robot}-{count}"].is_over:
+            return
+        bound = [one.order.goal for one in self._open.values()]
+        places = [
+            place
+            for place in demand.places
+            if is_free(robot, place) and all(math.dist(place[:2], at[:2]) > 1e-3 for at in bound)
+        ]
+        if places:
+            self._given[robot] = count + 1
+            goal = dice.choice(places)
+            order = Order(id=f"{robot}-{count + 1}", robot=robot, goal=goal, dwell=demand.dwell)
+            self.give(order, now_ms)
+
+    def refuse_all(self, reason: Callable[[Task], str]) -> None:
+        """Refuse all orders that are open or that would become known by themselves."""
+        for task in list(self._open.values()):
+            self.end(task, REFUSED, reason(task))
+        for order in self._later.values():
+            task = self.tasks[order.id] = Task(order, 0, order.robot)
+            self.end(task, REFUSED, "did not become known before nobody could go on")
+        self._later.clear()
+        self._demand = None
+
+    def changed(self) -> list[OrderState]:
+        """Return what is to be said of orders that have changed; they count as said."""
+        news = [task.message() for task in self._ended]
+        for task in self._ended:
+            self._said.pop(task.order.id, None)
+        self._ended = []
+        for order_id, task in self._open.items():
+            said = task.message()
+            if self._said.get(order_id) != said:
+                self._said[order_id] = said
+                news.append(said)
+        return news
+
+    def states(self) -> list[OrderState]:
+        """Return what is to be said of every order."""
+        return [task.message() for task in self.tasks.values()]

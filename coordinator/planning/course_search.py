@@ -1,0 +1,122 @@
+"""Where one robot can be sent among the courses of all others, and what is in its way if it cannot.
+
+Decides: which of several goals a robot gets, which resting robots are in the way, and where a robot
+in the way may rest instead.  Must not know: orders, messages, clocks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from coordinator.base.errors import PlanError
+from coordinator.curves.nurbs import Array
+from coordinator.plan.course import Course
+from coordinator.planning.course_proposal import Proposal, Site, Wish, propose
+from coordinator.scenario.model import Pose
+
+_RING: Final = 0.5
+"""Distance [m] between the circles on which places to rest are looked for, per metre of need."""
+
+_RINGS: Final = 24
+_MOST_PLACES: Final = 6
+"""How many places to rest are tried."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a search found: a proven course, or why there is none.
+
+    `alone` [s]: how long the robot would take with nobody else on the floor; inf if it has no way
+    even then.  `blockers`: robots that rest in the way, whose place or way it is.  `way` (n, 2)
+    [m]: the robot's path alone.
+    """
+
+    proposal: Proposal | None
+    alone: float = math.inf
+    reason: str = ""
+    blockers: tuple[str, ...] = ()
+    way: Array | None = None
+
+
+def search(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
+    """Look for a course to the goal of a wish."""
+    try:
+        alone = propose(site, wish, [])
+    except PlanError as error:
+        return Answer(None, reason=error.sentence)
+    line = alone.course.driven.timeline
+    time, way = line.finish - 0.001 * wish.begin_ms, alone.course.driven.chain.points
+    if not others:
+        return Answer(alone, time, way=way)
+    try:
+        return Answer(propose(site, wish, others), time, way=way)
+    except PlanError as error:
+        blockers = tuple(one.driven.id for one in resting_on(site, wish, way, others))
+        return Answer(None, time, error.sentence, blockers, way)
+
+
+def resting_on(site: Site, wish: Wish, way: Array, others: Sequence[Course]) -> list[Course]:
+    """Return the courses of others that end so near to a way (n, 2) [m] that they close it."""
+    found = []
+    for one in others:
+        need = wish.robot.radius + one.driven.radius + site.terms.margin
+        if _distance(np.array(one.goal), way) < need:
+            found.append(one)
+    return found
+
+
+def make_room(
+    site: Site, wish: Wish, others: Sequence[Course], ways: Sequence[tuple[float, Array]]
+) -> Answer:
+    """Look for a course to a place where a robot is in nobody's way: its home, or a place nearby.
+
+    `ways`: radii [m] and paths (n, 2) [m] of the robots whose way is to be left free.
+    """
+    answer = Answer(None, reason="has no place to make room at")
+    for place in _places(site, wish, others, ways):
+        found = search(site, wish.to(place), others)
+        if found.proposal is not None:
+            return found
+        answer = found
+    return answer
+
+
+def _places(
+    site: Site, wish: Wish, others: Sequence[Course], ways: Sequence[tuple[float, Array]]
+) -> list[Pose]:
+    """Return places where a robot may rest, the nearest first, its home before all."""
+    robot, margin = wish.robot, site.terms.margin
+    x, y = wish.robot.start[:2]
+    step = _RING * (2.0 * robot.radius + margin)
+    spots = [
+        (x + ring * step * math.cos(angle), y + ring * step * math.sin(angle))
+        for ring in range(1, _RINGS + 1)
+        for angle in np.arange(0.0, math.tau, math.tau / (6 + 2 * ring)).tolist()
+    ]
+    home = [] if robot.home is None else [robot.home]
+    places: list[Pose] = [place for place in home if math.dist(place[:2], (x, y)) > 0.01]
+    places += spots
+    points = np.array([place[:2] for place in places])
+    free = site.room(points) >= robot.radius + margin + 0.01
+    for one in others:
+        need = robot.radius + one.driven.radius + margin + 0.01
+        free &= np.hypot(*(points - np.array(one.goal)).T) >= need
+    free[free] = [
+        all(_distance(point, way) >= robot.radius + radius + margin for radius, way in ways)
+        for point in points[free]
+    ]
+    return [places[k] for k in np.flatnonzero(free)[:_MOST_PLACES].tolist()]
+
+
+def _distance(point: Array, line: Array) -> float:
+    """Return the distance [m] from a point to a polyline (n, 2)."""
+    a, b = line[:-1], line[1:]
+    along = b - a
+    length = np.maximum((along**2).sum(axis=1), 1e-12)
+    share = np.clip(((point - a) * along).sum(axis=1) / length, 0.0, 1.0)
+    return float(np.hypot(*(a + share[:, None] * along - point).T).min())
