@@ -20,7 +20,7 @@ import numpy as np
 from coordinator.fleet.replanning_input import pose_beside
 from coordinator.log.head import Head
 from coordinator.log.log_file import RESUMED
-from coordinator.log.recorder import WALL_OFFSET, Attachment
+from coordinator.log.log_writer import WALL_OFFSET, Attachment
 from coordinator.log.records import Record
 from coordinator.plan.wire import Driven, drive
 from coordinator.service.replay import scenario_of
