@@ -32,7 +32,7 @@ from coordinator.security.denials import denial_key, denial_record
 from coordinator.security.link_admission import Gate
 from coordinator.service.coordinator_service import Service
 from coordinator.service.meeting_place import MeetingPlace
-from coordinator.service.planning import plan_here
+from coordinator.service.planning import check_is_driven, plan_here
 from coordinator.service.replay import go_on, scenario_of
 from coordinator.view.live_table import FleetTable
 from protocol.host_clock import host_clock_ns
@@ -73,11 +73,7 @@ class Coordinator:
 
         Raises InputError, PlanError and TransportError before anything moves.
         """
-        if self.scenario.policy != "safe":
-            name, policy = self.scenario.name, self.scenario.policy
-            raise InputError(
-                [f"{name}: policy: {policy!r} is for study; a fleet drives only 'safe'"]
-            )
+        check_is_driven(self.scenario)
         if log is not None and resume is not None and log.resolve() == resume.resolve():
             raise InputError([f"--log: {log} is the log to resume from; name another file"])
         if log is not None and is_unfinished(log):
