@@ -12,6 +12,7 @@ from contextlib import closing
 from pathlib import Path
 
 from coordinator.base.console import tell, write_file
+from coordinator.fleet.aside_news import AsideNews
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import to_json
 from coordinator.scenario.model import Scenario
@@ -92,6 +93,7 @@ class _Teller:
 
     def __init__(self, world: World) -> None:
         self._world = world
+        self._aside_news = AsideNews()
         self._incidents = 0
         self._strikes = 0
 
@@ -103,6 +105,7 @@ class _Teller:
             (one.now_ns, one.text) for one in incidents[self._incidents :] if one.kind in TROUBLE
         ]
         news += [(one.now_ns, write_fault(one.fault)) for one in world.struck[self._strikes :]]
+        news += [(world.now_ns, text) for _, text in self._aside_news.news(world.mission)]
         self._incidents, self._strikes = len(incidents), len(world.struck)
         for now_ns, text in sorted(news, key=lambda one: one[0]):
             self._tell(now_ns, text)

@@ -109,7 +109,8 @@ def test_a_robot_that_is_killed_does_not_arrive_but_the_others_do(scenario, tmp_
 
 
 def test_the_plans_of_later_epochs_are_beside_the_first(scenario, tmp_path):
-    simulate(scenario, tmp_path, "--fault", "kill:R1@5", "--box-rate", "10")
+    done = simulate(scenario, tmp_path, "--fault", "kill:R1@5", "--box-rate", "10")
+    assert " s R1 has no part in the next epoch: it is lost" in done.stderr
     assert json.loads((tmp_path / "plan-2.json").read_bytes())["epoch"] == 2
 
 
