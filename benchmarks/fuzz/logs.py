@@ -21,7 +21,7 @@ from coordinator.fleet.events import Outgoing
 from coordinator.fleet.fleet_from_plan import muster
 from coordinator.log.head import first_head
 from coordinator.log.log_file import log_from_bytes
-from coordinator.log.recorder import METADATA_NAME, WALL_OFFSET
+from coordinator.log.log_writer import METADATA_NAME, WALL_OFFSET
 from coordinator.log.records import Log, Record
 from coordinator.log.recover import make_whole
 from coordinator.plan.wire import packed

@@ -47,7 +47,7 @@ from coordinator.exchange.foxglove_scene import (
 )
 from coordinator.exchange.motion_story import Leg, Story
 from coordinator.exchange.point_clouds import floor_cloud, paths_cloud, robot_cloud
-from coordinator.log.recorder import begin_file
+from coordinator.log.log_writer import begin_file
 from coordinator.plan.document import PlanDocument, Reason
 
 _SECOND: Final = 1_000_000_000

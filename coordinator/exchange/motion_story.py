@@ -26,7 +26,7 @@ from coordinator.findings.info_fields import Summary
 from coordinator.findings.progress import Progress
 from coordinator.findings.traffic_numbers import clock_lag, is_own
 from coordinator.log.log_file import read_log, readable_logs_before
-from coordinator.log.recorder import WALL_OFFSET
+from coordinator.log.log_writer import WALL_OFFSET
 from coordinator.log.records import Log
 from coordinator.plan import plan_file, trajectory
 from coordinator.plan.document import PlanDocument

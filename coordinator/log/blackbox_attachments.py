@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from coordinator.base.errors import InputError
-from coordinator.log.recorder import Attachment
+from coordinator.log.log_writer import Attachment
 
 _FOLDER: Final = "blackbox/"
 _ENDING: Final = ".csv.gz"

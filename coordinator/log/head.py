@@ -11,7 +11,7 @@ from importlib.metadata import version
 from typing import Final
 
 from coordinator.log.log_file import RESUMED
-from coordinator.log.recorder import Attachment
+from coordinator.log.log_writer import Attachment
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import plan_name, to_json
 from coordinator.scenario.model import Scenario

@@ -19,7 +19,7 @@ from mcap import records as mcap_records
 from mcap.writer import MCAP0_MAGIC
 
 from coordinator.base.errors import InputError
-from coordinator.log.recorder import METADATA_NAME, WALL_OFFSET
+from coordinator.log.log_writer import METADATA_NAME, WALL_OFFSET
 from coordinator.log.records import Log, Record
 from coordinator.log.soundness import Sound, is_closed, scan
 from coordinator.scenario.file_kinds import kind_of, wrong_kind

@@ -14,7 +14,7 @@ from mcap import records as mcap_records
 from mcap.writer import Writer
 
 from coordinator.log.log_file import scan_log
-from coordinator.log.recorder import METADATA_NAME, Attachment, begin_file
+from coordinator.log.log_writer import METADATA_NAME, Attachment, begin_file
 from coordinator.log.soundness import Sound
 
 RECOVERED: Final = "splinefleet.recovered"

@@ -15,9 +15,9 @@ from pathlib import Path
 
 from coordinator.base.console import answer_json, tell_now, write_file
 from coordinator.base.errors import InputError
+from coordinator.fleet.aside_news import AsideNews
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.hold_reasons import RollCall
-from coordinator.fleet.member import WITHOUT
 from coordinator.fleet.mission import Mission
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.log.head import first_head, resumed
@@ -32,7 +32,7 @@ from coordinator.security.denials import denial_key, denial_record
 from coordinator.security.link_admission import Gate
 from coordinator.service.coordinator_service import Service
 from coordinator.service.meeting_place import MeetingPlace
-from coordinator.service.planning import plan_here
+from coordinator.service.planning import check_is_driven, plan_here
 from coordinator.service.replay import go_on, scenario_of
 from coordinator.view.live_table import FleetTable
 from protocol.host_clock import host_clock_ns
@@ -50,7 +50,7 @@ class Coordinator:
         self._events = events
         self._told = 0
         self._roll_call = RollCall()
-        self._aside: dict[str, str] = {}
+        self._aside_news = AsideNews()
         self._before, self._began_ns = b"", 0
         self._gate: Gate | None = None
 
@@ -73,11 +73,7 @@ class Coordinator:
 
         Raises InputError, PlanError and TransportError before anything moves.
         """
-        if self.scenario.policy != "safe":
-            name, policy = self.scenario.name, self.scenario.policy
-            raise InputError(
-                [f"{name}: policy: {policy!r} is for study; a fleet drives only 'safe'"]
-            )
+        check_is_driven(self.scenario)
         if log is not None and resume is not None and log.resolve() == resume.resolve():
             raise InputError([f"--log: {log} is the log to resume from; name another file"])
         if log is not None and is_unfinished(log):
@@ -143,7 +139,7 @@ class Coordinator:
             raise InputError([f"--resume: {resume} is the log of a fleet at --speed {speed[:40]}"])
         if not self._events:
             self._told = len(mission.fleet.incidents) - 1
-        self._aside = {one.robot.id: one.why for one in mission.site.aside}
+        self._aside_news.news(mission)  # The log's coordinator has told these.
         return mission
 
     def _plan_again(self, scenario: Scenario, epoch: int) -> PackedPlan:
@@ -210,17 +206,9 @@ class Coordinator:
             self._say("denied", who=denial.who, cause=denial.cause, text=denial.text)
 
     def _tell_aside(self, mission: Mission) -> None:
-        """Report robots without a part in a new epoch, unless the reason was reported already."""
-        for one in mission.site.aside:
-            robot, why = one.robot.id, one.why
-            is_told = bool(mission.fleet.members[robot].stays) or self._aside.get(robot) == why
-            if why in WITHOUT and not is_told:  # The plan itself says what closes a robot in.
-                text = (
-                    f"{robot} has no part in the next epoch: {WITHOUT[why]}. It {one}: "
-                    f"clear it, then `splinefleet admit {robot} --connect ...`"
-                )
-                self._say("aside", robot=robot, text=text)
-        self._aside = {one.robot.id: one.why for one in mission.site.aside}
+        """Report robots that have no part in a new epoch."""
+        for robot, text in self._aside_news.news(mission):
+            self._say("aside", robot=robot, text=text)
 
     def _say(self, event: str, **facts: object) -> None:
         if self._events:

@@ -1,6 +1,7 @@
 """Plan on this machine: load the kernels, use a thread per core, and time the stages.
 
-Decides: which executor and timer the planner gets.  Must not know: how plans are found.
+Decides: which executor and timer the planner gets, and which scenarios are driven.  Must not know:
+how plans are found.
 """
 
 from __future__ import annotations
@@ -9,16 +10,27 @@ import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+from coordinator.base.errors import InputError
 from coordinator.plan.wire import PackedPlan
-from coordinator.planning.planner import DEFAULT_EFFORT, plan_fleet
+from coordinator.planning.planner import DEFAULT_EFFORT, Timer, plan_fleet
 from coordinator.scenario.model import Scenario
 from coordinator.service.kernel_setup import get_kernels_ready
 
 
-def plan_here(scenario: Scenario, effort: int = DEFAULT_EFFORT, epoch: int = 1) -> PackedPlan:
+def check_is_driven(scenario: Scenario) -> None:
+    """Raise InputError if the plans of a scenario are for study only."""
+    if scenario.policy != "safe":
+        name, policy = scenario.name, scenario.policy
+        raise InputError([f"{name}: policy: {policy!r} is for study; a fleet drives only 'safe'"])
+
+
+def plan_here(
+    scenario: Scenario,
+    effort: int = DEFAULT_EFFORT,
+    epoch: int = 1,
+    timer: Timer = time.perf_counter,
+) -> PackedPlan:
     """Return the plan of a scenario; raise PlanError as planner.plan_fleet does."""
     get_kernels_ready()
     with ThreadPoolExecutor(os.cpu_count()) as executor:
-        return plan_fleet(
-            scenario, effort=effort, epoch=epoch, timer=time.perf_counter, executor=executor
-        )
+        return plan_fleet(scenario, effort=effort, epoch=epoch, timer=timer, executor=executor)

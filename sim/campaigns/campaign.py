@@ -7,7 +7,7 @@ processes, files.  The same arguments give the same outcome.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -169,14 +169,20 @@ def run_one(
     )
 
 
-def run_world(world: World, document: PlanDocument) -> tuple[bool, int]:
+def run_world(
+    world: World, document: PlanDocument, watch: Callable[[], None] = lambda: None
+) -> tuple[bool, int]:
     """Run a world to its end; return whether the fleet reached OVER, and since when [ns].
 
     The time of the last phase change counts, because a coordinator that hangs ends later than that.
+    `watch` is called after each second of virtual time.
     """
     finish = max(robot.finish_time for robot in document.robots)
     longest = _PATIENCE + 3.0 * finish * (1 + len(world.faults))
-    world.run(longest)
+    end_ns = world.now_ns + round(longest * SECOND)
+    while world.now_ns < end_ns and not world.fleet.is_finished:
+        world.run(1.0)
+        watch()
     over = world.fleet.is_finished
     said = (one.now_ns for one in world.fleet.incidents if one.kind == "phase")
     over_ns = max(said, default=world.now_ns) if over else world.now_ns

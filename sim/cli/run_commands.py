@@ -14,13 +14,19 @@ from typing import Annotated, cast, get_args
 import typer
 
 from coordinator.base.console import answer_json, answers, tell, write_file
-from coordinator.cli.plan_commands import within, writable
+from coordinator.cli.plan_commands import Effort, Json, within, writable
 from coordinator.service.key_option import Keys
 from sim.floors.layout import Kind, Size
 from sim.world.fault_script import fault_help as script_help
 from sim.world.fault_text import fault_help
 
 commands = typer.Typer()
+
+RunOut = Annotated[
+    Path | None,
+    typer.Option(help="Folder for the run; an earlier run of the same fleet there is replaced."),
+]
+Force = Annotated[bool, typer.Option("--force", help="Also replace the run of another fleet.")]
 
 
 def known(kind: str) -> str:
@@ -102,12 +108,7 @@ def scenario(
 @commands.command(rich_help_panel="Run")
 def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder for the run; an earlier run of the same fleet there is replaced."
-        ),
-    ] = None,
+    out: RunOut = None,
     speed: Annotated[
         float,
         typer.Option(
@@ -121,12 +122,7 @@ def run(
             metavar="SPEC", help=f"A fault, SECONDS after GO, repeatable. {fault_help()}."
         ),
     ] = None,
-    effort: Annotated[
-        int,
-        typer.Option(
-            min=0, max=100_000, help="How many tries the planner has to find a better robot order."
-        ),
-    ] = 20,
+    effort: Effort = 20,
     connect: Annotated[
         str | None,
         typer.Option(
@@ -134,12 +130,8 @@ def run(
         ),
     ] = None,
     keys: Keys = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Also replace the run of another fleet.")
-    ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the result as JSON on stdout.")
-    ] = False,
+    force: Force = False,
+    as_json: Json = False,
 ) -> None:
     """Run a fleet: one coordinator and one process per robot, on this machine.
 
@@ -153,7 +145,7 @@ def run(
 
     asked = read_scenario(scenario)
     faults = parse_faults(fault or [], [robot.id for robot in asked.robots])
-    folder = out or Path("runs") / f"{asked.name}-{time.strftime('%Y%m%d-%H%M%S')}"
+    folder = out or _new_folder(asked.name)
     place = RunFolder(folder, asked.name, force=force)
     fleet = LocalFleet(
         asked, folder, speed=speed, effort=effort, faults=faults, router=connect, keys=keys
@@ -172,12 +164,69 @@ def run(
     conclude(folder, asked.name, outcome.code, as_json)
 
 
+@commands.command(rich_help_panel="Run")
+def simulate(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
+    out: RunOut = None,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SPEC", help=f"A fault, SECONDS after GO, repeatable. {script_help()}."
+        ),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(help="Seed of losses, delays, and errors of clocks and wheels.")
+    ] = 0,
+    box_rate: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            callback=lambda value: value if value is None else within(1.0, 100.0)(value),
+            help="Rows per second of the black boxes; by default one per tick, 100.",
+        ),
+    ] = None,
+    effort: Effort = 20,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Run a fleet in virtual time, in one process: the files of `run`, the same for the same seed.
+
+    Example: splinefleet simulate examples/paper_five.toml --fault kill:R3@8 --seed 2
+    """
+    from coordinator.scenario_files.scenario_reader import read_scenario
+    from sim.campaigns.simulation import plan_run, simulate_run
+    from sim.processes.conclusion import conclude
+    from sim.processes.run_folder import RunFolder
+    from sim.world.fault_script import read_faults
+
+    asked = read_scenario(scenario)
+    faults = read_faults(fault or [], [robot.id for robot in asked.robots])
+    folder = out or _new_folder(asked.name)
+    place = RunFolder(folder, asked.name, force=force)
+    try:
+        document = plan_run(folder, asked, effort)
+    except BaseException:
+        place.leave_nothing()
+        raise
+    try:
+        arrived = simulate_run(
+            folder, asked, document, faults, seed=seed, box_rate=box_rate, effort=effort
+        )
+    except KeyboardInterrupt:
+        tell(f"interrupted; {folder} holds what was recorded")
+        raise
+    conclude(folder, asked.name, 0 if arrived else 1, as_json)
+
+
+def _new_folder(name: str) -> Path:
+    """Return the folder of a run for which none is named."""
+    return Path("runs") / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}"
+
+
 @commands.command(rich_help_panel="Inspect")
 def judge(
     source: Annotated[Path, typer.Argument(help="Folder of a run, or its log.")],
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the result as JSON on stdout.")
-    ] = False,
+    as_json: Json = False,
 ) -> None:
     """Find out from the black boxes what happened: collisions, arrivals, tracking errors.
 
@@ -240,9 +289,7 @@ def campaign(
     jobs: Annotated[
         int, typer.Option(min=1, help="Number of processes; by default one per core.")
     ] = (os.cpu_count() or 1),
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the result as JSON on stdout.")
-    ] = False,
+    as_json: Json = False,
 ) -> None:
     """Run a fleet many times in virtual time; seeds decide its links and faults.
 

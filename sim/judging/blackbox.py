@@ -1,4 +1,4 @@
-"""Reading the robots' black boxes: where each robot truly was, and its estimates of the time.
+"""The robots' black boxes: where each robot truly was, and its estimates of the time.
 
 Decides: what a black box file may hold.  Must not know: plans.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -19,6 +20,9 @@ from coordinator.curves.nurbs import Array
 COLUMNS: Final = ("t", "x", "y", "heading", "s", "phase", "estimate")
 _OLDER: Final = COLUMNS[:-1]
 """The columns of older programs, which wrote no estimate; their boxes can still be read."""
+
+Row = tuple[float, float, float, float, float, str, float | None]
+"""The values of COLUMNS in a row; an unknown estimate is None."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +96,16 @@ def parse_blackbox(text: str, path: str) -> tuple[Array, tuple[str, ...]]:
     if np.any(np.diff(table[:, 0]) < 0.0):
         raise InputError([f"{path}: time runs backwards"])
     return table, tuple(phases)
+
+
+def blackbox_text(rows: Iterable[Row]) -> bytes:
+    """Return the content of a black box file with these rows, as a robot's program writes it."""
+    lines = [",".join(COLUMNS), *(",".join(map(_word, row)) for row in rows)]
+    return "".join(f"{line}\n" for line in lines).encode("ascii")
+
+
+def _word(value: float | str | None) -> str:
+    return f"{value:.6f}" if isinstance(value, float) else value or ""
 
 
 def _numbers(row: list[str]) -> list[float]:

@@ -24,6 +24,7 @@ from protocol.phases import DONE, FROZEN, IDLE, MOVING, PHASE_NAMES
 from sim.judging.blackbox import BlackBox
 from sim.judging.clearance import SolidGround
 from sim.judging.evidence import Epoch, gather
+from sim.judging.polyline import Polyline
 
 _GRID: Final = 0.001
 _SLACK: Final = 0.02
@@ -218,24 +219,10 @@ def tracking_error(driven: Driven, box: BlackBox) -> float:
     """Return the greatest distance [m] from all places where the plan has had the robot so far."""
     count = 2 + int(driven.curve.length / _GRID)
     arcs = np.linspace(0.0, driven.curve.length, count)
-    line = driven.curve.at_arc(arcs)
+    line = Polyline(driven.curve.at_arc(arcs))
     now = np.array([driven.timeline.s_at(t + _SLACK) for t in box.t])
-    high = np.searchsorted(arcs, now, side="left")
-    worst = 0.0
-    for place, last in zip(box.places, high.tolist(), strict=True):
-        worst = max(worst, _distance(line[: last + 2], place))
-    return worst
-
-
-def _distance(line: Array, place: Array) -> float:
-    """Return the distance [m] from a place to a polyline (n, 2)."""
-    if len(line) < 2:
-        return float(np.hypot(*(line[0] - place)))
-    legs, to_place = np.diff(line, axis=0), place - line[:-1]
-    square = np.maximum(np.einsum("ij,ij->i", legs, legs), 1e-18)
-    part = np.clip(np.einsum("ij,ij->i", legs, to_place) / square, 0.0, 1.0)
-    miss = to_place - part[:, None] * legs
-    return float(np.sqrt(np.einsum("ij,ij->i", miss, miss).min()))
+    until = np.minimum(np.searchsorted(arcs, now, side="left") + 1, count - 1)
+    return float(line.distances(box.places, until).max(initial=0.0))
 
 
 def _lateness(driven: Driven, box: BlackBox) -> float:

@@ -37,7 +37,7 @@ Process = subprocess.Popen[str]
 Event = dict[str, Any]
 
 _GOODBYE_S: Final = 5.0
-_TROUBLE: Final = ("aside", "back", "fault", "late", "refused", "stays", "timeout", "warning")
+TROUBLE: Final = ("aside", "back", "fault", "late", "refused", "stays", "timeout", "warning")
 """Kinds of a coordinator's events that are shown at once to whoever started the run."""
 
 
@@ -268,7 +268,7 @@ class LocalFleet:
 
 
 def _tell_trouble(event: Event) -> None:
-    if event["event"] in _TROUBLE:
+    if event["event"] in TROUBLE:
         tell_now(str(event["text"]))
 
 

@@ -11,8 +11,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from coordinator.base.console import write_file
 from coordinator.base.errors import InputError
 from coordinator.cli.plan_commands import make_folder
+from coordinator.log.log_file import read_log
+from coordinator.plan.plan_file import is_plan_name, plan_name
 
 _OF_A_RUN: Final = ("run*.mcap", "plan*.*", "summary.json", "blackbox/*.csv*", "faults/*.txt")
 """Files that an earlier run may have left in the folder; files of two runs must not mix."""
@@ -32,6 +35,14 @@ def drop_starts(folder: Path) -> None:
     """Remove the .start files after a run: only a robot that is started again needs them."""
     for start in folder.glob("blackbox/*.csv.start"):
         start.unlink()
+
+
+def write_later_plans(folder: Path) -> None:
+    """Write the plans of later epochs beside the first one; they are taken from the run's logs."""
+    for log in sorted(folder.glob("run*.mcap")):
+        for name, content in read_log(log).attachments.items():
+            if is_plan_name(name) and name != plan_name(1):
+                write_file(folder / name, content)
 
 
 def fleet_of(folder: Path) -> str | None:

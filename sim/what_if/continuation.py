@@ -20,7 +20,7 @@ import numpy as np
 from coordinator.fleet.replanning_input import pose_beside
 from coordinator.log.head import Head
 from coordinator.log.log_file import RESUMED
-from coordinator.log.recorder import WALL_OFFSET, Attachment
+from coordinator.log.log_writer import WALL_OFFSET, Attachment
 from coordinator.log.records import Record
 from coordinator.plan.wire import Driven, drive
 from coordinator.service.replay import scenario_of
@@ -30,10 +30,10 @@ from protocol.messages import Clock, Rest
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 from robot_agent.driver import Pose
 from robot_agent.loop import PERIOD_NS
+from sim.judging.blackbox import Row
 from sim.what_if.history import History, Known
 from sim.world.body import SimulatedBody
 from sim.world.fault_text import Fault
-from sim.world.inhabitant import Row
 from sim.world.memory_transport import MemoryNetwork, MemorySession
 from sim.world.run_logs import RunLogs
 from sim.world.virtual_fleet import Past, World

@@ -13,18 +13,14 @@ from pathlib import Path
 from coordinator.base.console import write_file
 from coordinator.base.errors import InputError
 from coordinator.log.blackbox_attachments import unpacked
-from coordinator.log.log_file import read_log
 from coordinator.log.records import Log
-from coordinator.plan.plan_file import is_plan_name
-from robot_agent.blackbox import HEADER
 from sim.campaigns.campaign import run_world
-from sim.judging.blackbox import parse_blackbox
-from sim.processes.run_folder import clear_folder
+from sim.judging.blackbox import Row, blackbox_text, parse_blackbox
+from sim.processes.run_folder import clear_folder, write_later_plans
 from sim.what_if.continuation import logs_for, world_of
 from sim.what_if.history import History, read_history
 from sim.world.fault_script import read_faults
 from sim.world.fault_text import Fault
-from sim.world.inhabitant import Inhabitant, Row
 
 
 def carry_on(
@@ -47,13 +43,11 @@ def carry_on(
     with closing(logs_for(history, folder)) as logs:
         world = world_of(history, logs, boxes, faults, seed)
         run_world(world, world.mission.documents[min(world.mission.documents)])
-    for written in sorted(folder.glob("run*.mcap")):
-        for name, content in read_log(written).attachments.items():
-            if is_plan_name(name) and name != "plan-1.json":
-                write_file(folder / name, content)
+    write_later_plans(folder)
     for name, robot in world.robots.items():
-        told = [row for row in _written(robot) if row[0] > until or not boxes.get(name)]
-        write_file(folder / "blackbox" / f"{name}.csv", _text([*boxes.get(name, []), *told]))
+        told = [row for row in robot.written_rows() if row[0] > until or not boxes.get(name)]
+        text = blackbox_text([*boxes.get(name, []), *told])
+        write_file(folder / "blackbox" / f"{name}.csv", text)
     return world.fleet.name, world.fleet.members.has_arrived
 
 
@@ -82,23 +76,3 @@ def _boxes(path: Path, log: Log, until: float) -> dict[str, list[Row]]:
             if numbers[0] <= until
         ]
     return found
-
-
-def _written(robot: Inhabitant) -> list[Row]:
-    """Return a robot's rows, without the last one if a dead or hung program could not write it.
-
-    Such a program writes no rows, and its body has come to rest.
-    """
-    rows = robot.rows
-    if (robot.dead or robot.hung) and len(rows) > 1 and rows[-1][1:6] == rows[-2][1:6]:
-        return rows[:-1]
-    return rows
-
-
-def _text(rows: Sequence[Row]) -> bytes:
-    lines = (",".join(_word(value) for value in row) for row in rows)
-    return (HEADER + "".join(f"{line}\n" for line in lines)).encode("ascii")
-
-
-def _word(value: float | str | None) -> str:
-    return f"{value:.6f}" if isinstance(value, float) else value or ""

@@ -16,12 +16,9 @@ from protocol.phases import PHASE_NAMES
 from protocol.timing import MILLISECOND, SECOND
 from robot_agent.driver import DriverError, Pose
 from robot_agent.service import RobotService
-from sim.judging.blackbox import BlackBox
+from sim.judging.blackbox import BlackBox, Row
 from sim.world.failing_body import FailingBody
 from sim.world.robot_clock import RobotClock
-
-Row = tuple[float, float, float, float, float, str, float | None]
-"""t, x, y, heading, s, phase, estimate: as in a black box file; an unknown estimate is None."""
 
 _AWAKE: Final = -(1 << 62)
 _SAME_ERROR: Final = MILLISECOND / SECOND
@@ -32,8 +29,9 @@ _SAME_ERROR: Final = MILLISECOND / SECOND
 class Inhabitant:
     """A robot; `clock` is its own clock as its program reads it.
 
-    rows: the rows of its black box, with t in virtual time [s since the first GO].  Of the rows
-    while a robot stands with an unchanged clock error, only the first and the last are kept.
+    rows: the rows of its black box, with t in virtual time [s since the first GO].  There is one
+    for each row_period_ns and for each change of phase; of those while a robot stands with an
+    unchanged clock error, only the first and the last are kept.
     """
 
     service: RobotService
@@ -42,7 +40,9 @@ class Inhabitant:
     clock: Callable[[], int]
     dead: bool = False
     hung: bool = False
+    row_period_ns: int = 1
     rows: list[Row] = field(default_factory=list)
+    _row_number: int = -1
     _own_ns: int = 0
     _quiet_until_ns: int = _AWAKE
     _quiet_pose: Pose | None = None
@@ -78,13 +78,15 @@ class Inhabitant:
         return service.inbox.is_empty() and service.agent.skip(own_ns)
 
     def note(self, now_ns: int, began_ns: int) -> None:
-        """Record the body's true pose, right after `tick`.
+        """Record the body's true pose if a row is due, right after `tick`.
 
         `began_ns` is the virtual time of the first GO.
         """
         pose, service, rows = self.body.true_pose(), self.service, self.rows
-        if pose is None:
+        number, phase = (now_ns - began_ns) // self.row_period_ns, PHASE_NAMES[service.agent.phase]
+        if pose is None or (number == self._row_number and rows[-1][5] == phase):
             return
+        self._row_number = number
         agent, t = service.agent, (now_ns - began_ns) / SECOND
         ride, estimate = agent.ride, None
         s = ride.follower.s if ride is not None else 0.0
@@ -92,12 +94,22 @@ class Inhabitant:
             estimate_ns = service.coordinator_time(self._own_ns)
             if estimate_ns is not None:
                 estimate = (estimate_ns - began_ns) / SECOND
-        row = (t, *pose, s, PHASE_NAMES[agent.phase], estimate)
+        row = (t, *pose, s, phase, estimate)
         has_stood = len(rows) > 1 and rows[-1][1] == pose[0] and rows[-2][1] == pose[0]
         if has_stood and _is_alike(rows[-1], row) and _is_alike(rows[-2], row):
             rows[-1] = row
         else:
             rows.append(row)
+
+    def written_rows(self) -> list[Row]:
+        """Return the rows, without the last one if a dead or hung program could not write it.
+
+        Such a program writes no rows, and its body has come to rest.
+        """
+        rows = self.rows
+        if (self.dead or self.hung) and len(rows) > 1 and rows[-1][1:6] == rows[-2][1:6]:
+            return rows[:-1]
+        return rows
 
     def blackbox(self) -> BlackBox:
         """Return the recorded rows as a black box."""

@@ -80,6 +80,7 @@ class World:
     """A proven plan, its robots, a link, and faults at times counted from the first GO.
 
     `authority` is for tests alone: without it Commands let robots drive as far as their plans go.
+    `row_period_ns` is the time between two rows of a black box; by default there is one per tick.
     `effort` is the planning effort of all plans, the first one included; it is recorded in `logs`,
     which the caller closes.  In a world with a `past` the coordinator sends nothing before
     `take_over`, and the logs must be open already.
@@ -96,6 +97,7 @@ class World:
         flaws: Flaws = NO_FLAWS,
         planning_ns: int = PLANNING,
         period_ns: int = PERIOD_NS,
+        row_period_ns: int = 1,
         authority: bool = True,
         effort: int = DEFAULT_EFFORT,
         logs: RunLogs | None = None,
@@ -112,6 +114,7 @@ class World:
         self.began_ns = past.began_ns
         self.struck: list[Struck] = []
         self._period_ns = period_ns
+        self._row_period_ns = row_period_ns
         self.faults = tuple(faults)
         self.agenda = Agenda(past.begin_ns)
         self._network = network
@@ -219,7 +222,7 @@ class World:
         own_clock = RobotClock(truth, ahead_ns, drift_ppm)
         clock = SteadyClock(own_clock)
         service = self._service(plan.id, plan.radius, body, boot, clock)
-        return Inhabitant(service, body, own_clock, clock)
+        return Inhabitant(service, body, own_clock, clock, row_period_ns=self._row_period_ns)
 
     def _service(
         self, name: str, radius: float, body: FailingBody, boot: int, clock: Callable[[], int]

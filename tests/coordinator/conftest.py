@@ -6,9 +6,11 @@ import pytest
 
 from coordinator.exchange.motion_story import story_of_log
 from coordinator.fleet.mission import Mission
+from coordinator.log import log_writer
 from coordinator.log import recorder as recorder_module
 from coordinator.log.log_file import read_log
-from coordinator.log.recorder import Attachment, Recorder
+from coordinator.log.log_writer import Attachment
+from coordinator.log.recorder import Recorder
 from coordinator.plan.plan_file import to_json
 from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_fleet, plan_scenario
@@ -23,7 +25,7 @@ from tests.coordinator.service.test_coordinator_service import SCENARIO, Clock, 
 def recorded(tmp_path_factory):
     """The bytes of a fleet's log in many small chunks, from its first Command to OVER."""
     patch = pytest.MonkeyPatch()
-    patch.setattr(recorder_module, "CHUNK_BYTES", 90)
+    patch.setattr(log_writer, "CHUNK_BYTES", 90)
     patch.setattr(recorder_module, "FLUSH_PERIOD_S", 60.0)
     scenario = parse_scenario(SCENARIO, "one.toml")
     document = plan_scenario(scenario, effort=3)

@@ -9,7 +9,8 @@ from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from coordinator.base.errors import InputError
-from coordinator.log.recorder import Attachment, Recorder
+from coordinator.log.log_writer import Attachment
+from coordinator.log.recorder import Recorder
 from coordinator.plan.plan_file import to_json
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import scenario_to_json

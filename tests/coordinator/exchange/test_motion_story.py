@@ -12,7 +12,8 @@ from coordinator.cli.log_commands import commands
 from coordinator.cli.plan_commands import newest_plan
 from coordinator.exchange.motion_story import csv_lines, story_of_log, story_of_plan
 from coordinator.log.log_file import read_log
-from coordinator.log.recorder import Attachment, Recorder
+from coordinator.log.log_writer import Attachment
+from coordinator.log.recorder import Recorder
 from coordinator.plan import trajectory
 from coordinator.plan.plan_file import to_json
 from protocol import keys, phases

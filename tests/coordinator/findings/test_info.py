@@ -14,7 +14,8 @@ from coordinator.findings.plan_facts import summarise_plan
 from coordinator.fleet.log_records import LINK_GONE, Request, adoption_key, adoption_record
 from coordinator.fleet.rest_places import Standing
 from coordinator.log.log_file import read_log, readable_logs_before
-from coordinator.log.recorder import Attachment, Recorder
+from coordinator.log.log_writer import Attachment
+from coordinator.log.recorder import Recorder
 from coordinator.log.records import Log
 from coordinator.plan import plan_file
 from coordinator.plan.document import Path as PlanPath

@@ -2,7 +2,8 @@
 
 import math
 
-from coordinator.log.recorder import Attachment, Recorder
+from coordinator.log.log_writer import Attachment
+from coordinator.log.recorder import Recorder
 from coordinator.plan.plan_file import to_json
 from coordinator.plan.wire import address, pack
 from coordinator.planning.planner import plan_scenario

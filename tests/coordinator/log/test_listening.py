@@ -159,7 +159,7 @@ def test_a_file_that_cannot_be_written_is_told_at_the_beginning_or_at_the_close(
         Recording(tmp_path / "no" / "run.mcap").begin(Silent(), "f")
     recording = Recording(tmp_path / "run.mcap")
     recording.begin(Silent(), "f")
-    recording._recorder._stream.close()
+    recording._recorder._writer._stream.close()
     recording.listener.hear(COMMAND, b"x", None)
     recording.wait()
     with pytest.raises(LogError, match="cannot be written"):

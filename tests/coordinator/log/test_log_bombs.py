@@ -12,7 +12,7 @@ from mcap.writer import Writer
 from coordinator.base.errors import InputError
 from coordinator.log.blackbox_attachments import packed, unpacked
 from coordinator.log.log_file import MOST_RESUMED, RESUMED, log_from_bytes
-from coordinator.log.recorder import METADATA_NAME, WALL_OFFSET
+from coordinator.log.log_writer import METADATA_NAME, WALL_OFFSET
 from coordinator.log.recover import make_whole
 
 MEGABYTE = 2**20

@@ -8,9 +8,10 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from coordinator.base.errors import InputError
-from coordinator.log import recorder as recorder_module
+from coordinator.log import log_writer
 from coordinator.log.log_file import check_bytes, read_log
-from coordinator.log.recorder import Attachment, Recorder
+from coordinator.log.log_writer import Attachment
+from coordinator.log.recorder import Recorder
 from protocol import keys
 
 WALL = 1_700_000_000_000_000_000
@@ -31,7 +32,7 @@ def write_log(path: Path, messages: int = 12) -> None:
 
 @pytest.fixture
 def small_chunks(monkeypatch):
-    monkeypatch.setattr(recorder_module, "CHUNK_BYTES", 150)
+    monkeypatch.setattr(log_writer, "CHUNK_BYTES", 150)
 
 
 def test_what_was_recorded_is_read_back_in_order_on_the_coordinators_clock(tmp_path):

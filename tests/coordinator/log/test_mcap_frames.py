@@ -11,7 +11,8 @@ from mcap.records import Chunk
 
 from coordinator.base.errors import InputError
 from coordinator.log.log_file import log_from_bytes, scan_log
-from coordinator.log.recorder import Attachment, Recorder, begin_file
+from coordinator.log.log_writer import Attachment, begin_file
+from coordinator.log.recorder import Recorder
 from coordinator.log.recover import make_whole
 
 

@@ -20,8 +20,10 @@ from coordinator.fleet.log_records import (
     ahead_record,
     told_key,
 )
+from coordinator.log import log_writer
 from coordinator.log import recorder as recorder_module
-from coordinator.log.recorder import Attachment, Recorder
+from coordinator.log.log_writer import Attachment
+from coordinator.log.recorder import Recorder
 from protocol import codec, keys, schema
 from protocol.messages import Command, Report
 from tests.json_schema import problems
@@ -230,7 +232,7 @@ def test_whatever_ends_the_writing_is_told_and_nobody_waits_for_it(tmp_path, mon
 
 
 def test_a_long_burst_is_cut_into_chunks(tmp_path, monkeypatch):
-    monkeypatch.setattr(recorder_module, "CHUNK_BYTES", 1_000)
+    monkeypatch.setattr(log_writer, "CHUNK_BYTES", 1_000)
     path = tmp_path / "run.mcap"
     with open_log(path) as log:
         for i in range(100):
@@ -280,7 +282,7 @@ def test_what_waits_for_a_disk_that_hangs_is_bounded_and_what_is_missing_is_told
 
 
 def test_keys_that_somebody_invents_do_not_end_the_log(tmp_path, monkeypatch):
-    monkeypatch.setattr(recorder_module, "MOST_CHANNELS", 100)
+    monkeypatch.setattr(log_writer, "MOST_CHANNELS", 100)
     path = tmp_path / "run.mcap"
     log = open_log(path)
     for number in range(1_000):

@@ -12,7 +12,8 @@ from coordinator.base.errors import InputError
 from coordinator.cli.log_commands import commands
 from coordinator.findings.info import summarise
 from coordinator.log.log_file import log_from_bytes, read_log
-from coordinator.log.recorder import Attachment, Recorder
+from coordinator.log.log_writer import Attachment
+from coordinator.log.recorder import Recorder
 from coordinator.log.recover import RECOVERED, make_whole
 from coordinator.service.replay import check_log
 from tests.json_schema import problems

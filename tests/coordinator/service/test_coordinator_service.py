@@ -9,7 +9,8 @@ import pytest
 from coordinator.base.errors import LogError
 from coordinator.fleet.mission import Mission
 from coordinator.log.log_file import read_log
-from coordinator.log.recorder import Attachment, Recorder
+from coordinator.log.log_writer import Attachment
+from coordinator.log.recorder import Recorder
 from coordinator.plan.plan_file import to_json
 from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_fleet, plan_scenario
@@ -165,7 +166,7 @@ async def test_a_log_that_cannot_be_written_is_told_at_once_and_no_go_is_sent_wi
 
     def fill_the_disk(command):
         if command.phase == phase:
-            recorder._stream.close()
+            recorder._writer._stream.close()
             recorder.record("any", b"", 1)
             recorder.sync()
         answer(command)
@@ -190,7 +191,7 @@ async def test_a_fleet_that_rests_is_not_planned_anew_without_a_log(recorded):
 
     def fail_on_the_way(command):
         if command.phase == GO:
-            recorder._stream.close()
+            recorder._writer._stream.close()
             stopped = Report(5, next(hand.sequence), 1, FROZEN, OFF_PATH, Rest(0.1, 1))
             hand.say(keys.report("one", "R1"), stopped)
             return

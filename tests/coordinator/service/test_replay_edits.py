@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from coordinator.log.log_file import log_from_bytes
-from coordinator.log.recorder import Attachment
+from coordinator.log.log_writer import Attachment
 from coordinator.log.recover import with_files
 from coordinator.service.replay import check_log
 from coordinator.view.server import read_scene

@@ -14,7 +14,8 @@ import pytest
 from coordinator.base.errors import InputError
 from coordinator.log.blackbox_attachments import packed
 from coordinator.log.log_file import RESUMED
-from coordinator.log.recorder import Attachment, Recorder
+from coordinator.log.log_writer import Attachment
+from coordinator.log.recorder import Recorder
 from coordinator.plan.plan_file import to_json
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import read_scenario

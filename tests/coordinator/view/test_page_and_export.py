@@ -3,7 +3,7 @@
 import numpy as np
 
 from coordinator.exchange.motion_story import story_of_log
-from coordinator.log.recorder import WALL_OFFSET
+from coordinator.log.log_writer import WALL_OFFSET
 from coordinator.log.records import Log
 from coordinator.plan.wire import drive
 from coordinator.view.scene_log import scene_of_logs

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from coordinator.base.errors import InputError
-from coordinator.log.recorder import Attachment, Recorder
+from coordinator.log.log_writer import Attachment
+from coordinator.log.recorder import Recorder
 from coordinator.plan.plan_file import to_json
 from coordinator.planning.planner import plan_scenario
 from protocol import keys

@@ -14,7 +14,8 @@ from coordinator.fleet.log_records import LINK_UP
 from coordinator.fleet.phases import HELD_PATIENCE
 from coordinator.log.blackbox_attachments import packed
 from coordinator.log.log_file import read_log
-from coordinator.log.recorder import Attachment, Recorder
+from coordinator.log.log_writer import Attachment
+from coordinator.log.recorder import Recorder
 from coordinator.log.recover import with_files
 from coordinator.plan.wire import drive
 from coordinator.scenario_files.scenario_reader import parse_scenario

@@ -3,6 +3,7 @@
 import gzip
 import io
 import json
+from contextlib import closing
 from pathlib import Path
 
 import msgspec
@@ -10,9 +11,10 @@ import pytest
 from mcap.decoder import DecoderFactory
 from mcap.reader import make_reader
 
+from coordinator.base.errors import LogError
 from coordinator.findings.info import summarise
 from coordinator.fleet.core import Fleet
-from coordinator.log.log_file import RESUMED, read_log
+from coordinator.log.log_file import RESUMED, log_from_bytes, read_log
 from coordinator.log.recover import make_whole
 from coordinator.scenario_files.scenario_reader import parse_scenario
 from coordinator.service.replay import check_log
@@ -23,6 +25,7 @@ from sim.campaigns.campaign import Wish, run_seed
 from sim.judging.blackbox import read_blackbox
 from sim.processes.boxed_log import put_boxes
 from sim.world.fault_script import KINDS, read_faults
+from sim.world.run_logs import RunLogs
 from tests.json_schema import problems
 from tests.sim.world.test_virtual_fleet import SCENARIO
 
@@ -119,6 +122,35 @@ def test_the_logs_of_random_faulty_runs_are_run_again_byte_for_byte(scenario, tm
         result = check_log(read_log(path))
         assert result.difference == ""
         assert result.commands
+
+
+def test_the_same_run_gives_the_same_logs_byte_for_byte(story, scenario, tmp_path):
+    run_seed(scenario, SEED, GOOD_LINK, read_faults(FAULTS, ROBOTS), tmp_path)
+    assert [path.read_bytes() for path in logs_of(tmp_path)] == [
+        path.read_bytes() for path in logs_of(story)
+    ]
+
+
+def test_a_log_that_cannot_be_written_is_told_in_a_sentence(tmp_path):
+    logs = RunLogs(tmp_path)
+    logs.close()  # Nothing was begun, so there is nothing to close.
+    logs.begin(({}, []))
+    logs.record("splinefleet/f/command", b"x", 1)
+    logs._writer._stream.close()
+    with pytest.raises(LogError, match=r"run\.mcap: the log cannot be written: .*closed file"):
+        logs.close()
+
+
+def test_after_a_cut_nothing_is_recorded_until_the_next_log(tmp_path):
+    with closing(RunLogs(tmp_path)) as logs:
+        logs.begin(({}, []))
+        logs.record("splinefleet/f/command", b"x", 1)
+        before = logs.cut()
+        logs.record("splinefleet/f/command", b"y", 2)
+        logs.attach("plan-2.json", "application/json", b"{}")
+    assert (tmp_path / "run.mcap").read_bytes() == before
+    log = log_from_bytes(before, "log")
+    assert ([record.payload for record in log.records], log.complete) == ([b"x"], False)
 
 
 def test_a_core_that_decides_otherwise_is_found_at_the_first_message_that_differs(
