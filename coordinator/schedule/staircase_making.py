@@ -86,9 +86,9 @@ def staircases_of(
 
 def _legs_of(driven: Sequence[Driven]) -> Legs:
     lines = [one.timeline for one in driven]
-    columns = [
-        np.concatenate([np.array(getattr(line, name)) for line in lines])
-        for name in ("t0", "t1", "s0", "s1", "v0", "v1")
-    ]
+    names = ("t0", "t1", "s0", "s1", "v0", "v1")
+    columns = {
+        name: np.concatenate([np.array(getattr(line, name)) for line in lines]) for name in names
+    }
     since = np.array([0.001 * one.plan.begin_ms for one in driven])
-    return Legs(np.cumsum([0, *(len(line.t0) for line in lines)]), *columns, since)
+    return Legs(np.cumsum([0, *(len(line.t0) for line in lines)]), since=since, **columns)
