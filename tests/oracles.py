@@ -229,7 +229,7 @@ def _broken_wishes(track: Track, robot: Any, planned: dict[str, Any]) -> list[st
     if track.top_speed > robot.max_speed * 1.0001:
         found.append(f"{robot.id} drives {track.top_speed} m/s")
     rates = [abs(leg[4]) for leg in track.legs if leg[1] - leg[0] > 1e-3]
-    if max(rates) > robot.max_accel * 1.01 + 1e-6:
+    if max(rates, default=0.0) > robot.max_accel * 1.01 + 1e-6:
         found.append(f"{robot.id} changes speed by {max(rates):.4f} m/s^2")
     if abs(planned["finish_time"] - track.finish) > 1e-3:
         found.append(f"{robot.id} arrives at {track.finish}, not {planned['finish_time']}")

@@ -54,6 +54,19 @@ path.knots = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]
 path.weights = [1.0, 0.5, 1.0]
 radius = 0.15
 max_speed = 0.5
+home = [0.6, 3.4]
+[[orders]]
+id = "o1"
+robot = "R1"
+release = 2.0
+goal = [0.6, 3.0]
+[[orders]]
+after = "o1"
+goal = [2.0, 3.4, 0.5]
+via = [[1.0, 3.0]]
+dwell = 1.0
+[demand]
+places = [[0.6, 1.0], [0.6, 3.0], [3.4, 1.0]]
 """
 
 

@@ -27,13 +27,13 @@ from coordinator.plan.checks import PathNames
 from coordinator.plan.path_parts import MOST_POINTS, given_faults, too_many
 from coordinator.scenario.checks import (
     COORDINATE,
-    LEAST_STEP,
     ROBOT_QUANTITIES,
     Quantity,
     printable,
     show,
 )
 from coordinator.scenario.model import GivenPath, Point, Robot, Scenario, Workspace
+from coordinator.scenario.place_checks import LEAST_STEP
 
 _NAMES: Final = PathNames(
     knots="knotVector", points="controlPoints", weights="controlPoints.weight"

@@ -23,9 +23,9 @@ from coordinator.curves.splines import joined
 from coordinator.paths.corners import corners, rounded, still
 from coordinator.plan.path_parts import whole
 from coordinator.plan.wire import measured
-from coordinator.scenario.checks import LEAST_STEP
 from coordinator.scenario.floor import Floor
 from coordinator.scenario.model import GivenPath, Robot, Scenario
+from coordinator.scenario.place_checks import LEAST_STEP
 
 _ODD_SCALE: Final = 1e3
 """Knots are rescaled only if their unit differs from a metre by more than this factor; so are

@@ -5,9 +5,11 @@ Decides: the way each robot takes, alone.  Must not know: times and who goes fir
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
+from functools import partial
 from itertools import pairwise
 from typing import Final
 
@@ -27,6 +29,7 @@ from coordinator.paths.end_headings import check_headings
 from coordinator.paths.given_path import given_curve
 from coordinator.paths.smoothing import least_radius, smooth
 from coordinator.paths.spline_fit import Fit, Flags
+from coordinator.paths.stub import stub
 from coordinator.scenario.model import Point, Robot, Scenario
 
 _TOUCH: Final = 0.0005
@@ -98,11 +101,15 @@ class Pathfinder:
 
         `detours` (k, 3) [m]: further discs to avoid, x, y, radius; `refuge`: a place to pass before
         all via points.  Raises PlanError if there is no way, or if a given path cannot be driven or
-        would have to change.
+        would have to change, or if an idle robot would have to move.
         """
-        robot = self.scenario.robots[index]
+        robot, fixed = self.scenario.robots[index], not len(detours) and refuge is None
+        if robot.is_idle:
+            if not fixed:
+                raise PlanError("stays at its start, it has no goal", robot.id)
+            return stub(robot, partial(self._spare, index))
         if robot.path is not None:
-            if len(detours) or refuge is not None:
+            if not fixed:
                 raise PlanError("keeps the path that it was given", robot.id)
             with _named(robot):
                 return given_curve(robot, robot.path, self.scenario.margin, self.floor)
@@ -133,9 +140,11 @@ class Pathfinder:
     def crossed_places(self, index: int, curve: Nurbs) -> list[str]:
         """Return sentences on other robots' starts and goals that a path crosses.
 
-        Such a place fixes which robot goes first.
+        Such a place fixes which robot goes first.  The stub of an idle robot crosses none.
         """
         robot = self.scenario.robots[index]
+        if robot.is_idle:
+            return []
         need = self._radii + robot.radius + self.scenario.margin
         line = flatten(curve, _TOUCH).points
         said = []
@@ -156,6 +165,14 @@ class Pathfinder:
             lateral=robot.max_lateral_accel,
             min_turn_radius=robot.min_turn_radius,
         )
+
+    def _spare(self, index: int, place: Array) -> float:
+        """Return by how much [m] a place is farther than needed from solids and others' places."""
+        reach = float(self._radii[index]) + self.scenario.margin
+        apart = np.hypot(*(np.concatenate((self._starts, self._goals)) - place).T)
+        gaps = apart - np.tile(self._radii, 2)
+        gaps[[index, index + len(self._radii)]] = math.inf
+        return min(float(gaps.min()), float(self.floor.distance(place[None])[0])) - reach
 
     def _fit_among(self, robot: Robot, space: Space) -> Fit:
         """Return the quickest of the first paths whose turns are wide enough.

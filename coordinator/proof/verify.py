@@ -221,7 +221,8 @@ def _misses(driven: Driven, robot: Robot) -> list[str]:
     for name, index, pose in (("start", 0, robot.start), ("goal", -1, robot.goal)):
         if np.hypot(*(points[index] - pose[:2])) > TOLERANCE:
             failures.append(f"{driven.id}'s {name} is not the scenario's")
-        if len(pose) == 3:
+        # The path of an idle robot is too short for float32 to give it a direction exactly.
+        if len(pose) == 3 and not robot.is_idle:
             along = first[index] / np.hypot(*first[index])
             if along @ (math.cos(pose[2]), math.sin(pose[2])) < math.cos(_HEADING):
                 failures.append(f"{driven.id}'s heading at its {name} is not the scenario's")

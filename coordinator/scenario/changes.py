@@ -19,6 +19,9 @@ _Value: TypeAlias = Mapping[str, "_Value"] | Sequence["_Value"] | str | float | 
 _NO_PART: Final = ("notes", "from_map")
 """The fields of a workspace that state where its polygons come from; a plan ignores them."""
 
+_BY_ID: Final = ("robots", "orders")
+"""The lists of a scenario whose items are told apart by their ids."""
+
 _MOST_POLYGONS: Final = 5
 """At most this many added or removed obstacles are listed one by one."""
 
@@ -36,7 +39,7 @@ class Change(NamedTuple):
 def changes(before: Scenario, after: Scenario) -> list[Change]:
     """Return the changes from one scenario to the other, field by field.
 
-    The order of robots and of obstacles is ignored.
+    The order of robots, of orders and of obstacles is ignored.
     """
     old, new = _plain(before), _plain(after)
     return [
@@ -46,9 +49,10 @@ def changes(before: Scenario, after: Scenario) -> list[Change]:
 
 
 def _plain(scenario: Scenario) -> dict[str, _Value]:
-    """Return a scenario as mappings, its robots by their ids, without its obstacles."""
+    """Return a scenario as mappings, robots and orders by their ids, without its obstacles."""
     plain = msgspec.to_builtins(scenario)
-    plain["robots"] = {robot["id"]: robot for robot in plain["robots"]}
+    for table in _BY_ID:
+        plain[table] = {one["id"]: one for one in plain[table]}
     for name in (*_NO_PART, "obstacles"):
         del plain["workspace"][name]
     return dict(plain)
@@ -57,7 +61,7 @@ def _plain(scenario: Scenario) -> dict[str, _Value]:
 def _compare(field: str, before: _Value, after: _Value) -> Iterator[Change]:
     if isinstance(before, Mapping) and isinstance(after, Mapping):
         for name in {**before, **after}:
-            inner = f"robots[{name}]" if field == "robots" else f"{field}.{name}".lstrip(".")
+            inner = f"{field}[{name}]" if field in _BY_ID else f"{field}.{name}".lstrip(".")
             yield from _compare(inner, before.get(name), after.get(name))
     elif before != after:
         yield Change(field, _short(before), _short(after))

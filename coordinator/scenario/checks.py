@@ -1,6 +1,6 @@
 """Checks of a scenario's values: the range of every number, and where robots may stand.
 
-Decides: ranges, which polygons are valid, how much room starts, goals and via points need, and the
+Decides: ranges, which polygons are valid, which places of robots are checked and for what, and the
 wording of each fault.  Must not know: files and their syntax (scenario_files/scenario_reader.py).
 NaN, an empty name and an empty polygon replace values that were already reported as invalid; they
 are not reported again.
@@ -11,16 +11,26 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from coordinator.scenario.id_checks import doubled_ids
 from coordinator.scenario.margin import LEAST_MARGIN, LEAST_TRACK_MM, between_robots
-from coordinator.scenario.model import Point, Pose, Robot, Scenario, Workspace
-from coordinator.scenario.obstacle_names import obstacle_name, polygons_of
+from coordinator.scenario.model import Point, Pose, Robot, Scenario
+from coordinator.scenario.obstacle_names import polygons_of
+from coordinator.scenario.order_checks import order_problems, order_spots
+from coordinator.scenario.place_checks import (
+    BOUNDARY,
+    MOST_PAIRS,
+    Spot,
+    missing_steps,
+    near_pairs,
+    shape_name,
+    tight_places,
+)
 from protocol.keys import NAME
 
 LARGEST: Final = 100_000.0
@@ -38,22 +48,9 @@ FASTEST: Final = 999.0
 """Timetables on the wire refuse speeds of 1000 m/s or more (protocol/timeline.py)."""
 LEAST_AREA: Final = 1e-9
 """A polygon whose convex hull has no more area [m^2] than this is a line or a point."""
-LEAST_STEP: Final = 1e-3
-"""Two places nearer than this [m] are the same place: there is no path between them."""
 LEAST: Final = 1e-3
-"""No radius [m], speed [m/s] or acceleration [m/s^2] is smaller: plans would last for days."""
-ROUNDING: Final = 1e-9
-"""Distances may be short by this [m], so that rounding does not refuse an exact place."""
-MOST_PAIRS: Final = 1_000
-"""At most this many overlapping pairs are listed: all robots in one place would give millions."""
-PAIR_CHUNK: Final = 256
-"""Number of robots whose neighbours are looked up at a time, which bounds the memory if all robots
-are in one place."""
-BOUNDARY: Final = -1
-"""The index of the floor's outline, beside the indices of obstacles."""
-
-Numbers = NDArray[np.float64]
-Points = NDArray[np.object_]
+"""No radius [m], speed [m/s or rad/s] or acceleration [m/s^2] is smaller: plans would last for
+days."""
 
 
 class Quantity(NamedTuple):
@@ -108,6 +105,7 @@ ROBOT_QUANTITIES: Final = {
     "max_accel": Quantity("m/s^2", least=LEAST, from_least=True, word="inf"),
     "max_lateral_accel": Quantity("m/s^2", least=LEAST, from_least=True, word="inf"),
     "min_turn_radius": Quantity("m", from_least=True),
+    "max_turn_rate": Quantity("rad/s", least=LEAST, from_least=True),
 }
 
 
@@ -147,28 +145,20 @@ def find_problems(scenario: Scenario) -> list[str]:
     faults = {index: ring_fault(polygons[index]) for index in doubtful}
     sound = {index: polygon for index, polygon in polygons.items() if index not in faults}
     problems = [
-        f"{_shape_name(floor, polygons, i, polygons[i])}: {fault}" for i, fault in faults.items()
+        f"{shape_name(floor, polygons, i, polygons[i])}: {fault}" for i, fault in faults.items()
     ]
-    problems += _doubled_ids(scenario.robots)
+    problems += doubled_ids("robots", [robot.id for robot in scenario.robots])
     for index, robot in enumerate(scenario.robots):
         if robot.path is None:
-            problems += _missing_steps(f"robots[{index}]", robot)
+            problems += missing_steps(f"robots[{index}]", _places(f"robots[{index}]", robot))
+        problems += _turn_at_start(f"robots[{index}]", robot)
+    problems += order_problems(scenario)
     # GEOS divides by the length of edges near 1e-300 m, which numpy would report as a warning.
     with np.errstate(all="ignore"):
-        problems += _tight_places(scenario, sound)
+        problems += tight_places(list(_spots(scenario)), floor, sound)
         for which in ("start", "goal"):
             problems += _overlaps(scenario, which)
     return problems
-
-
-def _shape_name(
-    floor: Workspace, polygons: dict[int, shapely.Polygon], index: int, near: shapely.Geometry
-) -> str:
-    """Return the name of a polygon; one from a map is named by its place nearest to `near`."""
-    if index == BOUNDARY:
-        return "workspace.boundary"
-    listed = f"workspace.obstacles[{index}]"
-    return obstacle_name(listed, index, polygons[index], near, floor.from_map)
 
 
 def ring_fault(polygon: shapely.Polygon) -> str | None:
@@ -182,122 +172,48 @@ def ring_fault(polygon: shapely.Polygon) -> str | None:
     return f"its outline crosses or touches itself{where}"
 
 
-def _doubled_ids(robots: Sequence[Robot]) -> Iterator[str]:
-    first: dict[str, int] = {}
-    for index, robot in enumerate(robots):
-        if robot.id and first.setdefault(robot.id, index) != index:
-            yield f"robots[{index}].id: {robot.id!r} is already the id of robots[{first[robot.id]}]"
-
-
 def _places(field: str, robot: Robot) -> list[tuple[str, Point | Pose]]:
     """Return (field, place) of the start, every via point and the goal, in the order of driving."""
     first, last = robot.end_fields
+    if robot.is_idle:
+        return [(f"{field}.{first}", robot.start)]
     vias = [(f"{field}.via[{index}]", via) for index, via in enumerate(robot.via)]
     return [(f"{field}.{first}", robot.start), *vias, (f"{field}.{last}", robot.goal)]
 
 
-def _missing_steps(field: str, robot: Robot) -> Iterator[str]:
-    places = _places(field, robot)
-    for (before_field, before), (after_field, after) in itertools.pairwise(places):
-        if math.dist(before[:2], after[:2]) < LEAST_STEP:
-            where = f"({after[0]:g}, {after[1]:g}) m"
-            before_key = before_field.removeprefix(f"{field}.")
-            yield (
-                f"{after_field}: {where} is the same place as {before_key}, "
-                "so there is nothing to drive between them"
-            )
+def _turn_at_start(field: str, robot: Robot) -> Iterator[str]:
+    if robot.is_idle and len(robot.start) == len(robot.goal) == 3 and robot.start != robot.goal:
+        yield f"{field}.goal: has another heading than start, and a robot does not turn at rest"
 
 
-def _tight_places(scenario: Scenario, polygons: dict[int, shapely.Polygon]) -> Iterator[str]:
-    """Yield a message for each place off the floor or too near to its edge or an obstacle.
-
-    There are at most two for a place: one for the floor, one for the nearest obstacle.
-    """
-    spots = [
-        _Spot(field, place[0], place[1], robot.radius + scenario.margin)
-        for index, robot in enumerate(scenario.robots)
-        for field, place in _places(f"robots[{index}]", robot)
-        if math.isfinite(place[0])
-    ]
-    points = shapely.points(np.array([(spot.x, spot.y) for spot in spots]).reshape(-1, 2))
-    # A robot of unknown size still must not stand inside an obstacle or off the floor.
-    needs = np.nan_to_num(np.array([spot.need for spot in spots]))
-    needs = np.maximum(needs - ROUNDING, ROUNDING)
-    obstacles = {index: shape for index, shape in polygons.items() if index != BOUNDARY}
-    if BOUNDARY in polygons:
-        yield from _edge_problems(spots, points, needs, polygons[BOUNDARY])
-    if obstacles:
-        yield from _obstacle_problems(spots, points, needs, scenario.workspace, obstacles)
-
-
-class _Spot(NamedTuple):
-    """A place where a robot must have room: `need` [m] is its radius + margin, NaN if unknown."""
-
-    field: str
-    x: float
-    y: float
-    need: float
-
-    def problem(self, where: str) -> str:
-        need = "" if math.isnan(self.need) else f", radius + margin need {self.need:.6g} m"
-        return f"{self.field}: ({self.x:g}, {self.y:g}) m is {where}{need}"
-
-
-def _edge_problems(
-    spots: Sequence[_Spot], points: Points, needs: Numbers, floor: shapely.Polygon
-) -> Iterator[str]:
-    edge = floor.exterior
-    shapely.prepare([floor, edge])
-    inside = shapely.covers(floor, points)
-    for at in np.flatnonzero(~inside | shapely.dwithin(edge, points, needs)).tolist():
-        distance = shapely.distance(edge, points[at])
-        side = "from the edge of" if inside[at] else "outside"
-        yield spots[at].problem(f"{distance:.6g} m {side} the floor")
-
-
-def _obstacle_problems(
-    spots: Sequence[_Spot],
-    points: Points,
-    needs: Numbers,
-    floor: Workspace,
-    obstacles: dict[int, shapely.Polygon],
-) -> Iterator[str]:
-    indices, shapes = list(obstacles), np.array(list(obstacles.values()))
-    at, which = shapely.STRtree(shapes).query(points, predicate="dwithin", distance=needs)
-    distance = shapely.distance(points[at], shapes[which])
-    nearest_first = np.lexsort((distance, at))
-    at, which, distance = at[nearest_first], which[nearest_first], distance[nearest_first]
-    for first in np.unique(at, return_index=True)[1]:
-        name = _shape_name(floor, obstacles, indices[which[first]], points[at[first]])
-        away = f"{distance[first]:.6g} m from" if distance[first] > 0.0 else "inside"
-        yield spots[at[first]].problem(f"{away} {name}")
+def _spots(scenario: Scenario) -> Iterator[Spot]:
+    """Yield the places where robots must have room, of orders and demand too."""
+    for index, robot in enumerate(scenario.robots):
+        places = _places(f"robots[{index}]", robot)
+        if robot.home is not None:
+            places.append((f"robots[{index}].home", robot.home))
+        for field, place in places:
+            yield Spot(field, place[0], place[1], robot.radius + scenario.margin)
+    yield from order_spots(scenario)
 
 
 def _overlaps(scenario: Scenario, which: str) -> Iterator[str]:
-    """Yield a message for each pair of robots whose starts (or goals) are too near together."""
+    """Yield a message for each pair of robots whose starts (or goals) are too near together.
+
+    The goals of two idle robots are their starts, which are checked as such.
+    """
     robots = scenario.robots
     places = np.array([getattr(robot, which)[:2] for robot in robots]).reshape(-1, 2)
     radii = np.array([robot.radius for robot in robots])
-    known = np.flatnonzero(np.isfinite(places[:, 0]) & np.isfinite(radii + scenario.margin))
-    # Each robot looks only for robots that are no larger than itself, so twice its radius suffices.
-    by_size = known[np.argsort(-radii[known], kind="stable")]
-    points = shapely.points(places[by_size])
-    tree = shapely.STRtree(points)
-    reach = 2.0 * radii[by_size] + scenario.margin
-    found = 0
-    for begin in range(0, len(by_size), PAIR_CHUNK):
-        chunk = slice(begin, begin + PAIR_CHUNK)
-        larger, smaller = tree.query(points[chunk], predicate="dwithin", distance=reach[chunk])
-        larger += begin
-        a, b = by_size[larger], by_size[smaller]
-        distance = np.hypot(*(places[a] - places[b]).T)
-        near = (larger < smaller) & (distance < radii[a] + radii[b] + scenario.margin - ROUNDING)
-        for i, j, gap in zip(a[near], b[near], distance[near], strict=True):
-            found += 1
-            if found > MOST_PAIRS:
-                yield f"robots: over {MOST_PAIRS} pairs of {which}s overlap, the rest is not listed"
-                return
-            yield _overlap(scenario, which, int(min(i, j)), int(max(i, j)), gap)
+    pairs = (
+        pair
+        for pair in near_pairs(places, radii, scenario.margin)
+        if which == "start" or not (robots[pair[0]].is_idle and robots[pair[1]].is_idle)
+    )
+    for first, second, gap in itertools.islice(pairs, MOST_PAIRS):
+        yield _overlap(scenario, which, first, second, gap)
+    if next(pairs, None) is not None:
+        yield f"robots: over {MOST_PAIRS} pairs of {which}s overlap, the rest is not listed"
 
 
 def _overlap(scenario: Scenario, which: str, first: int, second: int, gap: float) -> str:

@@ -64,7 +64,7 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
     def end_fields(self) -> tuple[str, str]:
         """Return the fields of a scenario file that say where the robot starts and ends."""
         if self.path is None:
-            return "start", "goal"
+            return "start", "start" if self.is_idle else "goal"
         return "path.control_points[0]", f"path.control_points[{len(self.path.control_points) - 1}]"
 
 

@@ -13,7 +13,7 @@ from typing import Final, cast
 from coordinator.plan.path_parts import given_faults
 from coordinator.scenario.checks import Quantity, show
 from coordinator.scenario.model import GivenPath, Point
-from coordinator.scenario_files.table_reader import Table, read_place
+from coordinator.scenario_files.table_reader import Table
 
 PATH_REQUIRED: Final = ("degree", "control_points")
 ROUNDING: Final = {"rounding": Quantity("m", from_least=True, most=1.0)}
@@ -42,13 +42,9 @@ def _path(value: object, where: str, problems: list[str]) -> GivenPath:
     degree = table.values.get("degree")
     if type(degree) is not int and "degree" in table.values:
         table.note("degree", f"{show(degree)} is not a whole number")
-    points = [
-        cast(Point, read_place(point, f"{where}.control_points[{i}]", (2,), problems))
-        for i, point in enumerate(table.items("control_points", "places [[x, y], ...]"))
-    ]
     path = GivenPath(
         degree=degree if type(degree) is int else 1,
-        control_points=tuple(points),
+        control_points=table.points("control_points"),
         knots=_numbers(table, "knots"),
         weights=_numbers(table, "weights"),
         **cast(Mapping[str, float], table.numbers(ROUNDING)),

@@ -29,19 +29,19 @@ from coordinator.scenario.checks import (
     show,
 )
 from coordinator.scenario.file_kinds import LOG_MAGIC, kind_of_document, wrong_kind
-from coordinator.scenario.model import Link, Point, Policy, Pose, Robot, Scenario, Workspace
+from coordinator.scenario.model import Link, Policy, Pose, Robot, Scenario, Workspace
+from coordinator.scenario_files.orders_table import read_demand, read_orders, stated
 from coordinator.scenario_files.path_table import read_path
-from coordinator.scenario_files.table_reader import Table, read_place
+from coordinator.scenario_files.table_reader import MOST_PRIORITY, Table
 from coordinator.scenario_files.workspace_reader import read_workspace
 
 MOST_ROBOTS: Final = 10_000
-MOST_PRIORITY: Final = 1_000_000
 LINK_QUANTITIES: Final = {
     "delay": Quantity("s", from_least=True, most=5.0),
     "loss": Quantity(from_least=True, most=0.5),
 }
 SCENARIO_REQUIRED: Final = ("workspace", "robots")
-ROBOT_REQUIRED: Final = ("id", "start", "goal", "radius", "max_speed")
+ROBOT_REQUIRED: Final = ("id", "start", "radius", "max_speed")
 ROBOT_REQUIRED_ON_PATH: Final = ("id", "path", "radius", "max_speed")
 
 
@@ -89,6 +89,13 @@ def scenario_to_json(scenario: Scenario) -> bytes:
         robot |= {key: "inf" for key in ROBOT_QUANTITIES if math.isinf(robot[key])}
         for key in ("path",) if robot["path"] is None else ("start", "goal", "via"):
             del robot[key]
+        if robot["home"] is None:
+            del robot["home"]
+    document["orders"] = [stated(order) for order in scenario.orders]
+    document["demand"] = stated(scenario.demand) if scenario.demand is not None else None
+    for key in ("orders", "demand"):
+        if not document[key]:
+            del document[key]
     return msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n"
 
 
@@ -144,12 +151,9 @@ def _scenario(document: object, name: str, problems: list[str]) -> Scenario:
         fields["policy"] = policy = top.values["policy"]
         if policy not in policies:
             top.note("policy", f"{show(policy)} is not one of {', '.join(policies)}")
-    robots = top.items("robots", "tables")
+    robots = top.items("robots", "tables", MOST_ROBOTS)
     if top.values.get("robots") == []:
         top.note("robots", "is empty; at least one robot is needed")
-    if len(robots) > MOST_ROBOTS:
-        top.note("robots", f"{len(robots)} robots are more than {MOST_ROBOTS}")
-        robots = []
     return Scenario(
         name=top.name("name", default_name(name)),
         workspace=read_workspace(top.values["workspace"], Path(name).parent, problems)
@@ -157,6 +161,8 @@ def _scenario(document: object, name: str, problems: list[str]) -> Scenario:
         else Workspace(boundary=()),
         robots=tuple(_robot(robot, f"robots[{i}]", problems) for i, robot in enumerate(robots)),
         link=_link(top.values.get("link", {}), problems),
+        orders=read_orders(top),
+        demand=read_demand(top),
         **fields,
     )
 
@@ -174,21 +180,26 @@ def _robot(value: object, where: str, problems: list[str]) -> Robot:
     fields = {"radius": math.nan, "max_speed": math.nan} | table.numbers(ROBOT_QUANTITIES)
     fields.setdefault("max_accel", fields["max_speed"])
     fields.setdefault("max_lateral_accel", fields["max_accel"])
-    if "priority" in table.values:
-        fields["priority"] = priority = table.values["priority"]
-        if type(priority) is not int or abs(priority) > MOST_PRIORITY:
-            limit = f"an integer from -{MOST_PRIORITY} to {MOST_PRIORITY}"
-            table.note("priority", f"{show(priority)} is not {limit}")
+    fields["priority"] = table.whole("priority", -MOST_PRIORITY, MOST_PRIORITY, default=0)
+    if "home" in table.values:
+        fields["home"] = table.place("home", 2, 3)
     if given:
         path, start, goal = read_path(table)
         return Robot(id=table.name("id"), start=start, goal=goal, path=path, **fields)
-    vias = enumerate(table.items("via", "places [[x, y], ...]"))
+    stand = cast(Pose, table.place("start", 2, 3))
     return Robot(
         id=table.name("id"),
-        start=cast(Pose, table.place("start", 2, 3)),
-        goal=cast(Pose, table.place("goal", 2, 3)),
-        via=tuple(
-            cast(Point, read_place(via, f"{where}.via[{i}]", (2,), problems)) for i, via in vias
-        ),
+        start=stand,
+        goal=_goal(table, stand),
+        via=table.points("via"),
         **fields,
     )
+
+
+def _goal(table: Table, start: Pose) -> Pose:
+    """Return a robot's goal; its start if it has none, for it then stays there."""
+    if "goal" in table.values or "goal" in table.excused:
+        return cast(Pose, table.place("goal", 2, 3))
+    if table.values.get("via"):
+        table.note("goal", "is missing; a robot with via points does not stay at its start")
+    return start

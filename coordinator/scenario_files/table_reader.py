@@ -10,11 +10,13 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from coordinator.scenario.checks import COORDINATE, HEADING, Quantity, key_name, show
+from coordinator.scenario.model import Point
 from protocol.keys import NAME, NAME_IN_WORDS
 
+MOST_PRIORITY: Final = 1_000_000
 SHAPES: Final = {2: "[x, y]", 3: "[x, y, heading]", 4: "[x0, y0, x1, y1]"}
 
 
@@ -82,13 +84,32 @@ class Table:
         self.note(key, f"{show(value)} is not a text in quotes")
         return ""
 
-    def items(self, key: str, what: str) -> list[object]:
-        """Return a list; an empty one if it is absent or invalid."""
-        value = self.values.get(key, [])
-        if isinstance(value, list):
+    def whole(self, key: str, least: int, most: int, default: int) -> int:
+        """Return an integer within limits; the default if it is absent or invalid."""
+        value = self.values.get(key, default)
+        if type(value) is int and least <= value <= most:
             return value
-        self.note(key, f"{show(value)} is not a list of {what}")
+        self.note(key, f"{show(value)} is not an integer from {least} to {most}")
+        return default
+
+    def items(self, key: str, what: str, most: int | None = None) -> list[object]:
+        """Return a list; an empty one if it is absent, invalid or longer than `most`."""
+        value = self.values.get(key, [])
+        if not isinstance(value, list):
+            self.note(key, f"{show(value)} is not a list of {what}")
+        elif most is not None and len(value) > most:
+            self.note(key, f"{len(value)} {key} are more than {most}")
+        else:
+            return value
         return []
+
+    def points(self, key: str) -> tuple[Point, ...]:
+        """Return a list of places without headings, each all NaN if it is invalid."""
+        points = enumerate(self.items(key, "places [[x, y], ...]"))
+        return tuple(
+            cast(Point, read_place(point, f"{self.field(key)}[{i}]", (2,), self.problems))
+            for i, point in points
+        )
 
     def place(self, key: str, *sizes: int) -> tuple[float, ...]:
         """Return a place with one of these numbers of values; all NaN if absent or invalid."""

@@ -11,7 +11,17 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
-from coordinator.scenario.model import GivenPath, Link, Point, Robot, Scenario, Workspace
+from coordinator.scenario.model import (
+    Demand,
+    GivenPath,
+    Link,
+    Order,
+    Point,
+    Robot,
+    Scenario,
+    Workspace,
+)
+from coordinator.scenario_files.orders_table import stated
 
 WIDTH: Final = 100
 """A list longer than this many characters gets one line per item."""
@@ -29,6 +39,10 @@ def scenario_to_toml(scenario: Scenario, comment: str = "") -> bytes:
     lines += ["", "[workspace]", *_workspace(scenario.workspace)]
     for robot in scenario.robots:
         lines += ["", "[[robots]]", *_robot(robot)]
+    for order in scenario.orders:
+        lines += ["", "[[orders]]", *_stated(order)]
+    if scenario.demand is not None:
+        lines += ["", "[demand]", *_stated(scenario.demand)]
     return ("\n".join(lines) + "\n").encode()
 
 
@@ -64,7 +78,8 @@ def _robot(robot: Robot) -> Iterator[str]:
     yield f'id = "{robot.id}"'
     if robot.path is None:
         yield f"start = {_place(robot.start)}"
-        yield f"goal = {_place(robot.goal)}"
+        if robot.goal != robot.start or robot.via:
+            yield f"goal = {_place(robot.goal)}"
     if robot.via:
         yield from _listed("via", (_place(via) for via in robot.via))
     yield f"radius = {_number(robot.radius)}"
@@ -75,10 +90,26 @@ def _robot(robot: Robot) -> Iterator[str]:
         yield f"max_lateral_accel = {_number(robot.max_lateral_accel)}"
     if robot.min_turn_radius:
         yield f"min_turn_radius = {_number(robot.min_turn_radius)}"
+    if robot.max_turn_rate != 1.0:
+        yield f"max_turn_rate = {_number(robot.max_turn_rate)}"
+    if robot.home is not None:
+        yield f"home = {_place(robot.home)}"
     if robot.priority:
         yield f"priority = {robot.priority}"
     if robot.path is not None:
         yield from _path(robot.path)
+
+
+def _stated(table: Order | Demand) -> Iterator[str]:
+    for key, value in stated(table).items():
+        if key in ("via", "places"):
+            yield from _listed(key, (_place(place) for place in value))
+        elif key == "goal":
+            yield f"goal = {_place(value)}"
+        elif key in ("per_robot", "priority", "seed"):
+            yield f"{key} = {value}"
+        else:
+            yield f"{key} = {_number(value)}"
 
 
 def _path(path: GivenPath) -> Iterator[str]:

@@ -24,10 +24,10 @@ _OTHER_PATH: Final = "Another path for one of them"
 
 
 class PlaceOnWay(NamedTuple):
-    """A robot's start or goal at (x, y) [m] that lies on another robot's way."""
+    """A robot's start or goal, or its place if it is idle, at (x, y) [m] on another robot's way."""
 
     robot: str
-    end: Literal["start", "goal"]
+    end: Literal["start", "goal", "place"]
     x: float
     y: float
     on_way_of: str
@@ -72,7 +72,7 @@ def pair_error(
     how: How = "among others" if among_others else "no order"
     if first and last and not among_others:
         how = "either order"
-    return _error(scenario, pair, how, [*first, *last])
+    return _error(scenario, pair, how, list(dict.fromkeys([*first, *last])))
 
 
 def ring_error(scenario: Scenario, junctions: Junctions, ring: Sequence[int]) -> BlockedError:
@@ -124,4 +124,4 @@ def _places_on(
         return []
     robot, theirs = scenario.robots[me], scenario.robots[other].id
     x, y = (robot.start if end == "start" else robot.goal)[:2]
-    return [PlaceOnWay(robot.id, end, x, y, theirs)]
+    return [PlaceOnWay(robot.id, "place" if robot.is_idle else end, x, y, theirs)]

@@ -13,6 +13,7 @@ from coordinator.base.errors import PlanError
 from coordinator.plan.plan_file import from_json, to_json
 from coordinator.planning.planner import DEFAULT_EFFORT, LATER_EFFORT, plan_scenario
 from coordinator.proof.verify import prove_document
+from coordinator.scenario.checks import find_problems
 from sim.floors.generator import generate
 from tests.oracles import complaints, tracks
 from tests.scenarios import a_robot, a_scenario, box, random_scenario
@@ -21,13 +22,18 @@ from tests.sweeps import seeds
 SEEDS = seeds(36)
 
 
+def planned(scenario):
+    """The document of a scenario, or the error's text."""
+    try:
+        return plan_scenario(scenario, effort=5)
+    except PlanError as error:
+        return str(error)
+
+
 @functools.cache
 def outcome(seed):
     """The document of a random scenario, or the error's text."""
-    try:
-        return plan_scenario(random_scenario(seed), effort=5)
-    except PlanError as error:
-        return str(error)
+    return planned(random_scenario(seed))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -203,3 +209,58 @@ def test_a_place_in_a_passage_as_narrow_as_its_robots_is_passed_before_it_is_tak
     plan = plan_scenario(a_scenario(robots, (16.0, 10.0), walls, margin=0.05))
     assert plan.proof.holds
     assert any("A's path crosses B's goal" in note for note in plan.notes)
+
+
+def test_three_robots_drive_among_two_idle_ones_and_the_plan_holds():
+    made = a_scenario(
+        [
+            a_robot("R1", (0.6, 2.0), (4.4, 2.0)),
+            a_robot("R2", (2.0, 0.6), (2.0, 4.4)),
+            a_robot("R3", (4.4, 4.7), (1.0, 1.0)),
+            a_robot("I1", (3.0, 2.0), (3.0, 2.0)),
+            a_robot("I2", (2.0, 3.0, 2.0), (2.0, 3.0, 2.0), max_accel=float("inf")),
+        ],
+        size=(5.0, 5.2),
+    )
+    document = plan_scenario(made)
+    assert document.proof.holds
+    assert complaints(to_json(document), made) == []
+    assert prove_document(from_json(to_json(document)), made).holds
+    for name in ("I1", "I2"):
+        robot = document.robot(name)
+        assert 0.0 < robot.length < 1e-3
+        assert robot.stops == []
+        assert robot.finish_time < 0.2
+
+
+def test_a_fleet_that_is_all_idle_is_planned():
+    rows = [(1.0 + 0.45 * (i % 4), 1.0 + 0.45 * (i // 4)) for i in range(16)]
+    made = a_scenario([a_robot(f"I{i}", place, place) for i, place in enumerate(rows)])
+    document = plan_scenario(made)
+    assert document.proof.holds
+    assert document.notes == []
+
+
+@pytest.mark.parametrize("seed", seeds(12))
+def test_some_robots_of_random_scenarios_may_be_idle(seed):
+    scenario = random_scenario(seed)
+    robots = [replace(r, goal=r.start, via=()) for r in scenario.robots[::2]]
+    made = replace(scenario, robots=(*robots, *scenario.robots[1::2]))
+    found = "R: refused" if find_problems(made) else planned(made)
+    if isinstance(found, str):
+        assert "R" in found
+        assert "proof" not in found
+    else:
+        assert complaints(to_json(found), made) == []
+        assert prove_document(from_json(to_json(found)), made).holds
+
+
+def test_an_idle_robot_in_the_only_way_is_named_with_its_place():
+    walls = [box(0.0, 0.0, 10.0, 3.7), box(0.0, 4.3, 10.0, 8.0)]
+    drives, idle = a_robot("R1", (1.0, 4.0), (9.0, 4.0)), a_robot("R2", (5.0, 4.0), (5.0, 4.0))
+    with pytest.raises(PlanError) as caught:
+        plan_scenario(a_scenario([drives, idle], obstacles=walls))
+    assert str(caught.value).startswith(
+        "R1 and R2 block each other whoever goes first: R2's place (5.00, 4.00) lies on R1's way;"
+    )
+    assert caught.value.blames == "R1"

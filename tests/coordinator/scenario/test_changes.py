@@ -4,6 +4,7 @@ import pytest
 from msgspec.structs import replace
 
 from coordinator.scenario.changes import Change, changes
+from coordinator.scenario.model import Demand, Order
 from coordinator.scenario_files.scenario_reader import parse_scenario, scenario_to_json
 from coordinator.scenario_files.toml_writer import scenario_to_toml
 from tests.scenarios import a_robot, a_scenario
@@ -60,6 +61,21 @@ def test_a_robot_that_is_new_is_told_whole_and_cut_where_it_is_long():
     assert (change.field, change.before) == ("robots[R3]", None)
     assert change.after.startswith('{"id":"R3"')
     assert len(change.after) <= 60
+
+
+def test_orders_are_compared_by_their_ids_and_a_demand_field_by_field():
+    first, second = Order(id="a", goal=(5.0, 7.0)), Order(id="b", goal=(5.0, 1.0))
+    demand = Demand(places=((1.0, 4.0), (9.0, 4.0)), seed=1)
+    before = replace(HALL, orders=(first, second), demand=demand)
+    assert changes(before, replace(before, orders=(second, first))) == []
+    after = replace(before, orders=(first,), demand=replace(demand, seed=2))
+    gone, seed = changes(before, after)
+    assert (gone.field, gone.after) == ("orders[b]", None)
+    assert seed == Change("demand.seed", "1", "2")
+    (dwell,) = changes(before, replace(before, orders=(replace(first, dwell=3.0), second)))
+    assert dwell == Change("orders[a].dwell", "0.0", "3.0")
+    (come,) = changes(HALL, replace(HALL, demand=demand))
+    assert (come.field, come.before) == ("demand", None)
 
 
 def test_of_many_obstacles_that_came_five_are_told_and_all_are_counted():

@@ -62,7 +62,17 @@ in an obstacle | robots.0.goal = [5, 5] | robots[0].goal | is inside workspace.o
 a via near one | robots.1.via.0.1 = 3.75 | robots[1].via[0] | is 0.25 m from workspace.obst
 close starts | robots.1.start.1 = 1.5 | robots[1].start | R2 is 0.5 m from the start of R1,
 close goals | robots.2.goal.1 = 2.5 | robots[2].goal | their radii + margin need 0.55 m
-nothing to drive | robots.0.goal = [1, 1] | robots[0].goal | nothing to drive
+nothing to drive | robots.1.goal = [5, 2] | robots[1].goal | nothing to drive
+a goal next to the start | robots.0.goal = [1, 1.0001] | robots[0].goal | the same place as start
+a turn at the start | robots.0.start = [9, 1, 0] | robots[0].goal | another heading than start
+via points and no goal | robots.1.goal = | robots[1].goal | is missing; a robot with via points
+a misspelled goal | robots.1.goal = ; robots.1.gaol = [9, 2] | robots[1].gaol | known one is goal
+an idle robot off the floor | robots.0.goal = ; robots.0.start = [0, 1] | robots[0].start | is 0 m
+a goal beside an idle one | robots.0.goal = ; robots.2.goal = [1, 1.4] | robots[2].goal | of R1,
+idle beside a goal | robots.2.goal = ; robots.0.goal = [1, 2.6] | robots[2].start | the goal of R1
+a turn rate of zero | robots.0.max_turn_rate = 0 | robots[0].max_turn_rate | below 0.001 rad/s
+a home of one number | robots.0.home = [1] | robots[0].home | is not [x, y] or [x, y, heading]
+a home in an obstacle | robots.0.home = [5, 5] | robots[0].home | is inside workspace.obstacles[0]
 a via point on the start | robots.1.via.0 = [1, 2] | robots[1].via[0] | the same place as start
 a negative radius | robots.2.radius = -0.1 | robots[2].radius | -0.1 m is below 0.001 m
 a radius of zero | robots.0.radius = 0 | robots[0].radius | 0 m is below 0.001 m
@@ -175,7 +185,7 @@ def test_many_faults_are_all_listed_at_once():
         "workspace.obstacles = [[[1, 7], [3, 9], [3, 7], [1, 9]], [[4, 4], [6, 4], [6, 6], [4, 6]]]"
     )
     fields = sorted(problem.split(": ")[1] for problem in problems_of(document))
-    wrong = "0].radius 0].start 1].goal 1].id 2].goal 2].id 2].max_speed 2].radius 2].start"
+    wrong = "0].radius 0].start 1].goal 1].id 2].id 2].max_speed 2].radius 2].start"
     wrong = [f"robots[{field}" for field in wrong.split()]
     assert fields == ["margin", "polcy", *wrong, "workspace.obstacles[0]"]
 

@@ -6,9 +6,15 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from coordinator.scenario import checks
-from coordinator.scenario.model import GivenPath, Link, Robot, Scenario
-from coordinator.scenario_files import path_table, scenario_reader, workspace_reader
+from coordinator.scenario import checks, order_checks
+from coordinator.scenario.model import Demand, GivenPath, Link, Order, Robot, Scenario
+from coordinator.scenario_files import (
+    orders_table,
+    path_table,
+    scenario_reader,
+    table_reader,
+    workspace_reader,
+)
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "scenarios.md").read_text()
 TABLES = {
@@ -17,6 +23,8 @@ TABLES = {
     "`[workspace]`": (None, workspace_reader.MAP_QUANTITIES),
     "`[[robots]]`": (Robot, checks.ROBOT_QUANTITIES),
     "`path` of a robot": (GivenPath, path_table.ROUNDING),
+    "`[[orders]]`": (Order, orders_table.ORDER_QUANTITIES),
+    "`[demand]`": (Demand, orders_table.DEMAND_QUANTITIES),
 }
 
 
@@ -39,7 +47,7 @@ def test_defaults_are_those_of_the_code(title):
     table = rows(title)
     for field in msgspec.structs.fields(TABLES[title][0]):
         told = table[field.name][1]
-        if isinstance(field.default, str | int | float):
+        if isinstance(field.default, str | int | float) and field.default != "":
             assert told.strip('`"') == str(field.default)
         elif told == "required":
             assert field.required
@@ -50,6 +58,8 @@ def test_what_is_required_is_told_so():
         "The scenario": scenario_reader.SCENARIO_REQUIRED,
         "`[[robots]]`": scenario_reader.ROBOT_REQUIRED,
         "`path` of a robot": path_table.PATH_REQUIRED,
+        "`[[orders]]`": orders_table.ORDER_REQUIRED,
+        "`[demand]`": orders_table.DEMAND_REQUIRED,
     }
     for title, keys in required.items():
         assert {key for key, row in rows(title).items() if row[1] == "required"} == set(keys)
@@ -72,6 +82,10 @@ def test_units_and_ranges_are_those_of_the_code(title):
 def test_limits_of_whole_files_are_those_of_the_code():
     text = " ".join(PAGE.split())
     assert f"1 to {scenario_reader.MOST_ROBOTS:,} tables" in text
-    assert f"-{scenario_reader.MOST_PRIORITY:,} to {scenario_reader.MOST_PRIORITY:,}" in text
+    assert text.count(f"-{table_reader.MOST_PRIORITY:,} to {table_reader.MOST_PRIORITY:,}") == 2
+    assert f"up to {orders_table.MOST_ORDERS:,} tables" in text
+    assert f"{order_checks.LEAST_FREE} to {orders_table.MOST_PLACES:,} of them" in text
+    assert f"1 to {orders_table.MOST_PER_ROBOT:,}" in text
+    assert f"0 to {orders_table.MOST_SEED:,}" in text
     assert f"numbers go up to {checks.LARGEST:,.0f}" in text
     assert f"coordinates up to {checks.FARTHEST:,.0f} m each way" in text

@@ -10,7 +10,7 @@ from coordinator.fleet.log_records import TOLD_TO_GO_ON, TOLD_TO_STOP
 from coordinator.fleet.phases import HELD_PATIENCE
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario
-from protocol.phases import GO, OVER
+from protocol.phases import DONE, GO, OVER, PHASE_NAMES
 from protocol.timing import CLOCK_ERROR, MILLISECOND, SECOND
 from robot_agent.core.agent import Agent
 from sim.campaigns.truth import arrived, touches
@@ -109,6 +109,26 @@ def test_on_a_good_link_everybody_arrives_when_planned(scenario, document):
         assert robot.tracking_error < document.margin / 2
         assert 0.0 < robot.clock_error < CLOCK_ERROR / SECOND
     assert verdict.collisions_with_obstacles == 0
+
+
+def test_idle_robots_arm_and_are_done_where_they_stand(scenario):
+    idle = [
+        replace(scenario.robots[0], id=f"I{number}", start=place, goal=place)
+        for number, place in enumerate([(3.0, 2.6), (2.6, 3.0, 2.0)])
+    ]
+    for robots in ((*scenario.robots, *idle), tuple(idle)):
+        some = replace(scenario, robots=robots)
+        document = plan_scenario(some)
+        world = World(some, document, good_link(), flaws=USUAL_FLAWS)
+        world.run(120.0)
+        assert world.fleet.phase == OVER
+        boxes = world.blackboxes()
+        assert {box.phases[-1] for box in boxes.values()} == {PHASE_NAMES[DONE]}
+        verdict = judge_boxes(document, boxes)
+        assert verdict.collisions == 0
+        assert all(robot.arrived for robot in verdict.robots)
+        for robot in idle:
+            assert np.hypot(*(boxes[robot.id].places - robot.start[:2]).T).max() < 2e-3
 
 
 def test_the_same_seed_gives_the_same_run(scenario, document):
