@@ -9,13 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from coordinator.findings.granted_courses import granted_of
 from coordinator.findings.info_fields import HeldSummary
 from coordinator.findings.log_proof import plans_of, take_messages
 from coordinator.log.records import Log
-from coordinator.plan.document import PlanDocument
-from coordinator.plan.wire import packed
 from coordinator.proof.granted import Granted
-from coordinator.schedule.staircase_making import with_staircases
 from protocol.messages import Command
 from protocol.phases import GO
 from protocol.timing import MILLISECOND
@@ -57,8 +55,7 @@ class Holds:
         """Take in a Command; `epoch`: what its epoch's Commands have granted, this one included."""
         late = epoch.names(late_numbers(command) if command.phase == GO else [])
         held = {name: by for name in late if (by := epoch.holder(name)) is not None}
-        in_range = set(epoch.names(range(command.first, command.last + 1)))
-        for name in sorted((self._now.keys() & in_range) - held.keys()):
+        for name in sorted((self._now.keys() & epoch.spoken_to(command)) - held.keys()):
             self.over.append(self._now.pop(name)._replace(until_ns=now_ns))
         for name, by in held.items():
             self._now.setdefault(name, Hold(name, by, now_ns))
@@ -84,8 +81,3 @@ def held_in(log: Log, before: Sequence[Log], seconds: Callable[[int], float]) ->
         HeldSummary(hold.robot, hold.by, time(hold.since_ns), time(hold.until_ns))
         for hold in holds.all
     ]
-
-
-def granted_of(document: PlanDocument) -> Granted:
-    """Return what has been granted in a plan's epoch: nothing yet."""
-    return Granted(with_staircases(packed(document)))

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from coordinator.findings.granted_courses import GrantedCourses
 from coordinator.log.records import Log
 from coordinator.plan import plan_file
 from coordinator.plan.document import PlanDocument, Proof
@@ -28,14 +29,16 @@ from protocol.phases import GO
 class EpochProof(msgspec.Struct, frozen=True):
     """The proof of one epoch's plan, and whether what was sent was safe.
 
-    `commands` states how many Commands granted authority; `failures` says which of them granted too
-    much, and which Plans are not as proven.
+    `commands` states how many Commands granted authority, `courses` how many courses robots were
+    sent after their first ones; `failures` says which Commands granted too much, which courses are
+    not safe, and which Plans are not as proven.
     """
 
     epoch: int
     proof: Proof
     commands: int
     failures: list[str]
+    courses: int = 0
 
 
 class LogProof(msgspec.Struct, frozen=True):
@@ -53,18 +56,18 @@ def prove_log(log: Log, scenario: Scenario | None = None, before: Sequence[Log] 
     Raises InputError if a plan cannot be read, and PartsError as proof.verify.prove_messages does.
     """
     proofs: dict[int, Proof] = {}
-    granted: dict[int, Granted] = {}
+    granted: dict[int, GrantedCourses] = {}
     logs = [*before, log]
     for document in plans_of(logs):
         plan = with_staircases(packed(document))
         first = document.epoch == 1
         proofs[document.epoch] = prove_messages(plan, scenario if first else None)
-        granted[document.epoch] = Granted(plan)
+        granted[document.epoch] = GrantedCourses(plan, prove=True)
     unknown: set[int] = set()
     for one in logs:
         unknown |= take_messages(one, granted)
     epochs = [
-        EpochProof(number, proofs[number], found.commands, found.failures)
+        EpochProof(number, proofs[number], found.commands, found.failures, found.courses)
         for number, found in granted.items()
     ]
     epochs += [EpochProof(number, _unproven(number), 0, []) for number in sorted(unknown)]

@@ -17,10 +17,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from coordinator.plan.course import Course
+from coordinator.plan.course_staircases import CourseStaircases
 from coordinator.plan.staircases import NO_STAIRCASES, Staircases
 from coordinator.schedule.authority import EVER, Authority
-from coordinator.schedule.course_staircases import CourseStaircases
-from protocol.messages import MOST_HELD, MOST_NUMBER, Report
+from protocol.messages import MOST_HELD, Report
 from protocol.phases import DONE
 from protocol.timing import LATE_STEP_MS
 
@@ -45,7 +45,7 @@ class Stated(NamedTuple):
     headroom_ms: int = 0
     held: tuple[tuple[int, int], ...] = ()
     first: int = 0
-    last: int = MOST_NUMBER
+    last: int = 0
 
 
 class Span(NamedTuple):

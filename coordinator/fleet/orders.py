@@ -105,6 +105,8 @@ class OrderBook:
         self._said: dict[str, OrderState] = {}
         self._ended: list[Task] = []
         self._made_room = 0
+        self.done = 0
+        """How many orders are over."""
 
     @property
     def is_used(self) -> bool:
@@ -120,6 +122,11 @@ class OrderBook:
     def is_open_or_stays(self) -> bool:
         """Whether the fleet is not to end yet, even if all robots rest."""
         return self.stays or self.is_open
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether all known orders are over, and others will become known."""
+        return not self._open and bool(self._later)
 
     def _wants_more(self) -> bool:
         demand = self._demand
@@ -151,6 +158,7 @@ class OrderBook:
         task.state, task.reason = state, reason
         self._open.pop(task.order.id, None)
         self._ended.append(task)
+        self.done += 1
 
     def cancel(self, order_id: str) -> Task | None:
         """Take an order back, unless it is over; return it, or None if there is no such order.

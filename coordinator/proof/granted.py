@@ -1,23 +1,27 @@
 """Checks that what a coordinator sent was safe, from its messages alone.
 
-Plans have to be the proven ones; a robot with the number of another would drive on its authority.
+Plans have to be the proven ones; a course with the number of another would be driven on its
+authority.
 
-At every Command, need_ij(A_j) < P_i has to hold for all ordered pairs (design section 3).  A_j is
-the authority of the robot behind, P_i the progress that the robot ahead has reported.  Within tau
-of each other robots need nothing.
+At every Command, need_ij(A_j) < P_i has to hold for all ordered pairs of courses (design section
+3).  A_j is the authority on the course behind, P_i the progress that was reported on the course
+ahead.  Within tau of each other robots need nothing.
 
 Decides: whether Plans are as proven and Commands keep to the invariant.  Must not know: the rule
-that grants authority, logs.
+that grants authority, how courses are proven, logs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import msgspec
 import numpy as np
 
+from coordinator.plan.course_staircases import CourseStaircases
+from coordinator.plan.staircases import Staircases
 from coordinator.plan.wire import PackedPlan
 from protocol.codec import encode
 from protocol.messages import Command, Plan, Report
@@ -26,6 +30,17 @@ from protocol.timing import LATE_STEP_MS
 
 _NEAR: Final = 1_000
 """A robot is held when it is let drive for less than this [ms]."""
+
+
+@dataclass
+class _Known:
+    """A course: its robot, revision, plan time of its beginning [ms], message, place in tables."""
+
+    robot: str
+    revision: int
+    begin_ms: int
+    message: bytes
+    slot: int
 
 
 class Granted:
@@ -38,47 +53,95 @@ class Granted:
         assert plan.staircases is not None
         self.commands = 0
         self.failures: list[str] = []
-        self._staircases = plan.staircases
-        self._messages = plan.messages
-        self._robots = robots = [robot.id for robot in plan.document.robots]
-        self._index: Mapping[str, int] = {name: index for index, name in enumerate(robots)}
-        self._granted = np.zeros(len(robots))
-        self._passed = np.zeros(len(robots))
-        self._at_goal = np.zeros(len(robots), bool)
+        self._staircases = CourseStaircases(plan.staircases)
+        self._robots = [robot.id for robot in plan.document.robots]
+        count = len(self._robots)
+        self._courses = {
+            number: _Known(robot, 0, 0, plan.messages[robot], number)
+            for number, robot in enumerate(self._robots)
+        }
+        """By the number in Commands."""
+        self._now = dict(zip(self._robots, self._courses.values(), strict=True))
+        self._next: dict[str, _Known] = {}
+        self._granted = np.zeros(2 * count)
+        self._passed = np.zeros(2 * count)
+        self._at_goal = np.zeros(2 * count, bool)
 
-    def take_plan(self, robot: str, plan: Plan) -> None:
-        """Check that a robot was sent the course that was proven, with its own number."""
-        if encode(msgspec.structs.replace(plan, boot=0)) == self._messages.get(robot):
-            return
-        name = self._robots[plan.number] if plan.number < len(self._robots) else "nobody"
-        whose = "" if name == robot else f"; its number {plan.number} is that of {name}"
-        self.failures.append(
-            f"the Plan of epoch {plan.epoch} that {robot} was sent is not the one proven{whose}"
-        )
+    def take_plan(self, robot: str, plan: Plan) -> bool:
+        """Check that a robot was sent a course that is known, with its own number.
+
+        Returns False for a course that is not known yet, which has to be proven and added.
+        """
+        known = self._courses.get(plan.number)
+        mine = self._now.get(robot)
+        if known is None and mine is not None and plan.revision == mine.revision + 1:
+            return False
+        message = encode(msgspec.structs.replace(plan, boot=0))
+        if known is None or (message, robot) != (known.message, known.robot):
+            name = "nobody" if known is None else known.robot
+            whose = "" if name == robot else f"; its number {plan.number} is that of {name}"
+            self.failures.append(
+                f"the Plan of epoch {plan.epoch} that {robot} was sent is not the one proven{whose}"
+            )
+        return True
+
+    def add_course(
+        self, robot: str, plan: Plan, near: Sequence[tuple[str, int]], staircases: Staircases
+    ) -> None:
+        """Take in a course that a robot may begin from now on.
+
+        `staircases`: those of the course, index 0, with the courses of `near` (robot, revision).
+        """
+        now, slots = self._now[robot], 2 * len(self._robots)
+        slot = (now.slot + len(self._robots)) % slots
+        message = encode(msgspec.structs.replace(plan, boot=0))
+        course = _Known(robot, plan.revision, plan.begin_ms, message, slot)
+        self._next[robot] = self._courses[plan.number] = course
+        self._staircases.put(slot, staircases, [slot, *(self._slot_of(*one) for one in near)])
+        self._granted[slot], self._at_goal[slot] = 0.0, False
+        self._passed[slot] = min(self._passed[now.slot], plan.begin_ms)
+
+    def _slot_of(self, robot: str, revision: int) -> int:
+        known = (self._now[robot], self._next.get(robot))
+        slots = [one.slot for one in known if one is not None and one.revision == revision]
+        return slots[0] if slots else -1
 
     def take_report(self, robot: str, report: Report) -> None:
         """Take in a robot's progress; it counts no further than what the robot was granted.
 
         A robot at its goal has passed all plan times, and no Command lets it drive on.
         """
-        index = self._index.get(robot)
-        if index is not None and report.phase == DONE:
-            self._passed[index], self._at_goal[index] = np.inf, True
-        elif index is not None and report.stamp_ms is not None:
+        coming = self._next.get(robot)
+        if coming is not None and report.revision >= coming.revision:
+            old, self._now[robot] = self._now[robot], self._next.pop(robot)
+            self._passed[old.slot], self._at_goal[old.slot] = np.inf, True
+            self._passed[coming.slot] = max(self._passed[coming.slot], coming.begin_ms)
+            self._courses = {n: one for n, one in self._courses.items() if one is not old}
+        known = self._now.get(robot)
+        if known is None or known.revision != report.revision:
+            return
+        slot = known.slot
+        if report.phase == DONE:
+            self._passed[slot], self._at_goal[slot] = np.inf, True
+        elif report.stamp_ms is not None:
             passed = report.stamp_ms - LATE_STEP_MS * report.late
-            passed = min(passed, int(self._granted[index]))
-            self._passed[index] = max(self._passed[index], passed)
+            passed = min(passed, int(self._granted[slot]))
+            self._passed[slot] = max(self._passed[slot], passed)
+        coming = self._next.get(robot)
+        if coming is not None:
+            least = min(self._passed[slot], coming.begin_ms)
+            self._passed[coming.slot] = max(self._passed[coming.slot], least)
 
     def take_command(self, command: Command) -> None:
         """Take in what a Command grants, and check the invariant."""
         if command.phase != GO:
             return
         self.commands += 1
-        for number in range(command.first, min(command.last + 1, len(self._robots))):
+        for number, one in self._courses.items():
             stated = command.authority_of(number)
-            if not self._at_goal[number]:
-                self._granted[number] = max(self._granted[number], stated or 0)
-        stairs = self._staircases
+            if stated is not None and not self._at_goal[one.slot]:
+                self._granted[one.slot] = max(self._granted[one.slot], stated)
+        stairs = self._staircases.all
         ahead, behind = self._passed[stairs.ahead], self._granted[stairs.behind]
         for pair in np.flatnonzero(behind - stairs.tau_ms >= ahead).tolist():
             need = stairs.need_at(pair, float(behind[pair]))
@@ -86,8 +149,13 @@ class Granted:
                 self.failures.append(self._text(command, pair, need))
 
     def names(self, numbers: Sequence[int]) -> list[str]:
-        """Return the robots with these numbers."""
-        return [self._robots[number] for number in numbers if number < len(self._robots)]
+        """Return the robots whose courses have these numbers."""
+        return [self._courses[number].robot for number in numbers if number in self._courses]
+
+    def spoken_to(self, command: Command) -> set[str]:
+        """Return the robots of whose courses a Command speaks."""
+        courses = self._courses.items()
+        return {one.robot for n, one in courses if command.first <= n <= command.last}
 
     def holder(self, robot: str) -> str | None:
         """Return a robot that another one has to wait for; None when nobody holds it.
@@ -95,19 +163,22 @@ class Granted:
         Beyond what it was granted, it needs the robot returned to have passed more than it has.  A
         robot that has _NEAR or more of that left to drive is not held yet.
         """
-        stairs, index = self._staircases, self._index[robot]
-        if self._granted[index] - self._passed[index] >= _NEAR:
+        stairs, slot = self._staircases.all, self._now[robot].slot
+        if self._granted[slot] - self._passed[slot] >= _NEAR:
             return None
-        next_ms = float(self._granted[index]) + 1.0
-        for pair in np.flatnonzero(stairs.behind == index).tolist():
+        next_ms = float(self._granted[slot]) + 1.0
+        for pair in np.flatnonzero(stairs.behind == slot).tolist():
             ahead = int(stairs.ahead[pair])
             if stairs.need_at(pair, next_ms) >= self._passed[ahead]:
-                return self._robots[ahead]
+                return self._name(ahead)
         return None
 
+    def _name(self, slot: int) -> str:
+        return self._robots[slot % len(self._robots)]
+
     def _text(self, command: Command, pair: int, need: float) -> str:
-        stairs = self._staircases
-        who, other = self._robots[stairs.behind[pair]], self._robots[stairs.ahead[pair]]
+        stairs = self._staircases.all
+        who, other = self._name(int(stairs.behind[pair])), self._name(int(stairs.ahead[pair]))
         granted, passed = self._granted[stairs.behind[pair]], self._passed[stairs.ahead[pair]]
         return (
             f"Command {command.sequence} of epoch {command.epoch} grants {who} plan time "

@@ -48,7 +48,7 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
     max_lateral_accel: float
     """Default: max_accel."""
     min_turn_radius: float = 0.0
-    max_turn_rate: float = 1.0
+    max_turn_rate: float = 2.0
     """How fast it turns on the spot [rad/s]."""
     priority: int = 0
     home: Pose | None = None

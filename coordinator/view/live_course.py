@@ -13,7 +13,8 @@ from typing import Final
 
 import msgspec
 
-from coordinator.findings.held import Holds, granted_of, late_numbers
+from coordinator.findings.granted_courses import granted_of
+from coordinator.findings.held import Holds, late_numbers
 from coordinator.findings.info_fields import FaultSummary
 from coordinator.findings.plans_from_messages import SaidPlans
 from coordinator.findings.wait_guesses import with_reasons

@@ -210,14 +210,14 @@ class Ride:
     def turn_before_start(self, x: float, y: float, heading: float) -> float:
         """Return the turn on the spot [rad] that a robot at rest needs before this course.
 
-        `may_turn` tells that the robot has not left the course's beginning.
+        `may_turn` tells that the robot has not stood ready at the course's beginning yet, nor left
+        it.  Measured places are noisy, so it has left only beyond its track tolerance.
         """
-        if self.follower.s > ARRIVAL_SLACK:
-            self.may_turn = False
         if self._halted or not self.may_turn:
             return 0.0
         stands, _, turn = self.stands_at_start(x, y, heading)
-        return 0.0 if stands else turn
+        self.may_turn = not stands and self.follower.s <= self.track
+        return turn if self.may_turn else 0.0
 
     def reckon(self, now_ms: int) -> None:
         """Find what to report at a plan time [ms]: the robot has passed plan time stamp - late.

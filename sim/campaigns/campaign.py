@@ -175,14 +175,18 @@ def run_world(
     """Run a world to its end; return whether the fleet reached OVER, and since when [ns].
 
     The time of the last phase change counts, because a coordinator that hangs ends later than that.
-    `watch` is called after each second of virtual time.
+    `watch` is called after each second of virtual time.  A world in which orders are still done
+    goes on; one in which nothing more becomes of them does not.
     """
     finish = max(robot.finish_time for robot in document.robots)
-    longest = _PATIENCE + 3.0 * finish * (1 + len(world.faults))
-    end_ns = world.now_ns + round(longest * SECOND)
+    longest = round((_PATIENCE + 3.0 * finish * (1 + len(world.faults))) * SECOND)
+    end_ns, done = world.now_ns + longest, 0
     while world.now_ns < end_ns and not world.fleet.is_finished:
         world.run(1.0)
         watch()
+        orders = world.fleet.orders
+        if orders.done != done or orders.is_quiet:
+            end_ns, done = world.now_ns + longest, orders.done
     over = world.fleet.is_finished
     said = (one.now_ns for one in world.fleet.incidents if one.kind == "phase")
     over_ns = max(said, default=world.now_ns) if over else world.now_ns

@@ -5,8 +5,8 @@ import random
 import numpy as np
 import pytest
 
+from coordinator.plan.course_staircases import CourseStaircases
 from coordinator.plan.staircases import NO_STAIRCASES
-from coordinator.schedule.course_staircases import CourseStaircases
 from tests.coordinator.schedule.test_authority import TAU, random_staircases
 from tests.sweeps import seeds
 

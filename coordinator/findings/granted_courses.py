@@ -1,0 +1,84 @@
+"""What an epoch's messages granted, its robots' further courses included.
+
+A course that a robot was sent while the fleet drove is proven among the courses that the others
+may have been driving then.
+
+Decides: which courses a new one is proven against.  Must not know: files, the fleet core.
+"""
+
+from __future__ import annotations
+
+from coordinator.plan.course import Course
+from coordinator.plan.document import Limits, PlanDocument
+from coordinator.plan.wire import PackedPlan, packed, unpack
+from coordinator.proof.course_proof import course_failures, that_may_meet
+from coordinator.proof.granted import Granted
+from coordinator.scenario.floor import Floor
+from coordinator.schedule.staircase_making import STANDOFF, staircases_of, with_staircases
+from protocol.codec import encode
+from protocol.messages import Plan, Report
+
+
+class GrantedCourses(Granted):
+    """What one epoch's Commands granted on all courses that robots were sent.
+
+    `plan` has its staircases.  `prove`: whether courses are proven; otherwise only their staircases
+    are found.  `courses`: how many courses robots were sent after their first ones.
+    """
+
+    def __init__(self, plan: PackedPlan, *, prove: bool = False) -> None:
+        super().__init__(plan)
+        self.courses = 0
+        self._terms, self._prove = plan.document, prove
+        self._ways = {one.id: [Course(one, 0.0)] for one in plan.driven}
+        self._limits = {one.id: one.limits for one in plan.document.robots}
+        self._floor: Floor | None = None
+
+    def take_plan(self, robot: str, plan: Plan) -> bool:
+        """Take in a Plan; a course that is not known yet is proven and counts from then on."""
+        if super().take_plan(robot, plan):
+            return True
+        self.courses += 1
+        radius = self._ways[robot][0].driven.radius
+        try:
+            course = Course(unpack(encode(plan), radius), 0.001 * plan.begin_ms)
+        except ValueError as error:
+            self.failures.append(f"{robot} was sent a course that it would refuse: {error}")
+            return True
+        others = [one for name, ways in self._ways.items() if name != robot for one in ways]
+        margin = self._terms.margin
+        near = that_may_meet(course, others, margin + STANDOFF)
+        courses = [course, *near]
+        driven = [one.driven for one in courses]
+        staircases = staircases_of(driven, self._terms.tau, margin + STANDOFF, among=(0,))
+        if self._prove:
+            limits = self._limits[robot] or Limits(max_speed=1e9)
+            gap = self._gap().gap
+            failures = course_failures(courses, staircases, margin, limits, gap)
+            name = f"course {plan.revision} of {robot} in epoch {plan.epoch}"
+            self.failures += [f"{name}: {failure}" for failure in failures]
+        known = [(one.driven.id, one.driven.plan.revision) for one in near]
+        self.add_course(robot, plan, known, staircases)
+        self._ways[robot] = [self._ways[robot][-1], course]
+        return True
+
+    def take_report(self, robot: str, report: Report) -> None:
+        """Take in a robot's progress; a course that it has left counts no more."""
+        super().take_report(robot, report)
+        ways = self._ways.get(robot, [])
+        if len(ways) == 2 and report.revision >= ways[1].driven.plan.revision:
+            del ways[0]
+
+    def _gap(self) -> Floor:
+        if self._floor is None:
+            site = self._terms.workspace
+            self._floor = Floor(site.boundary, site.obstacles) if site else Floor(_EVERYWHERE, [])
+        return self._floor
+
+
+_EVERYWHERE = [(-1e6, -1e6), (1e6, -1e6), (1e6, 1e6), (-1e6, 1e6)]
+
+
+def granted_of(document: PlanDocument) -> GrantedCourses:
+    """Return what has been granted in a plan's epoch: nothing yet."""
+    return GrantedCourses(with_staircases(packed(document)))
