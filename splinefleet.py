@@ -29,6 +29,7 @@ _COMMANDS: Final = (
     "coordinator.cli.plan_commands",
     "coordinator.cli.vda5050_commands",
     "robot_agent.commands",
+    "coordinator.cli.order_commands",
     "coordinator.cli.operator_commands",
     "sim.cli.run_commands",
     "coordinator.cli.info_commands",

@@ -280,6 +280,9 @@ def coordinator(
     wait: Annotated[
         float, typer.Option(callback=within(0.1), help="Seconds to wait for all robots.")
     ] = 60.0,
+    stay: Annotated[
+        bool, typer.Option("--stay", help="Wait for orders until the fleet is told to end.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print events as JSON lines.")] = False,
 ) -> None:
     """Run only the coordinator; robots connect to it, or it and the robots to a router.
@@ -292,7 +295,7 @@ def coordinator(
 
     place = meeting_place(listen, connect, keys, insecure)
     asked = read_scenario(scenario)
-    runner = Coordinator(asked, effort=effort, speed=speed, events=as_json)
+    runner = Coordinator(asked, effort=effort, speed=speed, events=as_json, stays=stay)
     raise typer.Exit(runner.run(place, log, plan_out, wait, resume, keys))
 
 

@@ -19,6 +19,7 @@ from coordinator.findings.held import held_in, late_numbers
 from coordinator.findings.info_fields import (
     EpochSummary,
     FaultSummary,
+    OrderSummary,
     PhaseChange,
     RobotSummary,
     Summary,
@@ -47,7 +48,18 @@ from coordinator.fleet.member import WITHOUT
 from coordinator.fleet.phases import AWAY
 from coordinator.security.denials import denial_of, is_denial_key
 from protocol import codec, keys, phases
-from protocol.messages import Command, Hello, Message, Plan, Refusal, Report
+from protocol.messages import (
+    Cancel,
+    Command,
+    Hello,
+    Message,
+    Order,
+    OrderState,
+    Plan,
+    Refusal,
+    Report,
+    Tell,
+)
 from protocol.timing import REPORT_TIMEOUT
 
 if TYPE_CHECKING:
@@ -107,6 +119,9 @@ class _Telling:
         self._plans = read_plans(log.attachments)
         self._strangers = strangers_in(log)
         self._messages: list[tuple[str, Plan]] = []
+        self._orders: dict[str, OrderState] = {}
+        self._arrived_by: dict[str, tuple[int, int]] = {}
+        """The course, by epoch and revision, on which each robot has arrived last."""
         self.summary = Summary(
             fleet=log.metadata.get("fleet", ""),
             policy=log.metadata.get("policy"),
@@ -135,9 +150,11 @@ class _Telling:
         for name, robot in told.robots.items():
             if robot.arrived is None:
                 robot.fault = self._unfit.get(name, robot.fault)
-            if robot.arrived is not None and robot.planned_finish is not None:
+            _, revision = self._arrived_by.get(name, (0, 0))
+            if robot.arrived is not None and robot.planned_finish is not None and not revision:
                 robot.late = robot.arrived - robot.planned_finish
         self._numbers.fill(told)
+        told.orders = [OrderSummary.of(state) for state in self._orders.values()]
         if self._is_late:
             told.held = held_in(self._log, self._before, self._seconds)
             self._tell_why_frozen()
@@ -193,7 +210,7 @@ class _Telling:
         self.summary.fleet = self.summary.fleet or fleet
         if fleet != self.summary.fleet:
             return
-        if robot in self._strangers:
+        if robot in self._strangers and kind != "orders":
             self._tell_refused(kind, robot, record)
             return
         if kind == "alive":
@@ -208,7 +225,10 @@ class _Telling:
         if isinstance(message, Hello | Report) or is_question(message):
             self._robot(robot).bytes_sent += size
             self._sent.append((robot, record.log_ns, size))
-        else:
+        elif isinstance(message, OrderState):
+            self._orders[message.id] = message
+            return
+        elif not isinstance(message, Order | Cancel | Tell):
             self.summary.largest_message_to_robot_bytes = max(
                 self.summary.largest_message_to_robot_bytes, size
             )
@@ -324,9 +344,10 @@ class _Telling:
         if report.phase != phases.DONE or report.epoch not in self._starts_ns:
             return
         epoch = self._epochs[report.epoch]
-        if robot not in epoch.arrivals:
+        course = (report.epoch, report.revision)
+        if robot not in epoch.arrivals or self._arrived_by.get(robot) != course:
             told.arrived = epoch.arrivals[robot] = self._seconds(log_ns)
-            self._last_arrival_ns = log_ns
+            self._last_arrival_ns, self._arrived_by[robot] = log_ns, course
 
     def _tell_fault(self, log_ns: int, robot: str, fault: str, kind: str) -> None:
         self.summary.faults.append(FaultSummary(self._seconds(log_ns), robot, fault, kind))

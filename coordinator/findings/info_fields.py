@@ -9,6 +9,7 @@ import msgspec
 
 from coordinator.findings.wait_summary import WaitSummary
 from coordinator.plan.document import Proof
+from protocol.messages import ORDER_STATES, OrderState
 
 
 class Traffic(msgspec.Struct):
@@ -124,6 +125,42 @@ class HeldSummary(msgspec.Struct, frozen=True):
     until: float
 
 
+class OrderSummary(msgspec.Struct, frozen=True):
+    """What became of an order; times [s], null for what has not happened or is not known.
+
+    `alone`: the time that its robot would have taken with nobody else on the floor.
+    """
+
+    id: str
+    robot: str
+    state: str
+    released: float | None
+    accepted: float | None
+    planned_arrival: float | None
+    arrived: float | None
+    alone: float | None
+    reason: str
+
+    @classmethod
+    def of(cls, state: OrderState) -> OrderSummary:
+        """Return the summary of what a coordinator said last of an order."""
+
+        def seconds(ms: int | None) -> float | None:
+            return None if ms is None else ms / 1000.0
+
+        return cls(
+            state.id,
+            state.robot,
+            ORDER_STATES[state.state],
+            seconds(state.released_ms),
+            seconds(state.accepted_ms),
+            seconds(state.planned_arrival_ms),
+            seconds(state.arrived_ms),
+            seconds(state.alone_ms),
+            state.reason,
+        )
+
+
 class FreezeSummary(msgspec.Struct):
     """A freeze at `t` [s] and how long its parts took [s]; null for what is not in the log.
 
@@ -200,6 +237,7 @@ class Summary(msgspec.Struct):
     freezes: int = 0
     frozen: list[FreezeSummary] = []
     held: list[HeldSummary] = []
+    orders: list[OrderSummary] = []
     latencies: dict[str, Percentiles] = {}
     broadcast: Broadcast | None = None
     waits: list[WaitSummary] = []

@@ -5,7 +5,7 @@ Decides: what a person sees first.  Must not know: logs or messages; it gets the
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from textwrap import fill
 
 import msgspec
@@ -18,6 +18,7 @@ from coordinator.findings.info_fields import (
     Broadcast,
     EpochSummary,
     FreezeSummary,
+    OrderSummary,
     Percentiles,
     RobotSummary,
     Summary,
@@ -48,6 +49,8 @@ def render(summary: dict[str, object]) -> RenderableType:
         Text(f"{one.robot} was held by {one.by} from {one.begin:.2f} to {one.until:.2f} s")
         for one in told.held
     ]
+    if told.orders:
+        parts.append(orders_table(told.orders))
     if told.latencies:
         parts.append(_latencies(told.latencies))
     if told.keys:
@@ -57,6 +60,26 @@ def render(summary: dict[str, object]) -> RenderableType:
     if planned and told.proof is not None:
         parts.append(render_proof(told.proof))
     return Group(*parts)
+
+
+def orders_table(orders: Sequence[OrderSummary]) -> Table:
+    """Return a table of orders and what became of them."""
+    table = plain_table(
+        "order",
+        "robot",
+        "state",
+        "known s",
+        "told s",
+        "arrived s",
+        "alone s",
+        "why",
+        title="orders",
+    )
+    for one in orders:
+        times = (one.released, one.accepted, one.arrived, one.alone)
+        shown = ("" if time is None else f"{time:.1f}" for time in times)
+        table.add_row(one.id, one.robot, one.state, *shown, one.reason)
+    return table
 
 
 def _plan_headline(told: Summary) -> Table:

@@ -27,7 +27,7 @@ def strangers_in(log: Log) -> set[str]:
     spoke, refused, drove = set(), set(), set()
     for record in log.records:
         place = keys.split(record.key)
-        if place is None or not place[2]:
+        if place is None or not place[2] or place[1] == "orders":
             continue
         spoke.add(place[2])
         if robots or place[1] not in ("plan", "report"):

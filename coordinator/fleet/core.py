@@ -48,6 +48,7 @@ from protocol.messages import (
     Command,
     Hello,
     Order,
+    OrderState,
     Report,
     Tell,
 )
@@ -238,7 +239,9 @@ class Fleet(FleetState):
     def _hear_order(self, message: Order | Cancel, now_ns: int) -> list[Outgoing]:
         """Take in an order, or take one back; the answer is what has become of it."""
         if isinstance(message, Cancel):
-            self.orders.cancel(message.id)
+            if self.orders.cancel(message.id, self.since_go_ms(now_ns)) is None:
+                reason = f"there is no order {message.id}"
+                return [self._order_state(OrderState(message.id, REFUSED, reason=reason))]
         elif self.is_ending:
             task = self.orders.give(order_of(message), self.since_go_ms(now_ns))
             if not task.is_over and task.accepted_ms is None:

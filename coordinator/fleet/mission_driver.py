@@ -40,6 +40,7 @@ from coordinator.fleet.mission import Mission
 from coordinator.fleet.recovery import Recovery
 from coordinator.plan.document import PlanDocument
 from coordinator.planning.course_search import Answer
+from protocol import keys
 from protocol.phases import FREEZE, GO, HOLD
 from protocol.timing import MILLISECOND, SECOND
 
@@ -118,7 +119,9 @@ class MissionDriver:
         self._journal = journal
         self._send = send
         self._plans = self.fleet.plans()
+        self._order_states: dict[str, bytes] = {}
         self._answers_from_ns = 0
+        self._orders_key = keys.orders(self.fleet.name, "")
         self._router_up: bool | None = None
         self._drops: dict[str, int] = {}
         self._drops_told_ns = 0
@@ -202,6 +205,10 @@ class MissionDriver:
         self._answers_from_ns = now_ns + _ANSWER_TIME * len(plans)
         return [(plan.key, plan.payload) for plan in plans]
 
+    def orders_again(self) -> list[tuple[str, bytes]]:
+        """Return what was said last of each order, as keys and payloads."""
+        return list(self._order_states.items())
+
     def nobody_goes(self, now_ns: int) -> bool:
         """Return whether no robot is on its way, because none was sent or all rest."""
         phase = self.fleet.phase
@@ -262,6 +269,8 @@ class MissionDriver:
         """
         for message in messages:
             self._journal.record(message.key, message.payload, now_ns)
+            if message.key.startswith(self._orders_key):
+                self._order_states[message.key] = message.payload
         if messages and self._phase != (self.fleet.epoch, self.fleet.phase):
             self._phase = (self.fleet.epoch, self.fleet.phase)
             is_logged = self._journal.sync()

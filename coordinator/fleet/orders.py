@@ -160,12 +160,14 @@ class OrderBook:
         self._ended.append(task)
         self.done += 1
 
-    def cancel(self, order_id: str) -> Task | None:
+    def cancel(self, order_id: str, now_ms: int) -> Task | None:
         """Take an order back, unless it is over; return it, or None if there is no such order.
 
         A robot that is under way for it ends where it is bound for.
         """
-        self._later.pop(order_id, None)
+        later = self._later.pop(order_id, None)
+        if later is not None:
+            self.give(later, now_ms)
         task = self.tasks.get(order_id)
         if task is not None and not task.is_over:
             under_way = task.state == UNDER_WAY and task.arrived_ms is None

@@ -36,15 +36,22 @@ Head = tuple[dict[str, str], list[Attachment]]
 
 
 def first_head(
-    scenario: Scenario, document: PlanDocument, *, boot: int, effort: int, speed: float = 1.0
+    scenario: Scenario,
+    document: PlanDocument,
+    *,
+    boot: int,
+    effort: int,
+    speed: float = 1.0,
+    stays: bool = False,
 ) -> Head:
-    """Return the head of a run's first log."""
+    """Return the head of a run's first log; `stays`: whether the fleet waits for orders."""
     metadata = {
         "fleet": document.scenario,
         "policy": document.policy,
         "boot": str(boot),
         "effort": str(effort),
         "speed": str(speed),
+        "stays": "yes" if stays else "no",
         "protocol": str(PROTOCOL_VERSION),
         "python": platform.python_version(),
         **{name: version(name) for name in _VERSIONED},

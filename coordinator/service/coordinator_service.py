@@ -174,6 +174,8 @@ class Service:
             keys.plan(fleet, "*"), lambda: self.driver.plans_again(self._clock())
         )
 
+        self._transport.answer(keys.orders(fleet, "*"), self.driver.orders_again)
+
     async def _take_until(self, due: int) -> None:
         """Let the driver hear what arrives until the clock shows `due`."""
         await asyncio.sleep(0)  # Finished jobs must be noticed even if many messages wait.

@@ -43,11 +43,14 @@ from protocol.shared_clock import announce_clock
 class Coordinator:
     """The coordinator of one scenario's fleet; its clock is `speed` times as fast as real time."""
 
-    def __init__(self, scenario: Scenario, *, effort: int, speed: float, events: bool) -> None:
+    def __init__(
+        self, scenario: Scenario, *, effort: int, speed: float, events: bool, stays: bool = False
+    ) -> None:
         self.scenario = scenario
         self.effort = effort
         self.speed = speed
         self._events = events
+        self._stays = stays
         self._told = 0
         self._roll_call = RollCall()
         self._aside_news = AsideNews()
@@ -117,7 +120,7 @@ class Coordinator:
         plan = plan_here(self.scenario, self.effort)
         if plan_file is not None:
             write_file(plan_file, to_json(plan.document))
-        return Mission(self.scenario, plan, boot, self._plan_again)
+        return Mission(self.scenario, plan, boot, self._plan_again, stays=self._stays)
 
     def _go_on(self, boot: int, resume: Path) -> Mission:
         """Resume the mission in the log of a coordinator that has died."""
@@ -133,6 +136,7 @@ class Coordinator:
         planned = scenario_of(log)
         if changed := changes(planned, self.scenario):
             raise InputError([_changed(resume, change) for change in changed])
+        self._stays = mission.fleet.orders.stays
         self.scenario = planned  # It has the robots in the order in which replay plans them.
         speed = log.metadata.get("speed", str(self.speed))
         if speed != str(self.speed):
@@ -161,7 +165,14 @@ class Coordinator:
     def _recorder(
         self, log: Path | None, document: PlanDocument, boot: int, resume: Path | None
     ) -> Recorder:
-        head = first_head(self.scenario, document, boot=boot, effort=self.effort, speed=self.speed)
+        head = first_head(
+            self.scenario,
+            document,
+            boot=boot,
+            effort=self.effort,
+            speed=self.speed,
+            stays=self._stays,
+        )
         metadata, attachments = (
             head if resume is None else resumed(head, self._before, self._began_ns)
         )

@@ -126,7 +126,8 @@ def _begin(log: Log) -> Mission:
     difference = _compare_documents("plan-1.json", recorded, plan.document)
     if difference:
         raise _NotAgainError(difference)
-    return Mission(scenario, plan, boot, lambda s, epoch: plan_here(s, effort, epoch))
+    stays = log.metadata.get("stays") == "yes"
+    return Mission(scenario, plan, boot, lambda s, epoch: plan_here(s, effort, epoch), stays=stays)
 
 
 def _resumed(log: Log, boot: int) -> Mission:

@@ -21,7 +21,7 @@ from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import from_json, plan_name, read
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Command
+from protocol.messages import Command, Plan, Report
 from protocol.phases import GO
 from protocol.timing import SECOND
 from sim.judging.blackbox import BlackBox, read_blackbox
@@ -35,12 +35,27 @@ class Epoch(NamedTuple):
     start: float
 
 
+class FurtherCourse(NamedTuple):
+    """A course that a robot got while the fleet drove: its Plan message, and since when.
+
+    begin: when the robot began it; start: the time zero of its epoch [s since the first GO].
+    """
+
+    payload: bytes
+    begin: float
+    start: float
+
+
 class Evidence(NamedTuple):
-    """The first plan, the later epochs according to the logs, and the black boxes by robot."""
+    """The first plan, the later epochs according to the logs, and the black boxes by robot.
+
+    `courses`: what robots got besides, by robot, in the order of their times.
+    """
 
     document: PlanDocument
     later: list[Epoch]
     boxes: dict[str, BlackBox]
+    courses: dict[str, list[FurtherCourse]]
 
 
 class _Told(NamedTuple):
@@ -49,6 +64,11 @@ class _Told(NamedTuple):
     plans: dict[str, bytes]
     begins: dict[int, int]
     starts: dict[int, int]
+    courses: dict[tuple[str, int, int], bytes]
+    """Plan messages of further courses, by robot, epoch and revision."""
+
+    begun: dict[tuple[str, int, int], int]
+    """When robots first reported to drive them [ns]."""
 
 
 def gather(source: Path) -> Evidence:
@@ -59,7 +79,8 @@ def gather(source: Path) -> Evidence:
     folder = source if source.is_dir() else source.parent
     told = _told(_logs(source))
     document = _first_plan(folder, source, told.plans)
-    return Evidence(document, _later(told), _boxes(folder, document, told.starts))
+    boxes = _boxes(folder, document, told.starts)
+    return Evidence(document, _later(told), boxes, _courses(told))
 
 
 def _logs(source: Path) -> list[Log]:
@@ -74,7 +95,7 @@ def _logs(source: Path) -> list[Log]:
 
 
 def _told(logs: Sequence[Log]) -> _Told:
-    told = _Told({}, {}, {})
+    told = _Told({}, {}, {}, {}, {})
     for log in logs:
         told.plans.update(log.attachments)
         for record in log.records:
@@ -84,6 +105,12 @@ def _told(logs: Sequence[Log]) -> _Told:
                 told.begins.setdefault(message.epoch, record.log_ns)
                 if message.phase == GO:
                     told.starts.setdefault(message.epoch, message.start_ns)
+            elif isinstance(message, Plan | Report) and place is not None and message.revision:
+                course = (place[2], message.epoch, message.revision)
+                if isinstance(message, Plan):
+                    told.courses[course] = record.payload
+                else:
+                    told.begun.setdefault(course, record.log_ns)
     return told
 
 
@@ -109,6 +136,19 @@ def _later(told: _Told) -> list[Epoch]:
         for epoch, begin_ns in sorted(told.begins.items())
         if epoch != first and epoch in told.starts and (name := plan_name(epoch)) in told.plans
     ]
+
+
+def _courses(told: _Told) -> dict[str, list[FurtherCourse]]:
+    """Return the courses that robots have begun while the fleet drove."""
+    found: dict[str, list[FurtherCourse]] = {}
+    first = min(told.starts, default=0)
+    for course, begun_ns in sorted(told.begun.items(), key=lambda item: item[1]):
+        robot, epoch, _ = course
+        if course in told.courses and epoch in told.starts:
+            begin = (begun_ns - told.starts[first]) / SECOND
+            start = (told.starts[epoch] - told.starts[first]) / SECOND
+            found.setdefault(robot, []).append(FurtherCourse(told.courses[course], begin, start))
+    return found
 
 
 def _boxes(folder: Path, document: PlanDocument, starts: Mapping[int, int]) -> dict[str, BlackBox]:

@@ -19,13 +19,14 @@ import numpy as np
 
 from coordinator.curves.nurbs import Array
 from coordinator.plan.document import PlanDocument
-from coordinator.plan.wire import Driven, drive
+from coordinator.plan.wire import Driven, drive, unpack
 from protocol.phases import DONE, FROZEN, IDLE, MOVING, PHASE_NAMES
 from sim.judging.blackbox import BlackBox
 from sim.judging.clearance import SolidGround
-from sim.judging.evidence import Epoch, gather
+from sim.judging.evidence import Epoch, FurtherCourse, gather
 from sim.judging.polyline import Polyline
 
+NO_COURSES: Final[Mapping[str, Sequence[FurtherCourse]]] = {}
 _GRID: Final = 0.001
 _SLACK: Final = 0.02
 """Time [s] by which a black box row may be early or late: one is written per control tick."""
@@ -88,13 +89,16 @@ def judge(source: Path) -> Verdict:
     plans of later epochs.
     """
     found = gather(source)
-    return judge_boxes(found.document, found.boxes, found.later)
+    return judge_boxes(found.document, found.boxes, found.later, found.courses)
 
 
 def judge_boxes(
-    document: PlanDocument, boxes: Mapping[str, BlackBox], later: Sequence[Epoch] = ()
+    document: PlanDocument,
+    boxes: Mapping[str, BlackBox],
+    later: Sequence[Epoch] = (),
+    courses: Mapping[str, Sequence[FurtherCourse]] = NO_COURSES,
 ) -> Verdict:
-    """Judge black boxes against a plan and the plans of later epochs, in order.
+    """Judge black boxes against a plan, the plans of later epochs, and further courses.
 
     A robot with an empty black box is assumed to stand at its start.
     """
@@ -116,7 +120,7 @@ def judge_boxes(
         robots=[
             _judge_robot(
                 document,
-                _legs(epochs, rides, robot.id, whole[robot.id]),
+                _legs(epochs, rides, courses.get(robot.id, ()), robot.id, whole[robot.id]),
                 whole[robot.id],
                 end,
                 clearances.get(robot.id),
@@ -165,16 +169,25 @@ def _from_start(driven: Driven, box: BlackBox) -> BlackBox:
 
 
 def _legs(
-    epochs: Sequence[Epoch], rides: Sequence[Mapping[str, Driven]], name: str, box: BlackBox
+    epochs: Sequence[Epoch],
+    rides: Sequence[Mapping[str, Driven]],
+    courses: Sequence[FurtherCourse],
+    name: str,
+    box: BlackBox,
 ) -> list[tuple[Driven, BlackBox]]:
-    """Return the plans that a robot drove, each with its rows until the next epoch began."""
-    begins = [epoch.begin for epoch in epochs]
+    """Return the courses that a robot drove, each with its rows until the next one began."""
+    parts = [
+        (epoch.begin, epoch.start, ride.get(name))
+        for epoch, ride in zip(epochs, rides, strict=True)
+    ]
+    radius = rides[0][name].radius
+    parts += [(one.begin, one.start, unpack(one.payload, radius)) for one in courses]
+    parts.sort(key=lambda part: part[0])
+    ends = [*(begin for begin, _, _ in parts[1:]), math.inf]
     return [
-        (ride[name], box.between(begin, end, epoch.start))
-        for epoch, begin, end, ride in zip(
-            epochs, begins, [*begins[1:], math.inf], rides, strict=True
-        )
-        if name in ride
+        (driven, box.between(begin, end, start))
+        for (begin, start, driven), end in zip(parts, ends, strict=True)
+        if driven is not None
     ]
 
 
@@ -190,10 +203,15 @@ def _judge_robot(
     A robot that froze within the tolerance of its goal has arrived: no plan takes it any farther,
     and it is idle there during later epochs, in which it has no part.
     """
-    tolerance, driven, box = 0.5 * document.margin, legs[0][0], whole
+    tolerance, driven, box = 0.5 * document.margin, legs[-1][0], whole
     goal = driven.curve.at_arc([driven.curve.length])[0]
     near = np.hypot(*(box.places - goal).T) <= tolerance
-    done = [t for t, phase in zip(box.t, box.phases, strict=True) if phase == PHASE_NAMES[DONE]]
+    since = legs[-1][1].t[0] if driven.plan.revision and len(legs[-1][1].t) else -math.inf
+    done = [
+        t
+        for t, phase in zip(box.t, box.phases, strict=True)
+        if phase == PHASE_NAMES[DONE] and t >= since
+    ]
     there = int(np.argmax(np.logical_and.accumulate(near[::-1])[::-1]))
     rests = near[-1] and box.phases[-1] in _AT_REST and _AT_REST[0] in box.phases[there:]
     if not done and rests:

@@ -35,6 +35,7 @@ def conclude(folder: Path, name: str, code: int, as_json: bool) -> None:
         succeeded=succeeded(code, verdict),
         freezes=told["freezes"],
         held=told["held"],
+        orders=told["orders"],
         judge=verdict,
         info=told,
         files=files_of(folder),

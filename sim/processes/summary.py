@@ -5,6 +5,7 @@ Decides: when a run has succeeded.  Must not know: processes.
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Final
 
@@ -22,13 +23,15 @@ _ERRORS: Final = ("tracking error mm", "lateness s", "clock error ms")
 class RunSummary(msgspec.Struct):
     """The content of summary.json: the judge's verdict and the summary of the log.
 
-    `freezes` and `held` are those of `info`, how often the fleet froze and who was held by whom.
+    `freezes`, `held` and `orders` are those of `info`: how often the fleet froze, who was held by
+    whom, and what became of each order.
     """
 
     scenario: str
     succeeded: bool
     freezes: object
     held: object
+    orders: object
     judge: Verdict
     info: dict[str, object]
     files: dict[str, str]
@@ -59,6 +62,9 @@ def render(summary: RunSummary) -> RenderableType:
         *_collisions(summary.judge),
         f"messages with positions {summary.info.get('positions_on_wire')}",
     ]
+    if summary.orders:
+        states = Counter(one["state"] for one in msgspec.convert(summary.orders, list[dict]))
+        lines.append("orders " + ", ".join(f"{count} {state}" for state, count in states.items()))
     if summary.judge.least_separation is not None:
         lines.append(f"least separation {summary.judge.least_separation:.4f} m")
     lines += [*_clearance(summary.judge), *_unknown(summary.judge)]

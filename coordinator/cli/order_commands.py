@@ -1,0 +1,352 @@
+"""The commands by which an operator gives orders to a running fleet, stops it and ends it.
+
+Decides: their options and exit codes.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Annotated, Final
+
+import msgspec
+import typer
+
+from coordinator.base.console import answer_json, answers, tell
+from coordinator.cli.plan_commands import Json, within
+from coordinator.findings.info_fields import OrderSummary
+from coordinator.findings.info_table import orders_table
+from coordinator.service.key_option import Keys, given_keys
+from protocol import keys as places
+from protocol.codec import decode, encode
+from protocol.messages import (
+    CANCELLED,
+    END,
+    GO_ON,
+    HALT,
+    MOST_VIAS,
+    ORDER_DONE,
+    REFUSED,
+    Cancel,
+    Command,
+    Message,
+    Order,
+    OrderState,
+    Tell,
+)
+from protocol.phases import COMMAND_NAMES, FREEZE, GO, OVER, STOP
+from protocol.transport import Transport
+
+commands = typer.Typer()
+
+_PERIOD_S: Final = 0.2
+_QUIET_S: Final = 0.5
+"""When no further order's state has come for so long, all have."""
+
+Connect = Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")]
+FleetName = Annotated[
+    str | None, typer.Option(help="Name of the fleet; by default the first one heard.")
+]
+Patience = Annotated[
+    float, typer.Option("--patience", callback=within(0.5, 86_400.0), help="Seconds to wait.")
+]
+
+
+class _Line:
+    """A link to one fleet: what arrives, and where to put."""
+
+    def __init__(self, transport: Transport, fleet: str | None, patience: float) -> None:
+        self.boot = int.from_bytes(os.urandom(4), "little")
+        self.fleet = fleet
+        self._transport = transport
+        self._heard: queue.SimpleQueue[tuple[str, Message]] = queue.SimpleQueue()
+        self._until = time.monotonic() + patience
+        for key in (places.command(fleet or "*"), places.orders(fleet or "*", "*")):
+            transport.subscribe(key, self._hear)
+
+    def _hear(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
+        place = places.split(key)
+        message = decode(place[1], payload) if place is not None else None
+        if place is not None and message is not None:
+            self._heard.put((place[0], message))
+
+    def messages(self, say: Callable[[str], None]) -> Iterator[Message]:
+        """Yield the fleet's messages; call `say` with the fleet's name now and then until heard."""
+        due = 0.0
+        while (now := time.monotonic()) < self._until:
+            if self.fleet is not None and now >= due:
+                say(self.fleet)
+                due = now + _PERIOD_S
+            try:
+                name, message = self._heard.get(timeout=_PERIOD_S)
+            except queue.Empty:
+                continue
+            if self.fleet is None and isinstance(message, Command):
+                self.fleet = name
+            if name == self.fleet:
+                yield message
+
+    def put(self, key: str, message: Message) -> None:
+        """Send a message."""
+        self._transport.put(key, encode(message))
+
+    def states(self) -> dict[str, OrderState]:
+        """Return the states of all orders, by order; empty if nobody answers."""
+        found: dict[str, OrderState] = {}
+        last = 0.0
+
+        def ask(fleet: str) -> None:
+            self._transport.ask(places.orders(fleet, "*"), self._hear)
+
+        for message in self.messages(ask):
+            now = time.monotonic()
+            if isinstance(message, OrderState):
+                if found.get(message.id) != message:
+                    last = now
+                found[message.id] = message
+            elif found and now - last > _QUIET_S:
+                break
+        return found
+
+
+@contextmanager
+def _line(connect: str, fleet: str | None, patience: float, keys: Keys) -> Iterator[_Line]:
+    from protocol.zenoh_transport import ZenohTransport
+
+    if fleet is not None and not places.NAME.fullmatch(fleet):
+        what = f"{fleet[:60]!r} is not {places.NAME_IN_WORDS}"
+        raise typer.BadParameter(what, param_hint="--fleet")
+    files = given_keys(keys, "operator")
+    with ZenohTransport.connect(connect, timeout_s=min(patience, 20.0), keys=files) as transport:
+        yield _Line(transport, fleet, patience)
+
+
+def _numbers(text: str, counts: tuple[int, ...], option: str) -> tuple[float, ...]:
+    """Read numbers separated by commas; there have to be so many."""
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        found = ()
+    if len(found) not in counts or not all(abs(number) < 1e9 for number in found):
+        shape = " or ".join({2: "X,Y", 3: "X,Y,HEADING"}[count] for count in counts)
+        raise typer.BadParameter(f"{text[:60]!r} is not {shape}", param_hint=option)
+    return found
+
+
+def _name(text: str, option: str) -> str:
+    if not places.NAME.fullmatch(text):
+        what = f"{text[:60]!r} is not {places.NAME_IN_WORDS}"
+        raise typer.BadParameter(what, param_hint=option)
+    return text
+
+
+@commands.command(rich_help_panel="Operate")
+def order(
+    to: Annotated[str, typer.Option(help="X,Y or X,Y,HEADING in m and rad.")],
+    connect: Connect,
+    fleet: FleetName = None,
+    robot: Annotated[
+        str | None, typer.Option(help="Which robot; by default the coordinator chooses.")
+    ] = None,
+    via: Annotated[
+        list[str] | None, typer.Option(help="X,Y to pass on the way; repeatable, in order.")
+    ] = None,
+    dwell: Annotated[
+        float,
+        typer.Option(callback=within(0.0, 86_400.0), help="Seconds that it stands at the goal."),
+    ] = 0.0,
+    priority: Annotated[int, typer.Option(help="Of orders that wait, the higher goes first.")] = 0,
+    order_id: Annotated[
+        str | None, typer.Option("--id", help="The same id again is the same order.")
+    ] = None,
+    now: Annotated[
+        bool, typer.Option("--now", help="The robot leaves what it does for this order.")
+    ] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="Wait until the order is over.")] = False,
+    patience: Patience = 20.0,
+    keys: Keys = None,
+    as_json: Json = False,
+) -> None:
+    """Give an order to a running fleet and print what becomes of it.
+
+    A robot's second order waits behind its first.  The exit code is 1 if the order is refused or
+    cancelled, or if no coordinator answers within --patience.
+
+    Example: splinefleet order --connect tcp/127.0.0.1:7447 --to 9,5 --robot R1 --wait
+    """
+    goal = _numbers(to, (2, 3), "--to")
+    passed = [_numbers(one, (2,), "--via") for one in via or ()]
+    if len(passed) > MOST_VIAS:
+        raise typer.BadParameter(f"more than {MOST_VIAS} places", param_hint="--via")
+    name = _name(order_id, "--id") if order_id is not None else f"order-{os.urandom(4).hex()}"
+    whose = _name(robot, "--robot") if robot is not None else ""
+    state: OrderState | None = None
+    with _line(connect, fleet, 86_400.0 if wait else patience, keys) as line:
+        given = Order(
+            boot=line.boot,
+            id=name,
+            goal=goal,
+            robot=whose,
+            via=tuple((x, y) for x, y in passed),
+            dwell_ms=round(1000.0 * dwell),
+            priority=priority,
+            now=now,
+        )
+        began = time.monotonic()
+
+        def say(known: str) -> None:
+            if state is None:
+                line.put(places.order(known), given)
+
+        for message in line.messages(say):
+            if isinstance(message, OrderState) and message.id == name:
+                state = message
+                if not wait or state.state in (ORDER_DONE, CANCELLED, REFUSED):
+                    break
+            if state is None and time.monotonic() - began > patience:
+                break
+            if isinstance(message, Command) and message.phase == OVER and state is not None:
+                break
+    _conclude(name, state, as_json, patience)
+
+
+def _conclude(name: str, state: OrderState | None, as_json: bool, patience: float) -> None:
+    if state is None:
+        tell(f"no coordinator has answered to order {name} within {patience:g} s", "red")
+        raise typer.Exit(1)
+    shown = OrderSummary.of(state)
+    if as_json:
+        answer_json(shown)
+    else:
+        why = f": {shown.reason}" if shown.reason else ""
+        answers.print(f"{name} {shown.robot or 'no robot yet'} {shown.state}{why}", markup=False)
+    if state.state in (CANCELLED, REFUSED):
+        raise typer.Exit(1)
+
+
+@commands.command(rich_help_panel="Operate")
+def orders(
+    connect: Connect,
+    fleet: FleetName = None,
+    patience: Patience = 5.0,
+    keys: Keys = None,
+    as_json: Json = False,
+) -> None:
+    """List all orders of a running fleet and what has become of them.
+
+    Example: splinefleet orders --connect tcp/127.0.0.1:7447
+    """
+    with _line(connect, fleet, patience, keys) as line:
+        states = line.states()
+        if line.fleet is None:
+            tell(f"no coordinator was heard within {patience:g} s", "red")
+            raise typer.Exit(1)
+    found = [OrderSummary.of(state) for state in states.values()]
+    found.sort(key=lambda one: (one.released or 0.0, one.id))
+    if as_json:
+        answer_json(msgspec.to_builtins(found))
+    elif found:
+        answers.print(orders_table(found))
+    else:
+        tell(f"{line.fleet} has no orders")
+
+
+@commands.command(rich_help_panel="Operate")
+def cancel(
+    order_id: Annotated[str, typer.Argument(metavar="ORDER", help="The id of the order.")],
+    connect: Connect,
+    fleet: FleetName = None,
+    patience: Patience = 20.0,
+    keys: Keys = None,
+    as_json: Json = False,
+) -> None:
+    """Take an order back.
+
+    The exit code is 1 if there is no such order, or if it is done already.
+
+    Example: splinefleet cancel o1 --connect tcp/127.0.0.1:7447
+    """
+    name = _name(order_id, "ORDER")
+    state: OrderState | None = None
+    with _line(connect, fleet, patience, keys) as line:
+
+        def say(known: str) -> None:
+            line.put(places.order(known), Cancel(line.boot, name))
+
+        for message in line.messages(say):
+            if isinstance(message, OrderState) and message.id == name:
+                state = message
+                if state.state in (ORDER_DONE, CANCELLED, REFUSED):
+                    break
+    if state is not None and state.state == CANCELLED:
+        why = f": {state.reason}" if state.reason else ""
+        tell(f"{name} is cancelled{why}")
+        if as_json:
+            answer_json(OrderSummary.of(state))
+        return
+    if state is None:
+        tell(f"no coordinator has answered within {patience:g} s", "red")
+    else:
+        tell(f"{name}: {state.reason or OrderSummary.of(state).state}", "red")
+    raise typer.Exit(1)
+
+
+def _tell_fleet(
+    what: int, wanted: tuple[int, ...], connect: str, fleet: str | None, patience: float, keys: Keys
+) -> None:
+    """Tell the fleet something until its Commands state one of these phases."""
+    phase: int | None = None
+    with _line(connect, fleet, patience, keys) as line:
+
+        def say(known: str) -> None:
+            line.put(places.tell(known), Tell(line.boot, what))
+
+        for message in line.messages(say):
+            if isinstance(message, Command):
+                phase = message.phase
+                if phase in wanted:
+                    tell(f"{line.fleet}: {COMMAND_NAMES[phase]}")
+                    return
+    if phase is None:
+        tell(f"no coordinator was heard within {patience:g} s", "red")
+    else:
+        tell(f"{line.fleet} has been told; it is still {COMMAND_NAMES[phase]}", "red")
+    raise typer.Exit(1)
+
+
+@commands.command(rich_help_panel="Operate")
+def freeze(
+    connect: Connect, fleet: FleetName = None, patience: Patience = 20.0, keys: Keys = None
+) -> None:
+    """Stop a fleet at once; its robots keep their courses.
+
+    Example: splinefleet freeze --connect tcp/127.0.0.1:7447
+    """
+    _tell_fleet(HALT, (STOP, FREEZE, OVER), connect, fleet, patience, keys)
+
+
+@commands.command(rich_help_panel="Operate")
+def resume(
+    connect: Connect, fleet: FleetName = None, patience: Patience = 20.0, keys: Keys = None
+) -> None:
+    """Let a fleet that was stopped go on where it was.
+
+    Example: splinefleet resume --connect tcp/127.0.0.1:7447
+    """
+    _tell_fleet(GO_ON, (GO, OVER), connect, fleet, patience, keys)
+
+
+@commands.command(rich_help_panel="Operate")
+def end(
+    connect: Connect, fleet: FleetName = None, patience: Patience = 600.0, keys: Keys = None
+) -> None:
+    """End a fleet's mission: it takes no further orders, and ends when all robots rest.
+
+    The exit code is 1 if that is not so within --patience; it ends later then.
+
+    Example: splinefleet end --connect tcp/127.0.0.1:7447
+    """
+    _tell_fleet(END, (OVER,), connect, fleet, patience, keys)
