@@ -30,6 +30,7 @@ from protocol.messages import (
     MOST_VIAS,
     ORDER_DONE,
     REFUSED,
+    WAITING,
     Cancel,
     Command,
     Message,
@@ -43,6 +44,9 @@ from protocol.transport import Transport
 commands = typer.Typer()
 
 _PERIOD_S: Final = 0.2
+_SETTLES_S: Final = 1.5
+"""For so long an order is waited for to be begun or refused, so that its first answer says more."""
+
 _QUIET_S: Final = 0.5
 """When no further order's state has come for so long, all have."""
 
@@ -204,8 +208,12 @@ def order(
         for message in line.messages(say):
             if isinstance(message, OrderState) and message.id == name:
                 state = message
-                if not wait or state.state in (ORDER_DONE, CANCELLED, REFUSED):
+                if state.state in (ORDER_DONE, CANCELLED, REFUSED):
                     break
+            settled = state is not None and state.state != WAITING
+            is_late = state is not None and time.monotonic() - began > _SETTLES_S
+            if not wait and (settled or is_late):
+                break
             if state is None and time.monotonic() - began > patience:
                 break
             if isinstance(message, Command) and message.phase == OVER and state is not None:

@@ -110,7 +110,21 @@ class Dispatcher:
             for task in book.waiting()
             if task.order.id not in asked and self._is_due(task, state, now_ms)
         ]
+        self._say_who_is_busy(idle)
         return [self._request(task, robot, now_ns) for task, robot in self._assigned(tasks, idle)]
+
+    def _say_who_is_busy(self, idle: list[str]) -> None:
+        """State the reason for which orders wait that were not looked for yet."""
+        book = self._fleet.orders
+        does = {one.robot: one.order.id for one in book.under_way()}
+        for task in book.waiting():
+            robot = task.order.robot
+            if robot in does:
+                task.reason = f"{robot} does {does[robot]} first"
+            elif robot and robot not in idle:
+                task.reason = f"{robot} does not rest at a goal"
+            elif not robot and not idle:
+                task.reason = "no robot is free"
 
     def solve(self, request: CourseRequest) -> Answer:
         """Look for a course; pure, may take long."""

@@ -6,6 +6,7 @@ Decides: what the folder holds in the end, and the exit code.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import cast
 
 import msgspec
 import typer
@@ -35,7 +36,7 @@ def conclude(folder: Path, name: str, code: int, as_json: bool) -> None:
         succeeded=succeeded(code, verdict),
         freezes=told["freezes"],
         held=told["held"],
-        orders=told["orders"],
+        orders=cast("list[dict[str, object]]", told["orders"]),
         judge=verdict,
         info=told,
         files=files_of(folder),

@@ -31,7 +31,7 @@ class RunSummary(msgspec.Struct):
     succeeded: bool
     freezes: object
     held: object
-    orders: object
+    orders: list[dict[str, object]]
     judge: Verdict
     info: dict[str, object]
     files: dict[str, str]
@@ -63,7 +63,7 @@ def render(summary: RunSummary) -> RenderableType:
         f"messages with positions {summary.info.get('positions_on_wire')}",
     ]
     if summary.orders:
-        states = Counter(one["state"] for one in msgspec.convert(summary.orders, list[dict]))
+        states = Counter(str(one["state"]) for one in summary.orders)
         lines.append("orders " + ", ".join(f"{count} {state}" for state, count in states.items()))
     if summary.judge.least_separation is not None:
         lines.append(f"least separation {summary.judge.least_separation:.4f} m")
