@@ -21,9 +21,9 @@ LATE_SHARE = 0.2
 measured positions are noisy."""
 
 ARRIVAL_SHARE = 0.8
-"""When its plan has ended, a robot within this share of the track tolerance of its goal has
-arrived. The rest of the tolerance is for noise, which must not make the robot seem pushed off its
-goal."""
+"""A robot that has stopped before the end of its course is there if no more than this share of the
+track tolerance is left.  The rest of the tolerance is for noise, which must not make the robot seem
+pushed off its goal."""
 
 TURN_SHARE = 0.9
 """A robot that would start farther off its path than this share of its tolerance turns first."""
@@ -272,15 +272,15 @@ class Ride:
         """Return whether the plan has ended and the robot is at its goal.
 
         At first the robot has to be within ARRIVAL_SLACK, because one whose wheels slip may still
-        come closer.  If it has stopped after ARRIVAL_PATIENCE, ARRIVAL_SHARE of the track tolerance
-        is enough.
+        come closer.  One that has stopped after ARRIVAL_PATIENCE comes no closer: beside its goal
+        it has arrived, unless it is off its path.  Otherwise it would wait there for ever.
         """
         over = self.time - self._timeline.finish
         if over < 0.0:
             return False
         left = self._timeline.length - self.follower.s
         if over >= ARRIVAL_PATIENCE and self._watch - self._stuck_from >= REST_TIME:
-            return left + self.follower.off <= ARRIVAL_SHARE * self.track
+            return left <= ARRIVAL_SHARE * self.track and not self.has_left_goal()
         return left <= ARRIVAL_SLACK and self.follower.off <= self._slack
 
     def at_goal(self) -> bool:

@@ -13,6 +13,7 @@ from sim.world.body import SimulatedBody
 from sim.world.failing_body import FailingBody
 from tests.robot_agent.core.rides import (
     AT_ONCE,
+    RULES,
     SECOND,
     armed_run,
     dense_line,
@@ -126,3 +127,15 @@ def test_a_robot_that_slips_as_it_arrives_has_not_arrived(before):
     run.until(run.now + 1_000_000_000)
     assert (run.agent.phase, run.agent.fault) == (FROZEN, OFF_PATH)
     assert DONE not in run.phases
+
+
+@pytest.mark.parametrize("beside", [0.0005, 0.007, 0.0085, 0.0095, 0.0105])
+def test_a_robot_that_ends_its_plan_beside_its_goal_has_arrived_or_is_off_its_path(beside):
+    finish = LENGTH / SPEED + SPEED / 0.5
+    run = driven_run(PATH, motion_along(LENGTH, SPEED, 0.5), finish - 0.02)
+    run.body.x -= beside * math.sin(run.body.heading)
+    run.body.y += beside * math.cos(run.body.heading)
+    run.until(run.now + SECOND)
+    is_there = beside <= 0.001 * RULES[0]
+    assert run.agent.phase == (DONE if is_there else FROZEN)
+    assert run.agent.fault == (NO_FAULT if is_there else OFF_PATH)
