@@ -25,6 +25,7 @@ from benchmarks.fuzz.running import fuzz_all
 from benchmarks.fuzz.table import MODULES
 from benchmarks.intersections import intersections
 from benchmarks.locks import arming
+from benchmarks.orders import cobra, orders
 from benchmarks.paths import against_peers, fleets, for_robots
 from benchmarks.planning import planning
 from benchmarks.proof import proving, sharpness
@@ -58,6 +59,10 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "safety": {"seeded scenarios, judged by a dense sampler": partial(safety, 200)},
     "reliability": {"seeded fleets with 1 to 4 faults": partial(campaigns, 500)},
     "disturbance": {"robots stopped, Commands lost": disturbance},
+    "orders": {
+        "a day's work: four orders a robot": orders,
+        "COBRA's experiment on floors of the same kind": cobra,
+    },
     "beyond": {"beyond every budget": beyond},
     "replays": {"logs of faulty runs, replayed": replays},
     "agent": {"one tick of the robot's core": agent},

@@ -247,7 +247,8 @@ class Fleet(FleetState):
             if not task.is_over and task.accepted_ms is None:
                 self.orders.end(task, REFUSED, "the fleet ends when all rest")
         else:
-            self.orders.give(order_of(message), self.since_go_ms(now_ns))
+            task = self.orders.give(order_of(message), self.since_go_ms(now_ns))
+            task.is_urgent = message.now
         task_now = self.orders.tasks.get(message.id)
         answer = [] if task_now is None else [self._order_state(task_now.message())]
         return [*answer, *self.order_states()]

@@ -31,7 +31,7 @@ from coordinator.planning.course_search import Answer, make_room, search
 from coordinator.proof.course_proof import that_may_meet
 from coordinator.scenario.model import Pose, Robot
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
-from protocol.phases import GO
+from protocol.phases import GO, MOVING
 
 _LEAD_MS: Final = 300
 """How long before a course begins it is asked for: enough to find it and to tell the robot."""
@@ -45,6 +45,9 @@ _NOBODY_MOVES_MS: Final = 20_000
 
 _STANDOFF: Final = 0.01
 
+_SETTLES: Final = 0.3
+"""A robot that has braked settles in this time [s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class _Asked:
@@ -57,6 +60,8 @@ class _Asked:
     """Radii and paths of the robots that need room; None if the robot goes where it is wanted."""
 
     commits: int
+    leaves: bool
+    """Whether the robot leaves its course for this one, instead of resting at its goal."""
 
 
 class Dispatcher:
@@ -111,7 +116,18 @@ class Dispatcher:
             if task.order.id not in asked and self._is_due(task, state, now_ms)
         ]
         self._say_who_is_busy(idle)
-        return [self._request(task, robot, now_ns) for task, robot in self._assigned(tasks, idle)]
+        found = [self._request(task, robot, now_ns) for task, robot in self._assigned(tasks, idle)]
+        urgent = [task for task in tasks if task.is_urgent and self._may_leave(task.robot, now_ns)]
+        return found + [self._request(task, task.robot, now_ns, leaves=True) for task in urgent]
+
+    def _may_leave(self, robot: str, now_ns: int) -> bool:
+        """Return whether a robot drives, and has not been sent elsewhere already."""
+        member, mine = self._fleet.members.get(robot), self._fleet.grants.of(robot)
+        if member is None or mine is None or mine.next is not None or mine.now.course is None:
+            return False
+        is_asked = any(one.robot == robot for one in self._asked)
+        drives = member.phase == MOVING and member.driven == member.revision
+        return drives and not is_asked and not member.is_silent(now_ns)
 
     def _say_who_is_busy(self, idle: list[str]) -> None:
         """State the reason for which orders wait that were not looked for yet."""
@@ -119,6 +135,8 @@ class Dispatcher:
         does = {one.robot: one.order.id for one in book.under_way()}
         for task in book.waiting():
             robot = task.order.robot
+            if task.makes_room:
+                continue
             if robot in does:
                 task.reason = f"{robot} does {does[robot]} first"
             elif robot and robot not in idle:
@@ -140,8 +158,20 @@ class Dispatcher:
         if asked is None:
             return None
         fleet.grants.release(request.number)
+        robot = self._commit(request, asked, answer, now_ns)
+        if robot is None and asked.leaves:
+            fleet.grants.go_on(request.robot)
+        return robot
+
+    def _commit(
+        self, request: CourseRequest, asked: _Asked, answer: Answer, now_ns: int
+    ) -> Robot | None:
+        fleet = self._fleet
         task, idle = fleet.orders.tasks[request.order], self._idle(now_ns)
-        if task.state != WAITING or fleet.phase != GO or request.robot not in idle:
+        mine = fleet.grants.of(request.robot)
+        is_same = mine is not None and mine.newest.revision == request.revision - 1
+        can_go = is_same if asked.leaves else request.robot in idle
+        if task.state != WAITING or fleet.phase != GO or not can_go:
             return None
         now_ms = fleet.since_go_ms(now_ns)
         proposal = answer.proposal
@@ -157,6 +187,7 @@ class Dispatcher:
             self._tried[task.order.id] = ((len(self._committed), tuple(idle)), now_ms)
             return None
         self._committed.append(proposal.course)
+        fleet.orders.put_back(request.robot)
         self._ways.pop(task.order.id, None)
         if task.makes_room:
             task.order = replace(task.order, goal=proposal.course.goal)
@@ -193,7 +224,9 @@ class Dispatcher:
                 room = book.room_for(name, self._place(name)[0], task.order.id, now_ms)
                 self._ways[room.order.id] = (asked.wish.robot.radius, answer.way)
 
-    def _request(self, task: Task, robot: str, now_ns: int) -> CourseRequest:
+    def _request(
+        self, task: Task, robot: str, now_ns: int, *, leaves: bool = False
+    ) -> CourseRequest:
         fleet, site = self._fleet, self._site
         assert site is not None
         mine = fleet.grants.of(robot)
@@ -201,9 +234,11 @@ class Dispatcher:
         self._serial += 1
         wait_ms = max(fleet.grants.headroom_ms - round(1000.0 * site.terms.tau), 0)
         begin_ms = fleet.times.plan_ms(now_ns) + _LEAD_MS + wait_ms
+        if leaves:
+            begin_ms = fleet.grants.halt(robot)
         number, revision = fleet.grants.reserve(), mine.now.revision + 1
         request = CourseRequest(self._serial, task.order.id, robot, number, revision, begin_ms)
-        (x, y), heading = self._place(robot)
+        (x, y), heading = self._place(robot, begin_ms if leaves else None)
         is_car = self._robots[robot].min_turn_radius > 0.0
         start: Pose = (x, y, heading) if is_car else (x, y)
         goal, via = task.order.goal, task.order.via
@@ -212,21 +247,36 @@ class Dispatcher:
         way = self._ways.get(task.order.id)
         self._asked[request] = _Asked(
             site,
-            Wish(wanted, heading, number, revision, begin_ms),
+            Wish(wanted, heading, number, revision, begin_ms, self._braking(robot, leaves)),
             tuple(others),
-            None if way is None else (way,),
+            (() if way is None else (way,)) if task.makes_room else None,
             len(self._committed),
+            leaves,
         )
         return request
 
-    def _place(self, robot: str) -> tuple[tuple[float, float], float]:
-        """Return where a robot rests at the end of its course [m], and its heading [rad]."""
+    def _braking(self, robot: str, leaves: bool) -> float:
+        """Return how much later [s] a robot that leaves its course is where its authority ends.
+
+        It brakes for that place, where its course may have it at full speed.
+        """
+        one = self._robots[robot]
+        return one.max_speed / one.max_accel + _SETTLES if leaves else 0.0
+
+    def _place(self, robot: str, at_ms: int | None = None) -> tuple[tuple[float, float], float]:
+        """Return where a robot is at a plan time [m], by default at its goal, and its heading."""
         mine = self._fleet.grants.of(robot)
         assert mine is not None
         assert mine.now.course is not None
-        curve = mine.now.course.driven.curve
-        _, ahead = curve.derivatives([float(curve.knots[-1])], 1)
-        return mine.now.course.goal, math.atan2(ahead[0, 1], ahead[0, 0])
+        driven = mine.now.course.driven
+        curve = driven.curve
+        if at_ms is None:
+            u = float(curve.knots[-1])
+        else:
+            (u,) = curve.parameter_at([driven.timeline.s_at(at_ms / 1000.0)]).tolist()
+        places, ahead = curve.derivatives([u], 1)
+        x, y = places[0].tolist()
+        return (x, y), math.atan2(ahead[0, 1], ahead[0, 0])
 
     def _idle(self, now_ns: int) -> list[str]:
         """Return the robots that rest at their goals and have nothing to do."""

@@ -158,6 +158,16 @@ class Grants:
         """Give up a number that was reserved."""
         self._reserved.discard(number)
 
+    def halt(self, robot: str) -> int:
+        """Grant a robot nothing more on its course; return the plan time [ms] it may reach."""
+        slot = self._courses[robot].now.slot
+        self._rule.barred[slot] = True
+        return int(self._rule.told[slot])
+
+    def go_on(self, robot: str) -> None:
+        """Grant again on a robot's course what is safe."""
+        self._rule.barred[self._courses[robot].now.slot] = False
+
     def commit(
         self,
         number: int,
@@ -301,7 +311,8 @@ class Grants:
 
     def stuck(self, now_ms: int) -> list[str]:
         """Return the robots that have not got on for STUCK_MS although nobody holds them."""
-        late = (now_ms - self._got_on_ms > STUCK_MS) & ~self._done & ~self._rule.barred
+        late = (now_ms - self._got_on_ms > STUCK_MS) & ~self._done & (self._numbers >= 0)
+        late[[one.next.slot for one in self._courses.values() if one.next is not None]] = False
         return [self._name(slot) for slot in np.flatnonzero(late).tolist()]
 
     def excuse(self, lost_ms: int) -> None:

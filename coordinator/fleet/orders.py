@@ -32,7 +32,7 @@ class Task:
     """An order and what has become of it; times in ms since the first GO, None if not known.
 
     `robot`: who does it, "" until one is chosen.  `makes_room`: the coordinator's own order, for a
-    robot that is in the way.
+    robot that is in the way.  `is_urgent`: its robot leaves what it does for it.
     """
 
     order: Order
@@ -45,6 +45,7 @@ class Task:
     alone_ms: int | None = None
     reason: str = ""
     makes_room: bool = False
+    is_urgent: bool = False
 
     @property
     def is_over(self) -> bool:
@@ -163,7 +164,7 @@ class OrderBook:
     def cancel(self, order_id: str, now_ms: int) -> Task | None:
         """Take an order back, unless it is over; return it, or None if there is no such order.
 
-        A robot that is under way for it ends where it is bound for.
+        A robot that is under way for it goes on to its next order, or makes room.
         """
         later = self._later.pop(order_id, None)
         if later is not None:
@@ -171,8 +172,26 @@ class OrderBook:
         task = self.tasks.get(order_id)
         if task is not None and not task.is_over:
             under_way = task.state == UNDER_WAY and task.arrived_ms is None
-            self.end(task, CANCELLED, f"{task.robot} ends at its goal" if under_way else "")
+            self.end(task, CANCELLED)
+            if under_way:
+                self._leave(task, now_ms)
         return task
+
+    def _leave(self, task: Task, now_ms: int) -> None:
+        """Let a robot leave a cancelled order for its next one, or for a place to rest."""
+        others = [one for one in self.waiting() if one.robot == task.robot]
+        if others:
+            others[0].is_urgent = True
+        else:
+            room = self.room_for(task.robot, task.order.goal, task.order.id, now_ms)
+            room.reason, room.is_urgent = f"leaves {task.order.id}", True
+
+    def put_back(self, robot: str) -> None:
+        """Let the order that a robot does wait again: the robot is sent elsewhere."""
+        task = self.of_robot(robot)
+        if task is not None:
+            task.state, task.accepted_ms, task.planned_arrival_ms = WAITING, None, None
+            task.robot = task.order.robot
 
     def of_robot(self, robot: str) -> Task | None:
         """Return the order that a robot does now."""

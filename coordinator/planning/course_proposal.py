@@ -59,8 +59,8 @@ class Site:
 class Wish:
     """Where a robot at rest is wanted: `robot` has its place as start, and its goal.
 
-    The robot has this `number`, faces `heading` [rad], and its course of this `revision` begins at
-    plan time `begin` [ms].
+    The course has this `number` and `revision`, and begins at plan time `begin_ms`.  The robot
+    faces `heading` [rad], and it rests `delay` [s] later.
     """
 
     robot: Robot
@@ -68,6 +68,7 @@ class Wish:
     number: int
     revision: int
     begin_ms: int
+    delay: float = 0.0
 
     def to(self, goal: Pose) -> Wish:
         """Return the same wish with another goal."""
@@ -94,7 +95,7 @@ def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     path = _path(site, robot, others)
     speed = site.scenario.planned_speed(robot)
     limits = limits_on(path, speed, BRAKING_SHARE * robot.max_accel, robot.max_lateral_accel)
-    release = 0.001 * wish.begin_ms + _turning(path, wish)
+    release = 0.001 * wish.begin_ms + wish.delay + _turning(path, wish)
     track = Track(limits, Course.chords_of(path))
     motion, names = _motion(site, robot, track, others, 0.001 * wish.begin_ms, release)
     plan = rounded(robot, path, motion, names)

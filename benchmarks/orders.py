@@ -1,0 +1,169 @@
+"""A day's work in virtual time: robots that get one order after another, to free docks.
+
+A robot's next order becomes known when its last one is done.  Printed are how long orders take
+beyond driving alone, how long a course is looked for (CPU of planning and proof), and how many
+robots stand.  `--cobra` runs the experiment of Cap, Vokrinek and Kleiner (2015) on floors of the
+same kind: robots of their sizes at 1 m/s that start and stop at once, tau 0.3 s and "auto"; the
+extra time counts from the order on, theirs includes 3.1 to 3.2 s of standing before each task.
+
+`python -m benchmarks orders` runs the smaller cells; `python -m benchmarks.orders --most 1000`
+larger ones, `--long 10000` that many orders with 50 robots.  Decides: the cells and what is
+measured.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import resource
+import time
+from collections.abc import Sequence
+from typing import Final, Literal
+
+import numpy as np
+from msgspec.structs import replace
+
+from benchmarks.campaign import record
+from benchmarks.table import Row
+from coordinator.fleet.log_records import CourseRequest
+from coordinator.planning.course_search import Answer
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario.model import Demand, Scenario
+from protocol.messages import ORDER_DONE
+from protocol.phases import FREEZE, MOVING
+from protocol.timing import MILLISECOND, SECOND
+from sim.campaigns.truth import touches
+from sim.floors.generator import generate
+from sim.floors.layout import Kind
+from sim.world.memory_transport import MemoryNetwork
+from sim.world.virtual_fleet import World
+
+FLOORS: Final[dict[str, Kind]] = {"open": "open", "office": "rooms", "warehouse": "warehouse"}
+SIZES: Final = (10, 20, 50, 100, 200, 500, 1_000)
+ORDERS: Final = 4
+PATIENCE: Final = 300.0
+"""A run ends when no order was done for this long [s of virtual time]."""
+
+COBRA: Final = (("open", 50, 0.2), ("office", 30, 0.27), ("warehouse", 50, 0.25))
+"""Floor, robots, radius [m]."""
+_PUBLISHED: Final = {"open": 5.7, "office": 15.9, "warehouse": 10.4}
+_PERIOD_NS: Final = 20 * MILLISECOND
+
+
+def day(kind: str, robots: int, seed: int, per_robot: int = ORDERS) -> Scenario:
+    """Return a floor with idle robots at docks, twice as many docks as robots, and a demand."""
+    made = generate(FLOORS[kind], robots, seed)
+    docks = tuple(place[:2] for one in made.robots for place in (one.start, one.goal))
+    demand = Demand(places=docks, per_robot=per_robot, first_within=30.0, seed=seed)
+    idle = tuple(replace(one, goal=one.start, via=()) for one in made.robots)
+    return replace(made, robots=idle, demand=demand)
+
+
+class _Timed:
+    """Times the searches for courses in a world: CPU [s] of each."""
+
+    def __init__(self, world: World) -> None:
+        self.seconds: list[float] = []
+        dispatcher = world.mission.dispatcher
+        self._solve = dispatcher.solve
+        dispatcher.solve = self._timed  # type: ignore[method-assign]
+
+    def _timed(self, request: CourseRequest) -> Answer:
+        began = time.thread_time()
+        answer = self._solve(request)
+        self.seconds.append(time.thread_time() - began)
+        return answer
+
+
+def run(scenario: Scenario, name: str, *, boxes: bool = True) -> Row:
+    """Run a scenario until all orders are over, and return its row of the table."""
+    document = plan_scenario(scenario)
+    world = World(
+        scenario,
+        document,
+        MemoryNetwork(1),
+        period_ns=_PERIOD_NS,
+        row_period_ns=1 if boxes else 10**15,
+    )
+    timed, began = _Timed(world), time.process_time()
+    fleet, stands, done, since = world.fleet, list[float](), 0, 0
+    while not fleet.is_finished and world.now_ns - since < PATIENCE * SECOND:
+        world.run(1.0)
+        agents = [robot.service.agent for robot in world.robots.values()]
+        driving = sum(a.phase == MOVING and a.drive_speed > 0.0 for a in agents)
+        stands.append(1.0 - driving / len(agents))
+        if fleet.orders.done > done:
+            done, since = fleet.orders.done, world.now_ns
+    cpu = time.process_time() - began
+    tasks = [one for one in fleet.orders.tasks.values() if not one.makes_room]
+    over = [one for one in tasks if one.state == ORDER_DONE]
+    extra = [(one.arrived_ms or 0) - one.released_ms - (one.alone_ms or 0) for one in over]
+    minutes = (world.now_ns - world.began_ns) / SECOND / 60.0
+    search = np.percentile(timed.seconds, [50, 99]) * 1000.0 if timed.seconds else (0.0, 0.0)
+    return {
+        "floor": name,
+        "robots": len(scenario.robots),
+        "orders": len(tasks),
+        "done": len(over),
+        "touch": len(touches(document, world.blackboxes(), ())) if boxes else 0,
+        "freezes": sum(one.phase == FREEZE for one in fleet.incidents),
+        "orders/min": len(over) / minutes,
+        "extra s": float(np.mean(extra)) / 1000.0 if extra else math.nan,
+        "p95": float(np.percentile(extra, 95)) / 1000.0 if extra else math.nan,
+        "alone s": float(np.mean([one.alone_ms or 0 for one in over])) / 1000.0,
+        "search ms": float(search[0]),
+        "p99 ms": float(search[1]),
+        "CPU ms/order": 1000.0 * cpu / max(len(over), 1),
+        "stand": float(np.mean(stands)),
+        "MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+    }
+
+
+def cobra() -> list[Row]:
+    """Return rows of the experiment, for tau 0.3 s and "auto"."""
+    rows = []
+    taus: tuple[float | Literal["auto"], ...] = (0.3, "auto")
+    for kind, robots, radius in COBRA:
+        for tau in taus:
+            made = day(kind, robots, 1)
+            fast = tuple(
+                replace(
+                    one,
+                    radius=min(radius, one.radius),
+                    max_speed=1.0,
+                    max_accel=math.inf,
+                    max_lateral_accel=math.inf,
+                )
+                for one in made.robots
+            )
+            row = run(replace(made, robots=fast, tau=tau), kind)
+            rows.append({"tau": str(tau), "COBRA s": _PUBLISHED[kind], **row})
+    return rows
+
+
+def orders(floors: Sequence[str] = tuple(FLOORS), most: int = 50) -> list[Row]:
+    """Return rows of a day's work on these floors, with up to so many robots."""
+    return [run(day(kind, n, 1), kind) for kind in floors for n in SIZES if n <= most]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run cells and print them."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--most", type=int, default=50, help="most robots")
+    parser.add_argument("--floor", choices=tuple(FLOORS), help="one floor alone")
+    parser.add_argument("--long", type=int, default=0, help="so many orders with 50 robots")
+    parser.add_argument("--cobra", action="store_true")
+    asked = parser.parse_args(arguments)
+    if asked.cobra:
+        record("cobra", {"COBRA's experiment on floors of the same kind": cobra()})
+        return
+    if asked.long:
+        scenario = day("open", 50, 1, asked.long // 50)
+        record("orders_long", {f"{asked.long} orders": [run(scenario, "open", boxes=False)]})
+        return
+    floors = [asked.floor] if asked.floor else list(FLOORS)
+    record("orders", {"a day's work: four orders a robot": orders(floors, asked.most)})
+
+
+if __name__ == "__main__":
+    main()
