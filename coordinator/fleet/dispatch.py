@@ -120,6 +120,13 @@ class Dispatcher:
         urgent = [task for task in tasks if task.is_urgent and self._may_leave(task.robot, now_ns)]
         return found + [self._request(task, task.robot, now_ns, leaves=True) for task in urgent]
 
+    def _what_keeps(self, robot: str) -> str:
+        """Return in words why a robot that does no order is not idle."""
+        member = self._fleet.members[robot]
+        if member.lost:
+            return "is lost"
+        return "has not arrived yet" if member.planned else "has no part in this epoch"
+
     def _may_leave(self, robot: str, now_ns: int) -> bool:
         """Return whether a robot drives, and has not been sent elsewhere already."""
         member, mine = self._fleet.members.get(robot), self._fleet.grants.of(robot)
@@ -140,7 +147,7 @@ class Dispatcher:
             if robot in does:
                 task.reason = f"{robot} does {does[robot]} first"
             elif robot and robot not in idle:
-                task.reason = f"{robot} does not rest at a goal"
+                task.reason = f"{robot} {self._what_keeps(robot)}"
             elif not robot and not idle:
                 task.reason = "no robot is free"
 

@@ -38,10 +38,11 @@ _counts: Final = msgspec.json.Decoder(dict[str, int])
 
 @dataclass(frozen=True)
 class Request:
-    """A request for a plan: its epoch, and where the robots stand."""
+    """A request for a plan: its epoch, where the robots stand, and whether orders may follow."""
 
     epoch: int
     told: tuple[Standing, ...]
+    has_orders: bool = False
 
 
 @dataclass(frozen=True)

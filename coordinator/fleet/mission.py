@@ -70,13 +70,18 @@ class Mission:
         """Return a request for a plan if one is needed and was not requested yet."""
         if not self.fleet.is_settled(now_ns):
             return None
-        wanted = Request(self.fleet.next_epoch, tuple(self.fleet.standings()))
+        wanted = self._asked_now()
         if self.fleet.is_resumed and (robot := self._outran(wanted.told)):
             self.fleet.outrun(f"{robot} rests farther along its path than it could be", now_ns)
         if wanted == self._wanted or self.fleet.superseded:
             return None
         self._wanted = wanted
         return wanted
+
+    def _asked_now(self) -> Request:
+        fleet = self.fleet
+        told = tuple(fleet.standings())
+        return Request(fleet.next_epoch, told, fleet.orders.is_open_or_stays)
 
     def solve(self, request: Request) -> Recovery:
         """Plan a requested epoch; pure, may take seconds."""
@@ -88,7 +93,7 @@ class Mission:
             request.told,
             request.epoch,
             self._planner,
-            has_orders=self.fleet.orders.is_used,
+            has_orders=request.has_orders,
         )
 
     def _outran(self, told: Iterable[Standing]) -> str:
@@ -132,7 +137,7 @@ class Mission:
         The fleet may return to the state of the request, so the plan may then be requested again.
         """
         wanted, self._wanted = self._wanted, None
-        asked = Request(self.fleet.next_epoch, tuple(self.fleet.standings()))
+        asked = self._asked_now()
         if request != wanted or asked != request or not self.fleet.is_settled(now_ns):
             return None
         for sentence in recovery.said:
@@ -144,6 +149,10 @@ class Mission:
         self.site = recovery.site
         for one in self.site.aside:
             self.fleet.members[one.robot.id].finished |= one.why == "arrived"
+        drives = set() if recovery.plan is None else set(recovery.plan.messages)
+        for task in self.fleet.orders.under_way():
+            if task.robot not in drives:
+                self.fleet.orders.put_back(task.robot)
         if recovery.plan is None:
             self._begin(None)
             return self.fleet.adopt(request.epoch, {}, now_ns, NOBODY)

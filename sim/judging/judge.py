@@ -31,6 +31,9 @@ _GRID: Final = 0.001
 _SLACK: Final = 0.02
 """Time [s] by which a black box row may be early or late: one is written per control tick."""
 
+_HEARD: Final = 2.0
+"""A robot is heard to drive a course this long [s] after it began it, or before by its clock."""
+
 _AT_REST: Final = tuple(PHASE_NAMES[phase] for phase in (FROZEN, IDLE))
 
 
@@ -181,7 +184,7 @@ def _legs(
         for epoch, ride in zip(epochs, rides, strict=True)
     ]
     radius = rides[0][name].radius
-    parts += [(one.begin, one.start, unpack(one.payload, radius)) for one in courses]
+    parts += [(_begun(box, one.begin), one.start, unpack(one.payload, radius)) for one in courses]
     parts.sort(key=lambda part: part[0])
     ends = [*(begin for begin, _, _ in parts[1:]), math.inf]
     return [
@@ -189,6 +192,16 @@ def _legs(
         for (begin, start, driven), end in zip(parts, ends, strict=True)
         if driven is not None
     ]
+
+
+def _begun(box: BlackBox, heard: float) -> float:
+    """Return when a robot began a course, which it was heard to drive at a time [s].
+
+    Its arc length falls then, because it counts from the beginning of the course.
+    """
+    falls = box.t[1:][np.diff(box.s) < 0.0]
+    near = falls[np.abs(falls - heard) <= _HEARD]
+    return float(near[np.abs(near - heard).argmin()]) if len(near) else heard
 
 
 def _judge_robot(
