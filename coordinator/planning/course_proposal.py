@@ -20,6 +20,7 @@ from msgspec.structs import replace as changed
 
 from coordinator.base.errors import PlanError
 from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.ground.free_space import NO_DISCS
 from coordinator.ground.grown_floor import GrownFloor
 from coordinator.motion.velocity_profile import Motion, SpeedLimits, limits_on
 from coordinator.paths.path_planner import Pathfinder
@@ -42,6 +43,17 @@ from coordinator.schedule.track import Track
 
 _TURN_TIME: Final = 0.3
 """A robot that has turned on the spot settles in this time [s]."""
+
+_DETOURS: Final = 3
+_LONG: Final = 1.0
+"""Up to _DETOURS detours are tried for a robot that waits longer than this [s] for another."""
+
+_WORTH: Final = 0.2
+"""How much quicker [s] a detour has to be."""
+
+_LANE_ROOM: Final = 0.01
+_SPACING: Final = 0.25
+_MOST_DISCS: Final = 60
 
 
 class Site:
@@ -89,16 +101,35 @@ class Proposal:
     staircases: Staircases
 
 
+@dataclass(frozen=True, eq=False)
+class _Try:
+    """A path with its earliest motion among others, the robot being 0 and near[k] k + 1.
+
+    The robot may leave its start at `release` [s].
+    """
+
+    path: Nurbs
+    release: float
+    motion: Motion
+    junctions: Junctions
+    near: list[Course]
+
+
+def alone(site: Site, wish: Wish) -> tuple[Nurbs, float]:
+    """Return the path with nobody else on the floor, and how long it takes [s].
+
+    Raises PlanError if there is no way even then.
+    """
+    path = _path(site, wish.robot, ())
+    return path, wish.delay + _turning(path, wish) + _track(site, wish.robot, path).alone
+
+
 def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     """Return the earliest course that fulfils a wish; raises PlanError where there is none."""
     robot, terms = wish.robot, site.terms
-    path = _path(site, robot, others)
-    speed = site.scenario.planned_speed(robot)
-    limits = limits_on(path, speed, BRAKING_SHARE * robot.max_accel, robot.max_lateral_accel)
-    release = 0.001 * wish.begin_ms + wish.delay + _turning(path, wish)
-    track = Track(limits, Course.chords_of(path))
-    motion, names = _motion(site, robot, track, others, 0.001 * wish.begin_ms, release)
-    plan = rounded(robot, path, motion, names)
+    found = _earliest(site, wish, others)
+    names = [robot.id, *(one.driven.id for one in found.near)]
+    plan = rounded(robot, found.path, found.motion, names)
     message = pack(terms, plan, wish.number, wish.revision, wish.begin_ms)
     course = Course(unpack(message, robot.radius), 0.001 * wish.begin_ms)
     margin = terms.margin
@@ -114,7 +145,61 @@ def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     return Proposal(course, plan, message, near, staircases)
 
 
-def _path(site: Site, robot: Robot, others: Sequence[Course]) -> Nurbs:
+def _earliest(site: Site, wish: Wish, others: Sequence[Course]) -> _Try:
+    """Return the path on which the robot arrives first: the shortest one, or a detour."""
+    best = _try(site, wish, others, NO_DISCS)
+    for _ in range(_DETOURS):
+        discs = _conflict_discs(wish.robot, best)
+        if discs is None:
+            break
+        try:
+            other = _try(site, wish, others, discs)
+        except PlanError:
+            break
+        if other.motion.finish > best.motion.finish - _WORTH:
+            break
+        best = other
+    return best
+
+
+def _try(site: Site, wish: Wish, others: Sequence[Course], discs: Array) -> _Try:
+    """Return a path that avoids discs (k, 3) [m], and its earliest motion."""
+    path = _path(site, wish.robot, others, discs)
+    begin = 0.001 * wish.begin_ms
+    release = begin + wish.delay + _turning(path, wish)
+    return _motion(site, wish.robot, path, others, begin, release)
+
+
+def _conflict_discs(robot: Robot, found: _Try) -> Array | None:
+    """Return discs (k, 3) [m] around the part of another course for which the robot waits longest.
+
+    None if it does not wait for long.
+    """
+    motion = found.motion
+    at_start = bool(motion.waits) and motion.waits[0].s <= 0.0
+    arrivals = [found.release, *motion.arrivals[1:]][0 if at_start else 1 :]
+    waits = [
+        (wait.depart - arrival, wait)
+        for wait, arrival in zip(motion.waits, arrivals, strict=True)
+        if wait.owner > 0 and wait.zone >= 0
+    ]
+    length, longest = max(waits, key=lambda one: one[0], default=(0.0, None))
+    if longest is None or length < _LONG:
+        return None
+    other = found.near[longest.owner - 1]
+    begin, end = found.junctions.zones.extent[longest.zone, 2:]
+    reach = robot.radius + other.driven.radius + found.junctions.margin + _LANE_ROOM
+    curve = other.driven.curve
+    low, high = max(begin - reach, 0.0), min(end + reach, curve.length)
+    count = 2 + int((high - low) / (_SPACING * reach))
+    centers = curve.at_arc(np.linspace(low, high, min(count, _MOST_DISCS)))
+    anchors = np.array([robot.start[:2], *robot.via, robot.goal[:2]])
+    apart = np.hypot(*(centers[:, None, :] - anchors).transpose(2, 0, 1)).min(axis=1)
+    beside = centers[apart > 1.15 * reach]
+    return np.column_stack((beside, np.full(len(beside), reach))) if len(beside) else None
+
+
+def _path(site: Site, robot: Robot, others: Sequence[Course], discs: Array = NO_DISCS) -> Nurbs:
     """Return the robot's path, clear of the places where the others will rest, if possible."""
     stand = tuple(
         Robot(
@@ -136,7 +221,13 @@ def _path(site: Site, robot: Robot, others: Sequence[Course]) -> Nurbs:
         margin=site.scenario.margin,
         speed_reserve=site.scenario.speed_reserve,
     )
-    return Pathfinder(scenario, site.floor).path(0)
+    return Pathfinder(scenario, site.floor).path(0, discs)
+
+
+def _track(site: Site, robot: Robot, path: Nurbs) -> Track:
+    speed = site.scenario.planned_speed(robot)
+    limits = limits_on(path, speed, BRAKING_SHARE * robot.max_accel, robot.max_lateral_accel)
+    return Track(limits, Course.chords_of(path))
 
 
 def _turning(path: Nurbs, wish: Wish) -> float:
@@ -149,16 +240,16 @@ def _turning(path: Nurbs, wish: Wish) -> float:
 def _motion(
     site: Site,
     robot: Robot,
-    track: Track,
+    path: Nurbs,
     others: Sequence[Course],
     begin: float,
     release: float,
-) -> tuple[Motion, list[str]]:
-    """Return the earliest motion of a robot that may leave at `release` [s], and who may be ahead.
+) -> _Try:
+    """Return the earliest motion of a robot that may leave at `release` [s].
 
     The robot stands at its start from `begin` [s] on.
     """
-    margin = site.terms.margin + NEED_PAD
+    track, margin = _track(site, robot, path), site.terms.margin + NEED_PAD
     low, high = track.chords.points.min(axis=0), track.chords.points.max(axis=0)
     near = [
         one
@@ -175,7 +266,7 @@ def _motion(
     motion = earliest_motion(junctions, motions, 0, departure=departure)
     if motion is None:
         raise PlanError("has no way among the others, whenever it sets out", robot.id)
-    return motion, [robot.id, *(one.driven.id for one in near)]
+    return _Try(path, release, motion, junctions, near)
 
 
 def _known(course: Course) -> Track:

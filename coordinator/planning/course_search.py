@@ -16,7 +16,7 @@ import numpy as np
 from coordinator.base.errors import PlanError
 from coordinator.curves.nurbs import Array
 from coordinator.plan.course import Course
-from coordinator.planning.course_proposal import Proposal, Site, Wish, propose
+from coordinator.planning.course_proposal import Proposal, Site, Wish, alone, propose
 from coordinator.scenario.model import Pose
 
 _RING: Final = 0.5
@@ -46,13 +46,10 @@ class Answer:
 def search(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
     """Look for a course to the goal of a wish."""
     try:
-        alone = propose(site, wish, [])
+        path, time = alone(site, wish)
     except PlanError as error:
         return Answer(None, reason=error.sentence)
-    line = alone.course.driven.timeline
-    time, way = line.finish - 0.001 * wish.begin_ms, alone.course.driven.chain.points
-    if not others:
-        return Answer(alone, time, way=way)
+    way = Course.chords_of(path).points
     try:
         return Answer(propose(site, wish, others), time, way=way)
     except PlanError as error:
