@@ -17,8 +17,6 @@ import typer
 
 from coordinator.base.console import answer_json, answers, tell
 from coordinator.cli.plan_commands import Json, within
-from coordinator.findings.info_fields import OrderSummary
-from coordinator.findings.info_table import orders_table
 from coordinator.service.key_option import Keys, given_keys
 from protocol import keys as places
 from protocol.codec import decode, encode
@@ -225,6 +223,8 @@ def _conclude(name: str, state: OrderState | None, as_json: bool, patience: floa
     if state is None:
         tell(f"no coordinator has answered to order {name} within {patience:g} s", "red")
         raise typer.Exit(1)
+    from coordinator.findings.info_fields import OrderSummary
+
     shown = OrderSummary.of(state)
     if as_json:
         answer_json(shown)
@@ -252,6 +252,9 @@ def orders(
         if line.fleet is None:
             tell(f"no coordinator was heard within {patience:g} s", "red")
             raise typer.Exit(1)
+    from coordinator.findings.info_fields import OrderSummary
+    from coordinator.findings.info_table import orders_table
+
     found = [OrderSummary.of(state) for state in states.values()]
     found.sort(key=lambda one: (one.released or 0.0, one.id))
     if as_json:
@@ -277,6 +280,8 @@ def cancel(
 
     Example: splinefleet cancel o1 --connect tcp/127.0.0.1:7447
     """
+    from coordinator.findings.info_fields import OrderSummary
+
     name = _name(order_id, "ORDER")
     state: OrderState | None = None
     with _line(connect, fleet, patience, keys) as line:

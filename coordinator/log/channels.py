@@ -19,10 +19,13 @@ from coordinator.fleet.log_records import (
     LINK_UP,
     TOLD_TO_GO_ON,
     TOLD_TO_STOP,
+    CourseRequest,
     Request,
+    course_request_of,
     drops_of,
     is_adoption_key,
     is_ahead_key,
+    is_course_key,
     is_drops_key,
     is_router_key,
     is_told_key,
@@ -75,6 +78,9 @@ def describe(key: str) -> Description:
     if is_adoption_key(key):
         schema = msgspec.json.encode(msgspec.json.schema(Request))
         return Description("json", _is_request, "splinefleet.Epoch", schema)
+    if is_course_key(key):
+        schema = msgspec.json.encode(msgspec.json.schema(CourseRequest))
+        return Description("json", _is_course_request, "splinefleet.Course", schema)
     if is_denial_key(key):
         schema = msgspec.json.encode(msgspec.json.schema(Denial))
         return Description("json", _is_denial, "splinefleet.Denial", schema)
@@ -106,6 +112,10 @@ def _is_denial(payload: bytes) -> bool:
 
 def _is_request(payload: bytes) -> bool:
     return request_of(payload) is not None
+
+
+def _is_course_request(payload: bytes) -> bool:
+    return course_request_of(payload) is not None
 
 
 def _is_drops(payload: bytes) -> bool:

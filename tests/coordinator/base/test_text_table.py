@@ -61,7 +61,7 @@ def test_plans_waits_and_verdicts_fit():
     fault = "recording ends at 1207.99 s"
     robots = [RobotVerdict(NAME, True, 1234.56, 0.1234, 12.345, fault, None, 0.0203)]
     verdict = Verdict(0, 0.3, [PairVerdict(NAME, "R2", 0.3, 12.0)], robots)
-    told = summary.RunSummary("hall", False, 0, [], verdict, {}, {})
+    told = summary.RunSummary("hall", False, 0, [], [], verdict, {}, {})
     for said in (shown(summary.render(told)), shown(summary.render_verdict(verdict))):
         assert_fits(said, "arrived", "tracking", "lateness", "clock", "unknown")
         assert "times in s from the first GO" in said

@@ -127,9 +127,9 @@ def test_a_good_run_is_told_from_hold_to_over(tmp_path):
     assert told["messages"] == 13
     assert told["keys"]["splinefleet/f/report/R2"] == {
         "messages": 1,
-        "bytes": 11,
+        "bytes": 12,
         "messages_per_second": 1 / 10.5,
-        "bytes_per_second": 11 / 10.5,
+        "bytes_per_second": 12 / 10.5,
     }
     assert (told["positions_on_wire"], told["bad_messages"], told["faults"]) == (0, 0, [])
     assert (told["fleet"], told["policy"], told["tau"]) == ("f", "safe", 0.5)

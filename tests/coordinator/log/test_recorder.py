@@ -253,6 +253,9 @@ def test_a_schema_names_every_field_of_its_message():
         "report": "splinefleet.Report",
         "clock": "splinefleet.Clock",
         "admit": "splinefleet.Admit",
+        "order": "splinefleet.Order",
+        "orders": "splinefleet.OrderState",
+        "tell": "splinefleet.Tell",
     }
     assert set(json.loads(schema.json_schema("plan"))["$defs"]) == {"Plan", "Refusal"}
 

@@ -266,13 +266,17 @@ def frozen():
     return Site(scenario), {1: plan_scenario(scenario, effort=0)}
 
 
+def rides(documents):
+    return {(one.id, 1, 0): one for one in drive(documents[1])}
+
+
 def go_on(frozen, **fields):
     site, documents = frozen
     told = (
         Standing(robot="R1", state="rests", epoch=1, s=2.0, **fields),
         Standing(robot="R2", state="rests", epoch=1, s=0.5),
     )
-    return recover(site, documents, told, 2, lambda scenario, epoch: plan(scenario, epoch))
+    return recover(site, rides(documents), told, 2, lambda scenario, epoch: plan(scenario, epoch))
 
 
 def plan(scenario, epoch):
@@ -305,7 +309,7 @@ def test_a_robot_whose_given_path_is_blocked_by_a_lost_one_goes_around_it(frozen
         Standing(robot="R1", state="rests", epoch=1, s=0.5),
         Standing(robot="R2", state="lost", epoch=1, s=near),
     )
-    found = recover(site, documents, told, 2, plan)
+    found = recover(site, rides(documents), told, 2, plan)
     assert found.said[0].startswith("R1 leaves the path that it was given: R1: its path ")
     assert found.document.robot("R1").path.control_points[-1] == BEND[-1]
     assert found.document.proof.holds

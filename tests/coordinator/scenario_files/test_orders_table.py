@@ -130,7 +130,7 @@ def test_one_fault_makes_one_line_that_names_its_field(row):
 def test_the_keys_become_the_fields_of_the_model():
     first, second = GOOD.robots
     assert (first.max_turn_rate, first.home, first.is_idle) == (2.0, (1.0, 9.0, 0.5), False)
-    assert (second.max_turn_rate, second.home, second.is_idle) == (1.0, None, True)
+    assert (second.max_turn_rate, second.home, second.is_idle) == (2.0, None, True)
     assert second.goal == second.start == (1.0, 3.0, 0.5)
     sent = Order(
         id="order-1", goal=(9.0, 9.0, 1.5), via=((5.0, 8.0),), release=12.0, dwell=3.0, priority=2

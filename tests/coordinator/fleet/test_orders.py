@@ -1,0 +1,139 @@
+"""The order book: which orders are known, who does them, when they are over."""
+
+from itertools import pairwise
+
+from coordinator.fleet.orders import OrderBook, order_of
+from coordinator.scenario.model import Demand, Order
+from protocol import messages
+from protocol.messages import CANCELLED, ORDER_DONE, REFUSED, UNDER_WAY, WAITING
+
+ROBOTS = ("R1", "R2")
+
+
+def look(book, now_ms, arrived=(), taken=()):
+    book.look(now_ms, lambda robot: robot in arrived, lambda _, place: place not in taken)
+
+
+def begin(book, order_id, robot, now_ms):
+    task = book.tasks[order_id]
+    task.state, task.robot, task.accepted_ms = UNDER_WAY, robot, now_ms
+    return task
+
+
+def ids(tasks):
+    return [task.order.id for task in tasks]
+
+
+def test_an_order_is_known_from_its_release_on_or_when_the_one_before_is_over():
+    orders = (
+        Order(id="a", goal=(1.0, 1.0), robot="R1", release=2.0),
+        Order(id="b", goal=(2.0, 1.0), robot="R1", after="a"),
+    )
+    book = OrderBook(orders, robots=ROBOTS)
+    look(book, 1_900)
+    assert (ids(book.waiting()), book.is_open, book.is_quiet) == ([], True, True)
+    look(book, 2_000)
+    assert (ids(book.waiting()), book.is_quiet) == (["a"], False)
+    begin(book, "a", "R1", 2_100)
+    look(book, 5_000)
+    assert book.tasks["a"].arrived_ms is None
+    look(book, 6_000, arrived=["R1"])
+    look(book, 6_100, arrived=["R1"])
+    assert book.tasks["a"].state == ORDER_DONE
+    assert ids(book.waiting()) == ["b"]
+
+
+def test_an_order_is_done_when_its_robot_has_stood_at_the_goal_for_its_dwell():
+    book = OrderBook((Order(id="a", goal=(1.0, 1.0), dwell=3.0),), robots=ROBOTS)
+    look(book, 0)
+    begin(book, "a", "R2", 0)
+    look(book, 4_000, arrived=["R2"])
+    assert (book.tasks["a"].arrived_ms, book.tasks["a"].state) == (4_000, UNDER_WAY)
+    look(book, 6_900, arrived=["R2"])
+    assert book.of_robot("R2") is book.tasks["a"]
+    look(book, 7_000, arrived=["R2"])
+    assert book.tasks["a"].state == ORDER_DONE
+    assert not book.is_open
+
+
+def test_a_higher_priority_goes_first_and_making_room_before_all():
+    book = OrderBook(robots=ROBOTS)
+    book.give(Order(id="low", goal=(1.0, 1.0)), 0)
+    book.give(Order(id="high", goal=(1.0, 1.0), priority=5), 0)
+    book.room_for("R1", (0.0, 0.0), "high", 0)
+    assert ids(book.waiting()) == ["room-1", "high", "low"]
+
+
+def test_the_same_id_twice_is_the_same_order_and_a_stranger_is_refused():
+    book = OrderBook(robots=ROBOTS)
+    first = book.give(Order(id="a", goal=(1.0, 1.0)), 0)
+    assert book.give(Order(id="a", goal=(9.0, 9.0)), 50) is first
+    refused = book.give(Order(id="b", goal=(1.0, 1.0), robot="R9"), 0)
+    assert (refused.state, refused.reason) == (REFUSED, "there is no robot R9 in this fleet")
+
+
+def test_a_robot_leaves_a_cancelled_order_for_its_next_one_or_makes_room():
+    book = OrderBook(robots=ROBOTS)
+    for name in ("a", "b"):
+        book.give(Order(id=name, goal=(1.0, 1.0), robot="R1"), 0)
+    begin(book, "a", "R1", 0)
+    assert book.cancel("a", 10).state == CANCELLED
+    assert [(t.order.id, t.is_urgent) for t in book.waiting()] == [("b", True)]
+    begin(book, "b", "R1", 20)
+    book.cancel("b", 30)
+    (room,) = book.waiting()
+    assert (room.makes_room, room.is_urgent, room.robot) == (True, True, "R1")
+    assert book.cancel("nothing", 30) is None
+
+
+def test_an_order_that_is_cancelled_before_it_is_known_is_over():
+    book = OrderBook((Order(id="a", goal=(1.0, 1.0), release=50.0),), robots=ROBOTS)
+    assert book.cancel("a", 10).state == CANCELLED
+    assert not book.is_open
+
+
+def test_demand_gives_each_robot_its_orders_one_after_another_to_free_places():
+    places = ((1.0, 1.0), (2.0, 2.0), (3.0, 3.0))
+    demand = Demand(places=places, per_robot=3, first_within=5.0, seed=4)
+    book, now = OrderBook(demand=demand, robots=ROBOTS), 0
+    goals = {robot: [] for robot in ROBOTS}
+    while book.is_open:
+        now += 100
+        look(book, now, arrived=ROBOTS, taken=[goal[-1] for goal in goals.values() if goal])
+        for task in book.waiting():
+            goals[task.robot].append(task.order.goal)
+            begin(book, task.order.id, task.robot, now)
+        bound = [task.order.goal for task in book.under_way()]
+        assert len(set(bound)) == len(bound)
+    assert [len(goal) for goal in goals.values()] == [3, 3]
+    assert all(a != b for goal in goals.values() for a, b in pairwise(goal))
+    assert all(task.released_ms <= 5_100 for name, task in book.tasks.items() if name[-1] == "1")
+
+
+def test_what_changed_is_said_once():
+    book = OrderBook((Order(id="a", goal=(1.0, 1.0)),), robots=ROBOTS)
+    assert book.changed() == []
+    look(book, 0)
+    assert [one.state for one in book.changed()] == [WAITING]
+    assert book.changed() == []
+    begin(book, "a", "R1", 10)
+    look(book, 20, arrived=["R1"])
+    assert [one.state for one in book.changed()] == [ORDER_DONE]
+    assert [one.state for one in book.states()] == [ORDER_DONE]
+    assert book.changed() == []
+
+
+def test_orders_that_nobody_can_do_are_refused_those_that_are_not_known_too():
+    orders = (Order(id="a", goal=(1.0, 1.0)), Order(id="b", goal=(1.0, 1.0), after="a"))
+    book = OrderBook(orders, robots=ROBOTS)
+    look(book, 0)
+    book.refuse_all(lambda task: f"{task.order.id} cannot be done")
+    assert [task.state for task in book.tasks.values()] == [REFUSED, REFUSED]
+    assert not book.is_open
+
+
+def test_a_message_becomes_an_order():
+    said = messages.Order(7, "a", (1.0, 2.0, 0.5), "R1", ((3.0, 4.0),), 1_500, 2)
+    assert order_of(said) == Order(
+        id="a", goal=(1.0, 2.0, 0.5), robot="R1", via=((3.0, 4.0),), dwell=1.5, priority=2
+    )

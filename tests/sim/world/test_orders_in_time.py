@@ -1,0 +1,206 @@
+"""Fleets in virtual time that get orders while they drive, judged by their true places."""
+
+import pytest
+from msgspec.structs import replace
+
+from coordinator.findings.log_proof import prove_log
+from coordinator.log.log_file import logs_before, read_log
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario.model import Demand, Order
+from coordinator.service.replay import check_log
+from protocol import keys
+from protocol.codec import encode
+from protocol.messages import (
+    CANCELLED,
+    END,
+    GO_ON,
+    HALT,
+    ORDER_DONE,
+    REFUSED,
+    Cancel,
+    Tell,
+)
+from protocol.messages import Order as Said
+from protocol.phases import FREEZE, GO, OVER, STOP
+from sim.campaigns.truth import touches
+from sim.floors.generator import generate
+from sim.world.fault_text import parse_faults
+from sim.world.memory_transport import MemoryNetwork
+from sim.world.run_logs import RunLogs
+from sim.world.virtual_fleet import USUAL_FLAWS, World
+from tests.scenarios import a_robot, a_scenario
+
+PERIOD_NS = 20_000_000
+
+
+def idle(name, start, **fields):
+    return replace(a_robot(name, start, start), **fields)
+
+
+def a_world(scenario, *, faults=(), logs=None, stays=False, seed=1):
+    document = plan_scenario(scenario, effort=0)
+    names = [robot.id for robot in scenario.robots]
+    return World(
+        scenario,
+        document,
+        MemoryNetwork(seed),
+        seed=seed,
+        faults=parse_faults(list(faults), names),
+        flaws=USUAL_FLAWS,
+        period_ns=PERIOD_NS,
+        logs=logs,
+        stays=stays,
+    )
+
+
+def nobody_touches(world):
+    return touches(world.mission.documents[1], world.blackboxes(), ()) == []
+
+
+def states(world):
+    return {name: task.state for name, task in world.fleet.orders.tasks.items()}
+
+
+def freezes(world):
+    return sum(one.phase == FREEZE for one in world.fleet.incidents)
+
+
+def operator(world):
+    """What sends an operator's message to a fleet."""
+    session = world._network.session("operator")
+    fleet = world.fleet.name
+
+    def say(message):
+        key = keys.tell(fleet) if isinstance(message, Tell) else keys.order(fleet)
+        session.put(key, encode(message))
+
+    return say
+
+
+@pytest.mark.parametrize("kind", ["open", "warehouse", "rooms"])
+def test_a_day_of_orders_is_done_without_a_freeze_and_nobody_touches(kind):
+    made = generate(kind, 6, 3)
+    docks = tuple(place[:2] for one in made.robots for place in (one.start, one.goal))
+    robots = tuple(replace(one, goal=one.start, via=()) for one in made.robots)
+    demand = Demand(places=docks, per_robot=3, first_within=5.0, seed=1)
+    world = a_world(replace(made, robots=robots, demand=demand))
+    world.run(600.0)
+    assert world.fleet.is_finished
+    assert set(states(world).values()) == {ORDER_DONE}
+    assert sum(name.startswith("R") for name in states(world)) == 18
+    assert freezes(world) == 0
+    assert nobody_touches(world)
+
+
+def hall(**fields):
+    robots = [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 6.0)), a_robot("R3", (8.0, 1.0), (8.0, 6.0))]
+    return a_scenario(robots, **fields)
+
+
+def test_the_log_of_a_day_can_be_run_again_and_is_proven_at_every_moment(tmp_path):
+    orders = (
+        Order(id="a", goal=(8.0, 3.0), robot="R1", dwell=1.0),
+        Order(id="b", goal=(1.0, 3.0), robot="R3", release=3.0, via=((5.0, 5.0),)),
+        Order(id="c", goal=(8.0, 1.0), after="a"),
+    )
+    scenario = replace(hall(), orders=orders)
+    logs = RunLogs(tmp_path)
+    world = a_world(scenario, logs=logs, faults=["coordinator-restart@14:3"])
+    world.run(200.0)
+    logs.close()
+    assert states(world) == dict.fromkeys("abc", ORDER_DONE)
+    log = read_log(logs.paths[-1])
+    assert check_log(log).difference == ""
+    proof = prove_log(log, before=logs_before(log))
+    assert proof.holds
+    assert [epoch.courses for epoch in proof.epochs] == [3]
+
+
+def test_a_course_among_others_that_were_left_out_of_its_search_is_not_proven(tmp_path):
+    """What the dispatcher would send if it did not know the others."""
+    robots = [idle("R1", (1.0, 3.0)), a_robot("R2", (4.5, 0.6), (4.5, 6.4))]
+    orders = (Order(id="a", goal=(8.0, 3.0), robot="R1"),)
+    logs = RunLogs(tmp_path)
+    world = a_world(a_scenario(robots, orders=orders), logs=logs)
+    world.fleet.grants.possible = list
+    world.run(60.0)
+    logs.close()
+    proof = prove_log(read_log(logs.paths[-1]))
+    assert not proof.holds
+    (epoch,) = proof.epochs
+    assert any(one.startswith("course 1 of R1 in epoch 1: ") for one in epoch.failures)
+
+
+def test_a_robot_in_the_way_makes_room_and_two_that_swap_places_do_so():
+    floor = replace(
+        hall().workspace,
+        obstacles=(
+            ((3.0, 0.0), (7.0, 0.0), (7.0, 3.0), (3.0, 3.0)),
+            ((3.0, 4.0), (7.0, 4.0), (7.0, 8.0), (3.0, 8.0)),
+        ),
+    )
+    robots = [
+        idle("R1", (1.0, 3.5)),
+        idle("R2", (5.0, 3.5), home=(9.0, 1.0)),
+        idle("R3", (1.0, 6.0)),
+    ]
+    orders = (
+        Order(id="through", goal=(9.0, 3.5), robot="R1"),
+        Order(id="there", goal=(1.0, 3.5), robot="R3", release=0.5),
+    )
+    scenario = replace(a_scenario(robots), workspace=floor, orders=orders)
+    world = a_world(scenario)
+    world.run(300.0)
+    assert world.fleet.is_finished
+    assert {states(world)[name] for name in ("through", "there")} == {ORDER_DONE}
+    assert any(one.text == "R2 makes room for through" for one in world.fleet.incidents)
+    assert world.robots["R2"].body.x == pytest.approx(9.0, abs=0.02)
+    assert nobody_touches(world)
+
+
+def test_orders_are_redirected_cancelled_refused_and_the_fleet_stops_goes_on_and_ends():
+    world = a_world(hall(), stays=True)
+    say = operator(world)
+    world.run(12.0)
+    assert world.fleet.phase == GO  # Everybody rests, and the fleet waits for orders.
+    say(Said(9, "first", (8.0, 3.0), robot="R1"))
+    say(Said(9, "nowhere", (50.0, 3.0)))
+    world.run(4.0)
+    say(Said(9, "urgent", (1.0, 3.5), robot="R1", now=True))
+    say(Said(9, "back", (8.0, 1.5), robot="R2"))
+    world.run(4.0)
+    say(Cancel(9, "back"))
+    world.run(1.0)
+    say(Tell(9, HALT))
+    world.run(0.5)
+    assert world.fleet.phase == STOP
+    say(Tell(9, GO_ON))
+    world.run(40.0)
+    assert not world.fleet.is_finished
+    say(Tell(9, END))
+    world.run(5.0)
+    found = states(world)
+    assert (found["first"], found["urgent"]) == (ORDER_DONE, ORDER_DONE)
+    assert (found["nowhere"], found["back"]) == (REFUSED, CANCELLED)
+    tasks = world.fleet.orders.tasks
+    assert tasks["urgent"].arrived_ms < tasks["first"].arrived_ms
+    assert world.fleet.phase == OVER
+    assert freezes(world) == 0
+    assert nobody_touches(world)
+
+
+def test_what_a_lost_robot_had_in_hand_goes_to_another_unless_it_was_named():
+    orders = (
+        Order(id="any", goal=(8.5, 6.5)),
+        Order(id="named", goal=(8.0, 2.0), robot="R2", release=1.0),
+    )
+    robots = [idle("R1", (8.5, 1.0)), idle("R2", (1.0, 6.0)), idle("R3", (1.0, 1.0))]
+    scenario = replace(a_scenario(robots), orders=orders)
+    world = a_world(scenario, faults=["kill:R1@2", "kill:R2@3"])
+    world.run(200.0)
+    assert world.fleet.is_finished
+    task = world.fleet.orders.tasks["any"]
+    assert (task.state, task.robot) == (ORDER_DONE, "R3")
+    named = world.fleet.orders.tasks["named"]
+    assert (named.state, named.reason) == (REFUSED, "R2 is lost")
+    assert nobody_touches(world)
