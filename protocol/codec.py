@@ -57,7 +57,7 @@ KINDS: Final[dict[str, tuple[type[Message], ...]]] = {
     "orders": (OrderState,),
     "tell": (Tell,),
     "block": (Block, Unblock),
-    "blocks": (Block,),
+    "blocks": (Block, Unblock),
 }
 """Which messages may be sent on which kind of key."""
 

@@ -265,7 +265,7 @@ class Fleet(FleetState):
         if isinstance(message, Unblock):
             if self.blocks.pop(message.id, None) is not None:
                 self._tell(now_ns, "block", "", f"{message.id} is open again")
-            return []
+            return [Outgoing(keys.blocks(self.name, message.id), encode(message))]
         if known is None and shapely.is_valid(shapely.Polygon(message.polygon)):
             self.blocks[message.id] = known = message
             self._tell(now_ns, "block", "", f"{message.id} is closed")

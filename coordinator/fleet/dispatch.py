@@ -76,6 +76,7 @@ class _Asked:
     """Radii and paths of the robots that need room; None if the robot goes where it is wanted."""
 
     commits: int
+    closed: tuple[Ring, ...]
     leaves: bool
     """Whether the robot leaves its course for this one, instead of resting at its goal."""
 
@@ -285,7 +286,7 @@ class Dispatcher:
         asked = self._asked[request]
         if asked.ways is None:
             return search(asked.site, asked.wish, asked.others)
-        return make_room(asked.site, asked.wish, asked.others, asked.ways)
+        return make_room(asked.site, asked.wish, asked.others, asked.ways, asked.closed)
 
     def commit(self, request: CourseRequest, answer: Answer, now_ns: int) -> Robot | None:
         """Put an answer into effect; return the robot with its new goal if it gets a course."""
@@ -389,6 +390,7 @@ class Dispatcher:
             tuple(others),
             (() if way is None else (way,)) if task.makes_room else None,
             len(self._committed),
+            tuple(self._closed.values()),
             leaves,
         )
         return request

@@ -175,6 +175,7 @@ class Service:
         )
 
         self._transport.answer(keys.orders(fleet, "*"), self.driver.orders_again)
+        self._transport.answer(keys.blocks(fleet, "*"), self.driver.blocks_again)
 
     async def _take_until(self, due: int) -> None:
         """Let the driver hear what arrives until the clock shows `due`."""
