@@ -512,9 +512,7 @@ class Dispatcher:
     def _refuse_if_stuck(self, now_ms: int) -> None:
         """Refuse all orders when nobody moves and nothing is found for a long time."""
         fleet, book = self._fleet, self._fleet.orders
-        moves = bool(self._asked) or any(
-            not member.has_arrived and not member.lost for member in fleet.members.planned
-        )
+        moves = any(not member.has_arrived and not member.lost for member in fleet.members.planned)
         is_later = not book.waiting() or any(one.arrived_ms is not None for one in book.under_way())
         if moves or is_later or book.stays:
             self._moved_ms = now_ms

@@ -23,6 +23,9 @@ from coordinator.scenario.model import Point, Pose
 _RING: Final = 0.5
 """Distance [m] between the circles on which places to rest are looked for, per metre of need."""
 
+_NEAR: Final = 0.03
+"""How much farther off [m] than needed a resting robot may be that closes a way."""
+
 _RINGS: Final = 24
 _MOST_PLACES: Final = 6
 """How many places to rest are tried."""
@@ -62,7 +65,7 @@ def resting_on(site: Site, wish: Wish, way: Array, others: Sequence[Course]) -> 
     """Return the courses of others that end so near to a way (n, 2) [m] that they close it."""
     found = []
     for one in others:
-        need = wish.robot.radius + one.driven.radius + site.terms.margin
+        need = wish.robot.radius + one.driven.radius + site.terms.margin + _NEAR
         if _distance(np.array(one.goal), way) < need:
             found.append(one)
     return found
