@@ -30,6 +30,7 @@ _COMMANDS: Final = (
     "coordinator.cli.vda5050_commands",
     "robot_agent.commands",
     "coordinator.cli.order_commands",
+    "coordinator.cli.block_commands",
     "coordinator.cli.operator_commands",
     "sim.cli.run_commands",
     "coordinator.cli.info_commands",

@@ -68,11 +68,16 @@ def operator_rights(fleet: str, robots: Iterable[str]) -> Rights:
     Its keys contain no wildcard for the robot: Zenoh 1.10 crashes when it forwards a key longer
     than 65,535 bytes.
     """
-    hears = (keys.command(fleet), keys.plan(fleet, "*"), keys.orders(fleet, "*"))
+    hears = (
+        keys.command(fleet),
+        keys.plan(fleet, "*"),
+        keys.orders(fleet, "*"),
+        keys.blocks(fleet, "*"),
+    )
     admits = (keys.admit(fleet, robot) for robot in robots)
     return Rights(
-        puts=(*admits, keys.order(fleet), keys.tell(fleet)),
-        asks=(keys.orders(fleet, "*"),),
+        puts=(*admits, keys.order(fleet), keys.tell(fleet), keys.block(fleet)),
+        asks=(keys.orders(fleet, "*"), keys.blocks(fleet, "*")),
         subscribes=(*hears, keys.command(_EVERY_FLEET), keys.plan(_EVERY_FLEET, "*")),
         hears=hears,
     )
@@ -94,14 +99,14 @@ def coordinator_rights(fleet: str) -> Rights:
     It receives the command too, so that one of two coordinators of a fleet can give way.
     """
     hears = [kind(fleet, "*") for kind in (keys.hello, keys.report, keys.clock, keys.admit)]
-    hears += [keys.command(fleet), keys.order(fleet), keys.tell(fleet)]
+    hears += [kind(fleet) for kind in (keys.command, keys.order, keys.tell, keys.block)]
     told = (keys.plan(fleet, "*"), keys.clock(fleet, "*"), keys.orders(fleet, "*"))
     return Rights(
         puts=(keys.command(fleet), *told),
         subscribes=tuple(hears),
         hears=tuple(hears),
         watches=(keys.alive(fleet, "*"),),
-        answers=(keys.plan(fleet, "*"), keys.orders(fleet, "*")),
+        answers=(keys.plan(fleet, "*"), keys.orders(fleet, "*"), keys.blocks(fleet, "*")),
     )
 
 

@@ -18,6 +18,7 @@ import msgspec
 from protocol.messages import (
     MAX_MESSAGE_BYTES,
     Admit,
+    Block,
     Cancel,
     Clock,
     Command,
@@ -29,6 +30,7 @@ from protocol.messages import (
     Refusal,
     Report,
     Tell,
+    Unblock,
 )
 from protocol.plan_bytes import (
     OversizeError,
@@ -54,6 +56,8 @@ KINDS: Final[dict[str, tuple[type[Message], ...]]] = {
     "order": (Order, Cancel),
     "orders": (OrderState,),
     "tell": (Tell,),
+    "block": (Block, Unblock),
+    "blocks": (Block, Unblock),
 }
 """Which messages may be sent on which kind of key."""
 
@@ -119,6 +123,8 @@ def _is_sane(message: Message) -> bool:
     if isinstance(message, Order):
         numbers = [*message.goal, *(number for place in message.via for number in place)]
         return all(map(math.isfinite, numbers))
+    if isinstance(message, Block):
+        return all(math.isfinite(number) for place in message.polygon for number in place)
     if isinstance(message, Report):
         return message.rest is None or math.isfinite(message.rest.s_m)
     return not isinstance(message, Plan) or _is_whole(message)

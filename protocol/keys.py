@@ -14,8 +14,8 @@ NAME: Final = re.compile(r"(?!\.+(?:/|$))[A-Za-z0-9_.-]{1,32}")
 """What a fleet's or a robot's name may be; Zenoh itself would accept nearly anything.  A name of
 dots alone is refused because `.` and `..` are folders that exist already."""
 
-_OF_A_FLEET: Final = ("command", "order", "tell")
-_OF_ONE: Final = ("hello", "plan", "report", "clock", "alive", "admit", "orders")
+_OF_A_FLEET: Final = ("command", "order", "tell", "block")
+_OF_ONE: Final = ("hello", "plan", "report", "clock", "alive", "admit", "orders", "blocks")
 
 NAME_IN_WORDS: Final = "1 to 32 of A-Z a-z 0-9 _ . -, not dots alone"
 
@@ -60,6 +60,16 @@ def orders(fleet: str, order_id: str) -> str:
     return f"{ROOT}/{fleet}/orders/{order_id}"
 
 
+def block(fleet: str) -> str:
+    """Return the key on which operators close places and open them."""
+    return f"{ROOT}/{fleet}/block"
+
+
+def blocks(fleet: str, block_id: str) -> str:
+    """Return the key on which the coordinator says that a place is closed."""
+    return f"{ROOT}/{fleet}/blocks/{block_id}"
+
+
 def tell(fleet: str) -> str:
     """Return the key on which operators stop a fleet, let it go on, or end it."""
     return f"{ROOT}/{fleet}/tell"
@@ -72,7 +82,7 @@ def alive(fleet: str, robot: str) -> str:
 
 @lru_cache(maxsize=1024)
 def split(key: str) -> tuple[str, str, str] | None:
-    """Split a key into (fleet, kind, robot or order); None for other keys.
+    """Split a key into (fleet, kind, robot, order or block); None for other keys.
 
     The last part is empty for keys that name neither.
     """

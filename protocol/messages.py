@@ -261,6 +261,24 @@ HALT, GO_ON, END = range(3)
 """What a Tell may say."""
 
 
+class Block(msgspec.Struct, frozen=True, array_like=True, tag=14):
+    """An operator closes a place for all robots that have not passed it: a polygon [m].
+
+    The coordinator states the places that are closed in the same form.
+    """
+
+    boot: Counter
+    id: OrderId
+    polygon: Annotated[tuple[Spot, ...], msgspec.Meta(min_length=3, max_length=100)]
+
+
+class Unblock(msgspec.Struct, frozen=True, array_like=True, tag=15):
+    """An operator opens a place that was closed."""
+
+    boot: Counter
+    id: OrderId
+
+
 class OrderState(msgspec.Struct, frozen=True, array_like=True, tag=13):
     """What became of an order; `state` counts in ORDER_STATES, times are in ms since the first GO.
 
@@ -283,5 +301,17 @@ ORDER_STATES: Final = ("waiting", "under way", "done", "cancelled", "refused")
 WAITING, UNDER_WAY, ORDER_DONE, CANCELLED, REFUSED = range(5)
 
 Message = (
-    Hello | Plan | Refusal | Command | Report | Clock | Admit | Order | Cancel | Tell | OrderState
+    Hello
+    | Plan
+    | Refusal
+    | Command
+    | Report
+    | Clock
+    | Admit
+    | Order
+    | Cancel
+    | Tell
+    | OrderState
+    | Block
+    | Unblock
 )

@@ -6,20 +6,17 @@ Decides: their options and exit codes.
 from __future__ import annotations
 
 import os
-import queue
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import Annotated, Final
 
 import msgspec
 import typer
 
 from coordinator.base.console import answer_json, answers, tell
+from coordinator.cli.fleet_line import Connect, FleetName, Patience, fleet_line
 from coordinator.cli.plan_commands import Json, within
-from coordinator.service.key_option import Keys, given_keys
+from coordinator.service.key_option import Keys
 from protocol import keys as places
-from protocol.codec import decode, encode
 from protocol.messages import (
     CANCELLED,
     END,
@@ -31,102 +28,19 @@ from protocol.messages import (
     WAITING,
     Cancel,
     Command,
-    Message,
     Order,
     OrderState,
     Tell,
 )
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, OVER, STOP
-from protocol.transport import Transport
 
 commands = typer.Typer()
 
-_PERIOD_S: Final = 0.2
 _SETTLES_S: Final = 1.5
 """For so long an order is waited for to be begun or refused, so that its first answer says more."""
 
-_QUIET_S: Final = 0.5
-"""When no further order's state has come for so long, all have."""
 
-Connect = Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")]
-FleetName = Annotated[
-    str | None, typer.Option(help="Name of the fleet; by default the first one heard.")
-]
-Patience = Annotated[
-    float, typer.Option("--patience", callback=within(0.5, 86_400.0), help="Seconds to wait.")
-]
-
-
-class _Line:
-    """A link to one fleet: what arrives, and where to put."""
-
-    def __init__(self, transport: Transport, fleet: str | None, patience: float) -> None:
-        self.boot = int.from_bytes(os.urandom(4), "little")
-        self.fleet = fleet
-        self._transport = transport
-        self._heard: queue.SimpleQueue[tuple[str, Message]] = queue.SimpleQueue()
-        self._until = time.monotonic() + patience
-        for key in (places.command(fleet or "*"), places.orders(fleet or "*", "*")):
-            transport.subscribe(key, self._hear)
-
-    def _hear(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
-        place = places.split(key)
-        message = decode(place[1], payload) if place is not None else None
-        if place is not None and message is not None:
-            self._heard.put((place[0], message))
-
-    def messages(self, say: Callable[[str], None]) -> Iterator[Message]:
-        """Yield the fleet's messages; call `say` with the fleet's name now and then until heard."""
-        due = 0.0
-        while (now := time.monotonic()) < self._until:
-            if self.fleet is not None and now >= due:
-                say(self.fleet)
-                due = now + _PERIOD_S
-            try:
-                name, message = self._heard.get(timeout=_PERIOD_S)
-            except queue.Empty:
-                continue
-            if self.fleet is None and isinstance(message, Command):
-                self.fleet = name
-            if name == self.fleet:
-                yield message
-
-    def put(self, key: str, message: Message) -> None:
-        """Send a message."""
-        self._transport.put(key, encode(message))
-
-    def states(self) -> dict[str, OrderState]:
-        """Return the states of all orders, by order; empty if nobody answers."""
-        found: dict[str, OrderState] = {}
-        last = 0.0
-
-        def ask(fleet: str) -> None:
-            self._transport.ask(places.orders(fleet, "*"), self._hear)
-
-        for message in self.messages(ask):
-            now = time.monotonic()
-            if isinstance(message, OrderState):
-                if found.get(message.id) != message:
-                    last = now
-                found[message.id] = message
-            elif found and now - last > _QUIET_S:
-                break
-        return found
-
-
-@contextmanager
-def _line(connect: str, fleet: str | None, patience: float, keys: Keys) -> Iterator[_Line]:
-    from protocol.zenoh_transport import ZenohTransport
-
-    if fleet is not None and not places.NAME.fullmatch(fleet):
-        what = f"{fleet[:60]!r} is not {places.NAME_IN_WORDS}"
-        raise typer.BadParameter(what, param_hint="--fleet")
-    files = given_keys(keys, "operator")
-    with ZenohTransport.connect(connect, timeout_s=min(patience, 20.0), keys=files) as transport:
-        yield _Line(transport, fleet, patience)
-
-
-def _numbers(text: str, counts: tuple[int, ...], option: str) -> tuple[float, ...]:
+def numbers_of(text: str, counts: tuple[int, ...], option: str) -> tuple[float, ...]:
     """Read numbers separated by commas; there have to be so many."""
     try:
         found = tuple(float(part) for part in text.split(","))
@@ -138,7 +52,8 @@ def _numbers(text: str, counts: tuple[int, ...], option: str) -> tuple[float, ..
     return found
 
 
-def _name(text: str, option: str) -> str:
+def name_of(text: str, option: str) -> str:
+    """Return a name; typer.BadParameter if it cannot be one."""
     if not places.NAME.fullmatch(text):
         what = f"{text[:60]!r} is not {places.NAME_IN_WORDS}"
         raise typer.BadParameter(what, param_hint=option)
@@ -179,14 +94,14 @@ def order(
 
     Example: splinefleet order --connect tcp/127.0.0.1:7447 --to 9,5 --robot R1 --wait
     """
-    goal = _numbers(to, (2, 3), "--to")
-    passed = [_numbers(one, (2,), "--via") for one in via or ()]
+    goal = numbers_of(to, (2, 3), "--to")
+    passed = [numbers_of(one, (2,), "--via") for one in via or ()]
     if len(passed) > MOST_VIAS:
         raise typer.BadParameter(f"more than {MOST_VIAS} places", param_hint="--via")
-    name = _name(order_id, "--id") if order_id is not None else f"order-{os.urandom(4).hex()}"
-    whose = _name(robot, "--robot") if robot is not None else ""
+    name = name_of(order_id, "--id") if order_id is not None else f"order-{os.urandom(4).hex()}"
+    whose = name_of(robot, "--robot") if robot is not None else ""
     state: OrderState | None = None
-    with _line(connect, fleet, 86_400.0 if wait else patience, keys) as line:
+    with fleet_line(connect, fleet, 86_400.0 if wait else patience, keys) as line:
         given = Order(
             boot=line.boot,
             id=name,
@@ -247,7 +162,7 @@ def orders(
 
     Example: splinefleet orders --connect tcp/127.0.0.1:7447
     """
-    with _line(connect, fleet, patience, keys) as line:
+    with fleet_line(connect, fleet, patience, keys) as line:
         states = line.states()
         if line.fleet is None:
             tell(f"no coordinator was heard within {patience:g} s", "red")
@@ -282,9 +197,9 @@ def cancel(
     """
     from coordinator.findings.info_fields import OrderSummary
 
-    name = _name(order_id, "ORDER")
+    name = name_of(order_id, "ORDER")
     state: OrderState | None = None
-    with _line(connect, fleet, patience, keys) as line:
+    with fleet_line(connect, fleet, patience, keys) as line:
 
         def say(known: str) -> None:
             line.put(places.order(known), Cancel(line.boot, name))
@@ -312,7 +227,7 @@ def _tell_fleet(
 ) -> None:
     """Tell the fleet something until its Commands state one of these phases."""
     phase: int | None = None
-    with _line(connect, fleet, patience, keys) as line:
+    with fleet_line(connect, fleet, patience, keys) as line:
 
         def say(known: str) -> None:
             line.put(places.tell(known), Tell(line.boot, what))

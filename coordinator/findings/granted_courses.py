@@ -8,12 +8,16 @@ Decides: which courses a new one is proven against.  Must not know: files, the f
 
 from __future__ import annotations
 
+import shapely
+
+from coordinator.fleet.replanning_input import stretch
 from coordinator.plan.course import Course
 from coordinator.plan.document import Limits, PlanDocument
 from coordinator.plan.wire import PackedPlan, packed, unpack
 from coordinator.proof.course_proof import course_failures, that_may_meet
 from coordinator.proof.granted import Granted
 from coordinator.scenario.floor import Floor
+from coordinator.scenario.margin import TOLERANCE
 from coordinator.schedule.staircase_making import STANDOFF, staircases_of, with_staircases
 from protocol.codec import encode
 from protocol.messages import Plan, Report
@@ -31,6 +35,9 @@ class GrantedCourses(Granted):
         self.courses = 0
         self._terms, self._prove = plan.document, prove
         self._ways = {one.id: [Course(one, 0.0)] for one in plan.driven}
+        self._around: dict[str, shapely.Geometry] = {}
+        """By robot that others go around: the line on which it stands."""
+
         self._limits = {one.id: one.limits for one in plan.document.robots}
         self._floor: Floor | None = None
 
@@ -45,7 +52,12 @@ class GrantedCourses(Granted):
         except ValueError as error:
             self.failures.append(f"{robot} was sent a course that it would refuse: {error}")
             return True
-        others = [one for name, ways in self._ways.items() if name != robot for one in ways]
+        others = [
+            one
+            for name, ways in self._ways.items()
+            if name != robot
+            for one in (ways[1:] if name in self._around else ways)
+        ]
         margin = self._terms.margin
         near = that_may_meet(course, others, margin + STANDOFF)
         courses = [course, *near]
@@ -55,6 +67,7 @@ class GrantedCourses(Granted):
             limits = self._limits[robot] or Limits(max_speed=1e9)
             gap = self._gap().gap
             failures = course_failures(courses, staircases, margin, limits, gap)
+            failures += self._that_stand_near(course)
             name = f"course {plan.revision} of {robot} in epoch {plan.epoch}"
             self.failures += [f"{name}: {failure}" for failure in failures]
         known = [(one.driven.id, one.driven.plan.revision) for one in near]
@@ -68,6 +81,26 @@ class GrantedCourses(Granted):
         ways = self._ways.get(robot, [])
         if len(ways) == 2 and report.revision >= ways[1].driven.plan.revision:
             del ways[0]
+            self._around.pop(robot, None)
+
+    def go_around(self, robot: str) -> None:
+        """Take in that others are sent around a robot, which is granted nothing more."""
+        if robot in self._ways:
+            since, until = self.end_grants(robot)
+            ride = self._ways[robot][0].driven
+            places = stretch(ride, since / 1000.0, until / 1000.0)
+            self._around[robot] = shapely.linestrings(places)
+
+    def _that_stand_near(self, course: Course) -> list[str]:
+        """Return sentences on robots, which others go around, that a course comes too near."""
+        mine, found = course.driven, []
+        way = shapely.linestrings(mine.chain.points)
+        for name, line in self._around.items():
+            need = mine.radius + self._ways[name][0].driven.radius + self._terms.margin
+            apart = float(shapely.distance(way, line)) - mine.chain.bound
+            if name != mine.id and apart < need - TOLERANCE:
+                found.append(f"comes within {apart:.4f} m of where {name} may stand")
+        return found
 
     def _gap(self) -> Floor:
         if self._floor is None:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import msgspec
 
 from coordinator.findings.granted_courses import GrantedCourses
+from coordinator.fleet.log_records import around_robot, is_around_key
 from coordinator.log.records import Log
 from coordinator.plan import plan_file
 from coordinator.plan.document import PlanDocument, Proof
@@ -76,7 +77,7 @@ def prove_log(log: Log, scenario: Scenario | None = None, before: Sequence[Log] 
 
 def take_messages(
     log: Log,
-    granted: Mapping[int, Granted],
+    granted: Mapping[int, GrantedCourses],
     watch: Callable[[Command, Granted, int], None] = lambda _command, _granted, _now: None,
 ) -> set[int]:
     """Let what was granted, by epoch, take in a log's Plans, Reports and coordinator's Commands.
@@ -87,8 +88,12 @@ def take_messages(
     fleet, boot = log.metadata.get("fleet", ""), log.metadata.get("boot", "")
     unknown: set[int] = set()
     processes = _Processes()
+    newest: GrantedCourses | None = None
     for record in log.records:
         place = keys.split(record.key)
+        around = around_robot(record.payload) if is_around_key(record.key) else None
+        if around is not None and newest is not None:
+            newest.go_around(around)
         if place is None or place[0] != fleet:
             continue
         message = decode(place[1], record.payload)
@@ -104,6 +109,7 @@ def take_messages(
                 epoch.take_report(place[2], message)
         elif isinstance(message, Command) and str(message.boot) == boot:
             if epoch is not None:
+                newest = epoch
                 epoch.take_command(message)
                 watch(message, epoch, record.log_ns)
             elif message.phase == GO:

@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import shapely
+
 from coordinator.fleet.admission import Door
 from coordinator.fleet.epoch_times import EpochTimes
 from coordinator.fleet.events import Outgoing, Part
@@ -43,6 +45,7 @@ from protocol.messages import (
     HALT,
     REFUSED,
     Admit,
+    Block,
     Cancel,
     Clock,
     Command,
@@ -51,6 +54,7 @@ from protocol.messages import (
     OrderState,
     Report,
     Tell,
+    Unblock,
 )
 from protocol.phases import (
     COMMAND_NAMES,
@@ -86,7 +90,7 @@ class Fleet(FleetState):
             self._hear_router(payload == LINK_UP, now_ns)
             return []
         place = keys.split(key)
-        if place is None or place[0] != self.name or place[1] in ("plan", "orders"):
+        if place is None or place[0] != self.name or place[1] in ("plan", "orders", "blocks"):
             self.bad_messages += 1
             return []
         _, kind, robot = place
@@ -105,6 +109,8 @@ class Fleet(FleetState):
             return self._hear_admit(robot, message, now_ns)
         if isinstance(message, Order | Cancel):
             return self._hear_order(message, now_ns)
+        if isinstance(message, Block | Unblock):
+            return self._hear_block(message, now_ns)
         if isinstance(message, Tell):
             return self._hear_tell(message, now_ns)
         self.bad_messages += 1
@@ -253,6 +259,21 @@ class Fleet(FleetState):
         answer = [] if task_now is None else [self._order_state(task_now.message())]
         return [*answer, *self.order_states()]
 
+    def _hear_block(self, message: Block | Unblock, now_ns: int) -> list[Outgoing]:
+        """Close a place of the floor, or open it; the answer is the place, if it is closed."""
+        known = self.blocks.get(message.id)
+        if isinstance(message, Unblock):
+            if self.blocks.pop(message.id, None) is not None:
+                self._tell(now_ns, "block", "", f"{message.id} is open again")
+            return [Outgoing(keys.blocks(self.name, message.id), encode(message))]
+        if known is None and shapely.is_valid(shapely.Polygon(message.polygon)):
+            self.blocks[message.id] = known = message
+            self._tell(now_ns, "block", "", f"{message.id} is closed")
+        if known is None:
+            self.bad_messages += 1
+            return []
+        return [Outgoing(keys.blocks(self.name, known.id), encode(known))]
+
     def _hear_tell(self, message: Tell, now_ns: int) -> list[Outgoing]:
         """Stop, go on, or end when all rest."""
         if message.what == END:
@@ -329,9 +350,10 @@ class Fleet(FleetState):
         if self._router.is_down:
             self._waits_since_ns = None
             return
-        for member in moving:
-            if member.is_silent(now_ns) and not member.lost:
-                self._lose(member, now_ns)
+        self._lose_silent(moving, now_ns)
+        if self.orders.is_used and all(member.lost for member in moving):
+            self._wait_for_lost(now_ns)
+            return
         stuck = set(self.grants.stuck(self.times.plan_ms(now_ns)))
         stopped = [m for m in moving if m.lost or m.has_stopped(self.epoch) or m.id in stuck]
         waits = stopped and self.grants.behind([member.id for member in stopped])
@@ -347,11 +369,35 @@ class Fleet(FleetState):
         are_silent = all(member.lost and not member.gone for member in stopped)
         if now_ns - self._waits_since_ns > (SILENT_PATIENCE if are_silent else HELD_PATIENCE):
             self._waits_since_ns = None
+            if waits and self._go_around_lost(stopped, now_ns):
+                return
             for member in stopped:
                 if member.id in stuck and not member.lost and not member.has_stopped(self.epoch):
                     member.struck.add(self.epoch)
                     self._tell(now_ns, "fault", member.id, f"{member.id} does not get on")
             self._turn("robot failed", now_ns)
+
+    def _wait_for_lost(self, now_ns: int) -> None:
+        """Wait for robots that alone have not arrived; end without them if no order is open."""
+        if self.orders.is_open_or_stays or self._waits_since_ns is None:
+            self._waits_since_ns = now_ns
+        elif now_ns - self._waits_since_ns > SILENT_PATIENCE:
+            self._turn("all done", now_ns)
+
+    def _lose_silent(self, moving: list[Member], now_ns: int) -> None:
+        for member in moving:
+            if member.is_silent(now_ns) and not member.lost:
+                self._lose(member, now_ns)
+
+    def _go_around_lost(self, stopped: list[Member], now_ns: int) -> bool:
+        """Give up robots that are lost, so that others are sent around; False if none is new."""
+        lost = [one for one in stopped if one.lost and one.id not in self.grants.given_up]
+        if not self.orders.is_used:
+            return False
+        for member in lost:
+            self.grants.give_up(member.id)
+            self._tell(now_ns, "fault", member.id, f"others go around {member.id}")
+        return bool(lost)
 
     def _settle(self, now_ns: int) -> None:
         """Look for lost robots in a fleet that freezes."""

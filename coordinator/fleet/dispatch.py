@@ -16,20 +16,24 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import shapely
 from msgspec.structs import replace
 from scipy.optimize import linear_sum_assignment
 
 from coordinator.curves.nurbs import Array
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.events import Incident
-from coordinator.fleet.log_records import CourseRequest
+from coordinator.fleet.log_records import CourseRequest, around_key, around_record
 from coordinator.fleet.orders import Task
+from coordinator.fleet.phases import SILENT_PATIENCE
+from coordinator.fleet.replanning_input import Aside, stretch
 from coordinator.plan.course import Course
 from coordinator.plan.wire import address
 from coordinator.planning.course_proposal import Site, Wish
 from coordinator.planning.course_search import Answer, make_room, search
 from coordinator.proof.course_proof import that_may_meet
-from coordinator.scenario.model import Pose, Robot
+from coordinator.scenario.model import Point, Pose, Robot
+from coordinator.schedule.authority import EVER
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
 from protocol.phases import GO, MOVING
 
@@ -49,6 +53,18 @@ _SETTLES: Final = 0.3
 """A robot that has braked settles in this time [s]."""
 
 
+Ring = tuple[Point, ...]
+
+_STEP: Final = 0.05
+"""Distance [m] between places of a course that are compared with a closed place."""
+
+_SAME: Final = 0.01
+"""Places nearer to each other than this [m] are one place."""
+
+_MOST_SITES: Final = 8
+"""How many floors with different closed places are kept."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Asked:
     """What a request is answered from."""
@@ -60,6 +76,7 @@ class _Asked:
     """Radii and paths of the robots that need room; None if the robot goes where it is wanted."""
 
     commits: int
+    closed: tuple[Ring, ...]
     leaves: bool
     """Whether the robot leaves its course for this one, instead of resting at its goal."""
 
@@ -77,6 +94,16 @@ class Dispatcher:
         self._committed: list[Course] = []
         self._tried: dict[str, tuple[object, int]] = {}
         """By order: the state of the fleet and the time [ms] when nothing was found for it."""
+        self.news: list[tuple[str, bytes]] = []
+        """Records for the log."""
+
+        self._around: dict[str, Ring] = {}
+        """By lost robot that others go around: where it may stand."""
+
+        self._closed: dict[str, Ring] = {}
+        """The places that operators have closed, as far as robots were told."""
+
+        self._sites: dict[tuple[Ring, ...], Site] = {}
         self._ways: dict[str, tuple[float, Array]] = {}
         """By order that makes room: the radius and path of the robot that needs it."""
         self._moved_ms = 0
@@ -87,6 +114,7 @@ class Dispatcher:
         `make_site` prepares its floor when the first order needs it; None if nobody can drive.
         """
         self._make_site, self._made_site, self._committed = make_site, None, []
+        self._around, self._sites, self._closed = {}, {}, {}
         self._asked.clear()
         self._tried.clear()
 
@@ -106,6 +134,7 @@ class Dispatcher:
         if fleet.phase != GO or self._site is None or fleet.superseded:
             self._moved_ms = now_ms
             return []
+        self._find_ways_around(now_ns, now_ms)
         self._refuse_if_stuck(now_ms)
         idle = self._idle(now_ns)
         asked = {one.order for one in self._asked}
@@ -136,6 +165,107 @@ class Dispatcher:
         drives = member.phase == MOVING and member.driven == member.revision
         return drives and not is_asked and not member.is_silent(now_ns)
 
+    def _find_ways_around(self, now_ns: int, now_ms: int) -> None:
+        """Send robots around lost ones that hold them, and around places that are closed."""
+        fleet = self._fleet
+        given_up = fleet.grants.given_up
+        for task in fleet.orders.under_way():
+            member = fleet.members[task.robot]
+            silent_ns = now_ns - max(member.heard_ns, member.excused_ns)
+            if member.lost and task.arrived_ms is None and silent_ns > SILENT_PATIENCE:
+                if not task.order.robot:
+                    fleet.grants.give_up(task.robot)
+                fleet.orders.put_back(task.robot)
+        self._around = {name: ring for name, ring in self._around.items() if name in given_up}
+        for name in sorted(given_up - self._around.keys()):
+            self._around[name] = self._where(name)
+            self.news.append((around_key(fleet.name), around_record(name)))
+        for robot, by, _ in fleet.grants.held():
+            if by in self._around and self._may_leave(robot, now_ns):
+                self._go_around(robot, by, now_ms)
+        closed = {name: block.polygon for name, block in fleet.blocks.items()}
+        fresh = {name: ring for name, ring in closed.items() if name not in self._closed}
+        if self._closed.keys() - closed.keys():
+            for member in fleet.members.planned:
+                fleet.grants.limit(member.id, EVER)
+            fresh = closed
+        self._closed = closed
+        for name, ring in fresh.items():
+            self._close(name, ring, now_ns, now_ms)
+        for name in sorted(given_up):
+            if not fleet.members[name].lost and self._may_leave(name, now_ns):
+                self._go_around(name, "where it stood", now_ms)
+
+    def _go_around(self, robot: str, what: str, now_ms: int) -> None:
+        mine = self._fleet.grants.of(robot)
+        book = self._fleet.orders
+        waits = any(one.robot == robot and one.is_urgent for one in book.waiting())
+        if mine is not None and mine.now.course is not None and not waits:
+            book.go_around(robot, mine.now.course.goal, what, now_ms)
+
+    def _where(self, robot: str) -> Ring:
+        """Return the polygon in which a robot stands that is granted nothing more."""
+        mine = self._fleet.grants.of(robot)
+        assert mine is not None
+        assert mine.now.course is not None
+        (span, *_) = self._fleet.spans(robot)
+        ride = mine.now.course.driven
+        places = stretch(ride, span.since_ms / 1000.0, span.until_ms / 1000.0)
+        return Aside(self._robots[robot], "lost", places, None).disc()
+
+    def _close(self, name: str, ring: Ring, now_ns: int, now_ms: int) -> None:
+        """Let robots that have not passed a place drive no farther than it, and go around it."""
+        fleet, margin = self._fleet, self._terms_margin()
+        polygon = shapely.Polygon(ring)
+        for member in fleet.members.planned:
+            mine = fleet.grants.of(member.id)
+            if mine is None or mine.now.course is None:
+                continue
+            ride, reach = mine.now.course.driven, member.radius + margin
+            (span, *_) = fleet.spans(member.id)
+            begin = ride.timeline.s_at(span.since_ms / 1000.0)
+            begin = ride.timeline.length if member.has_arrived else begin
+            arcs = np.append(np.arange(begin, ride.timeline.length, _STEP), ride.timeline.length)
+            inside = shapely.dwithin(shapely.points(ride.curve.at_arc(arcs)), polygon, reach)
+            if not inside.any():
+                continue
+            if member.has_arrived:
+                book = fleet.orders
+                if book.of_robot(member.id) is None:
+                    book.room_for(member.id, mine.now.course.goal, name, now_ms)
+                continue
+            enters = float(arcs[max(int(inside.argmax()) - 1, 0)])
+            before_ms = math.floor(1000.0 * ride.timeline.time_at(enters))
+            fleet.grants.limit(member.id, max(before_ms, 0))
+            if self._may_leave(member.id, now_ns):
+                self._go_around(member.id, name, now_ms)
+
+    def _terms_margin(self) -> float:
+        return 0.0 if self._site is None else self._site.terms.margin
+
+    def _site_for(self, robot: str, place: tuple[float, float]) -> Site:
+        """Return the floor as it is for a robot at a place [m]: what is closed is solid.
+
+        A robot that is inside of a closed place may leave it.
+        """
+        whole = self._site
+        assert whole is not None
+        reach, here = self._robots[robot].radius + whole.terms.margin, shapely.Point(place)
+        rings = [ring for name, ring in self._around.items() if name != robot]
+        rings += [
+            ring
+            for ring in self._closed.values()
+            if not shapely.dwithin(shapely.Polygon(ring), here, reach)
+        ]
+        if not rings:
+            return whole
+        key = tuple(rings)
+        if key not in self._sites:
+            if len(self._sites) >= _MOST_SITES:
+                del self._sites[next(iter(self._sites))]
+            self._sites[key] = whole.with_obstacles(key)
+        return self._sites[key]
+
     def _say_who_is_busy(self, idle: list[str]) -> None:
         """State the reason for which orders wait that were not looked for yet."""
         book = self._fleet.orders
@@ -156,7 +286,7 @@ class Dispatcher:
         asked = self._asked[request]
         if asked.ways is None:
             return search(asked.site, asked.wish, asked.others)
-        return make_room(asked.site, asked.wish, asked.others, asked.ways)
+        return make_room(asked.site, asked.wish, asked.others, asked.ways, asked.closed)
 
     def commit(self, request: CourseRequest, answer: Answer, now_ns: int) -> Robot | None:
         """Put an answer into effect; return the robot with its new goal if it gets a course."""
@@ -234,41 +364,44 @@ class Dispatcher:
     def _request(
         self, task: Task, robot: str, now_ns: int, *, leaves: bool = False
     ) -> CourseRequest:
-        fleet, site = self._fleet, self._site
-        assert site is not None
+        fleet = self._fleet
+        terms_tau = 0.0 if self._site is None else self._site.terms.tau
         mine = fleet.grants.of(robot)
         assert mine is not None
         self._serial += 1
-        wait_ms = max(fleet.grants.headroom_ms - round(1000.0 * site.terms.tau), 0)
+        wait_ms = max(fleet.grants.headroom_ms - round(1000.0 * terms_tau), 0)
         begin_ms = fleet.times.plan_ms(now_ns) + _LEAD_MS + wait_ms
+        delay = 0.0
         if leaves:
-            begin_ms = fleet.grants.halt(robot)
+            soon_ms, begin_ms = begin_ms, fleet.grants.halt(robot)
+            delay = max(self._braking(robot), (soon_ms - begin_ms) / 1000.0)
         number, revision = fleet.grants.reserve(), mine.now.revision + 1
         request = CourseRequest(self._serial, task.order.id, robot, number, revision, begin_ms)
         (x, y), heading = self._place(robot, begin_ms if leaves else None)
         is_car = self._robots[robot].min_turn_radius > 0.0
         start: Pose = (x, y, heading) if is_car else (x, y)
-        goal, via = task.order.goal, task.order.via
+        goal, via = _apart((x, y), task.order.via, task.order.goal)
         wanted = replace(self._robots[robot], start=start, goal=goal, via=via, path=None)
         others = [one for one in fleet.grants.possible() if one.driven.id != robot]
-        way = self._ways.get(task.order.id)
+        way, site = self._ways.get(task.order.id), self._site_for(robot, (x, y))
         self._asked[request] = _Asked(
             site,
-            Wish(wanted, heading, number, revision, begin_ms, self._braking(robot, leaves)),
+            Wish(wanted, heading, number, revision, begin_ms, delay),
             tuple(others),
             (() if way is None else (way,)) if task.makes_room else None,
             len(self._committed),
+            tuple(self._closed.values()),
             leaves,
         )
         return request
 
-    def _braking(self, robot: str, leaves: bool) -> float:
+    def _braking(self, robot: str) -> float:
         """Return how much later [s] a robot that leaves its course is where its authority ends.
 
         It brakes for that place, where its course may have it at full speed.
         """
         one = self._robots[robot]
-        return one.max_speed / one.max_accel + _SETTLES if leaves else 0.0
+        return one.max_speed / one.max_accel + _SETTLES
 
     def _place(self, robot: str, at_ms: int | None = None) -> tuple[tuple[float, float], float]:
         """Return where a robot is at a plan time [m], by default at its goal, and its heading."""
@@ -349,3 +482,19 @@ class Dispatcher:
             self._moved_ms = now_ms
         elif now_ms - self._moved_ms > _NOBODY_MOVES_MS:
             book.refuse_all(lambda task: task.reason or "no robot can do it")
+
+
+def _apart(start: Point, via: Iterable[Point], goal: Pose) -> tuple[Pose, tuple[Point, ...]]:
+    """Return the goal and the places to pass, without those where the robot is already.
+
+    A robot that is at its goal, and passes no place, stays where it is.
+    """
+    kept: list[Point] = []
+    for place in via:
+        if math.dist(place, kept[-1] if kept else start) >= _SAME:
+            kept.append(place)
+    while kept and math.dist(kept[-1], goal[:2]) < _SAME:
+        kept.pop()
+    if not kept and math.dist(start, goal[:2]) < _SAME:
+        return start, ()
+    return goal, tuple(kept)

@@ -128,6 +128,9 @@ class Grants:
         self._numbers[:count] = np.arange(count)
         self._next_number = count
         self._reserved: set[int] = set()
+        self.given_up: set[str] = set()
+        """Robots that are granted nothing more on the course in force."""
+
         self._done = np.zeros(2 * count, bool)
         self._got_on_ms = np.zeros(2 * count, np.int64)
         """When each robot last got on, or could not because it was held."""
@@ -141,9 +144,23 @@ class Grants:
         return self._courses.get(robot)
 
     def possible(self) -> list[Course]:
-        """Return all courses that robots may be driving."""
-        sent = (one.course for courses in self._courses.values() for one in courses)
+        """Return all courses that robots may be driving, given up ones left out."""
+        sent = (
+            one.course
+            for name, mine in self._courses.items()
+            for one in mine
+            if one is not mine.now or name not in self.given_up
+        )
         return [course for course in sent if course is not None]
+
+    def give_up(self, robot: str) -> None:
+        """Grant nothing more on a robot's course for ever: others are sent around where it is."""
+        self.halt(robot)
+        self.given_up.add(robot)
+
+    def limit(self, robot: str, most_ms: int) -> None:
+        """Grant a robot never more than this on the course in force."""
+        self._rule.most[self._courses[robot].now.slot] = most_ms
 
     def reserve(self) -> int:
         """Return a number for a course that is being looked for.
@@ -165,8 +182,8 @@ class Grants:
         return int(self._rule.told[slot])
 
     def go_on(self, robot: str) -> None:
-        """Grant again on a robot's course what is safe."""
-        self._rule.barred[self._courses[robot].now.slot] = False
+        """Grant again on a robot's course what is safe, unless the robot was given up."""
+        self._rule.barred[self._courses[robot].now.slot] = robot in self.given_up
 
     def commit(
         self,
@@ -225,6 +242,7 @@ class Grants:
     def _begin(self, mine: Courses, begun: Sent, now_ms: int) -> None:
         """Take in that a robot has left its old course for the next one."""
         old, mine.now, mine.next = mine.now, begun, None
+        self.given_up.discard(old.course.driven.id if old.course else "")
         begun.is_confirmed = True
         rule = self._rule
         rule.reach(begun.slot, begun.begin_ms)

@@ -32,12 +32,13 @@ RATES: Final = {
     "command": Rate(50),
     "order": Rate(100),
     "tell": Rate(20),
+    "block": Rate(20),
 }
 """The allowed rate of messages of each kind, several times what the protocol needs.
 
 News of a robot's link share the lane of its reports, so that their order is kept."""
 
-_SENT: Final = ("plan", "orders")
+_SENT: Final = ("plan", "orders", "blocks")
 """On these kinds of keys only coordinators send."""
 
 UNREADABLE_RATE: Final = Rate(50, 64)

@@ -7,6 +7,8 @@ These records are never sent.  `replay --check` runs the fleet again from them:
   of the epoch; it is in the log before a robot is told that much, so a coordinator that resumes
   from the log knows how far any robot may be;
 - `course`: a search for a robot's course came to its end, and what was asked;
+- `around`: from now on others are sent around a lost robot, which is granted nothing more on its
+  course;
 - `told`: an operator told the fleet to stop, or to go on;
 - `router`: the coordinator's own link to a router came up or went down.  For a robot's link the
   same bytes are recorded under the robot's `alive` key;
@@ -74,6 +76,29 @@ def course_request_of(payload: bytes) -> CourseRequest | None:
     """Decode a request for a course; return None if the bytes do not encode one."""
     try:
         return msgspec.json.decode(payload, type=CourseRequest)
+    except _UNREADABLE:
+        return None
+
+
+def around_key(fleet: str) -> str:
+    """Return the key of a fleet's `around` records."""
+    return f"coordinator/{fleet}/around"
+
+
+def is_around_key(key: str) -> bool:
+    """Return whether this is a key of `around` records."""
+    return _is_record(key, "around")
+
+
+def around_record(robot: str) -> bytes:
+    """Encode a robot's name."""
+    return msgspec.json.encode(robot)
+
+
+def around_robot(payload: bytes) -> str | None:
+    """Decode a robot's name; return None if the bytes do not encode one."""
+    try:
+        return msgspec.json.decode(payload, type=str)
     except _UNREADABLE:
         return None
 

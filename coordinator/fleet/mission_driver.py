@@ -41,6 +41,7 @@ from coordinator.fleet.recovery import Recovery
 from coordinator.plan.document import PlanDocument
 from coordinator.planning.course_search import Answer
 from protocol import keys
+from protocol.codec import encode
 from protocol.phases import FREEZE, GO, HOLD
 from protocol.timing import MILLISECOND, SECOND
 
@@ -161,6 +162,9 @@ class MissionDriver:
             Job(request, partial(self._solve_course, request))
             for request in self.mission.dispatcher.look(now_ns)
         ]
+        for key, news in self.mission.dispatcher.news:
+            self._journal.record(key, news, now_ns)
+        self.mission.dispatcher.news.clear()
         request = self.mission.request(now_ns)
         self._plans = self.fleet.plans()
         if request is not None:
@@ -208,6 +212,12 @@ class MissionDriver:
     def orders_again(self) -> list[tuple[str, bytes]]:
         """Return what was said last of each order, as keys and payloads."""
         return list(self._order_states.items())
+
+    def blocks_again(self) -> list[tuple[str, bytes]]:
+        """Return the places that are closed, as keys and payloads."""
+        name = self.fleet.name
+        closed = list(self.fleet.blocks.values())
+        return [(keys.blocks(name, block.id), encode(block)) for block in closed]
 
     def nobody_goes(self, now_ns: int) -> bool:
         """Return whether no robot is on its way, because none was sent or all rest."""

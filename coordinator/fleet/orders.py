@@ -146,6 +146,20 @@ class OrderBook:
             self.end(task, REFUSED, f"there is no robot {order.robot} in this fleet")
         return task
 
+    def go_around(self, robot: str, goal: Pose, what: str, now_ms: int) -> None:
+        """Let the order that a robot does be looked for again, from where it is now.
+
+        A robot without an order, which is on its way to `goal`, gets one of the coordinator's own.
+        """
+        task = self.of_robot(robot)
+        if task is None:
+            self._made_room += 1
+            order = Order(id=f"way-{self._made_room}", robot=robot, goal=goal)
+            task = self.give(order, now_ms)
+        else:
+            self.put_back(robot)
+        task.robot, task.is_urgent, task.reason = robot, True, f"goes around {what}"
+
     def room_for(self, robot: str, goal: Pose, whose: str, now_ms: int) -> Task:
         """Return a new order of the coordinator's own: a robot makes room for another order."""
         self._made_room += 1

@@ -239,14 +239,14 @@ def _stretches(rides: Rides, standing: Standing) -> Array:
     """Return the places (n, 2) [m] where a robot may stand if only plan times are known."""
     first = (standing.revision, standing.since, standing.until)
     ways = [
-        _stretch(ride, since, until)
+        stretch(ride, since, until)
         for revision, since, until in (first, *standing.also)
         if (ride := rides.get((standing.robot, standing.epoch, revision))) is not None
     ]
     return np.concatenate(ways)
 
 
-def _stretch(ride: Driven, since: float, until: float) -> Array:
+def stretch(ride: Driven, since: float, until: float) -> Array:
     """Return the places (n, 2) [m] of a robot's course between two plan times [s]."""
     low = ride.timeline.s_at(max(since, 0.0))
     high = max(ride.timeline.s_at(max(until, 0.0)), low)

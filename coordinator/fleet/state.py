@@ -18,7 +18,7 @@ from coordinator.fleet.roster import Roster
 from coordinator.fleet.router_link import RouterLink
 from protocol import keys
 from protocol.codec import encode
-from protocol.messages import MOST_WANTED, Command, OrderState
+from protocol.messages import MOST_WANTED, Block, Command, OrderState
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD, OVER, STOP
 from protocol.timing import COMMAND_PERIOD, MILLISECOND
 
@@ -57,6 +57,9 @@ class FleetState:
         self._patient_until_ns = 0
         self.is_resumed = self.superseded = False
         self._farewells = 0
+        self.blocks: dict[str, Block] = {}
+        """The places that operators have closed."""
+
         self.is_ending = False
         """Whether an operator has told the fleet to end when all rest."""
 

@@ -33,7 +33,7 @@ from coordinator.plan.wire import pack, unpack
 from coordinator.planning.planner import NEED_PAD, TAU_PAD
 from coordinator.proof.course_proof import course_failures, that_may_meet
 from coordinator.scenario.floor import Floor
-from coordinator.scenario.model import Pose, Robot, Scenario
+from coordinator.scenario.model import Point, Pose, Robot, Scenario
 from coordinator.schedule.junctions import Junctions
 from coordinator.schedule.safe_interval_kernels import Departure
 from coordinator.schedule.safe_intervals import earliest_motion
@@ -65,6 +65,12 @@ class Site:
         self.floor = GrownFloor(workspace.boundary, workspace.obstacles)
         solid = Floor(workspace.boundary, workspace.obstacles)
         self.gap, self.room = solid.gap, solid.distance
+
+    def with_obstacles(self, rings: Sequence[tuple[Point, ...]]) -> Site:
+        """Return the floor with further obstacles, under the same terms."""
+        floor = self.scenario.workspace
+        more = changed(floor, obstacles=floor.obstacles + tuple(rings))
+        return Site(changed(self.scenario, workspace=more), self.terms)
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import shapely
 
 from coordinator.base.errors import PlanError
 from coordinator.curves.nurbs import Array
 from coordinator.plan.course import Course
 from coordinator.planning.course_proposal import Proposal, Site, Wish, alone, propose
-from coordinator.scenario.model import Pose
+from coordinator.scenario.model import Point, Pose
 
 _RING: Final = 0.5
 """Distance [m] between the circles on which places to rest are looked for, per metre of need."""
@@ -68,14 +69,19 @@ def resting_on(site: Site, wish: Wish, way: Array, others: Sequence[Course]) -> 
 
 
 def make_room(
-    site: Site, wish: Wish, others: Sequence[Course], ways: Sequence[tuple[float, Array]]
+    site: Site,
+    wish: Wish,
+    others: Sequence[Course],
+    ways: Sequence[tuple[float, Array]],
+    closed: Sequence[tuple[Point, ...]] = (),
 ) -> Answer:
     """Look for a course to a place where a robot is in nobody's way: its home, or a place nearby.
 
-    `ways`: radii [m] and paths (n, 2) [m] of the robots whose way is to be left free.
+    `ways`: radii [m] and paths (n, 2) [m] of the robots whose way is to be left free; `closed`:
+    polygons that the robot may leave, but not rest in.
     """
     answer = Answer(None, reason="has no place to make room at")
-    for place in _places(site, wish, others, ways):
+    for place in _places(site, wish, others, ways, closed):
         found = search(site, wish.to(place), others)
         if found.proposal is not None:
             return found
@@ -84,7 +90,11 @@ def make_room(
 
 
 def _places(
-    site: Site, wish: Wish, others: Sequence[Course], ways: Sequence[tuple[float, Array]]
+    site: Site,
+    wish: Wish,
+    others: Sequence[Course],
+    ways: Sequence[tuple[float, Array]],
+    closed: Sequence[tuple[Point, ...]],
 ) -> list[Pose]:
     """Return places where a robot may rest, the nearest first, its home before all."""
     robot, margin = wish.robot, site.terms.margin
@@ -103,6 +113,9 @@ def _places(
     for one in others:
         need = robot.radius + one.driven.radius + margin + 0.01
         free &= np.hypot(*(points - np.array(one.goal)).T) >= need
+    for ring in closed:
+        polygon = shapely.Polygon(ring)
+        free &= ~shapely.dwithin(shapely.points(points), polygon, robot.radius + margin + 0.01)
     free[free] = [
         all(_distance(point, way) >= robot.radius + radius + margin for radius, way in ways)
         for point in points[free]

@@ -66,6 +66,8 @@ class Granted:
         self._granted = np.zeros(2 * count)
         self._passed = np.zeros(2 * count)
         self._at_goal = np.zeros(2 * count, bool)
+        self._ended: dict[int, float] = {}
+        """Slots of courses on which nothing more may be granted, and what was."""
 
     def take_plan(self, robot: str, plan: Plan) -> bool:
         """Check that a robot was sent a course that is known, with its own number.
@@ -115,6 +117,7 @@ class Granted:
         if coming is not None and report.revision >= coming.revision:
             old, self._now[robot] = self._now[robot], self._next.pop(robot)
             self._passed[old.slot], self._at_goal[old.slot] = np.inf, True
+            self._ended.pop(old.slot, None)
             self._passed[coming.slot] = max(self._passed[coming.slot], coming.begin_ms)
             self._courses = {n: one for n, one in self._courses.items() if one is not old}
         known = self._now.get(robot)
@@ -132,6 +135,15 @@ class Granted:
             least = min(self._passed[slot], coming.begin_ms)
             self._passed[coming.slot] = max(self._passed[coming.slot], least)
 
+    def end_grants(self, robot: str) -> tuple[float, float]:
+        """Take in that a robot is granted nothing more on its course, because others go around it.
+
+        Returns the plan times [ms] between which it stands.
+        """
+        slot = self._now[robot].slot
+        self._ended[slot] = float(self._granted[slot])
+        return float(self._passed[slot]), self._ended[slot]
+
     def take_command(self, command: Command) -> None:
         """Take in what a Command grants, and check the invariant."""
         if command.phase != GO:
@@ -141,6 +153,11 @@ class Granted:
             stated = command.authority_of(number)
             if stated is not None and not self._at_goal[one.slot]:
                 self._granted[one.slot] = max(self._granted[one.slot], stated)
+                if self._granted[one.slot] > self._ended.get(one.slot, np.inf):
+                    self.failures.append(
+                        f"Command {command.sequence} of epoch {command.epoch} lets {one.robot} "
+                        "drive on, which others go around"
+                    )
         stairs = self._staircases.all
         ahead, behind = self._passed[stairs.ahead], self._granted[stairs.behind]
         for pair in np.flatnonzero(behind - stairs.tau_ms >= ahead).tolist():

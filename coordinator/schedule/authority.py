@@ -28,8 +28,8 @@ class Authority:
     """Progress and authority on the courses of one plan, in ms of plan time; both only grow.
 
     `told`: the most that a robot may have been told.  It is what is granted, unless another
-    coordinator granted more before.  `barred`: courses on which nothing more is granted.  Courses
-    are numbered as in the staircases.
+    coordinator granted more before.  `barred`: courses on which nothing more is granted; `most`:
+    no more than this is ever granted.  Courses are numbered as in the staircases.
     """
 
     def __init__(self, staircases: Staircases, courses: int) -> None:
@@ -38,6 +38,7 @@ class Authority:
         self.granted: Integers = np.zeros(courses, np.int64)
         self.told: Integers = np.zeros(courses, np.int64)
         self.barred = np.zeros(courses, bool)
+        self.most: Integers = np.full(courses, EVER, np.int64)
 
     def renew(self, staircases: Staircases) -> bool:
         """Grant by other staircases from now on, unless one forbids what was told already.
@@ -66,12 +67,12 @@ class Authority:
         """Begin a new course, on which nothing is granted as long as it is barred."""
         self.progress[course] = progress_ms
         self.granted[course] = self.told[course] = 0
-        self.barred[course] = True
+        self.barred[course], self.most[course] = True, EVER
 
     def wanted(self, now_ms: int, headroom_ms: int) -> Integers:
         """Return how far (n,) [ms] robots would be let at a plan time if nobody were in the way."""
         wanted: Integers = np.minimum(now_ms, self.progress + SLACK_MS) + headroom_ms
-        return np.where(self.barred, 0, wanted)
+        return np.where(self.barred, 0, np.minimum(wanted, self.most))
 
     def grant(self, now_ms: int, headroom_ms: int, most_ms: int) -> None:
         """Grant what is safe, up to the headroom beyond a plan time, and at most `most_ms`."""

@@ -167,7 +167,7 @@ class Service:
         fleet = self.fleet.name
         for kind in (keys.hello, keys.report, keys.clock, keys.admit):
             self._transport.subscribe(kind(fleet, "*"), from_any_thread)
-        for key in (keys.command, keys.order, keys.tell):
+        for key in (keys.command, keys.order, keys.tell, keys.block):
             self._transport.subscribe(key(fleet), from_any_thread)
         self._transport.watch_alive(keys.alive(fleet, "*"), link_changed)
         self._transport.answer(
@@ -175,6 +175,7 @@ class Service:
         )
 
         self._transport.answer(keys.orders(fleet, "*"), self.driver.orders_again)
+        self._transport.answer(keys.blocks(fleet, "*"), self.driver.blocks_again)
 
     async def _take_until(self, due: int) -> None:
         """Let the driver hear what arrives until the clock shows `due`."""

@@ -310,7 +310,7 @@ def _is_sent(kind: str, payload: bytes, boot: int) -> bool:
         return message.received_ns is not None
     if isinstance(message, Command):
         return message.boot == boot
-    return kind in ("plan", "orders")
+    return kind in ("plan", "orders", "blocks")
 
 
 def _first_difference(expected: bytes, found: bytes) -> str:

@@ -165,20 +165,20 @@ class Ride:
     def leads_into(self, coming: "Ride") -> bool:
         """Return whether the robot can change to another course where that begins.
 
-        It can unless it has driven, or reported, beyond that; at its goal it has not, however late
-        it is.  Where it does not rest, the courses have one heading and one speed there; a robot
-        may also come to rest where its authority ends.
+        It can unless it has driven, or reported, beyond that; at its goal, or where its authority
+        ends, it has not, however late it is.  Where it does not rest, the courses have one heading
+        and one speed there; a robot may also come to rest where its authority ends.
         """
         begin, mine, other = coming.begin, self.follower, coming.follower
         speed, s = coming._timeline.v_at(begin), self._timeline.s_at(begin)
         gap, turn = mine.joint(s, other)
         if gap > JOINT_GAP:
             return False
-        if speed == 0.0 and begin >= self._timeline.finish:
+        if speed == 0.0 and (begin >= self._timeline.finish or self._told <= begin):
             return True
         if self.time > begin or self.stamp_ms - LATE_STEP_MS * self.late > 1000.0 * begin:
             return False
-        if speed == 0.0 and (self._timeline.v_at(begin) == 0.0 or self._told <= begin):
+        if speed == 0.0 and self._timeline.v_at(begin) == 0.0:
             return True
         differ = abs(self._timeline.v_at(begin) - speed)
         return differ <= JOINT_SPEED and abs(turn) <= JOINT_TURN

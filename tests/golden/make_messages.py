@@ -137,6 +137,8 @@ MESSAGES: dict[str, tuple[str, list]] = {
     ),
     "cancel": ("order", [11, 9, "o-1"]),
     "tell": ("tell", [12, 9, 1]),
+    "block": ("block", [14, 9, "wet", [[0.0, 0.0], [1.5, 0.0], [1.5, 2.0]]]),
+    "unblock": ("block", [15, 9, "wet"]),
     "order_state": (
         "orders",
         [13, "o-1", 1, "R1", 0, 400, 21_000, None, 18_500, "held by R2"],
@@ -156,6 +158,8 @@ FIELDS = {
     10: "boot id goal robot via dwell_ms priority now",
     11: "boot id",
     12: "boot what",
+    14: "boot id polygon",
+    15: "boot id",
     13: "id state robot released_ms accepted_ms planned_arrival_ms arrived_ms alone_ms reason",
 }
 """Tag to the names of the fields in their order."""

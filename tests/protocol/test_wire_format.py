@@ -13,6 +13,7 @@ from protocol.messages import (
     MOST_NUMBER,
     MOST_WANTED,
     Admit,
+    Block,
     Cancel,
     Clock,
     Command,
@@ -24,6 +25,7 @@ from protocol.messages import (
     Report,
     Rest,
     Tell,
+    Unblock,
 )
 from protocol.phases import GO
 from protocol.timing import COMMAND_PERIOD, SECOND
@@ -41,6 +43,8 @@ TYPES = {
     11: Cancel,
     12: Tell,
     13: OrderState,
+    14: Block,
+    15: Unblock,
 }
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "protocol.md"
 REST = ("s_m", "epoch", "off_mm", "turn_mrad", "beyond_mm", "revision")

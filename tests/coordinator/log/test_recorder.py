@@ -256,6 +256,8 @@ def test_a_schema_names_every_field_of_its_message():
         "order": "splinefleet.Order",
         "orders": "splinefleet.OrderState",
         "tell": "splinefleet.Tell",
+        "block": "splinefleet.Block",
+        "blocks": "splinefleet.Block",
     }
     assert set(json.loads(schema.json_schema("plan"))["$defs"]) == {"Plan", "Refusal"}
 

@@ -1,6 +1,7 @@
 """Fleets in virtual time that get orders while they drive, judged by their true places."""
 
 import pytest
+import shapely
 from msgspec.structs import replace
 
 from coordinator.findings.log_proof import prove_log
@@ -17,8 +18,10 @@ from protocol.messages import (
     HALT,
     ORDER_DONE,
     REFUSED,
+    Block,
     Cancel,
     Tell,
+    Unblock,
 )
 from protocol.messages import Order as Said
 from protocol.phases import FREEZE, GO, OVER, STOP
@@ -71,8 +74,8 @@ def operator(world):
     fleet = world.fleet.name
 
     def say(message):
-        key = keys.tell(fleet) if isinstance(message, Tell) else keys.order(fleet)
-        session.put(key, encode(message))
+        kinds = {Tell: keys.tell, Block: keys.block, Unblock: keys.block}
+        session.put(kinds.get(type(message), keys.order)(fleet), encode(message))
 
     return say
 
@@ -203,4 +206,70 @@ def test_what_a_lost_robot_had_in_hand_goes_to_another_unless_it_was_named():
     assert (task.state, task.robot) == (ORDER_DONE, "R3")
     named = world.fleet.orders.tasks["named"]
     assert (named.state, named.reason) == (REFUSED, "R2 is lost")
+    assert nobody_touches(world)
+
+
+def long_hall(*robots, **fields):
+    return a_scenario(robots, (12.0, 6.0), **fields)
+
+
+def queue_of_two():
+    robots = idle("R1", (1.0, 3.0)), idle("R2", (2.0, 3.0)), idle("R3", (1.0, 1.0))
+    orders = (
+        Order(id="ahead", goal=(11.0, 3.2), robot="R2"),
+        Order(id="behind", goal=(10.0, 3.0), robot="R1", release=0.5),
+        Order(id="beside", goal=(11.0, 1.0), robot="R3", release=1.0),
+    )
+    return long_hall(*robots, orders=orders)
+
+
+def test_a_robot_held_by_a_lost_one_is_sent_around_it_and_nobody_else_is_stopped(tmp_path):
+    logs = RunLogs(tmp_path)
+    world = a_world(queue_of_two(), faults=["kill:R2@6"], logs=logs)
+    world.run(200.0)
+    logs.close()
+    assert world.fleet.is_finished
+    found = states(world)
+    assert (found["behind"], found["beside"], found["ahead"]) == (ORDER_DONE, ORDER_DONE, REFUSED)
+    assert freezes(world) == 0
+    assert nobody_touches(world)
+    log = read_log(logs.paths[-1])
+    assert check_log(log).difference == ""
+    assert prove_log(log).holds
+
+
+def test_a_lost_robot_that_is_heard_again_after_others_went_around_it_drives_on(tmp_path):
+    logs = RunLogs(tmp_path)
+    world = a_world(queue_of_two(), faults=["cut:R2@6:25"], logs=logs)
+    world.run(200.0)
+    logs.close()
+    assert world.fleet.is_finished
+    assert {states(world)[name] for name in ("ahead", "behind", "beside")} == {ORDER_DONE}
+    assert any(one.text == "others go around R2" for one in world.fleet.incidents)
+    assert freezes(world) == 0
+    assert nobody_touches(world)
+    assert prove_log(read_log(logs.paths[-1])).holds
+
+
+def test_closed_places_are_left_and_driven_around_until_they_are_open_again():
+    robots = idle("R1", (1.0, 3.0)), idle("R2", (6.0, 1.0))
+    world = a_world(long_hall(*robots), stays=True)
+    say = operator(world)
+    world.run(3.0)
+    say(Said(9, "across", (11.0, 3.0), robot="R1"))
+    world.run(2.0)
+    say(Block(9, "wet", ((5.0, 0.2), (7.0, 0.2), (7.0, 4.0), (5.0, 4.0))))
+    world.run(40.0)
+    assert states(world)["across"] == ORDER_DONE
+    wet = shapely.box(5.0, 0.2, 7.0, 4.0)
+    places = {name: box.places for name, box in world.blackboxes().items()}
+    assert shapely.distance(shapely.linestrings(places["R1"]), wet) >= 0.15
+    assert shapely.distance(shapely.Point(places["R2"][-1]), wet) >= 0.15
+    say(Said(9, "inside", (6.0, 3.0)))
+    world.run(3.0)
+    assert states(world)["inside"] == REFUSED
+    say(Unblock(9, "wet"))
+    say(Said(9, "again", (6.0, 3.0)))
+    world.run(30.0)
+    assert states(world)["again"] == ORDER_DONE
     assert nobody_touches(world)

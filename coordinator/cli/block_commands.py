@@ -1,0 +1,124 @@
+"""The commands by which an operator closes places of a running fleet's floor and opens them.
+
+Decides: their options and exit codes.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Annotated
+
+import typer
+
+from coordinator.base.console import answer_json, answers, tell
+from coordinator.cli.fleet_line import Connect, FleetName, Patience, fleet_line
+from coordinator.cli.order_commands import name_of, numbers_of
+from coordinator.cli.plan_commands import Json
+from coordinator.service.key_option import Keys
+from protocol import keys as places
+from protocol.messages import Block, Command, Unblock
+
+commands = typer.Typer()
+
+
+@commands.command(rich_help_panel="Operate", context_settings={"allow_extra_args": True})
+def block(
+    context: typer.Context,
+    polygon: Annotated[str, typer.Option(help="X,Y X,Y X,Y ...: the corners in m, three or more.")],
+    connect: Connect,
+    fleet: FleetName = None,
+    block_id: Annotated[
+        str | None, typer.Option("--id", help="The same id again is the same place.")
+    ] = None,
+    patience: Patience = 20.0,
+    keys: Keys = None,
+) -> None:
+    """Close a place for all robots that have not passed it; a robot inside is told to leave.
+
+    The exit code is 1 if no coordinator answers within --patience.
+
+    Example: splinefleet block --polygon 2,2 4,2 4,4 2,4 --connect tcp/127.0.0.1:7447
+    """
+    corners = [numbers_of(one, (2,), "--polygon") for one in (*polygon.split(), *context.args)]
+    ring = tuple((x, y) for x, y in corners)
+    if problem := _fault_of(ring):
+        raise typer.BadParameter(problem, param_hint="--polygon")
+    name = name_of(block_id, "--id") if block_id is not None else f"block-{os.urandom(3).hex()}"
+    with fleet_line(connect, fleet, patience, keys) as line:
+
+        def say(known: str) -> None:
+            line.put(places.block(known), Block(line.boot, name, ring))
+
+        for message in line.messages(say):
+            if isinstance(message, Block) and message.id == name:
+                answers.print(f"{name} is closed", markup=False)
+                return
+    tell(f"no coordinator has answered within {patience:g} s", "red")
+    raise typer.Exit(1)
+
+
+def _fault_of(ring: tuple[tuple[float, float], ...]) -> str | None:
+    """Return what is wrong with a polygon's corners, or None."""
+    import shapely
+
+    from coordinator.scenario.checks import ring_fault
+
+    if len(ring) < 3:
+        return f"{len(ring)} corners, a polygon has three or more"
+    return ring_fault(shapely.Polygon(ring))
+
+
+@commands.command(rich_help_panel="Operate")
+def unblock(
+    block_id: Annotated[str, typer.Argument(metavar="ID", help="The id of the place.")],
+    connect: Connect,
+    fleet: FleetName = None,
+    patience: Patience = 20.0,
+    keys: Keys = None,
+) -> None:
+    """Open a place again.
+
+    Example: splinefleet unblock block-1 --connect tcp/127.0.0.1:7447
+    """
+    name = name_of(block_id, "ID")
+    with fleet_line(connect, fleet, patience, keys) as line:
+
+        def say(known: str) -> None:
+            line.put(places.block(known), Unblock(line.boot, name))
+
+        for message in line.messages(say):
+            if isinstance(message, Unblock) and message.id == name:
+                tell(f"{name} is open")
+                return
+    tell(f"no coordinator has answered within {patience:g} s", "red")
+    raise typer.Exit(1)
+
+
+@commands.command(rich_help_panel="Operate")
+def blocks(
+    connect: Connect,
+    fleet: FleetName = None,
+    patience: Patience = 5.0,
+    keys: Keys = None,
+    as_json: Json = False,
+) -> None:
+    """List the places of a running fleet's floor that are closed.
+
+    Example: splinefleet blocks --connect tcp/127.0.0.1:7447
+    """
+    with fleet_line(connect, fleet, patience, keys) as line:
+        found = line.blocks()
+        heard = line.fleet is not None or any(
+            isinstance(message, Command) for message in line.messages(lambda _: None)
+        )
+    if not heard:
+        tell(f"no coordinator was heard within {patience:g} s", "red")
+        raise typer.Exit(1)
+    if as_json:
+        answer_json([{"id": one.id, "polygon": one.polygon} for one in found.values()])
+        return
+    for one in found.values():
+        corners = " ".join(f"{x:g},{y:g}" for x, y in one.polygon)
+        answers.print(f"{one.id} {corners}", markup=False)
+    if not found:
+        tell("no place is closed")

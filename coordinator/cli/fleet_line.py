@@ -1,0 +1,117 @@
+"""A link of an operator's command to one running fleet.
+
+Decides: which fleet a command speaks to, and how long it listens.  Must not know: what is asked.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Annotated, Final
+
+import typer
+
+from coordinator.cli.plan_commands import within
+from coordinator.service.key_option import Keys, given_keys
+from protocol import keys as places
+from protocol.codec import decode, encode
+from protocol.messages import Block, Command, Message, OrderState
+from protocol.transport import Transport
+
+_PERIOD_S: Final = 0.2
+_QUIET_S: Final = 0.5
+"""When no further answer has come for so long, all have."""
+
+Connect = Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")]
+FleetName = Annotated[
+    str | None, typer.Option(help="Name of the fleet; by default the first one heard.")
+]
+Patience = Annotated[
+    float, typer.Option("--patience", callback=within(0.5, 86_400.0), help="Seconds to wait.")
+]
+
+
+class FleetLine:
+    """A link to one fleet: what arrives, and where to put."""
+
+    def __init__(self, transport: Transport, fleet: str | None, patience: float) -> None:
+        self.boot = int.from_bytes(os.urandom(4), "little")
+        self.fleet = fleet
+        self._transport = transport
+        self._heard: queue.SimpleQueue[tuple[str, Message]] = queue.SimpleQueue()
+        self._until = time.monotonic() + patience
+        for key in (
+            places.command(fleet or "*"),
+            places.orders(fleet or "*", "*"),
+            places.blocks(fleet or "*", "*"),
+        ):
+            transport.subscribe(key, self._hear)
+
+    def _hear(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
+        place = places.split(key)
+        message = decode(place[1], payload) if place is not None else None
+        if place is not None and message is not None:
+            self._heard.put((place[0], message))
+
+    def messages(self, say: Callable[[str], None]) -> Iterator[Message]:
+        """Yield the fleet's messages; call `say` with the fleet's name now and then until heard."""
+        due = 0.0
+        while (now := time.monotonic()) < self._until:
+            if self.fleet is not None and now >= due:
+                say(self.fleet)
+                due = now + _PERIOD_S
+            try:
+                name, message = self._heard.get(timeout=_PERIOD_S)
+            except queue.Empty:
+                continue
+            if self.fleet is None and isinstance(message, Command):
+                self.fleet = name
+            if name == self.fleet:
+                yield message
+
+    def put(self, key: str, message: Message) -> None:
+        """Send a message."""
+        self._transport.put(key, encode(message))
+
+    def states(self) -> dict[str, OrderState]:
+        """Return the states of all orders, by order; empty if there are none."""
+        found = self._asked(places.orders).values()
+        return {one.id: one for one in found if isinstance(one, OrderState)}
+
+    def blocks(self) -> dict[str, Block]:
+        """Return the closed places by their ids; empty if there are none."""
+        found = self._asked(places.blocks).values()
+        return {one.id: one for one in found if isinstance(one, Block)}
+
+    def _asked(self, key: Callable[[str, str], str]) -> dict[str, Message]:
+        """Return what the coordinator answers on such keys, by id."""
+        found: dict[str, Message] = {}
+        last: float | None = None
+
+        def ask(fleet: str) -> None:
+            self._transport.ask(key(fleet, "*"), self._hear)
+
+        for message in self.messages(ask):
+            now = time.monotonic()
+            last = now if last is None else last
+            if isinstance(message, OrderState | Block) and found.get(message.id) != message:
+                found[message.id], last = message, now
+            elif now - last > _QUIET_S:
+                break
+        return found
+
+
+@contextmanager
+def fleet_line(connect: str, fleet: str | None, patience: float, keys: Keys) -> Iterator[FleetLine]:
+    """Open a link to a fleet for so long [s]; typer.BadParameter for a name that cannot be one."""
+    from protocol.zenoh_transport import ZenohTransport
+
+    if fleet is not None and not places.NAME.fullmatch(fleet):
+        what = f"{fleet[:60]!r} is not {places.NAME_IN_WORDS}"
+        raise typer.BadParameter(what, param_hint="--fleet")
+    files = given_keys(keys, "operator")
+    with ZenohTransport.connect(connect, timeout_s=min(patience, 20.0), keys=files) as transport:
+        yield FleetLine(transport, fleet, patience)
