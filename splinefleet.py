@@ -31,6 +31,7 @@ _COMMANDS: Final = (
     "robot_agent.commands",
     "coordinator.cli.order_commands",
     "coordinator.cli.block_commands",
+    "coordinator.cli.roster_commands",
     "coordinator.cli.operator_commands",
     "sim.cli.run_commands",
     "coordinator.cli.info_commands",

@@ -18,6 +18,9 @@ from protocol.badge import Badge
 
 _EVERY_FLEET: Final = "*"
 
+_TOLD: Final = (keys.command, keys.order, keys.tell, keys.block, keys.roster)
+"""Keys of a fleet that its coordinator hears, besides those of robots."""
+
 
 class Rights(NamedTuple):
     """The key expressions on which a party may act, by what it may do on them.
@@ -76,7 +79,7 @@ def operator_rights(fleet: str, robots: Iterable[str]) -> Rights:
     )
     admits = (keys.admit(fleet, robot) for robot in robots)
     return Rights(
-        puts=(*admits, keys.order(fleet), keys.tell(fleet), keys.block(fleet)),
+        puts=(*admits, keys.order(fleet), keys.tell(fleet), keys.block(fleet), keys.roster(fleet)),
         asks=(keys.orders(fleet, "*"), keys.blocks(fleet, "*")),
         subscribes=(*hears, keys.command(_EVERY_FLEET), keys.plan(_EVERY_FLEET, "*")),
         hears=hears,
@@ -99,7 +102,7 @@ def coordinator_rights(fleet: str) -> Rights:
     It receives the command too, so that one of two coordinators of a fleet can give way.
     """
     hears = [kind(fleet, "*") for kind in (keys.hello, keys.report, keys.clock, keys.admit)]
-    hears += [kind(fleet) for kind in (keys.command, keys.order, keys.tell, keys.block)]
+    hears += [kind(fleet) for kind in _TOLD]
     told = (keys.plan(fleet, "*"), keys.clock(fleet, "*"), keys.orders(fleet, "*"))
     return Rights(
         puts=(keys.command(fleet), *told),

@@ -23,6 +23,8 @@ from protocol.messages import (
     Clock,
     Command,
     Hello,
+    Join,
+    Leave,
     Message,
     Order,
     OrderState,
@@ -56,6 +58,7 @@ KINDS: Final[dict[str, tuple[type[Message], ...]]] = {
     "order": (Order, Cancel),
     "orders": (OrderState,),
     "tell": (Tell,),
+    "roster": (Join, Leave),
     "block": (Block, Unblock),
     "blocks": (Block, Unblock),
 }
@@ -123,6 +126,8 @@ def _is_sane(message: Message) -> bool:
     if isinstance(message, Order):
         numbers = [*message.goal, *(number for place in message.via for number in place)]
         return all(map(math.isfinite, numbers))
+    if isinstance(message, Join):
+        return all(map(math.isfinite, message.place))
     if isinstance(message, Block):
         return all(math.isfinite(number) for place in message.polygon for number in place)
     if isinstance(message, Report):

@@ -14,7 +14,7 @@ NAME: Final = re.compile(r"(?!\.+(?:/|$))[A-Za-z0-9_.-]{1,32}")
 """What a fleet's or a robot's name may be; Zenoh itself would accept nearly anything.  A name of
 dots alone is refused because `.` and `..` are folders that exist already."""
 
-_OF_A_FLEET: Final = ("command", "order", "tell", "block")
+_OF_A_FLEET: Final = ("command", "order", "tell", "block", "roster")
 _OF_ONE: Final = ("hello", "plan", "report", "clock", "alive", "admit", "orders", "blocks")
 
 NAME_IN_WORDS: Final = "1 to 32 of A-Z a-z 0-9 _ . -, not dots alone"
@@ -68,6 +68,11 @@ def block(fleet: str) -> str:
 def blocks(fleet: str, block_id: str) -> str:
     """Return the key on which the coordinator says that a place is closed."""
     return f"{ROOT}/{fleet}/blocks/{block_id}"
+
+
+def roster(fleet: str) -> str:
+    """Return the key on which operators take robots into the fleet and out of it."""
+    return f"{ROOT}/{fleet}/roster"
 
 
 def tell(fleet: str) -> str:

@@ -279,6 +279,33 @@ class Unblock(msgspec.Struct, frozen=True, array_like=True, tag=15):
     id: OrderId
 
 
+class Join(msgspec.Struct, frozen=True, array_like=True, tag=16):
+    """An operator takes a robot into the fleet: where it stands (x, y [m], heading [rad]).
+
+    `max_accel_mps2`: 0 for a robot that reaches its greatest speed within a second.  The answer is
+    the state of the order `join-ROBOT`.
+    """
+
+    boot: Counter
+    robot: RobotId
+    place: tuple[float, float, float]
+    radius_m: Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
+    max_speed_mps: Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
+    max_accel_mps2: Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)] = 0.0
+    min_turn_radius_m: Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)] = 0.0
+    max_turn_rate: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] = 2.0
+
+
+class Leave(msgspec.Struct, frozen=True, array_like=True, tag=17):
+    """An operator takes a robot that rests, or is lost, out of the fleet.
+
+    The answer is the state of the order `leave-ROBOT`.
+    """
+
+    boot: Counter
+    robot: RobotId
+
+
 class OrderState(msgspec.Struct, frozen=True, array_like=True, tag=13):
     """What became of an order; `state` counts in ORDER_STATES, times are in ms since the first GO.
 
@@ -314,4 +341,6 @@ Message = (
     | OrderState
     | Block
     | Unblock
+    | Join
+    | Leave
 )

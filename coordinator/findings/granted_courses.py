@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import shapely
 
+from coordinator.fleet.orders import robot_of
 from coordinator.fleet.replanning_input import stretch
 from coordinator.plan.course import Course
 from coordinator.plan.document import Limits, PlanDocument
@@ -20,7 +21,7 @@ from coordinator.scenario.floor import Floor
 from coordinator.scenario.margin import TOLERANCE
 from coordinator.schedule.staircase_making import STANDOFF, staircases_of, with_staircases
 from protocol.codec import encode
-from protocol.messages import Plan, Report
+from protocol.messages import ORDER_DONE, Join, Message, OrderState, Plan, Report
 
 
 class GrantedCourses(Granted):
@@ -39,6 +40,7 @@ class GrantedCourses(Granted):
         """By robot that others go around: the line on which it stands."""
 
         self._limits = {one.id: one.limits for one in plan.document.robots}
+        self._radius = {one.id: one.radius for one in plan.driven}
         self._floor: Floor | None = None
 
     def take_plan(self, robot: str, plan: Plan) -> bool:
@@ -46,7 +48,7 @@ class GrantedCourses(Granted):
         if super().take_plan(robot, plan):
             return True
         self.courses += 1
-        radius = self._ways[robot][0].driven.radius
+        radius = self._radius[robot]
         try:
             course = Course(unpack(encode(plan), radius), 0.001 * plan.begin_ms)
         except ValueError as error:
@@ -64,7 +66,7 @@ class GrantedCourses(Granted):
         driven = [one.driven for one in courses]
         staircases = staircases_of(driven, self._terms.tau, margin + STANDOFF, among=(0,))
         if self._prove:
-            limits = self._limits[robot] or Limits(max_speed=1e9)
+            limits = self._limits.get(robot) or Limits(max_speed=1e9)
             gap = self._gap().gap
             failures = course_failures(courses, staircases, margin, limits, gap)
             failures += self._that_stand_near(course)
@@ -72,7 +74,7 @@ class GrantedCourses(Granted):
             self.failures += [f"{name}: {failure}" for failure in failures]
         known = [(one.driven.id, one.driven.plan.revision) for one in near]
         self.add_course(robot, plan, known, staircases)
-        self._ways[robot] = [self._ways[robot][-1], course]
+        self._ways[robot] = [*self._ways.get(robot, ())[-1:], course]
         return True
 
     def take_report(self, robot: str, report: Report) -> None:
@@ -82,6 +84,18 @@ class GrantedCourses(Granted):
         if len(ways) == 2 and report.revision >= ways[1].driven.plan.revision:
             del ways[0]
             self._around.pop(robot, None)
+
+    def take_roster(self, message: Message | None) -> None:
+        """Take in that a robot is taken into the fleet, or has left it."""
+        if isinstance(message, Join):
+            self.join(message.robot)
+            self._radius.setdefault(message.robot, message.radius_m)
+            self._limits.setdefault(message.robot, Limits.of(robot_of(message)))
+        elif isinstance(message, OrderState) and message.state == ORDER_DONE:
+            before, _, robot = message.id.partition("leave-")
+            if not before:
+                self._ways.pop(robot, None)
+                self._around.pop(robot, None)
 
     def go_around(self, robot: str) -> None:
         """Take in that others are sent around a robot, which is granted nothing more."""
@@ -96,7 +110,7 @@ class GrantedCourses(Granted):
         mine, found = course.driven, []
         way = shapely.linestrings(mine.chain.points)
         for name, line in self._around.items():
-            need = mine.radius + self._ways[name][0].driven.radius + self._terms.margin
+            need = mine.radius + self._radius[name] + self._terms.margin
             apart = float(shapely.distance(way, line)) - mine.chain.bound
             if name != mine.id and apart < need - TOLERANCE:
                 found.append(f"comes within {apart:.4f} m of where {name} may stand")

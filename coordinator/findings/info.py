@@ -49,9 +49,12 @@ from coordinator.fleet.phases import AWAY
 from coordinator.security.denials import denial_of, is_denial_key
 from protocol import codec, keys, phases
 from protocol.messages import (
+    Block,
     Cancel,
     Command,
     Hello,
+    Join,
+    Leave,
     Message,
     Order,
     OrderState,
@@ -59,6 +62,7 @@ from protocol.messages import (
     Refusal,
     Report,
     Tell,
+    Unblock,
 )
 from protocol.timing import REPORT_TIMEOUT
 
@@ -228,7 +232,7 @@ class _Telling:
         elif isinstance(message, OrderState):
             self._orders[message.id] = message
             return
-        elif not isinstance(message, Order | Cancel | Tell):
+        elif not isinstance(message, Order | Cancel | Tell | Block | Unblock | Join | Leave):
             self.summary.largest_message_to_robot_bytes = max(
                 self.summary.largest_message_to_robot_bytes, size
             )

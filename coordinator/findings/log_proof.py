@@ -91,12 +91,13 @@ def take_messages(
     newest: GrantedCourses | None = None
     for record in log.records:
         place = keys.split(record.key)
-        around = around_robot(record.payload) if is_around_key(record.key) else None
-        if around is not None and newest is not None:
-            newest.go_around(around)
+        if newest is not None and is_around_key(record.key):
+            newest.go_around(around_robot(record.payload) or "")
         if place is None or place[0] != fleet:
             continue
         message = decode(place[1], record.payload)
+        if newest is not None:
+            newest.take_roster(message)
         processes.take(place[2], message, record.log_ns)
         epoch = granted.get(getattr(message, "epoch", 0))
         if isinstance(message, Plan):

@@ -12,7 +12,7 @@ import msgspec
 
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Plan, Refusal, Report
+from protocol.messages import Join, Plan, Refusal, Report
 
 if TYPE_CHECKING:
     from coordinator.log.records import Log
@@ -24,9 +24,13 @@ def strangers_in(log: Log) -> set[str]:
     In a log without a scenario, return those that were refused and never drove.
     """
     robots = _robots_of(log.attachments)
+    joined = set()
     spoke, refused, drove = set(), set(), set()
     for record in log.records:
         place = keys.split(record.key)
+        if place is not None and place[1] == "roster":
+            said = decode("roster", record.payload)
+            joined |= {said.robot} if isinstance(said, Join) else set()
         if place is None or not place[2] or place[1] == "orders":
             continue
         spoke.add(place[2])
@@ -37,7 +41,7 @@ def strangers_in(log: Log) -> set[str]:
             refused.add(place[2])
         elif isinstance(message, Plan) or (isinstance(message, Report) and message.epoch > 0):
             drove.add(place[2])
-    return spoke - robots if robots else refused - drove
+    return spoke - robots - joined if robots else refused - drove
 
 
 class _Named(msgspec.Struct):

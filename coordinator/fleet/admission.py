@@ -45,7 +45,7 @@ class Door:
             return self._refuse(robot, hello.boot, reason, now_ns)
         member = self._members[robot]
         if member.boot != hello.boot:
-            if begun:
+            if begun and not member.is_new:
                 self._knock(member, hello, now_ns)
                 return None
             self._tell(now_ns, "hello", robot, f"{robot} says hello")

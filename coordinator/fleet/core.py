@@ -18,8 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import shapely
-
 from coordinator.fleet.admission import Door
 from coordinator.fleet.epoch_times import EpochTimes
 from coordinator.fleet.events import Outgoing, Part
@@ -27,7 +25,8 @@ from coordinator.fleet.failures import sets_out, silent, that_do_not_arm
 from coordinator.fleet.grants import Grants
 from coordinator.fleet.log_records import LINK_GONE, LINK_UP, router_key
 from coordinator.fleet.member import Member
-from coordinator.fleet.orders import OrderBook, order_of
+from coordinator.fleet.operated_fleet import OperatedFleet
+from coordinator.fleet.orders import OrderBook
 from coordinator.fleet.phases import (
     AWAY,
     FREEZE_PATIENCE,
@@ -37,24 +36,14 @@ from coordinator.fleet.phases import (
     SILENT_PATIENCE,
 )
 from coordinator.fleet.router_link import RouterLink
-from coordinator.fleet.state import FleetState
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import (
-    END,
-    HALT,
-    REFUSED,
     Admit,
-    Block,
-    Cancel,
     Clock,
     Command,
     Hello,
-    Order,
-    OrderState,
     Report,
-    Tell,
-    Unblock,
 )
 from protocol.phases import (
     COMMAND_NAMES,
@@ -63,12 +52,11 @@ from protocol.phases import (
     HOLD,
     IDLE,
     OVER,
-    STOP,
     fault_name,
 )
 
 
-class Fleet(FleetState):
+class Fleet(OperatedFleet):
     """The coordinator's side of a fleet; all times in ns on the coordinator's clock."""
 
     def __init__(
@@ -107,12 +95,9 @@ class Fleet(FleetState):
             return self._hear_other(message, now_ns)
         if isinstance(message, Admit):
             return self._hear_admit(robot, message, now_ns)
-        if isinstance(message, Order | Cancel):
-            return self._hear_order(message, now_ns)
-        if isinstance(message, Block | Unblock):
-            return self._hear_block(message, now_ns)
-        if isinstance(message, Tell):
-            return self._hear_tell(message, now_ns)
+        answer = self.hear_operator(message, now_ns)
+        if answer is not None:
+            return answer
         self.bad_messages += 1
         return []
 
@@ -131,21 +116,6 @@ class Fleet(FleetState):
         elif self.phase == OVER:
             self._farewells += 1
         return [*self._commands(now_ns), *self.new_courses(now_ns), *self.order_states()]
-
-    def stop(self, now_ns: int) -> list[Outgoing]:
-        """Stop a fleet that drives: robots brake at once and keep their plans."""
-        if self.phase == GO:
-            self._stopped_ns = now_ns
-        self._turn("told to stop", now_ns)
-        return self._commands(now_ns)
-
-    def go_on(self, now_ns: int) -> list[Outgoing]:
-        """Let a fleet that was stopped go on; the plan goes on where it was when it was stopped."""
-        if self.phase == STOP:
-            self.times.put_off(now_ns + GO_LEAD - self._stopped_ns)
-            self._excuse(now_ns)
-        self._turn("told to go on", now_ns)
-        return self._commands(now_ns)
 
     def adopt(
         self,
@@ -242,47 +212,6 @@ class Fleet(FleetState):
             return True
         return self.phase == HOLD and report.epoch == self.epoch and sets_out(report)
 
-    def _hear_order(self, message: Order | Cancel, now_ns: int) -> list[Outgoing]:
-        """Take in an order, or take one back; the answer is what has become of it."""
-        if isinstance(message, Cancel):
-            if self.orders.cancel(message.id, self.since_go_ms(now_ns)) is None:
-                reason = f"there is no order {message.id}"
-                return [self._order_state(OrderState(message.id, REFUSED, reason=reason))]
-        elif self.is_ending:
-            task = self.orders.give(order_of(message), self.since_go_ms(now_ns))
-            if not task.is_over and task.accepted_ms is None:
-                self.orders.end(task, REFUSED, "the fleet ends when all rest")
-        else:
-            task = self.orders.give(order_of(message), self.since_go_ms(now_ns))
-            task.is_urgent = message.now
-        task_now = self.orders.tasks.get(message.id)
-        answer = [] if task_now is None else [self._order_state(task_now.message())]
-        return [*answer, *self.order_states()]
-
-    def _hear_block(self, message: Block | Unblock, now_ns: int) -> list[Outgoing]:
-        """Close a place of the floor, or open it; the answer is the place, if it is closed."""
-        known = self.blocks.get(message.id)
-        if isinstance(message, Unblock):
-            if self.blocks.pop(message.id, None) is not None:
-                self._tell(now_ns, "block", "", f"{message.id} is open again")
-            return [Outgoing(keys.blocks(self.name, message.id), encode(message))]
-        if known is None and shapely.is_valid(shapely.Polygon(message.polygon)):
-            self.blocks[message.id] = known = message
-            self._tell(now_ns, "block", "", f"{message.id} is closed")
-        if known is None:
-            self.bad_messages += 1
-            return []
-        return [Outgoing(keys.blocks(self.name, known.id), encode(known))]
-
-    def _hear_tell(self, message: Tell, now_ns: int) -> list[Outgoing]:
-        """Stop, go on, or end when all rest."""
-        if message.what == END:
-            if not self.is_ending:
-                self._tell(now_ns, "order", "", "the fleet ends when all rest")
-            self.is_ending, self.orders.stays = True, False
-            return []
-        return self.stop(now_ns) if message.what == HALT else self.go_on(now_ns)
-
     def new_courses(self, now_ns: int) -> list[Outgoing]:
         """Return the courses that robots do not hold yet, to be sent again."""
         if self.phase != GO:
@@ -354,7 +283,8 @@ class Fleet(FleetState):
         if self.orders.is_used and all(member.lost for member in moving):
             self._wait_for_lost(now_ns)
             return
-        stuck = set(self.grants.stuck(self.times.plan_ms(now_ns)))
+        new = {member.id for member in moving if member.is_new}
+        stuck = set(self.grants.stuck(self.times.plan_ms(now_ns))) - new
         stopped = [m for m in moving if m.lost or m.has_stopped(self.epoch) or m.id in stuck]
         waits = stopped and self.grants.behind([member.id for member in stopped])
         if not waits and len(stopped) < len(moving):

@@ -36,6 +36,7 @@ from coordinator.scenario.model import Point, Pose, Robot
 from coordinator.schedule.authority import EVER
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
 from protocol.phases import GO, MOVING
+from protocol.timing import SECOND
 
 _LEAD_MS: Final = 300
 """How long before a course begins it is asked for: enough to find it and to tell the robot."""
@@ -57,6 +58,9 @@ Ring = tuple[Point, ...]
 
 _STEP: Final = 0.05
 """Distance [m] between places of a course that are compared with a closed place."""
+
+_JOIN_PATIENCE: Final = 60 * SECOND
+"""How long a robot that joins has to be heard for the first time."""
 
 _SAME: Final = 0.01
 """Places nearer to each other than this [m] are one place."""
@@ -145,7 +149,10 @@ class Dispatcher:
             if task.order.id not in asked and self._is_due(task, state, now_ms)
         ]
         self._say_who_is_busy(idle)
-        found = [self._request(task, robot, now_ns) for task, robot in self._assigned(tasks, idle)]
+        joins = [task for task in tasks if task.joins is not None]
+        tasks = [task for task in tasks if task.joins is None]
+        found = [self._request_join(task, task.joins, now_ns) for task in joins if task.joins]
+        found += [self._request(task, robot, now_ns) for task, robot in self._assigned(tasks, idle)]
         urgent = [task for task in tasks if task.is_urgent and self._may_leave(task.robot, now_ns)]
         return found + [self._request(task, task.robot, now_ns, leaves=True) for task in urgent]
 
@@ -272,7 +279,7 @@ class Dispatcher:
         does = {one.robot: one.order.id for one in book.under_way()}
         for task in book.waiting():
             robot = task.order.robot
-            if task.makes_room:
+            if task.makes_room or task.joins is not None:
                 continue
             if robot in does:
                 task.reason = f"{robot} does {does[robot]} first"
@@ -308,6 +315,7 @@ class Dispatcher:
         mine = fleet.grants.of(request.robot)
         is_same = mine is not None and mine.newest.revision == request.revision - 1
         can_go = is_same if asked.leaves else request.robot in idle
+        can_go |= task.joins is not None
         if task.state != WAITING or fleet.phase != GO or not can_go:
             return None
         now_ms = fleet.since_go_ms(now_ns)
@@ -336,7 +344,12 @@ class Dispatcher:
         finish_ms = round(1000.0 * proposal.course.driven.timeline.finish)
         task.planned_arrival_ms = finish_ms - fleet.times.plan_ms(now_ns) + now_ms
         plan = address(proposal.message, fleet.boot)
-        fleet.members[request.robot].take_course(plan, request.revision)
+        member = fleet.members[request.robot]
+        if task.joins is not None:
+            self._robots[request.robot] = task.joins
+            member.take_part(plan, task.joins.max_speed)
+            member.excused_ns = now_ns + _JOIN_PATIENCE
+        member.take_course(plan, request.revision)
         return replace(asked.wish.robot, goal=task.order.goal)
 
     def _not_found(
@@ -344,6 +357,12 @@ class Dispatcher:
     ) -> None:
         """Refuse an order for ever, or let it wait; let idle robots make room for it."""
         book, robot = self._fleet.orders, asked.wish.robot.id
+        if task.joins is not None:
+            near = f": {', '.join(answer.blockers)} rests too near" if answer.blockers else ""
+            book.end(task, REFUSED, f"{robot} cannot stand there{near or ': ' + answer.reason}")
+            self._fleet.members.pop(robot, None)
+            book.forget(robot)
+            return
         if task.makes_room or math.isinf(answer.alone):
             book.end(task, REFUSED, f"{robot} {answer.reason}")
             self._ways.pop(task.order.id, None)
@@ -402,6 +421,25 @@ class Dispatcher:
         """
         one = self._robots[robot]
         return one.max_speed / one.max_accel + _SETTLES
+
+    def _request_join(self, task: Task, robot: Robot, now_ns: int) -> CourseRequest:
+        """Ask for the first course of a robot that joins: to rest where it stands."""
+        fleet = self._fleet
+        self._serial += 1
+        begin_ms, number = fleet.times.plan_ms(now_ns) + _LEAD_MS, fleet.grants.reserve()
+        request = CourseRequest(self._serial, task.order.id, robot.id, number, 0, begin_ms)
+        x, y, *heading = robot.start
+        self._robots[robot.id] = robot
+        self._asked[request] = _Asked(
+            self._site_for(robot.id, (x, y)),
+            Wish(robot, heading[0] if heading else 0.0, number, 0, begin_ms),
+            tuple(fleet.grants.possible()),
+            None,
+            len(self._committed),
+            tuple(self._closed.values()),
+            leaves=False,
+        )
+        return request
 
     def _place(self, robot: str, at_ms: int | None = None) -> tuple[tuple[float, float], float]:
         """Return where a robot is at a plan time [m], by default at its goal, and its heading."""

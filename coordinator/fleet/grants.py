@@ -73,10 +73,20 @@ class Sent:
 
 @dataclass
 class Courses:
-    """A robot's course in force, and the one that it was sent and has not begun."""
+    """A robot's course in force, and the one that it was sent and has not begun.
+
+    `slots`: the two places in tables that its courses take in turn.
+    """
 
     now: Sent
     next: Sent | None = None
+    slots: tuple[int, int] = (0, 0)
+
+    @property
+    def free_slot(self) -> int:
+        """The slot that the course in force does not take."""
+        first, second = self.slots
+        return second if self.now.slot == first else first
 
     def __iter__(self) -> Iterator[Sent]:
         """Iterate over the courses that the robot may be driving."""
@@ -116,11 +126,17 @@ class Grants:
         count = len(robots)
         self.headroom_ms = headroom_ms
         self._robots = list(robots)
+        self._names = [*robots, *robots]
+        """The robot of each slot."""
+
         self._staircases = CourseStaircases(staircases)
         self._rule = Authority(staircases, 2 * count)
         self._rule.barred[count:] = True
         self._courses = {
-            name: Courses(Sent(slot, slot, course=courses[slot] if courses else None))
+            name: Courses(
+                Sent(slot, slot, course=courses[slot] if courses else None),
+                slots=(slot, count + slot),
+            )
             for slot, name in enumerate(robots)
         }
         self._numbers = np.full(2 * count, -1, np.int64)
@@ -196,22 +212,50 @@ class Grants:
 
         `staircases`: those of the course, index 0, with the courses `near`, from index 1 on.
         """
-        plan = course.driven.plan
-        mine, count = self._courses[course.driven.id], len(self._robots)
-        slot = (mine.now.slot + count) % (2 * count)
+        plan, robot = course.driven.plan, course.driven.id
+        mine, begin_ms = self._courses.get(robot), plan.begin_ms
+        slot = self._new_slots(robot) if mine is None else mine.free_slot
+        passed_ms = begin_ms if mine is None else int(self._rule.progress[mine.now.slot])
         slots = [slot, *(self._slot(one) for one in near)]
-        begin_ms = plan.begin_ms
         self._staircases.put(slot, staircases, slots)
-        self._rule.open(slot, min(int(self._rule.progress[mine.now.slot]), begin_ms))
+        self._rule.open(slot, min(passed_ms, begin_ms))
         if not self._rule.renew(self._staircases.all):
             self._staircases.put(slot, NO_STAIRCASES, ())
             self._rule.renew(self._staircases.all)
             return False
         self.release(number)
-        mine.next = Sent(slot, number, plan.revision, begin_ms, course, is_confirmed=False)
+        sent = Sent(slot, number, plan.revision, begin_ms, course, is_confirmed=mine is None)
+        if mine is None:
+            self._courses[robot] = Courses(sent, slots=(slot, slot + 1))
+            self._rule.barred[slot] = False
+        else:
+            mine.next = sent
         self._numbers[slot], self._done[slot] = number, False
-        self._passed_ms[slot] = begin_ms
+        self._passed_ms[slot] = self._got_on_ms[slot] = begin_ms
         return True
+
+    def _new_slots(self, robot: str) -> int:
+        """Make room for the courses of a robot that joins; return the first of its slots."""
+        first = len(self._names)
+        if robot not in self._robots:
+            self._robots.append(robot)
+        self._names += [robot, robot]
+        self._rule.grow(2)
+        self._numbers = np.append(self._numbers, [-1, -1])
+        self._done = np.append(self._done, [False, False])
+        self._got_on_ms, self._passed_ms = (
+            np.append(one, np.zeros(2, np.int64)) for one in (self._got_on_ms, self._passed_ms)
+        )
+        return first
+
+    def remove(self, robot: str) -> None:
+        """Take out a robot, which is not on the floor any more."""
+        mine = self._courses.pop(robot, None)
+        for one in mine or ():
+            self._rule.arrive(one.slot)
+            self._rule.barred[one.slot], self._numbers[one.slot] = True, -1
+            self._held.pop(one.slot, None)
+        self.given_up.discard(robot)
 
     def _slot(self, course: Course) -> int:
         """Return the slot of a course, or -1 if its robot has left it for a newer one."""
@@ -312,7 +356,7 @@ class Grants:
                 self._held[slot] = by, since
 
     def _name(self, slot: int) -> str:
-        return self._robots[slot % len(self._robots)]
+        return self._names[slot]
 
     def held(self) -> list[Held]:
         """Return the robots that others hold."""

@@ -33,6 +33,7 @@ RATES: Final = {
     "order": Rate(100),
     "tell": Rate(20),
     "block": Rate(20),
+    "roster": Rate(20),
 }
 """The allowed rate of messages of each kind, several times what the protocol needs.
 

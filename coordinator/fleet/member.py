@@ -96,6 +96,9 @@ class Member:
     overload: str = ""
     """Why it cannot hold its plan, in words."""
     stays: str = ""
+    is_new: bool = False
+    """Whether it has joined a fleet under way, and no process of it was accepted yet."""
+
     hellos: dict[int, int] = field(default_factory=dict)
     """The sequence number of each process's newest Hello, by boot id; the latest heard is last."""
 
@@ -131,6 +134,7 @@ class Member:
         if hello.boot == self.boot:
             return
         self.boot, self.sequence, self.epoch, self.phase, self.fault = hello.boot, -1, 0, IDLE, 0
+        self.is_new = False
         self.driven = self.holds = 0
         self.capacity = Capacity.of(hello)
         self.overload = self.capacity.objection(self.plan)

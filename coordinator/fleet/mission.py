@@ -123,6 +123,8 @@ class Mission:
             self.rides[robot.id, self.fleet.epoch, request.revision] = ride
             self.rides.pop((robot.id, self.fleet.epoch, request.revision - 2), None)
             self.site = self.site.sent(robot)
+            known = set(self.fleet.members)
+            self.site = self.site.among(known)
 
     def take_over(self, boot: int, last_ns: int, now_ns: int) -> None:
         """Resume with another boot id for a coordinator that was last known alive at `last_ns`."""

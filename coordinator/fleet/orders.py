@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from random import Random
 from typing import Final
 
-from coordinator.scenario.model import Demand, Order, Pose
+from coordinator.scenario.model import Demand, Order, Pose, Robot
 from protocol import messages as protocol_messages
 from protocol.messages import (
     CANCELLED,
@@ -46,6 +46,8 @@ class Task:
     reason: str = ""
     makes_room: bool = False
     is_urgent: bool = False
+    joins: Robot | None = None
+    """The robot that joins the fleet by this order, at the order's goal."""
 
     @property
     def is_over(self) -> bool:
@@ -78,6 +80,22 @@ def order_of(message: protocol_messages.Order) -> Order:
         via=message.via,
         dwell=message.dwell_ms / 1000.0,
         priority=message.priority,
+    )
+
+
+def robot_of(join: protocol_messages.Join) -> Robot:
+    """Return the robot that an operator takes into the fleet."""
+    accel = join.max_accel_mps2 or join.max_speed_mps
+    return Robot(
+        id=join.robot,
+        start=join.place,
+        goal=join.place,
+        radius=join.radius_m,
+        max_speed=join.max_speed_mps,
+        max_accel=accel,
+        max_lateral_accel=accel,
+        min_turn_radius=join.min_turn_radius_m,
+        max_turn_rate=join.max_turn_rate,
     )
 
 
@@ -134,6 +152,19 @@ class OrderBook:
         return demand is not None and any(
             count < demand.per_robot for count in self._given.values()
         )
+
+    def know(self, robot: str) -> None:
+        """Take in that there is a robot more."""
+        if robot not in self._robots:
+            self._robots.append(robot)
+
+    def forget(self, robot: str) -> None:
+        """Take in that there is a robot less; its orders are refused."""
+        if robot in self._robots:
+            self._robots.remove(robot)
+        for task in list(self._open.values()):
+            if robot in (task.robot, task.order.robot):
+                self.end(task, REFUSED, f"{robot} has left the fleet")
 
     def give(self, order: Order, now_ms: int, *, makes_room: bool = False) -> Task:
         """Take in an order; the same id again is the same order."""

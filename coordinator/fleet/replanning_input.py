@@ -128,6 +128,12 @@ class Site:
         aside = tuple(one for one in self.aside if one.robot.id != robot.id)
         return Site(replace(self.scenario, robots=(*others, robot)), aside)
 
+    def among(self, known: Container[str]) -> Site:
+        """Return the site without robots that have left the fleet."""
+        robots = tuple(robot for robot in self.scenario.robots if robot.id in known)
+        aside = tuple(one for one in self.aside if one.robot.id in known)
+        return Site(replace(self.scenario, robots=robots), aside)
+
     def idling(self) -> Site:
         """Return the site in which robots at their goals are planned for, as idle ones."""
         stay = [one for one in self.aside if one.why == "arrived"]

@@ -41,6 +41,8 @@ class _Known:
     begin_ms: int
     message: bytes
     slot: int
+    other_slot: int
+    """Where the robot's next course has its place."""
 
 
 class Granted:
@@ -57,7 +59,7 @@ class Granted:
         self._robots = [robot.id for robot in plan.document.robots]
         count = len(self._robots)
         self._courses = {
-            number: _Known(robot, 0, 0, plan.messages[robot], number)
+            number: _Known(robot, 0, 0, plan.messages[robot], number, count + number)
             for number, robot in enumerate(self._robots)
         }
         """By the number in Commands."""
@@ -66,8 +68,17 @@ class Granted:
         self._granted = np.zeros(2 * count)
         self._passed = np.zeros(2 * count)
         self._at_goal = np.zeros(2 * count, bool)
+        self._joining: set[str] = set()
+        self._names = [*self._robots, *self._robots]
+        """The robot of each slot."""
+
         self._ended: dict[int, float] = {}
         """Slots of courses on which nothing more may be granted, and what was."""
+
+    def join(self, robot: str) -> None:
+        """Take in that a robot may get its first course while the fleet drives."""
+        if robot not in self._now:
+            self._joining.add(robot)
 
     def take_plan(self, robot: str, plan: Plan) -> bool:
         """Check that a robot was sent a course that is known, with its own number.
@@ -77,6 +88,8 @@ class Granted:
         known = self._courses.get(plan.number)
         mine = self._now.get(robot)
         if known is None and mine is not None and plan.revision == mine.revision + 1:
+            return False
+        if known is None and robot in self._joining and plan.revision == 0:
             return False
         message = encode(msgspec.structs.replace(plan, boot=0))
         if known is None or (message, robot) != (known.message, known.robot):
@@ -94,17 +107,31 @@ class Granted:
 
         `staircases`: those of the course, index 0, with the courses of `near` (robot, revision).
         """
-        now, slots = self._now[robot], 2 * len(self._robots)
-        slot = (now.slot + len(self._robots)) % slots
+        now = self._now.get(robot)
+        slot = self._new_slots(robot) if now is None else now.other_slot
         message = encode(msgspec.structs.replace(plan, boot=0))
-        course = _Known(robot, plan.revision, plan.begin_ms, message, slot)
-        self._next[robot] = self._courses[plan.number] = course
+        other = slot + 1 if now is None else now.slot
+        course = _Known(robot, plan.revision, plan.begin_ms, message, slot, other)
+        self._courses[plan.number] = course
+        (self._now if now is None else self._next)[robot] = course
+        self._joining.discard(robot)
         self._staircases.put(slot, staircases, [slot, *(self._slot_of(*one) for one in near)])
         self._granted[slot], self._at_goal[slot] = 0.0, False
-        self._passed[slot] = min(self._passed[now.slot], plan.begin_ms)
+        passed = plan.begin_ms if now is None else self._passed[now.slot]
+        self._passed[slot] = min(passed, plan.begin_ms)
+
+    def _new_slots(self, robot: str) -> int:
+        """Make room for the courses of a robot that joins; return the first of its slots."""
+        first = len(self._names)
+        self._names += [robot, robot]
+        self._granted, self._passed = (
+            np.append(one, np.zeros(2)) for one in (self._granted, self._passed)
+        )
+        self._at_goal = np.append(self._at_goal, [False, False])
+        return first
 
     def _slot_of(self, robot: str, revision: int) -> int:
-        known = (self._now[robot], self._next.get(robot))
+        known = (self._now.get(robot), self._next.get(robot))
         slots = [one.slot for one in known if one is not None and one.revision == revision]
         return slots[0] if slots else -1
 
@@ -191,7 +218,7 @@ class Granted:
         return None
 
     def _name(self, slot: int) -> str:
-        return self._robots[slot % len(self._robots)]
+        return self._names[slot]
 
     def _text(self, command: Command, pair: int, need: float) -> str:
         stairs = self._staircases.all

@@ -40,6 +40,15 @@ class Authority:
         self.barred = np.zeros(courses, bool)
         self.most: Integers = np.full(courses, EVER, np.int64)
 
+    def grow(self, courses: int) -> None:
+        """Make room for more courses, on which nothing is granted."""
+        self.progress, self.granted, self.told = (
+            np.append(one, np.zeros(courses, np.int64))
+            for one in (self.progress, self.granted, self.told)
+        )
+        self.barred = np.append(self.barred, np.ones(courses, bool))
+        self.most = np.append(self.most, np.full(courses, EVER))
+
     def renew(self, staircases: Staircases) -> bool:
         """Grant by other staircases from now on, unless one forbids what was told already.
 

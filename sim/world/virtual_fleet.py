@@ -110,7 +110,7 @@ class World:
             )
             past = Past(mission, SECOND, 0, {})
             if logs is not None:
-                logs.begin(first_head(scenario, document, boot=_BOOT, effort=effort))
+                logs.begin(first_head(scenario, document, boot=_BOOT, effort=effort, stays=stays))
         self.began_ns = past.began_ns
         self.struck: list[Struck] = []
         self._period_ns = period_ns
@@ -125,7 +125,14 @@ class World:
             self.coordinator.begin()
         chance = random.Random(seed)
         self.robots = {
-            robot.id: self._inhabitant(robot, past.boots.get(robot.id, boot), flaws, chance)
+            robot.id: self._inhabitant(
+                robot.id,
+                robot.radius,
+                _accel(robot),
+                past.boots.get(robot.id, boot),
+                flaws,
+                chance,
+            )
             for boot, robot in enumerate(document.robots, start=1)
         }
         self._strikes = Strikes(
@@ -197,22 +204,33 @@ class World:
         radius = robot.service.robot.radius
         robot.run(self._service(name, radius, robot.body, boot, robot.clock))
 
+    def add(self, name: str, radius: float, accel: float, boot: int) -> None:
+        """Start the program of a robot that is not in the scenario, without flaws."""
+        robot = self._inhabitant(name, radius, accel, boot, NO_FLAWS, random.Random(boot))
+        self.robots[name] = robot
+        self.agenda.at(self.now_ns, self._ticker(robot))
+
     def blackboxes(self) -> dict[str, BlackBox]:
         """Return every robot's black box."""
         return {name: robot.blackbox() for name, robot in self.robots.items()}
 
     def _inhabitant(
-        self, plan: RobotPlan, boot: int, flaws: Flaws, chance: random.Random
+        self,
+        name: str,
+        radius: float,
+        accel: float,
+        boot: int,
+        flaws: Flaws,
+        chance: random.Random,
     ) -> Inhabitant:
         agenda = self.agenda
 
         def truth() -> int:
             return agenda.now_ns
 
-        accel = plan.limits.max_accel if plan.limits is not None else None
         ahead_ns = chance.randrange(-SECOND, SECOND)
         body = FailingBody(
-            math.inf if accel is None else accel,
+            accel,
             wheel_gain=1.0 + chance.uniform(-flaws.gain, flaws.gain),
             noise=chance.uniform(0.0, flaws.noise),
             seed=boot,
@@ -221,7 +239,7 @@ class World:
         drift_ppm = chance.randint(-flaws.drift_ppm, flaws.drift_ppm)
         own_clock = RobotClock(truth, ahead_ns, drift_ppm)
         clock = SteadyClock(own_clock)
-        service = self._service(plan.id, plan.radius, body, boot, clock)
+        service = self._service(name, radius, body, boot, clock)
         return Inhabitant(service, body, own_clock, clock, row_period_ns=self._row_period_ns)
 
     def _service(
@@ -287,3 +305,9 @@ class World:
 
 def _plan(effort: int, scenario: Scenario, epoch: int) -> PackedPlan:
     return plan_fleet(scenario, effort=effort, epoch=epoch)
+
+
+def _accel(robot: RobotPlan) -> float:
+    """Return a robot's greatest acceleration [m/s^2]; inf if its plan states none."""
+    accel = robot.limits.max_accel if robot.limits is not None else None
+    return math.inf if accel is None else accel

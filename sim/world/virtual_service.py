@@ -98,7 +98,7 @@ class VirtualService:
         self._session = self._network.session(COORDINATOR)
         for kind in (keys.hello, keys.report, keys.clock, keys.admit):
             self._session.subscribe(kind(self.fleet.name, "*"), self._enqueue)
-        for key in (keys.command, keys.order, keys.tell, keys.block):
+        for key in (keys.command, keys.order, keys.tell, keys.block, keys.roster):
             self._session.subscribe(key(self.fleet.name), self._enqueue)
         self._session.watch_alive(keys.alive(self.fleet.name, "*"), self._link_changed)
 

@@ -139,6 +139,8 @@ MESSAGES: dict[str, tuple[str, list]] = {
     "tell": ("tell", [12, 9, 1]),
     "block": ("block", [14, 9, "wet", [[0.0, 0.0], [1.5, 0.0], [1.5, 2.0]]]),
     "unblock": ("block", [15, 9, "wet"]),
+    "join": ("roster", [16, 9, "R9", [1.0, 2.0, 0.5], 0.2, 0.8, 0.0, 0.0, 2.0]),
+    "leave": ("roster", [17, 9, "R9"]),
     "order_state": (
         "orders",
         [13, "o-1", 1, "R1", 0, 400, 21_000, None, 18_500, "held by R2"],
@@ -160,6 +162,8 @@ FIELDS = {
     12: "boot what",
     14: "boot id polygon",
     15: "boot id",
+    16: "boot robot place radius_m max_speed_mps max_accel_mps2 min_turn_radius_m max_turn_rate",
+    17: "boot robot",
     13: "id state robot released_ms accepted_ms planned_arrival_ms arrived_ms alone_ms reason",
 }
 """Tag to the names of the fields in their order."""

@@ -18,6 +18,8 @@ from protocol.messages import (
     Clock,
     Command,
     Hello,
+    Join,
+    Leave,
     Order,
     OrderState,
     Plan,
@@ -45,6 +47,8 @@ TYPES = {
     13: OrderState,
     14: Block,
     15: Unblock,
+    16: Join,
+    17: Leave,
 }
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "protocol.md"
 REST = ("s_m", "epoch", "off_mm", "turn_mrad", "beyond_mm", "revision")

@@ -256,6 +256,7 @@ def test_a_schema_names_every_field_of_its_message():
         "order": "splinefleet.Order",
         "orders": "splinefleet.OrderState",
         "tell": "splinefleet.Tell",
+        "roster": "splinefleet.Join",
         "block": "splinefleet.Block",
         "blocks": "splinefleet.Block",
     }

@@ -20,6 +20,8 @@ from protocol.messages import (
     REFUSED,
     Block,
     Cancel,
+    Join,
+    Leave,
     Tell,
     Unblock,
 )
@@ -27,6 +29,7 @@ from protocol.messages import Order as Said
 from protocol.phases import FREEZE, GO, OVER, STOP
 from sim.campaigns.truth import touches
 from sim.floors.generator import generate
+from sim.judging.judge import least_separation
 from sim.world.fault_text import parse_faults
 from sim.world.memory_transport import MemoryNetwork
 from sim.world.run_logs import RunLogs
@@ -75,6 +78,7 @@ def operator(world):
 
     def say(message):
         kinds = {Tell: keys.tell, Block: keys.block, Unblock: keys.block}
+        kinds |= {Join: keys.roster, Leave: keys.roster}
         session.put(kinds.get(type(message), keys.order)(fleet), encode(message))
 
     return say
@@ -273,3 +277,38 @@ def test_closed_places_are_left_and_driven_around_until_they_are_open_again():
     world.run(30.0)
     assert states(world)["again"] == ORDER_DONE
     assert nobody_touches(world)
+
+
+def test_robots_join_where_they_stand_get_orders_and_leave(tmp_path):
+    logs = RunLogs(tmp_path)
+    world = a_world(
+        long_hall(idle("R1", (1.0, 3.0)), idle("R2", (6.0, 1.0))), stays=True, logs=logs
+    )
+    say = operator(world)
+    world.run(3.0)
+    say(Join(9, "R9", (10.0, 3.0, 1.0), 0.25, 0.8))
+    say(Join(9, "R8", (1.2, 3.0, 0.0), 0.25, 0.8))
+    say(Leave(9, "R2"))
+    world.add("R9", 0.25, 0.8, 77)
+    world.run(4.0)
+    found = states(world)
+    assert (found["join-R9"], found["join-R8"], found["leave-R2"]) == (
+        ORDER_DONE,
+        REFUSED,
+        ORDER_DONE,
+    )
+    assert set(world.fleet.members) == {"R1", "R9"}
+    say(Said(9, "crossing", (1.5, 5.0), robot="R9"))
+    say(Said(9, "other", (10.0, 3.0), robot="R1"))
+    world.run(40.0)
+    say(Tell(9, END))
+    world.run(5.0)
+    logs.close()
+    assert world.fleet.phase == OVER
+    assert (states(world)["crossing"], states(world)["other"]) == (ORDER_DONE, ORDER_DONE)
+    boxes = world.blackboxes()
+    assert least_separation(boxes["R1"], boxes["R9"])[0] >= 0.45
+    assert freezes(world) == 0
+    log = read_log(logs.paths[-1])
+    assert check_log(log).difference == ""
+    assert prove_log(log).holds

@@ -1,0 +1,157 @@
+"""What operators tell a fleet: orders, places that are closed, robots that come and go, stop, end.
+
+Decides: how each of an operator's messages changes the fleet, and what answers it.  Must not know:
+robots' messages, when the time is looked at (core.py), how courses are found (dispatch.py).
+"""
+
+from __future__ import annotations
+
+import shapely
+
+from coordinator.fleet.events import Outgoing
+from coordinator.fleet.member import Member
+from coordinator.fleet.orders import order_of, robot_of
+from coordinator.fleet.phases import GO_LEAD
+from coordinator.fleet.state import FleetState
+from coordinator.scenario import model
+from protocol import keys
+from protocol.codec import encode
+from protocol.messages import (
+    END,
+    HALT,
+    ORDER_DONE,
+    REFUSED,
+    Block,
+    Cancel,
+    Join,
+    Leave,
+    Message,
+    Order,
+    OrderState,
+    Tell,
+    Unblock,
+)
+from protocol.phases import GO, STOP
+
+
+class OperatedFleet(FleetState):
+    """A fleet that operators tell what to do; all times in ns on the coordinator's clock."""
+
+    bad_messages = 0
+
+    def hear_operator(self, message: Message | None, now_ns: int) -> list[Outgoing] | None:
+        """Take in an operator's message; return the answer, None if it is not an operator's."""
+        answer: list[Outgoing] | None = None
+        if isinstance(message, Order | Cancel):
+            answer = self._hear_order(message, now_ns)
+        elif isinstance(message, Block | Unblock):
+            answer = self._hear_block(message, now_ns)
+        elif isinstance(message, Join):
+            answer = self._hear_join(message, now_ns)
+        elif isinstance(message, Leave):
+            answer = self._hear_leave(message, now_ns)
+        elif isinstance(message, Tell):
+            answer = self._hear_tell(message, now_ns)
+        return answer
+
+    def stop(self, now_ns: int) -> list[Outgoing]:
+        """Stop a fleet that drives: robots brake at once and keep their plans."""
+        if self.phase == GO:
+            self._stopped_ns = now_ns
+        self._turn("told to stop", now_ns)
+        return self._commands(now_ns)
+
+    def go_on(self, now_ns: int) -> list[Outgoing]:
+        """Let a fleet that was stopped go on; the plan goes on where it was when it was stopped."""
+        if self.phase == STOP:
+            self.times.put_off(now_ns + GO_LEAD - self._stopped_ns)
+            self._excuse(now_ns)
+        self._turn("told to go on", now_ns)
+        return self._commands(now_ns)
+
+    def _hear_order(self, message: Order | Cancel, now_ns: int) -> list[Outgoing]:
+        """Take in an order, or take one back; the answer is what has become of it."""
+        if isinstance(message, Cancel):
+            if self.orders.cancel(message.id, self.since_go_ms(now_ns)) is None:
+                reason = f"there is no order {message.id}"
+                return [self._order_state(OrderState(message.id, REFUSED, reason=reason))]
+        elif self.is_ending:
+            task = self.orders.give(order_of(message), self.since_go_ms(now_ns))
+            if not task.is_over and task.accepted_ms is None:
+                self.orders.end(task, REFUSED, "the fleet ends when all rest")
+        else:
+            task = self.orders.give(order_of(message), self.since_go_ms(now_ns))
+            task.is_urgent = message.now
+        task_now = self.orders.tasks.get(message.id)
+        answer = [] if task_now is None else [self._order_state(task_now.message())]
+        return [*answer, *self.order_states()]
+
+    def _hear_join(self, join: Join, now_ns: int) -> list[Outgoing]:
+        """Take in a robot; the answer is the state of the order by which it joins."""
+        name, now_ms = f"join-{join.robot}", self.since_go_ms(now_ns)
+        task = self.orders.tasks.get(name)
+        if task is None or (task.is_over and join.robot not in self.members):
+            self.orders.tasks.pop(name, None)
+            robot = robot_of(join)
+            known = join.robot in self.members
+            self.orders.know(join.robot)
+            task = self.orders.give(model.Order(id=name, robot=join.robot, goal=robot.goal), now_ms)
+            if known or not self.has_gone:
+                why = "is in the fleet already" if known else "can join once the fleet has set out"
+                self.orders.end(task, REFUSED, f"{join.robot} {why}")
+            else:
+                task.joins = robot
+                self.members[join.robot] = Member(
+                    id=join.robot,
+                    radius=join.radius_m,
+                    speed=join.max_speed_mps,
+                    plan=b"",
+                    accel=robot.max_accel,
+                    planned=False,
+                    is_new=True,
+                )
+        return [self._order_state(task.message()), *self.order_states()]
+
+    def _hear_leave(self, leave: Leave, now_ns: int) -> list[Outgoing]:
+        """Take a robot out that rests or is lost; the answer is the state of an order."""
+        name, now_ms = f"leave-{leave.robot}", self.since_go_ms(now_ns)
+        member, task = self.members.get(leave.robot), self.orders.tasks.get(name)
+        if task is None or member is not None:
+            self.orders.tasks.pop(name, None)
+            order = model.Order(id=name, robot=leave.robot, goal=(0.0, 0.0))
+            task = self.orders.give(order, now_ms)
+        if member is not None and not task.is_over:
+            is_busy = self.orders.of_robot(leave.robot) is not None or not member.has_arrived
+            if is_busy and not (member.lost or member.is_new or not member.planned):
+                self.orders.end(task, REFUSED, f"{leave.robot} does not rest")
+            else:
+                self.orders.end(task, ORDER_DONE)
+                self.orders.forget(leave.robot)
+                self.grants.remove(leave.robot)
+                del self.members[leave.robot]
+                self._tell(now_ns, "order", leave.robot, f"{leave.robot} has left the fleet")
+        return [self._order_state(task.message()), *self.order_states()]
+
+    def _hear_block(self, message: Block | Unblock, now_ns: int) -> list[Outgoing]:
+        """Close a place of the floor, or open it; the answer is the place, if it is closed."""
+        known = self.blocks.get(message.id)
+        if isinstance(message, Unblock):
+            if self.blocks.pop(message.id, None) is not None:
+                self._tell(now_ns, "block", "", f"{message.id} is open again")
+            return [Outgoing(keys.blocks(self.name, message.id), encode(message))]
+        if known is None and shapely.is_valid(shapely.Polygon(message.polygon)):
+            self.blocks[message.id] = known = message
+            self._tell(now_ns, "block", "", f"{message.id} is closed")
+        if known is None:
+            self.bad_messages += 1
+            return []
+        return [Outgoing(keys.blocks(self.name, known.id), encode(known))]
+
+    def _hear_tell(self, message: Tell, now_ns: int) -> list[Outgoing]:
+        """Stop, go on, or end when all rest."""
+        if message.what == END:
+            if not self.is_ending:
+                self._tell(now_ns, "order", "", "the fleet ends when all rest")
+            self.is_ending, self.orders.stays = True, False
+            return []
+        return self.stop(now_ns) if message.what == HALT else self.go_on(now_ns)
