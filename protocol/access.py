@@ -103,7 +103,7 @@ def coordinator_rights(fleet: str) -> Rights:
     """
     hears = [kind(fleet, "*") for kind in (keys.hello, keys.report, keys.clock, keys.admit)]
     hears += [kind(fleet) for kind in _TOLD]
-    told = (keys.plan(fleet, "*"), keys.clock(fleet, "*"), keys.orders(fleet, "*"))
+    told = [kind(fleet, "*") for kind in (keys.plan, keys.clock, keys.orders, keys.blocks)]
     return Rights(
         puts=(keys.command(fleet), *told),
         subscribes=tuple(hears),

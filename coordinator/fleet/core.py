@@ -115,6 +115,7 @@ class Fleet(OperatedFleet):
             self._settle(now_ns)
         elif self.phase == OVER:
             self._farewells += 1
+            self.orders.refuse_all(lambda task: task.reason or "the fleet has ended")
         return [*self._commands(now_ns), *self.new_courses(now_ns), *self.order_states()]
 
     def adopt(

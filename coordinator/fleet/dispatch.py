@@ -110,6 +110,9 @@ class Dispatcher:
         self._sites: dict[tuple[Ring, ...], Site] = {}
         self._ways: dict[str, tuple[float, Array]] = {}
         """By order that makes room: the radius and path of the robot that needs it."""
+        self._no_room: dict[str, object] = {}
+        """By robot: the state of the fleet when no place was found for it to make room at."""
+
         self._moved_ms = 0
 
     def begin(self, make_site: Callable[[], Site] | None) -> None:
@@ -121,6 +124,14 @@ class Dispatcher:
         self._around, self._sites, self._closed = {}, {}, {}
         self._asked.clear()
         self._tried.clear()
+
+    def forget_requests(self) -> None:
+        """Take in that the answers to all requests are lost, with the coordinator that asked."""
+        for request, asked in self._asked.items():
+            self._fleet.grants.release(request.number)
+            if asked.leaves:
+                self._fleet.grants.go_on(request.robot)
+        self._asked.clear()
 
     @property
     def _site(self) -> Site | None:
@@ -339,6 +350,7 @@ class Dispatcher:
             text = f"{request.robot} {task.reason}"
             fleet.incidents.append(Incident(now_ns, "order", request.robot, text))
         task.state, task.robot, task.reason = UNDER_WAY, request.robot, ""
+        task.is_urgent = False  # Otherwise two such orders would take turns for ever.
         task.accepted_ms = now_ms
         task.alone_ms = round(1000.0 * answer.alone)
         finish_ms = round(1000.0 * proposal.course.driven.timeline.finish)
@@ -363,11 +375,14 @@ class Dispatcher:
             self._fleet.members.pop(robot, None)
             book.forget(robot)
             return
+        state = (len(self._committed), tuple(idle))
+        if task.makes_room:
+            self._no_room[robot] = state
         if task.makes_room or math.isinf(answer.alone):
             book.end(task, REFUSED, f"{robot} {answer.reason}")
             self._ways.pop(task.order.id, None)
             return
-        self._tried[task.order.id] = ((len(self._committed), tuple(idle)), now_ms)
+        self._tried[task.order.id] = (state, now_ms)
         by = ", ".join(answer.blockers)
         task.reason = f"waits for {by}" if by else f"{robot} {answer.reason}"
         if not task.order.robot:
@@ -375,7 +390,7 @@ class Dispatcher:
         waiting = {one.robot for one in book.waiting() if one.makes_room}
         for name in answer.blockers:
             own = [one for one in book.waiting() if one.robot == name]
-            is_idle = name in idle and name not in waiting
+            is_idle = name in idle and name not in waiting and self._no_room.get(name) != state
             if is_idle and answer.way is not None and all(o.order.id in self._tried for o in own):
                 room = book.room_for(name, self._place(name)[0], task.order.id, now_ms)
                 self._ways[room.order.id] = (asked.wish.robot.radius, answer.way)

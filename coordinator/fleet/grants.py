@@ -68,7 +68,8 @@ class Sent:
     revision: int = 0
     begin_ms: int = 0
     course: Course | None = None
-    is_confirmed: bool = True
+    is_withdrawn: bool = False
+    """Whether nothing is ever granted on it, because its robot was given up before it began it."""
 
 
 @dataclass
@@ -144,6 +145,9 @@ class Grants:
         self._numbers[:count] = np.arange(count)
         self._next_number = count
         self._reserved: set[int] = set()
+        self._limits: dict[str, int] = {}
+        """By robot: how far it may drive on the course in force, because of a closed place."""
+
         self.given_up: set[str] = set()
         """Robots that are granted nothing more on the course in force."""
 
@@ -165,7 +169,7 @@ class Grants:
             one.course
             for name, mine in self._courses.items()
             for one in mine
-            if one is not mine.now or name not in self.given_up
+            if not one.is_withdrawn and (one is not mine.now or name not in self.given_up)
         )
         return [course for course in sent if course is not None]
 
@@ -173,9 +177,14 @@ class Grants:
         """Grant nothing more on a robot's course for ever: others are sent around where it is."""
         self.halt(robot)
         self.given_up.add(robot)
+        coming = self._courses[robot].next
+        if coming is not None:
+            coming.is_withdrawn = True
+            self._rule.reach(coming.slot, EVER)
 
     def limit(self, robot: str, most_ms: int) -> None:
         """Grant a robot never more than this on the course in force."""
+        self._limits[robot] = most_ms
         self._rule.most[self._courses[robot].now.slot] = most_ms
 
     def reserve(self) -> int:
@@ -192,14 +201,19 @@ class Grants:
         self._reserved.discard(number)
 
     def halt(self, robot: str) -> int:
-        """Grant a robot nothing more on its course; return the plan time [ms] it may reach."""
-        slot = self._courses[robot].now.slot
-        self._rule.barred[slot] = True
-        return int(self._rule.told[slot])
+        """Grant a robot no more on its course than it may have been told; return that [ms].
+
+        It comes to rest there, at the latest: what it may have been told is granted to it.
+        """
+        sent = self._courses[robot].now
+        told_ms = max(int(self._rule.told[sent.slot]), sent.begin_ms)
+        self._rule.most[sent.slot] = told_ms
+        return told_ms
 
     def go_on(self, robot: str) -> None:
         """Grant again on a robot's course what is safe, unless the robot was given up."""
-        self._rule.barred[self._courses[robot].now.slot] = robot in self.given_up
+        if robot not in self.given_up:
+            self.limit(robot, self._limits.get(robot, EVER))
 
     def commit(
         self,
@@ -224,7 +238,7 @@ class Grants:
             self._rule.renew(self._staircases.all)
             return False
         self.release(number)
-        sent = Sent(slot, number, plan.revision, begin_ms, course, is_confirmed=mine is None)
+        sent = Sent(slot, number, plan.revision, begin_ms, course)
         if mine is None:
             self._courses[robot] = Courses(sent, slots=(slot, slot + 1))
             self._rule.barred[slot] = False
@@ -271,10 +285,8 @@ class Grants:
         mine = self._courses.get(robot)
         if mine is None:
             return True
-        if mine.next is not None:
-            mine.next.is_confirmed |= report.holds >= mine.next.revision
-            if report.revision >= mine.next.revision:
-                self._begin(mine, mine.next, now_ms)
+        if mine.next is not None and report.revision >= mine.next.revision:
+            self._begin(mine, mine.next, now_ms)
         if report.revision != mine.now.revision:
             return True
         fits = self._hear_progress(mine.now, report, now_ms)
@@ -286,12 +298,14 @@ class Grants:
     def _begin(self, mine: Courses, begun: Sent, now_ms: int) -> None:
         """Take in that a robot has left its old course for the next one."""
         old, mine.now, mine.next = mine.now, begun, None
-        self.given_up.discard(old.course.driven.id if old.course else "")
-        begun.is_confirmed = True
+        robot = self._names[begun.slot]
+        if not begun.is_withdrawn:
+            self.given_up.discard(robot)
+        self._limits.pop(robot, None)
         rule = self._rule
         rule.reach(begun.slot, begun.begin_ms)
         rule.reach(old.slot, EVER)
-        rule.barred[old.slot], rule.barred[begun.slot] = True, False
+        rule.barred[old.slot], rule.barred[begun.slot] = True, begun.is_withdrawn
         self._numbers[old.slot] = -1
         self._held.pop(old.slot, None)
         self._got_on_ms[begun.slot] = now_ms
@@ -336,7 +350,7 @@ class Grants:
         pairs = zip(self._numbers[less].tolist(), rule.granted[less].tolist(), strict=True)
         named = sorted([*pairs, *((number, 0) for number in self._reserved)])
         parts = [named[k : k + MOST_HELD] for k in range(0, max(len(named), 1), MOST_HELD)]
-        ends = [-1, *(part[-1][0] for part in parts[:-1]), self._next_number]
+        ends = [-1, *(part[-1][0] for part in parts[:-1]), self._next_number - 1]
         return [
             Stated(most - now_ms, tuple(part), begin + 1, end)
             for part, (begin, end) in zip(parts, pairwise(ends), strict=True)
@@ -344,9 +358,9 @@ class Grants:
 
     def _note_held(self, now_ms: int, most_ms: int) -> None:
         rule = self._rule
-        wanted = np.minimum(rule.wanted(now_ms, self.headroom_ms), most_ms)
+        wanted = np.minimum(rule.unlimited(now_ms, self.headroom_ms), most_ms)
         is_near = (rule.granted < wanted) & (rule.granted - rule.progress < ROOM_MS) & ~self._done
-        self._got_on_ms[is_near] = now_ms
+        self._got_on_ms[is_near | (rule.granted >= rule.most)] = now_ms
         is_held = is_near & (rule.granted < now_ms)
         before, self._held = self._held, {}
         for slot in np.flatnonzero(is_held).tolist():

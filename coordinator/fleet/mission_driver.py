@@ -279,7 +279,8 @@ class MissionDriver:
         """
         for message in messages:
             self._journal.record(message.key, message.payload, now_ns)
-            if message.key.startswith(self._orders_key):
+            name = message.key.removeprefix(self._orders_key)
+            if name != message.key and name in self.fleet.orders.tasks:
                 self._order_states[message.key] = message.payload
         if messages and self._phase != (self.fleet.epoch, self.fleet.phase):
             self._phase = (self.fleet.epoch, self.fleet.phase)

@@ -79,8 +79,8 @@ class FleetState:
         return self._first_go_ns != 0
 
     def since_go_ms(self, now_ns: int) -> int:
-        """Return the time since the first GO [ms]."""
-        return (now_ns - self._first_go_ns) // MILLISECOND
+        """Return the time since the first GO [ms]; 0 before it."""
+        return (now_ns - self._first_go_ns) // MILLISECOND if self.has_gone else 0
 
     def is_settled(self, now_ns: int) -> bool:
         """Return whether a frozen fleet rests: each robot has said where it rests, or is lost."""

@@ -13,6 +13,7 @@ that grants authority, how courses are proven, logs.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -27,6 +28,9 @@ from protocol.codec import encode
 from protocol.messages import Command, Plan, Report
 from protocol.phases import DONE, GO
 from protocol.timing import LATE_STEP_MS
+
+_MOST_AHEAD: Final = 50
+"""For so many numbers of courses that are not known yet it is kept what they were granted."""
 
 _NEAR: Final = 1_000
 """A robot is held when it is let drive for less than this [ms]."""
@@ -68,6 +72,15 @@ class Granted:
         self._granted = np.zeros(2 * count)
         self._passed = np.zeros(2 * count)
         self._at_goal = np.zeros(2 * count, bool)
+        self._newest = count - 1
+        """The greatest number of a course that is known."""
+
+        self._skipped: deque[int] = deque(maxlen=_MOST_AHEAD)
+        """Smaller numbers than that, of courses that are not known."""
+
+        self._ahead: dict[int, int] = {}
+        """What Commands granted to numbers of courses that were not known yet."""
+
         self._joining: set[str] = set()
         self._names = [*self._robots, *self._robots]
         """The robot of each slot."""
@@ -116,7 +129,9 @@ class Granted:
         (self._now if now is None else self._next)[robot] = course
         self._joining.discard(robot)
         self._staircases.put(slot, staircases, [slot, *(self._slot_of(*one) for one in near)])
-        self._granted[slot], self._at_goal[slot] = 0.0, False
+        self._skipped.extend(range(self._newest + 1, plan.number))
+        self._newest = max(self._newest, plan.number)
+        self._granted[slot], self._at_goal[slot] = self._ahead.pop(plan.number, 0), False
         passed = plan.begin_ms if now is None else self._passed[now.slot]
         self._passed[slot] = min(passed, plan.begin_ms)
 
@@ -176,6 +191,10 @@ class Granted:
         if command.phase != GO:
             return
         self.commands += 1
+        newest = range(self._newest + 1, min(command.last + 1, self._newest + _MOST_AHEAD))
+        for number in (*self._skipped, *newest):
+            said = command.authority_of(number) or 0
+            self._ahead[number] = max(self._ahead.get(number, 0), said)
         for number, one in self._courses.items():
             stated = command.authority_of(number)
             if stated is not None and not self._at_goal[one.slot]:

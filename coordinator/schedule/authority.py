@@ -80,8 +80,12 @@ class Authority:
 
     def wanted(self, now_ms: int, headroom_ms: int) -> Integers:
         """Return how far (n,) [ms] robots would be let at a plan time if nobody were in the way."""
+        return np.minimum(self.unlimited(now_ms, headroom_ms), self.most)
+
+    def unlimited(self, now_ms: int, headroom_ms: int) -> Integers:
+        """Return the same without the courses' own limits."""
         wanted: Integers = np.minimum(now_ms, self.progress + SLACK_MS) + headroom_ms
-        return np.where(self.barred, 0, np.minimum(wanted, self.most))
+        return np.where(self.barred, 0, wanted)
 
     def grant(self, now_ms: int, headroom_ms: int, most_ms: int) -> None:
         """Grant what is safe, up to the headroom beyond a plan time, and at most `most_ms`."""

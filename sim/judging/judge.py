@@ -219,7 +219,8 @@ def _judge_robot(
     tolerance, driven, box = 0.5 * document.margin, legs[-1][0], whole
     goal = driven.curve.at_arc([driven.curve.length])[0]
     near = np.hypot(*(box.places - goal).T) <= tolerance
-    since = legs[-1][1].t[0] if driven.plan.revision and len(legs[-1][1].t) else -math.inf
+    rows = len(legs[-1][1].t)
+    since = box.t[-rows] if driven.plan.revision and rows else -math.inf
     done = [
         t
         for t, phase in zip(box.t, box.phases, strict=True)
