@@ -25,7 +25,7 @@ from msgspec.structs import replace
 from benchmarks.campaign import in_turn, record
 from benchmarks.table import Row
 from coordinator.planning.planner import plan_scenario
-from coordinator.scenario.model import Scenario
+from coordinator.scenario.model import Link, Scenario
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import (
@@ -134,6 +134,7 @@ def run_seed(seed: int) -> Result:
     names = [robot.id for robot in robots]
     faults = draw_faults(Random(f"faults {seed}"), names, LASTS, USUAL) if seed % 3 else ()
     loss, delay = dice.choice(_LINKS)
+    scenario = replace(scenario, link=Link(delay=delay, loss=loss))
     network = MemoryNetwork(seed, loss=loss, delay_ns=(0, round(delay * SECOND)))
     document = plan_scenario(scenario)
     with TemporaryDirectory() as folder:
@@ -167,6 +168,8 @@ def _drive(world: World, script: list[tuple[float, Message]], joins: str, seed: 
         now = (world.now_ns - world.began_ns) / SECOND
         while script and script[0][0] <= now:
             _, message = script.pop(0)
+            if isinstance(message, Unblock):
+                said = [one for one in said if not isinstance(one, Block)]
             said.append(message)
             if isinstance(message, Join):
                 world.add(joins, message.radius_m, message.max_accel_mps2, 900 + seed % 90)

@@ -29,6 +29,8 @@ The rules:
   arc length at which it rests, in its first report as frozen and whenever the coordinator asks.
 """
 
+from math import inf
+
 from protocol.phases import (
     ARMED,
     BAD_PLAN,
@@ -212,7 +214,7 @@ class Agent:
             coming = Ride(self.epoch, rules, path, motion, self._max_speed, self._period)
         except (ValueError, ArithmeticError, IndexError):
             return
-        if ride.leads_into(coming):
+        if ride.leads_into(coming, self.phase == DONE):
             ride.end_with(coming)
             self._coming, self.next_number, self.holds = coming, number, revision
 
@@ -368,7 +370,10 @@ class Agent:
         """Return the course to drive now: the newer one, once it has begun."""
         coming = self._coming
         ride.follower.locate(x, y, heading)
-        if coming is None or not ride.is_over(self._plan_time(ride, now_ns, 0.0)):
+        now = self._plan_time(ride, now_ns, 0.0)
+        if self.phase == DONE and not self.clock.is_within(ride.clock_error_ns, now_ns):
+            now = inf  # At its goal no plan time passes for a robot that does not know the time.
+        if coming is None or not ride.is_over(now):
             return ride
         coming.follow(ride)
         self.ride, self._coming = coming, None

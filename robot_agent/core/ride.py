@@ -162,7 +162,7 @@ class Ride:
         """Let the robot brake where it is, or let it go on."""
         self._halted = halted
 
-    def leads_into(self, coming: "Ride") -> bool:
+    def leads_into(self, coming: "Ride", at_goal: bool = False) -> bool:
         """Return whether the robot can change to another course where that begins.
 
         It can unless it has driven, or reported, beyond that; at its goal, or where its authority
@@ -171,10 +171,13 @@ class Ride:
         """
         begin, mine, other = coming.begin, self.follower, coming.follower
         speed, s = coming._timeline.v_at(begin), self._timeline.s_at(begin)
+        if at_goal:
+            s = self._timeline.length
         gap, turn = mine.joint(s, other)
         if gap > JOINT_GAP:
             return False
-        if speed == 0.0 and (begin >= self._timeline.finish or self._told <= begin):
+        ends = at_goal or begin >= self._timeline.finish or self._told <= begin
+        if speed == 0.0 and ends:
             return True
         if self.time > begin or self.stamp_ms - LATE_STEP_MS * self.late > 1000.0 * begin:
             return False
