@@ -265,6 +265,7 @@ class Grants:
     def remove(self, robot: str) -> None:
         """Take out a robot, which is not on the floor any more."""
         mine = self._courses.pop(robot, None)
+        self._limits.pop(robot, None)
         for one in mine or ():
             self._rule.arrive(one.slot)
             self._rule.barred[one.slot], self._numbers[one.slot] = True, -1
@@ -360,7 +361,11 @@ class Grants:
         rule = self._rule
         wanted = np.minimum(rule.unlimited(now_ms, self.headroom_ms), most_ms)
         is_near = (rule.granted < wanted) & (rule.granted - rule.progress < ROOM_MS) & ~self._done
-        self._got_on_ms[is_near | (rule.granted >= rule.most)] = now_ms
+        self._got_on_ms[is_near] = now_ms
+        for name, limit_ms in self._limits.items():
+            slot = self._courses[name].now.slot
+            if rule.granted[slot] >= limit_ms:
+                self._got_on_ms[slot] = now_ms  # It stands before a place that is closed.
         is_held = is_near & (rule.granted < now_ms)
         before, self._held = self._held, {}
         for slot in np.flatnonzero(is_held).tolist():

@@ -186,3 +186,15 @@ def test_a_report_of_another_epoch_or_process_is_no_progress():
     floor.hear("splinefleet/hall/report/R1", right)
     floor.tick()
     assert floor.commands[-1].held == ()
+
+
+def test_a_command_speaks_for_no_number_that_is_reserved_later_and_grants_reserved_ones_nothing():
+    grants = Grants(staircases(), ["R1", "R2"], HEADROOM)
+    (before,) = grants.grant(0, FAR)
+    number = grants.reserve()
+    assert before.last < number
+    (stated,) = grants.grant(100, FAR)
+    assert stated.first <= number <= stated.last
+    assert (number, 0) in stated.held
+    grants.release(number)
+    assert grants.reserve() > number
