@@ -147,7 +147,7 @@ def _paths(story: Story, colours: dict[str, Colour]) -> Iterator[Told]:
     for leg in story.legs:
         epochs.setdefault(leg.epoch, []).append(leg)
     for number, legs in enumerate(epochs.values()):
-        t = legs[0].start if number else story.first
+        t = legs[0].begin if number else story.first
         now = _stamp(story, t)
         names = {f"path/{leg.driven.id}" for leg in legs}
         gone = [_deletion(name, now) for name in sorted(shown - names)]
@@ -228,7 +228,7 @@ def _poses(legs: Sequence[Leg], times: Array) -> Array:
 
     Between its legs the robot is at rest.
     """
-    begins = np.array([leg.start for leg in legs])
+    begins = np.array([leg.begin for leg in legs])
     which = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
     poses = np.empty((len(times), 3))
     for number, leg in enumerate(legs):

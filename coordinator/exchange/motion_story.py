@@ -40,12 +40,17 @@ _UNKNOWN_RADIUS: Final = 0.15
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """What one robot drove in one epoch, and how: its plan, whose time zero is `start` [s]."""
+    """One course that a robot drove, and how; the time zero of its epoch is `start` [s]."""
 
     epoch: int
     driven: Driven
     start: float
     driving: Driving = field(default_factory=lambda: Driving(Progress()))
+
+    @property
+    def begin(self) -> float:
+        """The time [s] at which the course began."""
+        return self.start + 0.001 * self.driven.plan.begin_ms
 
     @property
     def end(self) -> float:
@@ -134,7 +139,7 @@ def csv_lines(story: Story, step: float) -> Iterator[str]:
     """Yield CSV lines, header first: every leg from its start to its end; `step` in seconds."""
     yield trajectory.HEADER
     for leg in story.legs:
-        times = [leg.start + t for t in trajectory.until(step, leg.end - leg.start)]
+        times = [leg.begin + t for t in trajectory.until(step, max(leg.end - leg.begin, 0.0))]
         yield from trajectory.rows(leg.driven.id, times, leg.sample(np.array(times)))
 
 
@@ -172,6 +177,9 @@ class _Heard:
     turns: dict[int, _Turn] = field(default_factory=dict)
     radii: dict[str, float] = field(default_factory=dict)
     plans: dict[tuple[int, str], bytes] = field(default_factory=dict)
+    courses: dict[tuple[int, str, int], bytes] = field(default_factory=dict)
+    """Further courses of an epoch, by revision."""
+
     said: Said = field(default_factory=Said)
 
     def __post_init__(self) -> None:
@@ -189,6 +197,8 @@ class _Heard:
                     self._hear_command(message, record.log_ns)
             elif isinstance(message, Hello) and message.radius_m > 0.0:
                 self.radii[place[2]] = message.radius_m
+            elif isinstance(message, Plan) and message.revision:
+                self.courses[message.epoch, place[2], message.revision] = record.payload
             elif isinstance(message, Plan):
                 self.plans[message.epoch, place[2]] = record.payload
             elif isinstance(message, Report):
@@ -235,4 +245,14 @@ def _legs(
             words, rate = heard.said.of(epoch, robot), one.plan.brake_mmps2 / 1000.0
             driving = words.driving(one.timeline, rate, start_ns, turn.frozen_ns)
             legs.append(Leg(epoch, one, (start_ns - zero_ns) / 1e9, driving))
-    return legs
+    for (epoch, robot, revision), payload in heard.courses.items():
+        words = heard.said.of(epoch, robot, revision)
+        if epoch not in heard.turns or words.last_ns is None:
+            continue  # The robot has never driven it.
+        turn = heard.turns[epoch]
+        start_ns = turn.start_ns + lag_ns
+        one = unpack(payload, heard.radii.get(robot, _UNKNOWN_RADIUS))
+        rate = one.plan.brake_mmps2 / 1000.0
+        driving = words.driving(one.timeline, rate, start_ns, turn.frozen_ns)
+        legs.append(Leg(epoch, one, (start_ns - zero_ns) / 1e9, driving))
+    return sorted(legs, key=lambda leg: leg.begin)

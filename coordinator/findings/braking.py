@@ -121,10 +121,10 @@ class Words:
 
 
 class Said:
-    """What all robots reported, by epoch and robot."""
+    """What all robots reported, by epoch, robot, and the revision of the course that it drove."""
 
     def __init__(self) -> None:
-        self._words: dict[tuple[int, str], Words] = {}
+        self._words: dict[tuple[int, str, int], Words] = {}
         self._last_ns: dict[str, int] = {}
         self._starts: dict[int, list[int]] = {}
 
@@ -137,10 +137,11 @@ class Said:
     def take(self, report: Report, robot: str, now_ns: int) -> bool:
         """Record a report; return whether the robot began to stop or first stated its rest."""
         self._last_ns[robot] = now_ns
-        fresh = self.of(report.epoch, robot).take(report, now_ns, self._paused(report, now_ns))
+        driving = self.of(report.epoch, robot, report.revision)
+        fresh = driving.take(report, now_ns, self._paused(report, now_ns))
         if report.rest is None:
             return fresh
-        words = self.of(report.rest.epoch, robot)
+        words = self.of(report.rest.epoch, robot, report.rest.revision)
         fresh = fresh or words.rest is None
         words.rest = report.rest.s_m if words.rest is None else words.rest
         return fresh
@@ -156,29 +157,31 @@ class Said:
         made_ns = now_ns - report.stamp_ms * MILLISECOND
         return (min(starts, key=lambda start: abs(made_ns - start)) - starts[0]) / SECOND
 
-    def of(self, epoch: int, robot: str) -> Words:
-        """Return what a robot reported in an epoch."""
-        return self._words.setdefault((epoch, robot), Words())
+    def of(self, epoch: int, robot: str, revision: int = 0) -> Words:
+        """Return what a robot reported of one of its courses, by default of an epoch's first."""
+        return self._words.setdefault((epoch, robot, revision), Words())
 
     def who(self, epoch: int) -> set[str]:
         """Return the robots that reported in an epoch, which shows that they have its plan."""
-        found = {name for number, name in self._words if number == epoch}
-        return {name for name in found if self._words[epoch, name].last_ns is not None}
+        words = self._words.items()
+        return {name for (n, name, _), one in words if n == epoch and one.last_ns is not None}
 
     def silent(self, epoch: int, now_ns: int) -> frozenset[str]:
         """Return the robots on their way in an epoch that have not been heard for too long."""
-        return frozenset(
-            name
-            for (number, name), words in self._words.items()
-            if number == epoch and words.silent_since(now_ns) is not None
-        )
+        newest = self._newest(epoch).items()
+        return frozenset(name for name, one in newest if one.silent_since(now_ns) is not None)
+
+    def _newest(self, epoch: int) -> dict[str, Words]:
+        """Return what each robot reported of the newest course that it drove in an epoch."""
+        words = sorted(self._words.items(), key=lambda item: item[0][2])
+        return {name: one for (number, name, _), one in words if number == epoch}
 
     def late(self, epoch: int) -> dict[str, list[Knot]]:
         """Return the last two knots of each robot's progress in an epoch, if it ever was late."""
         return {
             name: words.progress.knots[-2:]
-            for (number, name), words in self._words.items()
-            if number == epoch and words.progress.knots
+            for name, words in self._newest(epoch).items()
+            if words.progress.knots
         }
 
     def last_ns(self, robot: str) -> int | None:
@@ -187,7 +190,7 @@ class Said:
 
     def done(self) -> set[str]:
         """Return the robots that have arrived in some epoch."""
-        return {robot for (_, robot), words in self._words.items() if words.phase == DONE}
+        return {robot for (_, robot, _), one in self._words.items() if one.phase == DONE}
 
 
 def brakes_at(line: Timeline, s: float, rate: float) -> float:

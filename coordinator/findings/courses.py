@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,15 @@ _ROW: Final = 0.02
 """Greatest error [s] of the time of a black box's row; a row is written once per control tick."""
 
 
+class _Ridden(NamedTuple):
+    """A ride: since when its robot counts as on it, when it began, its epoch's time zero [s]."""
+
+    since: float
+    begin: float
+    start: float
+    ride: RideSamples
+
+
 class Courses:
     """The robots' courses; `info` calls `hear` with every valid message of the fleet.
 
@@ -38,7 +47,12 @@ class Courses:
 
     def __init__(self, zero_ns: int, lag_ns: int, boot: str) -> None:
         self._zero_ns, self._lag_ns, self._boot = zero_ns, lag_ns, boot
-        self._plans: dict[tuple[int, str], Plan] = {}
+        self._plans: dict[tuple[int, int, str], Plan] = {}
+        """By epoch, revision and robot."""
+
+        self._begun: dict[tuple[int, int, str], float] = {}
+        """When robots were first heard to drive these courses [s]."""
+
         self._begins: dict[int, float] = {}
         self._starts: dict[int, float] = {}
         self._frozen: dict[int, int] = {}
@@ -58,8 +72,9 @@ class Courses:
             elif message.phase == phases.FREEZE and self._starts:
                 self._frozen.setdefault(max(self._starts), record.log_ns)
         elif isinstance(message, Plan):
-            self._plans.setdefault((message.epoch, robot), message)
+            self._plans.setdefault((message.epoch, message.revision, robot), message)
         elif isinstance(message, Report):
+            self._begun.setdefault((message.epoch, message.revision, robot), now)
             self._said.take(message, robot, record.log_ns)
 
     def fill(self, robots: Mapping[str, RobotSummary], boxes: Mapping[str, TrueCourse]) -> None:
@@ -93,45 +108,52 @@ class Courses:
         ends = (float(box.t[-1]) for box in boxes)
         return times_between(min(self._starts.values()), max([self._end, *ends]))
 
-    def _rides(self) -> dict[str, list[tuple[int, RideSamples]]]:
-        """Return the rides of every robot, in the order of the epochs."""
-        found: dict[str, list[tuple[int, RideSamples]]] = {}
-        for epoch, robot in sorted(self._plans):
-            if epoch in self._starts:
-                try:
-                    ride = ride_of_message(self._plans[epoch, robot])
-                except ValueError:
-                    continue
-                found.setdefault(robot, []).append((epoch, self._driven(epoch, robot, ride)))
+    def _rides(self) -> dict[str, list[_Ridden]]:
+        """Return the rides of every robot, in the order of their times."""
+        found: dict[str, list[_Ridden]] = {}
+        for course in sorted(self._plans):
+            epoch, revision, robot = course
+            if epoch not in self._starts or (revision and course not in self._begun):
+                continue
+            try:
+                ride = ride_of_message(self._plans[course])
+            except ValueError:
+                continue
+            start = self._starts[epoch]
+            since = self._begun[course] if revision else self._begins[epoch]
+            ridden = _Ridden(since, since if revision else start, start, self._driven(course, ride))
+            found.setdefault(robot, []).append(ridden)
         return found
 
-    def _driven(self, epoch: int, robot: str, ride: RideSamples) -> RideSamples:
+    def _driven(self, course: tuple[int, int, str], ride: RideSamples) -> RideSamples:
         """Return the ride as the robot drove it: late, and to where it left its plan."""
+        epoch, revision, robot = course
         start_ns = self._zero_ns + round(self._starts[epoch] * SECOND)
-        words = self._said.of(epoch, robot)
+        words = self._said.of(epoch, robot, revision)
         return ride.driven(
             words.driving(ride.line, ride.brake_rate, start_ns, self._frozen.get(epoch))
         )
 
-    def _by_plan(self, rides: list[tuple[int, RideSamples]], times: Array) -> Array:
+    def _by_plan(self, rides: list[_Ridden], times: Array) -> Array:
         """Return a robot's places by its plans, (n, 2).
 
         The robot is at rest before, between and after its plans.
         """
         places = np.empty((len(times), 2))
-        begins = [self._starts[epoch] for epoch, _ in rides]
+        begins = [one.begin for one in rides]
         which = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
-        for number, (epoch, ride) in enumerate(rides):
+        for number, one in enumerate(rides):
             mine = which == number
-            places[mine] = ride.places_at(ride.driven_at(times[mine] - self._starts[epoch]))
+            places[mine] = one.ride.places_at(one.ride.driven_at(times[mine] - one.start))
         return places
 
-    def _tracking(self, rides: list[tuple[int, RideSamples]], box: TrueCourse) -> float | None:
+    def _tracking(self, rides: list[_Ridden], box: TrueCourse) -> float | None:
         """Return the greatest distance [m] from the plans while they applied; None without any."""
         worst: list[float] = []
-        for epoch, ride in rides:
-            later = [at for other, at in self._begins.items() if other > epoch]
-            rows = box.between(self._begins[epoch], min(later, default=math.inf))
+        turns = [*self._begins.values(), *(one.since for one in rides)]
+        for one in rides:
+            end = min((at for at in turns if at > one.since), default=math.inf)
+            rows = box.between(one.since, end)
             if len(rows.t):
-                worst.append(rows.off(ride, self._starts[epoch], _ROW))
+                worst.append(rows.off(one.ride, one.start, _ROW))
         return round(max(worst), 6) if worst else None
