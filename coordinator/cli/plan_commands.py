@@ -146,6 +146,9 @@ def plan(
         ),
     ] = None,
     effort: Effort = 20,
+    check_floor: Annotated[
+        bool, typer.Option("--check-floor", help="Tell which places close a way for others.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Plan a scenario, prove the plan and write it.
@@ -164,6 +167,8 @@ def plan(
     if as_json:
         for note in asked.workspace.notes:
             tell(note)
+    if check_floor:
+        _tell_closed_ways(asked)
     document = plan_here(asked, effort).document
     if output is not None:
         write_file(output, to_json(document))
@@ -179,6 +184,21 @@ def plan(
     if document.proof is None or not document.proof.holds:
         tell("the proof does not hold; this plan is for study and is never sent to robots")
         raise typer.Exit(1)
+
+
+def _tell_closed_ways(scenario: Scenario) -> None:
+    """Tell which places close a way while a robot rests there."""
+    from coordinator.planning.floor_check import closed_ways
+
+    found = closed_ways(scenario)
+    for closed in found:
+        x, y = closed.place
+        tell(
+            f"{closed.name} ({x:.2f}, {y:.2f}): a robot that rests there closes the way between "
+            f"{closed.one} and {closed.other}"
+        )
+    if not found:
+        tell("the floor is well formed: no robot that rests closes a way")
 
 
 @commands.command(rich_help_panel="Plan")
