@@ -140,11 +140,16 @@ class Service:
         if self._has_router is not None:
             self.driver.hear_router(self._has_router(), now)
         loop = asyncio.get_running_loop()
-        self._under_way += [
-            (job, loop.run_in_executor(None, job.work)) for job in self.driver.look(now)
-        ]
+        for job in self.driver.look(now):
+            future = loop.run_in_executor(None, job.work)
+            future.add_done_callback(lambda _: self._arrived.set())
+            self._under_way.append((job, future))
         with self._door:
             self.driver.tell_drops(now)
+        self._finish_jobs(now)
+
+    def _finish_jobs(self, now: int) -> None:
+        """Give the driver the jobs that are done: a robot waits for its course."""
         for job, future in [one for one in self._under_way if one[1].done()]:
             self._under_way.remove((job, future))
             self.driver.finish(job, future.result(), now)
@@ -182,6 +187,7 @@ class Service:
         await asyncio.sleep(0)  # Finished jobs must be noticed even if many messages wait.
         while (left := due - (now := self._clock())) > 0:
             self._arrived.clear()
+            self._finish_jobs(now)
             with self._door:
                 arrival = self.driver.intake.take(now)
             if arrival is not None:
