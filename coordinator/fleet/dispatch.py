@@ -16,24 +16,21 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import shapely
 from msgspec.structs import replace
 from scipy.optimize import linear_sum_assignment
 
 from coordinator.curves.nurbs import Array
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.events import Incident
-from coordinator.fleet.log_records import CourseRequest, around_key, around_record
+from coordinator.fleet.log_records import CourseRequest
+from coordinator.fleet.obstructions import Obstructions, Ring
 from coordinator.fleet.orders import Task
-from coordinator.fleet.phases import SILENT_PATIENCE
-from coordinator.fleet.replanning_input import Aside, stretch
 from coordinator.plan.course import Course
 from coordinator.plan.wire import address
 from coordinator.planning.course_proposal import Site, Wish
 from coordinator.planning.course_search import Answer, make_room, search
 from coordinator.proof.course_proof import that_may_meet
 from coordinator.scenario.model import Point, Pose, Robot
-from coordinator.schedule.authority import EVER
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
 from protocol.phases import GO, MOVING
 from protocol.timing import SECOND
@@ -53,11 +50,6 @@ _STANDOFF: Final = 0.01
 _SETTLES: Final = 0.3
 """A robot that has braked settles in this time [s]."""
 
-
-Ring = tuple[Point, ...]
-
-_STEP: Final = 0.05
-"""Distance [m] between places of a course that are compared with a closed place."""
 
 _JOIN_PATIENCE: Final = 60 * SECOND
 """How long a robot that joins has to be heard for the first time."""
@@ -80,7 +72,7 @@ class _Asked:
     """Radii and paths of the robots that need room; None if the robot goes where it is wanted."""
 
     commits: int
-    closed: tuple[Ring, ...]
+    closed: dict[str, Ring]
     leaves: bool
     """Whether the robot leaves its course for this one, instead of resting at its goal."""
 
@@ -91,23 +83,12 @@ class Dispatcher:
     def __init__(self, fleet: Fleet, robots: Iterable[Robot]) -> None:
         self._fleet = fleet
         self._robots = {robot.id: robot for robot in robots}
-        self._make_site: Callable[[], Site] | None = None
-        self._made_site: Site | None = None
+        self.obstructions = Obstructions(fleet, self._robots, self._may_leave)
         self._serial = 0
         self._asked: dict[CourseRequest, _Asked] = {}
         self._committed: list[Course] = []
         self._tried: dict[str, tuple[object, int]] = {}
         """By order: the state of the fleet and the time [ms] when nothing was found for it."""
-        self.news: list[tuple[str, bytes]] = []
-        """Records for the log."""
-
-        self._around: dict[str, Ring] = {}
-        """By lost robot that others go around: where it may stand."""
-
-        self._closed: dict[str, Ring] = {}
-        """The places that operators have closed, as far as robots were told."""
-
-        self._sites: dict[tuple[Ring, ...], Site] = {}
         self._ways: dict[str, tuple[float, Array]] = {}
         """By order that makes room: the radius and path of the robot that needs it."""
         self._no_room: dict[str, object] = {}
@@ -120,8 +101,8 @@ class Dispatcher:
 
         `make_site` prepares its floor when the first order needs it; None if nobody can drive.
         """
-        self._make_site, self._made_site, self._committed = make_site, None, []
-        self._around, self._sites, self._closed = {}, {}, {}
+        self._committed = []
+        self.obstructions.begin(make_site)
         self._asked.clear()
         self._tried.clear()
 
@@ -133,12 +114,6 @@ class Dispatcher:
                 self._fleet.grants.go_on(request.robot)
         self._asked.clear()
 
-    @property
-    def _site(self) -> Site | None:
-        if self._made_site is None and self._make_site is not None:
-            self._made_site = self._make_site()
-        return self._made_site
-
     def look(self, now_ns: int) -> list[CourseRequest]:
         """Let orders become known and done, and return the courses that are to be looked for."""
         fleet, book = self._fleet, self._fleet.orders
@@ -146,10 +121,10 @@ class Dispatcher:
             return []
         now_ms = fleet.since_go_ms(now_ns)
         book.look(now_ms, lambda robot: fleet.members[robot].has_arrived, self._is_free)
-        if fleet.phase != GO or self._site is None or fleet.superseded:
+        if fleet.phase != GO or self.obstructions.site is None or fleet.superseded:
             self._moved_ms = now_ms
             return []
-        self._find_ways_around(now_ns, now_ms)
+        self.obstructions.look(now_ns, now_ms)
         self._refuse_if_stuck(now_ms)
         idle = self._idle(now_ns)
         asked = {one.order for one in self._asked}
@@ -183,107 +158,6 @@ class Dispatcher:
         drives = member.phase == MOVING and member.driven == member.revision
         return drives and not is_asked and not member.is_silent(now_ns)
 
-    def _find_ways_around(self, now_ns: int, now_ms: int) -> None:
-        """Send robots around lost ones that hold them, and around places that are closed."""
-        fleet = self._fleet
-        given_up = fleet.grants.given_up
-        for task in fleet.orders.under_way():
-            member = fleet.members[task.robot]
-            silent_ns = now_ns - max(member.heard_ns, member.excused_ns)
-            if member.lost and task.arrived_ms is None and silent_ns > SILENT_PATIENCE:
-                if not task.order.robot:
-                    fleet.grants.give_up(task.robot)
-                fleet.orders.put_back(task.robot)
-        self._around = {name: ring for name, ring in self._around.items() if name in given_up}
-        for name in sorted(given_up - self._around.keys()):
-            self._around[name] = self._where(name)
-            self.news.append((around_key(fleet.name), around_record(name)))
-        for robot, by, _ in fleet.grants.held():
-            if by in self._around and self._may_leave(robot, now_ns):
-                self._go_around(robot, by, now_ms)
-        closed = {name: block.polygon for name, block in fleet.blocks.items()}
-        fresh = {name: ring for name, ring in closed.items() if name not in self._closed}
-        if self._closed.keys() - closed.keys():
-            for member in fleet.members.planned:
-                fleet.grants.limit(member.id, EVER)
-            fresh = closed
-        self._closed = closed
-        for name, ring in fresh.items():
-            self._close(name, ring, now_ns, now_ms)
-        for name in sorted(given_up):
-            if not fleet.members[name].lost and self._may_leave(name, now_ns):
-                self._go_around(name, "where it stood", now_ms)
-
-    def _go_around(self, robot: str, what: str, now_ms: int) -> None:
-        mine = self._fleet.grants.of(robot)
-        book = self._fleet.orders
-        waits = any(one.robot == robot and one.is_urgent for one in book.waiting())
-        if mine is not None and mine.now.course is not None and not waits:
-            book.go_around(robot, mine.now.course.goal, what, now_ms)
-
-    def _where(self, robot: str) -> Ring:
-        """Return the polygon in which a robot stands that is granted nothing more."""
-        mine = self._fleet.grants.of(robot)
-        assert mine is not None
-        assert mine.now.course is not None
-        (span, *_) = self._fleet.spans(robot)
-        ride = mine.now.course.driven
-        places = stretch(ride, span.since_ms / 1000.0, span.until_ms / 1000.0)
-        return Aside(self._robots[robot], "lost", places, None).disc()
-
-    def _close(self, name: str, ring: Ring, now_ns: int, now_ms: int) -> None:
-        """Let robots that have not passed a place drive no farther than it, and go around it."""
-        fleet, margin = self._fleet, self._terms_margin()
-        polygon = shapely.Polygon(ring)
-        for member in fleet.members.planned:
-            mine = fleet.grants.of(member.id)
-            if mine is None or mine.now.course is None:
-                continue
-            ride, reach = mine.now.course.driven, member.radius + margin
-            (span, *_) = fleet.spans(member.id)
-            begin = ride.timeline.s_at(span.since_ms / 1000.0)
-            begin = ride.timeline.length if member.has_arrived else begin
-            arcs = np.append(np.arange(begin, ride.timeline.length, _STEP), ride.timeline.length)
-            inside = shapely.dwithin(shapely.points(ride.curve.at_arc(arcs)), polygon, reach)
-            if not inside.any():
-                continue
-            if member.has_arrived:
-                book = fleet.orders
-                if book.of_robot(member.id) is None:
-                    book.room_for(member.id, mine.now.course.goal, name, now_ms)
-                continue
-            enters = float(arcs[max(int(inside.argmax()) - 1, 0)])
-            before_ms = math.floor(1000.0 * ride.timeline.time_at(enters))
-            fleet.grants.limit(member.id, max(before_ms, 0))
-            if self._may_leave(member.id, now_ns):
-                self._go_around(member.id, name, now_ms)
-
-    def _terms_margin(self) -> float:
-        return 0.0 if self._site is None else self._site.terms.margin
-
-    def _site_for(self, robot: str, place: tuple[float, float]) -> Site:
-        """Return the floor as it is for a robot at a place [m]: what is closed is solid.
-
-        A robot that is inside of a closed place may leave it.
-        """
-        whole = self._site
-        assert whole is not None
-        reach, here = self._robots[robot].radius + whole.terms.margin, shapely.Point(place)
-        rings = [ring for name, ring in self._around.items() if name != robot]
-        rings += [
-            ring
-            for ring in self._closed.values()
-            if not shapely.dwithin(shapely.Polygon(ring), here, reach)
-        ]
-        if not rings:
-            return whole
-        key = tuple(rings)
-        if key not in self._sites:
-            if len(self._sites) >= _MOST_SITES:
-                del self._sites[next(iter(self._sites))]
-            self._sites[key] = whole.with_obstacles(key)
-        return self._sites[key]
-
     def _say_who_is_busy(self, idle: list[str]) -> None:
         """State the reason for which orders wait that were not looked for yet."""
         book = self._fleet.orders
@@ -304,7 +178,9 @@ class Dispatcher:
         asked = self._asked[request]
         if asked.ways is None:
             return search(asked.site, asked.wish, asked.others)
-        return make_room(asked.site, asked.wish, asked.others, asked.ways, asked.closed)
+        return make_room(
+            asked.site, asked.wish, asked.others, asked.ways, tuple(asked.closed.values())
+        )
 
     def commit(self, request: CourseRequest, answer: Answer, now_ns: int) -> Robot | None:
         """Put an answer into effect; return the robot with its new goal if it gets a course."""
@@ -336,6 +212,8 @@ class Dispatcher:
             return None
         margin = asked.site.terms.margin + _STANDOFF
         if that_may_meet(proposal.course, self._committed[asked.commits :], margin):
+            return None
+        if not self.obstructions.take_course(request.robot, request.revision, asked.closed):
             return None
         if not fleet.grants.commit(
             request.number, proposal.course, proposal.near, proposal.staircases
@@ -399,7 +277,8 @@ class Dispatcher:
         self, task: Task, robot: str, now_ns: int, *, leaves: bool = False
     ) -> CourseRequest:
         fleet = self._fleet
-        terms_tau = 0.0 if self._site is None else self._site.terms.tau
+        whole = self.obstructions.site
+        terms_tau = 0.0 if whole is None else whole.terms.tau
         mine = fleet.grants.of(robot)
         assert mine is not None
         self._serial += 1
@@ -417,14 +296,14 @@ class Dispatcher:
         goal, via = _apart((x, y), task.order.via, task.order.goal)
         wanted = replace(self._robots[robot], start=start, goal=goal, via=via, path=None)
         others = [one for one in fleet.grants.possible() if one.driven.id != robot]
-        way, site = self._ways.get(task.order.id), self._site_for(robot, (x, y))
+        way, site = self._ways.get(task.order.id), self.obstructions.site_for(robot, (x, y))
         self._asked[request] = _Asked(
             site,
             Wish(wanted, heading, number, revision, begin_ms, delay),
             tuple(others),
             (() if way is None else (way,)) if task.makes_room else None,
             len(self._committed),
-            tuple(self._closed.values()),
+            self.obstructions.closed,
             leaves,
         )
         return request
@@ -446,12 +325,12 @@ class Dispatcher:
         x, y, *heading = robot.start
         self._robots[robot.id] = robot
         self._asked[request] = _Asked(
-            self._site_for(robot.id, (x, y)),
+            self.obstructions.site_for(robot.id, (x, y)),
             Wish(robot, heading[0] if heading else 0.0, number, 0, begin_ms),
             tuple(fleet.grants.possible()),
             None,
             len(self._committed),
-            tuple(self._closed.values()),
+            self.obstructions.closed,
             leaves=False,
         )
         return request
@@ -515,7 +394,7 @@ class Dispatcher:
 
     def _is_free(self, robot: str, place: Pose) -> bool:
         """Return whether a robot could rest at a place where no other one is or is bound for."""
-        site = self._site
+        site = self.obstructions.site
         if site is None:
             return False
         radius = self._robots[robot].radius + site.terms.margin

@@ -213,7 +213,11 @@ class Grants:
     def go_on(self, robot: str) -> None:
         """Grant again on a robot's course what is safe, unless the robot was given up."""
         if robot not in self.given_up:
-            self.limit(robot, self._limits.get(robot, EVER))
+            self.limit(robot, self.limit_of(robot))
+
+    def limit_of(self, robot: str) -> int:
+        """Return how far a robot may ever drive on the course in force [ms]."""
+        return self._limits.get(robot, EVER)
 
     def commit(
         self,

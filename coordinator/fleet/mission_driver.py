@@ -162,9 +162,10 @@ class MissionDriver:
             Job(request, partial(self._solve_course, request))
             for request in self.mission.dispatcher.look(now_ns)
         ]
-        for key, news in self.mission.dispatcher.news:
-            self._journal.record(key, news, now_ns)
-        self.mission.dispatcher.news.clear()
+        news = self.mission.dispatcher.obstructions.news
+        for key, record in news:
+            self._journal.record(key, record, now_ns)
+        news.clear()
         request = self.mission.request(now_ns)
         self._plans = self.fleet.plans()
         if request is not None:

@@ -1,0 +1,211 @@
+"""What is in robots' way for long: lost robots that hold others, and places that are closed.
+
+Both are solid for the courses that are looked for from then on.  Robots whose courses lead there
+are sent around.
+
+Decides: what counts as solid for which robot, and who is sent around it.  Must not know: how
+courses are found, which order comes next.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Final
+
+import numpy as np
+import shapely
+
+from coordinator.fleet.core import Fleet
+from coordinator.fleet.log_records import around_key, around_record
+from coordinator.fleet.member import Member
+from coordinator.fleet.phases import SILENT_PATIENCE
+from coordinator.fleet.replanning_input import Aside, stretch
+from coordinator.planning.course_proposal import Site
+from coordinator.scenario.model import Point, Robot
+from coordinator.schedule.authority import EVER
+
+Ring = tuple[Point, ...]
+
+_STEP: Final = 0.05
+"""Distance [m] between places of a course that are compared with a closed place."""
+
+_MOST_SITES: Final = 8
+"""How many floors with different obstructions are kept."""
+
+
+class Obstructions:
+    """What is in the way on one fleet's floor in one epoch.
+
+    `may_leave`: whether a robot can be sent on another course, at a time [ns].
+    """
+
+    def __init__(
+        self,
+        fleet: Fleet,
+        robots: Mapping[str, Robot],
+        may_leave: Callable[[str, int], bool],
+    ) -> None:
+        self.news: list[tuple[str, bytes]] = []
+        """Records for the log."""
+
+        self._fleet = fleet
+        self._robots = robots
+        self._may_leave = may_leave
+        self._make_site: Callable[[], Site] | None = None
+        self._made_site: Site | None = None
+        self._around: dict[str, Ring] = {}
+        """By lost robot that others go around: where it may stand."""
+
+        self._closed: dict[str, Ring] = {}
+        """The places that operators have closed."""
+
+        self._avoided: dict[tuple[str, int], frozenset[str]] = {}
+        """By robot and revision: the closed places that the course was planned around."""
+
+        self._told: dict[tuple[str, int], set[str]] = {}
+        """By robot and revision: the closed places for which the robot was dealt with."""
+
+        self._sites: dict[tuple[Ring, ...], Site] = {}
+
+    def begin(self, make_site: Callable[[], Site] | None) -> None:
+        """Begin an epoch; `make_site` prepares its floor when it is needed, None: nobody drives."""
+        self._make_site, self._made_site = make_site, None
+        self._around, self._sites, self._closed = {}, {}, {}
+        self._avoided, self._told = {}, {}
+
+    @property
+    def site(self) -> Site | None:
+        """The floor of the epoch, without obstructions."""
+        if self._made_site is None and self._make_site is not None:
+            self._made_site = self._make_site()
+        return self._made_site
+
+    @property
+    def closed(self) -> dict[str, Ring]:
+        """The places that are closed."""
+        return dict(self._closed)
+
+    def site_for(self, robot: str, place: Point) -> Site:
+        """Return the floor as it is for a robot at a place [m]: what is in the way is solid.
+
+        A robot that is inside of a closed place may leave it.
+        """
+        whole = self.site
+        assert whole is not None
+        reach, here = self._robots[robot].radius + whole.terms.margin, shapely.Point(place)
+        rings = [ring for name, ring in self._around.items() if name != robot]
+        rings += [
+            ring
+            for ring in self._closed.values()
+            if not shapely.dwithin(shapely.Polygon(ring), here, reach)
+        ]
+        if not rings:
+            return whole
+        key = tuple(rings)
+        if key not in self._sites:
+            if len(self._sites) >= _MOST_SITES:
+                del self._sites[next(iter(self._sites))]
+            self._sites[key] = whole.with_obstacles(key)
+        return self._sites[key]
+
+    def take_course(self, robot: str, revision: int, closed: Iterable[str]) -> bool:
+        """Take in a course that was planned around closed places; False if others are closed now.
+
+        The robot may begin it later.
+        """
+        known = frozenset(closed)
+        if self._fleet.blocks.keys() - known:
+            return False
+        self._avoided[robot, revision] = known
+        self._avoided.pop((robot, revision - 2), None)
+        self._told.pop((robot, revision - 2), None)
+        return True
+
+    def look(self, now_ns: int, now_ms: int) -> None:
+        """Send robots around lost ones that hold them, and around places that are closed."""
+        fleet = self._fleet
+        self._give_up_lost(now_ns)
+        given_up = fleet.grants.given_up
+        self._around = {name: ring for name, ring in self._around.items() if name in given_up}
+        for name in sorted(given_up - self._around.keys()):
+            self._around[name] = self._where(name)
+            self.news.append((around_key(fleet.name), around_record(name)))
+        for robot, by, _ in fleet.grants.held():
+            if by in self._around and self._may_leave(robot, now_ns):
+                self._go_around(robot, by, now_ms)
+        self._close(now_ns, now_ms)
+        for name in sorted(given_up):
+            if not fleet.members[name].lost and self._may_leave(name, now_ns):
+                self._go_around(name, "where it stood", now_ms)
+
+    def _give_up_lost(self, now_ns: int) -> None:
+        """Let orders of robots that are lost for long wait; others may do those without a name."""
+        fleet = self._fleet
+        for task in fleet.orders.under_way():
+            member = fleet.members[task.robot]
+            silent_ns = now_ns - max(member.heard_ns, member.excused_ns)
+            if member.lost and task.arrived_ms is None and silent_ns > SILENT_PATIENCE:
+                if not task.order.robot:
+                    fleet.grants.give_up(task.robot)
+                fleet.orders.put_back(task.robot)
+
+    def _go_around(self, robot: str, what: str, now_ms: int) -> None:
+        mine = self._fleet.grants.of(robot)
+        book = self._fleet.orders
+        waits = any(one.robot == robot and one.is_urgent for one in book.waiting())
+        if mine is not None and mine.now.course is not None and not waits:
+            book.go_around(robot, mine.now.course.goal, what, now_ms)
+
+    def _where(self, robot: str) -> Ring:
+        """Return the polygon in which a robot stands that is granted nothing more."""
+        mine = self._fleet.grants.of(robot)
+        assert mine is not None
+        assert mine.now.course is not None
+        (span, *_) = self._fleet.spans(robot)
+        ride = mine.now.course.driven
+        places = stretch(ride, span.since_ms / 1000.0, span.until_ms / 1000.0)
+        return Aside(self._robots[robot], "lost", places, None).disc()
+
+    def _close(self, now_ns: int, now_ms: int) -> None:
+        """Deal with robots on courses that were planned before a place was closed."""
+        fleet = self._fleet
+        closed = {name: block.polygon for name, block in fleet.blocks.items()}
+        if self._closed.keys() - closed.keys():  # One is open again: limits are found anew.
+            self._told = {}
+            for member in fleet.members.planned:
+                fleet.grants.limit(member.id, EVER)
+        self._closed = closed
+        for member in fleet.members.planned if closed else ():
+            mine = fleet.grants.of(member.id)
+            if mine is None:
+                continue
+            course = (member.id, mine.now.revision)
+            told = self._told.setdefault(course, set())
+            for name in closed.keys() - told - self._avoided.get(course, frozenset()):
+                told.add(name)
+                self._keep_out(member, name, now_ns, now_ms)
+
+    def _keep_out(self, member: Member, name: str, now_ns: int, now_ms: int) -> None:
+        """Let a robot drive no farther than a closed place, and go around it, or leave it."""
+        fleet, site, mine = self._fleet, self.site, self._fleet.grants.of(member.id)
+        if mine is None or mine.now.course is None or site is None:
+            return
+        ride, reach = mine.now.course.driven, member.radius + site.terms.margin
+        (span, *_) = fleet.spans(member.id)
+        end = ride.timeline.length
+        begin = end if member.has_arrived else ride.timeline.s_at(span.since_ms / 1000.0)
+        arcs = np.append(np.arange(begin, end, _STEP), end)
+        polygon = shapely.Polygon(self._closed[name])
+        inside = shapely.dwithin(shapely.points(ride.curve.at_arc(arcs)), polygon, reach)
+        if not inside.any():
+            return
+        if member.has_arrived:
+            if fleet.orders.of_robot(member.id) is None:
+                fleet.orders.room_for(member.id, mine.now.course.goal, name, now_ms)
+            return
+        enters = float(arcs[max(int(inside.argmax()) - 1, 0)])
+        before_ms = max(math.floor(1000.0 * ride.timeline.time_at(enters)), 0)
+        fleet.grants.limit(member.id, min(before_ms, fleet.grants.limit_of(member.id)))
+        if self._may_leave(member.id, now_ns):
+            self._go_around(member.id, name, now_ms)
