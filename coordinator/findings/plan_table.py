@@ -6,17 +6,19 @@ Decides: what is shown on the terminal after planning.
 from __future__ import annotations
 
 from textwrap import fill
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from coordinator.base.text_table import plain_table
-from coordinator.findings.log_proof import LogProof
 from coordinator.findings.wait_summary import waits_of
 from coordinator.findings.wait_table import waits_table
 from coordinator.plan.document import PlanDocument, Proof, RobotPlan
 from coordinator.proof.wording import slack_of, survived
+
+if TYPE_CHECKING:
+    from coordinator.findings.log_proof import LogProof
 
 _FAILURES: Final = 20
 """At most this many Commands that granted too much are listed."""
@@ -106,6 +108,8 @@ def render_log_proof(proof: LogProof) -> RenderableType:
             lines += [Text(_folded(one)) for one in epoch.failures[:_FAILURES]]
         else:
             lines.append(Text(f"  {epoch.commands} Commands granted no more than is safe"))
+            if epoch.courses:
+                lines.append(Text(f"  {epoch.courses} further courses keep clear of all others"))
     return Group(*lines)
 
 
