@@ -64,7 +64,8 @@ class GrantedCourses(Granted):
         near = that_may_meet(course, others, margin + STANDOFF)
         courses = [course, *near]
         driven = [one.driven for one in courses]
-        staircases = staircases_of(driven, self._terms.tau, margin + STANDOFF, among=(0,))
+        since = [one.since for one in courses]
+        staircases = staircases_of(driven, self._terms.tau, margin + STANDOFF, (0,), since)
         if self._prove:
             limits = self._limits.get(robot) or Limits(max_speed=1e9)
             gap = self._gap().gap
@@ -74,7 +75,8 @@ class GrantedCourses(Granted):
             self.failures += [f"{name}: {failure}" for failure in failures]
         known = [(one.driven.id, one.driven.plan.revision) for one in near]
         self.add_course(robot, plan, known, staircases)
-        self._ways[robot] = [*self._ways.get(robot, ())[-1:], course]
+        before = self._ways.get(robot, [])
+        self._ways[robot] = [before[-1], course] if before else [course.begun()]
         return True
 
     def take_report(self, robot: str, report: Report) -> None:
@@ -82,7 +84,7 @@ class GrantedCourses(Granted):
         super().take_report(robot, report)
         ways = self._ways.get(robot, [])
         if len(ways) == 2 and report.revision >= ways[1].driven.plan.revision:
-            del ways[0]
+            ways[:] = [ways[1].begun()]
             self._around.pop(robot, None)
 
     def take_roster(self, message: Message | None) -> None:

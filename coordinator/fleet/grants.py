@@ -244,6 +244,7 @@ class Grants:
         self.release(number)
         sent = Sent(slot, number, plan.revision, begin_ms, course)
         if mine is None:
+            sent.course = course.begun()
             self._courses[robot] = Courses(sent, slots=(slot, slot + 1))
             self._rule.barred[slot] = False
         else:
@@ -279,7 +280,11 @@ class Grants:
     def _slot(self, course: Course) -> int:
         """Return the slot of a course, or -1 if its robot has left it for a newer one."""
         driven = course.driven
-        slots = [one.slot for one in self._courses[driven.id] if one.course is course]
+        slots = [
+            one.slot
+            for one in self._courses.get(driven.id, ())
+            if one.course is not None and one.course.driven is driven
+        ]
         return slots[0] if slots else -1
 
     def hear(self, robot: str, report: Report, now_ms: int) -> bool:
@@ -303,6 +308,7 @@ class Grants:
     def _begin(self, mine: Courses, begun: Sent, now_ms: int) -> None:
         """Take in that a robot has left its old course for the next one."""
         old, mine.now, mine.next = mine.now, begun, None
+        begun.course = None if begun.course is None else begun.course.begun()
         robot = self._names[begun.slot]
         if not begun.is_withdrawn:
             self.given_up.discard(robot)

@@ -6,7 +6,7 @@ Decides: from and until when a course counts.  Must not know: why a robot has it
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -20,11 +20,19 @@ _CHORD_ERROR: Final = 5e-4
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A robot's course, driven from plan time `since` at the earliest, until `until` [s]."""
+    """A robot's course, driven from plan time `since` at the earliest, until `until` [s].
+
+    One that its robot is known to drive counts from 0 on: the robot stood at its beginning before
+    it began.
+    """
 
     driven: Driven
     since: float
     until: float = math.inf
+
+    def begun(self) -> Course:
+        """Return the course of a robot that is known to drive it: it is there, however late."""
+        return replace(self, since=0.0)
 
     @cached_property
     def chords(self) -> Chords:

@@ -142,7 +142,8 @@ def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     near = that_may_meet(course, others, margin + STANDOFF)
     courses = [course, *near]
     driven = [one.driven for one in courses]
-    staircases = staircases_of(driven, terms.tau, margin + STANDOFF, among=(0,))
+    since = [one.since for one in courses]
+    staircases = staircases_of(driven, terms.tau, margin + STANDOFF, (0,), since)
     failures = course_failures(courses, staircases, margin, Limits.of(robot), site.gap)
     if failures:
         raise PlanError(

@@ -47,10 +47,12 @@ def staircases_of(
     tau: float,
     margin: float,
     among: Sequence[int] | None = None,
+    since: Sequence[float] | None = None,
 ) -> Staircases:
     """Return the staircases of all pairs of robots that come near each other; tau [s], margin [m].
 
-    `among`: only pairs with at least one of these robots (indices).
+    `among`: only pairs with at least one of these robots (indices).  `since` [s]: from when motions
+    count, by default from their beginnings.
     """
     paths = [chords_of(one.curve, _CHORD_ERROR) for one in driven]
     radii = np.array([one.radius for one in driven])
@@ -58,7 +60,7 @@ def staircases_of(
     zones = find_zones(paths, radii, margin, among=among)
     half = radii + 0.5 * margin + errors
     found = staircases(
-        _legs_of(driven),
+        _legs_of(driven, since),
         np.cumsum([0, *(len(path.s) for path in paths)]),
         Polyline(
             np.concatenate([path.s for path in paths]),
@@ -84,11 +86,13 @@ def staircases_of(
     )
 
 
-def _legs_of(driven: Sequence[Driven]) -> Legs:
+def _legs_of(driven: Sequence[Driven], since: Sequence[float] | None) -> Legs:
     lines = [one.timeline for one in driven]
     names = ("t0", "t1", "s0", "s1", "v0", "v1")
     columns = {
         name: np.concatenate([np.array(getattr(line, name)) for line in lines]) for name in names
     }
-    since = np.array([0.001 * one.plan.begin_ms for one in driven])
-    return Legs(np.cumsum([0, *(len(line.t0) for line in lines)]), since=since, **columns)
+    begins = [0.001 * one.plan.begin_ms for one in driven] if since is None else since
+    return Legs(
+        np.cumsum([0, *(len(line.t0) for line in lines)]), since=np.array(begins), **columns
+    )

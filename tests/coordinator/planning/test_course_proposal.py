@@ -12,6 +12,7 @@ from coordinator.plan.document import Limits
 from coordinator.planning.course_proposal import Proposal, Site, Wish, propose
 from coordinator.planning.planner import plan_fleet
 from coordinator.proof.course_proof import course_failures
+from coordinator.schedule.staircase_making import staircases_of
 from sim.floors.generator import generate
 from tests.scenarios import a_robot, a_scenario
 
@@ -132,3 +133,24 @@ def test_a_course_that_comes_too_near_another_one_is_found_by_its_proof():
     for since, until in ((1e5, math.inf), (0.0, 0.1)):
         elsewhere = Course(late.course.driven, since, until)
         assert course_failures([found.course, elsewhere], *arguments) == []
+
+
+def test_a_late_robot_is_not_proven_through_one_that_stands_where_its_course_begins_later():
+    """R2 is known to drive a course that begins at 95 s; R1 is so late that it goes on at 80 s."""
+    robots = [a_robot("R1", (1.0, 3.0), (2.0, 3.0)), a_robot("R2", (4.0, 3.0), (5.0, 3.0))]
+    site, courses, known = a_site(a_scenario(robots))
+
+    def wish(name, goal, begin_ms):
+        robot = replace(known[name], start=courses[name].goal, goal=goal, via=())
+        return Wish(robot, 0.0, 8, 1, begin_ms)
+
+    leaves = propose(site, wish("R2", (5.0, 6.0), 95_000), []).course.begun()
+    through = propose(site, wish("R1", (8.0, 3.0), 80_000), []).course
+    terms, limits = site.terms, Limits.of(known["R1"])
+    both = [through, leaves]
+    driven, since = [one.driven for one in both], [one.since for one in both]
+    staircases = staircases_of(driven, terms.tau, terms.margin, (0,), since)
+    assert course_failures(both, staircases, terms.margin, limits, site.gap)
+    late = propose(site, wish("R1", (8.0, 3.0), 80_000), [leaves]).course
+    times = np.arange(80.0, 130.0, STEP)
+    assert np.hypot(*(places(late, times) - places(leaves, times)).T).min() >= 0.45
