@@ -54,6 +54,8 @@ _SETTLES: Final = 0.3
 _JOIN_PATIENCE: Final = 60 * SECOND
 """How long a robot that joins has to be heard for the first time."""
 
+_NEVER: Final = 1e12
+
 _SAME: Final = 0.01
 """Places nearer to each other than this [m] are one place."""
 
@@ -256,7 +258,7 @@ class Dispatcher:
         state = (len(self._committed), tuple(idle))
         if task.makes_room:
             self._no_room[robot] = state
-        if task.makes_room or math.isinf(answer.alone):
+        if task.makes_room or (math.isinf(answer.alone) and self._nobody_else(task, robot)):
             book.end(task, REFUSED, f"{robot} {answer.reason}")
             self._ways.pop(task.order.id, None)
             return
@@ -384,11 +386,20 @@ class Dispatcher:
         if others and names:
             cost = np.array([[self._time_to(name, task) for name in names] for task in others])
             for row, column in zip(*linear_sum_assignment(cost), strict=True):
-                pairs.append((others[row], names[column]))
+                if cost[row, column] < _NEVER:
+                    pairs.append((others[row], names[column]))
         return pairs
 
+    def _nobody_else(self, task: Task, robot: str) -> bool:
+        """Take in that a robot can never do an order; return whether no other one might."""
+        task.cannot.add(robot)
+        task.robot = task.order.robot
+        return bool(task.order.robot) or self._fleet.members.keys() <= task.cannot
+
     def _time_to(self, robot: str, task: Task) -> float:
-        """Return how long [s] a robot would take straight to an order's goal."""
+        """Return how long [s] a robot would take straight to an order's goal; _NEVER: it cannot."""
+        if robot in task.cannot:
+            return _NEVER
         place, _ = self._place(robot)
         return math.dist(place, task.order.goal[:2]) / self._robots[robot].max_speed
 

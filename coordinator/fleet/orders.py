@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from random import Random
 from typing import Final
 
@@ -46,6 +46,9 @@ class Task:
     reason: str = ""
     makes_room: bool = False
     is_urgent: bool = False
+    cannot: set[str] = field(default_factory=set)
+    """Robots that have no way to the goal, even alone."""
+
     joins: Robot | None = None
     """The robot that joins the fleet by this order, at the order's goal."""
 

@@ -34,7 +34,7 @@ from sim.world.fault_text import parse_faults
 from sim.world.memory_transport import MemoryNetwork
 from sim.world.run_logs import RunLogs
 from sim.world.virtual_fleet import USUAL_FLAWS, World
-from tests.scenarios import a_robot, a_scenario
+from tests.scenarios import a_robot, a_scenario, box
 
 PERIOD_NS = 20_000_000
 
@@ -266,7 +266,7 @@ def test_closed_places_are_left_and_driven_around_until_they_are_open_again():
     world.run(40.0)
     assert states(world)["across"] == ORDER_DONE
     wet = shapely.box(5.0, 0.2, 7.0, 4.0)
-    places = {name: box.places for name, box in world.blackboxes().items()}
+    places = {name: one.places for name, one in world.blackboxes().items()}
     assert shapely.distance(shapely.linestrings(places["R1"]), wet) >= 0.15
     assert shapely.distance(shapely.Point(places["R2"][-1]), wet) >= 0.15
     say(Said(9, "inside", (6.0, 3.0)))
@@ -312,3 +312,15 @@ def test_robots_join_where_they_stand_get_orders_and_leave(tmp_path):
     log = read_log(logs.paths[-1])
     assert check_log(log).difference == ""
     assert prove_log(log).holds
+
+
+def test_an_order_that_the_nearest_robot_cannot_do_goes_to_one_that_can():
+    gate = (box(5.0, 0.0, 5.4, 2.6), box(5.0, 3.4, 5.4, 6.0))
+    wide, slim = idle("wide", (3.0, 3.0), radius=0.6), idle("slim", (1.0, 1.0))
+    orders = (Order(id="through", goal=(9.0, 3.0)), Order(id="solid", goal=(5.2, 1.0)))
+    scenario = a_scenario([wide, slim], (12.0, 6.0), gate)
+    world = a_world(replace(scenario, orders=orders))
+    world.run(100.0)
+    task, solid = world.fleet.orders.tasks["through"], world.fleet.orders.tasks["solid"]
+    assert (task.state, task.robot) == (ORDER_DONE, "slim")
+    assert solid.state == REFUSED
