@@ -45,16 +45,14 @@ def block(
         raise typer.BadParameter(problem, param_hint="--polygon")
     name = name_of(block_id, "--id") if block_id is not None else f"block-{os.urandom(3).hex()}"
     with fleet_line(connect, fleet, patience, keys) as line:
-
-        def say(known: str) -> None:
-            line.put(places.block(known), Block(line.boot, name, ring))
-
-        for message in line.messages(say):
-            if isinstance(message, Block) and message.id == name:
-                answers.print(f"{name} is closed", markup=False)
-                return
-    tell(f"no coordinator has answered within {patience:g} s", "red")
-    raise typer.Exit(1)
+        asked = Block(line.boot, name, ring)
+        closed = line.ask_until(
+            places.block, asked, lambda one: isinstance(one, Block) and one.id == name
+        )
+    if closed is None:
+        tell(f"no coordinator has answered within {patience:g} s", "red")
+        raise typer.Exit(1)
+    answers.print(f"{name} is closed", markup=False)
 
 
 def _fault_of(ring: tuple[tuple[float, float], ...]) -> str | None:
@@ -82,16 +80,14 @@ def unblock(
     """
     name = name_of(block_id, "ID")
     with fleet_line(connect, fleet, patience, keys) as line:
-
-        def say(known: str) -> None:
-            line.put(places.block(known), Unblock(line.boot, name))
-
-        for message in line.messages(say):
-            if isinstance(message, Unblock) and message.id == name:
-                tell(f"{name} is open")
-                return
-    tell(f"no coordinator has answered within {patience:g} s", "red")
-    raise typer.Exit(1)
+        asked = Unblock(line.boot, name)
+        opened = line.ask_until(
+            places.block, asked, lambda one: isinstance(one, Unblock) and one.id == name
+        )
+    if opened is None:
+        tell(f"no coordinator has answered within {patience:g} s", "red")
+        raise typer.Exit(1)
+    tell(f"{name} is open")
 
 
 @commands.command(rich_help_panel="Operate")

@@ -72,6 +72,13 @@ class FleetLine:
             if name == self.fleet:
                 yield message
 
+    def ask_until(
+        self, key: Callable[[str], str], message: Message, fits: Callable[[Message], bool]
+    ) -> Message | None:
+        """Send a message until an answer fits, and return that; None if none does in time."""
+        answers = self.messages(lambda fleet: self.put(key(fleet), message))
+        return next((one for one in answers if fits(one)), None)
+
     def put(self, key: str, message: Message) -> None:
         """Send a message."""
         self._transport.put(key, encode(message))

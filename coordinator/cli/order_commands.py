@@ -28,6 +28,7 @@ from protocol.messages import (
     WAITING,
     Cancel,
     Command,
+    Message,
     Order,
     OrderState,
     Tell,
@@ -198,27 +199,24 @@ def cancel(
     from coordinator.findings.info_fields import OrderSummary
 
     name = name_of(order_id, "ORDER")
-    state: OrderState | None = None
+
+    def is_over(answer: Message) -> bool:
+        if not isinstance(answer, OrderState) or answer.id != name:
+            return False
+        return answer.state in (ORDER_DONE, CANCELLED, REFUSED)
+
     with fleet_line(connect, fleet, patience, keys) as line:
-
-        def say(known: str) -> None:
-            line.put(places.order(known), Cancel(line.boot, name))
-
-        for message in line.messages(say):
-            if isinstance(message, OrderState) and message.id == name:
-                state = message
-                if state.state in (ORDER_DONE, CANCELLED, REFUSED):
-                    break
-    if state is not None and state.state == CANCELLED:
+        state = line.ask_until(places.order, Cancel(line.boot, name), is_over)
+    if not isinstance(state, OrderState):
+        tell(f"no coordinator has answered within {patience:g} s", "red")
+        raise typer.Exit(1)
+    if state.state == CANCELLED:
         why = f": {state.reason}" if state.reason else ""
         tell(f"{name} is cancelled{why}")
         if as_json:
             answer_json(OrderSummary.of(state))
         return
-    if state is None:
-        tell(f"no coordinator has answered within {patience:g} s", "red")
-    else:
-        tell(f"{name}: {state.reason or OrderSummary.of(state).state}", "red")
+    tell(f"{name}: {state.reason or OrderSummary.of(state).state}", "red")
     raise typer.Exit(1)
 
 

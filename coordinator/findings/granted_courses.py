@@ -8,6 +8,8 @@ Decides: which courses a new one is proven against.  Must not know: files, the f
 
 from __future__ import annotations
 
+from typing import Final
+
 import shapely
 
 from coordinator.fleet.orders import robot_of
@@ -22,6 +24,9 @@ from coordinator.scenario.margin import TOLERANCE
 from coordinator.schedule.staircase_making import STANDOFF, staircases_of, with_staircases
 from protocol.codec import encode
 from protocol.messages import ORDER_DONE, Join, Message, OrderState, Plan, Report
+
+_EVERYWHERE: Final = [(-1e6, -1e6), (1e6, -1e6), (1e6, 1e6), (-1e6, 1e6)]
+"""The floor of a plan that does not hold one."""
 
 
 class GrantedCourses(Granted):
@@ -123,9 +128,6 @@ class GrantedCourses(Granted):
             site = self._terms.workspace
             self._floor = Floor(site.boundary, site.obstacles) if site else Floor(_EVERYWHERE, [])
         return self._floor
-
-
-_EVERYWHERE = [(-1e6, -1e6), (1e6, -1e6), (1e6, 1e6), (-1e6, 1e6)]
 
 
 def granted_of(document: PlanDocument) -> GrantedCourses:

@@ -6,13 +6,16 @@ Decides: the fields, their units and defaults.  Must not know: files
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Final, Literal
 
 import msgspec
 
 Point = tuple[float, float]
 Pose = tuple[float, float] | tuple[float, float, float]
 Policy = Literal["safe", "paper"]
+
+TURN_RATE: Final = 2.0
+"""How fast robots turn on the spot [rad/s] if a scenario does not say it."""
 
 
 class GivenPath(msgspec.Struct, frozen=True, kw_only=True):
@@ -48,7 +51,7 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
     max_lateral_accel: float
     """Default: max_accel."""
     min_turn_radius: float = 0.0
-    max_turn_rate: float = 2.0
+    max_turn_rate: float = TURN_RATE
     """How fast it turns on the spot [rad/s]."""
     priority: int = 0
     home: Pose | None = None

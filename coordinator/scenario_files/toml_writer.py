@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 from coordinator.scenario.model import (
+    TURN_RATE,
     Demand,
     GivenPath,
     Link,
@@ -90,7 +91,7 @@ def _robot(robot: Robot) -> Iterator[str]:
         yield f"max_lateral_accel = {_number(robot.max_lateral_accel)}"
     if robot.min_turn_radius:
         yield f"min_turn_radius = {_number(robot.min_turn_radius)}"
-    if robot.max_turn_rate != 2.0:
+    if robot.max_turn_rate != TURN_RATE:
         yield f"max_turn_rate = {_number(robot.max_turn_rate)}"
     if robot.home is not None:
         yield f"home = {_place(robot.home)}"
