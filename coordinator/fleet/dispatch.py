@@ -393,6 +393,10 @@ class Dispatcher:
     def _nobody_else(self, task: Task, robot: str) -> bool:
         """Take in that a robot can never do an order; return whether no other one might."""
         task.cannot.add(robot)
+        site = self.obstructions.site
+        if site is not None:  # Where there is no room at the goal, it is the same for others.
+            room = float(site.room(np.array([task.order.goal[:2]]))[0]) - site.terms.margin
+            task.cannot |= {one.id for one in self._robots.values() if room < one.radius}
         task.robot = task.order.robot
         return bool(task.order.robot) or self._fleet.members.keys() <= task.cannot
 

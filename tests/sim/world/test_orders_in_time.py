@@ -320,6 +320,8 @@ def test_an_order_that_the_nearest_robot_cannot_do_goes_to_one_that_can():
     orders = (Order(id="through", goal=(9.0, 3.0)), Order(id="solid", goal=(5.2, 1.0)))
     scenario = a_scenario([wide, slim], (12.0, 6.0), gate)
     world = a_world(replace(scenario, orders=orders))
+    world.run(3.0)
+    assert states(world)["solid"] == REFUSED
     world.run(100.0)
     task, solid = world.fleet.orders.tasks["through"], world.fleet.orders.tasks["solid"]
     assert (task.state, task.robot) == (ORDER_DONE, "slim")
