@@ -26,10 +26,11 @@ from coordinator.scenario.model import Scenario
 from coordinator.scenario_files.scenario_reader import read_scenario
 from protocol.phases import FREEZE
 from sim.campaigns.answer import Answer, add_up
-from sim.campaigns.campaign import LINKS, Outcome, Wish, make_world, plan_for, run_one
+from sim.campaigns.campaign import LINKS, Outcome, Wish, plan_for, run_one
 from sim.campaigns.pool import attempt
 from sim.floors.generator import KINDS, generate
 from sim.world.fault_text import Fault
+from sim.world.virtual_fleet import World
 
 COUNT: Final = 500
 JOBS: Final = 2
@@ -42,9 +43,6 @@ SWEEPS: Final = (("paper_five", 0.1), ("17 robots", 0.5))
 """The floors on which every robot dies at every moment, and the step [s] between the moments."""
 LARGE: Final = (("100 open", 100), ("100 warehouse", 100))
 """The floors on which random robots die at random moments, and how many deaths."""
-
-LOOK: Final = 0.2
-"""How often [s] a run is looked at for who is held."""
 
 Answered = TypeVar("Answered")
 
@@ -143,15 +141,20 @@ def _random_moments(name: str, count: int) -> list[tuple[str, float]]:
 def _death(name: str, moment: tuple[str, float]) -> Death:
     scenario, document = _planned(name)
     robot, time = moment
-    seed, faults = round(1000.0 * time), [Fault("kill", robot, time)]
-    found = run_one(scenario, document, seed, faults)
-    world, held = make_world(scenario, document, seed, faults), set[str]()
     under_way = sum(one.finish_time > time for one in document.robots) - 1
-    while not world.fleet.is_finished and world.fleet.phase != FREEZE:
-        world.go_on(LOOK)
-        held |= {one.robot for one in world.fleet.held() if world.struck}
-    arrived = sum(one.finished for one in world.fleet.members.values())
-    froze = arrived < len(document.robots) - 1
+    held, froze = set[str](), False
+
+    def look(world: World) -> None:
+        nonlocal froze
+        fleet = world.fleet
+        if fleet.phase == FREEZE:
+            arrived = sum(one.finished for one in fleet.members.values())
+            froze = froze or arrived < len(document.robots) - 1
+        elif world.struck and not froze:
+            held.update(one.robot for one in fleet.held())
+
+    faults = [Fault("kill", robot, time)]
+    found = run_one(scenario, document, round(1000.0 * time), faults, watch=look)
     return Death(robot, time, under_way, len(held - {robot}), froze, found.violations)
 
 

@@ -39,6 +39,9 @@ _OVERTAKING: Final = 0.1
 
 Both shares are this number, or half of it on a link without loss."""
 
+LOOK: Final = 0.2
+"""How often [s] of virtual time a run is looked at."""
+
 _PATIENCE: Final = 300.0
 _AFTERMATH: Final = 1.0
 _SLOW_NOTICE: Final = 10 * SECOND
@@ -126,18 +129,20 @@ def run_one(
     *,
     authority: bool = True,
     folder: Path | None = None,
+    watch: Callable[[World], None] = lambda _: None,
 ) -> Outcome:
     """Run a planned fleet with these faults; link, clocks and bodies follow from the seed.
 
-    Its logs go into `folder`.  A coordinator that is to be restarted needs a log to resume from, so
-    a temporary folder is used when none is given.
+    `watch` is called with the world now and then, see run_world.  Its logs go into `folder`.  A
+    coordinator that is to be restarted needs a log to resume from, so a temporary folder is used
+    when none is given.
     """
     with ExitStack() as stack:
         if folder is None and any(fault.kind == "coordinator-restart" for fault in faults):
             folder = Path(stack.enter_context(TemporaryDirectory()))
         logs = None if folder is None else stack.enter_context(closing(RunLogs(folder)))
         world = make_world(scenario, document, seed, faults, authority=authority, logs=logs)
-        over, over_ns = run_world(world, document)
+        over, over_ns = run_world(world, document, lambda: watch(world))
     boxes = world.blackboxes()
     found = touches(document, boxes, faults)
     with_obstacles = obstacle_touches(document, boxes, faults)
@@ -175,14 +180,14 @@ def run_world(
     """Run a world to its end; return whether the fleet reached OVER, and since when [ns].
 
     The time of the last phase change counts, because a coordinator that hangs ends later than that.
-    `watch` is called after each second of virtual time.  A world in which orders are still done
+    `watch` is called every LOOK seconds of virtual time.  A world in which orders are still done
     goes on; one in which nothing more becomes of them does not.
     """
     finish = max(robot.finish_time for robot in document.robots)
     longest = round((_PATIENCE + 3.0 * finish * (1 + len(world.faults))) * SECOND)
     end_ns, done = world.now_ns + longest, 0
     while world.now_ns < end_ns and not world.fleet.is_finished:
-        world.run(1.0)
+        world.run(LOOK)
         watch()
         orders = world.fleet.orders
         if orders.done != done or orders.is_quiet:
