@@ -18,12 +18,12 @@ from coordinator.exchange.motion_story import csv_lines, story_of_log
 from coordinator.findings.info import courses_of, summarise
 from coordinator.findings.info_table import render
 from coordinator.fleet.events import Outgoing
-from coordinator.fleet.fleet_from_plan import muster
 from coordinator.log.head import first_head
 from coordinator.log.log_file import log_from_bytes
 from coordinator.log.log_writer import METADATA_NAME, WALL_OFFSET
 from coordinator.log.records import Log, Record
 from coordinator.log.recover import make_whole
+from coordinator.mission.fleet_from_plan import muster
 from coordinator.plan.wire import packed
 from coordinator.service.replay import check_log
 from coordinator.view.scene_log import scene_of_logs

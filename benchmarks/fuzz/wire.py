@@ -8,7 +8,7 @@ from typing import Final
 
 from benchmarks.fuzz.target import Target
 from benchmarks.table import ROOT
-from coordinator.fleet.fleet_from_plan import muster
+from coordinator.mission.fleet_from_plan import muster
 from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import read_scenario

@@ -13,7 +13,7 @@ from typing import Final
 import shapely
 
 from coordinator.fleet.orders import robot_of
-from coordinator.fleet.replanning_input import stretch
+from coordinator.mission.replanning_input import stretch
 from coordinator.plan.course import Course
 from coordinator.plan.document import Limits, PlanDocument
 from coordinator.plan.wire import PackedPlan, packed, unpack

@@ -1,6 +1,6 @@
-"""The fleet core: members, phases, epochs, recovery, and the mission around it.
+"""The fleet core: members, phases, epochs, authority and orders, from messages and `now_ns`.
 
-The room decides what a fleet does next, from messages and `now_ns`.  It must not know links,
-clocks, files or threads.  Other rooms import `core.Fleet`, `mission.Mission`,
-`mission_driver.MissionDriver` and the functions of `log_records`, which make records for the log.
+The room decides what a fleet is told next.  It must not know how courses are found, nor links,
+clocks, files or threads.  Other rooms import `core.Fleet` and the functions of `log_records`, which
+make records for the log.
 """

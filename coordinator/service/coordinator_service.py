@@ -16,12 +16,12 @@ from collections.abc import Callable
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.events import Incident
 from coordinator.fleet.hold_reasons import missing_in_words
-from coordinator.fleet.intake import Arrival
 from coordinator.fleet.log_records import link_record
-from coordinator.fleet.mission import Mission
-from coordinator.fleet.mission_driver import Job, Journal, MissionDriver, Outcome
 from coordinator.log.head import plan_file
 from coordinator.log.recorder import Recorder
+from coordinator.mission.intake import Arrival
+from coordinator.mission.mission import Mission
+from coordinator.mission.mission_driver import Job, Journal, MissionDriver, Outcome
 from coordinator.plan.document import PlanDocument
 from protocol import keys
 from protocol.phases import HOLD

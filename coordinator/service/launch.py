@@ -15,14 +15,14 @@ from pathlib import Path
 
 from coordinator.base.console import answer_json, tell_now, write_file
 from coordinator.base.errors import InputError
-from coordinator.fleet.aside_news import AsideNews
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.hold_reasons import RollCall
-from coordinator.fleet.mission import Mission
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.log.head import first_head, resumed
 from coordinator.log.log_file import is_unfinished, load, log_from_bytes
 from coordinator.log.recorder import Recorder
+from coordinator.mission.aside_news import AsideNews
+from coordinator.mission.mission import Mission
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import plan_name, to_json
 from coordinator.plan.wire import PackedPlan

@@ -18,7 +18,6 @@ import msgspec
 
 from coordinator.base.errors import InputError, PlanError
 from coordinator.fleet.events import Outgoing
-from coordinator.fleet.intake import Arrival
 from coordinator.fleet.log_records import (
     LINK_UP,
     CourseRequest,
@@ -32,11 +31,12 @@ from coordinator.fleet.log_records import (
     router_key,
     told_key,
 )
-from coordinator.fleet.mission import Mission
-from coordinator.fleet.mission_driver import Journal, MissionDriver
 from coordinator.log.head import WRITTEN_BY
 from coordinator.log.log_file import RESUMED, log_from_bytes
 from coordinator.log.records import Log, Record
+from coordinator.mission.intake import Arrival
+from coordinator.mission.mission import Mission
+from coordinator.mission.mission_driver import Journal, MissionDriver
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import plan_name
 from coordinator.scenario.model import Scenario

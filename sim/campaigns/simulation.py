@@ -12,7 +12,7 @@ from contextlib import closing
 from pathlib import Path
 
 from coordinator.base.console import tell, write_file
-from coordinator.fleet.aside_news import AsideNews
+from coordinator.mission.aside_news import AsideNews
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import to_json
 from coordinator.scenario.model import Scenario

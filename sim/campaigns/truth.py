@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from coordinator.fleet.replanning_input import Site
+from coordinator.mission.replanning_input import Site
 from coordinator.plan.document import PlanDocument
 from coordinator.scenario.model import Workspace
 from protocol.phases import DONE

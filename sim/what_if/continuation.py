@@ -17,11 +17,11 @@ from typing import Final
 
 import numpy as np
 
-from coordinator.fleet.replanning_input import pose_beside
 from coordinator.log.head import Head
 from coordinator.log.log_file import RESUMED
 from coordinator.log.log_writer import WALL_OFFSET, Attachment
 from coordinator.log.records import Record
+from coordinator.mission.replanning_input import pose_beside
 from coordinator.plan.wire import Driven, drive
 from coordinator.service.replay import scenario_of
 from protocol import keys

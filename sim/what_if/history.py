@@ -20,9 +20,9 @@ from msgspec.structs import replace
 from coordinator.base.errors import InputError
 from coordinator.findings.traffic_numbers import first_go
 from coordinator.fleet.log_records import LINK_GONE
-from coordinator.fleet.mission import Mission
 from coordinator.log.log_file import RESUMED, logs_before, read_log
 from coordinator.log.records import Log, Record
+from coordinator.mission.mission import Mission
 from coordinator.service.replay import run_again
 from protocol import keys
 from protocol.codec import decode

@@ -16,8 +16,8 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from coordinator.fleet.core import Fleet
-from coordinator.fleet.mission import Mission
 from coordinator.log.head import first_head
+from coordinator.mission.mission import Mission
 from coordinator.plan.document import PlanDocument, RobotPlan
 from coordinator.plan.wire import PackedPlan, packed
 from coordinator.planning.planner import DEFAULT_EFFORT, plan_fleet

@@ -12,12 +12,12 @@ from typing import Final
 from msgspec.structs import replace
 
 from coordinator.fleet.core import Fleet
-from coordinator.fleet.intake import Arrival
 from coordinator.fleet.log_records import Request, link_record
-from coordinator.fleet.mission import Mission
-from coordinator.fleet.mission_driver import Job, Journal, MissionDriver, Outcome
 from coordinator.log.head import plan_file
 from coordinator.log.log_file import log_from_bytes
+from coordinator.mission.intake import Arrival
+from coordinator.mission.mission import Mission
+from coordinator.mission.mission_driver import Job, Journal, MissionDriver, Outcome
 from coordinator.plan.document import PlanDocument
 from coordinator.service.replay import go_on
 from protocol import keys

@@ -5,12 +5,12 @@ import asyncio
 import pytest
 
 from coordinator.exchange.motion_story import story_of_log
-from coordinator.fleet.mission import Mission
 from coordinator.log import log_writer
 from coordinator.log import recorder as recorder_module
 from coordinator.log.log_file import read_log
 from coordinator.log.log_writer import Attachment
 from coordinator.log.recorder import Recorder
+from coordinator.mission.mission import Mission
 from coordinator.plan.plan_file import to_json
 from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_fleet, plan_scenario

@@ -10,8 +10,8 @@ from coordinator.base.text_table import plain_table
 from coordinator.findings import plan_table
 from coordinator.findings.wait_summary import WaitSummary, waits_of
 from coordinator.findings.wait_table import waits_table
-from coordinator.fleet.fleet_from_plan import muster
 from coordinator.fleet.grants import Held
+from coordinator.mission.fleet_from_plan import muster
 from coordinator.plan.document import Reason
 from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_scenario

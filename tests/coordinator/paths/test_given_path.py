@@ -10,9 +10,9 @@ import pytest
 import shapely
 
 from coordinator.base.errors import InputError, PlanError
-from coordinator.fleet.recovery import recover
-from coordinator.fleet.replanning_input import Site
 from coordinator.fleet.rest_places import Standing
+from coordinator.mission.recovery import recover
+from coordinator.mission.replanning_input import Site
 from coordinator.paths.given_path import curve_of, path_of
 from coordinator.plan.plan_file import to_json
 from coordinator.plan.wire import drive

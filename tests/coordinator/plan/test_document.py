@@ -291,7 +291,7 @@ def test_a_log_without_commands_is_a_difference_also_when_all_agrees():
 
 
 def test_a_log_that_was_not_closed_is_told_and_agrees():
-    from coordinator.fleet.fleet_from_plan import muster
+    from coordinator.mission.fleet_from_plan import muster
 
     fleet = muster(packed(document()), 9)
     ahead = ahead_record(fleet.needed_ms + 3_000)

@@ -33,7 +33,7 @@ def told(self, signature):
 Dispatcher.compile = told
 
 from coordinator.planning.planner import plan_fleet
-from coordinator.fleet.fleet_from_plan import muster
+from coordinator.mission.fleet_from_plan import muster
 from coordinator.scenario_files.scenario_reader import read_scenario
 
 scenario = read_scenario(Path("examples/paper_five.toml"))

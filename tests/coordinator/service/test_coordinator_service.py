@@ -7,10 +7,10 @@ import msgspec
 import pytest
 
 from coordinator.base.errors import LogError
-from coordinator.fleet.mission import Mission
 from coordinator.log.log_file import read_log
 from coordinator.log.log_writer import Attachment
 from coordinator.log.recorder import Recorder
+from coordinator.mission.mission import Mission
 from coordinator.plan.plan_file import to_json
 from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_fleet, plan_scenario

@@ -5,9 +5,9 @@ import pytest
 from msgspec.structs import replace
 
 from coordinator.fleet.events import Incident
-from coordinator.fleet.mission import Mission
 from coordinator.fleet.phases import GO_LEAD
-from coordinator.fleet.replanning_input import Aside, Site
+from coordinator.mission.mission import Mission
+from coordinator.mission.replanning_input import Aside, Site
 from coordinator.planning.planner import plan_fleet, plan_scenario
 from coordinator.service import launch
 from coordinator.service.launch import Coordinator

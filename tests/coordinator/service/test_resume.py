@@ -6,11 +6,11 @@ import random
 import pytest
 
 from coordinator.base.errors import InputError
-from coordinator.fleet.mission import Mission
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.log.log_file import RESUMED, log_from_bytes, read_log
 from coordinator.log.log_writer import Attachment
 from coordinator.log.recorder import Recorder
+from coordinator.mission.mission import Mission
 from coordinator.plan.plan_file import to_json
 from coordinator.planning.planner import plan_fleet
 from coordinator.scenario_files.scenario_reader import parse_scenario, scenario_to_json

@@ -16,9 +16,9 @@ from typing import Final
 from msgspec.structs import replace
 
 from coordinator.base.errors import PlanError
-from coordinator.fleet.disbelieved_places import doubtful
-from coordinator.fleet.replanning_input import Rides, Site, next_site, passable
 from coordinator.fleet.rest_places import Standing
+from coordinator.mission.disbelieved_places import doubtful
+from coordinator.mission.replanning_input import Rides, Site, next_site, passable
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.wire import PackedPlan

@@ -10,10 +10,10 @@ import shapely
 from msgspec.structs import replace
 
 from coordinator.base.errors import PlanError
-from coordinator.fleet import recovery
-from coordinator.fleet.recovery import recover
-from coordinator.fleet.replanning_input import Site, next_site
 from coordinator.fleet.rest_places import Standing
+from coordinator.mission import recovery
+from coordinator.mission.recovery import recover
+from coordinator.mission.replanning_input import Site, next_site
 from coordinator.plan.wire import drive
 from coordinator.planning.planner import plan_fleet
 from coordinator.scenario_files.scenario_reader import parse_scenario

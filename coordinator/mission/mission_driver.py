@@ -18,7 +18,6 @@ from typing import Final
 
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.events import Incident, Outgoing
-from coordinator.fleet.intake import Arrival, Intake
 from coordinator.fleet.log_records import (
     NOT_RECORDED,
     TOLD_TO_GO_ON,
@@ -36,8 +35,9 @@ from coordinator.fleet.log_records import (
     router_key,
     told_key,
 )
-from coordinator.fleet.mission import Mission
-from coordinator.fleet.recovery import Recovery
+from coordinator.mission.intake import Arrival, Intake
+from coordinator.mission.mission import Mission
+from coordinator.mission.recovery import Recovery
 from coordinator.plan.document import PlanDocument
 from coordinator.planning.course_search import Answer
 from protocol import keys

@@ -7,7 +7,7 @@ shown.
 from __future__ import annotations
 
 from coordinator.fleet.member import WITHOUT
-from coordinator.fleet.mission import Mission
+from coordinator.mission.mission import Mission
 
 
 class AsideNews:

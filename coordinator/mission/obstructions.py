@@ -20,7 +20,7 @@ from coordinator.fleet.core import Fleet
 from coordinator.fleet.log_records import around_key, around_record
 from coordinator.fleet.member import Member
 from coordinator.fleet.phases import SILENT_PATIENCE
-from coordinator.fleet.replanning_input import Aside, stretch
+from coordinator.mission.replanning_input import Aside, stretch
 from coordinator.planning.course_proposal import Site
 from coordinator.scenario.model import Point, Robot
 from coordinator.schedule.authority import EVER

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from coordinator.base.errors import PlanError
-from coordinator.fleet.fleet_from_plan import muster, parts_of
+from coordinator.mission.fleet_from_plan import muster, parts_of
 from coordinator.plan.wire import PackedPlan, packed
 from coordinator.planning.planner import plan_fleet
 from protocol.codec import decode

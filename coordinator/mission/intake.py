@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from coordinator.fleet.lanes import Lanes, Rate
+from coordinator.mission.lanes import Lanes, Rate
 from protocol import keys
 from protocol.codec import decode
 from protocol.messages import MAX_MESSAGE_BYTES, Clock, Command, Message

@@ -14,8 +14,8 @@ from collections.abc import Iterable
 import numpy as np
 import shapely
 
-from coordinator.fleet.replanning_input import Site
 from coordinator.fleet.rest_places import Standing
+from coordinator.mission.replanning_input import Site
 from coordinator.scenario.floor import Floor
 from coordinator.scenario.model import Pose
 

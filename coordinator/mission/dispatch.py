@@ -23,8 +23,8 @@ from coordinator.curves.nurbs import Array
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.events import Incident
 from coordinator.fleet.log_records import CourseRequest
-from coordinator.fleet.obstructions import Obstructions, Ring
 from coordinator.fleet.orders import Task
+from coordinator.mission.obstructions import Obstructions, Ring
 from coordinator.plan.course import Course
 from coordinator.plan.wire import address
 from coordinator.planning.course_proposal import Site, Wish

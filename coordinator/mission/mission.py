@@ -10,15 +10,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from coordinator.fleet.dispatch import Dispatcher
 from coordinator.fleet.events import Incident, Outgoing
-from coordinator.fleet.fleet_from_plan import grants_of, muster, parts_of
 from coordinator.fleet.grants import NOBODY
 from coordinator.fleet.log_records import CourseRequest, Request
 from coordinator.fleet.orders import OrderBook
-from coordinator.fleet.recovery import Planner, Recovery, recover
-from coordinator.fleet.replanning_input import Site
 from coordinator.fleet.rest_places import Standing
+from coordinator.mission.dispatch import Dispatcher
+from coordinator.mission.fleet_from_plan import grants_of, muster, parts_of
+from coordinator.mission.recovery import Planner, Recovery, recover
+from coordinator.mission.replanning_input import Site
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.wire import Driven, PackedPlan, address
 from coordinator.planning.course_proposal import Site as Floor

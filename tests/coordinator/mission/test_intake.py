@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coordinator.fleet.intake import (
+from coordinator.fleet.log_records import LINK_GONE
+from coordinator.mission.intake import (
     MOST_STRANGERS,
     NOT_OURS,
     RATES,
@@ -17,8 +18,7 @@ from coordinator.fleet.intake import (
     Arrival,
     Intake,
 )
-from coordinator.fleet.lanes import DEPTH, Bucket, Lanes, Rate
-from coordinator.fleet.log_records import LINK_GONE
+from coordinator.mission.lanes import DEPTH, Bucket, Lanes, Rate
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import MAX_MESSAGE_BYTES, Clock, Command, Hello, Report

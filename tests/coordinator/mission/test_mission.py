@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from coordinator.fleet.log_records import LINK_GONE
-from coordinator.fleet.mission import Mission
+from coordinator.mission.mission import Mission
 from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_fleet, plan_scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario
