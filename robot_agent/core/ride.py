@@ -170,26 +170,33 @@ class Ride:
         and one speed there; a robot may also come to rest where its authority ends.
         """
         begin, mine, other = coming.begin, self.follower, coming.follower
-        speed, s = coming._timeline.v_at(begin), self._timeline.s_at(begin)
+        s, rests = self._timeline.s_at(begin), coming.begins_at_rest()
         if at_goal:
             s = self._timeline.length
         gap, turn = mine.joint(s, other)
         if gap > JOINT_GAP:
             return False
         ends = at_goal or begin >= self._timeline.finish or self._told <= begin
-        if speed == 0.0 and ends:
+        if rests and ends:
             return True
         if self.time > begin or self.stamp_ms - LATE_STEP_MS * self.late > 1000.0 * begin:
             return False
-        if speed == 0.0 and self._timeline.v_at(begin) == 0.0:
+        if rests and self._timeline.v_at(begin) == 0.0:
             return True
-        differ = abs(self._timeline.v_at(begin) - speed)
+        differ = abs(self._timeline.v_at(begin) - coming._timeline.v_at(begin))
         return differ <= JOINT_SPEED and abs(turn) <= JOINT_TURN
+
+    def begins_at_rest(self) -> bool:
+        """Return whether the robot may rest where this course begins.
+
+        One that starts and stops at once may, whatever speed the course has there.
+        """
+        return self._timeline.v_at(self.begin) == 0.0 or self._brake == inf
 
     def end_with(self, coming: "Ride") -> None:
         """Take in where another course begins; the robot stops there if that begins at rest."""
         self._until = coming.begin
-        self._rests = coming.begin if coming._timeline.v_at(coming.begin) == 0.0 else inf
+        self._rests = coming.begin if coming.begins_at_rest() else inf
         self._limit_authority()
 
     def is_over(self, now: float) -> bool:
@@ -205,7 +212,7 @@ class Ride:
         """Go on from the course before this one, at this one's beginning."""
         self._halted, self._holds = before._halted, False
         self._limit_authority()
-        self.may_turn = self._timeline.v_at(self.begin) == 0.0
+        self.may_turn = self.begins_at_rest()
         self._watch, self.speed, self._pace = before._watch, before.speed, before._pace
         self._pace_time = self._watch
         self._brake_speed, self._brake_from = before._brake_speed, before._brake_from

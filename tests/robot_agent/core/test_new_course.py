@@ -201,6 +201,22 @@ def test_a_robot_at_its_goal_takes_a_course_that_should_have_begun_already():
     assert run.agent.phase == DONE
 
 
+@pytest.mark.parametrize("after", [-0.5, 0.3])
+def test_a_robot_that_starts_at_once_takes_a_course_from_its_goal_early_or_late(after):
+    rules = (RULES[0], 0, RULES[2])
+    run = driven_run(PATH, motion_along(LENGTH, 0.475, math.inf), 10.0, rules=rules)
+    assert run.agent.phase == DONE
+    path, _ = course_from_goal(0.0)
+    begin = round(plan_time(run) + after, 3)
+    line = Timeline([0.0, Curve(*path).length], [0.475, 0.475], [0.0], [begin], begin)
+    motion = ([0.0, line.length], [0.475, 0.475], [0.0], [begin], begin)
+    give_plan(run.agent, path, motion, rules, revision=1)
+    assert run.agent.holds == 1
+    go_on(run, line.finish - begin + max(after, 0.0) + 1.0)
+    assert (run.agent.phase, run.agent.revision) == (DONE, 1)
+    assert math.dist(run.places[-1], place_at(path, line.length)) < 5e-3
+
+
 def test_a_course_has_a_number_and_authority_of_its_own():
     run = run_in(DONE)
     path, motion = course_from_goal(plan_time(run) + 0.3)
