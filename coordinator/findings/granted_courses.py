@@ -111,6 +111,7 @@ class GrantedCourses(Granted):
             ride = self._ways[robot][0].driven
             places = stretch(ride, since / 1000.0, until / 1000.0)
             self._around[robot] = shapely.linestrings(places)
+            del self._ways[robot][1:]  # What it has not begun is withdrawn.
 
     def _that_stand_near(self, course: Course) -> list[str]:
         """Return sentences on robots, which others go around, that a course comes too near."""

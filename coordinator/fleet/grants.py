@@ -100,6 +100,14 @@ class Courses:
         """The newest course."""
         return self.now if self.next is None else self.next
 
+    def is_changing(self, holds: int) -> bool:
+        """Return whether a robot that holds this revision has yet to begin its next course.
+
+        One that was withdrawn before the robot held it does not count.
+        """
+        coming = self.next
+        return coming is not None and (not coming.is_withdrawn or holds >= coming.revision)
+
 
 class Held(NamedTuple):
     """A robot that another one holds, and since which plan time [ms]."""
@@ -248,6 +256,8 @@ class Grants:
             self._courses[robot] = Courses(sent, slots=(slot, slot + 1))
             self._rule.barred[slot] = False
         else:
+            if mine.next is not None:
+                self._reserved.add(mine.next.number)  # Nothing is ever granted on it.
             mine.next = sent
         self._numbers[slot], self._done[slot] = number, False
         self._passed_ms[slot] = self._got_on_ms[slot] = begin_ms

@@ -28,9 +28,11 @@ from protocol.phases import (
     PHASE_NAMES,
     fault_name,
 )
-from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT
+from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
 
 PLAN_PERIOD: Final = COMMAND_PERIOD
+REFUSAL_PATIENCE: Final = 5 * SECOND
+"""A robot that has not taken a course after this time refuses it: it was sent over and over."""
 
 STRIKES: Final = 3
 """A robot that has ended this many epochs by a fault of its own is left where it stands."""
@@ -84,6 +86,10 @@ class Member:
     phase: int = IDLE
     fault: int = 0
     plan_sent_ns: int | None = None
+    course_since_ns: int = 0
+    """When it was first to be sent its newest course."""
+    course_before: tuple[bytes, int] = (b"", 0)
+    """The course before the newest one: its message and its revision."""
     done_ns: int | None = None
     lost: bool = False
     gone: bool = False
@@ -151,8 +157,9 @@ class Member:
         self.plan_sent_ns = self.rest = None
         self.overload = self.capacity.objection(plan)
 
-    def take_course(self, plan: bytes, revision: int) -> None:
-        """Give the robot, which rests at its goal, another course in the same epoch."""
+    def take_course(self, plan: bytes, revision: int, now_ns: int) -> None:
+        """Give the robot another course in the same epoch."""
+        self.course_before, self.course_since_ns = (self.plan, self.revision), now_ns
         self.plan, self.revision = plan, revision
         self.plan_sent_ns = self.done_ns = None
         self.finished = False
@@ -166,6 +173,17 @@ class Member:
         """Return whether the robot drives, or is at its goal, and lacks its newest course."""
         has_old = self.epoch == epoch and self.phase in (MOVING, DONE)
         return self.planned and has_old and self.holds < self.revision
+
+    def refuses_course(self, epoch: int, now_ns: int) -> bool:
+        """Return whether the robot is heard, and has not taken its newest course for long."""
+        since_ns = max(self.course_since_ns, self.excused_ns)
+        is_long = now_ns - since_ns > REFUSAL_PATIENCE
+        return is_long and self.lacks_course(epoch) and not self.is_silent(now_ns)
+
+    def withdraw_course(self) -> None:
+        """Send the newest course no more; the one before it counts."""
+        self.plan, self.revision = self.course_before
+        self.finished = self.has_arrived
 
     def plan_due(self, now_ns: int) -> bool:
         """Return whether to send the plan now; if so, record it as sent."""

@@ -154,11 +154,12 @@ class Dispatcher:
     def _may_leave(self, robot: str, now_ns: int) -> bool:
         """Return whether a robot drives, and has not been sent elsewhere already."""
         member, mine = self._fleet.members.get(robot), self._fleet.grants.of(robot)
-        if member is None or mine is None or mine.next is not None or mine.now.course is None:
+        if member is None or mine is None or mine.now.course is None:
             return False
         is_asked = any(one.robot == robot for one in self._asked)
         drives = member.phase == MOVING and member.driven == member.revision
-        return drives and not is_asked and not member.is_silent(now_ns)
+        can_change = drives and not mine.is_changing(member.holds)
+        return can_change and not is_asked and not member.is_silent(now_ns)
 
     def _say_who_is_busy(self, idle: list[str]) -> None:
         """State the reason for which orders wait that were not looked for yet."""
@@ -241,7 +242,7 @@ class Dispatcher:
             self._robots[request.robot] = task.joins
             member.take_part(plan, task.joins.max_speed)
             member.excused_ns = now_ns + _JOIN_PATIENCE
-        member.take_course(plan, request.revision)
+        member.take_course(plan, request.revision, now_ns)
         return replace(asked.wish.robot, goal=task.order.goal)
 
     def _not_found(
@@ -290,7 +291,7 @@ class Dispatcher:
         if leaves:
             soon_ms, begin_ms = begin_ms, fleet.grants.halt(robot)
             delay = max(self._braking(robot), (soon_ms - begin_ms) / 1000.0)
-        number, revision = fleet.grants.reserve(), mine.now.revision + 1
+        number, revision = fleet.grants.reserve(), mine.newest.revision + 1
         request = CourseRequest(self._serial, task.order.id, robot, number, revision, begin_ms)
         (x, y), heading = self._place(robot, begin_ms if leaves else None)
         is_car = self._robots[robot].min_turn_radius > 0.0
@@ -363,7 +364,7 @@ class Dispatcher:
             and member.id not in busy
             and not member.is_silent(now_ns)
             and (mine := fleet.grants.of(member.id)) is not None
-            and mine.next is None
+            and not mine.is_changing(member.holds)
         ]
 
     def _is_due(self, task: Task, state: object, now_ms: int) -> bool:

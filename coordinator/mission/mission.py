@@ -121,7 +121,9 @@ class Mission:
         if robot is not None and answer.proposal is not None:
             ride = answer.proposal.course.driven
             self.rides[robot.id, self.fleet.epoch, request.revision] = ride
-            self.rides.pop((robot.id, self.fleet.epoch, request.revision - 2), None)
+            mine = self.fleet.grants.of(robot.id)
+            for old in range(request.revision if mine is None else mine.now.revision):
+                self.rides.pop((robot.id, self.fleet.epoch, old), None)
             self.site = self.site.sent(robot)
             known = set(self.fleet.members)
             self.site = self.site.among(known)

@@ -17,6 +17,7 @@ import numpy as np
 import shapely
 
 from coordinator.fleet.core import Fleet
+from coordinator.fleet.events import Incident
 from coordinator.fleet.log_records import around_key, around_record
 from coordinator.fleet.member import Member
 from coordinator.fleet.phases import SILENT_PATIENCE
@@ -24,6 +25,7 @@ from coordinator.mission.replanning_input import Aside, stretch
 from coordinator.planning.course_proposal import Site
 from coordinator.scenario.model import Point, Robot
 from coordinator.schedule.authority import EVER
+from protocol.messages import REFUSED
 
 Ring = tuple[Point, ...]
 
@@ -126,6 +128,7 @@ class Obstructions:
         """Send robots around lost ones that hold them, and around places that are closed."""
         fleet = self._fleet
         self._give_up_lost(now_ns)
+        self._give_up_refusing(now_ns)
         given_up = fleet.grants.given_up
         self._around = {name: ring for name, ring in self._around.items() if name in given_up}
         for name in sorted(given_up - self._around.keys()):
@@ -149,6 +152,23 @@ class Obstructions:
                 if not task.order.robot:
                     fleet.grants.give_up(task.robot)
                 fleet.orders.put_back(task.robot)
+
+    def _give_up_refusing(self, now_ns: int) -> None:
+        """Withdraw courses that their robots do not take; others go around those robots."""
+        fleet = self._fleet
+        for member in fleet.members.planned:
+            if not member.refuses_course(fleet.epoch, now_ns):
+                continue
+            fleet.grants.give_up(member.id)
+            member.withdraw_course()
+            text = f"{member.id} does not take the course that it is sent"
+            fleet.incidents.append(Incident(now_ns, "fault", member.id, text))
+            task = fleet.orders.of_robot(member.id)
+            fleet.orders.put_back(member.id)
+            if task is not None:
+                task.cannot.add(member.id)
+                if task.order.robot:
+                    fleet.orders.end(task, REFUSED, text)
 
     def _go_around(self, robot: str, what: str, now_ms: int) -> None:
         mine = self._fleet.grants.of(robot)

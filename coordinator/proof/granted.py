@@ -100,8 +100,11 @@ class Granted:
         """
         known = self._courses.get(plan.number)
         mine = self._now.get(robot)
-        if known is None and mine is not None and plan.revision == mine.revision + 1:
-            return False
+        if known is None and mine is not None:
+            coming = self._next.get(robot)
+            is_free = coming is None or coming.slot in self._ended
+            if is_free and plan.revision == (coming or mine).revision + 1:
+                return False
         if known is None and robot in self._joining and plan.revision == 0:
             return False
         message = encode(msgspec.structs.replace(plan, boot=0))
@@ -116,12 +119,13 @@ class Granted:
     def add_course(
         self, robot: str, plan: Plan, near: Sequence[tuple[str, int]], staircases: Staircases
     ) -> None:
-        """Take in a course that a robot may begin from now on.
+        """Take in a course that a robot may begin from now on, instead of one withdrawn.
 
         `staircases`: those of the course, index 0, with the courses of `near` (robot, revision).
         """
         now = self._now.get(robot)
-        slot = self._new_slots(robot) if now is None else now.other_slot
+        is_withdrawn = robot in self._next
+        slot = self._new_slots(robot) if now is None or is_withdrawn else now.other_slot
         message = encode(msgspec.structs.replace(plan, boot=0))
         other = slot + 1 if now is None else now.slot
         course = _Known(robot, plan.revision, plan.begin_ms, message, slot, other)
@@ -182,8 +186,10 @@ class Granted:
 
         Returns the plan times [ms] between which it stands.
         """
-        slot = self._now[robot].slot
+        slot, coming = self._now[robot].slot, self._next.get(robot)
         self._ended[slot] = float(self._granted[slot])
+        if coming is not None:  # It is withdrawn, and holds nobody.
+            self._ended[coming.slot], self._passed[coming.slot] = coming.begin_ms, np.inf
         return float(self._passed[slot]), self._ended[slot]
 
     def take_command(self, command: Command) -> None:

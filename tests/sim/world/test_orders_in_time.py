@@ -326,3 +326,30 @@ def test_an_order_that_the_nearest_robot_cannot_do_goes_to_one_that_can():
     task, solid = world.fleet.orders.tasks["through"], world.fleet.orders.tasks["solid"]
     assert (task.state, task.robot) == (ORDER_DONE, "slim")
     assert solid.state == REFUSED
+
+
+def test_a_course_that_its_robot_never_takes_is_withdrawn_and_holds_nobody_for_long(tmp_path):
+    orders = (
+        Order(id="refused", goal=(10.5, 3.2), robot="R2", release=1.0),
+        Order(id="behind", goal=(9.0, 3.0), robot="R1", release=1.5),
+        Order(id="any", goal=(11.0, 5.0), release=2.0),
+        Order(id="taken", goal=(10.5, 4.0), robot="R2", after="behind"),
+    )
+    logs = RunLogs(tmp_path)
+    world = a_world(replace(queue_of_two(), orders=orders), logs=logs)
+    agent = world.robots["R2"].service.agent
+    agent._hear_course = lambda *_: None
+    world.run(15.0)
+    del agent._hear_course
+    world.run(200.0)
+    logs.close()
+    assert world.fleet.is_finished
+    refused = world.fleet.orders.tasks["refused"]
+    assert refused.state == REFUSED
+    assert refused.reason == "R2 does not take the course that it is sent"
+    assert {states(world)[name] for name in ("behind", "any", "taken")} == {ORDER_DONE}
+    assert freezes(world) == 0
+    assert nobody_touches(world)
+    log = read_log(logs.paths[-1])
+    assert check_log(log).difference == ""
+    assert prove_log(log).holds
