@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
 import shapely
 
 from coordinator.fleet.orders import robot_of
-from coordinator.mission.replanning_input import stretch
+from coordinator.fleet.rest_places import standing_of
+from coordinator.mission.replanning_input import resting_pose, stretch
 from coordinator.plan.course import Course
 from coordinator.plan.document import Limits, PlanDocument
 from coordinator.plan.wire import PackedPlan, packed, unpack
@@ -23,7 +25,8 @@ from coordinator.scenario.floor import Floor
 from coordinator.scenario.margin import TOLERANCE
 from coordinator.schedule.staircase_making import STANDOFF, staircases_of, with_staircases
 from protocol.codec import encode
-from protocol.messages import ORDER_DONE, Join, Message, OrderState, Plan, Report
+from protocol.messages import ORDER_DONE, Join, Message, OrderState, Plan, Report, Rest
+from protocol.phases import FROZEN
 
 _EVERYWHERE: Final = [(-1e6, -1e6), (1e6, -1e6), (1e6, 1e6), (-1e6, 1e6)]
 """The floor of a plan that does not hold one."""
@@ -43,6 +46,9 @@ class GrantedCourses(Granted):
         self._ways = {one.id: [Course(one, 0.0)] for one in plan.driven}
         self._around: dict[str, shapely.Geometry] = {}
         """By robot that others go around: the line on which it stands."""
+
+        self._rests: dict[str, Rest] = {}
+        """By robot that has stopped: where, as it has said."""
 
         self._limits = {one.id: one.limits for one in plan.document.robots}
         self._radius = {one.id: one.radius for one in plan.driven}
@@ -87,6 +93,10 @@ class GrantedCourses(Granted):
     def take_report(self, robot: str, report: Report) -> None:
         """Take in a robot's progress; a course that it has left counts no more."""
         super().take_report(robot, report)
+        if report.phase != FROZEN:
+            self._rests.pop(robot, None)
+        elif report.rest is not None and report.rest.epoch == report.epoch:
+            self._rests[robot] = report.rest
         ways = self._ways.get(robot, [])
         if len(ways) == 2 and report.revision >= ways[1].driven.plan.revision:
             ways[:] = [ways[1].begun()]
@@ -108,8 +118,12 @@ class GrantedCourses(Granted):
         """Take in that others are sent around a robot, which is granted nothing more."""
         if robot in self._ways:
             since, until = self.end_grants(robot)
-            ride = self._ways[robot][0].driven
-            places = stretch(ride, since / 1000.0, until / 1000.0)
+            ride, rest = self._ways[robot][0].driven, self._rests.get(robot)
+            if rest is not None and rest.revision == ride.plan.revision:
+                place = resting_pose(ride, standing_of(robot, rest), self._terms.margin)[:2]
+                places = np.array([place, place])
+            else:
+                places = stretch(ride, since / 1000.0, until / 1000.0)
             self._around[robot] = shapely.linestrings(places)
             del self._ways[robot][1:]  # What it has not begun is withdrawn.
 

@@ -51,9 +51,11 @@ from protocol.phases import (
     GO,
     HOLD,
     IDLE,
+    NO_FAULT,
     OVER,
     fault_name,
 )
+from protocol.timing import MILLISECOND
 
 
 class Fleet(OperatedFleet):
@@ -197,15 +199,21 @@ class Fleet(OperatedFleet):
                 self.outrun(f"{robot} has driven farther", now_ns)
         if (member.phase, member.fault) != was:
             self._tell(now_ns, "report", robot, member.describe())
-            has_stopped = member.planned and member.has_stopped(self.epoch)
-            if self.phase == GO and has_stopped and not had_stopped:
-                member.strike(self.epoch)
-                text = f"{robot} stopped: {fault_name(member.fault)}"
-                self._tell(now_ns, "fault", robot, text)
+            if not had_stopped:
+                self._note_stop(member, now_ns)
         late = self.phase == GO and member.phase == IDLE
         if (late or self.phase == HOLD) and member.epoch != self.epoch:
             return self._send_plan(member, now_ns)
         return []
+
+    def _note_stop(self, member: Member, now_ns: int) -> None:
+        """Tell of a robot under way that has stopped; if the fault is its own, that is a strike."""
+        if self.phase != GO or not (member.planned and member.has_stopped(self.epoch)):
+            return
+        if member.fault != NO_FAULT:
+            member.strike(self.epoch)
+        text = f"{member.id} stopped: {fault_name(member.fault)}"
+        self._tell(now_ns, "fault", member.id, text)
 
     def _was_ahead_of_log(self, report: Report) -> bool:
         """Return whether a report tells of a plan, or of a GO, that the coordinator never sent."""
@@ -281,8 +289,8 @@ class Fleet(OperatedFleet):
             self._waits_since_ns = None
             return
         self._lose_silent(moving, now_ns)
-        if self.orders.is_used and all(member.lost for member in moving):
-            self._wait_for_lost(now_ns)
+        if self.orders.is_used:
+            self._watch_among_orders(moving, now_ns)
             return
         new = {member.id for member in moving if member.is_new}
         stuck = set(self.grants.stuck(self.times.plan_ms(now_ns))) - new
@@ -300,35 +308,50 @@ class Fleet(OperatedFleet):
         are_silent = all(member.lost and not member.gone for member in stopped)
         if now_ns - self._waits_since_ns > (SILENT_PATIENCE if are_silent else HELD_PATIENCE):
             self._waits_since_ns = None
-            if waits and self._go_around_lost(stopped, now_ns):
-                return
             for member in stopped:
                 if member.id in stuck and not member.lost and not member.has_stopped(self.epoch):
-                    member.struck.add(self.epoch)
+                    member.strike(self.epoch)
                     self._tell(now_ns, "fault", member.id, f"{member.id} does not get on")
             self._turn("robot failed", now_ns)
 
-    def _wait_for_lost(self, now_ns: int) -> None:
-        """Wait for robots that alone have not arrived; end without them if no order is open."""
-        if self.orders.is_open_or_stays or self._waits_since_ns is None:
+    def _watch_among_orders(self, moving: list[Member], now_ns: int) -> None:
+        """Give up robots that are lost or do not get on, and hold others: those go around them.
+
+        The fleet ends when no order is open and nobody has got on for SILENT_PATIENCE.
+        """
+        grants, plan_ms = self.grants, self.times.plan_ms(now_ns)
+        stuck = set(grants.stuck(plan_ms)) - {member.id for member in moving if member.is_new}
+        failing = [
+            member
+            for member in moving
+            if member.id not in grants.given_up
+            and (member.id in stuck or (member.lost and grants.behind([member.id])))
+        ]
+        if not failing:
+            self._waits_since_ns = None
+            rests = plan_ms - grants.got_on_ms > SILENT_PATIENCE // MILLISECOND
+            if rests and not self.orders.is_open_or_stays:
+                self._turn("all done", now_ns)
+            return
+        if self._waits_since_ns is None:
             self._waits_since_ns = now_ns
-        elif now_ns - self._waits_since_ns > SILENT_PATIENCE:
-            self._turn("all done", now_ns)
+        since_ns, are_cut = self._waits_since_ns, all(m.lost and not m.gone for m in moving)
+        if are_cut and self._router.may_be_silent(since_ns, now_ns):
+            return
+        are_silent = all(member.lost and not member.gone for member in failing)
+        if now_ns - since_ns > (SILENT_PATIENCE if are_silent else HELD_PATIENCE):
+            self._waits_since_ns = None
+            for member in failing:
+                if not member.lost:
+                    member.strike(self.epoch)
+                    self._tell(now_ns, "fault", member.id, f"{member.id} does not get on")
+                grants.give_up(member.id)
+                self._tell(now_ns, "fault", member.id, f"others go around {member.id}")
 
     def _lose_silent(self, moving: list[Member], now_ns: int) -> None:
         for member in moving:
             if member.is_silent(now_ns) and not member.lost:
                 self._lose(member, now_ns)
-
-    def _go_around_lost(self, stopped: list[Member], now_ns: int) -> bool:
-        """Give up robots that are lost, so that others are sent around; False if none is new."""
-        lost = [one for one in stopped if one.lost and one.id not in self.grants.given_up]
-        if not self.orders.is_used:
-            return False
-        for member in lost:
-            self.grants.give_up(member.id)
-            self._tell(now_ns, "fault", member.id, f"others go around {member.id}")
-        return bool(lost)
 
     def _settle(self, now_ns: int) -> None:
         """Look for lost robots in a fleet that freezes."""

@@ -159,6 +159,9 @@ class Grants:
         self.given_up: set[str] = set()
         """Robots that are granted nothing more on the course in force."""
 
+        self.got_on_ms = 0
+        """The plan time when a robot last got on."""
+
         self._done = np.zeros(2 * count, bool)
         self._got_on_ms = np.zeros(2 * count, np.int64)
         """When each robot last got on, or could not because it was held."""
@@ -207,6 +210,15 @@ class Grants:
     def release(self, number: int) -> None:
         """Give up a number that was reserved."""
         self._reserved.discard(number)
+
+    def is_at_end(self, robot: str) -> bool:
+        """Return whether a robot is known to be where its authority ends, or near it."""
+        sent = self._courses[robot].now
+        if sent.course is None:
+            return False
+        line, rule = sent.course.driven.timeline, self._rule
+        passed, told = (float(one[sent.slot]) / 1000.0 for one in (rule.progress, rule.told))
+        return line.s_at(passed) >= line.s_at(told) - ROOM
 
     def halt(self, robot: str) -> int:
         """Grant a robot no more on its course than it may have been told; return that [ms].
@@ -330,6 +342,7 @@ class Grants:
         self._numbers[old.slot] = -1
         self._held.pop(old.slot, None)
         self._got_on_ms[begun.slot] = now_ms
+        self.got_on_ms = max(now_ms, self.got_on_ms)
 
     def _hear_progress(self, sent: Sent, report: Report, now_ms: int) -> bool:
         slot = sent.slot
@@ -342,7 +355,7 @@ class Grants:
         self._rule.know(slot, claimed_ms)
         passed_ms = int(self._rule.progress[slot])
         if passed_ms - self._passed_ms[slot] >= _STEPS * LATE_STEP_MS:
-            self._passed_ms[slot] = passed_ms
+            self._passed_ms[slot], self.got_on_ms = passed_ms, max(now_ms, self.got_on_ms)
             self._got_on_ms[slot] = max(now_ms, int(self._got_on_ms[slot]))
         return report.late == 0 or self._can_be_at(sent, claimed_ms)
 
@@ -419,6 +432,7 @@ class Grants:
     def excuse(self, lost_ms: int) -> None:
         """Take in that for so long [ms] robots could not get on, or could not be heard."""
         self._got_on_ms += lost_ms
+        self.got_on_ms += lost_ms
 
     def lose_sight(self, until_ms: int) -> None:
         """Take in that robots may have been told more, up to a plan time, than is known."""

@@ -14,7 +14,7 @@ import msgspec
 from coordinator.fleet.came_back import Admission
 from coordinator.fleet.capacity import Capacity
 from coordinator.fleet.grants import Span
-from coordinator.fleet.rest_places import Standing, State
+from coordinator.fleet.rest_places import Standing, State, standing_of
 from protocol.messages import Hello, Report
 from protocol.phases import (
     ARMED,
@@ -24,7 +24,6 @@ from protocol.phases import (
     FROZEN,
     IDLE,
     MOVING,
-    NO_FAULT,
     PHASE_NAMES,
     fault_name,
 )
@@ -94,8 +93,8 @@ class Member:
     lost: bool = False
     gone: bool = False
     finished: bool = False
-    struck: set[int] = field(default_factory=set)
-    """The epochs that it has ended by a fault of its own."""
+    struck: set[tuple[int, int]] = field(default_factory=set)
+    """The courses, by epoch and revision, on which it has failed since it last arrived."""
     rest: Standing | None = None
     admission: Admission = field(default_factory=Admission)
     capacity: Capacity = field(default_factory=Capacity)
@@ -170,8 +169,8 @@ class Member:
         return self.phase == DONE and self.driven == self.revision
 
     def lacks_course(self, epoch: int) -> bool:
-        """Return whether the robot drives, or is at its goal, and lacks its newest course."""
-        has_old = self.epoch == epoch and self.phase in (MOVING, DONE)
+        """Return whether the robot has set out, and lacks its newest course."""
+        has_old = self.epoch == epoch and self.phase in (MOVING, DONE, FROZEN)
         return self.planned and has_old and self.holds < self.revision
 
     def refuses_course(self, epoch: int, now_ns: int) -> bool:
@@ -204,18 +203,12 @@ class Member:
         self.epoch, self.phase, self.fault = report.epoch, report.phase, report.fault
         self.driven, self.holds = report.revision, report.holds
         if report.rest is not None and report.rest.epoch >= self.sent_epoch:
-            self.rest = Standing(
-                robot=self.id,
-                state="rests",
-                epoch=report.rest.epoch,
-                s=report.rest.s_m,
-                off=report.rest.off_mm / 1000.0,
-                turn=report.rest.turn_mrad / 1000.0,
-                beyond=report.rest.beyond_mm / 1000.0,
-                revision=report.rest.revision,
-            )
+            self.rest = standing_of(self.id, report.rest)
+        elif report.phase == MOVING:
+            self.rest = None
         if report.phase == DONE and report.revision == self.revision:
             self.finished = True
+            self.struck.clear()
             self.done_ns = now_ns if self.done_ns is None else self.done_ns
         return True
 
@@ -225,9 +218,8 @@ class Member:
         return f"{text}: {fault_name(self.fault)}" if self.fault else text
 
     def strike(self, epoch: int) -> None:
-        """Record a strike if the robot ends an epoch by a fault of its own."""
-        if self.fault != NO_FAULT:
-            self.struck.add(epoch)
+        """Record that the robot has failed on the course that it drives."""
+        self.struck.add((epoch, self.driven))
 
     @property
     def is_fit(self) -> bool:
@@ -259,6 +251,12 @@ class Member:
         if self.epoch not in (0, epoch) or self.fault == CLOCK_UNSURE:
             return False
         return self.phase in (BRAKING, FROZEN) or (self.phase != MOVING and self.fault != 0)
+
+    def rests_on(self, epoch: int, revision: int) -> Standing | None:
+        """Return where a robot has stopped on a course, once it has said so; None if it has not."""
+        rest = self.rest
+        is_there = rest is not None and (rest.epoch, rest.revision) == (epoch, revision)
+        return rest if is_there and self.phase == FROZEN and not self.lost else None
 
     def is_at_rest(self) -> bool:
         """Return whether the robot is at a goal or has said where it rests."""

@@ -10,6 +10,8 @@ from typing import Literal
 
 import msgspec
 
+from protocol.messages import Rest
+
 State = Literal["rests", "arrived", "lost", "unfit", "overloaded"]
 
 
@@ -38,3 +40,17 @@ class Standing(msgspec.Struct, frozen=True, kw_only=True):
     place: tuple[float, float, float] | None = None
     revision: int = 0
     also: tuple[tuple[int, float, float], ...] = ()
+
+
+def standing_of(robot: str, rest: Rest) -> Standing:
+    """Return the standing of a robot that has reported where it rests, and can drive on."""
+    return Standing(
+        robot=robot,
+        state="rests",
+        epoch=rest.epoch,
+        s=rest.s_m,
+        off=rest.off_mm / 1000.0,
+        turn=rest.turn_mrad / 1000.0,
+        beyond=rest.beyond_mm / 1000.0,
+        revision=rest.revision,
+    )

@@ -52,12 +52,14 @@ class Roster(dict[str, Member]):
     def wanted(self, everybody: bool) -> list[str]:
         """Return the ids of the robots to ask where they rest.
 
-        Robots that have a part in the epoch are among them only if `everybody` is true.
+        Robots that have a part in the epoch are among them only if they have stopped, or if
+        `everybody` is true.
         """
         return [
             m.id
             for m in self.values()
-            if (everybody or not m.planned) and m.phase in (FROZEN, IDLE) and not m.is_at_rest()
+            if (m.phase == FROZEN or (m.phase == IDLE and (everybody or not m.planned)))
+            and not m.is_at_rest()
         ]
 
     def assign(self, parts: Mapping[str, Part]) -> None:

@@ -171,7 +171,7 @@ class FleetState:
         for member, what, lost, strike in failing:
             member.lost |= lost
             if strike:
-                member.struck.add(self.epoch)
+                member.strike(self.epoch)
             self._tell(now_ns, "fault", member.id, f"{member.id} {what}")
             self._turn("robot failed", now_ns)
 

@@ -32,7 +32,7 @@ from coordinator.planning.course_search import Answer, make_room, search
 from coordinator.proof.course_proof import that_may_meet
 from coordinator.scenario.model import Point, Pose, Robot
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
-from protocol.phases import GO, MOVING
+from protocol.phases import GO, MOVING, fault_name
 from protocol.timing import SECOND
 
 _LEAD_MS: Final = 300
@@ -97,6 +97,8 @@ class Dispatcher:
         """By robot: the state of the fleet when no place was found for it to make room at."""
 
         self._moved_ms = 0
+        self._mark = (0, 0)
+        """When a robot last got on, and how many courses there were, at _moved_ms."""
 
     def begin(self, make_site: Callable[[], Site] | None) -> None:
         """Begin an epoch: earlier requests are void, and nothing was tried yet.
@@ -149,6 +151,8 @@ class Dispatcher:
         member = self._fleet.members[robot]
         if member.lost:
             return "is lost"
+        if member.has_stopped(self._fleet.epoch):
+            return f"has stopped: {fault_name(member.fault)}"
         return "has not arrived yet" if member.planned else "has no part in this epoch"
 
     def _may_leave(self, robot: str, now_ns: int) -> bool:
@@ -157,8 +161,11 @@ class Dispatcher:
         if member is None or mine is None or mine.now.course is None:
             return False
         is_asked = any(one.robot == robot for one in self._asked)
-        drives = member.phase == MOVING and member.driven == member.revision
-        can_change = drives and not mine.is_changing(member.holds)
+        if self.obstructions.rest_of(robot) is not None:
+            can_change = member.is_fit and (mine.next is None or mine.next.is_withdrawn)
+        else:
+            drives = member.phase == MOVING and member.driven == member.revision
+            can_change = drives and not mine.is_changing(member.holds)
         return can_change and not is_asked and not member.is_silent(now_ns)
 
     def _say_who_is_busy(self, idle: list[str]) -> None:
@@ -287,13 +294,16 @@ class Dispatcher:
         self._serial += 1
         wait_ms = max(fleet.grants.headroom_ms - round(1000.0 * terms_tau), 0)
         begin_ms = fleet.times.plan_ms(now_ns) + _LEAD_MS + wait_ms
-        delay = 0.0
-        if leaves:
+        delay, rest = 0.0, self.obstructions.rest_of(robot) if leaves else None
+        if leaves and rest is None:
             soon_ms, begin_ms = begin_ms, fleet.grants.halt(robot)
             delay = max(self._braking(robot), (soon_ms - begin_ms) / 1000.0)
         number, revision = fleet.grants.reserve(), mine.newest.revision + 1
         request = CourseRequest(self._serial, task.order.id, robot, number, revision, begin_ms)
-        (x, y), heading = self._place(robot, begin_ms if leaves else None)
+        if rest is not None:
+            x, y, heading = self.obstructions.pose_of(robot, rest)
+        else:
+            (x, y), heading = self._place(robot, begin_ms if leaves else None)
         is_car = self._robots[robot].min_turn_radius > 0.0
         start: Pose = (x, y, heading) if is_car else (x, y)
         goal, via = _apart((x, y), task.order.via, task.order.goal)
@@ -420,12 +430,12 @@ class Dispatcher:
         )
 
     def _refuse_if_stuck(self, now_ms: int) -> None:
-        """Refuse all orders when nobody moves and nothing is found for a long time."""
-        fleet, book = self._fleet, self._fleet.orders
-        moves = any(not member.has_arrived and not member.lost for member in fleet.members.planned)
-        is_later = not book.waiting() or any(one.arrived_ms is not None for one in book.under_way())
-        if moves or is_later or book.stays:
-            self._moved_ms = now_ms
+        """Refuse all orders when nobody gets on and nothing is found for a long time."""
+        book, mark = self._fleet.orders, (self._fleet.grants.got_on_ms, len(self._committed))
+        under_way = book.under_way()
+        dwells = any(one.arrived_ms is not None for one in under_way)
+        if mark != self._mark or dwells or book.stays or not (under_way or book.waiting()):
+            self._mark, self._moved_ms = mark, now_ms
         elif now_ms - self._moved_ms > _NOBODY_MOVES_MS:
             book.refuse_all(lambda task: task.reason or "no robot can do it")
 

@@ -21,7 +21,8 @@ from coordinator.fleet.events import Incident
 from coordinator.fleet.log_records import around_key, around_record
 from coordinator.fleet.member import Member
 from coordinator.fleet.phases import SILENT_PATIENCE
-from coordinator.mission.replanning_input import Aside, stretch
+from coordinator.fleet.rest_places import Standing
+from coordinator.mission.replanning_input import Aside, resting_pose, stretch
 from coordinator.planning.course_proposal import Site
 from coordinator.scenario.model import Point, Robot
 from coordinator.schedule.authority import EVER
@@ -31,6 +32,9 @@ Ring = tuple[Point, ...]
 
 _STEP: Final = 0.05
 """Distance [m] between places of a course that are compared with a closed place."""
+
+_AGAIN_MS: Final = 20_000
+"""A robot that found no way around what is in its way looks again after this."""
 
 _MOST_SITES: Final = 8
 """How many floors with different obstructions are kept."""
@@ -65,6 +69,9 @@ class Obstructions:
         self._avoided: dict[tuple[str, int], frozenset[str]] = {}
         """By robot and revision: the closed places that the course was planned around."""
 
+        self._tried: dict[str, tuple[object, int]] = {}
+        """By robot: what was in the way when it was last sent around it, and when [ms]."""
+
         self._told: dict[tuple[str, int], set[str]] = {}
         """By robot and revision: the closed places for which the robot was dealt with."""
 
@@ -74,7 +81,7 @@ class Obstructions:
         """Begin an epoch; `make_site` prepares its floor when it is needed, None: nobody drives."""
         self._make_site, self._made_site = make_site, None
         self._around, self._sites, self._closed = {}, {}, {}
-        self._avoided, self._told = {}, {}
+        self._avoided, self._told, self._tried = {}, {}, {}
 
     @property
     def site(self) -> Site | None:
@@ -129,6 +136,7 @@ class Obstructions:
         fleet = self._fleet
         self._give_up_lost(now_ns)
         self._give_up_refusing(now_ns)
+        self._give_up_stopped(now_ns)
         given_up = fleet.grants.given_up
         self._around = {name: ring for name, ring in self._around.items() if name in given_up}
         for name in sorted(given_up - self._around.keys()):
@@ -139,7 +147,7 @@ class Obstructions:
                 self._go_around(robot, by, now_ms)
         self._close(now_ns, now_ms)
         for name in sorted(given_up):
-            if not fleet.members[name].lost and self._may_leave(name, now_ns):
+            if self._may_leave(name, now_ns) and self._has_come_to_rest(name):
                 self._go_around(name, "where it stood", now_ms)
 
     def _give_up_lost(self, now_ns: int) -> None:
@@ -170,21 +178,63 @@ class Obstructions:
                 if task.order.robot:
                     fleet.orders.end(task, REFUSED, text)
 
+    def _give_up_stopped(self, now_ns: int) -> None:
+        """Take in which robots have stopped on their courses: they go on on others, if they may."""
+        fleet = self._fleet
+        for member in fleet.members.planned:
+            if self.rest_of(member.id) is None or member.id in fleet.grants.given_up:
+                continue
+            fleet.grants.give_up(member.id)
+            if member.lacks_course(fleet.epoch):
+                member.withdraw_course()
+            fleet.orders.put_back(member.id)
+            text = f"others go around {member.id}"
+            fleet.incidents.append(Incident(now_ns, "fault", member.id, text))
+
+    def rest_of(self, robot: str) -> Standing | None:
+        """Return where a robot has stopped on its course in force; None if it has not."""
+        member, mine = self._fleet.members.get(robot), self._fleet.grants.of(robot)
+        if member is None or mine is None:
+            return None
+        return member.rests_on(self._fleet.epoch, mine.now.revision)
+
+    def pose_of(self, robot: str, rest: Standing) -> tuple[float, float, float]:
+        """Return the pose [m, m, rad] of a robot that has stopped on its course in force."""
+        mine, site = self._fleet.grants.of(robot), self.site
+        assert mine is not None
+        assert mine.now.course is not None
+        assert site is not None
+        return resting_pose(mine.now.course.driven, rest, site.terms.margin)
+
+    def _has_come_to_rest(self, robot: str) -> bool:
+        """Return whether a robot that was given up has stopped, or is where its authority ends."""
+        return self.rest_of(robot) is not None or self._fleet.grants.is_at_end(robot)
+
     def _go_around(self, robot: str, what: str, now_ms: int) -> None:
-        mine = self._fleet.grants.of(robot)
-        book = self._fleet.orders
+        """Send a robot around what is in its way, unless no way was found since that changed."""
+        mine, book = self._fleet.grants.of(robot), self._fleet.orders
         waits = any(one.robot == robot and one.is_urgent for one in book.waiting())
-        if mine is not None and mine.now.course is not None and not waits:
-            book.go_around(robot, mine.now.course.goal, what, now_ms)
+        if mine is None or mine.now.course is None or waits:
+            return
+        state = (mine.now.revision, frozenset(self._around), frozenset(self._closed))
+        tried, since_ms = self._tried.get(robot, (None, 0))
+        if tried == state and now_ms - since_ms < _AGAIN_MS:
+            return
+        self._tried[robot] = (state, now_ms)
+        book.go_around(robot, mine.now.course.goal, what, now_ms)
 
     def _where(self, robot: str) -> Ring:
         """Return the polygon in which a robot stands that is granted nothing more."""
         mine = self._fleet.grants.of(robot)
         assert mine is not None
         assert mine.now.course is not None
-        (span, *_) = self._fleet.spans(robot)
-        ride = mine.now.course.driven
-        places = stretch(ride, span.since_ms / 1000.0, span.until_ms / 1000.0)
+        rest = self.rest_of(robot)
+        if rest is not None:
+            places = np.array([self.pose_of(robot, rest)[:2]])
+        else:
+            (span, *_) = self._fleet.spans(robot)
+            ride = mine.now.course.driven
+            places = stretch(ride, span.since_ms / 1000.0, span.until_ms / 1000.0)
         return Aside(self._robots[robot], "lost", places, None).disc()
 
     def _close(self, now_ns: int, now_ms: int) -> None:

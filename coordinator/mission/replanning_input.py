@@ -219,8 +219,7 @@ def _stands(
         return changed(known, why="lost") if standing.state == "lost" else known
     if standing.s is None:
         return Aside(robot, "lost", _stretches(rides, standing), None)
-    s = min(standing.s, ride.curve.length)
-    pose = _pose(ride, s, standing, margin)
+    s, pose = min(standing.s, ride.curve.length), resting_pose(ride, standing, margin)
     if standing.state != "rests":
         return Aside(robot, standing.state, np.array([pose[:2]]), pose)
     if _is_on_path(standing, margin, max(ride.curve.length - s - _THERE, 0.0)):
@@ -259,8 +258,13 @@ def stretch(ride: Driven, since: float, until: float) -> Array:
     return ride.curve.at_arc(np.linspace(low, high, 2 + math.ceil((high - low) / _STEP)))
 
 
-def _pose(ride: Driven, s: float, standing: Standing, margin: float) -> tuple[float, float, float]:
-    """Return where a robot rests [m] and its heading [rad]: on its path if it is near enough."""
+def resting_pose(ride: Driven, standing: Standing, margin: float) -> tuple[float, float, float]:
+    """Return where a robot has said that it rests [m] and its heading [rad].
+
+    It counts as on its path if it is near enough.
+    """
+    assert standing.s is not None
+    s = min(standing.s, ride.curve.length)
     if _is_on_path(standing, margin):
         return pose_beside(ride, s)
     return pose_beside(ride, s, standing.off, standing.beyond, standing.turn)

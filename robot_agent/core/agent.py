@@ -71,6 +71,7 @@ CLOCK_PATIENCE = 3.0
 
 _ON_ITS_WAY = (MOVING, BRAKING)
 _WITH_COURSE = (MOVING, BRAKING, DONE)
+_TAKE_COURSES = (MOVING, DONE, FROZEN)
 _NEVER = -(1 << 62)
 
 
@@ -185,7 +186,7 @@ class Agent:
             leader.boot, leader.epoch = boot, epoch
         if boot != leader.boot or epoch != leader.epoch:
             return
-        if epoch == self.epoch and self.ride is not None and self.phase in (MOVING, DONE):
+        if epoch == self.epoch and self.ride is not None and self.phase in _TAKE_COURSES:
             if revision > self.holds:
                 self._hear_course(self.ride, number, revision, rules, path, motion)
             return
@@ -209,12 +210,16 @@ class Agent:
         path: tuple[int, list[float], list[float], list[float], list[float]],
         motion: tuple[list[float], list[float], list[float], list[float], float],
     ) -> None:
-        """Hold a newer course, if the one that the robot drives leads into it."""
+        """Hold a newer course, if the robot stands at its beginning, or is on its way there."""
         try:
             coming = Ride(self.epoch, rules, path, motion, self._max_speed, self._period)
         except (ValueError, ArithmeticError, IndexError):
             return
-        if ride.leads_into(coming, self.phase == DONE):
+        if self.phase == FROZEN:
+            fits = ride.rests_where(coming)
+        else:
+            fits = ride.leads_into(coming, self.phase == DONE)
+        if fits:
             ride.end_with(coming)
             self._coming, self.next_number, self.holds = coming, number, revision
 
@@ -243,8 +248,13 @@ class Agent:
             return
         if phase == ARMED and not self.clock.is_within(ride.clock_error_ns, now_ns):
             self._disarm(now_ns)
-        if self._coming is not None and phase in _WITH_COURSE:
-            ride = self._on_course(ride, now_ns, x, y, heading)
+        if self._coming is not None:
+            if phase in _WITH_COURSE:
+                ride = self._on_course(ride, now_ns, x, y, heading)
+            elif phase == FROZEN and self._leader.phase == GO:
+                ride.follower.locate(x, y, heading)
+                if ride.rests_where(self._coming) and self._has_begun(self._coming, now_ns):
+                    ride = self._change(ride, self._coming, now_ns)
             phase = self.phase
         if self.phase == IDLE:
             self._try_to_arm(ride, now_ns, x, y, heading)
@@ -375,6 +385,16 @@ class Agent:
             now = inf  # At its goal no plan time passes for a robot that does not know the time.
         if coming is None or not ride.is_over(now):
             return ride
+        return self._change(ride, coming, now_ns)
+
+    def _has_begun(self, coming: Ride, now_ns: int) -> bool:
+        """Return whether a course from where the robot rests has begun, as far as it can know."""
+        if not self.clock.is_within(coming.clock_error_ns, now_ns):
+            return True
+        return self._plan_time(coming, now_ns, 0.0) >= coming.begin
+
+    def _change(self, ride: Ride, coming: Ride, now_ns: int) -> Ride:
+        """Leave a course for the next one, and return that."""
         coming.follow(ride)
         self.ride, self._coming = coming, None
         self.number, self.revision = self.next_number, self.holds
@@ -408,6 +428,8 @@ class Agent:
             self.ride.begin_to_brake()
         elif after in (FROZEN, DONE) and self.ride is not None:
             self._rest(self.ride, after == FROZEN)
+            if after == FROZEN:  # Where a course that has not begun begins is not where it stands.
+                self._coming, self.holds, self.next_number = None, self.revision, self.number
         elif after == MOVING:
             self.fault = NO_FAULT
             self.rest.leave()

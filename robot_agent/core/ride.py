@@ -186,6 +186,13 @@ class Ride:
         differ = abs(self._timeline.v_at(begin) - coming._timeline.v_at(begin))
         return differ <= JOINT_SPEED and abs(turn) <= JOINT_TURN
 
+    def rests_where(self, coming: "Ride") -> bool:
+        """Return whether a robot that has stopped stands where another course begins, at rest."""
+        mine = self.follower
+        if not coming.begins_at_rest() or not mine.off < inf:
+            return False
+        return coming.stands_at_start(*mine.pose())[1] == NO_FAULT
+
     def begins_at_rest(self) -> bool:
         """Return whether the robot may rest where this course begins.
 

@@ -113,6 +113,10 @@ class PathFollower:
         if abs(s - began) < _STILL:
             self._still_at, self._bend_travel = s, -inf
 
+    def pose(self) -> tuple[float, float, float]:
+        """Return the pose [m, m, rad] that was located last."""
+        return self._x, self._y, self._heading
+
     def is_still(self) -> bool:
         """Return whether `locate` changes nothing as long as the pose stays the same."""
         return self._still_at < inf

@@ -35,5 +35,6 @@ TRANSITIONS = {
     (DONE, NEW_EPOCH): IDLE,
     (DONE, NEW_COURSE): MOVING,
     (DONE, LEFT_PATH): FROZEN,
+    (FROZEN, NEW_COURSE): MOVING,
 }
 """(phase, event) -> phase; an event that is not listed for a phase leaves it unchanged."""

@@ -68,8 +68,8 @@ class FailingBody(SimulatedBody):
         before = self._now_ns
         SimulatedBody.step(self, now_ns)
         if self._slide_left:
-            before = now_ns if before is None else before
-            way = min(abs(self._slide_left), self._slide_speed * max(now_ns - before, 0) / 1e9)
+            passed_ns = 0 if before is None or self._now_ns is None else self._now_ns - before
+            way = min(abs(self._slide_left), self._slide_speed * passed_ns / 1e9)
             way = math.copysign(way, self._slide_left)
             self._slide_left -= way
             self.x -= way * math.sin(self._slide_heading)

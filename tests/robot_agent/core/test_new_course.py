@@ -280,3 +280,64 @@ def test_a_robot_told_to_brake_near_a_change_stays_on_its_courses(order, before)
     assert run.agent.phase == (FROZEN if order == FREEZE else MOVING)
     assert run.agent.drive_speed == 0.0
     assert max(abs(y - 2.0) for _, y in run.places) < TRACK
+
+
+def stopped_run(order=None):
+    """A robot that has stopped in the middle of LINE: by a fault of its own, or by an order."""
+    run = on_line()
+    if order is None:
+        run.agent.hear_driver_error(run.own(run.now))
+    else:
+        run.command(order)
+    go_on(run, 2.0)
+    assert run.agent.phase == FROZEN
+    return run
+
+
+def course_from_here(run, aside=0.0, turns="fffff", turned=0.0):
+    x, y, heading = run.body.pose()
+    path = winding_path(turns, begin=(x, y + aside), heading=heading + turned)
+    begin = round(plan_time(run) + 0.3, 3)
+    profile_s, profile_v, *_ = motion_along(Curve(*path).length, SPEED, ACCEL)
+    return path, (profile_s, profile_v, [0.0], [begin + 2.0 * (turned != 0.0)], begin)
+
+
+@pytest.mark.parametrize("turned", [0.0, 2.0])
+def test_a_robot_that_stopped_by_a_fault_goes_on_on_a_course_from_where_it_stands(turned):
+    run = stopped_run()
+    path, motion = course_from_here(run, turned=turned)
+    give_plan(run.agent, path, motion, revision=1)
+    assert (run.agent.phase, run.agent.holds) == (FROZEN, 1)
+    go_on(run, 0.2)
+    assert run.agent.phase == FROZEN
+    go_on(run, 0.3)
+    assert (run.agent.phase, run.agent.revision, run.agent.fault) == (MOVING, 1, 0)
+    go_on(run, Timeline(*motion).finish)
+    assert run.agent.phase == DONE
+    assert math.dist(run.places[-1], place_at(path, Timeline(*motion).length)) < 5e-3
+
+
+def test_a_robot_that_has_stopped_takes_no_course_that_begins_elsewhere():
+    run = stopped_run()
+    path, motion = course_from_here(run, aside=0.1)
+    give_plan(run.agent, path, motion, revision=1)
+    go_on(run, 1.0)
+    assert (run.agent.phase, run.agent.holds) == (FROZEN, 0)
+
+
+def test_a_frozen_fleet_begins_no_course():
+    run = stopped_run(FREEZE)
+    path, motion = course_from_here(run)
+    give_plan(run.agent, path, motion, revision=1)
+    go_on(run, 2.0)
+    assert run.agent.phase == FROZEN
+
+
+def test_a_robot_pushed_away_from_where_its_next_course_begins_stays_there():
+    run = stopped_run()
+    path, motion = course_from_here(run)
+    give_plan(run.agent, path, motion, revision=1)
+    x, y, heading = run.body.pose()
+    run.body.place(x, y + 0.1, heading)
+    go_on(run, 2.0)
+    assert (run.agent.phase, run.agent.revision) == (FROZEN, 0)

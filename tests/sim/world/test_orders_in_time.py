@@ -353,3 +353,37 @@ def test_a_course_that_its_robot_never_takes_is_withdrawn_and_holds_nobody_for_l
     log = read_log(logs.paths[-1])
     assert check_log(log).difference == ""
     assert prove_log(log).holds
+
+
+@pytest.mark.parametrize("skids", [0.0, 0.15])
+def test_a_robot_that_stops_by_a_fault_goes_on_and_nobody_else_is_stopped(tmp_path, skids):
+    logs = RunLogs(tmp_path)
+    world = a_world(queue_of_two(), logs=logs)
+    world.run(7.0)
+    if skids:
+        world.robots["R2"].body.skid(skids)
+    else:
+        world.robots["R2"].service.agent.hear_driver_error(world.now_ns)
+    world.run(200.0)
+    logs.close()
+    assert world.fleet.is_finished
+    assert {states(world)[name] for name in ("ahead", "behind", "beside")} == {ORDER_DONE}
+    assert any(one.text.startswith("R2 stopped") for one in world.fleet.incidents)
+    assert freezes(world) == 0
+    assert nobody_touches(world)
+    log = read_log(logs.paths[-1])
+    assert check_log(log).difference == ""
+    assert prove_log(log).holds
+
+
+def test_a_robot_whose_wheels_stall_for_good_is_driven_around_and_the_fleet_ends(tmp_path):
+    logs = RunLogs(tmp_path)
+    world = a_world(queue_of_two(), faults=["stall:R2@6:900"], logs=logs)
+    world.run(300.0)
+    logs.close()
+    assert world.fleet.is_finished
+    found = states(world)
+    assert (found["behind"], found["beside"], found["ahead"]) == (ORDER_DONE, ORDER_DONE, REFUSED)
+    assert freezes(world) == 0
+    assert nobody_touches(world)
+    assert prove_log(read_log(logs.paths[-1])).holds
