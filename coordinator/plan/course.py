@@ -10,8 +10,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
+import numpy as np
+
 from coordinator.curves.chords import Chords, chords_of
-from coordinator.curves.nurbs import Nurbs
+from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.plan.wire import Driven
 
 _CHORD_ERROR: Final = 5e-4
@@ -33,6 +35,12 @@ class Course:
     def begun(self) -> Course:
         """Return the course of a robot that is known to drive it: it is there, however late."""
         return replace(self, since=0.0)
+
+    @cached_property
+    def box(self) -> Array:
+        """The corners of the box around the course's path, (2, 2) [m]: least and greatest."""
+        points = self.driven.chain.points
+        return np.array([points.min(axis=0), points.max(axis=0)])
 
     @cached_property
     def chords(self) -> Chords:

@@ -51,7 +51,7 @@ _FINER: Final = 5
 """How often a curve is flattened again, each time four times as finely, to bound its length."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Driven:
     """A robot's decoded Plan message: the curve and motion that follow from it, and the message.
 
@@ -67,6 +67,12 @@ class Driven:
     plan: Plan
     chain: Chain
     arc_error: float
+
+    @cached_property
+    def legs(self) -> Array:
+        """The legs of the motion, (6, n): begin, end [s], s [m] and v [m/s] at both."""
+        line = self.timeline
+        return np.array([line.t0, line.t1, line.s0, line.s1, line.v0, line.v1])
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -268,7 +269,7 @@ def _motion(
     junctions = Junctions(tracks, radii, margin, site.terms.tau + TAU_PAD, among=(0,))
     motions = Motions(junctions.lengths())
     for index, one in enumerate(near, start=1):
-        motions.put_line(index, one.driven.timeline)
+        motions.put_legs(index, one.driven.legs)
     departure = Departure(release, math.inf, begin)
     motion = earliest_motion(junctions, motions, 0, departure=departure)
     if motion is None:
@@ -276,11 +277,12 @@ def _motion(
     return _Try(path, release, motion, junctions, near)
 
 
+@lru_cache(maxsize=4_096)
 def _known(course: Course) -> Track:
     return Track(SpeedLimits(course.driven.timeline.length, 1.0, math.inf, ()), course.chords)
 
 
 def _apart(course: Course, low: Array, high: Array) -> float:
-    """Return by how much [m] a course's box and another box are apart, along x or along y."""
-    points = course.chords.points
-    return float(np.maximum(points.min(axis=0) - high, low - points.max(axis=0)).max())
+    """Return by how much [m] a course and another box are apart at least, along x or along y."""
+    apart = float(np.maximum(course.box[0] - high, low - course.box[1]).max())
+    return apart - course.driven.chain.bound

@@ -46,12 +46,11 @@ def course_failures(
 def that_may_meet(course: Course, others: Sequence[Course], margin: float) -> list[Course]:
     """Return the other courses whose boxes come as near as matters to that of a course."""
     found = []
-    low, high = course.driven.chain.points.min(axis=0), course.driven.chain.points.max(axis=0)
+    mine = course.driven
+    low, high = course.box
     for other in others:
-        points = other.driven.chain.points
-        need = course.driven.radius + other.driven.radius + margin
-        need += course.driven.chain.bound + other.driven.chain.bound
-        apart = np.maximum(points.min(axis=0) - high, low - points.max(axis=0))
-        if apart.max() < need:
+        need = mine.radius + other.driven.radius + margin
+        need += mine.chain.bound + other.driven.chain.bound
+        if np.maximum(other.box[0] - high, low - other.box[1]).max() < need:
             found.append(other)
     return found

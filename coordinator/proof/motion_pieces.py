@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -36,6 +37,9 @@ acceleration [m/s^2]."""
 
 _TIME, _X, _Y, _S = range(4)
 """Columns of nodes (m, 4): time [s], place [m] and exact arc length [m]."""
+
+_KEPT: Final = 2_048
+"""Of so many courses the legs and pieces are kept."""
 
 _ROUNDS: Final = 24
 _MOST_PARTS: Final = 64.0
@@ -78,22 +82,41 @@ class Flights:
 
     def __init__(self, driven: Sequence[Driven], part: Part | None = None) -> None:
         self.driven = driven
-        spans = [(0.0, math.inf)] * len(driven) if part is None else part.spans
-        begins = [begin for begin, _ in spans]
+        self._spans = [(0.0, math.inf)] * len(driven) if part is None else list(part.spans)
+        begins = [begin for begin, _ in self._spans]
         self.finish = 1.0 + max([*(one.timeline.finish for one in driven), *begins])
         self.asked = np.ones(len(driven), np.bool_) if part is None else np.array(part.asked)
-        parts = [
-            _legs(one, begin, min(end, self.finish))
-            for one, (begin, end) in zip(driven, spans, strict=True)
-        ]
+        parts, self._sizes, self._parks = [], [], []
+        for one, (begin, end) in zip(driven, self._spans, strict=True):
+            legs, parked = _driving_legs(one, begin, end), _parked_leg(one, begin, end, self.finish)
+            self._parks.append(parked is not None)
+            self._sizes.append(len(legs) + (parked is not None))
+            parts += [legs] if parked is None else [legs, parked]
         self._legs = np.concatenate(parts)
-        self._robot = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+        self._robot = np.repeat(np.arange(len(driven)), self._sizes)
         self._noise = _ARC_ERRORS * np.array([one.arc_error for one in driven])
+        self._is_part = part is not None
 
     def pieces(self, tolerance: float) -> Pieces:
-        """Return all motions in pieces; `tolerance` [m] bounds their deviation as in `split`."""
-        legs = np.arange(len(self._legs))
-        ends = self._nodes(np.repeat(legs, 2), self._legs[:, (_LEG_BEGIN, _LEG_END)].ravel())
+        """Return all motions in pieces; `tolerance` [m] bounds their deviation as in `split`.
+
+        For a part of a fleet's motions those of each robot are kept: most courses with which a new
+        one is compared have been compared with another one before.
+        """
+        if not self._is_part:
+            return self._pieces_of(np.arange(len(self._legs)), tolerance)
+        spans = zip(self.driven, self._spans, strict=True)
+        own = [_own_pieces(one, begin, end, tolerance) for one, (begin, end) in spans]
+        ends: Indices = np.cumsum(self._sizes)
+        parked = self._pieces_of(ends[np.array(self._parks)] - 1, tolerance)
+        robot = np.repeat(np.arange(len(own)), [len(one.rows) for one in own])
+        leg = np.concatenate([one.leg for one in own]) + (ends - self._sizes)[robot]
+        rows = np.concatenate([*(one.rows for one in own), parked.rows])
+        robot, leg = np.concatenate((robot, parked.robot)), np.concatenate((leg, parked.leg))
+        return Pieces(rows, robot, leg).pick(np.argsort(robot, kind="stable"))
+
+    def _pieces_of(self, legs: Indices, tolerance: float) -> Pieces:
+        ends = self._nodes(np.repeat(legs, 2), self._legs[legs][:, (_LEG_BEGIN, _LEG_END)].ravel())
         return self.split(self._pieces(ends, legs, np.arange(0, 2 * len(legs), 2)), tolerance)[0]
 
     def split(self, pieces: Pieces, tolerance: float) -> tuple[Pieces, Indices]:
@@ -166,21 +189,37 @@ class Flights:
         return Pieces(rows, robot, leg)
 
 
-def _legs(driven: Driven, begin: float, finish: float) -> Array:
-    """Return the legs (n, 5) of a motion in a span of time [s], with a leg for each rest."""
-    line = driven.timeline
-    t0, t1, s0 = np.array(line.t0), np.array(line.t1), np.array(line.s0)
-    v0, v1 = np.array(line.v0), np.array(line.v1)
+@lru_cache(maxsize=_KEPT)
+def _own_pieces(driven: Driven, begin: float, end: float, tolerance: float) -> Pieces:
+    """Return the pieces of one robot, without those after its arrival; legs from 0 on."""
+    alone = Flights((driven,), None)
+    alone._legs = _driving_legs(driven, begin, end)
+    alone._robot = np.zeros(len(alone._legs), np.int64)
+    return alone._pieces_of(np.arange(len(alone._legs)), tolerance)
+
+
+@lru_cache(maxsize=_KEPT)
+def _driving_legs(driven: Driven, begin: float, end: float) -> Array:
+    """Return the legs (n, 5) of a motion in a span of time [s] until its robot has arrived.
+
+    There is a leg for each rest on the way.
+    """
+    t0, t1, s0, _, v0, v1 = driven.legs
     driving = np.column_stack((t0, t1, s0, v0, (v1 - v0) / (t1 - t0)))
     still = np.zeros(len(t0))
     since = np.concatenate(([min(begin, t0[0])], t1[:-1]))
     resting = np.column_stack((since, t0, s0, still, still))
     legs = np.stack((resting, driving), axis=1).reshape(-1, 5)
-    parked = (line.finish, max(finish, line.finish), line.length, 0.0, 0.0)
-    legs = np.vstack((legs, parked))
     missed = np.clip(begin - legs[:, _LEG_BEGIN], 0.0, None)
     legs[:, _LEG_S] += missed * (legs[:, _LEG_V] + 0.5 * legs[:, _LEG_RATE] * missed)
     legs[:, _LEG_V] += legs[:, _LEG_RATE] * missed
     legs[:, _LEG_BEGIN] += missed
-    legs[:, _LEG_END] = np.minimum(legs[:, _LEG_END], finish)
+    legs[:, _LEG_END] = np.minimum(legs[:, _LEG_END], end)
     return legs[legs[:, _LEG_BEGIN] < legs[:, _LEG_END]]
+
+
+def _parked_leg(driven: Driven, begin: float, end: float, finish: float) -> Array | None:
+    """Return the leg (1, 5) of a robot at its goal, until it leaves, or until `finish` [s]."""
+    line = driven.timeline
+    since, until = max(line.finish, begin), min(end, finish)
+    return np.array([[since, until, line.length, 0.0, 0.0]]) if since < until else None

@@ -6,11 +6,13 @@ Decides: which pairs have a staircase, and how fine it is.  Must not know: who d
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
-from coordinator.curves.chords import chords_of
+from coordinator.curves.chords import Chords, chords_of
+from coordinator.curves.nurbs import Nurbs
 from coordinator.plan.staircases import Staircases
 from coordinator.plan.wire import Driven, PackedPlan
 from coordinator.schedule.conflict_zones import find_zones
@@ -26,6 +28,9 @@ _TOLERANCE: Final = 20
 
 _CHORD_ERROR: Final = 1e-3
 """How far [m] chords may lie off their paths here; staircases ask for that much more distance."""
+
+_KEPT: Final = 4_096
+"""Of so many paths the chords are kept: each new course is compared with the same others."""
 
 STANDOFF: Final = 0.005
 """How much more distance [m] than the margin staircases ask for: a robot that stands at the end of
@@ -54,7 +59,7 @@ def staircases_of(
     `among`: only pairs with at least one of these robots (indices).  `since` [s]: from when motions
     count, by default from their beginnings.
     """
-    paths = [chords_of(one.curve, _CHORD_ERROR) for one in driven]
+    paths = [_chords_of(one.curve) for one in driven]
     radii = np.array([one.radius for one in driven])
     errors = np.array([path.error for path in paths])
     zones = find_zones(paths, radii, margin, among=among)
@@ -86,13 +91,15 @@ def staircases_of(
     )
 
 
+@lru_cache(maxsize=_KEPT)
+def _chords_of(curve: Nurbs) -> Chords:
+    return chords_of(curve, _CHORD_ERROR)
+
+
 def _legs_of(driven: Sequence[Driven], since: Sequence[float] | None) -> Legs:
-    lines = [one.timeline for one in driven]
-    names = ("t0", "t1", "s0", "s1", "v0", "v1")
-    columns = {
-        name: np.concatenate([np.array(getattr(line, name)) for line in lines]) for name in names
-    }
+    legs = np.concatenate([one.legs for one in driven], axis=1)
+    columns = dict(zip(("t0", "t1", "s0", "s1", "v0", "v1"), legs, strict=True))
     begins = [0.001 * one.plan.begin_ms for one in driven] if since is None else since
     return Legs(
-        np.cumsum([0, *(len(line.t0) for line in lines)]), since=np.array(begins), **columns
+        np.cumsum([0, *(one.legs.shape[1] for one in driven)]), since=np.array(begins), **columns
     )

@@ -14,7 +14,6 @@ import numpy.typing as npt
 from coordinator.curves.nurbs import Array
 from coordinator.motion.velocity_profile import Motion
 from coordinator.schedule.forbidden_interval_kernels import Timetable
-from protocol.timeline import Timeline
 
 _KNOTS = 32
 _SERIALS = itertools.count(1)
@@ -37,13 +36,10 @@ class Motions:
         if motion is not None:
             self._set(index, motion.knots_s, motion.knots_w, motion.knots_t)
 
-    def put_line(self, index: int, line: Timeline) -> None:
-        """Set a robot's motion to one that it was sent, which does not change."""
+    def put_legs(self, index: int, legs: Array) -> None:
+        """Set a robot's motion to one that it was sent; `legs` (6, n) as Driven has them."""
         self.table.serial[index], self.placed[index] = next(_SERIALS), True
-        s, v, t = (
-            np.column_stack((getattr(line, one), getattr(line, other))).ravel()
-            for one, other in (("s0", "s1"), ("v0", "v1"), ("t0", "t1"))
-        )
+        t, s, v = legs.reshape(3, 2, -1).swapaxes(1, 2).reshape(3, -1)
         self._set(index, s, v * v, t)
 
     def _set(self, index: int, s: Array, w: Array, t: Array) -> None:
