@@ -30,6 +30,9 @@ STUCK_MS: Final = 10_000
 ROOM: Final = 0.1
 """Tolerance [m]: a robot beyond the end of its authority by no more than this has not passed it."""
 
+LATE_MS: Final = 1_500
+"""A robot that is known to be behind its course by this much is late, and not only its reports."""
+
 _STEPS: Final = 2
 """A robot gets on when its known progress has grown by this many steps of lateness."""
 
@@ -428,6 +431,15 @@ class Grants:
         late = (now_ms - self._got_on_ms > STUCK_MS) & ~self._done & (self._numbers >= 0)
         late[[one.next.slot for one in self._courses.values() if one.next is not None]] = False
         return [self._name(slot) for slot in np.flatnonzero(late).tolist()]
+
+    def late(self, now_ms: int) -> dict[str, float]:
+        """Return how late [s] robots are at a plan time [ms], those that are by LATE_MS or more."""
+        found = {}
+        for name, mine in self._courses.items():
+            behind_ms = now_ms - int(self._rule.progress[mine.now.slot])
+            if behind_ms >= LATE_MS and mine.now.begin_ms < now_ms:
+                found[name] = behind_ms / 1000.0
+        return found
 
     def excuse(self, lost_ms: int) -> None:
         """Take in that for so long [ms] robots could not get on, or could not be heard."""

@@ -309,10 +309,11 @@ class Dispatcher:
         goal, via = _apart((x, y), task.order.via, task.order.goal)
         wanted = replace(self._robots[robot], start=start, goal=goal, via=via, path=None)
         others = [one for one in fleet.grants.possible() if one.driven.id != robot]
+        late = fleet.grants.late(fleet.times.plan_ms(now_ns))
         way, site = self._ways.get(task.order.id), self.obstructions.site_for(robot, (x, y))
         self._asked[request] = _Asked(
             site,
-            Wish(wanted, heading, number, revision, begin_ms, delay),
+            Wish(wanted, heading, number, revision, begin_ms, delay, late),
             tuple(others),
             (() if way is None else (way,)) if task.makes_room else None,
             len(self._committed),

@@ -11,8 +11,8 @@ asked, clocks, messages.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Final
 
@@ -52,6 +52,12 @@ _LONG: Final = 1.0
 _WORTH: Final = 0.2
 """How much quicker [s] a detour has to be."""
 
+_TIMES: Final = np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [0.0]])
+"""Which rows of Driven.legs are times."""
+
+_OVERLAP: Final = 1.8
+_MOST_COPIES: Final = 16
+
 _LANE_ROOM: Final = 0.01
 _SPACING: Final = 0.25
 _MOST_DISCS: Final = 60
@@ -79,7 +85,8 @@ class Wish:
     """Where a robot at rest is wanted: `robot` has its place as start, and its goal.
 
     The course has this `number` and `revision`, and begins at plan time `begin_ms`.  The robot
-    faces `heading` [rad], and it rests `delay` [s] later.
+    faces `heading` [rad], and it rests `delay` [s] later.  `late`: how late [s] others are.  The
+    robot goes ahead of them as they were planned, and behind them as late as they are.
     """
 
     robot: Robot
@@ -88,6 +95,7 @@ class Wish:
     revision: int
     begin_ms: int
     delay: float = 0.0
+    late: Mapping[str, float] = field(default_factory=dict)
 
     def to(self, goal: Pose) -> Wish:
         """Return the same wish with another goal."""
@@ -111,6 +119,8 @@ class Proposal:
 @dataclass(frozen=True, eq=False)
 class _Try:
     """A path with its earliest motion among others, the robot being 0 and near[k] k + 1.
+
+    Robots that are late are in `near` several times.
 
     The robot may leave its start at `release` [s].
     """
@@ -155,7 +165,12 @@ def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
 
 def _earliest(site: Site, wish: Wish, others: Sequence[Course]) -> _Try:
     """Return the path on which the robot arrives first: the shortest one, or a detour."""
-    best = _try(site, wish, others, NO_DISCS)
+    try:
+        best = _try(site, wish, others, NO_DISCS)
+    except PlanError:
+        if not wish.late:
+            raise
+        return _earliest(site, replace(wish, late={}), others)
     for _ in range(_DETOURS):
         discs = _conflict_discs(wish.robot, best)
         if discs is None:
@@ -173,9 +188,8 @@ def _earliest(site: Site, wish: Wish, others: Sequence[Course]) -> _Try:
 def _try(site: Site, wish: Wish, others: Sequence[Course], discs: Array) -> _Try:
     """Return a path that avoids discs (k, 3) [m], and its earliest motion."""
     path = _path(site, wish.robot, others, discs)
-    begin = 0.001 * wish.begin_ms
-    release = begin + wish.delay + _turning(path, wish)
-    return _motion(site, wish.robot, path, others, begin, release)
+    release = 0.001 * wish.begin_ms + wish.delay + _turning(path, wish)
+    return _motion(site, wish, path, others, release)
 
 
 def _conflict_discs(robot: Robot, found: _Try) -> Array | None:
@@ -245,18 +259,12 @@ def _turning(path: Nurbs, wish: Wish) -> float:
     return abs(turn) / wish.robot.max_turn_rate + _TURN_TIME if abs(turn) > 0.01 else 0.0
 
 
-def _motion(
-    site: Site,
-    robot: Robot,
-    path: Nurbs,
-    others: Sequence[Course],
-    begin: float,
-    release: float,
-) -> _Try:
+def _motion(site: Site, wish: Wish, path: Nurbs, others: Sequence[Course], release: float) -> _Try:
     """Return the earliest motion of a robot that may leave at `release` [s].
 
-    The robot stands at its start from `begin` [s] on.
+    The robot stands at its start before.
     """
+    robot = wish.robot
     track, margin = _track(site, robot, path), site.terms.margin + NEED_PAD
     low, high = track.chords.points.min(axis=0), track.chords.points.max(axis=0)
     near = [
@@ -264,17 +272,29 @@ def _motion(
         for one in others
         if _apart(one, low, high) < robot.radius + one.driven.radius + margin + 0.01
     ]
+    copies = [(one, delay) for one in near for delay in _delays(site, wish, one)]
+    near = [one for one, _ in copies]
     tracks = [track, *(_known(one) for one in near)]
     radii = [robot.radius, *(one.driven.radius for one in near)]
     junctions = Junctions(tracks, radii, margin, site.terms.tau + TAU_PAD, among=(0,))
     motions = Motions(junctions.lengths())
-    for index, one in enumerate(near, start=1):
-        motions.put_legs(index, one.driven.legs)
-    departure = Departure(release, math.inf, begin)
+    for index, (one, delay) in enumerate(copies, start=1):
+        motions.put_legs(index, one.driven.legs + delay * _TIMES)
+    departure = Departure(release, math.inf, 0.001 * wish.begin_ms)
     motion = earliest_motion(junctions, motions, 0, departure=departure)
     if motion is None:
         raise PlanError("has no way among the others, whenever it sets out", robot.id)
     return _Try(path, release, motion, junctions, near)
+
+
+def _delays(site: Site, wish: Wish, other: Course) -> list[float]:
+    """Return by how much [s] copies of a course are put off, so that nobody goes between them.
+
+    Each copy keeps others away for tau before and after it.
+    """
+    late = wish.late.get(other.driven.id, 0.0)
+    count = min(math.ceil(late / (_OVERLAP * site.terms.tau)), _MOST_COPIES)
+    return list(np.linspace(0.0, late, count + 1))
 
 
 @lru_cache(maxsize=4_096)

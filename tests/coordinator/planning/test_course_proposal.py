@@ -1,5 +1,6 @@
 """A new course for one robot among the courses of all others, held against dense sampling."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -154,3 +155,31 @@ def test_a_late_robot_is_not_proven_through_one_that_stands_where_its_course_beg
     late = propose(site, wish("R1", (8.0, 3.0), 80_000), [leaves]).course
     times = np.arange(80.0, 130.0, STEP)
     assert np.hypot(*(places(late, times) - places(leaves, times)).T).min() >= 0.45
+
+
+@pytest.mark.parametrize("late", [0.0, 12.0])
+def test_a_robot_goes_behind_a_late_one_as_late_as_that_is(late):
+    robots = [a_robot("R1", (5.0, 1.0), (5.0, 2.0)), a_robot("R2", (1.0, 4.0), (9.0, 4.0))]
+    site, courses, known = a_site(a_scenario(robots))
+    robot = replace(known["R1"], start=courses["R1"].goal, goal=(5.0, 6.0), via=())
+    begin_ms = math.ceil(1000.0 * courses["R1"].driven.timeline.finish) + 300
+    wish = Wish(robot, math.pi / 2, 8, 1, begin_ms, late={"R2": late} if late else {})
+    found = propose(site, wish, [courses["R2"]])
+    assert_keeps_apart(found, [courses["R2"]], site.terms.tau, site.terms.margin)
+    mine, his = found.course.driven.timeline, courses["R2"].driven.timeline
+    times = np.arange(0.0, mine.finish, STEP)
+    late_places = places(courses["R2"], np.maximum(times - late, 0.0))
+    apart = np.hypot(*(places(found.course, times) - late_places).T)
+    assert apart[times >= begin_ms / 1000.0].min() >= 0.4
+    assert (mine.finish < his.finish) == (late == 0.0)
+
+
+def test_a_robot_that_finds_no_way_behind_a_late_one_is_planned_as_if_that_were_on_time():
+    robots = [a_robot("R1", (1.0, 1.0), (1.0, 2.0)), a_robot("R2", (1.0, 4.0), (9.0, 4.0))]
+    site, courses, known = a_site(a_scenario(robots))
+    line = courses["R1"].driven.timeline
+    robot = replace(known["R1"], start=courses["R1"].goal, goal=(1.0, 3.5), via=())
+    wish = Wish(robot, math.pi / 2, 8, 1, math.ceil(1000.0 * line.finish) + 300)
+    on_time = propose(site, wish, [courses["R2"]]).course.driven.timeline.finish
+    never = propose(site, dataclasses.replace(wish, late={"R2": 1e6}), [courses["R2"]])
+    assert never.course.driven.timeline.finish < on_time + 1.0
