@@ -89,11 +89,18 @@ def summarise(
     return summary
 
 
-def courses_of(log: Log, folders: Iterable[Path]) -> dict[str, TrueCourse]:
-    """Return those black boxes of a log's robots that are in these folders."""
+def courses_of(
+    log: Log, folders: Iterable[Path], before: Sequence[Log] = ()
+) -> dict[str, TrueCourse]:
+    """Return those black boxes of a log's robots that are in these folders.
+
+    before: the logs that this one resumes from, oldest first.
+    """
     places = (keys.split(key) for key in {record.key for record in log.records})
     robots = {place[2] for place in places if place is not None and place[1] == "report"}
-    return courses_in(folders, sorted(robots))
+    lag_ns = clock_lag(log)
+    go_ns = first_go([*before, log], lag_ns)
+    return courses_in(folders, sorted(robots), None if go_ns is None else go_ns - lag_ns)
 
 
 class _Telling:
