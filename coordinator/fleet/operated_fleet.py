@@ -110,6 +110,7 @@ class OperatedFleet(FleetState):
             if why:
                 self.orders.end(task, REFUSED, f"{join.robot} {why}")
             else:
+                self.orders.tasks.pop(f"{LEAVE}{join.robot}", None)  # Nothing may say so again.
                 task.joins = robot
                 self.members[join.robot] = Member(
                     id=join.robot,
