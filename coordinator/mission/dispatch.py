@@ -336,7 +336,7 @@ class Dispatcher:
         """Ask for the first course of a robot that joins: to rest where it stands."""
         fleet = self._fleet
         self._serial += 1
-        begin_ms, number = fleet.times.plan_ms(now_ns) + _LEAD_MS, fleet.grants.reserve()
+        number, begin_ms = fleet.grants.reserve(), max(fleet.times.plan_ms(now_ns) + _LEAD_MS, 1)
         request = CourseRequest(self._serial, task.order.id, robot.id, number, 0, begin_ms)
         x, y, *heading = robot.start
         self._robots[robot.id] = robot

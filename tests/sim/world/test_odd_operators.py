@@ -112,6 +112,29 @@ def test_a_join_can_be_cancelled_and_asked_for_again():
     assert states(world)["join-R9"] == ORDER_DONE
 
 
+def test_a_robot_that_joins_and_is_never_heard_is_lost_and_holds_up_no_end():
+    world = a_hall()
+    say = operator(world)
+    say(R9)
+    world.run(0.5)
+    say(R9)
+    world.run(80.0)
+    assert states(world) == {"join-R9": REFUSED}
+    assert "was not heard" in reasons(world)["join-R9"]
+    assert world.fleet.members["R9"].lost
+    say(Said(9, "there", (10.0, 3.0)))
+    world.run(10.0)
+    assert reasons(world)["there"] == "waits for R9"
+    say(Leave(9, "R9"))
+    world.run(30.0)
+    assert states(world)["there"] == ORDER_DONE
+    say(replace(R9, place=(3.0, 3.0, 0.0)))
+    world.run(2.0)
+    say(Tell(9, END))
+    world.run(100.0)
+    assert world.fleet.phase == OVER
+
+
 def test_a_name_of_32_characters_joins_and_leaves():
     name, world = 32 * "x", a_hall()
     say = operator(world)
