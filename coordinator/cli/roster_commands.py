@@ -48,7 +48,7 @@ def join(
     patience: Patience = 60.0,
     keys: Keys = None,
 ) -> None:
-    """Take a robot into a running fleet; its program may start before or after.
+    """Take a robot into a running fleet; start its program while this command waits for it.
 
     Its place has to be clear of everybody's course.  The exit code is 1 if it cannot join, or has
     not joined within --patience.

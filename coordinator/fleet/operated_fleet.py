@@ -121,6 +121,8 @@ class OperatedFleet(FleetState):
                     planned=False,
                     is_new=True,
                 )
+                x, y = robot.start[:2]
+                self._tell(now_ns, "order", join.robot, f"{join.robot} joins at ({x:g}, {y:g})")
         return [self._order_state(task.message()), *self.order_states()]
 
     def _why_not_join(self, join: Join) -> str:
