@@ -341,8 +341,8 @@ def plot(
     """Draw the floor with paths, crossings and stops, and the distance-time diagram.
 
     A line around each obstacle is its outline grown by radius + margin; no robot's centre may
-    cross it.  Of a log, the plan of the last epoch is drawn, with the courses that robots got since.  An .html file is the page of
-    `splinefleet view`, which plays the plan or the log.
+    cross it.  Of a log, the plan of the last epoch is drawn, with the courses that robots got
+    since.  An .html file is the page of `splinefleet view`, which plays the plan or the log.
 
     Example: splinefleet plot plan.json -o plan.svg --robots R1,R3
     """

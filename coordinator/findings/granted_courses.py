@@ -135,6 +135,7 @@ class GrantedCourses(Granted):
         self.leave(robot)
         self._ways.pop(robot, None)
         self._around.pop(robot, None)
+        self._rests.pop(robot, None)
         self._radius.pop(robot, None)
         self._limits.pop(robot, None)
 
