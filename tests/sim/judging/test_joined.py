@@ -4,11 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from typer.testing import CliRunner
 
+from coordinator.cli.log_commands import commands as exports
 from coordinator.findings.info import courses_of, summarise
+from coordinator.findings.plans_from_messages import in_force
 from coordinator.log.log_file import read_log
-from coordinator.plan.plan_file import to_json
+from coordinator.plan.plan_file import from_json, to_json
 from coordinator.planning.planner import plan_scenario
 from protocol import keys
 from protocol.codec import decode, encode
@@ -23,7 +26,7 @@ from sim.world.virtual_fleet import World
 from tests.scenarios import a_robot, a_scenario
 from tests.sim.world.test_orders_in_time import PERIOD_NS
 
-LEFT_S, BACK_S = 40.0, 42.0
+LEFT_S = 40.0
 
 
 @pytest.fixture(scope="module")
@@ -158,3 +161,46 @@ def starts_in(folder):
         if record.key.endswith("/command")
     ]
     return {one.start_ns for one in said if isinstance(one, Command) and one.phase == GO}
+
+
+def test_what_a_log_is_exported_to_has_the_robots_that_joined(run, tmp_path):
+    log = run / "run.mcap"
+    answer = {}
+    for to, name in (("csv", "o.csv"), ("foxglove", "o.mcap"), ("vda5050", "orders")):
+        done = CliRunner().invoke(exports, ["export", str(log), "--to", to, "-o", tmp_path / name])
+        assert done.exit_code == 0, done.output
+        answer[to] = done
+    rows = [line.split(",") for line in (tmp_path / "o.csv").read_text().splitlines()[1:]]
+    joined = [row for row in rows if row[0] == "R9"]
+    assert [float(joined[0][k]) for k in (2, 3)] == pytest.approx([10.0, 3.0], abs=1e-3)
+    assert [float(joined[-1][k]) for k in (2, 3)] == pytest.approx([1.5, 5.0], abs=1e-3)
+    assert b"points/robots/R9" in (tmp_path / "o.mcap").read_bytes()
+    assert {path.stem for path in (tmp_path / "orders").iterdir()} == {"R1", "R2"}  # R9 has left.
+
+
+def test_the_newest_courses_of_a_log_are_those_of_the_robots_that_are_there(run):
+    document = from_json((run / "plan.json").read_bytes(), "plan.json")
+    log = read_log(run / "run.mcap")
+    left = next(k for k, one in enumerate(log.records) if one.key.endswith("/leave-R9"))
+    before = replace(log, records=log.records[:left])
+    robots = {one.id: one for one in in_force(document, document, [before]).robots}
+    assert set(robots) == {"R1", "R2", "R9"}
+    assert robots["R9"].path.control_points[-1] == pytest.approx((1.5, 5.0))
+    assert robots["R9"].radius == 0.25
+    assert robots["R2"] == document.robot("R2")
+    after = in_force(document, document, [log])
+    assert {one.id for one in after.robots} == {"R1", "R2"}
+    assert after.proof is None
+    assert in_force(document, document, []) == document
+
+
+def test_nobody_is_near_a_robot_that_has_left(copy):
+    head, *rows = rows_of(copy, "R9")
+    x, y = rows_of(copy, "R2")[-1][1:3]
+    rows = [row for row in rows if float(row[0]) < 44.0]
+    put = [["44.0", *rows[-1][1:6], "44.0"], ["45.0", x, y, *rows[-1][3:6], "45.0"]]
+    write_rows(copy, "R9", [head, *rows, *put])
+    log = read_log(copy / "run.mcap")
+    told = summarise(log, courses_of(log, [copy / "blackbox"]))["robots"]
+    assert told["R9"]["nearest"]["distance"] > 0.5
+    assert told["R9"]["nearest"]["t"] < LEFT_S + 0.3
