@@ -193,12 +193,11 @@ class OrderBook:
         A robot without an order, which is on its way to `goal`, gets one of the coordinator's own.
         """
         task = self.of_robot(robot)
-        if task is None:
+        self.put_back(robot)
+        if task is None or task.is_over:
             self._made_room += 1
             order = Order(id=f"{_WAY}{self._made_room}", robot=robot, goal=goal)
             task = self.give(order, now_ms)
-        else:
-            self.put_back(robot)
         task.robot, task.is_urgent, task.reason = robot, True, f"goes around {what}"
 
     def room_for(self, robot: str, goal: Pose, whose: str, now_ms: int) -> Task:
@@ -242,9 +241,14 @@ class OrderBook:
             room.reason, room.is_urgent = f"leaves {task.order.id}", True
 
     def put_back(self, robot: str) -> None:
-        """Let the order that a robot does wait again: the robot is sent elsewhere."""
+        """Let the order that a robot does wait again: the robot is sent elsewhere.
+
+        One that was joining has joined.
+        """
         task = self.of_robot(robot)
-        if task is not None:
+        if task is not None and task.joins is not None:
+            self.end(task, ORDER_DONE)
+        elif task is not None:
             task.state, task.accepted_ms = WAITING, None
             task.planned_arrival_ms = task.arrived_ms = None
             task.robot = task.order.robot

@@ -135,6 +135,22 @@ def test_a_robot_that_joins_and_is_never_heard_is_lost_and_holds_up_no_end():
     assert world.fleet.phase == OVER
 
 
+def test_a_robot_upon_which_a_place_is_closed_while_it_joins_has_joined():
+    world = a_hall()
+    say = operator(world)
+    world.run(2.0)
+    world.add("R9", 0.25, 0.8, 77)
+    say(R9)
+    while "join-R9" not in states(world) or states(world)["join-R9"] == WAITING:
+        world.run(0.1)
+    say(Block(9, "here", ((9.5, 2.5), (10.5, 2.5), (10.5, 3.5), (9.5, 3.5))))
+    world.run(30.0)
+    assert states(world)["join-R9"] == ORDER_DONE
+    say(Said(9, "out", (3.0, 5.0), robot="R9"))
+    world.run(40.0)
+    assert states(world)["out"] == ORDER_DONE
+
+
 def test_a_name_of_32_characters_joins_and_leaves():
     name, world = 32 * "x", a_hall()
     say = operator(world)
