@@ -68,8 +68,9 @@ def observer_rights(fleet: str) -> Rights:
 def operator_rights(fleet: str, robots: Iterable[str]) -> Rights:
     """Return the rights of an operator: to admit robots, to give orders, to receive the outcome.
 
-    Its keys contain no wildcard for the robot: Zenoh 1.10 crashes when it forwards a key longer
-    than 65,535 bytes.
+    It may subscribe to every fleet's answers, because it may not know its fleet's name yet, but
+    receives only this fleet's.  Its keys contain no wildcard for the robot: Zenoh 1.10 crashes when
+    it forwards a key longer than 65,535 bytes.
     """
     hears = (
         keys.command(fleet),
@@ -77,11 +78,15 @@ def operator_rights(fleet: str, robots: Iterable[str]) -> Rights:
         keys.orders(fleet, "*"),
         keys.blocks(fleet, "*"),
     )
+    every = (
+        keys.command(_EVERY_FLEET),
+        *(kind(_EVERY_FLEET, "*") for kind in (keys.plan, keys.orders, keys.blocks)),
+    )
     admits = (keys.admit(fleet, robot) for robot in robots)
     return Rights(
         puts=(*admits, keys.order(fleet), keys.tell(fleet), keys.block(fleet), keys.roster(fleet)),
         asks=(keys.orders(fleet, "*"), keys.blocks(fleet, "*")),
-        subscribes=(*hears, keys.command(_EVERY_FLEET), keys.plan(_EVERY_FLEET, "*")),
+        subscribes=(*hears, *every),
         hears=hears,
     )
 

@@ -17,6 +17,9 @@ dots alone is refused because `.` and `..` are folders that exist already."""
 _OF_A_FLEET: Final = ("command", "order", "tell", "block", "roster")
 _OF_ONE: Final = ("hello", "plan", "report", "clock", "alive", "admit", "orders", "blocks")
 
+_ORDER: Final = re.compile(r"[A-Za-z0-9_.-]{1,38}")
+"""The name of an order; those of the coordinator's own, such as `leave-ROBOT`, may be longer."""
+
 NAME_IN_WORDS: Final = "1 to 32 of A-Z a-z 0-9 _ . -, not dots alone"
 
 
@@ -92,7 +95,11 @@ def split(key: str) -> tuple[str, str, str] | None:
     The last part is empty for keys that name neither.
     """
     parts = key.split("/")
-    if parts[0] != ROOT or not all(NAME.fullmatch(part) for part in parts[1:]):
+    if len(parts) == 4 and parts[2] == "orders" and _ORDER.fullmatch(parts[3]):
+        names = parts[1:2]
+    else:
+        names = parts[1:]
+    if parts[0] != ROOT or not all(NAME.fullmatch(name) for name in names):
         return None
     if len(parts) == 3 and parts[2] in _OF_A_FLEET:
         return parts[1], parts[2], ""

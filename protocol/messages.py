@@ -27,6 +27,12 @@ MOST_WANTED: Final = 60
 MOST_VIAS: Final = 50
 """An order names at most this many places to pass."""
 
+FARTHEST: Final = 8_000.0
+"""No coordinate [m] is farther from 0, because float32 is coarser than 0.5 mm there."""
+
+MOST_PRIORITY: Final = 2**31 - 1
+"""The priority of an order is between this and its negative."""
+
 MOST_NUMBER: Final = 2**32 - 1
 """The greatest number that a course of an epoch can have."""
 
@@ -220,7 +226,8 @@ class Clock(msgspec.Struct, frozen=True, array_like=True, tag=5):
 
 
 OrderId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}(?!\n)$")]
-Spot = tuple[float, float]
+Coordinate = Annotated[float, msgspec.Meta(ge=-FARTHEST, le=FARTHEST)]
+Spot = tuple[Coordinate, Coordinate]
 
 
 class Order(msgspec.Struct, frozen=True, array_like=True, tag=10):
@@ -235,11 +242,11 @@ class Order(msgspec.Struct, frozen=True, array_like=True, tag=10):
 
     boot: Counter
     id: OrderId
-    goal: Annotated[tuple[float, ...], msgspec.Meta(min_length=2, max_length=3)]
+    goal: Annotated[tuple[Coordinate, ...], msgspec.Meta(min_length=2, max_length=3)]
     robot: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{0,32}(?!\n)$")] = ""
     via: Annotated[tuple[Spot, ...], msgspec.Meta(max_length=MOST_VIAS)] = ()
     dwell_ms: Counter = 0
-    priority: Annotated[int, msgspec.Meta(ge=-(2**31), le=2**31 - 1)] = 0
+    priority: Annotated[int, msgspec.Meta(ge=-(2**31), le=MOST_PRIORITY)] = 0
     now: bool = False
 
 
@@ -288,7 +295,7 @@ class Join(msgspec.Struct, frozen=True, array_like=True, tag=16):
 
     boot: Counter
     robot: RobotId
-    place: tuple[float, float, float]
+    place: tuple[Coordinate, Coordinate, Coordinate]
     radius_m: Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
     max_speed_mps: Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
     max_accel_mps2: Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)] = 0.0
@@ -313,7 +320,7 @@ class OrderState(msgspec.Struct, frozen=True, array_like=True, tag=13):
     with nobody else on the floor.  `reason`: for whom it waits, or why it was refused or cancelled.
     """
 
-    id: OrderId
+    id: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,38}(?!\n)$")]
     state: Annotated[int, msgspec.Meta(ge=0, le=4)]
     robot: str = ""
     released_ms: int | None = None

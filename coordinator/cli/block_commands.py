@@ -16,12 +16,15 @@ from coordinator.cli.order_commands import name_of, numbers_of
 from coordinator.cli.plan_commands import Json
 from coordinator.service.key_option import Keys
 from protocol import keys as places
-from protocol.messages import Block, Command, Unblock
+from protocol.messages import Block, Unblock
 
 commands = typer.Typer()
 
 
-@commands.command(rich_help_panel="Operate", context_settings={"allow_extra_args": True})
+@commands.command(
+    rich_help_panel="Operate",
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+)
 def block(
     context: typer.Context,
     polygon: Annotated[str, typer.Option(help="X,Y X,Y X,Y ...: the corners in m, three or more.")],
@@ -35,7 +38,8 @@ def block(
 ) -> None:
     """Close a place for all robots that have not passed it; a robot inside is told to leave.
 
-    The exit code is 1 if no coordinator answers within --patience.
+    The exit code is 1 if no coordinator answers within --patience, or if the id is that of another
+    place.
 
     Example: splinefleet block --polygon 2,2 4,2 4,4 2,4 --connect tcp/127.0.0.1:7447
     """
@@ -49,8 +53,11 @@ def block(
         closed = line.ask_until(
             places.block, asked, lambda one: isinstance(one, Block) and one.id == name
         )
-    if closed is None:
+    if not isinstance(closed, Block):
         tell(f"no coordinator has answered within {patience:g} s", "red")
+        raise typer.Exit(1)
+    if closed.polygon != ring:
+        tell(f"{name} is another place, which is closed already; use another --id", "red")
         raise typer.Exit(1)
     answers.print(f"{name} is closed", markup=False)
 
@@ -104,12 +111,7 @@ def blocks(
     """
     with fleet_line(connect, fleet, patience, keys) as line:
         found = line.blocks()
-        heard = line.fleet is not None or any(
-            isinstance(message, Command) for message in line.messages(lambda _: None)
-        )
-    if not heard:
-        tell(f"no coordinator was heard within {patience:g} s", "red")
-        raise typer.Exit(1)
+        line.must_be_heard(patience)
     if as_json:
         answer_json([{"id": one.id, "polygon": one.polygon} for one in found.values()])
         return

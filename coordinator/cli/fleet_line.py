@@ -14,6 +14,7 @@ from typing import Annotated, Final
 
 import typer
 
+from coordinator.base.console import tell
 from coordinator.cli.plan_commands import within
 from coordinator.service.key_option import Keys, given_keys
 from protocol import keys as places
@@ -40,6 +41,9 @@ class FleetLine:
     def __init__(self, transport: Transport, fleet: str | None, patience: float) -> None:
         self.boot = int.from_bytes(os.urandom(4), "little")
         self.fleet = fleet
+        self.is_heard = False
+        """Whether anything of the fleet was heard."""
+
         self._transport = transport
         self._heard: queue.SimpleQueue[tuple[str, Message]] = queue.SimpleQueue()
         self._until = time.monotonic() + patience
@@ -70,6 +74,7 @@ class FleetLine:
             if self.fleet is None and isinstance(message, Command):
                 self.fleet = name
             if name == self.fleet:
+                self.is_heard = True
                 yield message
 
     def ask_until(
@@ -78,6 +83,13 @@ class FleetLine:
         """Send a message until an answer fits, and return that; None if none does in time."""
         answers = self.messages(lambda fleet: self.put(key(fleet), message))
         return next((one for one in answers if fits(one)), None)
+
+    def must_be_heard(self, patience: float) -> None:
+        """Say that no coordinator was heard, and exit with code 1, unless one was."""
+        if not self.is_heard:
+            which = "" if self.fleet is None else f" of fleet {self.fleet}"
+            tell(f"no coordinator{which} was heard within {patience:g} s", "red")
+            raise typer.Exit(1)
 
     def put(self, key: str, message: Message) -> None:
         """Send a message."""

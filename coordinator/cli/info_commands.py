@@ -68,9 +68,11 @@ def _boxes_of(log: Log, beside: Path, asked: Path | None) -> dict[str, TrueCours
     message and return none.
     """
     from coordinator.findings.info import courses_of
+    from coordinator.log.log_file import readable_logs_before
 
     try:
-        return courses_of(log, [asked] if asked else [beside / "blackbox", beside])
+        folders = [asked] if asked else [beside / "blackbox", beside]
+        return courses_of(log, folders, readable_logs_before(log))
     except InputError as error:
         if asked:
             raise

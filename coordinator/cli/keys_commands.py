@@ -71,12 +71,24 @@ def init(
 
 
 @keys_commands.command()
-def robot(names: Names, keys: Keys = _USUAL, days: Days = 365) -> None:
+def robot(
+    names: Names,
+    keys: Keys = _USUAL,
+    days: Days = 365,
+    may_join: Annotated[
+        bool,
+        typer.Option(
+            "--may-join", help="Robots of no scenario, which join a fleet while it drives."
+        ),
+    ] = False,
+) -> None:
     """Make keys for robots; give each robot its own folder and nothing else.
+
+    Coordinators and routers let robots with keys made with --may-join in from their next start on.
 
     Example: splinefleet keys robot R1 R2 R3 --keys keys
     """
-    _issue("robot", names, keys, days)
+    _issue("robot", names, keys, days, may_join=may_join)
 
 
 @keys_commands.command()
@@ -90,7 +102,7 @@ def observer(names: Names, keys: Keys = _USUAL, days: Days = 365) -> None:
 
 @keys_commands.command()
 def operator(names: Names, keys: Keys = _USUAL, days: Days = 365) -> None:
-    """Make keys for operators, who let robots take part again: admit.
+    """Make keys for operators, who give orders, close places, and take robots in and out.
 
     Example: splinefleet keys operator shift-1
     """
@@ -148,14 +160,14 @@ def router(
     from coordinator.security.router_file import meeting_fleets, router_file
 
     endpoint_of(listen, locked=True)
-    fleets = meeting_fleets([read_scenario(scenario) for scenario in scenarios])
-    register = KeyStore(keys).register()
+    register, now = KeyStore(keys).register(), _now()
+    asked = [read_scenario(scenario) for scenario in scenarios]
+    fleets = meeting_fleets(asked, register.joiners(now))
     if host:
         _issue("router", ["router"], keys, days, _hosts(host))
     elif "router" not in register.names("router"):
         raise InputError([f"{keys}: holds no key of a router; --host NAME makes one"])
     own = read_key_files(keys, "router")
-    now = _now()
     warnings = [own.warning(now)]
     warnings += register.keyless((name for robots in fleets.values() for name in robots), now)
     for warning in filter(None, warnings):
@@ -216,10 +228,12 @@ def show(keys: Keys = _USUAL, as_json: Json = False) -> None:
 
 def _row(one: Issued, now: datetime.datetime) -> dict[str, str | int]:
     state = one.state(now)
+    if one.may_join:
+        state = f"{state}, may join"
     if one.revoked is not None:
         state = f"revoked {one.revoked:%Y-%m-%d}"
-    elif state == "valid" and one.expires - now <= WARNING:
-        state = f"valid, expires in {(one.expires - now).days} days"
+    elif one.state(now) == "valid" and one.expires - now <= WARNING:
+        state = f"{state}, expires in {(one.expires - now).days} days"
     return {
         "role": one.role,
         "name": one.name,
@@ -230,7 +244,13 @@ def _row(one: Issued, now: datetime.datetime) -> dict[str, str | int]:
 
 
 def _issue(
-    role: Role, names: list[str], folder: Path, days: int, hosts: tuple[str, ...] = ()
+    role: Role,
+    names: list[str],
+    folder: Path,
+    days: int,
+    hosts: tuple[str, ...] = (),
+    *,
+    may_join: bool = False,
 ) -> None:
     from coordinator.security.key_store import KeyStore
 
@@ -238,7 +258,8 @@ def _issue(
     if bad:
         raise InputError([f"{name!r} is not a name, {NAME_IN_WORDS}" for name in bad])
     store = KeyStore(folder)
-    _tell_made(folder, store.issue(role, dict.fromkeys(names), _now(), days, hosts))
+    made = store.issue(role, dict.fromkeys(names), _now(), days, hosts, may_join=may_join)
+    _tell_made(folder, made)
     for badge in store.register().valid(_now()):
         latest = store.register().next_generation(role, badge.name) - 1
         if badge.role == role and badge.name in names and badge.generation < latest:

@@ -20,8 +20,10 @@ from protocol import keys as places
 from protocol.messages import (
     CANCELLED,
     END,
+    FARTHEST,
     GO_ON,
     HALT,
+    MOST_PRIORITY,
     MOST_VIAS,
     ORDER_DONE,
     REFUSED,
@@ -47,9 +49,10 @@ def numbers_of(text: str, counts: tuple[int, ...], option: str) -> tuple[float, 
         found = tuple(float(part) for part in text.split(","))
     except ValueError:
         found = ()
-    if len(found) not in counts or not all(abs(number) < 1e9 for number in found):
+    if len(found) not in counts or not all(abs(one) <= FARTHEST for one in found):
         shape = " or ".join({2: "X,Y", 3: "X,Y,HEADING"}[count] for count in counts)
-        raise typer.BadParameter(f"{text[:60]!r} is not {shape}", param_hint=option)
+        what = f"{text[:60]!r} is not {shape}, each from {-FARTHEST:g} to {FARTHEST:g}"
+        raise typer.BadParameter(what, param_hint=option)
     return found
 
 
@@ -76,7 +79,14 @@ def order(
         float,
         typer.Option(callback=within(0.0, 86_400.0), help="Seconds that it stands at the goal."),
     ] = 0.0,
-    priority: Annotated[int, typer.Option(help="Of orders that wait, the higher goes first.")] = 0,
+    priority: Annotated[
+        int,
+        typer.Option(
+            min=-MOST_PRIORITY,
+            max=MOST_PRIORITY,
+            help="Of orders that wait, the higher goes first.",
+        ),
+    ] = 0,
     order_id: Annotated[
         str | None, typer.Option("--id", help="The same id again is the same order.")
     ] = None,
@@ -165,9 +175,7 @@ def orders(
     """
     with fleet_line(connect, fleet, patience, keys) as line:
         states = line.states()
-        if line.fleet is None:
-            tell(f"no coordinator was heard within {patience:g} s", "red")
-            raise typer.Exit(1)
+        line.must_be_heard(patience)
     from coordinator.findings.info_fields import OrderSummary
     from coordinator.findings.info_table import orders_table
 

@@ -82,13 +82,13 @@ def make_folder(folder: Path) -> None:
 
 
 def newest_plan(source: Path, what_for: str) -> PlanDocument:
-    """Read a plan file, or the plan of a log's last epoch.
+    """Read a plan file, or the plan of a log's last epoch with the courses that robots got since.
 
     If the log holds plans of several epochs, a message says which one was taken.
     """
     from coordinator.exchange.motion_story import documents_of
-    from coordinator.findings.plans_from_messages import plans_said
-    from coordinator.log.log_file import read_log
+    from coordinator.findings.plans_from_messages import in_force, plans_said
+    from coordinator.log.log_file import read_log, readable_logs_before
     from coordinator.plan.plan_file import read
 
     if source.suffix != ".mcap":
@@ -102,10 +102,12 @@ def newest_plan(source: Path, what_for: str) -> PlanDocument:
     last = max(documents)
     if len(documents) > 1:
         tell(f"{source}: using the plan of epoch {last}, the last of {len(documents)} in the log")
-    if last in said:
-        for note in said[last].notes:
-            tell(f"{source}: {note}")
-    return documents[last]
+    document = documents[last]
+    newest = in_force(document, documents[min(documents)], [*readable_logs_before(log), log])
+    known = () if last in said else document.notes
+    for note in newest.notes[len(known) :]:
+        tell(f"{source}: {note}")
+    return newest
 
 
 Speed = Annotated[
@@ -339,8 +341,8 @@ def plot(
     """Draw the floor with paths, crossings and stops, and the distance-time diagram.
 
     A line around each obstacle is its outline grown by radius + margin; no robot's centre may
-    cross it.  Of a log, the plan of the last epoch is drawn.  An .html file is the page of
-    `splinefleet view`, which plays the plan or the log.
+    cross it.  Of a log, the plan of the last epoch is drawn, with the courses that robots got
+    since.  An .html file is the page of `splinefleet view`, which plays the plan or the log.
 
     Example: splinefleet plot plan.json -o plan.svg --robots R1,R3
     """

@@ -15,11 +15,16 @@ from coordinator.cli.order_commands import name_of, numbers_of
 from coordinator.cli.plan_commands import within
 from coordinator.service.key_option import Keys
 from protocol import keys as places
-from protocol.messages import ORDER_DONE, REFUSED, Join, Leave, OrderState
+from protocol.messages import CANCELLED, ORDER_DONE, REFUSED, Join, Leave, OrderState
 
 commands = typer.Typer()
 
 Robot = Annotated[str, typer.Argument(metavar="ROBOT", help="The robot.")]
+
+
+def _accel(value: float | None) -> float | None:
+    """Check the acceleration of a robot, if one is given."""
+    return None if value is None else within(0.001, 1000.0)(value)
 
 
 @commands.command(rich_help_panel="Operate")
@@ -31,7 +36,8 @@ def join(
     radius: Annotated[float, typer.Option(callback=within(0.001, 100.0), help="Metres.")] = 0.2,
     max_speed: Annotated[float, typer.Option(callback=within(0.001, 100.0), help="m/s.")] = 0.5,
     max_accel: Annotated[
-        float | None, typer.Option(help="m/s^2; by default it reaches its speed within 1 s.")
+        float | None,
+        typer.Option(callback=_accel, help="m/s^2; by default it reaches its speed within 1 s."),
     ] = None,
     min_turn_radius: Annotated[
         float, typer.Option(callback=within(0.0, 1000.0), help="Metres.")
@@ -42,7 +48,7 @@ def join(
     patience: Patience = 60.0,
     keys: Keys = None,
 ) -> None:
-    """Take a robot into a running fleet; its program may start before or after.
+    """Take a robot into a running fleet; start its program while this command waits for it.
 
     Its place has to be clear of everybody's course.  The exit code is 1 if it cannot join, or has
     not joined within --patience.
@@ -86,7 +92,7 @@ def _ask(line: FleetLine, answer: str, message: Join | Leave) -> None:
     for heard in line.messages(say):
         if isinstance(heard, OrderState) and heard.id == answer:
             state = heard
-            if state.state in (ORDER_DONE, REFUSED):
+            if state.state in (ORDER_DONE, CANCELLED, REFUSED):
                 break
     if state is not None and state.state == ORDER_DONE:
         done = "has joined" if isinstance(message, Join) else "has left"
@@ -95,5 +101,7 @@ def _ask(line: FleetLine, answer: str, message: Join | Leave) -> None:
     if state is None:
         tell("no coordinator has answered", "red")
     else:
-        tell(state.reason or f"{message.robot}: no answer yet; is its program running?", "red")
+        late = "is its program running, and newer than when it was last in the fleet?"
+        why = "was cancelled" if state.state == CANCELLED else f"has not joined yet; {late}"
+        tell(state.reason or f"{message.robot} {why}", "red")
     raise typer.Exit(1)

@@ -8,7 +8,7 @@ log's zero, see info.py.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 _ROW: Final = 0.02
 """Greatest error [s] of the time of a black box's row; a row is written once per control tick."""
+
+_AWAY: Final = 1e7
+"""Robots that are not in the fleet are taken to be so far apart [m]."""
 
 
 class _Ridden(NamedTuple):
@@ -77,10 +80,16 @@ class Courses:
             self._begun.setdefault((message.epoch, message.revision, robot), now)
             self._said.take(message, robot, record.log_ns)
 
-    def fill(self, robots: Mapping[str, RobotSummary], boxes: Mapping[str, TrueCourse]) -> None:
+    def fill(
+        self,
+        robots: Mapping[str, RobotSummary],
+        boxes: Mapping[str, TrueCourse],
+        stays: Mapping[str, Sequence[tuple[float, float]]],
+    ) -> None:
         """Fill in each robot's nearest other robot, and the fields that need a black box.
 
-        Distances come from the black boxes if every robot that drove has one, else from the plans.
+        stays: from when until when [s] robots are in the fleet; others are near nobody.  Distances
+        come from the black boxes if every robot that drove has one, else from the plans.
         """
         rides = self._rides()
         for name, box in boxes.items():
@@ -93,7 +102,13 @@ class Courses:
         tracks = [
             boxes[name].at(times) if boxed else self._by_plan(rides[name], times) for name in names
         ]
+        for number, name in enumerate(names):
+            if name in stays and len(times):
+                is_in = np.any([(times >= a) & (times < b) for a, b in stays[name]], axis=0)
+                tracks[number][~is_in] = (number + 1) * _AWAY
         for name, near in zip(names, nearest_of_all(times, tracks), strict=False):
+            if near.distance > 0.5 * _AWAY:
+                continue  # They were never in the fleet together.
             robots[name].nearest = NearestSummary(
                 robot=names[near.other],
                 distance=round(near.distance, 4),

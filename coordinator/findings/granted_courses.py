@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 import shapely
 
-from coordinator.fleet.orders import robot_of
+from coordinator.fleet.orders import JOIN, LEAVE, robot_of
 from coordinator.fleet.rest_places import standing_of
 from coordinator.mission.replanning_input import resting_pose, stretch
 from coordinator.plan.course import Course
@@ -25,7 +25,17 @@ from coordinator.scenario.floor import Floor
 from coordinator.scenario.margin import TOLERANCE
 from coordinator.schedule.staircase_making import STANDOFF, staircases_of, with_staircases
 from protocol.codec import encode
-from protocol.messages import ORDER_DONE, Join, Message, OrderState, Plan, Report, Rest
+from protocol.messages import (
+    CANCELLED,
+    ORDER_DONE,
+    REFUSED,
+    Join,
+    Message,
+    OrderState,
+    Plan,
+    Report,
+    Rest,
+)
 from protocol.phases import FROZEN
 
 _EVERYWHERE: Final = [(-1e6, -1e6), (1e6, -1e6), (1e6, 1e6), (-1e6, 1e6)]
@@ -105,14 +115,29 @@ class GrantedCourses(Granted):
     def take_roster(self, message: Message | None) -> None:
         """Take in that a robot is taken into the fleet, or has left it."""
         if isinstance(message, Join):
-            self.join(message.robot)
-            self._radius.setdefault(message.robot, message.radius_m)
-            self._limits.setdefault(message.robot, Limits.of(robot_of(message)))
-        elif isinstance(message, OrderState) and message.state == ORDER_DONE:
-            before, _, robot = message.id.partition("leave-")
-            if not before:
-                self._ways.pop(robot, None)
-                self._around.pop(robot, None)
+            if message.robot not in self._ways:
+                self.join(message.robot)
+                self._radius.setdefault(message.robot, message.radius_m)
+                self._limits.setdefault(message.robot, Limits.of(robot_of(message)))
+        elif isinstance(message, OrderState):
+            joins, leaves = (
+                message.id.removeprefix(one) if message.id.startswith(one) else ""
+                for one in (JOIN, LEAVE)
+            )
+            is_refused = message.state == REFUSED and joins not in self._ways
+            if leaves and message.state == ORDER_DONE:
+                self._take_out(leaves)
+            elif joins and (message.state == CANCELLED or is_refused):
+                self._take_out(joins)
+
+    def _take_out(self, robot: str) -> None:
+        """Take in that a robot has left the fleet; when it joins again, it may be another one."""
+        self.leave(robot)
+        self._ways.pop(robot, None)
+        self._around.pop(robot, None)
+        self._rests.pop(robot, None)
+        self._radius.pop(robot, None)
+        self._limits.pop(robot, None)
 
     def go_around(self, robot: str) -> None:
         """Take in that others are sent around a robot, which is granted nothing more."""

@@ -9,11 +9,13 @@ the page; in a log without a GO, from its first message.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import msgspec
 
+from coordinator.findings.attendance import Attendance
 from coordinator.findings.courses import Courses
 from coordinator.findings.held import held_in, late_numbers
 from coordinator.findings.info_fields import (
@@ -89,11 +91,18 @@ def summarise(
     return summary
 
 
-def courses_of(log: Log, folders: Iterable[Path]) -> dict[str, TrueCourse]:
-    """Return those black boxes of a log's robots that are in these folders."""
+def courses_of(
+    log: Log, folders: Iterable[Path], before: Sequence[Log] = ()
+) -> dict[str, TrueCourse]:
+    """Return those black boxes of a log's robots that are in these folders.
+
+    before: the logs that this one resumes from, oldest first.
+    """
     places = (keys.split(key) for key in {record.key for record in log.records})
     robots = {place[2] for place in places if place is not None and place[1] == "report"}
-    return courses_in(folders, sorted(robots))
+    lag_ns = clock_lag(log)
+    go_ns = first_go([*before, log], lag_ns)
+    return courses_in(folders, sorted(robots), None if go_ns is None else go_ns - lag_ns)
 
 
 class _Telling:
@@ -121,6 +130,7 @@ class _Telling:
         self._numbers = Numbers(log, self._zero_ns)
         self._courses = Courses(self._zero_ns, self._lag_ns, log.metadata.get("boot", ""))
         self._plans = read_plans(log.attachments)
+        self._present = Attendance(one.id for one in (self._plans[0].robots if self._plans else ()))
         self._strangers = strangers_in(log)
         self._messages: list[tuple[str, Plan]] = []
         self._orders: dict[str, OrderState] = {}
@@ -142,7 +152,20 @@ class _Telling:
         self.summary.epochs = list(self._epochs.values())
         self._take_plans()
         self._add_up(records[-1].log_ns if records else 0)
-        self._courses.fill(self.summary.robots, boxes)
+        self._courses.fill(self.summary.robots, boxes, self._stays())
+
+    def _stays(self) -> dict[str, list[tuple[float, float]]]:
+        """Return from when until when [s] robots were in the fleet that joined or left."""
+        return {
+            robot: [
+                (
+                    -math.inf if one.since_ns is None else self._seconds(one.since_ns),
+                    math.inf if one.until_ns is None else self._seconds(one.until_ns),
+                )
+                for one in stays
+            ]
+            for robot, stays in self._present.stays.items()
+        }
 
     def _add_up(self, end_ns: int) -> None:
         """Fill in what is known at the end of the log: rates, lateness, latencies, broadcast."""
@@ -224,6 +247,7 @@ class _Telling:
         if message is None:
             self.summary.bad_messages += 1
             return
+        self._present.take(message, record.log_ns)
         count, total = self._ours.get(kind, (0, 0))
         self._ours[kind] = (count + 1, total + size)
         if isinstance(message, Hello | Report) or is_question(message):

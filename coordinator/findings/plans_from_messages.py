@@ -8,11 +8,12 @@ wait_guesses.py finds them from the plans.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import Final
 
 import msgspec
 
+from coordinator.findings.attendance import Attendance
 from coordinator.findings.wait_guesses import with_reasons
 from coordinator.log.records import Log
 from coordinator.plan.document import Limits, PlanDocument, RobotPlan, Stop
@@ -20,7 +21,7 @@ from coordinator.plan.wire import path_of, unpack
 from coordinator.scenario.margin import margin_for
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import Hello, Message, Plan, Report
+from protocol.messages import Hello, Message, OrderState, Plan, Report
 from protocol.plan_parts import unpack_plan
 from protocol.timing import SECOND
 
@@ -93,6 +94,48 @@ def plans_said(
         epoch: _with_notes(with_reasons(document), drivers.get(epoch, set()))
         for epoch, document in sorted(found.items())
     }
+
+
+def in_force(document: PlanDocument, first: PlanDocument, logs: Iterable[Log]) -> PlanDocument:
+    """Return the plan of a log's last epoch with the courses that robots were sent since.
+
+    `first`: the first epoch's plan; `logs`: the log and those that it resumes, oldest first.
+    Robots that joined are in it, robots that left are not.  What the plan says of two robots of
+    which one has got another course is left out, its proof too.
+    """
+    present = Attendance(robot.id for robot in first.robots)
+    newest: dict[str, Plan] = {}
+    for record in (record for log in logs for record in log.records):
+        place = keys.split(record.key)
+        message = None if place is None else decode(place[1], record.payload)
+        present.take(message, record.log_ns)
+        if isinstance(message, OrderState):
+            newest = {name: plan for name, plan in newest.items() if present.is_in(name)}
+        elif isinstance(message, Plan) and message.epoch == document.epoch:
+            newest |= {message.robot: message} if message.revision or message.begin_ms else {}
+    radii = {robot.id: robot.radius for robot in document.robots}
+    for name, stays in present.stays.items():
+        if stays[-1].join is not None:
+            radii[name] = stays[-1].join.radius_m
+    same = [one for one in document.robots if one.id not in newest and present.is_in(one.id)]
+    sent = [
+        _robot_plan(plan, radii.get(name, RADIUS))
+        for name, plan in sorted(newest.items())
+        if present.is_in(name)
+    ]
+    if same == document.robots and not sent:
+        return document
+    names = {robot.id for robot in same}
+    sent_to = ", ".join(one.id for one in sent) or "nobody"
+    note = f"epoch {document.epoch}: with the newest courses, which {sent_to} got under way"
+    return msgspec.structs.replace(
+        document,
+        robots=[*same, *sent],
+        crossings=[one for one in document.crossings if {one.a, one.b} <= names],
+        waits=[one for one in document.waits if {one.robot, one.yields_to} <= names],
+        proof=None,
+        notes=[*document.notes, f"{note}; `splinefleet verify` proves each"],
+    )
 
 
 def _with_notes(document: PlanDocument, drivers: Collection[str]) -> PlanDocument:

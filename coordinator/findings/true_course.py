@@ -16,6 +16,7 @@ import numpy as np
 
 from coordinator.base.errors import InputError
 from coordinator.findings.ride_samples import Array, RideSamples
+from coordinator.log.box_file import box_text
 from protocol.phases import DONE, PHASE_NAMES
 
 _COLUMNS: Final = "t,x,y,heading,s,phase,estimate"
@@ -62,15 +63,12 @@ class TrueCourse:
         return worst
 
 
-def read_course(path: Path) -> TrueCourse:
-    """Read a black box, without a truncated last line.
+def read_course(path: Path, start_ns: int | None = None) -> TrueCourse:
+    """Read a black box, without a truncated last line; start_ns: the fleet's first GO, if known.
 
     Raise InputError, which names file and line, if it is not valid.
     """
-    try:
-        lines = path.read_text().splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError([f"{path}: {error}"]) from None
+    lines = box_text(path, start_ns).splitlines()
     if not lines or lines[0] not in (_COLUMNS, _OLDER):
         raise InputError([f"{path}: line 1: the columns are not {_COLUMNS}"])
     rows, commas = lines[1:], lines[0].count(",")
@@ -100,14 +98,19 @@ def _numbers(path: Path, rows: list[str]) -> Array:
         raise InputError([f"{path}: {line}is not a row of a black box"]) from None
 
 
-def courses_in(folders: Iterable[Path], robots: Iterable[str]) -> dict[str, TrueCourse]:
-    """Read the robots' black boxes `ROBOT.csv`, each from the first folder that has it."""
+def courses_in(
+    folders: Iterable[Path], robots: Iterable[str], start_ns: int | None = None
+) -> dict[str, TrueCourse]:
+    """Read the robots' black boxes `ROBOT.csv`, each from the first folder that has it.
+
+    start_ns: the fleet's first GO, if known.
+    """
     folders = list(folders)
     found = {}
     for robot in robots:
         for path in (folder / f"{robot}.csv" for folder in folders):
             if path.is_file():
-                found[robot] = read_course(path)
+                found[robot] = read_course(path, start_ns)
                 break
     return found
 

@@ -234,8 +234,8 @@ class Grants:
         return told_ms
 
     def go_on(self, robot: str) -> None:
-        """Grant again on a robot's course what is safe, unless the robot was given up."""
-        if robot not in self.given_up:
+        """Grant again on a robot's course what is safe, unless it was given up or has left."""
+        if robot in self._courses and robot not in self.given_up:
             self.limit(robot, self.limit_of(robot))
 
     def limit_of(self, robot: str) -> int:

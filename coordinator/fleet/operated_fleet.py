@@ -10,13 +10,15 @@ import shapely
 
 from coordinator.fleet.events import Outgoing
 from coordinator.fleet.member import Member
-from coordinator.fleet.orders import order_of, robot_of
+from coordinator.fleet.orders import JOIN, LEAVE, order_of, robot_of
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.fleet.state import FleetState
 from coordinator.scenario import model
+from coordinator.scenario.order_checks import OWN, OWN_IN_WORDS
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import (
+    CANCELLED,
     END,
     HALT,
     ORDER_DONE,
@@ -71,35 +73,44 @@ class OperatedFleet(FleetState):
 
     def _hear_order(self, message: Order | Cancel, now_ns: int) -> list[Outgoing]:
         """Take in an order, or take one back; the answer is what has become of it."""
+        known = self.orders.tasks.get(message.id)
         if isinstance(message, Cancel):
-            if self.orders.cancel(message.id, self.since_go_ms(now_ns)) is None:
-                reason = f"there is no order {message.id}"
-                return [self._order_state(OrderState(message.id, REFUSED, reason=reason))]
-        elif self.is_ending:
-            task = self.orders.give(order_of(message), self.since_go_ms(now_ns))
-            if not task.is_over and task.accepted_ms is None:
-                self.orders.end(task, REFUSED, "the fleet ends when all rest")
+            if known is not None and known.joins is not None and not known.is_over:
+                self.orders.end(known, CANCELLED)
+                self._take_out(known.robot, now_ns)
+            elif self.orders.cancel(message.id, self.since_go_ms(now_ns)) is None:
+                return [self._refusal(message.id, f"there is no order {message.id}")]
+        elif known is None and message.id.startswith(OWN):
+            return [self._refusal(message.id, OWN_IN_WORDS)]
         else:
             task = self.orders.give(order_of(message), self.since_go_ms(now_ns))
-            task.is_urgent = message.now
+            if not self.is_ending:
+                task.is_urgent = message.now
+            elif not task.is_over and task.accepted_ms is None:
+                self.orders.end(task, REFUSED, "the fleet ends when all rest")
         task_now = self.orders.tasks.get(message.id)
         answer = [] if task_now is None else [self._order_state(task_now.message())]
         return [*answer, *self.order_states()]
 
+    def _refusal(self, order: str, why: str) -> Outgoing:
+        """Return the answer for an order that the fleet does not know."""
+        return self._order_state(OrderState(order, REFUSED, reason=why))
+
     def _hear_join(self, join: Join, now_ns: int) -> list[Outgoing]:
         """Take in a robot; the answer is the state of the order by which it joins."""
-        name, now_ms = f"join-{join.robot}", self.since_go_ms(now_ns)
+        name, now_ms = f"{JOIN}{join.robot}", self.since_go_ms(now_ns)
         task = self.orders.tasks.get(name)
         if task is None or (task.is_over and join.robot not in self.members):
             self.orders.tasks.pop(name, None)
-            robot = robot_of(join)
-            known = join.robot in self.members
-            self.orders.know(join.robot)
-            task = self.orders.give(model.Order(id=name, robot=join.robot, goal=robot.goal), now_ms)
-            if known or not self.has_gone:
-                why = "is in the fleet already" if known else "can join once the fleet has set out"
+            robot, why = robot_of(join), self._why_not_join(join)
+            if not why:
+                self.orders.know(join.robot)
+            order = model.Order(id=name, robot="" if why else join.robot, goal=robot.goal)
+            task = self.orders.give(order, now_ms)
+            if why:
                 self.orders.end(task, REFUSED, f"{join.robot} {why}")
             else:
+                self.orders.tasks.pop(f"{LEAVE}{join.robot}", None)  # Nothing may say so again.
                 task.joins = robot
                 self.members[join.robot] = Member(
                     id=join.robot,
@@ -110,11 +121,21 @@ class OperatedFleet(FleetState):
                     planned=False,
                     is_new=True,
                 )
+                x, y = robot.start[:2]
+                self._tell(now_ns, "order", join.robot, f"{join.robot} joins at ({x:g}, {y:g})")
         return [self._order_state(task.message()), *self.order_states()]
+
+    def _why_not_join(self, join: Join) -> str:
+        """Return in words why a robot cannot join now; "" if it can."""
+        if join.robot in self.members:
+            return "is in the fleet already"
+        if self.is_ending:
+            return "cannot join: the fleet ends when all rest"
+        return "" if self.has_gone else "can join once the fleet has set out"
 
     def _hear_leave(self, leave: Leave, now_ns: int) -> list[Outgoing]:
         """Take a robot out that rests or is lost; the answer is the state of an order."""
-        name, now_ms = f"leave-{leave.robot}", self.since_go_ms(now_ns)
+        name, now_ms = f"{LEAVE}{leave.robot}", self.since_go_ms(now_ns)
         member, task = self.members.get(leave.robot), self.orders.tasks.get(name)
         if task is None or member is not None:
             self.orders.tasks.pop(name, None)
@@ -126,11 +147,15 @@ class OperatedFleet(FleetState):
                 self.orders.end(task, REFUSED, f"{leave.robot} does not rest")
             else:
                 self.orders.end(task, ORDER_DONE)
-                self.orders.forget(leave.robot)
-                self.grants.remove(leave.robot)
-                del self.members[leave.robot]
-                self._tell(now_ns, "order", leave.robot, f"{leave.robot} has left the fleet")
+                self._take_out(leave.robot, now_ns)
         return [self._order_state(task.message()), *self.order_states()]
+
+    def _take_out(self, robot: str, now_ns: int) -> None:
+        """Take a robot out of the fleet; its orders are refused."""
+        self.orders.forget(robot)
+        self.grants.remove(robot)
+        del self.members[robot]
+        self._tell(now_ns, "order", robot, f"{robot} has left the fleet")
 
     def _hear_block(self, message: Block | Unblock, now_ns: int) -> list[Outgoing]:
         """Close a place of the floor, or open it; the answer is the place, if it is closed."""

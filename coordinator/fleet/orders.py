@@ -13,6 +13,7 @@ from random import Random
 from typing import Final
 
 from coordinator.scenario.model import Demand, Order, Pose, Robot
+from coordinator.scenario.order_checks import OWN
 from protocol import messages as protocol_messages
 from protocol.messages import (
     CANCELLED,
@@ -22,6 +23,8 @@ from protocol.messages import (
     WAITING,
     OrderState,
 )
+
+JOIN, LEAVE, _ROOM, _WAY = OWN
 
 _REASON: Final = 300
 """Reasons are cut to this many characters, so that a message can state them."""
@@ -162,12 +165,16 @@ class OrderBook:
             self._robots.append(robot)
 
     def forget(self, robot: str) -> None:
-        """Take in that there is a robot less; its orders are refused."""
+        """Take in that there is a robot less; orders that name it are refused, others wait."""
         if robot in self._robots:
             self._robots.remove(robot)
+        self._given.pop(robot, None)
+        self.put_back(robot)
         for task in list(self._open.values()):
-            if robot in (task.robot, task.order.robot):
+            if task.order.robot == robot:
                 self.end(task, REFUSED, f"{robot} has left the fleet")
+            elif task.robot == robot:
+                task.robot = ""
 
     def give(self, order: Order, now_ms: int, *, makes_room: bool = False) -> Task:
         """Take in an order; the same id again is the same order."""
@@ -186,18 +193,17 @@ class OrderBook:
         A robot without an order, which is on its way to `goal`, gets one of the coordinator's own.
         """
         task = self.of_robot(robot)
-        if task is None:
+        self.put_back(robot)
+        if task is None or task.is_over:
             self._made_room += 1
-            order = Order(id=f"way-{self._made_room}", robot=robot, goal=goal)
+            order = Order(id=f"{_WAY}{self._made_room}", robot=robot, goal=goal)
             task = self.give(order, now_ms)
-        else:
-            self.put_back(robot)
         task.robot, task.is_urgent, task.reason = robot, True, f"goes around {what}"
 
     def room_for(self, robot: str, goal: Pose, whose: str, now_ms: int) -> Task:
         """Return a new order of the coordinator's own: a robot makes room for another order."""
         self._made_room += 1
-        order = Order(id=f"room-{self._made_room}", robot=robot, goal=goal)
+        order = Order(id=f"{_ROOM}{self._made_room}", robot=robot, goal=goal)
         task = self.give(order, now_ms, makes_room=True)
         task.reason = f"makes room for {whose}"
         return task
@@ -235,10 +241,16 @@ class OrderBook:
             room.reason, room.is_urgent = f"leaves {task.order.id}", True
 
     def put_back(self, robot: str) -> None:
-        """Let the order that a robot does wait again: the robot is sent elsewhere."""
+        """Let the order that a robot does wait again: the robot is sent elsewhere.
+
+        One that was joining has joined.
+        """
         task = self.of_robot(robot)
-        if task is not None:
-            task.state, task.accepted_ms, task.planned_arrival_ms = WAITING, None, None
+        if task is not None and task.joins is not None:
+            self.end(task, ORDER_DONE)
+        elif task is not None:
+            task.state, task.accepted_ms = WAITING, None
+            task.planned_arrival_ms = task.arrived_ms = None
             task.robot = task.order.robot
 
     def of_robot(self, robot: str) -> Task | None:
@@ -279,7 +291,7 @@ class OrderBook:
                 del self._later[order.id]
                 self.give(order, now_ms)
         if self._demand is not None:
-            for robot in self._robots:
+            for robot in self._given:
                 self._demand_of(self._demand, robot, now_ms, is_free)
 
     def _is_known(self, order: Order, now_ms: int) -> bool:

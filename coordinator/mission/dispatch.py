@@ -28,7 +28,7 @@ from coordinator.mission.obstructions import Obstructions, Ring
 from coordinator.plan.course import Course
 from coordinator.plan.wire import address
 from coordinator.planning.course_proposal import Site, Wish
-from coordinator.planning.course_search import Answer, make_room, search
+from coordinator.planning.course_search import Answer, make_room, search, stand
 from coordinator.proof.course_proof import that_may_meet
 from coordinator.scenario.model import Point, Pose, Robot
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
@@ -186,6 +186,8 @@ class Dispatcher:
     def solve(self, request: CourseRequest) -> Answer:
         """Look for a course; pure, may take long."""
         asked = self._asked[request]
+        if request.revision == 0:
+            return stand(asked.site, asked.wish, asked.others)
         if asked.ways is None:
             return search(asked.site, asked.wish, asked.others)
         return make_room(
@@ -258,8 +260,9 @@ class Dispatcher:
         """Refuse an order for ever, or let it wait; let idle robots make room for it."""
         book, robot = self._fleet.orders, asked.wish.robot.id
         if task.joins is not None:
-            near = f": {', '.join(answer.blockers)} rests too near" if answer.blockers else ""
-            book.end(task, REFUSED, f"{robot} cannot stand there{near or ': ' + answer.reason}")
+            rest = "rest" if len(answer.blockers) > 1 else "rests"
+            near = f"{', '.join(answer.blockers)} {rest} too near" if answer.blockers else ""
+            book.end(task, REFUSED, f"{robot} cannot stand there: {near or answer.reason}")
             self._fleet.members.pop(robot, None)
             book.forget(robot)
             return
@@ -334,7 +337,7 @@ class Dispatcher:
         """Ask for the first course of a robot that joins: to rest where it stands."""
         fleet = self._fleet
         self._serial += 1
-        begin_ms, number = fleet.times.plan_ms(now_ns) + _LEAD_MS, fleet.grants.reserve()
+        number, begin_ms = fleet.grants.reserve(), max(fleet.times.plan_ms(now_ns) + _LEAD_MS, 1)
         request = CourseRequest(self._serial, task.order.id, robot.id, number, 0, begin_ms)
         x, y, *heading = robot.start
         self._robots[robot.id] = robot

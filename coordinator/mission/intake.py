@@ -82,7 +82,7 @@ class Intake:
             return self._drop(NOT_OURS)
         _, kind, robot = place
         try:
-            boot = self._boot_of(robot)
+            boot = self._boot_of(robot) if robot else None
         except KeyError:
             if robot not in self._strangers and len(self._strangers) >= MOST_STRANGERS:
                 return self._drop(TOO_MANY)

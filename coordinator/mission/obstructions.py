@@ -157,6 +157,10 @@ class Obstructions:
             member = fleet.members[task.robot]
             silent_ns = now_ns - max(member.heard_ns, member.excused_ns)
             if member.lost and task.arrived_ms is None and silent_ns > SILENT_PATIENCE:
+                if task.joins is not None:
+                    why = f"{task.robot} was not heard; it counts as lost until it is, or leaves"
+                    fleet.orders.end(task, REFUSED, why)
+                    continue
                 if not task.order.robot:
                     fleet.grants.give_up(task.robot)
                 fleet.orders.put_back(task.robot)

@@ -61,6 +61,15 @@ def search(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
         return Answer(None, time, error.sentence, blockers, way)
 
 
+def stand(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
+    """Look for the first course of a robot that joins: it rests where it stands."""
+    (x, y), reach = wish.robot.start[:2], wish.robot.radius + site.terms.margin
+    if site.room(np.array([[x, y]]))[0] < reach:
+        why = f"({x:.2f}, {y:.2f}) is nearer than {reach:g} m to something solid"
+        return Answer(None, reason=why)
+    return search(site, wish, others)
+
+
 def resting_on(site: Site, wish: Wish, way: Array, others: Sequence[Course]) -> list[Course]:
     """Return the courses of others that end so near to a way (n, 2) [m] that they close it."""
     found = []

@@ -93,6 +93,15 @@ class Granted:
         if robot not in self._now:
             self._joining.add(robot)
 
+    def leave(self, robot: str) -> None:
+        """Take in that a robot is not on the floor any more: nobody has to wait for it."""
+        self._joining.discard(robot)
+        for one in (self._now.pop(robot, None), self._next.pop(robot, None)):
+            if one is not None:
+                self._passed[one.slot], self._at_goal[one.slot] = np.inf, True
+                self._ended.pop(one.slot, None)
+                self._courses = {n: other for n, other in self._courses.items() if other is not one}
+
     def take_plan(self, robot: str, plan: Plan) -> bool:
         """Check that a robot was sent a course that is known, with its own number.
 

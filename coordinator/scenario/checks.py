@@ -31,11 +31,12 @@ from coordinator.scenario.place_checks import (
     shape_name,
     tight_places,
 )
+from protocol import messages
 from protocol.keys import NAME
 
 LARGEST: Final = 100_000.0
 """No size [m] and no other quantity may exceed this."""
-FARTHEST: Final = 8_000.0
+FARTHEST: Final = messages.FARTHEST
 """No coordinate goes beyond this [m]: a little farther out, float32 resolves only 1 mm."""
 TOO_FAR: Final = "where float32 on the wire is coarser than 0.5 mm; move the origin nearer"
 """The reason given for a coordinate beyond FARTHEST."""

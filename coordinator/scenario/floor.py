@@ -50,7 +50,7 @@ class Floor:
         """Return the distance [m] from each of the points (n, 2) to anything solid, (n,)."""
         places = shapely.points(points)
         found = self.solid.query_nearest(places, return_distance=True, all_matches=False)
-        return np.asarray(found[1])
+        return np.where(shapely.intersects(self.outline, places), found[1], 0.0)
 
     def gap(self, line: Array) -> float:
         """Return the distance [m] from a polyline (n, 2) to anything solid; 0 if it enters it.

@@ -25,6 +25,11 @@ from coordinator.scenario.place_checks import (
     near_pairs,
 )
 
+OWN: Final = ("join-", "leave-", "room-", "way-")
+"""Ids of orders that begin so are the coordinator's own."""
+
+OWN_IN_WORDS: Final = f"ids that begin with {', '.join(OWN)} are the coordinator's own"
+
 LEAST_FREE: Final = 2
 """A demand has at least this many places that no robot holds or is bound for at first."""
 
@@ -36,6 +41,12 @@ def order_problems(scenario: Scenario) -> Iterator[str]:
     """Yield what is wrong with a scenario's orders and its demand, except for want of room."""
     orders = scenario.orders
     yield from doubled_ids("orders", [order.id for order in orders])
+    for index, order in enumerate(orders):
+        if order.id.startswith(OWN):
+            yield f"orders[{index}].id: {order.id!r} is not allowed: {OWN_IN_WORDS}"
+    for index, robot in enumerate(scenario.robots if scenario.demand is not None else ()):
+        if f"{robot.id}-" in OWN:
+            yield f"robots[{index}].id: {robot.id!r} gets orders by a demand: {OWN_IN_WORDS}"
     yield from _unknown_names(scenario)
     yield from _cycles(orders)
     for index, order in enumerate(orders):

@@ -21,7 +21,10 @@ FORMAT: Final = "splinefleet.keys/1"
 
 
 class Issued(msgspec.Struct, frozen=True):
-    """One certificate; times are UTC, the serial number in hexadecimal digits."""
+    """One certificate; times are UTC, the serial number in hexadecimal digits.
+
+    `may_join`: whether its robot, which is in no scenario, may join a fleet that drives.
+    """
 
     role: Role
     name: str
@@ -29,6 +32,7 @@ class Issued(msgspec.Struct, frozen=True):
     serial: str
     expires: datetime.datetime
     revoked: datetime.datetime | None = None
+    may_join: bool = False
 
     @property
     def badge(self) -> Badge:
@@ -78,6 +82,11 @@ class Register(msgspec.Struct, frozen=True):
     def valid(self, now: datetime.datetime) -> list[Badge]:
         """Return the parties whose certificates are valid now."""
         return [one.badge for one in self.issued if one.state(now) == "valid"]
+
+    def joiners(self, now: datetime.datetime) -> list[str]:
+        """Return the robots whose valid certificates let them join a fleet that drives."""
+        found = (one.name for one in self.issued if one.may_join and one.state(now) == "valid")
+        return list(dict.fromkeys(found))
 
     def keyless(self, robots: Iterable[str], now: datetime.datetime) -> list[str]:
         """Return a warning for each robot without a certificate that is valid now."""

@@ -90,8 +90,13 @@ class KeyStore:
         now: datetime.datetime,
         days: int,
         hosts: Iterable[str] = (),
+        *,
+        may_join: bool = False,
     ) -> list[Issued]:
-        """Issue the next certificate of each name and write it to its folder; return all issued."""
+        """Issue the next certificate of each name and write it to its folder; return all issued.
+
+        may_join: whether these robots, which are in no scenario, may join a fleet that drives.
+        """
         from coordinator.security.certificate_authority import new_certificate
 
         made = []
@@ -102,7 +107,7 @@ class KeyStore:
                 number = max(register.next_generation(role, name), 1 + self._latest(role, name))
                 badge = Badge(role, name, number)
                 pair = new_certificate(authority, badge, now, days, hosts)
-                one = Issued(*badge, serial=pair.serial, expires=pair.expires)
+                one = Issued(*badge, pair.serial, pair.expires, may_join=may_join)
                 self._write_register(register.added(one))
                 self._write_pair(own_place(role, name), pair)
                 _write(self.folder / own_place(role, name) / AUTHORITY, authority.certificate)

@@ -42,13 +42,17 @@ def player_access(folder: Path) -> dict[str, Any]:
 
 
 class Gate:
-    """The gate of one fleet; raises InputError or TransportError if the keys are not usable."""
+    """The gate of one fleet; raises InputError or TransportError if the keys are not usable.
+
+    `robots`: those of the scenario; robots whose keys let them join may connect too.
+    """
 
     def __init__(self, folder: Path, fleet: str, robots: Iterable[str]) -> None:
         now = _now()
         self._register: Register = KeyStore(folder).register()
         self.files: KeyFiles = read_key_files(folder, "coordinator")
-        self._robots = tuple(robots)
+        own = tuple(robots)
+        self._robots = tuple(dict.fromkeys((*own, *self._register.joiners(now))))
         badges = self._register.valid(now)
         pairs = ((badge, rights_of(fleet, self._robots, badge)) for badge in badges)
         allowed = [(badge, right) for badge, right in pairs if right is not None]
@@ -59,7 +63,7 @@ class Gate:
         self._denials = Denials(self._name_of, self._ended)
         self._log: ZenohLog | None = None
         self.warnings = [*filter(None, (self.files.warning(), KeyStore(folder).warning()))]
-        self.warnings += self._register.keyless(self._robots, now)
+        self.warnings += self._register.keyless(own, now)
 
     def listen(self, endpoint: str) -> ZenohTransport:
         """Open the coordinator's session; rights do not change as long as it is open."""
@@ -105,5 +109,5 @@ class Gate:
             if badge == one.badge:
                 if one.revoked is not None:
                     return "its key was revoked"
-                return "it has no part in this fleet"
+                return "it has no part in this fleet and may not join it"
         return "its key is not in the register"

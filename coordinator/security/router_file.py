@@ -21,10 +21,14 @@ from protocol.key_files import KeyFiles
 from protocol.zenoh_transport import router_settings
 
 
-def meeting_fleets(scenarios: Iterable[Scenario]) -> dict[str, list[str]]:
+def meeting_fleets(
+    scenarios: Iterable[Scenario], joiners: Iterable[str] = ()
+) -> dict[str, list[str]]:
     """Return each fleet's robots; scenarios with the same name belong to the same fleet.
 
-    Raises InputError if a robot's name is in two fleets, because its key would be valid in both.
+    `joiners`: robots that may join any of the fleets; those of a scenario stay in their own.
+    Raises InputError if a robot's name is in two scenarios' fleets, because its key would be valid
+    in both.
     """
     homes: dict[str, str] = {}
     fleets: dict[str, list[str]] = {}
@@ -42,7 +46,8 @@ def meeting_fleets(scenarios: Iterable[Scenario]) -> dict[str, list[str]]:
                 robots.append(robot)
     if problems:
         raise InputError(list(problems))
-    return fleets
+    free = [robot for robot in joiners if robot not in homes]
+    return {fleet: [*robots, *free] for fleet, robots in fleets.items()}
 
 
 def router_file(

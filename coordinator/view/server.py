@@ -17,6 +17,7 @@ from typing import Final
 import msgspec
 
 from coordinator.base.errors import InputError
+from coordinator.findings.traffic_numbers import first_go
 from coordinator.log.blackbox_attachments import unpacked
 from coordinator.log.log_file import RESUMED, logs_before, read_log
 from coordinator.plan.plan_file import read
@@ -49,7 +50,8 @@ def read_scene(source: Path) -> Scene:
         if boxes:
             ghosts = ghosts_of(boxes, scene.robots, f"{source}: ")
         else:
-            ghosts = read_ghosts(source.parent / "blackbox", scene.robots)
+            go_ns = first_go(logs, 0)
+            ghosts = read_ghosts(source.parent / "blackbox", scene.robots, go_ns)
     except InputError as error:
         left_out = [f"without black boxes: {problem}" for problem in error.problems]
         return msgspec.structs.replace(scene, notes=[*scene.notes, *left_out])

@@ -16,25 +16,24 @@ import numpy.typing as npt
 
 from coordinator.base.errors import InputError
 from coordinator.curves.nurbs import Array
+from coordinator.log.box_file import box_text
 from coordinator.view.scene import Body, Ghost
 
 _SEEN: Final = 0.002
 """Greatest distance [m] between the shown and the true place of a robot after thinning."""
 
 
-def read_ghosts(folder: Path, robots: Sequence[Body]) -> list[Ghost]:
+def read_ghosts(folder: Path, robots: Sequence[Body], start_ns: int | None = None) -> list[Ghost]:
     """Return the ghosts of the robots that have a black box `<robot>.csv` in a folder.
 
-    Raise InputError, which names the file, if one is not a black box.
+    start_ns: the fleet's first GO, if known.  Raise InputError, which names the file, if one is not
+    a black box.
     """
     texts = {}
     for robot in robots:
         path = folder / f"{robot.id}.csv"
         if path.is_file():
-            try:
-                texts[robot.id] = path.read_text()
-            except (OSError, UnicodeDecodeError) as error:
-                raise InputError([f"{path}: {error}"]) from None
+            texts[robot.id] = box_text(path, start_ns)
     return ghosts_of(texts, robots, f"{folder}/")
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from coordinator.base.errors import InputError
 from coordinator.curves.nurbs import Array
+from coordinator.log.box_file import box_text
 
 COLUMNS: Final = ("t", "x", "y", "heading", "s", "phase", "estimate")
 _OLDER: Final = COLUMNS[:-1]
@@ -50,6 +51,22 @@ class BlackBox:
         estimates = None if self.estimates is None else self.estimates[kept] - zero
         return BlackBox(self.t[kept] - zero, self.places[kept], self.s[kept], phases, estimates)
 
+    def during(self, begin: float, end: float) -> BlackBox:
+        """Return the box with rows from `begin` to `end` only, and one at each of these times.
+
+        Infinite times cut nothing off.
+        """
+        inside = (self.t > begin) & (self.t < end)
+        cuts = [time for time in (begin, end) if math.isfinite(time)]
+        if inside.all() and not cuts:
+            return self
+        t = np.concatenate((cuts[:1] if cuts[:1] == [begin] else [], self.t[inside]))
+        t = np.concatenate((t, [end] if math.isfinite(end) else []))
+        rows = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, None)
+        estimates = None if self.estimates is None else self.estimates[rows] + t - self.t[rows]
+        phases = tuple(self.phases[row] for row in rows.tolist())
+        return BlackBox(t, self.at(t), self.s[rows], phases, estimates)
+
     def clock_error(self) -> float | None:
         """Return the greatest error [s] of the robot's estimates of the time; None if unknown."""
         if self.estimates is None or np.isnan(self.estimates).all():
@@ -57,16 +74,12 @@ class BlackBox:
         return float(np.nanmax(np.abs(self.estimates - self.t)))
 
 
-def read_blackbox(path: Path) -> BlackBox:
+def read_blackbox(path: Path, start_ns: int | None = None) -> BlackBox:
     """Read a black box; a last line cut short by a kill is left out.
 
-    Raises InputError naming the file and the line.
+    start_ns: the first GO, by the logs.  Raises InputError naming the file and the line.
     """
-    try:
-        text = path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError([f"{path}: {error}"]) from None
-    table, phases = parse_blackbox(text, str(path))
+    table, phases = parse_blackbox(box_text(path, start_ns), str(path))
     return BlackBox(table[:, 0], table[:, 1:3], table[:, 4], phases, table[:, 5])
 
 

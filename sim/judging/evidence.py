@@ -5,23 +5,27 @@ be judged like a run.  Must not know: what a collision is.
 
 A folder holds `plan.json` or a log of the coordinator (`run.mcap`, `run-2.mcap`, ..., or one other
 `*.mcap`), and the black box of every robot: `blackbox/ROBOT.csv` or `ROBOT.csv`.  Naming a log
-instead means its folder, without the other logs in it.
+instead means its folder, without the other logs in it.  Robots that joined may lack a black box.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 from coordinator.base.errors import InputError
+from coordinator.findings.attendance import Attendance
+from coordinator.findings.attendance import Stay as Present
+from coordinator.log.box_file import start_of_box
 from coordinator.log.log_file import logs_before, read_log
-from coordinator.log.records import Log
+from coordinator.log.records import Log, Record
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import from_json, plan_name, read
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Command, Plan, Report
+from protocol.messages import Command, Message, Plan, Report
 from protocol.phases import GO
 from protocol.timing import SECOND
 from sim.judging.blackbox import BlackBox, read_blackbox
@@ -46,29 +50,73 @@ class FurtherCourse(NamedTuple):
     start: float
 
 
+class Stay(NamedTuple):
+    """A time that a robot was in the fleet, and its radius [m] then; times [s since the first GO].
+
+    The times are infinite if it was there from the beginning, or to the end.
+    """
+
+    radius: float
+    since: float = -math.inf
+    until: float = math.inf
+
+
 class Evidence(NamedTuple):
     """The first plan, the later epochs according to the logs, and the black boxes by robot.
 
-    `courses`: what robots got besides, by robot, in the order of their times.
+    `courses`: what robots got besides, by robot, in the order of their times.  `stays`: when robots
+    that joined or left were in the fleet.
     """
 
     document: PlanDocument
     later: list[Epoch]
     boxes: dict[str, BlackBox]
     courses: dict[str, list[FurtherCourse]]
+    stays: dict[str, list[Stay]]
 
 
-class _Told(NamedTuple):
-    """From the logs: plans by name, the first Command and the time zero of each epoch [ns]."""
+_Which = tuple[str, int, int, int]
+"""A further course: its robot, epoch, number and revision."""
 
-    plans: dict[str, bytes]
-    begins: dict[int, int]
-    starts: dict[int, int]
-    courses: dict[tuple[str, int, int], bytes]
-    """Plan messages of further courses, by robot, epoch and revision."""
 
-    begun: dict[tuple[str, int, int], int]
-    """When robots first reported to drive them [ns]."""
+class _Told:
+    """What the logs say; times in ns."""
+
+    def __init__(self) -> None:
+        self.plans: dict[str, bytes] = {}
+        self.begins: dict[int, int] = {}
+        """When each epoch's first Command was sent."""
+
+        self.starts: dict[int, int] = {}
+        """The time zero of each epoch."""
+
+        self.every_start: set[int] = set()
+        """These, and those to which a plan's time was put off while the fleet stood still."""
+
+        self.courses: dict[_Which, bytes] = {}
+        self.begun: dict[_Which, int] = {}
+        """When robots first reported to drive them; the first one of a robot that joins: when it
+        was sent."""
+
+        self._newest: dict[tuple[str, int, int], _Which] = {}
+
+    def take(self, message: Message | None, record: Record, robot: str) -> None:
+        """Take in a message of the fleet."""
+        if isinstance(message, Command):
+            self.begins.setdefault(message.epoch, record.log_ns)
+            if message.phase == GO:
+                self.starts.setdefault(message.epoch, message.start_ns)
+                self.every_start.add(message.start_ns)
+        elif isinstance(message, Plan) and (message.revision or message.begin_ms):
+            which = (robot, message.epoch, message.number, message.revision)
+            self.courses[which] = record.payload
+            self._newest[robot, message.epoch, message.revision] = which
+            if not message.revision:
+                self.begun.setdefault(which, record.log_ns)
+        elif isinstance(message, Report):
+            found = self._newest.get((robot, message.epoch, message.revision))
+            if found is not None:
+                self.begun.setdefault(found, record.log_ns)
 
 
 def gather(source: Path) -> Evidence:
@@ -77,10 +125,40 @@ def gather(source: Path) -> Evidence:
     Raises InputError when there is no plan, no black box of a robot, or a file cannot be read.
     """
     folder = source if source.is_dir() else source.parent
-    told = _told(_logs(source))
+    logs, told = _logs(source), _Told()
+    for log in logs:
+        told.plans.update(log.attachments)
     document = _first_plan(folder, source, told.plans)
-    boxes = _boxes(folder, document, told.starts)
-    return Evidence(document, _later(told), boxes, _courses(told))
+    present = Attendance(robot.id for robot in document.robots)
+    for record in (record for log in logs for record in log.records):
+        place = keys.split(record.key)
+        message = None if place is None else decode(place[1], record.payload)
+        present.take(message, record.log_ns)
+        told.take(message, record, "" if place is None else place[2])
+    stays = _stays(document, present, told)
+    boxes = _boxes(folder, document, present.stays, told)
+    return Evidence(document, _later(told), boxes, _courses(told), stays)
+
+
+def _stays(document: PlanDocument, present: Attendance, told: _Told) -> dict[str, list[Stay]]:
+    """Return when the robots that joined or left were in the fleet."""
+    radii = {robot.id: robot.radius for robot in document.robots}
+    first = min(told.starts.values(), default=0)
+
+    def stay(robot: str, one: Present) -> Stay:
+        radius = radii[robot] if one.join is None else one.join.radius_m
+        since, until = (
+            None if ns is None else (ns - first) / SECOND for ns in (one.since_ns, one.until_ns)
+        )
+        return Stay(
+            radius, -math.inf if since is None else since, math.inf if until is None else until
+        )
+
+    return {
+        robot: [stay(robot, one) for one in stays]
+        for robot, stays in present.stays.items()
+        if stays != [Present()]
+    }
 
 
 def _logs(source: Path) -> list[Log]:
@@ -92,26 +170,6 @@ def _logs(source: Path) -> list[Log]:
     paths = paths or sorted(source.glob("*.mcap"))[:1]
     newest = [read_log(path) for path in paths]
     return [one for log in newest for one in (*logs_before(log), log)]
-
-
-def _told(logs: Sequence[Log]) -> _Told:
-    told = _Told({}, {}, {}, {}, {})
-    for log in logs:
-        told.plans.update(log.attachments)
-        for record in log.records:
-            place = keys.split(record.key)
-            message = None if place is None else decode(place[1], record.payload)
-            if isinstance(message, Command):
-                told.begins.setdefault(message.epoch, record.log_ns)
-                if message.phase == GO:
-                    told.starts.setdefault(message.epoch, message.start_ns)
-            elif isinstance(message, Plan | Report) and place is not None and message.revision:
-                course = (place[2], message.epoch, message.revision)
-                if isinstance(message, Plan):
-                    told.courses[course] = record.payload
-                else:
-                    told.begun.setdefault(course, record.log_ns)
-    return told
 
 
 def _first_plan(folder: Path, source: Path, plans: Mapping[str, bytes]) -> PlanDocument:
@@ -142,35 +200,39 @@ def _courses(told: _Told) -> dict[str, list[FurtherCourse]]:
     """Return the courses that robots have begun while the fleet drove."""
     found: dict[str, list[FurtherCourse]] = {}
     first = min(told.starts, default=0)
-    for course, begun_ns in sorted(told.begun.items(), key=lambda item: item[1]):
-        robot, epoch, _ = course
-        if course in told.courses and epoch in told.starts:
+    for which, begun_ns in sorted(told.begun.items(), key=lambda item: item[1]):
+        robot, epoch, _, _ = which
+        if epoch in told.starts:
             begin = (begun_ns - told.starts[first]) / SECOND
             start = (told.starts[epoch] - told.starts[first]) / SECOND
-            found.setdefault(robot, []).append(FurtherCourse(told.courses[course], begin, start))
+            found.setdefault(robot, []).append(FurtherCourse(told.courses[which], begin, start))
     return found
 
 
-def _boxes(folder: Path, document: PlanDocument, starts: Mapping[int, int]) -> dict[str, BlackBox]:
+def _boxes(
+    folder: Path, document: PlanDocument, robots: Iterable[str], told: _Told
+) -> dict[str, BlackBox]:
     """Read the black boxes; InputError states all problems, with missing boxes on one line.
 
-    starts: the time zero of each epoch by the logs [ns]; a box that began at another GO is of
-    another run.
+    A box that began at a GO that the logs do not know is of another run.
     """
     boxes: dict[str, BlackBox] = {}
     missing: list[str] = []
     problems: list[str] = []
-    for robot in document.robots:
-        places = [folder / "blackbox" / f"{robot.id}.csv", folder / f"{robot.id}.csv"]
+    needed = {robot.id for robot in document.robots}
+    first = min(told.starts.values(), default=None)
+    for robot in robots:
+        places = [folder / "blackbox" / f"{robot}.csv", folder / f"{robot}.csv"]
         found = next((place for place in places if place.exists()), None)
         if found is None:
-            missing.append(robot.id)
+            missing += [robot] if robot in needed else []
             continue
-        if not _is_of_run(found, starts):
+        start_ns = start_of_box(found)
+        if told.starts and start_ns is not None and start_ns not in told.every_start:
             problems.append(f"{found}: is of another run than the log")
             continue
         try:
-            boxes[robot.id] = read_blackbox(found)
+            boxes[robot] = read_blackbox(found, first)
         except InputError as error:
             problems += error.problems
     if missing:
@@ -181,12 +243,3 @@ def _boxes(folder: Path, document: PlanDocument, starts: Mapping[int, int]) -> d
     if problems:
         raise InputError(problems)
     return boxes
-
-
-def _is_of_run(box: Path, starts: Mapping[int, int]) -> bool:
-    """Return whether a black box began at one of these times; True where that is not known."""
-    try:
-        began = box.with_name(f"{box.name}.start").read_text(encoding="ascii").split()
-    except (OSError, UnicodeDecodeError):
-        return True
-    return not starts or began[-1:] in [[str(start)] for start in starts.values()]

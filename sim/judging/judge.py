@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 import numpy as np
@@ -23,10 +23,12 @@ from coordinator.plan.wire import Driven, drive, unpack
 from protocol.phases import DONE, FROZEN, IDLE, MOVING, PHASE_NAMES
 from sim.judging.blackbox import BlackBox
 from sim.judging.clearance import SolidGround
-from sim.judging.evidence import Epoch, FurtherCourse, gather
+from sim.judging.evidence import Epoch, FurtherCourse, Stay, gather
 from sim.judging.polyline import Polyline
 
 NO_COURSES: Final[Mapping[str, Sequence[FurtherCourse]]] = {}
+NO_STAYS: Final[Mapping[str, Sequence[Stay]]] = {}
+NO_BOX: Final = "no black box: how it drove is not known"
 _GRID: Final = 0.001
 _SLACK: Final = 0.02
 """Time [s] by which a black box row may be early or late: one is written per control tick."""
@@ -52,7 +54,8 @@ class RobotVerdict(msgspec.Struct, frozen=True):
     clock_error [s]: the greatest error of the robot's own estimate of the time; None when it is not
     known, because the times in the black box are that estimate or those of an unknown clock.
     least_clearance [m]: least distance between its disc and anything solid, negative where they
-    overlapped; None when the floor is not known.
+    overlapped; None when the floor is not known.  joined, left: when it joined the fleet last, and
+    left it for good [s]; it is judged from then, until then.
     """
 
     id: str
@@ -63,6 +66,8 @@ class RobotVerdict(msgspec.Struct, frozen=True):
     fault: str
     clock_error: float | None = None
     least_clearance: float | None = None
+    joined: float | None = None
+    left: float | None = None
 
 
 class Verdict(msgspec.Struct, frozen=True):
@@ -80,9 +85,10 @@ class Verdict(msgspec.Struct, frozen=True):
     least_clearance: float | None = None
 
     def is_good(self) -> bool:
-        """Return whether all robots arrived and none is known to have touched anything."""
+        """Return whether no robot touched anything, and all arrived that have not left."""
         touched = self.collisions or self.collisions_with_obstacles
-        return not touched and all(robot.arrived for robot in self.robots)
+        there = all(robot.arrived or robot.left is not None for robot in self.robots)
+        return not touched and there and not any(robot.fault == NO_BOX for robot in self.robots)
 
 
 def judge(source: Path) -> Verdict:
@@ -92,7 +98,7 @@ def judge(source: Path) -> Verdict:
     plans of later epochs.
     """
     found = gather(source)
-    return judge_boxes(found.document, found.boxes, found.later, found.courses)
+    return judge_boxes(found.document, found.boxes, found.later, found.courses, found.stays)
 
 
 def judge_boxes(
@@ -100,39 +106,92 @@ def judge_boxes(
     boxes: Mapping[str, BlackBox],
     later: Sequence[Epoch] = (),
     courses: Mapping[str, Sequence[FurtherCourse]] = NO_COURSES,
+    stays: Mapping[str, Sequence[Stay]] = NO_STAYS,
 ) -> Verdict:
     """Judge black boxes against a plan, the plans of later epochs, and further courses.
 
-    A robot with an empty black box is assumed to stand at its start.
+    `stays`: when robots were in the fleet that joined or left.  A robot with an empty black box is
+    assumed to stand at its start.  A robot that joined and has no black box has not arrived.
     """
     epochs = [Epoch(document, -math.inf, 0.0), *later]
     rides = [{one.id: one for one in drive(epoch.document)} for epoch in epochs]
-    whole = {name: _from_start(rides[0][name], box) for name, box in boxes.items()}
+    present = {robot.id: [Stay(robot.radius)] for robot in document.robots} | dict(stays)
+    parts: dict[str, list[_Part]] = {}
+    for name, times in present.items():
+        legs = _legs(epochs, rides, courses.get(name, ()), name, times[0].radius, boxes.get(name))
+        if name in boxes and legs:
+            box = _from_start(legs[0].driven, boxes[name])
+            parts[name] = [_Part(one, box.during(one.since, one.until), legs) for one in times]
     pairs, collisions = [], 0
-    for a, b in combinations(document.robots, 2):
-        separation, t = least_separation(whole[a.id], whole[b.id])
-        pairs.append(PairVerdict(a.id, b.id, round(separation, 6), round(t, 3)))
-        collisions += separation < a.radius + b.radius
-    end = max((float(box.t[-1]) for box in whole.values()), default=0.0)
-    clearances = _clearances(document, whole)
+    for a, b in combinations(parts, 2):
+        nearest = _nearest(parts[a], parts[b])
+        if nearest is not None:
+            separation, t, is_touch = nearest
+            pairs.append(PairVerdict(a, b, round(separation, 6), round(t, 3)))
+            collisions += is_touch
+    end = max((float(part.box.t[-1]) for found in parts.values() for part in found), default=0.0)
+    clearances = _clearances(document, parts)
     touching = sum(clearance < 0.0 for clearance in clearances.values())
     return Verdict(
         collisions=collisions,
         least_separation=min((pair.separation for pair in pairs), default=None),
         pairs=pairs,
         robots=[
-            _judge_robot(
-                document,
-                _legs(epochs, rides, courses.get(robot.id, ()), robot.id, whole[robot.id]),
-                whole[robot.id],
-                end,
-                clearances.get(robot.id),
-            )
-            for robot in document.robots
+            _judge_robot(document, name, parts[name], end, clearances.get(name))
+            if name in parts
+            else RobotVerdict(name, False, None, 0.0, 0.0, NO_BOX, joined=_known(times[-1].since))
+            for name, times in present.items()
         ],
         collisions_with_obstacles=touching if clearances else None,
         least_clearance=min(clearances.values(), default=None),
     )
+
+
+class _Leg(NamedTuple):
+    """A course that a robot drove, from when until when; its epoch began at `start` [s]."""
+
+    driven: Driven
+    begin: float
+    end: float
+    start: float
+
+
+class _Part(NamedTuple):
+    """A robot's stay, what its black box recorded of that, and all courses that it drove."""
+
+    stay: Stay
+    box: BlackBox
+    legs: Sequence[_Leg]
+
+    def driven(self) -> list[tuple[Driven, BlackBox]]:
+        """Return the courses of this stay, each with its rows in the time of its epoch."""
+        since, until = self.stay.since, self.stay.until
+        inside = [leg for leg in self.legs if leg.end > since and leg.begin < until]
+        return [
+            (leg.driven, self.box.between(leg.begin, leg.end, leg.start))
+            for leg in inside or self.legs[-1:]
+        ]
+
+
+def _nearest(mine: Sequence[_Part], theirs: Sequence[_Part]) -> tuple[float, float, bool] | None:
+    """Return how near two robots came, when, and whether they touched; None if they never met.
+
+    Two robots meet while both are in the fleet.
+    """
+    found = []
+    for one in mine:
+        for other in theirs:
+            since = max(one.stay.since, other.stay.since)
+            until = min(one.stay.until, other.stay.until)
+            if since < until:
+                apart, t = least_separation(
+                    one.box.during(since, until), other.box.during(since, until)
+                )
+                found.append((apart, t, apart < one.stay.radius + other.stay.radius))
+    if not found:
+        return None
+    apart, t, _ = min(found)
+    return apart, t, any(is_touch for _, _, is_touch in found)
 
 
 def least_separation(a: BlackBox, b: BlackBox) -> tuple[float, float]:
@@ -151,15 +210,15 @@ def least_separation(a: BlackBox, b: BlackBox) -> tuple[float, float]:
     return float(distance[at]), float(time[at] + part[at] * (time[at + 1] - time[at]))
 
 
-def _clearances(document: PlanDocument, boxes: Mapping[str, BlackBox]) -> dict[str, float]:
+def _clearances(document: PlanDocument, parts: Mapping[str, Sequence[_Part]]) -> dict[str, float]:
     """Return each robot's least distance [m] from anything solid; empty without a floor."""
     floor = document.workspace
     if floor is None:
         return {}
     solid = SolidGround(floor.boundary, floor.obstacles)
     return {
-        robot.id: round(solid.nearest(boxes[robot.id])[0] - robot.radius, 6) + 0.0
-        for robot in document.robots
+        name: round(min(solid.nearest(one.box)[0] - one.stay.radius for one in found), 6) + 0.0
+        for name, found in parts.items()
     }
 
 
@@ -176,19 +235,22 @@ def _legs(
     rides: Sequence[Mapping[str, Driven]],
     courses: Sequence[FurtherCourse],
     name: str,
-    box: BlackBox,
-) -> list[tuple[Driven, BlackBox]]:
-    """Return the courses that a robot drove, each with its rows until the next one began."""
+    radius: float,
+    box: BlackBox | None,
+) -> list[_Leg]:
+    """Return the courses that a robot drove, in order; each lasts until the next one began."""
     parts = [
         (epoch.begin, epoch.start, ride.get(name))
         for epoch, ride in zip(epochs, rides, strict=True)
     ]
-    radius = rides[0][name].radius
-    parts += [(_begun(box, one.begin), one.start, unpack(one.payload, radius)) for one in courses]
+    if box is not None:
+        parts += [
+            (_begun(box, one.begin), one.start, unpack(one.payload, radius)) for one in courses
+        ]
     parts.sort(key=lambda part: part[0])
     ends = [*(begin for begin, _, _ in parts[1:]), math.inf]
     return [
-        (driven, box.between(begin, end, start))
+        _Leg(driven, begin, end, start)
         for (begin, start, driven), end in zip(parts, ends, strict=True)
         if driven is not None
     ]
@@ -206,16 +268,19 @@ def _begun(box: BlackBox, heard: float) -> float:
 
 def _judge_robot(
     document: PlanDocument,
-    legs: Sequence[tuple[Driven, BlackBox]],
-    whole: BlackBox,
+    name: str,
+    parts: Sequence[_Part],
     end: float,
     clearance: float | None,
 ) -> RobotVerdict:
-    """Judge one robot: its whole recording, and each leg against its plan.
+    """Judge one robot: each leg against its plan, and whether it arrived in its last stay.
 
     A robot that froze within the tolerance of its goal has arrived: no plan takes it any farther,
     and it is idle there during later epochs, in which it has no part.
     """
+    every = [leg for part in parts for leg in part.driven()]
+    (stay, whole, _), legs = parts[-1], parts[-1].driven()
+    clock_errors = [error for part in parts if (error := part.box.clock_error()) is not None]
     tolerance, driven, box = 0.5 * document.margin, legs[-1][0], whole
     goal = driven.curve.at_arc([driven.curve.length])[0]
     near = np.hypot(*(box.places - goal).T) <= tolerance
@@ -233,18 +298,24 @@ def _judge_robot(
     fault = ""
     if not done:
         ended = float(box.t[-1])
-        silent = box.phases[-1] == PHASE_NAMES[MOVING] and ended < end - 0.5
+        silent = box.phases[-1] == PHASE_NAMES[MOVING] and ended < min(end, stay.until) - 0.5
         fault = f"recording ends at {ended:.2f} s" if silent else f"ended {box.phases[-1]}"
     return RobotVerdict(
-        id=driven.id,
+        id=name,
         arrived=bool(done) and bool(near[-1]),
         t=round(float(done[0]), 3) if done else None,
-        tracking_error=round(max(tracking_error(d, part) for d, part in legs), 6),
-        lateness=round(max(_lateness(d, part) for d, part in legs), 3),
+        tracking_error=round(max(tracking_error(d, part) for d, part in every), 6),
+        lateness=round(max(_lateness(d, part) for d, part in every), 3),
         fault=fault,
-        clock_error=None if (error := whole.clock_error()) is None else round(error, 6),
+        clock_error=round(max(clock_errors), 6) if clock_errors else None,
         least_clearance=clearance,
+        joined=_known(stay.since),
+        left=_known(stay.until),
     )
+
+
+def _known(time: float) -> float | None:
+    return round(time, 3) if math.isfinite(time) else None
 
 
 def tracking_error(driven: Driven, box: BlackBox) -> float:

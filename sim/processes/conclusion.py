@@ -30,7 +30,8 @@ def conclude(folder: Path, name: str, code: int, as_json: bool) -> None:
     for picture in ("plan.svg", "plan.png"):
         draw_plan(read(folder / "plan.json"), folder / picture)
     verdict, log = judge(folder), read_log(newest_log(folder))
-    told = summarise(log, courses_of(log, [folder / "blackbox"]), readable_logs_before(log))
+    before = readable_logs_before(log)
+    told = summarise(log, courses_of(log, [folder / "blackbox"], before), before)
     summary = RunSummary(
         scenario=name,
         succeeded=succeeded(code, verdict),

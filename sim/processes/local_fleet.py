@@ -99,7 +99,7 @@ class LocalFleet:
             self._programs.keys_of(one.id)
         self._prepare_folder()
         with ExitStack() as stack:
-            stack.callback(drop_starts, self.folder)
+            stack.callback(lambda: drop_starts(self.folder, self._start_ns))
             for robot in {fault.robot for fault in self.faults if fault.act == "cut"}:
                 self._relays[robot] = Relay(self._port, self._host)
                 stack.callback(self._relays[robot].close)

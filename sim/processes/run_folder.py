@@ -14,6 +14,7 @@ from typing import Final
 from coordinator.base.console import write_file
 from coordinator.base.errors import InputError
 from coordinator.cli.plan_commands import make_folder
+from coordinator.log.box_file import box_text
 from coordinator.log.log_file import read_log
 from coordinator.plan.plan_file import is_plan_name, plan_name
 
@@ -31,9 +32,15 @@ def clear_folder(folder: Path) -> None:
     _drop_empty(folder / "faults")
 
 
-def drop_starts(folder: Path) -> None:
-    """Remove the .start files after a run: only a robot that is started again needs them."""
+def drop_starts(folder: Path, start_ns: int) -> None:
+    """Remove the .start files after a run, which only programs that are started again need.
+
+    Boxes that count from a later GO than the first one, `start_ns`, count from that one then.
+    """
     for start in folder.glob("blackbox/*.csv.start"):
+        box = start.with_suffix("")
+        if box.is_file():
+            write_file(box, box_text(box, start_ns).encode())
         start.unlink()
 
 

@@ -55,7 +55,7 @@ def render(summary: RunSummary) -> RenderableType:
     table = plain_table(*columns, title=f"{summary.scenario}, {_SINCE}")
     for robot in summary.judge.robots:
         when = f"{robot.t:.2f}" if robot.arrived and robot.t is not None else "no"
-        table.add_row(robot.id, when, *_errors(robot), robot.fault)
+        table.add_row(robot.id, when, *_errors(robot), _remarks(robot))
     arrived = sum(robot.arrived for robot in summary.judge.robots)
     lines = [
         f"arrived {arrived} of {len(summary.judge.robots)}",
@@ -81,7 +81,7 @@ def render_verdict(verdict: Verdict) -> RenderableType:
             "yes" if robot.arrived else "no",
             "" if robot.t is None else f"{robot.t:.2f}",
             *_errors(robot),
-            robot.fault,
+            _remarks(robot),
         )
     pairs = plain_table("pair", "least separation m", "at s")
     for pair in sorted(verdict.pairs, key=lambda pair: pair.separation)[:20]:
@@ -94,6 +94,13 @@ def _errors(robot: RobotVerdict) -> tuple[str, str, str]:
     """Return the cells of a robot's row below the headings _ERRORS."""
     clock = "unknown" if robot.clock_error is None else f"{1000.0 * robot.clock_error:.1f}"
     return f"{1000.0 * robot.tracking_error:.1f}", f"{robot.lateness:.3f}", clock
+
+
+def _remarks(robot: RobotVerdict) -> str:
+    """Return a robot's fault, and when it joined the fleet and left it."""
+    turns = (("joined", robot.joined), ("left", robot.left))
+    found = [robot.fault, *(f"{what} at {t:.2f} s" for what, t in turns if t is not None)]
+    return "; ".join(filter(None, found))
 
 
 def _collisions(verdict: Verdict) -> list[str]:

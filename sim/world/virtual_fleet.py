@@ -288,7 +288,7 @@ class World:
         robot = self.robots.get(fault.robot)
         fleet = self.fleet
         works = robot is not None and not (robot.dead or robot.hung)
-        has_part = works and fleet.members[fault.robot].planned
+        has_part = works and fault.robot in fleet.members and fleet.members[fault.robot].planned
         phase = robot.service.agent.phase if robot is not None and has_part else -1
         self.struck.append(Struck(fault, self.now_ns, fleet.phase, phase, fleet.epoch))
 

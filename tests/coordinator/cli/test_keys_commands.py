@@ -110,3 +110,12 @@ def test_a_folder_that_is_there_keeps_its_mode(tmp_path):
 
 def test_an_authority_that_is_there_is_kept(folder):
     assert isinstance(run("init", folder).exception, InputError)
+
+
+def test_a_key_that_lets_a_robot_join_says_so_until_it_is_revoked(folder):
+    ran("robot", "R9", "--may-join", "--keys", folder)
+    ran("robot", "R1", "--keys", folder)
+    assert states(folder)["robot", "R9", 1] == "valid, may join"
+    assert states(folder)["robot", "R1", 1] == "valid"
+    ran("revoke", "R9", "--keys", folder)
+    assert states(folder)["robot", "R9", 1].startswith("revoked")

@@ -148,3 +148,17 @@ def test_scenarios_of_one_name_are_of_one_fleet():
 def test_the_head_of_the_file_names_its_fleets(site):
     site.router("--host", "router.local")
     assert "for the fleets two, yard." in site.file.read_text().splitlines()[0]
+
+
+def test_a_robot_that_may_join_has_its_own_rights_in_every_fleet_and_one_of_a_scenario_in_its(site):
+    site.ran("robot", "R8", "Y1", "--may-join", "--keys", site.keys)
+    site.router("--host", "localhost")
+    rules = {one["id"]: one["key_exprs"] for one in site.setting("access_control/rules")}
+    assert rules["robot/R8/1 puts"] == [
+        f"splinefleet/{fleet}/{kind}/R8"
+        for fleet in ("two", "yard")
+        for kind in ("hello", "report", "clock")
+    ]
+    assert not any("/two/" in key for key in rules["robot/Y1/2 puts"])
+    assert "splinefleet/two/admit/R8" in rules["operator/operator/1 puts"]
+    assert not any(name.startswith("robot/R9") for name in rules)
