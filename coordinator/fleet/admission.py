@@ -97,6 +97,10 @@ class Door:
             return False
         if boot in admission.asked_by or (not member.planned and admission.join(boot)):
             return False  # An earlier request is being carried out.
+        if member.planned and not member.is_fit:
+            member.struck.clear()  # It goes on from where it stands, and nobody else is stopped.
+            self._tell_admitted(robot, now_ns)
+            return False
         if member.planned or member.finished or member.stays:
             return self._deny(robot, boot, _why_in_already(member), now_ns)
         if member.rest is None:

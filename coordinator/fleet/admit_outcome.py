@@ -19,8 +19,9 @@ class Asking:
     """A request to admit a robot, with its outcome as the fleet's messages show it.
 
     The robot is admitted when, after a freeze, the fleet is in an epoch of which the robot has a
-    Plan.  `answer` is empty until the outcome is known, and then says it in words.  `admitted` is
-    true if the outcome is that the robot was admitted.
+    Plan, or when it is sent a further course without a freeze.  `answer` is empty until the outcome
+    is known, and then says it in words.  `admitted` is true if the outcome is that the robot was
+    admitted.
     """
 
     def __init__(self, robot: str, boot: int) -> None:
@@ -42,6 +43,8 @@ class Asking:
                 self.answer = message.reason
         elif isinstance(message, Plan):
             self._epoch = max(self._epoch, message.epoch)
+            if self._asked and message.revision > 0:
+                self.admitted, self.answer = True, f"{self._robot} goes on from where it stands"
         elif isinstance(message, Command):
             self._hear_command(message)
 

@@ -18,6 +18,7 @@ from protocol.messages import (
     HALT,
     ORDER_DONE,
     REFUSED,
+    Admit,
     Block,
     Cancel,
     Join,
@@ -387,3 +388,27 @@ def test_a_robot_whose_wheels_stall_for_good_is_driven_around_and_the_fleet_ends
     assert freezes(world) == 0
     assert nobody_touches(world)
     assert prove_log(read_log(logs.paths[-1])).holds
+
+
+def test_a_robot_that_failed_three_times_stands_until_it_is_admitted_and_goes_on_from_there():
+    world = a_world(replace(queue_of_two()), stays=True)
+    say, agent = operator(world), world.robots["R2"].service.agent
+    world.run(7.0)
+    for _ in range(3):
+        agent.hear_driver_error(world.now_ns)
+        world.run(6.0)
+    x, y, _ = world.robots["R2"].body.true_pose()
+    world.run(30.0)
+    assert world.robots["R2"].body.true_pose()[:2] == (x, y)
+    ahead = world.fleet.orders.tasks["ahead"]
+    assert ahead.reason == "R2 has stopped: driver error"
+    assert states(world)["behind"] == ORDER_DONE
+    door = world._network.session("at the door")
+    door.put(keys.admit(world.fleet.name, "R2"), encode(Admit(7)))
+    world.run(40.0)
+    assert states(world)["ahead"] == ORDER_DONE
+    say(Tell(9, END))
+    world.run(60.0)
+    assert world.fleet.is_finished
+    assert freezes(world) == 0
+    assert nobody_touches(world)
