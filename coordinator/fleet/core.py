@@ -71,7 +71,6 @@ class Fleet(OperatedFleet):
         orders: OrderBook | None = None,
     ) -> None:
         super().__init__(name, boot, members, times, grants, orders)
-        self.bad_messages = 0
         self._door = Door(name, self.members, self.incidents)
 
     def hear(self, key: str, payload: bytes, now_ns: int) -> list[Outgoing]:

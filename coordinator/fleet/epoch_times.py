@@ -5,8 +5,19 @@ Decides: when plan time begins.  Must not know: which robots, phases, messages.
 
 from __future__ import annotations
 
+import msgspec
+
 from coordinator.fleet.phases import GO_LEAD
 from protocol.timing import MILLISECOND, SECOND
+
+
+class PlainTimes(msgspec.Struct, frozen=True):
+    """An EpochTimes as plain data."""
+
+    epoch: int
+    settling_ns: int
+    has_gone: bool
+    start_ns: int
 
 
 class EpochTimes:
@@ -20,6 +31,17 @@ class EpochTimes:
         self.has_gone = False
         self.start_ns = 0
         self.settling_ns = settling_ns
+
+    def plain(self) -> PlainTimes:
+        """Return the times as plain data."""
+        return PlainTimes(self.epoch, self.settling_ns, self.has_gone, self.start_ns)
+
+    @classmethod
+    def of_plain(cls, told: PlainTimes) -> EpochTimes:
+        """Return the times."""
+        made = cls(told.epoch, told.settling_ns)
+        made.has_gone, made.start_ns = told.has_gone, told.start_ns
+        return made
 
     def begin(self, epoch: int) -> None:
         """Begin an epoch that has a plan and has not started to drive."""

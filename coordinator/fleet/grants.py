@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, NamedTuple
 
+import msgspec
 import numpy as np
 
-from coordinator.plan.course import Course
+from coordinator.plan.course import Course, PlainCourse
 from coordinator.plan.course_staircases import CourseStaircases
-from coordinator.plan.staircases import NO_STAIRCASES, Staircases
-from coordinator.schedule.authority import EVER, Authority
+from coordinator.plan.staircases import NO_STAIRCASES, PlainStaircases, Staircases
+from coordinator.schedule.authority import EVER, Authority, PlainAuthority
 from protocol.messages import MOST_HELD, Report
 from protocol.phases import DONE
 from protocol.timing import LATE_STEP_MS
@@ -112,6 +113,49 @@ class Courses:
         return coming is not None and (not coming.is_withdrawn or holds >= coming.revision)
 
 
+class PlainSent(msgspec.Struct, frozen=True):
+    """A `Sent` as plain data."""
+
+    slot: int
+    number: int
+    revision: int
+    begin_ms: int
+    course: PlainCourse | None
+    is_withdrawn: bool
+
+    @classmethod
+    def of(cls, sent: Sent) -> PlainSent:
+        """Return what was sent as plain data."""
+        course = None if sent.course is None else PlainCourse.of(sent.course)
+        return cls(sent.slot, sent.number, sent.revision, sent.begin_ms, course, sent.is_withdrawn)
+
+    def sent(self) -> Sent:
+        """Return what was sent; raise ValueError if a robot would refuse its message."""
+        course = None if self.course is None else self.course.course()
+        return Sent(self.slot, self.number, self.revision, self.begin_ms, course, self.is_withdrawn)
+
+
+class PlainGrants(msgspec.Struct, frozen=True):
+    """Grants as plain data, for a checkpoint; arrays as their bytes."""
+
+    headroom_ms: int
+    robots: list[str]
+    names: list[str]
+    staircases: PlainStaircases
+    authority: PlainAuthority
+    courses: dict[str, tuple[PlainSent, PlainSent | None, tuple[int, int]]]
+    numbers: bytes
+    done: bytes
+    got_on_ms: bytes
+    passed_ms: bytes
+    got_on_latest_ms: int
+    next_number: int
+    reserved: list[int]
+    limits: dict[str, int]
+    given_up: list[str]
+    held: list[tuple[int, int, int]]
+
+
 class Held(NamedTuple):
     """A robot that another one holds, and since which plan time [ms]."""
 
@@ -172,6 +216,75 @@ class Grants:
         """What each robot had passed when it last got on."""
         self._held: dict[int, tuple[int, int]] = {}
         """By slot: who holds a robot, and since when [ms]."""
+
+    def plain(self) -> PlainGrants:
+        """Return the grants as plain data."""
+        courses = {
+            name: (
+                PlainSent.of(mine.now),
+                None if mine.next is None else PlainSent.of(mine.next),
+                mine.slots,
+            )
+            for name, mine in self._courses.items()
+        }
+        return PlainGrants(
+            self.headroom_ms,
+            self._robots,
+            self._names,
+            PlainStaircases.of(self._staircases.all),
+            self._rule.plain(),
+            courses,
+            self._numbers.tobytes(),
+            self._done.tobytes(),
+            self._got_on_ms.tobytes(),
+            self._passed_ms.tobytes(),
+            self.got_on_ms,
+            self._next_number,
+            sorted(self._reserved),
+            self._limits,
+            sorted(self.given_up),
+            [(slot, *held) for slot, held in self._held.items()],
+        )
+
+    @classmethod
+    def of_plain(cls, told: PlainGrants) -> Grants:
+        """Return the grants; raise ValueError if a robot would refuse one of the courses."""
+        staircases = told.staircases.staircases()
+        made = cls(staircases, told.robots, told.headroom_ms)
+        made._names = told.names
+        made._rule = Authority.of_plain(staircases, told.authority)
+        made._courses = {
+            name: Courses(now.sent(), None if coming is None else coming.sent(), slots)
+            for name, (now, coming, slots) in told.courses.items()
+        }
+        made._numbers, made._got_on_ms, made._passed_ms = (
+            np.frombuffer(one, np.int64).copy()
+            for one in (told.numbers, told.got_on_ms, told.passed_ms)
+        )
+        made._done = np.frombuffer(told.done, bool).copy()
+        made.got_on_ms = told.got_on_latest_ms
+        made._next_number, made._reserved = told.next_number, set(told.reserved)
+        made._limits = told.limits
+        made.given_up = set(told.given_up)
+        made._held = {slot: (by, since) for slot, by, since in told.held}
+        return made
+
+    def in_force(self) -> tuple[list[Course], Staircases]:
+        """Return the courses that robots may be driving, and the staircases between them.
+
+        Each counts from where its robot is known to be on it, and not before it begins.  Those of
+        robots that were given up are left out, as in `possible`.
+        """
+        counted = {id(course) for course in self.possible()}
+        courses, slots = [], []
+        for mine in self._courses.values():
+            for one in mine:
+                if one.course is not None and id(one.course) in counted:
+                    passed_ms = max(int(self._rule.progress[one.slot]), one.begin_ms)
+                    since = min(passed_ms / 1000.0, one.course.driven.timeline.finish)
+                    courses.append(Course(one.course.driven, since))
+                    slots.append(one.slot)
+        return courses, self._staircases.among(slots)
 
     def of(self, robot: str) -> Courses | None:
         """Return a robot's courses; None if it has no part in the plan."""

@@ -6,7 +6,9 @@ These records are never sent.  `replay --check` runs the fleet again from them:
 - `ahead`: until another such record, no robot is told that it may drive beyond this plan time [ms]
   of the epoch; it is in the log before a robot is told that much, so a coordinator that resumes
   from the log knows how far any robot may be;
-- `course`: a search for a robot's course came to its end, and what was asked;
+- `course`: a search for a robot's course came to its end: what was asked, and what was found;
+- `checkpoint`: the whole state of the coordinator (mission/checkpoint.py), to go on from without
+  the records before it;
 - `around`: from now on others are sent around a lost robot, which is granted nothing more on its
   course;
 - `told`: an operator told the fleet to stop, or to go on;
@@ -62,6 +64,39 @@ class CourseRequest:
     begin_ms: int
 
 
+class Found(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What a search for a course found: the course's message with boot id 0, or why there is none.
+
+    The other fields are those of `planning.course_search.Answer`; `way` has its numbers as bytes.
+    `alone` is None if the robot has no way even alone.
+    """
+
+    message: bytes | None = None
+    alone: float | None = None
+    reason: str = ""
+    blockers: tuple[str, ...] = ()
+    way: bytes = b""
+
+
+class Search(msgspec.Struct, frozen=True):
+    """A `course` record; `found` is None in logs of versions that searched again for it."""
+
+    serial: int
+    order: str
+    robot: str
+    number: int
+    revision: int
+    begin_ms: int
+    found: Found | None = None
+
+    @property
+    def request(self) -> CourseRequest:
+        """What was asked."""
+        return CourseRequest(
+            self.serial, self.order, self.robot, self.number, self.revision, self.begin_ms
+        )
+
+
 def course_key(fleet: str) -> str:
     """Return the key of a fleet's `course` records."""
     return f"coordinator/{fleet}/course"
@@ -72,12 +107,27 @@ def is_course_key(key: str) -> bool:
     return _is_record(key, "course")
 
 
-def course_request_of(payload: bytes) -> CourseRequest | None:
-    """Decode a request for a course; return None if the bytes do not encode one."""
+def search_record(asked: CourseRequest, found: Found) -> bytes:
+    """Encode a search as JSON."""
+    return msgspec.json.encode(Search(**vars(asked), found=found))
+
+
+def search_of(payload: bytes) -> Search | None:
+    """Decode a search; return None if the bytes do not encode one."""
     try:
-        return msgspec.json.decode(payload, type=CourseRequest)
+        return msgspec.json.decode(payload, type=Search)
     except _UNREADABLE:
         return None
+
+
+def checkpoint_key(fleet: str) -> str:
+    """Return the key of a fleet's `checkpoint` records."""
+    return f"coordinator/{fleet}/checkpoint"
+
+
+def is_checkpoint_key(key: str) -> bool:
+    """Return whether this is a key of `checkpoint` records."""
+    return _is_record(key, "checkpoint")
 
 
 def around_key(fleet: str) -> str:
@@ -113,7 +163,7 @@ def is_adoption_key(key: str) -> bool:
     return _is_record(key, "epoch")
 
 
-def adoption_record(request: Request | CourseRequest) -> bytes:
+def adoption_record(request: Request) -> bytes:
     """Encode a request as JSON."""
     return msgspec.json.encode(request)
 

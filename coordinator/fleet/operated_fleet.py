@@ -39,8 +39,6 @@ from protocol.phases import GO, STOP
 class OperatedFleet(FleetState):
     """A fleet that operators tell what to do; all times in ns on the coordinator's clock."""
 
-    bad_messages = 0
-
     def hear_operator(self, message: Message | None, now_ns: int) -> list[Outgoing] | None:
         """Take in an operator's message; return the answer, None if it is not an operator's."""
         answer: list[Outgoing] | None = None

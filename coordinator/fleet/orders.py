@@ -10,8 +10,11 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from random import Random
-from typing import Final
+from typing import Any, Final
 
+import msgspec
+
+from coordinator.scenario import plain
 from coordinator.scenario.model import Demand, Order, Pose, Robot
 from coordinator.scenario.order_checks import OWN
 from protocol import messages as protocol_messages
@@ -105,6 +108,51 @@ def robot_of(join: protocol_messages.Join) -> Robot:
     )
 
 
+class PlainBook(msgspec.Struct, frozen=True):
+    """An OrderBook as plain data, for a checkpoint.
+
+    `over`: orders of which nothing more becomes.  `tasks`: the others.  `ended` are over, and it
+    was not said yet.
+    """
+
+    over: list[OrderState]
+    tasks: list[dict[str, Any]]
+    stays: bool
+    robots: list[str]
+    later: list[str]
+    has_demand: bool
+    given: dict[str, int]
+    said: dict[str, OrderState]
+    ended: list[str]
+    made_room: int
+    done: int
+
+
+def _task_of(fields: dict[str, Any]) -> Task:
+    joins = fields["joins"]
+    known = {
+        "order": plain.order_of(fields["order"]),
+        "cannot": set(fields["cannot"]),
+        "joins": None if joins is None else plain.robot_of(joins),
+    }
+    return Task(**{**fields, **known})
+
+
+def _task_over(state: OrderState) -> Task:
+    """Return an order that is over, of which nothing but its end is known."""
+    return Task(
+        Order(id=state.id, goal=(0.0, 0.0)),
+        state.released_ms or 0,
+        state.robot,
+        state.state,
+        state.accepted_ms,
+        state.planned_arrival_ms,
+        state.arrived_ms,
+        state.alone_ms,
+        state.reason,
+    )
+
+
 class OrderBook:
     """The orders of one fleet.
 
@@ -132,6 +180,42 @@ class OrderBook:
         self._made_room = 0
         self.done = 0
         """How many orders are over."""
+
+    def plain(self) -> PlainBook:
+        """Return the book as plain data."""
+        return PlainBook(
+            sorted(
+                (task.message() for task in self.tasks.values() if task.is_over),
+                key=lambda one: one.id,
+            ),
+            [
+                {**msgspec.to_builtins(task), "cannot": sorted(task.cannot)}
+                for task in self._open.values()
+            ],
+            self.stays,
+            self._robots,
+            list(self._later),
+            self._demand is not None,
+            self._given,
+            self._said,
+            [task.order.id for task in self._ended],
+            self._made_room,
+            self.done,
+        )
+
+    def take_plain(self, told: PlainBook) -> None:
+        """Take over what another book of the same orders and demand knew.
+
+        Raises KeyError or TypeError if it does not fit.
+        """
+        tasks = [_task_of(fields) for fields in told.tasks]
+        self._open = {task.order.id: task for task in tasks}
+        self.tasks = {one.id: _task_over(one) for one in told.over} | self._open
+        self._later = {name: self._later[name] for name in told.later}
+        self._ended = [self.tasks[name] for name in told.ended]
+        self._demand = self._demand if told.has_demand else None
+        self.stays, self._robots, self._given = told.stays, told.robots, told.given
+        self._said, self._made_room, self.done = told.said, told.made_room, told.done
 
     @property
     def is_used(self) -> bool:

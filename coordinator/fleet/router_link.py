@@ -30,6 +30,10 @@ class RouterLink:
         """Whether there is a router and it cannot be reached."""
         return self._up is False
 
+    def plain(self) -> bool | None:
+        """Return the state as plain data."""
+        return self._up
+
     def take(self, up: bool) -> bool:
         """Record the state of the link; return whether the link was lost or has come back."""
         before, self._up = self._up, up

@@ -6,12 +6,16 @@ Must not know: what is heard, when the time is looked at (core.py).
 
 from __future__ import annotations
 
-from coordinator.fleet.epoch_times import EpochTimes
+from typing import Final, Self
+
+import msgspec
+
+from coordinator.fleet.epoch_times import EpochTimes, PlainTimes
 from coordinator.fleet.events import Incident, Outgoing
 from coordinator.fleet.failures import Failing, silent
-from coordinator.fleet.grants import Grants, Held, Span, Stated
+from coordinator.fleet.grants import Grants, Held, PlainGrants, Span, Stated
 from coordinator.fleet.member import Member
-from coordinator.fleet.orders import OrderBook
+from coordinator.fleet.orders import OrderBook, PlainBook
 from coordinator.fleet.phases import FAREWELLS, RESUME_PATIENCE, TRANSITIONS, Event
 from coordinator.fleet.rest_places import Standing
 from coordinator.fleet.roster import Roster
@@ -21,6 +25,42 @@ from protocol.codec import encode
 from protocol.messages import MOST_WANTED, Block, Command, OrderState
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD, OVER, STOP
 from protocol.timing import COMMAND_PERIOD, MILLISECOND
+
+_KEPT: Final = (
+    "_changed_ns",
+    "_farewells",
+    "_first_go_ns",
+    "_looked_ns",
+    "_patient_until_ns",
+    "_sequence",
+    "_stopped_ns",
+    "_waits_since_ns",
+    "allowed_ms",
+    "bad_messages",
+    "epoch",
+    "first_epoch",
+    "is_ending",
+    "is_resumed",
+    "phase",
+    "run",
+    "superseded",
+    "term",
+)
+"""The numbers of a fleet's state."""
+
+
+class PlainFleet(msgspec.Struct, frozen=True):
+    """A fleet core as plain data, for a checkpoint; `numbers` are those of _KEPT."""
+
+    name: str
+    boot: int
+    members: list[Member]
+    times: PlainTimes
+    grants: PlainGrants
+    orders: PlainBook
+    router_up: bool | None
+    blocks: list[Block]
+    numbers: dict[str, int | bool | None]
 
 
 class FleetState:
@@ -56,12 +96,43 @@ class FleetState:
         self._router = RouterLink()
         self._patient_until_ns = 0
         self.is_resumed = self.superseded = False
+        self.bad_messages = 0
         self._farewells = 0
         self.blocks: dict[str, Block] = {}
         """The places that operators have closed."""
 
         self.is_ending = False
         """Whether an operator has told the fleet to end when all rest."""
+
+    def plain(self) -> PlainFleet:
+        """Return the state as plain data, without incidents; no course may be looked for."""
+        return PlainFleet(
+            self.name,
+            self.boot,
+            list(self.members.values()),
+            self.times.plain(),
+            self.grants.plain(),
+            self.orders.plain(),
+            self._router.plain(),
+            list(self.blocks.values()),
+            {name: getattr(self, name) for name in _KEPT},
+        )
+
+    @classmethod
+    def of_plain(cls, told: PlainFleet, orders: OrderBook) -> Self:
+        """Return the fleet; `orders` has those that the fleet began with.
+
+        Raises KeyError, TypeError or ValueError if what is told cannot be.
+        """
+        orders.take_plain(told.orders)
+        times, grants = EpochTimes.of_plain(told.times), Grants.of_plain(told.grants)
+        made = cls(told.name, told.boot, told.members, times, grants, orders)
+        for name in _KEPT:
+            setattr(made, name, told.numbers[name])
+        if told.router_up is not None:
+            made._router.take(told.router_up)
+        made.blocks = {block.id: block for block in told.blocks}
+        return made
 
     @property
     def is_finished(self) -> bool:

@@ -19,17 +19,18 @@ from coordinator.fleet.log_records import (
     LINK_UP,
     TOLD_TO_GO_ON,
     TOLD_TO_STOP,
-    CourseRequest,
     Request,
-    course_request_of,
+    Search,
     drops_of,
     is_adoption_key,
     is_ahead_key,
+    is_checkpoint_key,
     is_course_key,
     is_drops_key,
     is_router_key,
     is_told_key,
     request_of,
+    search_of,
 )
 from coordinator.security.denials import Denial, denial_of, is_denial_key
 from protocol import keys
@@ -65,6 +66,9 @@ _LINK: Final = Description(
 _AHEAD: Final = Description(
     "msgpack", _anything, "splinefleet.Ahead", msgspec.json.encode({"type": "integer"})
 )
+_CHECKPOINT: Final = Description(
+    "msgpack", _anything, "splinefleet.Checkpoint", msgspec.json.encode({"type": "object"})
+)
 _TOLD: Final = Description(
     "json",
     (TOLD_TO_STOP, TOLD_TO_GO_ON).__contains__,
@@ -79,11 +83,13 @@ def describe(key: str) -> Description:
         schema = msgspec.json.encode(msgspec.json.schema(Request))
         return Description("json", _is_request, "splinefleet.Epoch", schema)
     if is_course_key(key):
-        schema = msgspec.json.encode(msgspec.json.schema(CourseRequest))
-        return Description("json", _is_course_request, "splinefleet.Course", schema)
+        schema = msgspec.json.encode(msgspec.json.schema(Search))
+        return Description("json", _is_search, "splinefleet.Course", schema)
     if is_denial_key(key):
         schema = msgspec.json.encode(msgspec.json.schema(Denial))
         return Description("json", _is_denial, "splinefleet.Denial", schema)
+    if is_checkpoint_key(key):
+        return _CHECKPOINT
     if is_ahead_key(key):
         return _AHEAD
     if is_told_key(key):
@@ -114,8 +120,8 @@ def _is_request(payload: bytes) -> bool:
     return request_of(payload) is not None
 
 
-def _is_course_request(payload: bytes) -> bool:
-    return course_request_of(payload) is not None
+def _is_search(payload: bytes) -> bool:
+    return search_of(payload) is not None
 
 
 def _is_drops(payload: bytes) -> bool:

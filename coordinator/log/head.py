@@ -61,10 +61,13 @@ def first_head(
 
 
 def resumed(head: Head, before: bytes, began_ns: int) -> Head:
-    """Return the head of a log that resumes another log, `before`, at `began_ns`."""
-    metadata, (scenario, *_) = head
-    files = [scenario, Attachment(RESUMED, "application/octet-stream", before)]
-    return {**metadata, "began_ns": str(began_ns)}, files
+    """Return the head of a log that resumes another log, `before`, at `began_ns`.
+
+    `head` is that of a first log, with the newest plan.
+    """
+    metadata, files = head
+    inner = Attachment(RESUMED, "application/octet-stream", before)
+    return {**metadata, "began_ns": str(began_ns)}, [*files, inner]
 
 
 def plan_file(document: PlanDocument) -> Attachment:

@@ -1,6 +1,6 @@
 """Which robot gets its next course when, and what that does to the fleet.
 
-An order is looked for (`requests`), found or not (`solve`, pure, may take long), and put into
+An order is looked for (`requests`), found or not (`search_for`, pure, may take long), and put into
 effect (`commit`).  A course that was found counts only if no authority told since breaks it, and no
 course committed since comes near it; otherwise it is looked for again.
 
@@ -13,8 +13,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Final
+from functools import partial
+from typing import Any, Final
 
+import msgspec
 import numpy as np
 from msgspec.structs import replace
 from scipy.optimize import linear_sum_assignment
@@ -22,14 +24,15 @@ from scipy.optimize import linear_sum_assignment
 from coordinator.curves.nurbs import Array
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.events import Incident
-from coordinator.fleet.log_records import CourseRequest
+from coordinator.fleet.log_records import CourseRequest, Found
 from coordinator.fleet.orders import Task
-from coordinator.mission.obstructions import Obstructions, Ring
+from coordinator.mission.obstructions import Obstructions, PlainObstructions, Ring
 from coordinator.plan.course import Course
 from coordinator.plan.wire import address
-from coordinator.planning.course_proposal import Site, Wish
+from coordinator.planning.course_proposal import Site, Wish, proposal_of
 from coordinator.planning.course_search import Answer, make_room, search, stand
 from coordinator.proof.course_proof import that_may_meet
+from coordinator.scenario import plain
 from coordinator.scenario.model import Point, Pose, Robot
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
 from protocol.phases import GO, MOVING, fault_name
@@ -79,13 +82,26 @@ class _Asked:
     """Whether the robot leaves its course for this one, instead of resting at its goal."""
 
 
+class PlainDispatcher(msgspec.Struct, frozen=True):
+    """A Dispatcher as plain data; `ways`: by order, a radius [m] and the bytes of a path [m]."""
+
+    robots: list[dict[str, Any]]
+    serial: int
+    moved_ms: int
+    mark: tuple[int, int]
+    ways: dict[str, tuple[float, bytes]]
+    obstructions: PlainObstructions
+
+
 class Dispatcher:
     """The orders of one fleet on their way to courses; `robots`: the scenario's."""
 
     def __init__(self, fleet: Fleet, robots: Iterable[Robot]) -> None:
         self._fleet = fleet
-        self._robots = {robot.id: robot for robot in robots}
-        self.obstructions = Obstructions(fleet, self._robots, self._may_leave)
+        self.robots = {robot.id: robot for robot in robots}
+        """All robots of the fleet by name, as the scenario and operators give them."""
+
+        self.obstructions = Obstructions(fleet, self.robots, self._may_leave)
         self._serial = 0
         self._asked: dict[CourseRequest, _Asked] = {}
         self._committed: list[Course] = []
@@ -99,6 +115,38 @@ class Dispatcher:
         self._moved_ms = 0
         self._mark = (0, 0)
         """When a robot last got on, and how many courses there were, at _moved_ms."""
+
+    def plain(self) -> PlainDispatcher:
+        """Give up all searches, and return the state as plain data.
+
+        What was looked for is looked for again, here and by whoever goes on from this state.
+        """
+        self.forget_requests()
+        mark = (self._fleet.grants.got_on_ms, len(self._committed))
+        self._mark = (mark[0], 0) if mark == self._mark else (-1, 0)
+        self._committed = []
+        self._tried.clear()
+        self._no_room.clear()
+        return PlainDispatcher(
+            [plain.plain(robot) for robot in self.robots.values()],
+            self._serial,
+            self._moved_ms,
+            self._mark,
+            {name: (radius, way.tobytes()) for name, (radius, way) in self._ways.items()},
+            self.obstructions.plain(),
+        )
+
+    def take_plain(self, told: PlainDispatcher) -> None:
+        """Take over another dispatcher's state; raise TypeError if a robot cannot be read."""
+        known = [plain.robot_of(fields) for fields in told.robots]
+        self.robots.clear()  # The obstructions know the same table.
+        self.robots.update((robot.id, robot) for robot in known)
+        self._serial, self._moved_ms, self._mark = told.serial, told.moved_ms, told.mark
+        self._ways = {
+            name: (radius, np.frombuffer(way).reshape(-1, 2).copy())
+            for name, (radius, way) in told.ways.items()
+        }
+        self.obstructions.take_plain(told.obstructions)
 
     def begin(self, make_site: Callable[[], Site] | None) -> None:
         """Begin an epoch: earlier requests are void, and nothing was tried yet.
@@ -183,16 +231,28 @@ class Dispatcher:
             elif not robot and not idle:
                 task.reason = "no robot is free"
 
-    def solve(self, request: CourseRequest) -> Answer:
-        """Look for a course; pure, may take long."""
+    def search_for(self, request: CourseRequest) -> Callable[[], Answer]:
+        """Return the search for a course; it is pure, and may take long."""
         asked = self._asked[request]
         if request.revision == 0:
-            return stand(asked.site, asked.wish, asked.others)
+            return partial(stand, asked.site, asked.wish, asked.others)
         if asked.ways is None:
-            return search(asked.site, asked.wish, asked.others)
-        return make_room(
-            asked.site, asked.wish, asked.others, asked.ways, tuple(asked.closed.values())
-        )
+            return partial(search, asked.site, asked.wish, asked.others)
+        closed = tuple(asked.closed.values())
+        return partial(make_room, asked.site, asked.wish, asked.others, asked.ways, closed)
+
+    def recorded(self, request: CourseRequest, found: Found) -> Answer:
+        """Return the answer to a request that a log holds; its course is not proven again.
+
+        Raises ValueError if a robot would refuse the course.
+        """
+        asked, way, proposal = self._asked[request], None, None
+        if found.message is not None:
+            proposal = proposal_of(found.message, asked.site, asked.wish, asked.others)
+        if found.way:
+            way = np.frombuffer(found.way).reshape(-1, 2).copy()
+        alone = math.inf if found.alone is None else found.alone
+        return Answer(proposal, alone, found.reason, found.blockers, way)
 
     def commit(self, request: CourseRequest, answer: Answer, now_ns: int) -> Robot | None:
         """Put an answer into effect; return the robot with its new goal if it gets a course."""
@@ -248,7 +308,7 @@ class Dispatcher:
         plan = address(proposal.message, fleet.boot)
         member = fleet.members[request.robot]
         if task.joins is not None:
-            self._robots[request.robot] = task.joins
+            self.robots[request.robot] = task.joins
             member.take_part(plan, task.joins.max_speed)
             member.excused_ns = now_ns + _JOIN_PATIENCE
         member.take_course(plan, request.revision, now_ns)
@@ -307,10 +367,10 @@ class Dispatcher:
             x, y, heading = self.obstructions.pose_of(robot, rest)
         else:
             (x, y), heading = self._place(robot, begin_ms if leaves else None)
-        is_car = self._robots[robot].min_turn_radius > 0.0
+        is_car = self.robots[robot].min_turn_radius > 0.0
         start: Pose = (x, y, heading) if is_car else (x, y)
         goal, via = _apart((x, y), task.order.via, task.order.goal)
-        wanted = replace(self._robots[robot], start=start, goal=goal, via=via, path=None)
+        wanted = replace(self.robots[robot], start=start, goal=goal, via=via, path=None)
         others = [one for one in fleet.grants.possible() if one.driven.id != robot]
         late = fleet.grants.late(fleet.times.plan_ms(now_ns))
         way, site = self._ways.get(task.order.id), self.obstructions.site_for(robot, (x, y))
@@ -330,7 +390,7 @@ class Dispatcher:
 
         It brakes for that place, where its course may have it at full speed.
         """
-        one = self._robots[robot]
+        one = self.robots[robot]
         return one.max_speed / one.max_accel + _SETTLES
 
     def _request_join(self, task: Task, robot: Robot, now_ns: int) -> CourseRequest:
@@ -340,7 +400,7 @@ class Dispatcher:
         number, begin_ms = fleet.grants.reserve(), max(fleet.times.plan_ms(now_ns) + _LEAD_MS, 1)
         request = CourseRequest(self._serial, task.order.id, robot.id, number, 0, begin_ms)
         x, y, *heading = robot.start
-        self._robots[robot.id] = robot
+        self.robots[robot.id] = robot
         self._asked[request] = _Asked(
             self.obstructions.site_for(robot.id, (x, y)),
             Wish(robot, heading[0] if heading else 0.0, number, 0, begin_ms),
@@ -411,7 +471,7 @@ class Dispatcher:
         site = self.obstructions.site
         if site is not None:  # Where there is no room at the goal, it is the same for others.
             room = float(site.room(np.array([task.order.goal[:2]]))[0]) - site.terms.margin
-            task.cannot |= {one.id for one in self._robots.values() if room < one.radius}
+            task.cannot |= {one.id for one in self.robots.values() if room < one.radius}
         task.robot = task.order.robot
         return bool(task.order.robot) or self._fleet.members.keys() <= task.cannot
 
@@ -420,14 +480,14 @@ class Dispatcher:
         if robot in task.cannot:
             return _NEVER
         place, _ = self._place(robot)
-        return math.dist(place, task.order.goal[:2]) / self._robots[robot].max_speed
+        return math.dist(place, task.order.goal[:2]) / self.robots[robot].max_speed
 
     def _is_free(self, robot: str, place: Pose) -> bool:
         """Return whether a robot could rest at a place where no other one is or is bound for."""
         site = self.obstructions.site
         if site is None:
             return False
-        radius = self._robots[robot].radius + site.terms.margin
+        radius = self.robots[robot].radius + site.terms.margin
         return all(
             math.dist(one.goal, place[:2]) >= radius + one.driven.radius
             for one in self._fleet.grants.possible()
@@ -442,6 +502,17 @@ class Dispatcher:
             self._mark, self._moved_ms = mark, now_ms
         elif now_ms - self._moved_ms > _NOBODY_MOVES_MS:
             book.refuse_all(lambda task: task.reason or "no robot can do it")
+
+
+def found_of(answer: Answer) -> Found:
+    """Return an answer as the log holds it; the way counts only where somebody rests in it."""
+    return Found(
+        None if answer.proposal is None else answer.proposal.message,
+        answer.alone if math.isfinite(answer.alone) else None,
+        answer.reason,
+        answer.blockers,
+        b"" if answer.way is None or not answer.blockers else answer.way.tobytes(),
+    )
 
 
 def _apart(start: Point, via: Iterable[Point], goal: Pose) -> tuple[Pose, tuple[Point, ...]]:

@@ -10,6 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
+from msgspec.structs import replace
+
+from coordinator.fleet.core import Fleet
 from coordinator.fleet.events import Incident, Outgoing
 from coordinator.fleet.grants import NOBODY
 from coordinator.fleet.log_records import CourseRequest, Request
@@ -35,31 +38,46 @@ _NEAR: Final = 0.05
 class Mission:
     """One scenario from its first plan to the end of the fleet; `planner` plans later epochs.
 
-    `stays`: whether the fleet waits for orders until it is told to end.
+    `document` is the newest plan, `rides` the courses so far by robot, epoch and revision.
     """
 
     def __init__(
         self,
+        site: Site,
+        fleet: Fleet,
+        document: PlanDocument,
+        rides: dict[tuple[str, int, int], Driven],
+        planner: Planner,
+    ) -> None:
+        self.site, self.fleet, self.rides = site, fleet, rides
+        self.documents = {document.epoch: document}
+        self.dispatcher = Dispatcher(fleet, site.scenario.robots)
+        self._planner = planner
+        self._wanted: Request | None = None
+
+    @classmethod
+    def of_plan(
+        cls,
         scenario: Scenario,
         plan: PackedPlan,
         boot: int,
         planner: Planner,
         *,
         stays: bool = False,
-    ) -> None:
-        self.site = Site(scenario)
-        self.documents = {plan.document.epoch: plan.document}
-        self.rides = rides_of(plan)
-        self.fleet = muster(plan, boot, _book_of(scenario, stays))
-        self.dispatcher = Dispatcher(self.fleet, scenario.robots)
-        self._planner = planner
-        self._wanted: Request | None = None
-        self._begin(plan.document)
+    ) -> Mission:
+        """Return the mission that begins with a scenario's first plan.
 
-    def _begin(self, document: PlanDocument | None) -> None:
+        `stays`: whether the fleet waits for orders until it is told to end.  Raises PlanError if
+        the plan is not proven.
+        """
+        fleet = muster(plan, boot, book_of(scenario, stays=stays))
+        made = cls(Site(scenario), fleet, plan.document, rides_of(plan), planner)
+        made.begin(plan.document)
+        return made
+
+    def begin(self, document: PlanDocument | None) -> None:
         """Begin an epoch with a plan, or with none if nobody can drive."""
-        planned = self.site.planned()
-        self.dispatcher.begin(None if document is None else lambda: Floor(planned, document))
+        self.dispatcher.begin(None if document is None else lambda: _floor_of(self.site, document))
 
     @property
     def document(self) -> PlanDocument:
@@ -159,14 +177,14 @@ class Mission:
             if task.robot not in drives:
                 self.fleet.orders.put_back(task.robot)
         if recovery.plan is None:
-            self._begin(None)
+            self.begin(None)
             return self.fleet.adopt(request.epoch, {}, now_ns, NOBODY)
         document = recovery.plan.document
         self.documents[document.epoch] = document
         have_parts = {robot.id for robot in document.robots}
         old = {key: ride for key, ride in self.rides.items() if key[0] not in have_parts}
         self.rides = old | rides_of(recovery.plan)
-        self._begin(document)
+        self.begin(document)
         parts = parts_of(recovery.plan, self.fleet.boot)
         return self.fleet.adopt(document.epoch, parts, now_ns, grants_of(recovery.plan))
 
@@ -176,6 +194,16 @@ def rides_of(plan: PackedPlan) -> dict[tuple[str, int, int], Driven]:
     return {(one.id, plan.document.epoch, 0): one for one in plan.driven}
 
 
-def _book_of(scenario: Scenario, stays: bool) -> OrderBook:
+def _floor_of(site: Site, document: PlanDocument) -> Floor:
+    """Return the floor on which a plan was made: robots that stood aside then are solid."""
+    floor = document.workspace
+    assert floor is not None
+    solid = tuple(tuple(corners) for corners in floor.obstacles)
+    workspace = replace(site.scenario.workspace, boundary=tuple(floor.boundary), obstacles=solid)
+    return Floor(replace(site.scenario, workspace=workspace), document)
+
+
+def book_of(scenario: Scenario, *, stays: bool) -> OrderBook:
+    """Return the book of a fleet that has not begun; `stays` as in `Mission.of_plan`."""
     names = [robot.id for robot in scenario.robots]
     return OrderBook(scenario.orders, scenario.demand, names, stays=stays)

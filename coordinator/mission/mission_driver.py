@@ -23,18 +23,23 @@ from coordinator.fleet.log_records import (
     TOLD_TO_GO_ON,
     TOLD_TO_STOP,
     CourseRequest,
+    Found,
     Request,
     adoption_key,
     adoption_record,
     ahead_key,
     ahead_record,
+    checkpoint_key,
     course_key,
     drops_key,
     drops_record,
     link_record,
     router_key,
+    search_record,
     told_key,
 )
+from coordinator.mission.checkpoint import checkpoint_of
+from coordinator.mission.dispatch import found_of
 from coordinator.mission.intake import Arrival, Intake
 from coordinator.mission.mission import Mission
 from coordinator.mission.recovery import Recovery
@@ -82,6 +87,12 @@ class Journal(ABC):
         """Ask for the records so far to be written to the file soon."""
 
 
+CHECKPOINT_BYTES: Final = 512 * 2**10
+_CHECKPOINT_SHARE: Final = 4
+"""A checkpoint is recorded after so many bytes of other records, and after _CHECKPOINT_SHARE times
+as many as the last checkpoint has: reading them again takes seconds, and checkpoints stay a small
+part of the log."""
+
 _SOON_MS: Final = 1_000
 _AHEAD_MS: Final = 3_000
 """The log says up to which plan time robots may be told to drive: _AHEAD_MS more than they are told
@@ -103,10 +114,18 @@ class Job:
 
 
 class MissionDriver:
-    """The driver of one mission, for a shell; all times are in ns on the coordinator's clock."""
+    """The driver of one mission, for a shell; all times are in ns on the coordinator's clock.
+
+    `checkpoint_bytes`: after how many bytes of records the first checkpoint follows; None for no
+    checkpoints but those of new epochs.
+    """
 
     def __init__(
-        self, mission: Mission, journal: Journal, send: Callable[[str, bytes], None]
+        self,
+        mission: Mission,
+        journal: Journal,
+        send: Callable[[str, bytes], None],
+        checkpoint_bytes: int | None = CHECKPOINT_BYTES,
     ) -> None:
         self.mission = mission
         self.is_withheld = False
@@ -120,9 +139,13 @@ class MissionDriver:
         self._journal = journal
         self._send = send
         self._plans = self.fleet.plans()
-        self._order_states: dict[str, bytes] = {}
         self._answers_from_ns = 0
         self._orders_key = keys.orders(self.fleet.name, "")
+        self._order_states = {
+            self._orders_key + state.id: encode(state) for state in self.fleet.orders.states()
+        }
+        self._checkpoint_bytes = checkpoint_bytes
+        self._recorded, self._due_after = 0, checkpoint_bytes or 0
         self._router_up: bool | None = None
         self._drops: dict[str, int] = {}
         self._drops_told_ns = 0
@@ -137,7 +160,7 @@ class MissionDriver:
     def hear(self, arrival: Arrival, now_ns: int) -> None:
         """Let the core hear a message that has passed the intake."""
         told = len(self.fleet.incidents)
-        self._journal.record(arrival.key, arrival.payload, now_ns, arrival.sent_ns)
+        self._record(arrival.key, arrival.payload, now_ns, arrival.sent_ns)
         self._say(self.fleet.hear(arrival.key, arrival.payload, now_ns), now_ns)
         if len(self.fleet.incidents) > told:
             self._journal.hurry()  # A robot that has arrived reports it once more and then leaves.
@@ -147,7 +170,7 @@ class MissionDriver:
         if up != self._router_up:
             self._router_up = up
             key, news = router_key(self.fleet.name), link_record(up)
-            self._journal.record(key, news, now_ns)
+            self._record(key, news, now_ns)
             self._say(self.fleet.hear(key, news, now_ns), now_ns)
 
     def look(self, now_ns: int) -> list[Job]:
@@ -155,16 +178,15 @@ class MissionDriver:
 
         A new plan for an epoch replaces an earlier one, whose outcome is no longer needed.
         """
+        if self._checkpoint_bytes is not None and self._recorded >= self._due_after:
+            self.checkpoint(now_ns)
         self._state_ahead(now_ns)
         self._say(self.fleet.tick(now_ns), now_ns)
         self._look_at_log(now_ns)
-        jobs = [
-            Job(request, partial(self._solve_course, request))
-            for request in self.mission.dispatcher.look(now_ns)
-        ]
+        jobs = [self._job_of(request) for request in self.mission.dispatcher.look(now_ns)]
         news = self.mission.dispatcher.obstructions.news
         for key, record in news:
-            self._journal.record(key, record, now_ns)
+            self._record(key, record, now_ns)
         news.clear()
         request = self.mission.request(now_ns)
         self._plans = self.fleet.plans()
@@ -175,9 +197,22 @@ class MissionDriver:
         self.under_way |= {job.wanted: job for job in jobs}
         return jobs
 
+    def checkpoint(self, now_ns: int) -> None:
+        """Record the mission's state, unless a plan for an epoch is being looked for.
+
+        Searches for courses are given up, and begin again at the next look.
+        """
+        if any(isinstance(one, Request) for one in self.under_way):
+            return
+        self.under_way.clear()
+        state = checkpoint_of(self.mission)
+        self._record(checkpoint_key(self.fleet.name), state, now_ns)
+        self._recorded = 0
+        self._due_after = max(self._checkpoint_bytes or 0, _CHECKPOINT_SHARE * len(state))
+
     def tell(self, what: bytes, now_ns: int) -> None:
         """Stop the fleet (TOLD_TO_STOP), or let it go on (TOLD_TO_GO_ON)."""
-        self._journal.record(told_key(self.fleet.name), what, now_ns)
+        self._record(told_key(self.fleet.name), what, now_ns)
         turn = {TOLD_TO_STOP: self.fleet.stop, TOLD_TO_GO_ON: self.fleet.go_on}[what]
         self._say(turn(now_ns), now_ns)
 
@@ -197,7 +232,7 @@ class MissionDriver:
             dropped[NOT_RECORDED] = self._journal.not_recorded
         if dropped != self._drops:
             self._drops, self._drops_told_ns = dropped, now_ns
-            self._journal.record(drops_key(self.fleet.name), drops_record(dropped), now_ns)
+            self._record(drops_key(self.fleet.name), drops_record(dropped), now_ns)
 
     def plans_again(self, now_ns: int) -> list[tuple[str, bytes]]:
         """Return the plans for a listener that has not heard them all, as keys and payloads.
@@ -229,14 +264,24 @@ class MissionDriver:
     def _solve(self, asked: Request) -> Outcome:
         return partial(self._adopt, asked, self.mission.solve(asked))
 
-    def _solve_course(self, asked: CourseRequest) -> Outcome:
-        return partial(self._commit, asked, self.mission.dispatcher.solve(asked))
+    def _job_of(self, asked: CourseRequest) -> Job:
+        search = self.mission.dispatcher.search_for(asked)
+        return Job(asked, lambda: partial(self._commit, asked, search()))
+
+    def take_found(self, asked: CourseRequest, found: Found, now_ns: int) -> None:
+        """Put into effect what a log says that a search for a course found.
+
+        Raises ValueError if a robot would refuse the course.
+        """
+        answer = self.mission.dispatcher.recorded(asked, found)
+        self.finish(self.under_way[asked], partial(self._commit, asked, answer), now_ns)
 
     def _commit(self, asked: CourseRequest, found: Answer, now_ns: int) -> None:
         """Put a course into effect that was looked for; it is in the log before it is sent."""
         if self._journal.error is not None:
             return
-        self._journal.record(course_key(self.fleet.name), adoption_record(asked), now_ns)
+        record = search_record(asked, found_of(found))
+        self._record(course_key(self.fleet.name), record, now_ns)
         self.mission.commit(asked, found, now_ns)
         messages = self.fleet.new_courses(now_ns)
         if messages:
@@ -251,17 +296,17 @@ class MissionDriver:
         messages = self.mission.adopt(asked, found, now_ns)
         if messages is None:
             return
-        self._journal.record(adoption_key(self.fleet.name), adoption_record(asked), now_ns)
+        self._record(adoption_key(self.fleet.name), adoption_record(asked), now_ns)
         if found.document is not None:
             self._journal.keep(found.document)
-        self._say(messages, now_ns)
+        self._say(messages, now_ns, is_new_epoch=True)
 
     def _state_ahead(self, now_ns: int) -> None:
         """Have the log say up to which plan time robots may be told to drive, ahead of that."""
         fleet = self.fleet
         if fleet.phase in (HOLD, GO) and fleet.needed_ms + _SOON_MS > fleet.allowed_ms:
             until_ms = fleet.needed_ms + _AHEAD_MS
-            self._journal.record(ahead_key(fleet.name), ahead_record(until_ms), now_ns)
+            self._record(ahead_key(fleet.name), ahead_record(until_ms), now_ns)
             if self._journal.sync():
                 fleet.allowed_ms = until_ms
 
@@ -272,17 +317,24 @@ class MissionDriver:
             text = f"{self._journal.error}; no robot is sent on its way any more"
             self.fleet.incidents.append(Incident(now_ns, "log", "", text))
 
-    def _say(self, messages: list[Outgoing], now_ns: int) -> None:
+    def _record(self, key: str, payload: bytes, now_ns: int, sent_ns: int | None = None) -> None:
+        self._recorded += len(key) + len(payload)
+        self._journal.record(key, payload, now_ns, sent_ns)
+
+    def _say(self, messages: list[Outgoing], now_ns: int, *, is_new_epoch: bool = False) -> None:
         """Log and send messages; a new phase is in the log before a robot hears of it.
 
         Plans and a GO that are not in the log are not sent: a coordinator that resumes from the log
-        would not know of them.
+        would not know of them.  A new epoch is in it with a checkpoint, so that nobody has to plan
+        it again.
         """
         for message in messages:
-            self._journal.record(message.key, message.payload, now_ns)
+            self._record(message.key, message.payload, now_ns)
             name = message.key.removeprefix(self._orders_key)
             if name != message.key and name in self.fleet.orders.tasks:
                 self._order_states[message.key] = message.payload
+        if is_new_epoch:
+            self.checkpoint(now_ns)
         if messages and self._phase != (self.fleet.epoch, self.fleet.phase):
             self._phase = (self.fleet.epoch, self.fleet.phase)
             is_logged = self._journal.sync()

@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
+import msgspec
 import numpy as np
 import shapely
 
@@ -38,6 +39,15 @@ _AGAIN_MS: Final = 20_000
 
 _MOST_SITES: Final = 8
 """How many floors with different obstructions are kept."""
+
+
+class PlainObstructions(msgspec.Struct, frozen=True):
+    """An Obstructions as plain data; courses are given by robot and revision."""
+
+    around: dict[str, Ring]
+    closed: dict[str, Ring]
+    avoided: list[tuple[str, int, list[str]]]
+    told: list[tuple[str, int, list[str]]]
 
 
 class Obstructions:
@@ -83,12 +93,32 @@ class Obstructions:
         self._around, self._sites, self._closed = {}, {}, {}
         self._avoided, self._told, self._tried = {}, {}, {}
 
+    def plain(self) -> PlainObstructions:
+        """Return what is in the way as plain data; who found no way around it looks again."""
+        self._tried = {}
+        avoided, told = (
+            [(robot, revision, sorted(names)) for (robot, revision), names in table.items()]
+            for table in (self._avoided, self._told)
+        )
+        return PlainObstructions(self._around, self._closed, avoided, told)
+
+    def take_plain(self, told: PlainObstructions) -> None:
+        """Take over what was in the way."""
+        self._around, self._closed = told.around, told.closed
+        self._avoided = {(robot, n): frozenset(names) for robot, n, names in told.avoided}
+        self._told = {(robot, n): set(names) for robot, n, names in told.told}
+
     @property
     def site(self) -> Site | None:
         """The floor of the epoch, without obstructions."""
         if self._made_site is None and self._make_site is not None:
             self._made_site = self._make_site()
         return self._made_site
+
+    @property
+    def has_site(self) -> bool:
+        """Whether robots drive in this epoch."""
+        return self._make_site is not None
 
     @property
     def closed(self) -> dict[str, Ring]:
@@ -256,7 +286,7 @@ class Obstructions:
                 continue
             course = (member.id, mine.now.revision)
             told = self._told.setdefault(course, set())
-            for name in closed.keys() - told - self._avoided.get(course, frozenset()):
+            for name in sorted(closed.keys() - told - self._avoided.get(course, frozenset())):
                 told.add(name)
                 self._keep_out(member, name, now_ns, now_ms)
 

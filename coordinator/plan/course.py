@@ -10,11 +10,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
+import msgspec
 import numpy as np
 
 from coordinator.curves.chords import Chords, chords_of
 from coordinator.curves.nurbs import Array, Nurbs
-from coordinator.plan.wire import Driven
+from coordinator.plan.wire import Driven, unpack
+from protocol.codec import encode
 
 _CHORD_ERROR: Final = 5e-4
 """How far [m] chords may be from a path."""
@@ -57,3 +59,20 @@ class Course:
         """The place where the robot rests at the end [m]."""
         x, y = self.driven.curve.points[-1].tolist()
         return x, y
+
+
+class PlainCourse(msgspec.Struct, frozen=True):
+    """A course as plain data: its message, and its robot's radius [m]."""
+
+    message: bytes
+    radius: float
+    since: float
+
+    @classmethod
+    def of(cls, course: Course) -> PlainCourse:
+        """Return a course, which counts for ever, as plain data."""
+        return cls(encode(course.driven.plan), course.driven.radius, course.since)
+
+    def course(self) -> Course:
+        """Return the course; raise ValueError if a robot would refuse its message."""
+        return Course(unpack(self.message, self.radius), self.since)

@@ -25,6 +25,14 @@ class CourseStaircases:
         """All staircases that count, sorted by the course behind, then the one ahead."""
         return self._all
 
+    def among(self, courses: Sequence[int]) -> Staircases:
+        """Return the staircases between these courses; courses[k] has the index k there."""
+        mine = self._all
+        index = np.full(1 + max([*courses, *mine.ahead, *mine.behind], default=0), -1, np.int64)
+        index[list(courses)] = np.arange(len(courses))
+        rows = _Rows.of(mine, index[mine.ahead], index[mine.behind])
+        return rows.those((rows.ahead >= 0) & (rows.behind >= 0)).sorted(mine.tau_ms)
+
     def put(self, course: int, found: Staircases, courses: Sequence[int]) -> None:
         """Replace all staircases of a course by others; their index k is courses[k].
 

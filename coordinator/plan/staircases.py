@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
@@ -56,6 +57,31 @@ class Staircases:
         """Return the knots (k, 2) of one staircase: t, need [ms]."""
         knots = slice(self.first[pair], self.first[pair + 1])
         return np.column_stack((self.at[knots], self.need[knots]))
+
+
+class PlainStaircases(msgspec.Struct, frozen=True):
+    """Staircases as plain data: the bytes of their arrays."""
+
+    tau_ms: int
+    ahead: bytes
+    behind: bytes
+    first: bytes
+    at: bytes
+    need: bytes
+
+    @classmethod
+    def of(cls, staircases: Staircases) -> PlainStaircases:
+        """Return staircases as plain data."""
+        arrays = ("ahead", "behind", "first", "at", "need")
+        return cls(staircases.tau_ms, *(getattr(staircases, name).tobytes() for name in arrays))
+
+    def staircases(self) -> Staircases:
+        """Return the staircases."""
+        ahead, behind, first = (
+            np.frombuffer(one, np.int64).copy() for one in (self.ahead, self.behind, self.first)
+        )
+        at, need = (np.frombuffer(one, np.int32).copy() for one in (self.at, self.need))
+        return Staircases(self.tau_ms, ahead, behind, first, at, need)
 
 
 def _none() -> Staircases:

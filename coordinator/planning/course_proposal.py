@@ -26,7 +26,7 @@ from coordinator.ground.grown_floor import GrownFloor
 from coordinator.motion.velocity_profile import Motion, SpeedLimits, limits_on
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.plan.course import Course
-from coordinator.plan.document import Limits, PlanDocument, RobotPlan
+from coordinator.plan.document import Limits, PlanDocument
 from coordinator.plan.drafting import rounded
 from coordinator.plan.shares_of_tau import BRAKING_SHARE
 from coordinator.plan.staircases import Staircases
@@ -104,13 +104,12 @@ class Wish:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A proven course: its message with boot id 0, and its staircases with the courses `near`.
+    """A course: its message with boot id 0, and its staircases with the courses `near`.
 
     In `staircases` the course has index 0, that of near[k] is k + 1.
     """
 
     course: Course
-    plan: RobotPlan
     message: bytes
     near: list[Course]
     staircases: Staircases
@@ -148,19 +147,30 @@ def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     names = [robot.id, *(one.driven.id for one in found.near)]
     plan = rounded(robot, found.path, found.motion, names)
     message = pack(terms, plan, wish.number, wish.revision, wish.begin_ms)
-    course = Course(unpack(message, robot.radius), 0.001 * wish.begin_ms)
-    margin = terms.margin
-    near = that_may_meet(course, others, margin + STANDOFF)
-    courses = [course, *near]
-    driven = [one.driven for one in courses]
-    since = [one.since for one in courses]
-    staircases = staircases_of(driven, terms.tau, margin + STANDOFF, (0,), since)
-    failures = course_failures(courses, staircases, margin, Limits.of(robot), site.gap)
+    proposal = proposal_of(message, site, wish, others)
+    courses = [proposal.course, *proposal.near]
+    failures = course_failures(
+        courses, proposal.staircases, terms.margin, Limits.of(robot), site.gap
+    )
     if failures:
         raise PlanError(
             "the course found does not pass its proof: " + "; ".join(failures), robot.id
         )
-    return Proposal(course, plan, message, near, staircases)
+    return proposal
+
+
+def proposal_of(message: bytes, site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
+    """Return the course that a message states, with its staircases; not proven here.
+
+    Raises ValueError if a robot would refuse the message.
+    """
+    course = Course(unpack(message, wish.robot.radius), 0.001 * wish.begin_ms)
+    reach = site.terms.margin + STANDOFF
+    near = that_may_meet(course, others, reach)
+    courses = [course, *near]
+    driven, since = [one.driven for one in courses], [one.since for one in courses]
+    staircases = staircases_of(driven, site.terms.tau, reach, (0,), since)
+    return Proposal(course, message, near, staircases)
 
 
 def _earliest(site: Site, wish: Wish, others: Sequence[Course]) -> _Try:

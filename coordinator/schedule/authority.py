@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from typing import Final
 
+import msgspec
 import numpy as np
 
 from coordinator.plan.staircases import Staircases
@@ -22,6 +23,19 @@ EVER: Final = 2**40
 SLACK_MS: Final = 2_000
 """A robot is granted no more than this beyond its known progress, apart from the headroom: one that
 is late or silent is told little ahead of what it is known to have driven."""
+
+
+_ARRAYS: Final = ("progress", "granted", "told", "barred", "most")
+
+
+class PlainAuthority(msgspec.Struct, frozen=True):
+    """Progress and authority as plain data: the bytes of the arrays."""
+
+    progress: bytes
+    granted: bytes
+    told: bytes
+    barred: bytes
+    most: bytes
 
 
 class Authority:
@@ -39,6 +53,19 @@ class Authority:
         self.told: Integers = np.zeros(courses, np.int64)
         self.barred = np.zeros(courses, bool)
         self.most: Integers = np.full(courses, EVER, np.int64)
+
+    def plain(self) -> PlainAuthority:
+        """Return progress and authority as plain data, without the staircases."""
+        return PlainAuthority(*(getattr(self, name).tobytes() for name in _ARRAYS))
+
+    @classmethod
+    def of_plain(cls, staircases: Staircases, told: PlainAuthority) -> Authority:
+        """Return progress and authority under these staircases."""
+        made = cls(staircases, len(told.progress) // np.dtype(np.int64).itemsize)
+        for name in _ARRAYS:
+            kind = getattr(made, name).dtype
+            setattr(made, name, np.frombuffer(getattr(told, name), kind).copy())
+        return made
 
     def grow(self, courses: int) -> None:
         """Make room for more courses, on which nothing is granted."""

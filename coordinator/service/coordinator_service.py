@@ -111,6 +111,8 @@ class Service:
         """
         self._listen(asyncio.get_running_loop())
         began = self._clock()
+        if self.fleet.is_resumed:
+            self.driver.checkpoint(began)
         due = began
         while True:
             await self._take_until(due)

@@ -120,7 +120,7 @@ class Coordinator:
         plan = plan_here(self.scenario, self.effort)
         if plan_file is not None:
             write_file(plan_file, to_json(plan.document))
-        return Mission(self.scenario, plan, boot, self._plan_again, stays=self._stays)
+        return Mission.of_plan(self.scenario, plan, boot, self._plan_again, stays=self._stays)
 
     def _go_on(self, boot: int, resume: Path) -> Mission:
         """Resume the mission in the log of a coordinator that has died."""

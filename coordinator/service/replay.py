@@ -1,9 +1,12 @@
-"""Run a log again: give the recorded inputs to the planner and the fleet core.
+"""Run a log again: give the recorded inputs to the fleet core, and to the planner if asked to.
 
 Every message to a robot in the log must be, byte for byte, what the core sends at that moment.  A
 Command that is not the answer to another record marks a tick, and so does an `ahead` record.
 
-Decides: whether this code would have written the same log.
+To go on from a log, nothing is planned: the last checkpoint is read, and the records after it are
+run again with the courses that they hold.  What is in force then is proven.
+
+Decides: whether this code would have written the same log, and how to go on from one.
 """
 
 from __future__ import annotations
@@ -17,28 +20,35 @@ from typing import Final, NamedTuple
 import msgspec
 
 from coordinator.base.errors import InputError, PlanError
+from coordinator.findings.log_proof import plans_of
 from coordinator.fleet.events import Outgoing
 from coordinator.fleet.log_records import (
     LINK_UP,
     CourseRequest,
     Request,
+    Search,
     adoption_key,
     ahead_key,
+    checkpoint_key,
     course_key,
-    course_request_of,
     drops_key,
+    is_checkpoint_key,
     request_of,
     router_key,
+    search_of,
     told_key,
 )
 from coordinator.log.head import WRITTEN_BY
 from coordinator.log.log_file import RESUMED, log_from_bytes
 from coordinator.log.records import Log, Record
+from coordinator.mission.checkpoint import mission_of
+from coordinator.mission.in_force import in_force_failures
 from coordinator.mission.intake import Arrival
 from coordinator.mission.mission import Mission
 from coordinator.mission.mission_driver import Journal, MissionDriver
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import plan_name
+from coordinator.plan.wire import PackedPlan, packed
 from coordinator.scenario.model import Scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario
 from coordinator.security.denials import denial_key
@@ -65,7 +75,11 @@ class Check(NamedTuple):
 
 def check_log(log: Log) -> Check:
     """Run a log again and compare; describe the first difference with its place and time."""
-    mission, check = run_again(log)
+    try:
+        mission = _begin(log)
+    except _NotAgainError as error:
+        return _by_version(Check(0, 0, str(error)), log)
+    check = _compare(mission, log, log.records, searches=True)
     if check.difference:
         return check
     if not check.commands:
@@ -73,21 +87,31 @@ def check_log(log: Log) -> Check:
         return check._replace(difference=f"the log holds {nothing}")
     if not log.complete:
         return check._replace(note="the log was not closed; all that it contains agrees")
-    if mission is not None and not (mission.fleet.is_finished or mission.fleet.superseded):
+    if not (mission.fleet.is_finished or mission.fleet.superseded):
         phase = COMMAND_NAMES[mission.fleet.phase]
         note = f"the log ends at {phase}, before the fleet had ended; all that it contains agrees"
         return check._replace(note=note)
     return check
 
 
-def run_again(log: Log) -> tuple[Mission | None, Check]:
-    """Return the mission at the end of the log, and the comparison of the log with it."""
+def mission_at_end(log: Log) -> Mission:
+    """Return the mission at the end of a log; nothing is planned if the log holds what was found.
+
+    Raises InputError if the log cannot be run again from its last checkpoint.
+    """
     try:
-        mission = _begin(log)
+        mission, records = _newest(log)
     except _NotAgainError as error:
-        return None, _by_version(Check(0, 0, str(error)), log)
-    check = _Rerun(mission, log.attachments).compare(log.records, log.complete)
-    return mission, _by_version(check, log)
+        raise InputError([_by_version(Check(0, 0, str(error)), log).difference]) from None
+    check = _compare(mission, log, records, searches=False)
+    if check.difference:
+        raise InputError([check.difference])
+    return mission
+
+
+def _compare(mission: Mission, log: Log, records: list[Record], *, searches: bool) -> Check:
+    check = _Rerun(mission, log.attachments, searches).compare(records, log.complete)
+    return _by_version(check, log)
 
 
 def _by_version(check: Check, log: Log) -> Check:
@@ -108,35 +132,80 @@ def scenario_of(log: Log) -> Scenario:
     return parse_scenario(log.attachments["scenario.json"], "scenario.json")
 
 
+class _Head(NamedTuple):
+    """What a log says of the run before its first record."""
+
+    scenario: Scenario
+    effort: int
+    boot: int
+    stays: bool
+
+    @classmethod
+    def of(cls, log: Log) -> _Head:
+        try:
+            effort, boot = int(log.metadata["effort"]), int(log.metadata["boot"])
+            return cls(scenario_of(log), effort, boot, log.metadata.get("stays") == "yes")
+        except (KeyError, ValueError, InputError) as error:
+            reason = "; ".join(str(error).splitlines())
+            raise _NotAgainError(f"the log lacks what planning it again needs: {reason}") from None
+
+    def plan(self, scenario: Scenario, epoch: int) -> PackedPlan:
+        """Plan a scenario for an epoch as the log's coordinator did."""
+        return plan_here(scenario, self.effort, epoch)
+
+    def begin(self, plan: PackedPlan) -> Mission:
+        """Return the mission that begins with this plan."""
+        return Mission.of_plan(self.scenario, plan, self.boot, self.plan, stays=self.stays)
+
+
 def _begin(log: Log) -> Mission:
-    """Return the mission as it was at the beginning of a log."""
-    try:
-        scenario = scenario_of(log)
-        effort, boot = int(log.metadata["effort"]), int(log.metadata["boot"])
-    except (KeyError, ValueError, InputError) as error:
-        reason = "; ".join(str(error).splitlines())
-        raise _NotAgainError(f"the log lacks what planning it again needs: {reason}") from None
+    """Return the mission as it was at the beginning of a log, everything before planned again."""
+    head = _Head.of(log)
     if RESUMED in log.attachments:
-        return _resumed(log, boot)
+        before, began_ns = _before(log)
+        if difference := check_log(before).difference:
+            raise _NotAgainError(f"{RESUMED}, which it resumes: {difference}")
+        return _gone_on(before, head.boot, began_ns)
     try:
-        plan = plan_here(scenario, effort)
+        plan = head.plan(head.scenario, 1)
     except PlanError as error:
         raise _NotAgainError(f"the log's scenario cannot be planned now: {error}") from None
     recorded = log.attachments.get("plan-1.json", b"")
-    difference = _compare_documents("plan-1.json", recorded, plan.document)
-    if difference:
+    if difference := _compare_documents("plan-1.json", recorded, plan.document):
         raise _NotAgainError(difference)
-    stays = log.metadata.get("stays") == "yes"
-    return Mission(scenario, plan, boot, lambda s, epoch: plan_here(s, effort, epoch), stays=stays)
+    return head.begin(plan)
 
 
-def _resumed(log: Log, boot: int) -> Mission:
-    """Return the mission of a log that resumes another log, which is attached to it."""
+def _newest(log: Log) -> tuple[Mission, list[Record]]:
+    """Return the mission at the newest checkpoint of a log, or at its beginning, and what follows.
+
+    Nothing is planned.
+    """
+    head = _Head.of(log)
+    at = [k for k, record in enumerate(log.records) if is_checkpoint_key(record.key)]
     try:
-        began_ns = int(log.metadata["began_ns"])
-        before = log_from_bytes(log.attachments[RESUMED], RESUMED)
+        plans = {one.epoch: one for one in plans_of([log])}
+        if at:
+            point = log.records[at[-1]].payload
+            return mission_of(point, head.scenario, plans, head.plan), log.records[at[-1] + 1 :]
+        if RESUMED in log.attachments:
+            return _gone_on(*_before(log), head.boot), log.records
+        return head.begin(packed(plans[1])), log.records
+    except KeyError:
+        raise _NotAgainError("the log lacks plan-1.json") from None
+    except (InputError, PlanError) as error:
+        raise _NotAgainError("; ".join(str(error).splitlines())) from None
+
+
+def _before(log: Log) -> tuple[Log, int]:
+    """Return the log that a log resumes, which is attached to it, and when it began to."""
+    try:
+        return log_from_bytes(log.attachments[RESUMED], RESUMED), int(log.metadata["began_ns"])
     except (KeyError, ValueError, InputError) as error:
         raise _NotAgainError(f"the log does not contain what it resumes from: {error}") from None
+
+
+def _gone_on(before: Log, boot: int, began_ns: int) -> Mission:
     try:
         return go_on(before, boot, began_ns)
     except InputError as error:
@@ -146,14 +215,20 @@ def _resumed(log: Log, boot: int) -> Mission:
 def go_on(before: Log, boot: int, now_ns: int) -> Mission:
     """Return the mission of a log, taken over by a coordinator that starts at `now_ns`.
 
-    Raises InputError if the log cannot be run again, has no records, or its fleet has ended.
+    Raises InputError if the log cannot be run again, has no records, its fleet has ended, or what
+    is in force at its end is not proven.
     """
-    mission, check = run_again(before)
-    if mission is None or check.difference or not before.records:
-        why = check.difference or "it holds no message: nothing was under way, start a new run"
+    if not before.records:
+        why = "it holds no message: nothing was under way, start a new run"
         raise InputError([f"the log cannot be resumed: {why}"])
+    try:
+        mission = mission_at_end(before)
+    except InputError as error:
+        raise InputError([f"the log cannot be resumed: {one}" for one in error.problems]) from None
     if mission.fleet.phase == OVER:
         raise InputError(["the fleet in this log has ended; nothing is left to do"])
+    if failures := in_force_failures(mission):
+        raise InputError([f"the log cannot be resumed: {one}" for one in failures])
     mission.take_over(boot, before.records[-1].log_ns, now_ns)
     return mission
 
@@ -174,10 +249,14 @@ def _compare_documents(name: str, recorded: bytes, document: PlanDocument) -> st
 
 
 class _Rerun(Journal):
-    """A mission's driver run over a log: its next record has to be the next one in the log."""
+    """A mission's driver run over a log: its next record has to be the next one in the log.
 
-    def __init__(self, mission: Mission, attachments: Mapping[str, bytes]) -> None:
-        self._driver = MissionDriver(mission, self, lambda _key, _payload: None)
+    `searches`: whether courses are looked for again although the log holds what was found.
+    """
+
+    def __init__(self, mission: Mission, attachments: Mapping[str, bytes], searches: bool) -> None:
+        self._driver = MissionDriver(mission, self, lambda _key, _payload: None, None)
+        self._searches = searches
         self._fleet = mission.fleet
         self._attachments = attachments
         self._due: deque[Outgoing] = deque()
@@ -246,7 +325,10 @@ class _Rerun(Journal):
         if record.key == adoption_key(name):
             return self._finish(request_of(record.payload), now_ns)
         if record.key == course_key(name):
-            return self._finish(course_request_of(record.payload), now_ns)
+            return self._finish_search(search_of(record.payload), now_ns)
+        if record.key == checkpoint_key(name):
+            self._driver.checkpoint(now_ns)
+            return ""
         if record.key == router_key(name):
             self._driver.hear_router(record.payload == LINK_UP, now_ns)
         elif record.key == told_key(name):
@@ -282,6 +364,19 @@ class _Rerun(Journal):
             return ""
         different = sum(a != b for a, b in zip(payload, record.payload, strict=True))
         return _first_difference(payload, record.payload) if different <= _FEW else ""
+
+    def _finish_search(self, logged: Search | None, now_ns: int) -> str:
+        """Put into effect what a search found, or search again."""
+        asked = None if logged is None else logged.request
+        if logged is None or logged.found is None or self._searches:
+            return self._finish(asked, now_ns)
+        if asked not in self._driver.under_way:
+            return f"the core does not look for a course of {logged.robot} here"
+        try:
+            self._driver.take_found(logged.request, logged.found, now_ns)
+        except ValueError as error:
+            return f"{logged.robot} would refuse the course that was found: {error}"
+        return ""
 
     def _finish(self, logged: Request | CourseRequest | None, now_ns: int) -> str:
         """Do a job again that the log says was done, and give its outcome to the driver."""

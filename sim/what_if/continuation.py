@@ -17,6 +17,7 @@ from typing import Final
 
 import numpy as np
 
+from coordinator.findings.log_proof import plans_of
 from coordinator.log.head import Head
 from coordinator.log.log_file import RESUMED
 from coordinator.log.log_writer import WALL_OFFSET, Attachment
@@ -65,7 +66,7 @@ def world_of(
     network = MemoryNetwork(seed, delay_ns=LINK_NS)
     world = World(
         scenario_of(history.logs[0]),
-        history.mission.documents[min(history.mission.documents)],
+        plans_of(history.logs)[0],
         network,
         seed=seed,
         faults=faults,

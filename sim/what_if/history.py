@@ -23,7 +23,7 @@ from coordinator.fleet.log_records import LINK_GONE
 from coordinator.log.log_file import RESUMED, logs_before, read_log
 from coordinator.log.records import Log, Record
 from coordinator.mission.mission import Mission
-from coordinator.service.replay import run_again
+from coordinator.service.replay import mission_at_end
 from protocol import keys
 from protocol.codec import decode
 from protocol.messages import Hello, Report, Rest
@@ -97,9 +97,12 @@ def read_history(path: Path, until: float) -> History:
     if not kept:
         raise InputError([f"{path}: --until: {until:g} s is before the log's first message"])
     logs[-1] = replace(logs[-1], records=kept, complete=False)
-    mission, check = run_again(logs[-1])
-    if mission is None or check.difference:
-        raise InputError([f"{path}: cannot be continued: {check.difference}"])
+    try:
+        mission = mission_at_end(logs[-1])
+    except InputError as error:
+        raise InputError(
+            [f"{path}: cannot be continued: {one}" for one in error.problems]
+        ) from None
     if mission.fleet.phase == OVER:
         raise InputError([f"{path}: --until: the mission had ended by {until:g} s"])
     robots = _robots(logs, mission.fleet.members)

@@ -18,6 +18,7 @@ from coordinator.base.errors import LogError
 from coordinator.base.interrupts import held_back
 from coordinator.log.head import Head, resumed
 from coordinator.log.log_writer import WRITE_ERRORS, Attachment, LogWriter, write_problem
+from coordinator.plan.plan_file import is_plan_name
 
 WALL_OFFSET_NS: Final = 1_700_000_000 * 10**9
 """The wall-clock time [ns since 1970] of virtual time 0; virtual time itself has no date."""
@@ -55,7 +56,10 @@ class RunLogs:
                 writer.record(key, payload, now_ns, stamp)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Add a file to the log."""
+        """Add a file to the log; the next log begins with the newest plan."""
+        if is_plan_name(name):
+            metadata, files = self._head
+            self._head = metadata, [*files[:1], Attachment(name, media_type, data)]
         with self._writing() as writer:
             if writer is not None:
                 writer.attach(Attachment(name, media_type, data))
@@ -77,8 +81,9 @@ class RunLogs:
 
     def go_on(self, before: bytes, boot: int, began_ns: int) -> None:
         """Open the log of a coordinator that resumes from the log `before`."""
-        metadata, files = resumed(self._head, before, began_ns)
-        self.begin(({**metadata, "boot": str(boot)}, files))
+        metadata, files = self._head
+        first = {**metadata, "boot": str(boot)}, files[:2]
+        self.begin(resumed(first, before, began_ns))
 
     def close(self) -> None:
         """Close the log that is open; LogError, too, when there were too many keys for it."""

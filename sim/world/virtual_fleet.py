@@ -18,6 +18,7 @@ from typing import Final, NamedTuple
 from coordinator.fleet.core import Fleet
 from coordinator.log.head import first_head
 from coordinator.mission.mission import Mission
+from coordinator.mission.mission_driver import CHECKPOINT_BYTES
 from coordinator.plan.document import PlanDocument, RobotPlan
 from coordinator.plan.wire import PackedPlan, packed
 from coordinator.planning.planner import DEFAULT_EFFORT, plan_fleet
@@ -83,7 +84,7 @@ class World:
     `row_period_ns` is the time between two rows of a black box; by default there is one per tick.
     `effort` is the planning effort of all plans, the first one included; it is recorded in `logs`,
     which the caller closes.  In a world with a `past` the coordinator sends nothing before
-    `take_over`, and the logs must be open already.
+    `take_over`, and the logs must be open already.  `checkpoint_bytes` as for MissionDriver.
     """
 
     def __init__(
@@ -103,9 +104,10 @@ class World:
         logs: RunLogs | None = None,
         past: Past | None = None,
         stays: bool = False,
+        checkpoint_bytes: int = CHECKPOINT_BYTES,
     ) -> None:
         if past is None:
-            mission = Mission(
+            mission = Mission.of_plan(
                 scenario, packed(document), _BOOT, partial(_plan, effort), stays=stays
             )
             past = Past(mission, SECOND, 0, {})
@@ -119,7 +121,13 @@ class World:
         self.agenda = Agenda(past.begin_ns)
         self._network = network
         self.coordinator = VirtualService(
-            past.mission, network, lambda: self.now_ns, planning_ns, logs=logs, authority=authority
+            past.mission,
+            network,
+            lambda: self.now_ns,
+            planning_ns,
+            logs=logs,
+            authority=authority,
+            checkpoint_bytes=checkpoint_bytes,
         )
         if not past.began_ns:
             self.coordinator.begin()

@@ -17,7 +17,13 @@ from coordinator.log.head import plan_file
 from coordinator.log.log_file import log_from_bytes
 from coordinator.mission.intake import Arrival
 from coordinator.mission.mission import Mission
-from coordinator.mission.mission_driver import Job, Journal, MissionDriver, Outcome
+from coordinator.mission.mission_driver import (
+    CHECKPOINT_BYTES,
+    Job,
+    Journal,
+    MissionDriver,
+    Outcome,
+)
 from coordinator.plan.document import PlanDocument
 from coordinator.service.replay import go_on
 from protocol import keys
@@ -66,7 +72,7 @@ class VirtualService:
     """The coordinator in virtual time: runs a mission on a network, from `begin` on.
 
     `planning_ns`: how long finding a plan takes.  `logs`: where messages are recorded, if anywhere.
-    `authority` is for tests alone, see World.
+    `authority` is for tests alone, see World; `checkpoint_bytes` as for MissionDriver.
     """
 
     def __init__(
@@ -78,6 +84,7 @@ class VirtualService:
         *,
         logs: RunLogs | None = None,
         authority: bool = True,
+        checkpoint_bytes: int = CHECKPOINT_BYTES,
     ) -> None:
         self.bytes_heard = 0
         self._network = network
@@ -85,12 +92,14 @@ class VirtualService:
         self._planning_ns = planning_ns
         self._logs = logs
         self._authority = authority
+        self._checkpoint_bytes = checkpoint_bytes
         self._before: bytes | None = None
         self._session: MemorySession | None = None
         self._drive(mission)
 
     def _drive(self, mission: Mission) -> None:
-        self.driver = MissionDriver(mission, VirtualJournal(self._logs), self._put)
+        journal = VirtualJournal(self._logs)
+        self.driver = MissionDriver(mission, journal, self._put, self._checkpoint_bytes)
         self._under_way: list[tuple[int, Job, Outcome]] = []
 
     def begin(self) -> None:
@@ -156,6 +165,7 @@ class VirtualService:
         boot, now_ns = (self.fleet.boot + 1) % 2**32, self._clock()
         self._drive(go_on(log_from_bytes(self._before, "the log before"), boot, now_ns))
         self._logs.go_on(self._before, boot, now_ns)
+        self.driver.checkpoint(now_ns)
         self._before = None
         self.begin()
 

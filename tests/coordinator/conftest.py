@@ -36,7 +36,7 @@ def recorded(tmp_path_factory):
         wall_offset_ns=10**18,
         attachments=[Attachment("scenario.json", "application/json", scenario_to_json(scenario))],
     )
-    mission = Mission(
+    mission = Mission.of_plan(
         scenario, packed(document), 9, lambda s, epoch: plan_fleet(s, effort=3, epoch=epoch)
     )
     recorder.attach("plan-1.json", "application/json", to_json(document))

@@ -38,7 +38,7 @@ class Frozen:
     def __init__(self):
         scenario = parse_scenario(TWO, "two.toml")
         document = plan_scenario(scenario, effort=1)
-        self.mission = Mission(
+        self.mission = Mission.of_plan(
             scenario, packed(document), 9, lambda s, epoch: plan_fleet(s, effort=1, epoch=epoch)
         )
         self.fleet = self.mission.fleet

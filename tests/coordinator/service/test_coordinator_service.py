@@ -89,7 +89,7 @@ class Clock:
 
 
 def _mission(scenario, document):
-    return Mission(
+    return Mission.of_plan(
         scenario, packed(document), 9, lambda s, epoch: plan_fleet(s, effort=3, epoch=epoch)
     )
 

@@ -37,7 +37,7 @@ def told(monkeypatch):
     ],
 )
 def test_a_robot_that_an_epoch_goes_on_without_is_told_once_with_the_reason(told, why, said):
-    mission = Mission(HALL, plan_fleet(HALL, effort=0), 9, lambda *_: None)
+    mission = Mission.of_plan(HALL, plan_fleet(HALL, effort=0), 9, lambda *_: None)
     coordinator = Coordinator(HALL, effort=0, speed=1.0, events=False)
     one, two = mission.site.scenario.robots
     aside = Aside(two, why, np.array([two.start[:2]]), None)
@@ -56,7 +56,7 @@ def test_a_robot_that_may_stand_on_a_stretch_is_said_to_stand_between_its_ends()
 
 
 def test_arrivals_count_from_the_first_go_whatever_epoch_they_were_in(told):
-    mission = Mission(HALL, plan_fleet(HALL, effort=0), 9, lambda *_: None)
+    mission = Mission.of_plan(HALL, plan_fleet(HALL, effort=0), 9, lambda *_: None)
     fleet, coordinator = mission.fleet, Coordinator(HALL, effort=0, speed=1.0, events=False)
     fleet.incidents += [
         Incident(seconds * SECOND, "phase", "", COMMAND_NAMES[phase], phase)

@@ -83,7 +83,7 @@ def story(tmp_path_factory):
         ],
     )
     hand = DyingHand()
-    mission = Mission(scenario, plan, 9, planner)
+    mission = Mission.of_plan(scenario, plan, 9, planner)
     service = Service(mission, hand, recorder, Clock(30 * MILLISECOND), speed=1000.0)
 
     async def run():

@@ -44,7 +44,7 @@ def idle(name, start, **fields):
     return replace(a_robot(name, start, start), **fields)
 
 
-def a_world(scenario, *, faults=(), logs=None, stays=False, seed=1):
+def a_world(scenario, *, faults=(), seed=1, **options):
     document = plan_scenario(scenario, effort=0)
     names = [robot.id for robot in scenario.robots]
     return World(
@@ -55,8 +55,7 @@ def a_world(scenario, *, faults=(), logs=None, stays=False, seed=1):
         faults=parse_faults(list(faults), names),
         flaws=USUAL_FLAWS,
         period_ns=PERIOD_NS,
-        logs=logs,
-        stays=stays,
+        **options,
     )
 
 
