@@ -53,7 +53,8 @@ def info(
         summary = summarise_plan(read(source))
     else:
         log = read_log(source)
-        boxes = _boxes_of(log, source.parent, blackbox)
+        beside = source if source.is_dir() else source.parent
+        boxes = _boxes_of(log, beside, blackbox)
         summary = summarise(log, boxes, readable_logs_before(log))
     if as_json:
         answer_json(summary)

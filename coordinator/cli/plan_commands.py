@@ -25,7 +25,10 @@ commands = typer.Typer()
 
 ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")]
 PlanFile = Annotated[
-    Path, typer.Argument(help="Plan file, as written by `plan -o`, or log of a run, FILE.mcap.")
+    Path,
+    typer.Argument(
+        help="Plan file, as written by `plan -o`, or log of a run: FILE.mcap, or its folder."
+    ),
 ]
 LogFile = Annotated[Path, typer.Argument(help="Log of a run, MCAP.")]
 Source = Annotated[Path, typer.Argument(help="Log of a run (MCAP) or plan file (JSON).")]
@@ -90,8 +93,9 @@ def newest_plan(source: Path, what_for: str) -> PlanDocument:
     from coordinator.findings.plans_from_messages import in_force, plans_said
     from coordinator.log.log_file import read_log, readable_logs_before
     from coordinator.plan.plan_file import read
+    from coordinator.scenario.file_kinds import is_log
 
-    if source.suffix != ".mcap":
+    if not is_log(source):
         return read(source)
     log = read_log(source)
     documents = documents_of(log)
@@ -231,11 +235,12 @@ def verify(
     from coordinator.plan.plan_file import read
     from coordinator.plan.wire import packed
     from coordinator.proof.verify import prove_messages
+    from coordinator.scenario.file_kinds import is_log
     from coordinator.scenario_files.scenario_reader import read_scenario
     from coordinator.schedule.staircase_making import with_staircases
 
     site = None if scenario is None else read_scenario(scenario)
-    if plan.suffix == ".mcap":
+    if is_log(plan):
         _verify_log(plan, site, as_json)
         return
     document = read(plan)
@@ -289,10 +294,22 @@ def coordinator(
     keys: Keys = None,
     insecure: Insecure = False,
     log: Annotated[
-        Path | None, typer.Option(help="Record all messages into this file.", callback=writable())
+        Path | None,
+        typer.Option(
+            help="Record all messages into this file, or into files in this folder (a name "
+            "without a suffix): run-0001.mcap and so on.",
+            callback=writable(),
+        ),
     ] = None,
+    log_size: Annotated[
+        float,
+        typer.Option(callback=within(0.1), help="MB after which a folder gets its next file."),
+    ] = 64.0,
     resume: Annotated[
-        Path | None, typer.Option(help="Resume from this log of a coordinator that has ended.")
+        Path | None,
+        typer.Option(
+            help="Resume from this log of a coordinator that has ended; a folder is gone on with."
+        ),
     ] = None,
     plan_out: Annotated[
         Path | None, typer.Option(help="Write the plan to this file.", callback=writable(".json"))
@@ -318,7 +335,7 @@ def coordinator(
     place = meeting_place(listen, connect, keys, insecure)
     asked = read_scenario(scenario)
     runner = Coordinator(asked, effort=effort, speed=speed, events=as_json, stays=stay)
-    raise typer.Exit(runner.run(place, log, plan_out, wait, resume, keys))
+    raise typer.Exit(runner.run(place, log, plan_out, wait, resume, keys, log_size))
 
 
 @commands.command(rich_help_panel="Plan")
@@ -346,6 +363,7 @@ def plot(
 
     Example: splinefleet plot plan.json -o plan.svg --robots R1,R3
     """
+    from coordinator.scenario.file_kinds import is_log
     from coordinator.view.server import read_scene
 
     if output.suffix.lower() == ".html":
@@ -364,7 +382,7 @@ def plot(
     document = newest_plan(source, "to draw")
     chosen = tuple(name.strip() for name in robots.split(",") if name.strip())
     view = View(chosen, detail)
-    if source.suffix == ".mcap":
+    if is_log(source):
         scene = read_scene(source)
         fleet = tuple(robot.id for robot in scene.robots)
         view = View(chosen, detail, fleet, left_behind(scene))

@@ -63,11 +63,12 @@ def first_head(
 def resumed(head: Head, before: bytes, began_ns: int) -> Head:
     """Return the head of a log that resumes another log, `before`, at `began_ns`.
 
-    `head` is that of a first log, with the newest plan.
+    `head` is that of a first log, with the newest plan.  `before` is empty if the other log stands
+    in the same folder.
     """
     metadata, files = head
-    inner = Attachment(RESUMED, "application/octet-stream", before)
-    return {**metadata, "began_ns": str(began_ns)}, [*files, inner]
+    inner = [Attachment(RESUMED, "application/octet-stream", before)] if before else []
+    return {**metadata, "began_ns": str(began_ns)}, [*files, *inner]
 
 
 def plan_file(document: PlanDocument) -> Attachment:

@@ -11,12 +11,15 @@ not know: what the messages mean.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from itertools import groupby
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from mcap import records as mcap_records
 from mcap.writer import MCAP0_MAGIC
+from msgspec.structs import replace
 
 from coordinator.base.errors import InputError
 from coordinator.log.log_writer import METADATA_NAME, WALL_OFFSET
@@ -33,6 +36,10 @@ MOST_RESUMED: Final = 100
 _DAY: Final = 24 * 3600 * SECOND
 _LONGEST: Final = 31 * _DAY
 """The longest time that a log may span [ns]."""
+
+_FOLDER_FILES: Final = "run-{:04d}.mcap"
+_NUMBERED: Final = re.compile(r"run-(\d{4,})\.mcap")
+"""The files of a log that is a folder."""
 
 _LAST_TIME: Final = 2**62
 _MOST_OFFSET: Final = 2**63 - 1
@@ -55,11 +62,73 @@ class LogScan(NamedTuple):
 
 
 def read_log(path: Path) -> Log:
-    """Read every complete message of a closed, unfinished or damaged log.
+    """Read every complete message of a closed, unfinished or damaged log, or of a folder of logs.
 
     Raises InputError if the file does not exist, is not an MCAP file, or is not a fleet's log.
     """
-    return log_from_bytes(load(path), str(path))
+    if not path.is_dir():
+        return log_from_bytes(load(path), str(path))
+    parts = [log for file in files_in(path) if (log := _part(file)) is not None]
+    if not parts:
+        raise InputError([f"{path}: holds no log ({_FOLDER_FILES.format(1)}, ...)"])
+    runs = [list(run) for _, run in groupby(parts, lambda part: part.metadata.get("boot"))]
+    *before, newest = [_joined(run) for run in runs]
+    return replace(newest, before=tuple(before))
+
+
+def read_newest(path: Path) -> tuple[Log, bytes]:
+    """Read a log, or the newest file of a folder in which anything was recorded; and its bytes.
+
+    That file is enough to go on from.  Raises InputError as `read_log` does.
+    """
+    for file in reversed(files_in(path) if path.is_dir() else []):
+        part = _part(file)
+        if part is not None and part.records:
+            return part, load(file)
+    data = load(path)
+    return log_from_bytes(data, str(path)), data
+
+
+def files_in(folder: Path) -> list[Path]:
+    """Return the files of a log that is a folder, in order.
+
+    The folder of a run, with run.mcap, run-2.mcap and so on, has its newest file alone: that one
+    contains the others.
+    """
+    files = sorted(folder.glob("run*.mcap"), key=lambda path: (len(path.name), path.name))
+    return [path for path in files if _NUMBERED.fullmatch(path.name)] or files[-1:]
+
+
+def next_file(folder: Path) -> Path:
+    """Return the path of the next file of a log that is a folder."""
+    found = (_NUMBERED.fullmatch(path.name) for path in folder.glob("run-*.mcap"))
+    numbers = [int(one[1]) for one in found if one is not None]
+    return folder / _FOLDER_FILES.format(max(numbers, default=0) + 1)
+
+
+def _part(file: Path) -> Log | None:
+    """Read a file of a folder; None if its coordinator was killed before it recorded anything."""
+    data = file.read_bytes()
+    try:
+        return log_from_bytes(data, str(file))
+    except InputError:
+        if data.startswith(MCAP0_MAGIC[: len(data)]) and not is_closed(data):
+            return None
+        raise
+
+
+def _joined(parts: list[Log]) -> Log:
+    """Return the log of one coordinator whose files these are."""
+    attachments: dict[str, bytes] = {}
+    for part in parts:
+        attachments |= part.attachments
+    return Log(
+        metadata=parts[0].metadata,
+        attachments=attachments,
+        records=[record for part in parts for record in part.records],
+        complete=parts[-1].complete,
+        damage="; ".join(part.damage for part in parts if part.damage),
+    )
 
 
 def log_from_bytes(data: bytes, path: str) -> Log:
@@ -86,22 +155,27 @@ def logs_before(log: Log, name: str = "") -> list[Log]:
 
     Raises InputError if one of them is not a log.  `name` names the log itself in error messages.
     """
-    data = log.attachments.get(RESUMED)
-    if data is None:
-        return []
     inner = f"{name}: {RESUMED}" if name else RESUMED
-    before = log_from_bytes(data, inner)
-    return [*logs_before(before, inner), before]
+    before = log_before(log, inner)
+    return [] if before is None else [*logs_before(before, inner), before]
+
+
+def log_before(log: Log, name: str = RESUMED) -> Log | None:
+    """Return the log that a log resumes, if there is one; raise InputError if it is not a log."""
+    if log.before:
+        *earlier, before = log.before
+        return replace(before, before=tuple(earlier))
+    data = log.attachments.get(RESUMED)
+    return None if data is None else log_from_bytes(data, name)
 
 
 def readable_logs_before(log: Log) -> list[Log]:
     """Return the logs that a log resumes, as `logs_before`, as far back as they can be read."""
     try:
-        data = log.attachments[RESUMED]
-        before = log_from_bytes(data, RESUMED)
-    except (KeyError, InputError):
+        before = log_before(log)
+    except InputError:
         return []
-    return [*readable_logs_before(before), before]
+    return [] if before is None else [*readable_logs_before(before), before]
 
 
 def _check_times(records: list[Record], path: str) -> None:
@@ -155,13 +229,19 @@ def check_bytes(path: Path) -> str | None:
     """Return a sentence that says where the file is damaged; None if it is intact.
 
     Any changed byte of a closed log is found.  An unfinished log is not damaged because it ends
-    early.  Raises InputError if the file does not exist or never was an MCAP file.
+    early.  All files of a folder are looked at.  Raises InputError if the file does not exist or
+    never was an MCAP file.
     """
-    return scan(load(path))[1] or None
+    if not path.is_dir():
+        return scan(load(path))[1] or None
+    damages = ((file.name, scan(file.read_bytes())[1]) for file in files_in(path))
+    return next((f"{name}: {damage}" for name, damage in damages if damage), None)
 
 
 def is_unfinished(path: Path) -> bool:
-    """Return whether a file is a log that was not closed."""
+    """Return whether a file, or the newest one of a folder, is a log that was not closed."""
+    if path.is_dir():
+        return any(is_unfinished(file) for file in files_in(path)[-1:])
     data = path.read_bytes() if path.is_file() else b""
     return data.startswith(MCAP0_MAGIC) and not is_closed(data)
 

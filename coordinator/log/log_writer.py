@@ -83,6 +83,11 @@ class LogWriter:
         except OSError as error:
             raise InputError([write_problem(path, error)]) from None
 
+    @property
+    def size(self) -> int:
+        """How many bytes have been written to the file."""
+        return self._stream.tell()
+
     def record(self, key: str, payload: bytes, now_ns: int, sent_ns: int | None = None) -> None:
         """Write a message that passed at `now_ns` on the coordinator's clock.
 

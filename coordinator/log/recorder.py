@@ -9,14 +9,18 @@ messages mean.
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections import deque
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from coordinator.base.errors import LogError
+from coordinator.base.errors import InputError, LogError
+from coordinator.fleet.log_records import is_checkpoint_key
+from coordinator.log.log_file import RESUMED, next_file
 from coordinator.log.log_writer import WRITE_ERRORS, Attachment, LogWriter, write_problem
+from coordinator.plan.plan_file import is_plan_name
 
 FLUSH_PERIOD_S: Final = 0.08
 """Time between two flushes [s].
@@ -48,6 +52,10 @@ class Recorder:
     coordinator's clock [ns].  Metadata and attachments are in the file when the constructor
     returns.  Raises InputError if the file cannot be created or written, if another recorder is
     writing it, or if `replace` is false and the file exists.
+
+    If `path` is a folder, the log is its next file, and a further one begins with the first
+    checkpoint after `most_bytes`: with the same metadata, `attachments`, and the newest plan in
+    place of the one among them.
     """
 
     def __init__(
@@ -58,8 +66,13 @@ class Recorder:
         wall_offset_ns: int,
         attachments: Iterable[Attachment] = (),
         replace: bool = True,
+        most_bytes: int = 64 * 2**20,
     ) -> None:
         self.path = path
+        self._most_bytes = most_bytes if path.is_dir() else sys.maxsize
+        self._metadata, self._wall_offset_ns = metadata, wall_offset_ns
+        self._head = {one.name: one for one in attachments}
+        self._earlier_dropped = 0
         self.error: str | None = None
         """What went wrong while writing; from then on nothing more is recorded."""
         self._gate = threading.Lock()
@@ -69,20 +82,15 @@ class Recorder:
         self._unwritten: list[threading.Event] = []
         self._hurry = threading.Event()
         self._closing = threading.Event()
-        self._writer = LogWriter(
-            path,
-            metadata=metadata,
-            wall_offset_ns=wall_offset_ns,
-            attachments=attachments,
-            replace=replace,
-        )
+        self._writer = self._open(next_file(path) if path.is_dir() else path, replace=replace)
+        self._head.pop(RESUMED, None)
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
     @property
     def dropped(self) -> int:
         """How many messages were not recorded: too many waited, or there were too many keys."""
-        return self._unheld + self._writer.dropped
+        return self._unheld + self._earlier_dropped + self._writer.dropped
 
     def record(self, key: str, payload: bytes, now_ns: int, sent_ns: int | None = None) -> None:
         """Record a message that passed at `now_ns` on the coordinator's clock.
@@ -161,6 +169,31 @@ class Recorder:
             if not isinstance(error, WRITE_ERRORS):
                 raise
 
+    def _open(self, path: Path, *, replace: bool) -> LogWriter:
+        return LogWriter(
+            path,
+            metadata=self._metadata,
+            wall_offset_ns=self._wall_offset_ns,
+            attachments=self._head.values(),
+            replace=replace,
+        )
+
+    def _attach(self, file: Attachment) -> None:
+        if is_plan_name(file.name):
+            self._head = {n: one for n, one in self._head.items() if not is_plan_name(n)}
+            self._head[file.name] = file
+        self._writer.attach(file)
+
+    def _begin_next(self) -> None:
+        """Go on in the next file of the folder; raise ValueError if it cannot be created."""
+        try:
+            following = self._open(next_file(self.path), replace=False)
+        except InputError as error:
+            raise ValueError(str(error)) from None
+        self._earlier_dropped += self._writer.dropped
+        before, self._writer = self._writer, following
+        before.finish()
+
     def _give_up_waiting(self) -> None:
         """Drop what is waiting and release the callers of `sync`."""
         for event in self._unwritten:
@@ -176,10 +209,12 @@ class Recorder:
         while self._waiting:
             item = self._waiting.popleft()
             if isinstance(item, Attachment):
-                self._writer.attach(item)
+                self._attach(item)
             elif isinstance(item, threading.Event):
                 self._unwritten.append(item)
             else:
+                if is_checkpoint_key(item.key) and self._writer.size >= self._most_bytes:
+                    self._begin_next()
                 self._writer.record(*item)
                 with self._gate:
                     self._held -= item.size

@@ -26,7 +26,8 @@ class Log(msgspec.Struct, frozen=True):
     """The contents of a log; the records are in the order in which they were recorded.
 
     `complete` is whether the file was closed.  `damage` says where the file's bytes differ from
-    what was written; it is empty if the file is intact.
+    what was written; it is empty if the file is intact.  `before` has the logs that it resumes, the
+    oldest first, if they are in the same folder.
     """
 
     metadata: dict[str, str]
@@ -34,3 +35,4 @@ class Log(msgspec.Struct, frozen=True):
     records: list[Record]
     complete: bool
     damage: str
+    before: tuple[Log, ...] = ()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Final, Literal
 
 from coordinator.base.toml_text import toml_of
@@ -57,3 +57,8 @@ def wrong_kind(name: str, found: FileKind, wanted: FileKind) -> str:
         made = path.with_name(f"{path.stem}-plan.json") if made == path else made
         help_ = f"`splinefleet plan {file} -o {shlex.quote(str(made))}` makes one"
     return f"{printable(name)} is a {found}, not a {wanted}; {printable(help_)}"
+
+
+def is_log(path: Path) -> bool:
+    """Return whether a path names a log: a folder, or a file by its name."""
+    return path.suffix == ".mcap" or path.is_dir()

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
+from typing import Final
 
 from coordinator.base.console import answer_json, tell_now, write_file
 from coordinator.base.errors import InputError
@@ -19,7 +20,7 @@ from coordinator.fleet.core import Fleet
 from coordinator.fleet.hold_reasons import RollCall
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.log.head import first_head, resumed
-from coordinator.log.log_file import is_unfinished, load, log_from_bytes
+from coordinator.log.log_file import files_in, is_unfinished, read_newest
 from coordinator.log.recorder import Recorder
 from coordinator.mission.aside_news import AsideNews
 from coordinator.mission.mission import Mission
@@ -38,6 +39,9 @@ from coordinator.view.live_table import FleetTable
 from protocol.host_clock import host_clock_ns
 from protocol.phases import COMMAND_NAMES, GO, PHASE_NAMES
 from protocol.shared_clock import announce_clock
+
+LOG_SIZE: Final = 64.0
+"""The usual size [MB] of the files of a log that is a folder."""
 
 
 class Coordinator:
@@ -69,19 +73,21 @@ class Coordinator:
         patience: float,
         resume: Path | None = None,
         keys: Path | None = None,
+        log_size: float = LOG_SIZE,
     ) -> int:
         """Run to the end and return the exit code; `resume` is the log to resume from.
 
         `keys` is a fleet's folder of keys; if it is given, only holders of these keys can connect.
+        If `log` is a folder, its files are about `log_size` MB long; by default it is `resume` if
+        that is a folder.
 
         Raises InputError, PlanError and TransportError before anything moves.
         """
         check_is_driven(self.scenario)
-        if log is not None and resume is not None and log.resolve() == resume.resolve():
-            raise InputError([f"--log: {log} is the log to resume from; name another file"])
-        if log is not None and is_unfinished(log):
-            problem = f"--log: {log} holds a run that has not ended; --resume resumes it"
-            raise InputError([problem])
+        if log is None and resume is not None and resume.is_dir():
+            log = resume
+        if log is not None:
+            _check_place(log, resume)
         if keys is not None:
             robots = [robot.id for robot in self.scenario.robots]
             self._gate = Gate(keys, self.scenario.name, robots)
@@ -95,7 +101,7 @@ class Coordinator:
                 stack.callback(self._gate.close)
             stack.enter_context(announce_clock(boot))
             transport = stack.enter_context(place.open(self._gate))
-            recorder = self._recorder(log, document, boot, resume)
+            recorder = self._recorder(log, document, boot, resume, log_size)
             try:
                 self._say("listening", endpoint=place.endpoint, text=str(place))
                 with FleetTable(document) as table:
@@ -126,8 +132,7 @@ class Coordinator:
         """Resume the mission in the log of a coordinator that has died."""
         self._began_ns = self.clock()
         try:
-            self._before = load(resume)
-            log = log_from_bytes(self._before, str(resume))
+            log, self._before = read_newest(resume)
             mission = go_on(log, boot, self._began_ns)
         except InputError as error:
             raise InputError([f"--resume: {problem}" for problem in error.problems]) from None
@@ -163,7 +168,12 @@ class Coordinator:
         self._say("planned", text=text)
 
     def _recorder(
-        self, log: Path | None, document: PlanDocument, boot: int, resume: Path | None
+        self,
+        log: Path | None,
+        document: PlanDocument,
+        boot: int,
+        resume: Path | None,
+        log_size: float = LOG_SIZE,
     ) -> Recorder:
         head = first_head(
             self.scenario,
@@ -173,15 +183,24 @@ class Coordinator:
             speed=self.speed,
             stays=self._stays,
         )
-        metadata, attachments = (
-            head if resume is None else resumed(head, self._before, self._began_ns)
-        )
         path = log if log is not None else Path(os.devnull)
-        if path.is_file():
+        goes_on = resume is not None and path.is_dir() and path.samefile(resume)
+        if resume is not None:
+            head = resumed(head, b"" if goes_on else self._before, self._began_ns)
+        is_folder = path.is_dir() or not (path.exists() or path.suffix)
+        if not goes_on and (path.is_file() or (path.is_dir() and files_in(path))):
             earlier = _moved_away(path)
             self._say("warning", text=f"{path} is there already; it is now {earlier}")
-        offset = time.time_ns() - self.clock()
-        return Recorder(path, metadata=metadata, wall_offset_ns=offset, attachments=attachments)
+        if is_folder:
+            path.mkdir(exist_ok=True)
+        metadata, attachments = head
+        return Recorder(
+            path,
+            metadata=metadata,
+            wall_offset_ns=time.time_ns() - self.clock(),
+            attachments=attachments,
+            most_bytes=round(log_size * 1e6),
+        )
 
     def _watcher(
         self, mission: Mission, table: FleetTable, recorder: Recorder
@@ -270,7 +289,16 @@ def _changed(log: Path, change: Change) -> str:
     )
 
 
+def _check_place(log: Path, resume: Path | None) -> None:
+    """Raise InputError if a log cannot be written to its place without losing another one."""
+    is_same = resume is not None and log.resolve() == resume.resolve()
+    if is_same and not log.is_dir():
+        raise InputError([f"--log: {log} is the log to resume from; name another file"])
+    if not is_same and is_unfinished(log):
+        raise InputError([f"--log: {log} holds a run that has not ended; --resume resumes it"])
+
+
 def _moved_away(path: Path) -> Path:
-    """Rename a file to the first free name of FILE.1, FILE.2, ... and return that name."""
+    """Rename a file or folder to the first free name of NAME.1, NAME.2, ...; return that name."""
     names = (path.with_name(f"{path.name}.{number}") for number in count(1))
     return path.rename(next(name for name in names if not name.exists()))

@@ -39,7 +39,7 @@ from coordinator.fleet.log_records import (
     told_key,
 )
 from coordinator.log.head import WRITTEN_BY
-from coordinator.log.log_file import RESUMED, log_from_bytes
+from coordinator.log.log_file import RESUMED, log_before
 from coordinator.log.records import Log, Record
 from coordinator.mission.checkpoint import mission_of
 from coordinator.mission.in_force import in_force_failures
@@ -161,11 +161,12 @@ class _Head(NamedTuple):
 def _begin(log: Log) -> Mission:
     """Return the mission as it was at the beginning of a log, everything before planned again."""
     head = _Head.of(log)
-    if RESUMED in log.attachments:
-        before, began_ns = _before(log)
-        if difference := check_log(before).difference:
-            raise _NotAgainError(f"{RESUMED}, which it resumes: {difference}")
-        return _gone_on(before, head.boot, began_ns)
+    if RESUMED in log.attachments or log.before:
+        if difference := check_log(_before(log)[0]).difference:
+            raise _NotAgainError(f"{_name_of(log)}, which it resumes: {difference}")
+        return _gone_on(log, head.boot)
+    if log.records and is_checkpoint_key(log.records[0].key):
+        return _at_checkpoint(head, log, 0)  # What was before it is not there any more.
     try:
         plan = head.plan(head.scenario, 1)
     except PlanError as error:
@@ -184,32 +185,51 @@ def _newest(log: Log) -> tuple[Mission, list[Record]]:
     head = _Head.of(log)
     at = [k for k, record in enumerate(log.records) if is_checkpoint_key(record.key)]
     try:
-        plans = {one.epoch: one for one in plans_of([log])}
         if at:
-            point = log.records[at[-1]].payload
-            return mission_of(point, head.scenario, plans, head.plan), log.records[at[-1] + 1 :]
-        if RESUMED in log.attachments:
-            return _gone_on(*_before(log), head.boot), log.records
-        return head.begin(packed(plans[1])), log.records
+            return _at_checkpoint(head, log, at[-1]), log.records[at[-1] + 1 :]
+        if RESUMED in log.attachments or log.before:
+            return _gone_on(log, head.boot), log.records
+        return head.begin(packed(_plans(log)[1])), log.records
     except KeyError:
         raise _NotAgainError("the log lacks plan-1.json") from None
     except (InputError, PlanError) as error:
         raise _NotAgainError("; ".join(str(error).splitlines())) from None
 
 
-def _before(log: Log) -> tuple[Log, int]:
-    """Return the log that a log resumes, which is attached to it, and when it began to."""
+def _plans(log: Log) -> dict[int, PlanDocument]:
+    return {plan.epoch: plan for plan in plans_of([log])}
+
+
+def _at_checkpoint(head: _Head, log: Log, number: int) -> Mission:
+    """Return the mission at a checkpoint, by the number of its record."""
+    payload = log.records[number].payload
     try:
-        return log_from_bytes(log.attachments[RESUMED], RESUMED), int(log.metadata["began_ns"])
+        return mission_of(payload, head.scenario, _plans(log), head.plan)
+    except InputError as error:
+        raise _NotAgainError("; ".join(error.problems)) from None
+
+
+def _before(log: Log) -> tuple[Log, int]:
+    """Return the log that a log resumes, and when it began to."""
+    try:
+        before, began_ns = log_before(log), int(log.metadata["began_ns"])
     except (KeyError, ValueError, InputError) as error:
         raise _NotAgainError(f"the log does not contain what it resumes from: {error}") from None
+    assert before is not None
+    return before, began_ns
 
 
-def _gone_on(before: Log, boot: int, began_ns: int) -> Mission:
+def _name_of(log: Log) -> str:
+    """Return words for the log that a log resumes."""
+    return "the log before it" if log.before else RESUMED
+
+
+def _gone_on(log: Log, boot: int) -> Mission:
+    before, began_ns = _before(log)
     try:
         return go_on(before, boot, began_ns)
     except InputError as error:
-        raise _NotAgainError(f"{RESUMED}, which it resumes: {error}") from None
+        raise _NotAgainError(f"{_name_of(log)}, which it resumes: {error}") from None
 
 
 def go_on(before: Log, boot: int, now_ns: int) -> Mission:

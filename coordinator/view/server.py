@@ -21,6 +21,7 @@ from coordinator.findings.traffic_numbers import first_go
 from coordinator.log.blackbox_attachments import unpacked
 from coordinator.log.log_file import RESUMED, logs_before, read_log
 from coordinator.plan.plan_file import read
+from coordinator.scenario.file_kinds import is_log
 from coordinator.view.scene import Scene
 from coordinator.view.scene_log import scene_of_logs
 from coordinator.view.scene_plan import scene_of_plan
@@ -38,7 +39,7 @@ def read_scene(source: Path) -> Scene:
 
     Raise InputError if the file is neither.
     """
-    if source.suffix != ".mcap":
+    if not is_log(source):
         return scene_of_plan(read(source))
     log = read_log(source)
     logs = [*logs_before(log, str(source)), log]
@@ -51,7 +52,8 @@ def read_scene(source: Path) -> Scene:
             ghosts = ghosts_of(boxes, scene.robots, f"{source}: ")
         else:
             go_ns = first_go(logs, 0)
-            ghosts = read_ghosts(source.parent / "blackbox", scene.robots, go_ns)
+            folder = source if source.is_dir() else source.parent
+            ghosts = read_ghosts(folder / "blackbox", scene.robots, go_ns)
     except InputError as error:
         left_out = [f"without black boxes: {problem}" for problem in error.problems]
         return msgspec.structs.replace(scene, notes=[*scene.notes, *left_out])

@@ -77,6 +77,8 @@ def read_history(path: Path, until: float) -> History:
     Raises InputError when the log cannot be replayed, when no robot was ever sent on its way, or
     when the log or the fleet's mission ends before `until`.
     """
+    if path.is_dir():
+        raise InputError([f"{path}: --until: takes the file of a log, not a folder"])
     newest = read_log(path)
     logs = [*logs_before(newest, str(path)), newest]
     before = [log.attachments[RESUMED] for log in logs[1:]]

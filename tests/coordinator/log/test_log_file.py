@@ -169,9 +169,10 @@ def test_what_is_no_log_of_a_fleet_is_refused_in_one_line(tmp_path):
     text.write_text("robot,t,x,y\n")
     empty = tmp_path / "empty.mcap"
     empty.write_bytes(b"")
+    (tmp_path / "nothing").mkdir()
     for path, reason in (
         (tmp_path / "none.mcap", "No such file or directory"),
-        (tmp_path, "Is a directory"),
+        (tmp_path / "nothing", "holds no log (run-0001.mcap, ...)"),
         (text, "is not an MCAP file"),
         (empty, "is not an MCAP file"),
         (foreign, "is not the log of a fleet"),
