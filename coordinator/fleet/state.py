@@ -152,8 +152,12 @@ class FleetState:
         return Outgoing(keys.orders(self.name, state.id), encode(state))
 
     def plans(self) -> list[Outgoing]:
-        """Return the Plan messages of this epoch."""
-        return [Outgoing(keys.plan(self.name, one.id), one.plan) for one in self.members.planned]
+        """Return the Plan messages of all courses that robots may be driving."""
+        return [
+            Outgoing(keys.plan(self.name, one.id), plan)
+            for one in self.members.planned
+            for plan in one.possible_plans()
+        ]
 
     def _send_plan(self, member: Member, now_ns: int) -> list[Outgoing]:
         """Return a robot's Plan to send, unless it was just sent or the robot has no part."""

@@ -17,6 +17,7 @@ from coordinator.view.scene import Scene
 _PARTS: Final = Path(__file__).with_name("page_files")
 _SCRIPTS: Final = (
     "motion.js",
+    "play.js",
     "look.js",
     "lens.js",
     "ground.js",

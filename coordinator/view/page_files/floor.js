@@ -20,15 +20,17 @@ class FloorView extends Ground {
   /** Draw the floor at a time; `found` are the robots' states, `focus` and `hover` robots or -1. */
   draw(t, found, focus, hover, look) {
     const epoch = this.play.epochAt(t);
-    const key = [epoch.epoch, focus, this.shown.paths, this.shown.zones, look.dark, this.lens.key].join();
+    const courses = found.map((robot) => [robot?.motion?.ride.revision, robot?.next?.ride.revision]);
+    const shown = [this.shown.paths, this.shown.zones, look.dark, this.lens.key];
+    const key = [epoch.epoch, focus, ...shown, ...courses].join();
     if (this.sheet.resize() || key !== this.key) {
       this.fit();
       this.key = key;
-      this.background = this.ground(epoch, focus, look);
+      this.background = this.ground(epoch, found, focus, look);
     }
     const pen = this.sheet.begin(this.background.canvas);
     if (this.shown.paths) this.drawAhead(pen, found, focus, look);
-    if (this.shown.zones) this.light(pen, epoch, found, focus, look);
+    if (this.shown.zones) this.light(pen, found, look);
     if (this.shown.waits) this.drawWaits(pen, found, focus, look);
     this.spots = [];
     found.forEach((robot, index) => {
@@ -57,7 +59,7 @@ class FloorView extends Ground {
     });
   }
 
-  light(pen, epoch, found, focus, look) {
+  light(pen, found, look) {
     const within = (index, [from, to]) => {
       const robot = found[index];
       return robot && robot.motion && robot.state !== "arrived" && robot.s >= from && robot.s <= to;
@@ -67,9 +69,9 @@ class FloorView extends Ground {
       const a = within(zone.a, zone.on_a), b = within(zone.b, zone.on_b);
       if (!a && !b) continue;
       pen.globalAlpha = this.crowd ? 0.35 : 0.5;
-      if (a) this.band(pen, epoch, zone.a, zone.on_a); else this.band(pen, epoch, zone.b, zone.on_b);
+      if (a) this.band(pen, found, zone.a, zone.on_a); else this.band(pen, found, zone.b, zone.on_b);
       pen.globalAlpha = this.crowd ? 0.12 : 0.25;
-      if (a) this.band(pen, epoch, zone.b, zone.on_b); else this.band(pen, epoch, zone.a, zone.on_a);
+      if (a) this.band(pen, found, zone.b, zone.on_b); else this.band(pen, found, zone.a, zone.on_a);
     }
     pen.globalAlpha = 1;
   }

@@ -103,7 +103,7 @@ class EventList {
     }));
     ticks.replaceChildren(...marks.map((mark) => {
       const tick = element("span", { className: `mark ${mark.kind}` });
-      tick.style.setProperty("--t", Math.max(mark.t, 0));
+      tick.style.setProperty("--t", Math.max(mark.t - play.scene.begin, 0));
       return tick;
     }));
   }

@@ -10,7 +10,7 @@ const lens = new Lens();
 const tip = new Tip(byId("tip"));
 const ENLARGED = 1.5;
 const TIMELESS = new Set(["+", "=", "-", "0", ".", ">", ",", "<", "Escape"]);
-const PHASES = { hold: "ready", go: "go", freeze: "frozen", arrived: "arrived" };
+const PHASES = { hold: "ready", go: "go", stop: "told to stop", freeze: "frozen", arrived: "arrived" };
 
 let look = new Look();
 let play, floor, diagram, robots, events;
@@ -33,7 +33,7 @@ function load(scene) {
   byId("floor").parentElement.style.setProperty("--aspect", Math.min(Math.max(floor.aspect, 0.6), 2.4));
   setEnd(scene.end);
   presume();
-  if (first) now = 0;
+  now = first ? scene.begin : Math.max(now, scene.begin);
   listed = -Infinity;
   stale = true;
 }
@@ -49,18 +49,19 @@ function hoverOver(index) {
 
 function setEnd(end) {
   play.scene.end = end;
-  controls.slider.max = end;
-  byId("ticks").style.setProperty("--end", end);
+  const { begin } = play.scene;
+  Object.assign(controls.slider, { min: begin, max: end });
+  byId("ticks").style.setProperty("--end", end - begin);
   byId("end").textContent = `of ${end.toFixed(1)} s`;
 }
 
 function seek(t) {
-  now = Math.min(Math.max(t, 0), play.scene.end);
+  now = Math.min(Math.max(t, play.scene.begin), play.scene.end);
   stale = true;
 }
 
 function setRunning(on) {
-  if (on && now >= play.scene.end) now = 0;
+  if (on && now >= play.scene.end) now = play.scene.begin;
   running = on;
   controls.play.setAttribute("aria-label", on ? "Pause" : "Play");
   controls.shape.setAttribute("d", on ? "M3 1.5h3.5v13H3zM9.5 1.5H13v13H9.5z" : "M3 1.5 14 8 3 14.5z");
@@ -122,7 +123,7 @@ function frame(time) {
 }
 
 function jump(direction) {
-  const times = [0, ...play.scene.marks.map((mark) => mark.t), play.scene.end];
+  const times = [play.scene.begin, ...play.scene.marks.map((mark) => mark.t), play.scene.end];
   const found = direction > 0 ? times.find((t) => t > now + 0.05) : times.findLast((t) => t < now - 0.05);
   if (found !== undefined) seek(found);
 }
@@ -138,7 +139,7 @@ const KEYS = {
   ArrowRight: (event) => seek(now + (event.shiftKey ? 5 : 0.5)),
   ArrowUp: () => jump(-1),
   ArrowDown: () => jump(1),
-  Home: () => seek(0),
+  Home: () => seek(play.scene.begin),
   End: () => seek(play.scene.end),
   ".": () => faster(1),
   ">": () => faster(1),
