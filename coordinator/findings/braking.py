@@ -47,8 +47,8 @@ class Words:
 
     `phase`: its last phase.  `rest`: the arc length [m] where it first reported that it rests.
     `stopping_ns`: since when it has reported that it brakes or rests.  `stopped_ns`: since when it
-    has reported that it rests.  `progress`: how far in its plan it has come.  `since`: the time of
-    the plan [s] of its first report that states one.
+    has reported that it rests.  `progress`: how far in its plan it has come.  `first`: the
+    time of the plan, and the plan time that it had passed [s], of its first report that states one.
     """
 
     def __init__(self) -> None:
@@ -58,7 +58,7 @@ class Words:
         self.stopping_ns: int | None = None
         self.stopped_ns: int | None = None
         self.progress = Progress()
-        self.since: float | None = None
+        self.first: Knot | None = None
 
     def take(self, report: Report, now_ns: int, paused: float = 0.0) -> bool:
         """Record phase and progress; return whether the robot has begun to stop, or to move again.
@@ -69,7 +69,7 @@ class Words:
         if report.stamp_ms is not None:
             t, late = report.stamp_ms / 1000.0, report.late * LATE_STEP_MS / 1000.0
             self.progress.take(t + paused, late + paused)
-            self.since = t + paused if self.since is None else self.since
+            self.first = self.first or (t + paused, t - late)
         again = phase == MOVING and self.stopping_ns is not None
         fresh = self.stopping_ns is None and phase in (BRAKING, FROZEN)
         self.phase, self.last_ns = phase, now_ns

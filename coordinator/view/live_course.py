@@ -25,12 +25,15 @@ from coordinator.view.scene import Knot, Scene
 from coordinator.view.scene_log import Course, scene_of_course
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Clock, Command, Message, Plan, Report
+from protocol.messages import Clock, Command, Message, OrderState, Plan, Report
 from protocol.phases import CLOCK_UNSURE, FAULT_NAMES, IDLE, NO_FAULT, OVER
 from protocol.timing import SECOND
 
 _SURE: Final = 2.0
 """Seconds for which the fleet's clock is compared with ours before its speed is estimated."""
+
+_ASK_ORDERS: Final = 60.0
+"""Interval [s] at which the coordinator is asked what has become of the orders."""
 
 _KEPT: Final = 600 * SECOND
 """For how long [ns] the page of a running fleet can be set back."""
@@ -79,6 +82,8 @@ class LiveCourse:
         self._latest: tuple[int, float] = (0, 0.0)
         self._word: tuple[float, int] | None = None
         self._headroom = 0.0
+        self._lacks_orders = False
+        self._asked = 0.0
         self._floor = document
         self._said = SaidPlans(self._course.plans, document)
         self._explained: dict[int, int] = {}
@@ -97,6 +102,17 @@ class LiveCourse:
         if isinstance(message, Clock) and message.answered_ns is not None:
             self._set_clock(message.answered_ns, now)
         return message is not None and self._take(message, place[2], now)
+
+    def asks_orders(self, now: float) -> bool:
+        """Return whether to ask what has become of the orders; if so, record that it was asked.
+
+        A message about an order is sent once: what was missed is asked for after a silence, and
+        now and then.
+        """
+        if self.fleet is None or not (self._lacks_orders or now - self._asked > _ASK_ORDERS):
+            return False
+        self._lacks_orders, self._asked = False, now
+        return True
 
     def scene(self) -> Scene:
         """Return the scene of what is known, which is empty before the first plan."""
@@ -152,6 +168,8 @@ class LiveCourse:
     def _take_in(self, message: Message, robot: str, now: float) -> bool:
         course = self._course
         if isinstance(message, Command):
+            if self._word is None or now - self._word[0] > _SURE:
+                self._lacks_orders = True
             self._word = (now, message.phase)
             self._headroom = max(message.headroom_ms / 1000.0, 0.0)
             course.take_command(message, self._now_ns(now))
@@ -164,6 +182,8 @@ class LiveCourse:
             return changed or held
         if isinstance(message, Report):
             return self._take_report(message, robot, now)
+        if isinstance(message, OrderState):
+            return course.orders.take(message, self._now_ns(now))
         course.take_radius(message, robot)
         changed = self._said.take(message, robot, self.fleet or "")
         if isinstance(message, Plan) and course.take_plan(message, self._now_ns(now)):

@@ -149,6 +149,19 @@ class Mark(msgspec.Struct, frozen=True, kw_only=True):
     text: str
 
 
+Step = tuple[float, int, int, float | None, str]
+"""What became of an order, and when [s]: its state as in protocol's ORDER_STATES, who does it (-1:
+nobody yet), when the robot is planned to arrive [s], and the reason."""
+
+
+class Order(msgspec.Struct, frozen=True, kw_only=True):
+    """An order, step by step; arrived [s]: when its robot was at the goal."""
+
+    id: str
+    steps: list[Step]
+    arrived: float | None = None
+
+
 class Ghost(msgspec.Struct, frozen=True, kw_only=True):
     """Where a robot truly was: times and places, with straight lines in between."""
 
@@ -163,6 +176,8 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
 
     proven: whether the proof of the newest epoch's plan holds; None when it is not known.
     begin: nothing before is shown, because it was too long ago.
+    day: the time of the day at time 0 [ms since 1970]; null if it is not known.  speed: how many of
+    the scene's seconds pass in one of the day.
     """
 
     name: str
@@ -173,6 +188,8 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     source: str
     end: float
     begin: float = 0.0
+    day: float | None = None
+    speed: float = 1.0
     boundary: list[Point]
     obstacles: list[list[Point]]
     robots: list[Body]
@@ -180,4 +197,5 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     marks: list[Mark] = []
     ghosts: list[Ghost] = []
     held: list[Held] = []
+    orders: list[Order] = []
     notes: list[str] = []

@@ -6,7 +6,7 @@ course was found.  Times are on the coordinator's clock.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from msgspec.structs import replace
 
@@ -17,6 +17,9 @@ from coordinator.view.scene_plan import ride_of
 from protocol.codec import encode
 from protocol.messages import Plan
 from protocol.plan_parts import unpack_plan
+
+_SOON: Final = 0.3
+"""A robot reports so soon [s] that it has begun a course."""
 
 
 class SentCourse(NamedTuple):
@@ -31,15 +34,18 @@ class SentCourse(NamedTuple):
         """The plan time [s] at which the course begins."""
         return 0.001 * self.driven.plan.begin_ms
 
-    def since(self, words: Words, told: float) -> float | None:
+    def since(self, words: Words) -> float | None:
         """Return since when [s] the robot drives it, by its reports; None if it does not.
 
-        `told`: when the course was sent [s].  A listener that heard of it later, by an answer, does
-        not know the robot's first report.
+        A robot that had left the course's beginning when it was heard first is taken to have begun
+        on time.
         """
         if words.last_ns is None:
             return None
-        return self.begin if words.since is None or words.since < told else words.since
+        leaves = max(self.begin, self.ride.legs[0][0]) + _SOON
+        if words.first is None or words.first[1] > leaves:
+            return self.begin
+        return max(words.first[0], self.begin)
 
 
 class SentCourses:

@@ -22,15 +22,17 @@ from coordinator.findings.plans_from_messages import RADIUS, is_further, plans_s
 from coordinator.findings.traffic_numbers import clock_lag
 from coordinator.fleet.log_records import adoption_key, request_of
 from coordinator.fleet.rest_places import Standing
+from coordinator.log.log_writer import VIRTUAL, WALL_OFFSET
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import from_json, is_plan_name
 from coordinator.plan.wire import Driven, drive
 from coordinator.view.scene import Aside, Epoch, Halt, Held, Mark, Ride, Scene, Stop, Zone
 from coordinator.view.scene_courses import SentCourse, SentCourses
+from coordinator.view.scene_orders import SaidOrders
 from coordinator.view.scene_plan import index_of, rides_of, rounded_points, scene_from, zones_of
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Command, Hello, Join, Message, Plan, Report
+from protocol.messages import Command, Hello, Join, Message, OrderState, Plan, Report
 from protocol.phases import DONE, FREEZE, GO, OVER, STOP
 from protocol.timing import SECOND
 
@@ -51,7 +53,7 @@ _LOST: Final = 2 * SECOND
 _LONG: Final = SECOND
 """A robot that was held for this long [ns] is in the list of what happened."""
 
-_KINDS: Final = ("command", "hello", "plan", "report", "roster")
+_KINDS: Final = ("command", "hello", "orders", "plan", "report", "roster")
 """The kinds of messages that a scene is made of."""
 
 
@@ -96,6 +98,7 @@ class Course:
         self.last = 0
         self.said = Said()
         self.sent = SentCourses()
+        self.orders = SaidOrders()
         self.radii: dict[str, float] = {}
         self.stood: dict[int, list[_Stood]] = {}
         self._heard_ns = 0
@@ -176,13 +179,17 @@ class Course:
         return self.said.newest(epoch, robot).phase == DONE
 
     def forget(self, before_ns: int) -> None:
-        """Forget the courses that robots had left by a time; nothing before it is shown."""
+        """Forget courses that robots had left by a time, and orders that were over then.
+
+        Nothing before that time is shown.
+        """
         self.begin = before_ns
+        self.orders.forget(before_ns)
         for epoch, start_ns in self.starts.items():
             before = (before_ns - start_ns) * _NS
             for one in self.sent.of(epoch):
                 name, revision = one.driven.id, one.driven.plan.revision
-                since = one.since(self.said.of(epoch, name, revision), self.told_at(one))
+                since = one.since(self.said.of(epoch, name, revision))
                 if since is not None and since <= before:
                     self.sent.forget(epoch, name, revision)
                     self.said.forget(epoch, name, revision)
@@ -242,6 +249,8 @@ class Course:
             self.said.take(message, place[2], now_ns)
         elif isinstance(message, Plan):
             self.take_plan(message, now_ns)
+        elif isinstance(message, OrderState):
+            self.orders.take(message, now_ns)
         else:
             self.take_radius(message, place[2])
 
@@ -263,12 +272,32 @@ def scene_of_logs(logs: Sequence[tuple[str, Log]]) -> Scene:
         course.take(log, name, [one for _, one in logs[:number]])
     if not course.plans:
         raise InputError([f"{logs[-1][0]}: holds no plan, so there is nothing to draw"])
-    return msgspec.structs.replace(scene_of_course(course), notes=course.notes)
+    day, speed = _time_of_day(logs[0][1], _zero(course))
+    scene = scene_of_course(course)
+    return msgspec.structs.replace(scene, notes=course.notes, day=day, speed=speed)
+
+
+def _zero(course: Course) -> int:
+    """Return the time [ns] that counts as 0: the first GO."""
+    return min(course.starts.values(), default=min(course.begins.values(), default=0))
+
+
+def _time_of_day(log: Log, zero_ns: int) -> tuple[float | None, float]:
+    """Return the time of the day at time 0 [ms since 1970], and the speed of the fleet's clock."""
+    if not log.records or WALL_OFFSET not in log.metadata or VIRTUAL in log.metadata:
+        return None, 1.0
+    try:
+        speed = float(log.metadata.get("speed", "1"))
+        wall_ns = int(log.metadata[WALL_OFFSET]) + log.records[0].log_ns
+        passed_ns = (zero_ns + clock_lag(log) - log.records[0].log_ns) / speed
+    except (ValueError, ZeroDivisionError):
+        return None, 1.0
+    return round((wall_ns + passed_ns) / 1e6, 1), speed
 
 
 def scene_of_course(course: Course) -> Scene:
     """Return the scene of what is known so far; at least one plan must be known."""
-    zero = min(course.starts.values(), default=min(course.begins.values(), default=0))
+    zero = _zero(course)
     documents = [document for _, document in sorted(course.plans.items())]
     others = course.sent.radii()
     others |= {name: course.radii.get(name, RADIUS) for name in sorted(course.unheard())}
@@ -288,6 +317,7 @@ def scene_of_course(course: Course) -> Scene:
         begin=round(begin, 3),
         marks=[mark for mark in marks if begin == 0.0 or mark.t >= begin],
         held=[one for one in held if one.until is None or one.until >= begin],
+        orders=course.orders.drawn(index, zero),
     )
 
 
@@ -338,7 +368,7 @@ def _rides(course: Course, drawn: _Drawn) -> list[Ride]:
     for one in sent:
         name, revision = one.driven.id, one.driven.plan.revision
         told = course.told_at(one)
-        since = one.since(course.said.of(epoch, name, revision), told)
+        since = one.since(course.said.of(epoch, name, revision))
         if since is not None:
             began.setdefault(name, []).append((one, since))
             told = min(told, since)

@@ -6,8 +6,8 @@ const RESTS = new Set(["stopped", "unheard"]);
 /** The states of robots that stand or slow down because of another one. */
 const WAITS = new Set(["waits", "held"]);
 
-/** The radius [px] from which a robot's name fits into its disc. */
-const NAMED = 8.5;
+/** A robot's name is in its disc where it can be as large as this [px], else beside it. */
+const LEGIBLE = 7.5;
 
 class FloorView extends Ground {
   constructor(canvas, play, shown, lens) {
@@ -20,7 +20,8 @@ class FloorView extends Ground {
   /** Draw the floor at a time; `found` are the robots' states, `focus` and `hover` robots or -1. */
   draw(t, found, focus, hover, look) {
     const epoch = this.play.epochAt(t);
-    const courses = found.map((robot) => [robot?.motion?.ride.revision, robot?.next?.ride.revision]);
+    const courses = found.map((robot) =>
+      robot && [robot.motion?.ride.revision, robot.next?.ride.revision, this.isIdle(robot)]);
     const shown = [this.shown.paths, this.shown.zones, look.dark, this.lens.key];
     const key = [epoch.epoch, focus, ...shown, ...courses].join();
     if (this.sheet.resize() || key !== this.key) {
@@ -90,15 +91,21 @@ class FloorView extends Ground {
     pen.strokeStyle = gone ? colour : look.panel;
     pen.stroke();
     this.drawHeading(pen, x, y, radius, robot.heading, colour);
-    if (radius >= NAMED) {
+    const size = this.sizeOf(body.id, radius);
+    if (size > 0) {
       pen.textAlign = "center";
       pen.textBaseline = "middle";
-      const size = Math.min(radius * 0.95, 13) * Math.min(1, 2.6 / body.id.length);
       pen.font = look.font(size, 600);
       pen.fillStyle = gone ? look.ink : look.onRobot;
       pen.fillText(body.id, x, y + 0.5);
     }
     pen.globalAlpha = 1;
+  }
+
+  /** The size [px] of a robot's name inside its disc; 0 if it is to be beside it. */
+  sizeOf(name, radius) {
+    const size = Math.min(radius * 0.95, 13) * Math.min(1, 2.6 / name.length);
+    return size < LEGIBLE ? 0 : size;
   }
 
   /** Write names beside robots that are too small for them, clear of robots and other names. */
@@ -111,8 +118,9 @@ class FloorView extends Ground {
     pen.strokeStyle = look.ground;
     pen.fillStyle = look.ink;
     for (const { index, x, y, radius } of this.spots) {
-      if (radius >= NAMED || this.crowd && focus !== index) continue;
-      const name = this.play.scene.robots[index].id, wide = pen.measureText(name).width + 2, tall = 14;
+      const name = this.play.scene.robots[index].id;
+      if (this.sizeOf(name, radius) > 0 || this.crowd && focus !== index) continue;
+      const wide = pen.measureText(name).width + 2, tall = 14;
       const spot = this.room(wide, tall, [
         [x - wide / 2, y - radius - 15], [x - wide / 2, y + radius + 2],
         [x + radius + 4, y - 7], [x - radius - 4 - wide, y - 7],

@@ -114,7 +114,7 @@ class Ground {
   /** Draw the course that each robot drives, and dashed the newer one that it has been sent. */
   drawPaths(pen, found, focus, look) {
     found.forEach((robot, index) => {
-      if (!robot || !robot.motion) return;
+      if (!robot || !robot.motion || this.isIdle(robot) && focus !== index) return;
       const { motion, next } = robot, goal = (next || motion).place((next || motion).length);
       const faint = focus >= 0 && focus !== index;
       const radius = this.zoom * this.play.scene.robots[index].radius;
@@ -139,6 +139,11 @@ class Ground {
       pen.fill();
     });
     pen.globalAlpha = 1;
+  }
+
+  /** Whether a robot has nothing to do, in a fleet with orders. */
+  isIdle(robot) {
+    return robot.state === "arrived" && !robot.next && this.play.scene.orders.length > 0;
   }
 
   /**

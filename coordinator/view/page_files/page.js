@@ -26,6 +26,7 @@ function load(scene) {
   const found = scene.robots.map((robot) => robot.id).join();
   if (found !== names) robots = new RobotList(byId("robots"), play, chooseToggled, hoverOver);
   names = found;
+  orders.show(play);
   describe(scene, live && isUnheard());
   robots.paint(look);
   robots.choose(focus);
@@ -38,8 +39,17 @@ function load(scene) {
   stale = true;
 }
 
+const orders = new OrderList(byId("orders"), day, chooseToggled);
+
 function list() {
-  events = new EventList(byId("events"), byId("ticks"), play, seek);
+  events = new EventList(byId("events"), byId("ticks"), play, seek, day);
+}
+
+/** The time of the day at a time [ms since 1970]; null if it is not known. */
+function day(t) {
+  const { scene } = play;
+  if (live) return word.day(t);
+  return scene.day === null ? null : scene.day + 1000 * t / scene.speed;
 }
 
 function hoverOver(index) {
@@ -102,8 +112,10 @@ function tell(found) {
   const text = play.epochs.length > 1 || play.scene.source === "log" ? `epoch ${epoch.epoch}, ${phase}` : "";
   if (controls.phase.textContent !== text) controls.phase.textContent = text;
   controls.slider.setAttribute("aria-valuetext", `${now.toFixed(1)} seconds${text ? `, ${text}` : ""}`);
+  const at = day(now);
+  byId("day").textContent = at === null ? "" : clockFace(at);
   events.tell(now);
-  robots.tell(found, play.scene.robots.map((_, index) => play.why(index, now)));
+  robots.tell(found, play.scene.robots.map((_, index) => play.why(index, now)), orders.tell(now, found, look));
 }
 
 function frame(time) {
@@ -131,36 +143,6 @@ function jump(direction) {
 function faster(step) {
   const { speed } = controls;
   speed.selectedIndex = Math.min(Math.max(speed.selectedIndex + step, 0), speed.options.length - 1);
-}
-
-const KEYS = {
-  " ": () => setRunning(!running),
-  ArrowLeft: (event) => seek(now - (event.shiftKey ? 5 : 0.5)),
-  ArrowRight: (event) => seek(now + (event.shiftKey ? 5 : 0.5)),
-  ArrowUp: () => jump(-1),
-  ArrowDown: () => jump(1),
-  Home: () => seek(play.scene.begin),
-  End: () => seek(play.scene.end),
-  ".": () => faster(1),
-  ">": () => faster(1),
-  ",": () => faster(-1),
-  "<": () => faster(-1),
-  "+": () => hand.enlarge(ENLARGED),
-  "=": () => hand.enlarge(ENLARGED),
-  "-": () => hand.enlarge(1 / ENLARGED),
-  0: () => seeAll(),
-  Escape: () => { if (focus >= 0) chooseToggled(focus); },
-};
-
-function pressed(event) {
-  const act = KEYS[event.key], target = event.target;
-  if (!act || event.ctrlKey || event.metaKey || event.altKey) return;
-  const clicks = event.key === " " && target.closest("button, summary, input[type=checkbox]");
-  const own = target.closest("select") || clicks;
-  if (own) return;
-  event.preventDefault();
-  if (!TIMELESS.has(event.key)) setFollowing(false);
-  act(event);
 }
 
 function at(event) {
