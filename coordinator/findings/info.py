@@ -146,6 +146,8 @@ class _Telling:
         self._driven: dict[str, tuple[int, int]] = {}
         """The newest course that each robot has said to drive."""
 
+        self._arrived_before = _arrivals(before)
+
         self.summary = Summary(
             fleet=log.metadata.get("fleet", ""),
             policy=log.metadata.get("policy"),
@@ -412,8 +414,23 @@ class _Telling:
             return
         epoch = self._epochs[report.epoch]
         if robot not in epoch.arrivals or self._arrived_by.get(robot) != course:
-            told.arrived = epoch.arrivals[robot] = self._seconds(log_ns)
+            before, before_ns = self._arrived_before.get(robot, (course, log_ns))
+            told.arrived = self._seconds(before_ns if before == course else log_ns)
+            epoch.arrivals[robot] = told.arrived
             self._last_arrival_ns, self._arrived_by[robot] = log_ns, course
 
     def _tell_fault(self, log_ns: int, robot: str, fault: str, kind: str) -> None:
         self.summary.faults.append(FaultSummary(self._seconds(log_ns), robot, fault, kind))
+
+
+def _arrivals(logs: Iterable[Log]) -> dict[str, tuple[tuple[int, int], int]]:
+    """Return the course on which each robot arrived last, and when that was first heard [ns]."""
+    found: dict[str, tuple[tuple[int, int], int]] = {}
+    for record in (record for log in logs for record in log.records):
+        place = keys.split(record.key)
+        message = codec.decode("report", record.payload) if place and place[1] == "report" else None
+        if place and isinstance(message, Report) and message.phase == phases.DONE:
+            course = (message.epoch, message.revision)
+            if found.get(place[2], ((0, 0), 0))[0] != course:
+                found[place[2]] = (course, record.log_ns)
+    return found

@@ -52,7 +52,8 @@ class SaidOrders:
             steps: list[Step] = []
             for at_ns, state in said:
                 t = (at_ns - zero_ns) / SECOND
-                step = _step(state, t if steps else min(t, _known_at(state, t)), index)
+                t = max(t, steps[-1][0]) if steps else max(_known_at(state, t), 0.0)
+                step = _step(state, t, index)
                 if not steps or step[1:] != steps[-1][1:]:
                     steps.append(step)
             found.append(Order(id=name, steps=steps, arrived=_seconds(said[-1][1].arrived_ms)))

@@ -56,7 +56,7 @@ class OrderList {
     this.rows.forEach((row, i) => {
       const one = listed[i];
       row.item.hidden = !one;
-      if (one) this.fill(row, one, robots[one.robot], look);
+      if (one) this.fill(row, one, robots[one.robot], t, look);
     });
     return new Map(listed.filter((one) => one.state === UNDER_WAY).map((one) => [one.robot, one.id]));
   }
@@ -70,20 +70,21 @@ class OrderList {
     return row;
   }
 
-  fill(row, one, robot, look) {
+  fill(row, one, robot, t, look) {
     const [swatch, id, state, number] = row.parts, known = one.robot >= 0;
     row.robot = one.robot;
     row.button.dataset.state = ORDER_STATES[one.state];
     swatch.style.setProperty("--colour", known ? look.robot(one.robot) : "transparent");
     this.write(id, one.id);
-    this.write(state, this.words(one, robot));
+    this.write(state, this.words(one, robot, t));
     const at = one.state === UNDER_WAY ? one.planned : one.state === DONE ? one.arrived : one.since;
     this.write(number, moment(at ?? one.since, this.day));
   }
 
-  words(one, robot) {
+  words(one, robot, t) {
+    const putOff = this.play.putOff(t) - this.play.putOff(one.since);
     const name = one.robot < 0 ? "" : this.play.scene.robots[one.robot].id;
-    const late = one.arrived !== null ? one.arrived - one.planned : robot && robot.motion ? robot.late : 0;
+    const late = one.arrived !== null ? one.arrived - one.planned : robot && robot.motion ? robot.late + putOff : 0;
     const lateness = one.planned !== null && late > LATE ? `, ${late.toFixed(1)} s late` : "";
     if (one.state === UNDER_WAY) {
       return `${name} ${one.arrived === null ? "arrives" : "is at the goal"}${lateness}`;

@@ -102,8 +102,7 @@ class Play {
     const courses = epoch.courses.get(index) || [], motion = driven(courses, clock);
     if (!motion) return this.left(index, now);
     const next = courses.findLast((one) => one.ride.revision > motion.ride.revision && one.ride.told <= clock);
-    const stop = epoch.stops.findLast((one) => one.until !== null && one.until <= t);
-    const plan = motion.passed(clock), late = clock - plan - (stop ? stop.late : 0);
+    const plan = motion.passed(clock), late = clock - plan - this.putOff(t);
     const [s, planned] = motion.progress(plan), wait = motion.wait(plan), { halt } = motion;
     const v = planned * (plan - motion.passed(clock - MOMENT)) / MOMENT;
     const held = this.held(index, t);
@@ -117,6 +116,12 @@ class Play {
     return {
       ...motion.place(s), s, length: motion.length, v, state, lets, wait, held, late, plan, motion, next,
     };
+  }
+
+  /** How much later than planned robots that are on time are at a time, because the plan stood. */
+  putOff(t) {
+    const stop = this.epochAt(t).stops.findLast((one) => one.until !== null && one.until <= t);
+    return stop ? stop.late : 0;
   }
 
   /** Why a robot has no part in the epoch at a time. */

@@ -45,6 +45,7 @@ def test_planned_and_late_are_those_of_the_last_course_of_each_robot(day):
     stops = STOPPED_S + AWAY_S  # Both came while R3 was on its way.
     assert stops < states["b"]["late"] < stops + 4.0
     assert states["e"]["late"] > AWAY_S
+    assert -1.0 < told["robots"]["R2"]["late"] < 1.0  # It had arrived before the restart.
 
 
 def test_a_log_that_goes_on_from_another_tells_tau_plans_and_times(day):
