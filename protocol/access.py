@@ -55,13 +55,16 @@ def robot_rights(fleet: str, robot: str) -> Rights:
 
 
 def observer_rights(fleet: str) -> Rights:
-    """Return the rights of a listener: to receive everything of the fleet and to ask for plans."""
+    """Return the rights of a listener: to receive everything of the fleet, and to ask for it.
+
+    It may ask for the plans, and for what has become of the orders.
+    """
     everything = f"{keys.ROOT}/{fleet}/**"
     return Rights(
         subscribes=(f"{keys.ROOT}/**",),
         hears=(everything,),
         watches=(everything,),
-        asks=(keys.plan(fleet, "*"),),
+        asks=(keys.plan(fleet, "*"), keys.orders(fleet, "*")),
     )
 
 

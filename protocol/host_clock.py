@@ -17,6 +17,9 @@ def host_clock_ns() -> int:
     return time.monotonic_ns() if _ID is None else time.clock_gettime_ns(_ID)
 
 
-def time_of_day() -> str:
-    """Return the local time of day as text for people; nothing is computed from it."""
-    return time.strftime("%H:%M:%S")
+def time_of_day(at: float | None = None) -> str:
+    """Return the local time of day as text for people; nothing is computed from it.
+
+    `at`: seconds since 1970; None for now.
+    """
+    return time.strftime("%H:%M:%S", time.localtime(at))

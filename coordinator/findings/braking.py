@@ -43,11 +43,12 @@ class Driving(NamedTuple):
 
 
 class Words:
-    """What one robot reported in one epoch; times [ns] are on the listener's clock.
+    """What one robot reported of one course; times [ns] are on the listener's clock.
 
     `phase`: its last phase.  `rest`: the arc length [m] where it first reported that it rests.
     `stopping_ns`: since when it has reported that it brakes or rests.  `stopped_ns`: since when it
-    has reported that it rests.  `progress`: how far in its plan it has come.
+    has reported that it rests.  `progress`: how far in its plan it has come.  `first`: the
+    time of the plan, and the plan time that it had passed [s], of its first report that states one.
     """
 
     def __init__(self) -> None:
@@ -57,9 +58,10 @@ class Words:
         self.stopping_ns: int | None = None
         self.stopped_ns: int | None = None
         self.progress = Progress()
+        self.first: Knot | None = None
 
     def take(self, report: Report, now_ns: int, paused: float = 0.0) -> bool:
-        """Record phase and progress; return whether the robot has begun to stop.
+        """Record phase and progress; return whether the robot has begun to stop, or to move again.
 
         `paused`: for how long [s] the plan's time had stood when the robot made the report.
         """
@@ -67,15 +69,17 @@ class Words:
         if report.stamp_ms is not None:
             t, late = report.stamp_ms / 1000.0, report.late * LATE_STEP_MS / 1000.0
             self.progress.take(t + paused, late + paused)
+            self.first = self.first or (t + paused, t - late)
+        again = phase == MOVING and self.stopping_ns is not None
         fresh = self.stopping_ns is None and phase in (BRAKING, FROZEN)
         self.phase, self.last_ns = phase, now_ns
         if phase == MOVING:  # it moves again, on new times
-            self.stopping_ns = self.stopped_ns = None
+            self.stopping_ns = self.stopped_ns = self.rest = None
         if fresh:
             self.stopping_ns = now_ns
         if phase == FROZEN and self.stopped_ns is None:
             self.stopped_ns = now_ns
-        return fresh
+        return fresh or again
 
     def driving(self, line: Timeline, rate: float, start_ns: int, frozen_ns: int | None) -> Driving:
         """Return how the robot drove its plan, and where it left it.
@@ -125,6 +129,9 @@ class Said:
 
     def __init__(self) -> None:
         self._words: dict[tuple[int, str, int], Words] = {}
+        self._newest: dict[tuple[int, str], int] = {}
+        """By epoch and robot: the newest course that it drove."""
+
         self._last_ns: dict[str, int] = {}
         self._starts: dict[int, list[int]] = {}
 
@@ -135,10 +142,13 @@ class Said:
             starts.append(start_ns)
 
     def take(self, report: Report, robot: str, now_ns: int) -> bool:
-        """Record a report; return whether the robot began to stop or first stated its rest."""
+        """Record a report; return whether the robot drives, or stands, otherwise than before."""
         self._last_ns[robot] = now_ns
+        newest = self._newest.get((report.epoch, robot), -1)
+        self._newest[report.epoch, robot] = max(newest, report.revision)
         driving = self.of(report.epoch, robot, report.revision)
         fresh = driving.take(report, now_ns, self._paused(report, now_ns))
+        fresh |= report.revision > max(newest, 0)
         if report.rest is None:
             return fresh
         words = self.of(report.rest.epoch, robot, report.rest.revision)
@@ -163,34 +173,43 @@ class Said:
 
     def who(self, epoch: int) -> set[str]:
         """Return the robots that reported in an epoch, which shows that they have its plan."""
-        words = self._words.items()
-        return {name for (n, name, _), one in words if n == epoch and one.last_ns is not None}
+        return {name for number, name in self._newest if number == epoch}
 
     def silent(self, epoch: int, now_ns: int) -> frozenset[str]:
         """Return the robots on their way in an epoch that have not been heard for too long."""
-        newest = self._newest(epoch).items()
-        return frozenset(name for name, one in newest if one.silent_since(now_ns) is not None)
+        names = self.who(epoch)
+        return frozenset(n for n in names if self.newest(epoch, n).silent_since(now_ns) is not None)
 
-    def _newest(self, epoch: int) -> dict[str, Words]:
-        """Return what each robot reported of the newest course that it drove in an epoch."""
-        words = sorted(self._words.items(), key=lambda item: item[0][2])
-        return {name: one for (number, name, _), one in words if number == epoch}
+    def revision(self, epoch: int, robot: str) -> int:
+        """Return the newest course that a robot drove in an epoch."""
+        return self._newest.get((epoch, robot), 0)
 
-    def late(self, epoch: int) -> dict[str, list[Knot]]:
-        """Return the last two knots of each robot's progress in an epoch, if it ever was late."""
-        return {
-            name: words.progress.knots[-2:]
-            for name, words in self._newest(epoch).items()
-            if words.progress.knots
-        }
+    def newest(self, epoch: int, robot: str) -> Words:
+        """Return what a robot reported of the newest course that it drove in an epoch."""
+        return self.of(epoch, robot, self.revision(epoch, robot))
+
+    def late(self, epoch: int) -> dict[str, tuple[int, list[Knot]]]:
+        """Return the course of each robot in an epoch that is late on it, or was.
+
+        With its revision, the last two knots of the robot's progress.
+        """
+        newest = {name: self.revision(epoch, name) for name in self.who(epoch)}
+        knots = {name: self.of(epoch, name, one).progress.knots for name, one in newest.items()}
+        return {name: (newest[name], found[-2:]) for name, found in knots.items() if found}
+
+    def forget(self, epoch: int, robot: str, revision: int) -> None:
+        """Forget what a robot reported of its courses before this one."""
+        for key in [one for one in self._words if one[:2] == (epoch, robot) and one[2] < revision]:
+            del self._words[key]
 
     def last_ns(self, robot: str) -> int | None:
         """Return when a robot was last heard, in any epoch; None if never."""
         return self._last_ns.get(robot)
 
     def done(self) -> set[str]:
-        """Return the robots that have arrived in some epoch."""
-        return {robot for (_, robot, _), one in self._words.items() if one.phase == DONE}
+        """Return the robots that were at the goal of their newest course when last heard."""
+        last = {robot: epoch for epoch, robot in sorted(self._newest)}
+        return {robot for robot, epoch in last.items() if self.newest(epoch, robot).phase == DONE}
 
 
 def brakes_at(line: Timeline, s: float, rate: float) -> float:

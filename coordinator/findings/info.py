@@ -27,7 +27,14 @@ from coordinator.findings.info_fields import (
     Summary,
     Traffic,
 )
-from coordinator.findings.plan_facts import read_plans, take_message, take_plans
+from coordinator.findings.plan_facts import (
+    SentPlan,
+    plans_sent,
+    read_plans,
+    take_message,
+    take_plans,
+)
+from coordinator.findings.plans_from_messages import is_further
 from coordinator.findings.strangers import strangers_in
 from coordinator.findings.traffic_numbers import (
     Numbers,
@@ -131,11 +138,16 @@ class _Telling:
         self._courses = Courses(self._zero_ns, self._lag_ns, log.metadata.get("boot", ""))
         self._plans = read_plans(log.attachments)
         self._present = Attendance(one.id for one in (self._plans[0].robots if self._plans else ()))
-        self._strangers = strangers_in(log)
-        self._messages: list[tuple[str, Plan]] = []
+        self._strangers = strangers_in(log, before)
         self._orders: dict[str, OrderState] = {}
         self._arrived_by: dict[str, tuple[int, int]] = {}
         """The course, by epoch and revision, on which each robot has arrived last."""
+
+        self._driven: dict[str, tuple[int, int]] = {}
+        """The newest course that each robot has said to drive."""
+
+        self._arrived_before = _arrivals(before)
+
         self.summary = Summary(
             fleet=log.metadata.get("fleet", ""),
             policy=log.metadata.get("policy"),
@@ -177,8 +189,8 @@ class _Telling:
         for name, robot in told.robots.items():
             if robot.arrived is None:
                 robot.fault = self._unfit.get(name, robot.fault)
-            _, revision = self._arrived_by.get(name, (0, 0))
-            if robot.arrived is not None and robot.planned_finish is not None and not revision:
+            is_last = self._arrived_by.get(name) == self._driven.get(name)
+            if robot.arrived is not None and robot.planned_finish is not None and is_last:
                 robot.late = robot.arrived - robot.planned_finish
         self._numbers.fill(told)
         told.orders = [OrderSummary.of(state) for state in self._orders.values()]
@@ -201,18 +213,45 @@ class _Telling:
                     fault.fault += f": others were held by {', '.join(sorted(by))}"
 
     def _take_plans(self) -> None:
-        """Take facts of plans from the attachments, or from messages where none is attached."""
-        told = self.summary
-        starts = {epoch: self._seconds(start_ns) for epoch, start_ns in self._starts_ns.items()}
-        take_plans(told, self._plans, starts)
-        if self._plans:
-            told.tau = self._plans[0].tau
-            told.policy = told.policy or self._plans[0].policy
-            return
-        for robot, plan in self._messages:
-            told.tau = plan.tau_ns / 1e9
+        """Take facts of plans from the attachments, or from messages where none is attached.
+
+        An epoch that goes on from the logs before has its plan in one of those.
+        """
+        told, of_before = self.summary, [read_plans(one.attachments) for one in self._before]
+        known = {document.epoch for document in self._plans}
+        earlier = {one.epoch: one for documents in of_before for one in documents}
+        earlier = {n: one for n, one in earlier.items() if n in self._epochs and n not in known}
+        plans = sorted([*earlier.values(), *self._plans], key=lambda document: document.epoch)
+        sent, zeros = plans_sent(self._log, self._before, told.fleet)
+        starts = {n: self._seconds(zeros[n] + self._lag_ns) for n in self._starts_ns if n in zeros}
+        take_plans(told, plans, starts)
+        if plans:
+            told.tau = plans[0].tau
+            told.policy = told.policy or plans[0].policy
+        here = {one.robot for one in sent if one.is_here}
+        for one in sent:
+            self._take_sent(one, starts, is_attached=bool(plans), is_here=one.robot in here)
+        sizes = [robot.plan_bytes for robot in told.robots.values()]
+        told.largest_plan_bytes = max([told.largest_plan_bytes, *sizes])
+
+    def _take_sent(
+        self, sent: SentPlan, starts: dict[int, float], *, is_attached: bool, is_here: bool
+    ) -> None:
+        """Take facts of a course from its message, unless another course of its robot counts.
+
+        is_here: whether the log itself holds a course of that robot.
+        """
+        plan, is_driven = sent.plan, self._driven.get(sent.robot) == sent.course
+        if is_further(plan) and is_driven and sent.start_ns is not None:
+            zero = self._seconds(sent.start_ns + self._lag_ns)
+            take_message(plan, self._robot(sent.robot), zero)
+        elif not is_further(plan) and not is_attached:
+            self.summary.tau = plan.tau_ns / 1e9
             if plan.epoch in starts or not starts:
-                take_message(plan, self._robot(robot), starts.get(plan.epoch, 0.0))
+                take_message(plan, self._robot(sent.robot), starts.get(plan.epoch, 0.0))
+        if is_driven and not is_here:
+            robot = self._robot(sent.robot)
+            robot.plan_bytes, robot.control_points = sent.size, len(plan.points) // _POINT_BYTES
 
     def _seconds(self, time_ns: int) -> float:
         return (time_ns - self._zero_ns) / 1e9
@@ -290,7 +329,6 @@ class _Telling:
             told = self._robot(robot)
             told.plan_bytes = max(told.plan_bytes, size)
             told.control_points = len(message.points) // _POINT_BYTES
-            self._messages.append((robot, message))
             self.summary.largest_plan_bytes = max(self.summary.largest_plan_bytes, size)
         elif isinstance(message, Refusal):
             self._tell_fault(record.log_ns, robot, message.reason, "refusal")
@@ -369,13 +407,30 @@ class _Telling:
             )
             if told.fault is not None and report.phase != phases.IDLE:
                 self._tell_fault(log_ns, robot, told.fault, "report")
+        course = (report.epoch, report.revision)
+        if report.epoch in self._starts_ns:
+            self._driven[robot] = max(self._driven.get(robot, (0, 0)), course)
         if report.phase != phases.DONE or report.epoch not in self._starts_ns:
             return
         epoch = self._epochs[report.epoch]
-        course = (report.epoch, report.revision)
         if robot not in epoch.arrivals or self._arrived_by.get(robot) != course:
-            told.arrived = epoch.arrivals[robot] = self._seconds(log_ns)
+            before, before_ns = self._arrived_before.get(robot, (course, log_ns))
+            told.arrived = self._seconds(before_ns if before == course else log_ns)
+            epoch.arrivals[robot] = told.arrived
             self._last_arrival_ns, self._arrived_by[robot] = log_ns, course
 
     def _tell_fault(self, log_ns: int, robot: str, fault: str, kind: str) -> None:
         self.summary.faults.append(FaultSummary(self._seconds(log_ns), robot, fault, kind))
+
+
+def _arrivals(logs: Iterable[Log]) -> dict[str, tuple[tuple[int, int], int]]:
+    """Return the course on which each robot arrived last, and when that was first heard [ns]."""
+    found: dict[str, tuple[tuple[int, int], int]] = {}
+    for record in (record for log in logs for record in log.records):
+        place = keys.split(record.key)
+        message = codec.decode("report", record.payload) if place and place[1] == "report" else None
+        if place and isinstance(message, Report) and message.phase == phases.DONE:
+            course = (message.epoch, message.revision)
+            if found.get(place[2], ((0, 0), 0))[0] != course:
+                found[place[2]] = (course, record.log_ns)
+    return found

@@ -64,10 +64,11 @@ class NearestSummary(msgspec.Struct, frozen=True):
 
 
 class RobotSummary(msgspec.Struct):
-    """One robot: facts of its last plan that got a GO, and of its messages; times [s].
+    """One robot: facts of the last course that it drove, and of its messages; times [s].
 
-    `late`: how long after the planned finish its arrival was reported; it may have arrived up to
-    one report period before that report.  `reports_lost`: gaps in the sequence numbers of its
+    `arrived`: when it reported last that it had come to a goal.  `late`: how long after the planned
+    finish that was, null while it drives on another course; it may have arrived up to one report
+    period before that report.  `reports_lost`: gaps in the sequence numbers of its
     Reports.  `true_arrival` and `tracking_error` [m], the greatest distance from its plans, are
     from its black box.
     """
@@ -128,7 +129,8 @@ class HeldSummary(msgspec.Struct, frozen=True):
 class OrderSummary(msgspec.Struct, frozen=True):
     """What became of an order; times [s], null for what has not happened or is not known.
 
-    `alone`: the time that its robot would have taken with nobody else on the floor.
+    `alone`: the time that its robot would have taken with nobody else on the floor.  `late`: how
+    long after the planned arrival the robot was there.
     """
 
     id: str
@@ -140,6 +142,7 @@ class OrderSummary(msgspec.Struct, frozen=True):
     arrived: float | None
     alone: float | None
     reason: str
+    late: float | None = None
 
     @classmethod
     def of(cls, state: OrderState) -> OrderSummary:
@@ -148,16 +151,18 @@ class OrderSummary(msgspec.Struct, frozen=True):
         def seconds(ms: int | None) -> float | None:
             return None if ms is None else ms / 1000.0
 
+        planned, arrived = seconds(state.planned_arrival_ms), seconds(state.arrived_ms)
         return cls(
             state.id,
             state.robot,
             ORDER_STATES[state.state],
             seconds(state.released_ms),
             seconds(state.accepted_ms),
-            seconds(state.planned_arrival_ms),
-            seconds(state.arrived_ms),
+            planned,
+            arrived,
             seconds(state.alone_ms),
             state.reason,
+            None if planned is None or arrived is None else round(arrived - planned, 3),
         )
 
 

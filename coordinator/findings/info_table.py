@@ -62,24 +62,27 @@ def render(summary: dict[str, object]) -> RenderableType:
     return Group(*parts)
 
 
-def orders_table(orders: Sequence[OrderSummary]) -> Table:
-    """Return a table of orders and what became of them."""
+def orders_table(orders: Sequence[OrderSummary]) -> RenderableType:
+    """Return a table of orders and what became of them, and below it the reasons."""
     table = plain_table(
         "order",
         "robot",
         "state",
         "known s",
         "told s",
+        "planned s",
         "arrived s",
+        "late s",
         "alone s",
-        "why",
         title="orders",
     )
     for one in orders:
-        times = (one.released, one.accepted, one.arrived, one.alone)
+        known = (one.released, one.accepted, one.planned_arrival)
+        times = (*known, one.arrived, one.late, one.alone)
         shown = ("" if time is None else f"{time:.1f}" for time in times)
-        table.add_row(one.id, one.robot, one.state, *shown, one.reason)
-    return table
+        table.add_row(one.id, one.robot, one.state, *shown)
+    why = [Text(f"{one.id} {one.state}: {one.reason}") for one in orders if one.reason]
+    return Group(table, *why)
 
 
 def _plan_headline(told: Summary) -> Table:

@@ -1,12 +1,13 @@
 """Fills a summary with the facts of plans: the robots' times, stops and waits, and the proof.
 
-Decides: which of several plans gives a robot's times and stops, namely the last one that got a GO.
-Must not know: files, what happened during the drive.
+Decides: which of several plans gives a robot's times and stops, namely the last one that got a GO,
+or the last further course that it drove.  Must not know: files, what happened during the drive.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
@@ -14,12 +15,60 @@ from coordinator.base.errors import InputError
 from coordinator.findings.info_fields import NearestSummary, RobotSummary, StopSummary, Summary
 from coordinator.findings.nearness import nearest_of_all
 from coordinator.findings.ride_samples import ride_of_plan, times_between
+from coordinator.findings.traffic_numbers import is_own
 from coordinator.findings.wait_summary import waits_of
 from coordinator.plan import plan_file
 from coordinator.plan.document import PlanDocument
-from protocol.messages import Plan
+from protocol import codec, keys
+from protocol.messages import Command, Plan
+from protocol.phases import GO
 from protocol.plan_parts import unpack_plan
 from protocol.timeline import Timeline
+
+if TYPE_CHECKING:
+    from coordinator.log.records import Log
+
+
+class SentPlan(NamedTuple):
+    """A Plan that a robot was sent, its size in bytes, and whether the log itself holds it.
+
+    start_ns: the time zero that its epoch's plan had then, on the coordinator's clock; None before
+    the epoch's GO.
+    """
+
+    robot: str
+    plan: Plan
+    size: int
+    start_ns: int | None
+    is_here: bool
+
+    @property
+    def course(self) -> tuple[int, int]:
+        """The course's epoch and revision."""
+        return self.plan.epoch, self.plan.revision
+
+
+def plans_sent(
+    log: Log, before: Iterable[Log], fleet: str
+) -> tuple[list[SentPlan], dict[int, int]]:
+    """Return the Plans in a log and in those that it resumes, and each epoch's first time zero."""
+    found: list[SentPlan] = []
+    first: dict[int, int] = {}
+    now: dict[int, int] = {}
+    for one in (*before, log):
+        for record in one.records:
+            place = keys.split(record.key)
+            if place is None or place[0] != fleet or place[1] not in ("command", "plan"):
+                continue
+            message = codec.decode(place[1], record.payload)
+            if isinstance(message, Command) and message.phase == GO and is_own(one, message):
+                now[message.epoch] = message.start_ns
+                first.setdefault(message.epoch, message.start_ns)
+            elif isinstance(message, Plan):
+                start_ns = now.get(message.epoch)
+                size = len(record.payload)
+                found.append(SentPlan(place[2], message, size, start_ns, one is log))
+    return found, first
 
 
 def summarise_plan(document: PlanDocument) -> dict[str, object]:
@@ -92,7 +141,8 @@ def take_message(plan: Plan, told: RobotSummary, zero: float) -> None:
         return
     _, _, stop_s, departs, _ = motion
     rests = list(zip(stop_s, departs, strict=True))
-    told.planned_start = zero + next((depart for s, depart in rests if s <= 0.0), 0.0)
+    begin = 0.001 * plan.begin_ms
+    told.planned_start = zero + next((depart for s, depart in rests if s <= 0.0), begin)
     told.stops = [StopSummary(s, zero + depart, "") for s, depart in rests if s > 0.0]
 
 

@@ -33,6 +33,11 @@ FROM_MESSAGES: Final = (
 )
 
 
+def is_further(plan: Plan) -> bool:
+    """Return whether a course was sent while the fleet drove: not with its epoch's plan."""
+    return plan.revision > 0 or plan.begin_ms > 0
+
+
 class SaidPlans:
     """The plans that messages contain, put into `documents` by epoch.
 
@@ -54,9 +59,10 @@ class SaidPlans:
         return False
 
     def _take_plan(self, plan: Plan, fleet: str) -> bool:
-        """Add a robot's plan to its epoch's document; skip an invalid plan."""
-        document = self._documents.get(plan.epoch, _document(plan, fleet, self._known))
-        if any(robot.id == plan.robot for robot in document.robots):
+        """Add a robot's first course to its epoch's document; skip an invalid one."""
+        empty = _document(plan, fleet, self._known)
+        document = self._documents.setdefault(plan.epoch, empty)
+        if is_further(plan) or any(robot.id == plan.robot for robot in document.robots):
             return False
         try:
             robot = _robot_plan(plan, self.radius.get(plan.robot, RADIUS))

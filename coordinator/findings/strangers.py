@@ -5,7 +5,7 @@ Decides: which names do not belong to robots of the fleet.  Must not know: what 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -18,19 +18,17 @@ if TYPE_CHECKING:
     from coordinator.log.records import Log
 
 
-def strangers_in(log: Log) -> set[str]:
-    """Return the names in a log that are not in its scenario.
+def strangers_in(log: Log, before: Sequence[Log] = ()) -> set[str]:
+    """Return the names in a log that are not in its scenario and have not joined.
 
-    In a log without a scenario, return those that were refused and never drove.
+    In a log without a scenario, return those that were refused and never drove.  `before`: the logs
+    that it resumes, in which robots may have joined.
     """
     robots = _robots_of(log.attachments)
-    joined = set()
+    joined = {name for one in (*before, log) for name in _joined(one)}
     spoke, refused, drove = set(), set(), set()
     for record in log.records:
         place = keys.split(record.key)
-        if place is not None and place[1] == "roster":
-            said = decode("roster", record.payload)
-            joined |= {said.robot} if isinstance(said, Join) else set()
         if place is None or not place[2] or place[1] == "orders":
             continue
         spoke.add(place[2])
@@ -42,6 +40,15 @@ def strangers_in(log: Log) -> set[str]:
         elif isinstance(message, Plan) or (isinstance(message, Report) and message.epoch > 0):
             drove.add(place[2])
     return spoke - robots - joined if robots else refused - drove
+
+
+def _joined(log: Log) -> Iterator[str]:
+    """Yield the robots that operators took into the fleet."""
+    for record in log.records:
+        if record.key.endswith("/roster"):
+            said = decode("roster", record.payload)
+            if isinstance(said, Join):
+                yield said.robot
 
 
 class _Named(msgspec.Struct):

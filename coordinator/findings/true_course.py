@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -32,7 +33,7 @@ _ALIKE: Final = 1e-4
 class TrueCourse:
     """Rows of a black box: t (n,) [s since the first GO], places (n, 2) [m].
 
-    arrival [s]: when the robot was first done.
+    arrival [s]: when the robot was at the goal of the last course on which it arrived.
     """
 
     t: Array
@@ -81,8 +82,9 @@ def read_course(path: Path, start_ns: int | None = None) -> TrueCourse:
     table = _numbers(path, rows)
     if not np.isfinite(table).all() or np.any(np.diff(table[:, 0]) < 0.0):
         raise InputError([f"{path}: its times do not increase, or a number is not finite"])
-    done = next((i for i, phase in enumerate(phases) if phase == PHASE_NAMES[DONE]), None)
-    arrival = None if done is None else round(float(table[done, 0]), 3)
+    done = PHASE_NAMES[DONE]
+    begins = [i for i, (a, b) in enumerate(pairwise(["", *phases])) if a != b == done]
+    arrival = round(float(table[begins[-1], 0]), 3) if begins else None
     return TrueCourse(table[:, 0], table[:, 1:], arrival)
 
 

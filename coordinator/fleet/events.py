@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from protocol.messages import OrderState
+
 
 @dataclass(frozen=True)
 class Outgoing:
@@ -20,7 +22,8 @@ class Outgoing:
 class Incident:
     """Something worth telling people: when, of what kind, about which robot, in words.
 
-    `phase`: the phase that the fleet has turned to, for incidents of the kind "phase".
+    `phase`: the phase that the fleet has turned to, for incidents of the kind "phase".  `order`:
+    what has become of an order, for those of the kind "order state".
     """
 
     now_ns: int
@@ -28,6 +31,7 @@ class Incident:
     robot: str
     text: str
     phase: int | None = None
+    order: OrderState | None = None
 
 
 @dataclass(frozen=True)

@@ -163,6 +163,12 @@ class Member:
         self.plan_sent_ns = self.done_ns = None
         self.finished = False
 
+    def possible_plans(self) -> list[bytes]:
+        """Return the messages of the courses that the robot may be driving."""
+        before, revision = self.course_before
+        drives_before = before and self.driven == revision < self.revision
+        return [before, self.plan] if drives_before else [self.plan]
+
     @property
     def has_arrived(self) -> bool:
         """Whether the robot is at the goal of its newest course."""

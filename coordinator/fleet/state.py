@@ -22,7 +22,15 @@ from coordinator.fleet.roster import Roster
 from coordinator.fleet.router_link import RouterLink
 from protocol import keys
 from protocol.codec import encode
-from protocol.messages import MOST_WANTED, Block, Command, OrderState
+from protocol.messages import (
+    MOST_WANTED,
+    ORDER_STATES,
+    UNDER_WAY,
+    WAITING,
+    Block,
+    Command,
+    OrderState,
+)
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD, OVER, STOP
 from protocol.timing import COMMAND_PERIOD, MILLISECOND
 
@@ -89,6 +97,9 @@ class FleetState:
         """The plan time up to which robots may be told to drive, because the log says so."""
         self.grants = grants
         self.orders = orders or OrderBook()
+        self._told_orders: dict[str, int] = {}
+        """The states of open orders that people were told of."""
+
         self._first_go_ns = 0
         self._looked_ns = self._stopped_ns = 0
         self._waits_since_ns: int | None = None
@@ -217,14 +228,34 @@ class FleetState:
 
     def order_states(self) -> list[Outgoing]:
         """Return what has become of orders since this was called last."""
-        return [self._order_state(one) for one in self.orders.changed()]
+        changed = self.orders.changed()
+        for one in changed:
+            self._tell_order(one)
+        return [self._order_state(one) for one in changed]
+
+    def _tell_order(self, state: OrderState) -> None:
+        """Tell people of an order that is in another state than before, or waits for a reason."""
+        was = self._told_orders.get(state.id)
+        self._told_orders[state.id] = state.state
+        if state.state not in (WAITING, UNDER_WAY):
+            del self._told_orders[state.id]
+        if state.state == WAITING and not state.reason:
+            self._told_orders.pop(state.id)
+        elif state.state != was:
+            now_ns, text = self._looked_ns, f"{state.id} {ORDER_STATES[state.state]}"
+            told = Incident(now_ns, "order state", state.robot, text, order=state)
+            self.incidents.append(told)
 
     def _order_state(self, state: OrderState) -> Outgoing:
         return Outgoing(keys.orders(self.name, state.id), encode(state))
 
     def plans(self) -> list[Outgoing]:
-        """Return the Plan messages of this epoch."""
-        return [Outgoing(keys.plan(self.name, one.id), one.plan) for one in self.members.planned]
+        """Return the Plan messages of all courses that robots may be driving."""
+        return [
+            Outgoing(keys.plan(self.name, one.id), plan)
+            for one in self.members.planned
+            for plan in one.possible_plans()
+        ]
 
     def _send_plan(self, member: Member, now_ns: int) -> list[Outgoing]:
         """Return a robot's Plan to send, unless it was just sent or the robot has no part."""

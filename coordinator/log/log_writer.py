@@ -29,6 +29,9 @@ METADATA_NAME: Final = "splinefleet"
 WALL_OFFSET: Final = "wall_offset_ns"
 """The metadata entry to subtract from log times to get the coordinator's clock."""
 
+VIRTUAL: Final = "virtual"
+"""The metadata entry of a log whose times are of no day: its fleet drove in virtual time."""
+
 MOST_CHANNELS: Final = 60_000
 """How many channels a log may have: enough for the keys of the largest fleet.
 

@@ -334,7 +334,7 @@ class Dispatcher:
             self._ways.pop(task.order.id, None)
             return
         self._tried[task.order.id] = (state, now_ms)
-        by = ", ".join(answer.blockers)
+        by = ", ".join(dict.fromkeys(answer.blockers))
         task.reason = f"waits for {by}" if by else f"{robot} {answer.reason}"
         if not task.order.robot:
             task.robot = ""

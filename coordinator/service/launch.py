@@ -10,12 +10,16 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Final
 
+import msgspec
+
 from coordinator.base.console import answer_json, tell_now, write_file
 from coordinator.base.errors import InputError
+from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.hold_reasons import RollCall
 from coordinator.fleet.phases import GO_LEAD
@@ -36,7 +40,8 @@ from coordinator.service.meeting_place import MeetingPlace
 from coordinator.service.planning import check_is_driven, plan_here
 from coordinator.service.replay import go_on, scenario_of
 from coordinator.view.live_table import FleetTable
-from protocol.host_clock import host_clock_ns
+from coordinator.view.order_lines import order_line
+from protocol.host_clock import host_clock_ns, time_of_day
 from protocol.phases import COMMAND_NAMES, GO, PHASE_NAMES
 from protocol.shared_clock import announce_clock
 
@@ -104,7 +109,8 @@ class Coordinator:
             recorder = self._recorder(log, document, boot, resume, log_size)
             try:
                 self._say("listening", endpoint=place.endpoint, text=str(place))
-                with FleetTable(document) as table:
+                times = partial(self._time_of_day, fleet)
+                with FleetTable(document, times) as table:
                     service = Service(
                         mission,
                         transport,
@@ -219,15 +225,26 @@ class Coordinator:
     def _tell_incidents(self, fleet: Fleet) -> None:
         """Report the incidents since the last call."""
         for incident in fleet.incidents[self._told :]:
+            order, facts = incident.order, {}
+            text = incident.text
+            if order is not None:
+                text = order_line(order, partial(self._time_of_day, fleet))
+                facts = {"order": msgspec.to_builtins(OrderSummary.of(order))}
             self._say(
                 incident.kind,
                 robot=incident.robot,
-                text=incident.text,
+                text=text,
                 now_ns=incident.now_ns,
                 start_ns=fleet.times.start_ns,
                 phase=None if incident.phase is None else COMMAND_NAMES[incident.phase],
+                **facts,
             )
         self._told = len(fleet.incidents)
+
+    def _time_of_day(self, fleet: Fleet, since_go_ms: int) -> str:
+        """Return the local time of the day at a time since the first GO [ms]."""
+        ahead = (since_go_ms - fleet.since_go_ms(self.clock())) / 1000.0 / self.speed
+        return time_of_day(time.time() + ahead)
 
     def _tell_denials(self, recorder: Recorder, now_ns: int) -> None:
         """Report the parties that the gate has refused, and record them in the log."""

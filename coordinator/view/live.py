@@ -42,7 +42,7 @@ class Feed:
     def listen(self, transport: Transport, fleet: str | None) -> None:
         """Subscribe to all messages of the fleet."""
         name = fleet or "*"
-        for kind in (keys.hello, keys.plan, keys.report, keys.clock):
+        for kind in (keys.hello, keys.plan, keys.report, keys.clock, keys.orders):
             transport.subscribe(kind(name, "*"), self._hear)
         transport.subscribe(keys.command(name), self._hear)
         self._transport = transport
@@ -88,9 +88,13 @@ class Feed:
             if self._course.hear(key, payload, now):
                 self._version += 1
                 self._news.notify_all()
-            asks = self._course.unheard.asks(now)
-        if asks and self._transport is not None and self._course.fleet is not None:
-            self._transport.ask(keys.plan(self._course.fleet, "*"), self._hear)
+            lacks = self._course.unheard.asks(now), self._course.asks_orders(now)
+            fleet = self._course.fleet
+        if self._transport is None or fleet is None:
+            return
+        for asks, key in zip(lacks, (keys.plan(fleet, "*"), keys.orders(fleet, "*")), strict=True):
+            if asks:
+                self._transport.ask(key, self._hear)
 
 
 @contextmanager

@@ -25,12 +25,18 @@ from coordinator.view.scene import Knot, Scene
 from coordinator.view.scene_log import Course, scene_of_course
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Clock, Command, Message, Report
+from protocol.messages import Clock, Command, Message, OrderState, Plan, Report
 from protocol.phases import CLOCK_UNSURE, FAULT_NAMES, IDLE, NO_FAULT, OVER
 from protocol.timing import SECOND
 
 _SURE: Final = 2.0
 """Seconds for which the fleet's clock is compared with ours before its speed is estimated."""
+
+_ASK_ORDERS: Final = 60.0
+"""Interval [s] at which the coordinator is asked what has become of the orders."""
+
+_KEPT: Final = 600 * SECOND
+"""For how long [ns] the page of a running fleet can be set back."""
 
 
 class FleetTime(msgspec.Struct, frozen=True):
@@ -54,12 +60,12 @@ class LastWord(msgspec.Struct, frozen=True):
 class LateRides(msgspec.Struct, frozen=True):
     """How far in their plans the robots of an epoch have come that are or were late.
 
-    By robot, the last knots (at most two) of its ride's `passed` (scene.py); one that is on time
-    again stays.
+    By robot, the revision of the course that it drives, and the last knots (at most two) of its
+    ride's `passed` (scene.py); one that is on time again stays.
     """
 
     epoch: int
-    passed: dict[str, list[Knot]]
+    passed: dict[str, tuple[int, list[Knot]]]
 
 
 class LiveCourse:
@@ -68,7 +74,7 @@ class LiveCourse:
     def __init__(self, fleet: str | None, document: PlanDocument | None) -> None:
         self.fleet = fleet
         self._course = Course()
-        self._stand: tuple[int, int, tuple[str, ...], frozenset[str]] | None = None
+        self._stand: tuple[int, tuple[int, int], tuple[str, ...], frozenset[str]] | None = None
         self._granted: dict[int, Granted] = {}
         self._holds = Holds()
         self._faults: dict[str, int] = {}
@@ -76,6 +82,8 @@ class LiveCourse:
         self._latest: tuple[int, float] = (0, 0.0)
         self._word: tuple[float, int] | None = None
         self._headroom = 0.0
+        self._lacks_orders = False
+        self._asked = 0.0
         self._floor = document
         self._said = SaidPlans(self._course.plans, document)
         self._explained: dict[int, int] = {}
@@ -95,11 +103,25 @@ class LiveCourse:
             self._set_clock(message.answered_ns, now)
         return message is not None and self._take(message, place[2], now)
 
+    def asks_orders(self, now: float) -> bool:
+        """Return whether to ask what has become of the orders; if so, record that it was asked.
+
+        A message about an order is sent once: what was missed is asked for after a silence, and
+        now and then.
+        """
+        if self.fleet is None or not (self._lacks_orders or now - self._asked > _ASK_ORDERS):
+            return False
+        self._lacks_orders, self._asked = False, now
+        return True
+
     def scene(self) -> Scene:
         """Return the scene of what is known, which is empty before the first plan."""
         if not self._course.plans:
             return _nothing(self.fleet or "")
         self._explain()
+        before_ns = self._course.last - _KEPT
+        if self._course.starts and before_ns > min(self._course.starts.values()):
+            self._course.forget(before_ns)
         return msgspec.structs.replace(scene_of_course(self._course), name=self.fleet or "")
 
     def _explain(self) -> None:
@@ -130,8 +152,10 @@ class LiveCourse:
     def late(self) -> LateRides | None:
         """Return how far late robots have come in the newest epoch; None if all were on time."""
         epoch = max(self._course.starts, default=0)
-        knots = self._course.said.late(epoch)
-        last = {robot: [(round(t, 3), round(p, 3)) for t, p in two] for robot, two in knots.items()}
+        last = {
+            robot: (revision, [(round(t, 3), round(p, 3)) for t, p in knots])
+            for robot, (revision, knots) in self._course.said.late(epoch).items()
+        }
         return LateRides(epoch, last) if last else None
 
     def _take(self, message: Message, robot: str, now: float) -> bool:
@@ -144,18 +168,29 @@ class LiveCourse:
     def _take_in(self, message: Message, robot: str, now: float) -> bool:
         course = self._course
         if isinstance(message, Command):
+            if self._word is None or now - self._word[0] > _SURE:
+                self._lacks_orders = True
             self._word = (now, message.phase)
             self._headroom = max(message.headroom_ms / 1000.0, 0.0)
             course.take_command(message, self._now_ns(now))
             held = self._take_held(message, now)
             silent = course.said.silent(message.epoch, self._now_ns(now))
-            stand = (message.epoch, message.phase, self._reasons(message.epoch), silent)
+            phase = (message.phase, message.start_ns)
+            stand = (message.epoch, phase, self._reasons(message.epoch), silent)
             changed = self._stand != stand
             self._stand = stand
             return changed or held
         if isinstance(message, Report):
             return self._take_report(message, robot, now)
-        return self._said.take(message, robot, self.fleet or "")
+        if isinstance(message, OrderState):
+            return course.orders.take(message, self._now_ns(now))
+        course.take_radius(message, robot)
+        changed = self._said.take(message, robot, self.fleet or "")
+        if isinstance(message, Plan) and course.take_plan(message, self._now_ns(now)):
+            changed = True
+            if message.epoch in self._granted:
+                self._granted[message.epoch].take_plan(robot, message)
+        return changed
 
     def _take_held(self, command: Command, now: float) -> bool:
         """Find out who is held; return whether that has changed.
@@ -166,6 +201,8 @@ class LiveCourse:
         epoch, plans = command.epoch, self._course.plans
         if epoch not in self._granted and late_numbers(command) and epoch in plans:
             self._granted[epoch] = granted_of(plans[epoch])
+            for one in self._course.sent.of(epoch):
+                self._granted[epoch].take_plan(one.driven.id, one.driven.plan)
         granted = self._granted.get(epoch)
         if granted is None:
             return False
@@ -180,7 +217,7 @@ class LiveCourse:
         if epoch not in plans:
             return ()
         names = {robot.id for document in plans.values() for robot in document.robots}
-        aside = names - {robot.id for robot in plans[epoch].robots}
+        aside = names - self._course.takes_part(plans[epoch])
         return tuple(self._course.why_aside(epoch, name) for name in sorted(aside))
 
     def _take_report(self, report: Report, robot: str, now: float) -> bool:

@@ -7,6 +7,7 @@ how the page looks (page_files/page.css) or what it does (page_files/*.js).
 from __future__ import annotations
 
 import html
+import re
 from pathlib import Path
 from typing import Final
 
@@ -17,16 +18,21 @@ from coordinator.view.scene import Scene
 _PARTS: Final = Path(__file__).with_name("page_files")
 _SCRIPTS: Final = (
     "motion.js",
+    "play.js",
     "look.js",
     "lens.js",
     "ground.js",
     "floor.js",
     "diagram.js",
     "lists.js",
+    "orders.js",
     "hand.js",
     "word.js",
+    "keys.js",
     "page.js",
 )
+_COMMENTS: Final = re.compile(r"^[ \t]*(?://[^\n]*|/\*.*?\*/[ \t]*)\n", re.MULTILINE | re.DOTALL)
+_INDENT: Final = re.compile(r"^[ \t]+", re.MULTILINE)
 _POLICY: Final = (
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; "
     "connect-src {connect}"
@@ -56,4 +62,6 @@ def scene_json(scene: Scene) -> str:
 
 
 def _part(name: str) -> str:
-    return (_PARTS / name).read_text(encoding="utf-8")
+    """Return a part; scripts and styles without their indentation, and comments on their own."""
+    text = (_PARTS / name).read_text(encoding="utf-8")
+    return text if name.endswith(".html") else _INDENT.sub("", _COMMENTS.sub("", text))

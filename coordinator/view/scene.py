@@ -40,7 +40,9 @@ class Wait(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Ride(msgspec.Struct, frozen=True, kw_only=True):
-    """One robot's part in an epoch.
+    """One course of a robot in an epoch.
+
+    A robot drives the last of its rides in an epoch that has begun.
 
     path: arc lengths, x and y of a polyline.  legs: the motion; between legs, before the first and
     after the last the robot rests.  passed: the plan time that the robot has passed over the time
@@ -49,6 +51,12 @@ class Ride(msgspec.Struct, frozen=True, kw_only=True):
     plan, braking at a constant rate, in passed plan time; null if it never did.  unheard: whether
     that is only assumed, because it has not been heard since.  brake [m/s^2]: its deceleration; 0
     means that it stops at once.
+
+    revision: which of the robot's courses in the epoch it is.  told, since: the times of the plan
+    at which a further course was sent and since when the robot drives it; `since` is null while it
+    does not.  Both are null for a robot's first course of an epoch, on which it is from the
+    beginning.  ends: the passed plan time at which the robot changes to its next course; null
+    before it has.
     """
 
     robot: int
@@ -59,6 +67,10 @@ class Ride(msgspec.Struct, frozen=True, kw_only=True):
     halt: Halt | None = None
     unheard: bool = False
     brake: float = 0.0
+    revision: int = 0
+    told: float | None = None
+    since: float | None = None
+    ends: float | None = None
 
 
 class Zone(msgspec.Struct, frozen=True, kw_only=True):
@@ -93,12 +105,26 @@ class Held(msgspec.Struct, frozen=True, kw_only=True):
     until: float | None = None
 
 
+class Stop(msgspec.Struct, frozen=True, kw_only=True):
+    """A time in which the plan of an epoch stood: an operator's stop, or a coordinator that died.
+
+    since, until [s]: when; `until` is null while it lasts.  late: how much later [s] than planned
+    robots that are on time are after it, by this and earlier stops together.
+    """
+
+    since: float
+    until: float | None = None
+    late: float = 0.0
+
+
 class Epoch(msgspec.Struct, frozen=True, kw_only=True):
     """A plan, which is shown from `begin` on; its time zero is `start`.
 
     frozen: when the fleet was commanded to stop.
     started: whether there was a GO; without one no robot moves.
     arrived: whether all its robots had arrived when the fleet was commanded to stop.
+    rides: the first course of each robot, and then the further ones by revision.  stops: when the
+    plan stood.
     keep_out: the polygons around robots that stand aside.
     """
 
@@ -112,6 +138,7 @@ class Epoch(msgspec.Struct, frozen=True, kw_only=True):
     aside: list[Aside] = []
     keep_out: list[list[Point]] = []
     zones: list[Zone] = []
+    stops: list[Stop] = []
 
 
 class Mark(msgspec.Struct, frozen=True, kw_only=True):
@@ -120,6 +147,19 @@ class Mark(msgspec.Struct, frozen=True, kw_only=True):
     t: float
     kind: str
     text: str
+
+
+Step = tuple[float, int, int, float | None, str]
+"""What became of an order, and when [s]: its state as in protocol's ORDER_STATES, who does it (-1:
+nobody yet), when the robot is planned to arrive [s], and the reason."""
+
+
+class Order(msgspec.Struct, frozen=True, kw_only=True):
+    """An order, step by step; arrived [s]: when its robot was at the goal."""
+
+    id: str
+    steps: list[Step]
+    arrived: float | None = None
 
 
 class Ghost(msgspec.Struct, frozen=True, kw_only=True):
@@ -135,6 +175,9 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     """Everything on the page; `notes` say what the log does not contain.
 
     proven: whether the proof of the newest epoch's plan holds; None when it is not known.
+    begin: nothing before is shown, because it was too long ago.
+    day: the time of the day at time 0 [ms since 1970]; null if it is not known.  speed: how many of
+    the scene's seconds pass in one of the day.
     """
 
     name: str
@@ -144,6 +187,9 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     proven: bool | None
     source: str
     end: float
+    begin: float = 0.0
+    day: float | None = None
+    speed: float = 1.0
     boundary: list[Point]
     obstacles: list[list[Point]]
     robots: list[Body]
@@ -151,4 +197,5 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     marks: list[Mark] = []
     ghosts: list[Ghost] = []
     held: list[Held] = []
+    orders: list[Order] = []
     notes: list[str] = []

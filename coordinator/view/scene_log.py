@@ -1,14 +1,15 @@
 """Makes the scene of a log: its epochs in sequence, what went wrong, and who stayed behind.
 
-Decides: when an epoch is shown, and which robots stayed behind.  findings/braking.py finds where a
-robot is that has left its plan.  Must not know: files, black boxes.
+Decides: when an epoch is shown, since when a robot drives a course, and which robots stayed
+behind.  findings/braking.py finds where a robot is that has left its plan.  Must not know: files,
+black boxes.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import msgspec
 
@@ -17,19 +18,22 @@ from coordinator.findings.braking import Said
 from coordinator.findings.held import Hold
 from coordinator.findings.info import summarise
 from coordinator.findings.info_fields import FaultSummary, Summary
-from coordinator.findings.plans_from_messages import RADIUS, plans_said
+from coordinator.findings.plans_from_messages import RADIUS, is_further, plans_said
 from coordinator.findings.traffic_numbers import clock_lag
 from coordinator.fleet.log_records import adoption_key, request_of
 from coordinator.fleet.rest_places import Standing
+from coordinator.log.log_writer import VIRTUAL, WALL_OFFSET
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import from_json, is_plan_name
 from coordinator.plan.wire import Driven, drive
-from coordinator.view.scene import Aside, Epoch, Halt, Held, Mark, Ride, Scene
+from coordinator.view.scene import Aside, Epoch, Halt, Held, Mark, Ride, Scene, Stop, Zone
+from coordinator.view.scene_courses import SentCourse, SentCourses
+from coordinator.view.scene_orders import SaidOrders
 from coordinator.view.scene_plan import index_of, rides_of, rounded_points, scene_from, zones_of
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Command, Report
-from protocol.phases import DONE, FREEZE, GO, OVER
+from protocol.messages import Command, Hello, Join, Message, OrderState, Plan, Report
+from protocol.phases import DONE, FREEZE, GO, OVER, STOP
 from protocol.timing import SECOND
 
 if TYPE_CHECKING:
@@ -49,12 +53,38 @@ _LOST: Final = 2 * SECOND
 _LONG: Final = SECOND
 """A robot that was held for this long [ns] is in the list of what happened."""
 
+_KINDS: Final = ("command", "hello", "orders", "plan", "report", "roster")
+"""The kinds of messages that a scene is made of."""
+
+
+class _Stood(NamedTuple):
+    """A time in which an epoch's plan stood [ns]; `late_ns`: by how much it is put off since.
+
+    is_told: whether an operator stopped the fleet; otherwise a coordinator had died.
+    """
+
+    since_ns: int
+    until_ns: int | None
+    late_ns: int
+    is_told: bool
+
+
+class _Drawn(NamedTuple):
+    """A plan as it is drawn with these indices of the robots."""
+
+    document: PlanDocument
+    indices: Mapping[str, int]
+    driven: list[Driven]
+    rides: list[Ride]
+    zones: list[Zone]
+
 
 class Course:
     """The facts of one or several logs of the same fleet, in order; times in ns.
 
     whole: the epochs whose plans are complete because they come from a file.  Plans put together
     from messages may lack robots whose messages were not heard.
+    begin: nothing before this time [ns] is shown any more, None for all.
     """
 
     def __init__(self) -> None:
@@ -64,8 +94,15 @@ class Course:
         self.starts: dict[int, int] = {}
         self.frozen: dict[int, int] = {}
         self.over: int | None = None
+        self.begin: int | None = None
         self.last = 0
         self.said = Said()
+        self.sent = SentCourses()
+        self.orders = SaidOrders()
+        self.radii: dict[str, float] = {}
+        self.stood: dict[int, list[_Stood]] = {}
+        self._heard_ns = 0
+        self._drawn: dict[int, _Drawn] = {}
         self.told: dict[int, tuple[Standing, ...]] = {}
         self.faults: list[tuple[int, FaultSummary]] = []
         self.notes: list[str] = []
@@ -104,6 +141,7 @@ class Course:
         already have the number of a new epoch.
         """
         self.last = max(self.last, now_ns)
+        self._take_stop(command, now_ns)
         if command.phase == FREEZE:
             self.frozen.setdefault(max(self.starts, default=command.epoch), now_ns)
             return
@@ -114,18 +152,75 @@ class Course:
         elif command.phase == OVER and self.over is None:
             self.over = now_ns
 
+    def _take_stop(self, command: Command, now_ns: int) -> None:
+        """Add that the plan stands, or goes on later than planned."""
+        stood, before_ns = self.stood.setdefault(command.epoch, []), self._heard_ns
+        self._heard_ns = now_ns
+        since_ns, until_ns, late_ns, _ = stood[-1] if stood else _Stood(0, 0, 0, False)
+        first_ns = self.starts.get(command.epoch)
+        if command.phase == STOP and until_ns is not None:
+            stood.append(_Stood(now_ns, None, late_ns, True))
+        elif command.phase == GO and first_ns is not None:
+            put_off = command.start_ns - first_ns
+            if until_ns is None:
+                stood[-1] = _Stood(since_ns, now_ns, put_off, True)
+            elif put_off > late_ns:
+                stood.append(_Stood(before_ns, now_ns, put_off, False))
+
+    def take_plan(self, plan: Plan, now_ns: int) -> bool:
+        """Add a further course; return whether it is a new one."""
+        known = self.plans.get(plan.epoch)
+        radii = {} if known is None else {robot.id: robot.radius for robot in known.robots}
+        radius = radii.get(plan.robot) or self.radii.get(plan.robot, RADIUS)
+        return is_further(plan) and self.sent.take(plan, radius, now_ns)
+
     def is_done(self, epoch: int, robot: str) -> bool:
-        """Return whether a robot has reported that it arrived in an epoch."""
-        return self.said.of(epoch, robot).phase == DONE
+        """Return whether a robot has reported that it is at the goal of its newest course."""
+        return self.said.newest(epoch, robot).phase == DONE
+
+    def forget(self, before_ns: int) -> None:
+        """Forget courses that robots had left by a time, and orders that were over then.
+
+        Nothing before that time is shown.
+        """
+        self.begin = before_ns
+        self.orders.forget(before_ns)
+        for epoch, start_ns in self.starts.items():
+            before = (before_ns - start_ns) * _NS
+            for one in self.sent.of(epoch):
+                name, revision = one.driven.id, one.driven.plan.revision
+                since = one.since(self.said.of(epoch, name, revision))
+                if since is not None and since <= before:
+                    self.sent.forget(epoch, name, revision)
+                    self.said.forget(epoch, name, revision)
+
+    def told_at(self, sent: SentCourse) -> float:
+        """Return when a course was sent, as a time of its plan [s]."""
+        return (sent.told_ns - self.starts[sent.driven.plan.epoch]) * _NS
+
+    def drawn(self, document: PlanDocument, index: Mapping[str, int]) -> _Drawn:
+        """Return a plan as it is drawn; it is drawn anew only if something has changed."""
+        found = self._drawn.get(document.epoch)
+        if found is None or found.document is not document or found.indices != index:
+            driven = drive(document)
+            rides = rides_of(document, index, driven)
+            found = _Drawn(document, index, driven, rides, zones_of(document, index))
+            self._drawn[document.epoch] = found
+        return found
 
     def unheard(self) -> set[str]:
         """Return the robots that drove in some epoch although their plan for it was not heard."""
         return {
             name
             for epoch, document in self.plans.items()
-            for name in self.said.who(epoch) - {robot.id for robot in document.robots}
+            for name in self.said.who(epoch) - self.takes_part(document)
             if epoch not in self.whole
         }
+
+    def takes_part(self, document: PlanDocument) -> set[str]:
+        """Return the robots of which a course is known in a plan's epoch."""
+        joined = {one.driven.id for one in self.sent.of(document.epoch)}
+        return {robot.id for robot in document.robots} | joined
 
     def why_aside(self, epoch: int, robot: str) -> str:
         """Return why a robot has no part in an epoch's plan, as far as messages show."""
@@ -147,11 +242,24 @@ class Course:
         if place is None or place[0] != fleet:
             return
         self.last = max(self.last, now_ns)
-        message = decode(place[1], record.payload) if place[1] in ("command", "report") else None
+        message = decode(place[1], record.payload) if place[1] in _KINDS else None
         if isinstance(message, Command):
             self.take_command(message, now_ns)
         elif isinstance(message, Report):
             self.said.take(message, place[2], now_ns)
+        elif isinstance(message, Plan):
+            self.take_plan(message, now_ns)
+        elif isinstance(message, OrderState):
+            self.orders.take(message, now_ns)
+        else:
+            self.take_radius(message, place[2])
+
+    def take_radius(self, message: Message | None, robot: str) -> None:
+        """Take in the radius that a robot states, or an operator for one that joins."""
+        if isinstance(message, Hello) and message.radius_m > 0.0:
+            self.radii[robot] = message.radius_m
+        elif isinstance(message, Join):
+            self.radii[message.robot] = message.radius_m
 
 
 def scene_of_logs(logs: Sequence[tuple[str, Log]]) -> Scene:
@@ -164,14 +272,35 @@ def scene_of_logs(logs: Sequence[tuple[str, Log]]) -> Scene:
         course.take(log, name, [one for _, one in logs[:number]])
     if not course.plans:
         raise InputError([f"{logs[-1][0]}: holds no plan, so there is nothing to draw"])
-    return msgspec.structs.replace(scene_of_course(course), notes=course.notes)
+    day, speed = _time_of_day(logs[0][1], _zero(course))
+    scene = scene_of_course(course)
+    return msgspec.structs.replace(scene, notes=course.notes, day=day, speed=speed)
+
+
+def _zero(course: Course) -> int:
+    """Return the time [ns] that counts as 0: the first GO."""
+    return min(course.starts.values(), default=min(course.begins.values(), default=0))
+
+
+def _time_of_day(log: Log, zero_ns: int) -> tuple[float | None, float]:
+    """Return the time of the day at time 0 [ms since 1970], and the speed of the fleet's clock."""
+    if not log.records or WALL_OFFSET not in log.metadata or VIRTUAL in log.metadata:
+        return None, 1.0
+    try:
+        speed = float(log.metadata.get("speed", "1"))
+        wall_ns = int(log.metadata[WALL_OFFSET]) + log.records[0].log_ns
+        passed_ns = (zero_ns + clock_lag(log) - log.records[0].log_ns) / speed
+    except (ValueError, ZeroDivisionError):
+        return None, 1.0
+    return round((wall_ns + passed_ns) / 1e6, 1), speed
 
 
 def scene_of_course(course: Course) -> Scene:
     """Return the scene of what is known so far; at least one plan must be known."""
-    zero = min(course.starts.values(), default=min(course.begins.values(), default=0))
+    zero = _zero(course)
     documents = [document for _, document in sorted(course.plans.items())]
-    others = dict.fromkeys(sorted(course.unheard()), RADIUS)
+    others = course.sent.radii()
+    others |= {name: course.radii.get(name, RADIUS) for name in sorted(course.unheard())}
     index = index_of(documents, others)
     epochs = [
         _epoch(course, document, documents[0], index, zero)
@@ -179,11 +308,16 @@ def scene_of_course(course: Course) -> Scene:
         if not course.begins or document.epoch in course.begins
     ]
     end = (course.last - zero) * _NS
-    scene = scene_from(documents, epochs, "log", max(end, 1.0), others)
+    begin = 0.0 if course.begin is None else max((course.begin - zero) * _NS, 0.0)
+    over = [number for number, one in enumerate(epochs) if one.begin <= begin][-1:]
+    marks, held = _marks(course, epochs, zero, list(index)), _held(course, zero, index)
+    scene = scene_from(documents, epochs[sum(over) :], "log", max(end, begin + 1.0), others)
     return msgspec.structs.replace(
         scene,
-        marks=list(_marks(course, epochs, zero, list(index))),
-        held=list(_held(course, zero, index)),
+        begin=round(begin, 3),
+        marks=[mark for mark in marks if begin == 0.0 or mark.t >= begin],
+        held=[one for one in held if one.until is None or one.until >= begin],
+        orders=course.orders.drawn(index, zero),
     )
 
 
@@ -198,12 +332,8 @@ def _epoch(
     begin = (course.begins.get(number, zero) - zero) * _NS
     start = (course.starts[number] - zero) * _NS if number in course.starts else begin
     frozen = (course.frozen[number] - zero) * _NS if number in course.frozen else None
-    driven = drive(document)
-    rides = rides_of(document, index, driven)
-    if number in course.starts:
-        rides = [
-            _as_driven(course, number, one, ride) for one, ride in zip(driven, rides, strict=True)
-        ]
+    drawn = course.drawn(document, index)
+    rides = _rides(course, drawn) if number in course.starts else drawn.rides
     known = 0 if first.workspace is None else len(first.workspace.obstacles)
     floor = document.workspace
     return Epoch(
@@ -212,19 +342,57 @@ def _epoch(
         start=round(start, 4),
         started=number in course.starts,
         frozen=None if frozen is None else round(frozen, 4),
-        arrived=all(course.is_done(number, robot.id) for robot in document.robots),
+        arrived=all(course.is_done(number, name) for name in course.takes_part(document)),
         rides=rides,
         aside=_aside(course, document, index),
         keep_out=[]
         if floor is None or document is first
         else [rounded_points(corners) for corners in floor.obstacles[known:]],
-        zones=zones_of(document, index),
+        zones=drawn.zones,
+        stops=[_stop(one, zero) for one in course.stood.get(number, ())],
     )
+
+
+def _stop(stood: _Stood, zero: int) -> Stop:
+    until = None if stood.until_ns is None else round((stood.until_ns - zero) * _NS, 3)
+    since = round((stood.since_ns - zero) * _NS, 3)
+    return Stop(since=since, until=until, late=round(stood.late_ns * _NS, 3))
+
+
+def _rides(course: Course, drawn: _Drawn) -> list[Ride]:
+    """Return the rides of an epoch that has started, as its robots drove them."""
+    epoch, index = drawn.document.epoch, drawn.indices
+    sent = [one for one in course.sent.of(epoch) if one.driven.id in index]
+    began: dict[str, list[tuple[SentCourse, float]]] = {}
+    further = []
+    for one in sent:
+        name, revision = one.driven.id, one.driven.plan.revision
+        told = course.told_at(one)
+        since = one.since(course.said.of(epoch, name, revision))
+        if since is not None:
+            began.setdefault(name, []).append((one, since))
+            told = min(told, since)
+        ride = msgspec.structs.replace(
+            one.ride,
+            robot=index[name],
+            told=round(told, 3),
+            since=None if since is None else round(since, 3),
+        )
+        further.append((one.driven, ride))
+    shown_from = -math.inf if course.begin is None else (course.begin - course.starts[epoch]) * _NS
+    rides = []
+    for driven, ride in [*zip(drawn.driven, drawn.rides, strict=True), *further]:
+        mine = began.get(driven.id, ())
+        later = [one for one in mine if one[0].driven.plan.revision > ride.revision]
+        if not later or later[0][1] > shown_from:
+            ends = later[0][0].begin if later else None
+            rides.append(_as_driven(course, epoch, driven, ride, ends))
+    return rides
 
 
 def _aside(course: Course, document: PlanDocument, index: Mapping[str, int]) -> list[Aside]:
     """Return the robots that a plan leaves out, each with the latest known reason."""
-    taking_part = {robot.id for robot in document.robots}
+    taking_part = course.takes_part(document)
     why: dict[str, str] = {}
     for epoch, told in sorted(course.told.items()):
         if epoch <= document.epoch:
@@ -236,11 +404,18 @@ def _aside(course: Course, document: PlanDocument, index: Mapping[str, int]) -> 
     ]
 
 
-def _as_driven(course: Course, epoch: int, one: Driven, ride: Ride) -> Ride:
-    """Return a ride with what the robot's reports tell: how late it was, where it left its plan."""
+def _as_driven(
+    course: Course, epoch: int, one: Driven, ride: Ride, ends: float | None = None
+) -> Ride:
+    """Return a ride with what the robot's reports tell: how late it was, where it left its plan.
+
+    `ends`: the plan time [s] at which the robot changed to its next course, if it did.
+    """
     line, rate = one.timeline, one.plan.brake_mmps2 / 1000.0
-    words = course.said.of(epoch, one.id)
+    words = course.said.of(epoch, one.id, ride.revision)
     frozen_ns, silent_ns = course.frozen.get(epoch), words.silent_since(course.last)
+    if ends is not None:
+        frozen_ns = silent_ns = None
     end_ns = silent_ns if frozen_ns is None else frozen_ns
     progress, now, rate = words.driving(line, rate, course.starts[epoch], end_ns)
     halt: Halt | None = None
@@ -251,7 +426,7 @@ def _as_driven(course: Course, epoch: int, one: Driven, ride: Ride) -> Ride:
         halt = (round(now, 5), round(now + slowing, 5), round(place, 5), round(rest, 5))
     passed = [(round(t, 3), round(p, 3)) for t, p in progress.knots]
     unheard = frozen_ns is None and silent_ns is not None
-    return msgspec.structs.replace(ride, passed=passed, halt=halt, unheard=unheard)
+    return msgspec.structs.replace(ride, passed=passed, halt=halt, unheard=unheard, ends=ends)
 
 
 def _held(course: Course, zero: int, index: Mapping[str, int]) -> Iterator[Held]:
@@ -267,15 +442,28 @@ def _held(course: Course, zero: int, index: Mapping[str, int]) -> Iterator[Held]
             )
 
 
+def _count(epoch: Epoch) -> int:
+    """Return how many robots have a part in an epoch when it begins."""
+    return sum(ride.told is None for ride in epoch.rides)
+
+
+def _stop_marks(course: Course, zero: int) -> Iterator[Mark]:
+    for one in [stop for stops in course.stood.values() for stop in stops if stop.is_told]:
+        yield Mark(t=round((one.since_ns - zero) * _NS, 3), kind="freeze", text="told to stop")
+        if one.until_ns is not None:
+            yield Mark(t=round((one.until_ns - zero) * _NS, 3), kind="go", text="told to go on")
+
+
 def _marks(
     course: Course, epochs: Sequence[Epoch], zero: int, names: Sequence[str]
 ) -> Iterator[Mark]:
     """Yield what happened, in order of time; a fault comes before the freeze that it caused."""
     marks = [
-        Mark(t=epoch.start, kind="go", text=f"epoch {epoch.epoch}: {len(epoch.rides)} robots go")
+        Mark(t=epoch.start, kind="go", text=f"epoch {epoch.epoch}: {_count(epoch)} robots go")
         for epoch in epochs
         if epoch.epoch in course.starts
     ]
+    marks += _stop_marks(course, zero)
     arrived = {epoch.epoch for epoch in epochs if epoch.arrived}
     done = course.said.done()
     left = ", ".join(name for name in names if name not in done)

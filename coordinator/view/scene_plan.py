@@ -96,15 +96,21 @@ def rides_of(
     `driven`: what `drive` returned for the document, if the caller has it already.
     """
     return [
-        Ride(
-            robot=index[robot.id],
-            path=_columns(polyline(one.curve)),
-            legs=_legs(one.timeline),
-            waits=_waits(robot, index),
-            brake=one.plan.brake_mmps2 / 1000.0,
-        )
+        ride_of(one, index[robot.id], _waits(robot, index))
         for robot, one in zip(document.robots, driven or drive(document), strict=True)
     ]
+
+
+def ride_of(one: Driven, robot: int, waits: list[Wait]) -> Ride:
+    """Return the motion that follows from a robot's Plan message."""
+    return Ride(
+        robot=robot,
+        path=_columns(polyline(one.curve)),
+        legs=_legs(one.timeline),
+        waits=waits,
+        brake=one.plan.brake_mmps2 / 1000.0,
+        revision=one.plan.revision,
+    )
 
 
 def polyline(curve: Nurbs) -> Array:

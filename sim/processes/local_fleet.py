@@ -268,7 +268,7 @@ class LocalFleet:
 
 
 def _tell_trouble(event: Event) -> None:
-    if event["event"] in TROUBLE:
+    if event["event"] in (*TROUBLE, "order", "order state"):
         tell_now(str(event["text"]))
 
 

@@ -17,7 +17,13 @@ from coordinator.base.console import write_file
 from coordinator.base.errors import LogError
 from coordinator.base.interrupts import held_back
 from coordinator.log.head import Head, resumed
-from coordinator.log.log_writer import WRITE_ERRORS, Attachment, LogWriter, write_problem
+from coordinator.log.log_writer import (
+    VIRTUAL,
+    WRITE_ERRORS,
+    Attachment,
+    LogWriter,
+    write_problem,
+)
 from coordinator.plan.plan_file import is_plan_name
 
 WALL_OFFSET_NS: Final = 1_700_000_000 * 10**9
@@ -44,7 +50,10 @@ class RunLogs:
         self._head = head
         metadata, files = head
         self._writer = LogWriter(
-            path, metadata=metadata, wall_offset_ns=self._wall_offset_ns, attachments=files
+            path,
+            metadata={**metadata, VIRTUAL: "yes"},
+            wall_offset_ns=self._wall_offset_ns,
+            attachments=files,
         )
         self.paths.append(path)
 

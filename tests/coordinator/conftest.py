@@ -17,6 +17,7 @@ from coordinator.planning.planner import plan_fleet, plan_scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario, scenario_to_json
 from coordinator.service import replay
 from coordinator.service.coordinator_service import Service
+from tests.coordinator.a_day import drive_a_day
 from tests.coordinator.findings.two_epochs import first_plan, log_of, second_plan
 from tests.coordinator.service.test_coordinator_service import SCENARIO, Clock, Hand
 
@@ -77,3 +78,9 @@ def second(document):
 def story(tmp_path, document, second):
     """What happened in a log of both."""
     return story_of_log(read_log(log_of(tmp_path / "run.mcap", document, second)))
+
+
+@pytest.fixture(scope="session")
+def day(tmp_path_factory):
+    """The logs of a fleet that gets orders, and its black boxes."""
+    return drive_a_day(tmp_path_factory.mktemp("day"))

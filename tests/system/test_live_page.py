@@ -76,3 +76,36 @@ def test_robots_are_shown_at_rest_when_the_coordinator_or_the_view_is_silent(tab
         tab.wait(f"{WORD}.startsWith('splinefleet view has ended, no word since')")
         assert "splinefleet view has ended, no word" in tab.run(EVENTS)
         assert (tab.run(LAMP), tab.run(AT_REST)) == ("false", True)
+
+
+ORDERS = "document.getElementById('orders-title').textContent"
+ROWS = "document.getElementById('orders').innerText"
+
+
+def test_a_fleet_that_gets_orders_is_followed_on_its_further_courses(tab, tmp_path):
+    (tmp_path / "two.toml").write_text(TWO_ROBOTS)
+    endpoint, file, floor = free_endpoint(), tmp_path / "plan.json", tmp_path / "two.toml"
+    splinefleet("plan", floor, "--effort", 0, "-o", file)
+    with ExitStack() as stack:
+        coordinator = stack.enter_context(
+            started("coordinator", floor, "--listen", endpoint, "--effort=0", "--stay", "--json")
+        )
+        for robot in ("R1", "R2"):
+            stack.enter_context(started("agent", robot, "--connect", endpoint))
+        line_with(coordinator, '"phase":"GO"', 60.0)
+        given = splinefleet(
+            "order", "--connect", endpoint, "--to", "1,1", "--robot", "R1", "--id=o"
+        )
+        assert given.returncode == 0, given.stderr
+        view = stack.enter_context(started("view", file, "--connect", endpoint, "--no-open"))
+        tab.open(line_with(view, "http://").strip())
+        tab.wait(f"{ORDERS} === 'Orders: 1 under way' && {ROWS}.includes('R1 arrives')", 60.0)
+        tab.wait("splinefleet.at(splinefleet.time).R1?.state === 'drives'")
+        clock = tab.run("document.getElementById('day').textContent")
+        assert re.fullmatch(r"\d\d:\d\d:\d\d", clock)
+        tab.wait(f"{ORDERS} === 'Orders: 1 done' && {ROWS}.includes('R1 was there')")
+        place = tab.run("(r => [r.x, r.y])(splinefleet.at(splinefleet.time).R1)")
+        assert place == pytest.approx([1.0, 1.0], abs=0.01)
+        splinefleet("end", "--connect", endpoint)
+        assert coordinator.wait(timeout=30.0) == 0
+        assert tab.errors == []

@@ -5,6 +5,7 @@ import math
 import os
 import random
 import signal
+import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from coordinator.plan.wire import drive
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import read_scenario
 from coordinator.view.page import page_of
-from coordinator.view.scene import Held, Mark
+from coordinator.view.scene import Held, Mark, Order
 from coordinator.view.scene_plan import scene_of_plan
 from sim.floors.generator import generate
 from tests.system.browser import browser, find_browser
@@ -286,6 +287,61 @@ def test_late_robots_are_drawn_where_they_say_and_who_holds_them_is_told(tab, tm
     assert told[5]["v"] == pytest.approx(0.0)
     assert [told[t]["state"] for t in (3, 5)] == ["drives", "held"]
     assert "held by R3 since 4.0 s" in row
+    assert tab.errors == []
+
+
+def test_robots_are_drawn_on_the_course_that_they_drive_and_orders_are_told(tab, tmp_path):
+    scene = scene_of_plan(planned_five())
+    (epoch,) = scene.epochs
+    further = replace(epoch.rides[1], robot=0, revision=1, told=10.0, since=11.0)
+    never = replace(epoch.rides[2], robot=0, revision=2, told=12.0)
+    first = replace(epoch.rides[0], ends=10.5)
+    orders = [
+        Order(
+            id="fetch",
+            steps=[
+                (2.0, 0, -1, None, "no robot is free"),
+                (10.0, 1, 0, 14.0, ""),
+                (16.0, 2, 0, 14.0, ""),
+            ],
+            arrived=15.0,
+        ),
+        Order(id="off", steps=[(5.0, 4, -1, None, "there is no way")]),
+    ]
+    rides = [first, *epoch.rides[1:], further, never]
+    day = time.mktime((2026, 3, 1, 11, 59, 50, 0, 0, -1)) * 1000.0
+    scene = replace(scene, epochs=[replace(epoch, rides=rides)], orders=orders, day=day)
+    (tmp_path / "orders.html").write_text(page_of(scene))
+    tab.errors.clear()
+    tab.screen(1400, 900)
+    tab.open((tmp_path / "orders.html").as_uri())
+    alone = "(({x, y, s}) => [x, y, s])"
+    for t in (11.2, 13.0, 20.0):
+        places = [tab.run(f"{alone}(splinefleet.at({t}).{robot})") for robot in ("R1", "R2")]
+        assert places[0] == places[1], t
+    assert tab.run("splinefleet.at(10.9).R1.s") == tab.run("splinefleet.at(10.5).R1.s")
+
+    def told(t):
+        tab.run(f"splinefleet.seek({t})")
+        tab.settle()
+        title = tab.run("document.getElementById('orders-title').textContent")
+        rows = "[...document.querySelectorAll('#orders li')].filter(row => !row.hidden)"
+        return title, tab.run(f"{rows}.map(row => row.innerText.replaceAll('\\n', ' ').trim())")
+
+    assert told(1.0) == ("Orders", [])
+    off = "off refused: there is no way 11:59:55 · 5.0 s"
+    assert told(6.0) == (
+        "Orders: 1 waiting, 1 refused",
+        ["fetch no robot is free 11:59:52 · 2.0 s", off],
+    )
+    assert told(12.0)[1][0] == "fetch R1 arrives 12:00:04 · 14.0 s"
+    assert tab.run("document.getElementById('day').textContent") == "12:00:02"
+    assert "· fetch" in tab.run("document.querySelector('#robots li').innerText")
+    assert told(15.5)[1][0] == "fetch R1 is at the goal, 1.0 s late 12:00:04 · 14.0 s"
+    assert told(17.0) == (
+        "Orders: 1 done, 1 refused",
+        ["fetch R1 was there, 1.0 s late 12:00:05 · 15.0 s", off],
+    )
     assert tab.errors == []
 
 

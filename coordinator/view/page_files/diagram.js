@@ -10,18 +10,18 @@ class DiagramView {
     this.box = { left: 36, top: 18, right: 12, bottom: 26 };
   }
 
-  /** The greatest distance that a robot drives in an epoch, without what a freeze left undriven. */
+  /** The greatest distance that a robot drives on a course, without what a freeze left undriven. */
   farthest() {
-    const { epochs } = this.play;
-    return Math.max(1, ...epochs.flatMap((epoch, number) => {
-      const next = epochs[number + 1], end = next ? epoch.planTime(next.begin) : Infinity;
-      return [...epoch.motions.values()].map((motion) => motion.progress(motion.passed(end))[0]);
-    }));
+    const { epochs } = this.play, last = epochs[epochs.length - 1];
+    return this.play.spans().reduce((most, { motion, epoch, to }) => {
+      const end = epoch === last && motion.ride.ends === null ? Infinity : epoch.planTime(to);
+      return Math.max(most, motion.progress(motion.passed(end))[0]);
+    }, 1);
   }
 
   X(t) {
-    const { left, right } = this.box;
-    return left + (this.sheet.width - left - right) * t / this.play.scene.end;
+    const { left, right } = this.box, { begin, end } = this.play.scene;
+    return left + (this.sheet.width - left - right) * (t - begin) / (end - begin);
   }
 
   Y(s) {
@@ -31,9 +31,9 @@ class DiagramView {
 
   /** The time at a place on the canvas. */
   time(x) {
-    const { left, right } = this.box;
-    const t = (x - left) / (this.sheet.width - left - right) * this.play.scene.end;
-    return Math.min(Math.max(t, 0), this.play.scene.end);
+    const { left, right } = this.box, { begin, end } = this.play.scene;
+    const t = begin + (x - left) / (this.sheet.width - left - right) * (end - begin);
+    return Math.min(Math.max(t, begin), end);
   }
 
   draw(t, found, focus, hover, look) {
@@ -86,16 +86,13 @@ class DiagramView {
     this.events(pen, look);
     pen.lineJoin = "round";
     const crowd = this.play.scene.robots.length > CROWD;
-    this.play.epochs.forEach((epoch, number) => {
-      const next = this.play.epochs[number + 1], end = next ? next.begin : this.play.scene.end;
-      for (const [index, motion] of epoch.motions) {
-        pen.globalAlpha = focus >= 0 && focus !== index ? 0.15 : crowd && focus !== index ? 0.45 : 1;
-        pen.strokeStyle = look.robot(index);
-        pen.lineWidth = focus === index ? 2.75 : crowd ? 1 : 1.75;
-        this.line(pen, motion, epoch, Math.max(epoch.begin, 0), end);
-        this.heldLines(pen, index, motion, epoch, end, look);
-      }
-    });
+    for (const { index, motion, epoch, from, to } of this.play.spans()) {
+      pen.globalAlpha = focus >= 0 && focus !== index ? 0.15 : crowd && focus !== index ? 0.45 : 1;
+      pen.strokeStyle = look.robot(index);
+      pen.lineWidth = focus === index ? 2.75 : crowd ? 1 : 1.75;
+      this.line(pen, motion, epoch, from, to);
+      this.heldLines(pen, index, motion, epoch, from, to, look);
+    }
     pen.globalAlpha = 1;
     return sheet;
   }
@@ -118,11 +115,11 @@ class DiagramView {
   }
 
   /** Mark when a robot was held. */
-  heldLines(pen, index, motion, epoch, end, look) {
+  heldLines(pen, index, motion, epoch, begin, end, look) {
     pen.strokeStyle = look.amber;
     pen.lineWidth += 2;
     for (const { since, until } of this.play.holds[index]) {
-      const from = Math.max(since, epoch.begin), to = Math.min(until ?? end, end);
+      const from = Math.max(since, begin), to = Math.min(until ?? end, end);
       if (from < to) this.line(pen, motion, epoch, from, to);
     }
   }
@@ -146,9 +143,9 @@ class DiagramView {
     }
     pen.textAlign = "center";
     pen.textBaseline = "top";
-    const stride = roundStep(this.play.scene.end, Math.max(width / 90, 2));
-    for (let i = 0; i * stride <= this.play.scene.end; i++) {
-      const x = this.X(i * stride), last = (i + 1) * stride > this.play.scene.end;
+    const { begin, end } = this.play.scene, stride = roundStep(end - begin, Math.max(width / 90, 2));
+    for (let i = Math.ceil(begin / stride); i * stride <= end; i++) {
+      const x = this.X(i * stride), last = (i + 1) * stride > end;
       pen.fillText(`${+(i * stride).toFixed(3)}${last ? " s" : ""}`, x, height - bottom + 7);
       pen.beginPath();
       pen.moveTo(Math.round(x) + 0.5, height - bottom);
@@ -178,7 +175,7 @@ class DiagramView {
     pen.textBaseline = "bottom";
     pen.fillStyle = look.muted;
     this.play.epochs.forEach((epoch, number) => {
-      const next = this.play.epochs[number + 1], x = this.X(Math.max(epoch.begin, 0));
+      const next = this.play.epochs[number + 1], x = this.X(Math.max(epoch.begin, this.play.scene.begin));
       const room = this.X(next ? next.begin : this.play.scene.end) - x;
       const text = [`epoch ${epoch.epoch}`, `${epoch.epoch}`].find((one) => pen.measureText(one).width + 4 < room);
       if (text) pen.fillText(text, x + 2, this.box.top - 1);

@@ -6,8 +6,8 @@ const RESTS = new Set(["stopped", "unheard"]);
 /** The states of robots that stand or slow down because of another one. */
 const WAITS = new Set(["waits", "held"]);
 
-/** The radius [px] from which a robot's name fits into its disc. */
-const NAMED = 8.5;
+/** A robot's name is in its disc where it can be as large as this [px], else beside it. */
+const LEGIBLE = 7.5;
 
 class FloorView extends Ground {
   constructor(canvas, play, shown, lens) {
@@ -20,15 +20,18 @@ class FloorView extends Ground {
   /** Draw the floor at a time; `found` are the robots' states, `focus` and `hover` robots or -1. */
   draw(t, found, focus, hover, look) {
     const epoch = this.play.epochAt(t);
-    const key = [epoch.epoch, focus, this.shown.paths, this.shown.zones, look.dark, this.lens.key].join();
+    const courses = found.map((robot) =>
+      robot && [robot.motion?.ride.revision, robot.next?.ride.revision, this.isIdle(robot)]);
+    const shown = [this.shown.paths, this.shown.zones, look.dark, this.lens.key];
+    const key = [epoch.epoch, focus, ...shown, ...courses].join();
     if (this.sheet.resize() || key !== this.key) {
       this.fit();
       this.key = key;
-      this.background = this.ground(epoch, focus, look);
+      this.background = this.ground(epoch, found, focus, look);
     }
     const pen = this.sheet.begin(this.background.canvas);
     if (this.shown.paths) this.drawAhead(pen, found, focus, look);
-    if (this.shown.zones) this.light(pen, epoch, found, focus, look);
+    if (this.shown.zones) this.light(pen, found, look);
     if (this.shown.waits) this.drawWaits(pen, found, focus, look);
     this.spots = [];
     found.forEach((robot, index) => {
@@ -57,7 +60,7 @@ class FloorView extends Ground {
     });
   }
 
-  light(pen, epoch, found, focus, look) {
+  light(pen, found, look) {
     const within = (index, [from, to]) => {
       const robot = found[index];
       return robot && robot.motion && robot.state !== "arrived" && robot.s >= from && robot.s <= to;
@@ -67,9 +70,9 @@ class FloorView extends Ground {
       const a = within(zone.a, zone.on_a), b = within(zone.b, zone.on_b);
       if (!a && !b) continue;
       pen.globalAlpha = this.crowd ? 0.35 : 0.5;
-      if (a) this.band(pen, epoch, zone.a, zone.on_a); else this.band(pen, epoch, zone.b, zone.on_b);
+      if (a) this.band(pen, found, zone.a, zone.on_a); else this.band(pen, found, zone.b, zone.on_b);
       pen.globalAlpha = this.crowd ? 0.12 : 0.25;
-      if (a) this.band(pen, epoch, zone.b, zone.on_b); else this.band(pen, epoch, zone.a, zone.on_a);
+      if (a) this.band(pen, found, zone.b, zone.on_b); else this.band(pen, found, zone.a, zone.on_a);
     }
     pen.globalAlpha = 1;
   }
@@ -88,15 +91,21 @@ class FloorView extends Ground {
     pen.strokeStyle = gone ? colour : look.panel;
     pen.stroke();
     this.drawHeading(pen, x, y, radius, robot.heading, colour);
-    if (radius >= NAMED) {
+    const size = this.sizeOf(body.id, radius);
+    if (size > 0) {
       pen.textAlign = "center";
       pen.textBaseline = "middle";
-      const size = Math.min(radius * 0.95, 13) * Math.min(1, 2.6 / body.id.length);
       pen.font = look.font(size, 600);
       pen.fillStyle = gone ? look.ink : look.onRobot;
       pen.fillText(body.id, x, y + 0.5);
     }
     pen.globalAlpha = 1;
+  }
+
+  /** The size [px] of a robot's name inside its disc; 0 if it is to be beside it. */
+  sizeOf(name, radius) {
+    const size = Math.min(radius * 0.95, 13) * Math.min(1, 2.6 / name.length);
+    return size < LEGIBLE ? 0 : size;
   }
 
   /** Write names beside robots that are too small for them, clear of robots and other names. */
@@ -109,8 +118,9 @@ class FloorView extends Ground {
     pen.strokeStyle = look.ground;
     pen.fillStyle = look.ink;
     for (const { index, x, y, radius } of this.spots) {
-      if (radius >= NAMED || this.crowd && focus !== index) continue;
-      const name = this.play.scene.robots[index].id, wide = pen.measureText(name).width + 2, tall = 14;
+      const name = this.play.scene.robots[index].id;
+      if (this.sizeOf(name, radius) > 0 || this.crowd && focus !== index) continue;
+      const wide = pen.measureText(name).width + 2, tall = 14;
       const spot = this.room(wide, tall, [
         [x - wide / 2, y - radius - 15], [x - wide / 2, y + radius + 2],
         [x + radius + 4, y - 7], [x - radius - 4 - wide, y - 7],

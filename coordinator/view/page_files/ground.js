@@ -1,4 +1,4 @@
-// The parts of the floor that change only with the epoch: drawn once, on a separate sheet.
+// The parts of the floor that change only with the courses: drawn once, on a separate sheet.
 
 const CROWD = 40;
 
@@ -19,7 +19,7 @@ class Ground {
     let points = boundary, room = 0;
     if (!points.length) {
       points = this.play.epochs.flatMap((epoch) =>
-        [...epoch.motions.values()].flatMap((motion) => motion.xs.map((x, i) => [x, motion.ys[i]])));
+        [...epoch.courses.values()].flat().flatMap((motion) => motion.xs.map((x, i) => [x, motion.ys[i]])));
       room = 2 * Math.max(...robots.map((robot) => robot.radius), 0.1);
     }
     const box = [Infinity, Infinity, -Infinity, -Infinity];
@@ -64,7 +64,7 @@ class Ground {
     if (closed) pen.closePath();
   }
 
-  ground(epoch, focus, look) {
+  ground(epoch, found, focus, look) {
     const sheet = this.sheet.twin(), { pen } = sheet, { boundary, obstacles } = this.play.scene;
     pen.lineJoin = pen.lineCap = "round";
     if (boundary.length) {
@@ -90,8 +90,8 @@ class Ground {
       pen.setLineDash([]);
       pen.globalAlpha = 1;
     }
-    if (this.shown.paths) this.drawPaths(pen, epoch, focus, look);
-    if (this.shown.zones) this.drawZones(pen, epoch, focus, look);
+    if (this.shown.paths) this.drawPaths(pen, found, focus, look);
+    if (this.shown.zones) this.drawZones(pen, epoch, found, focus, look);
     return sheet;
   }
 
@@ -111,15 +111,21 @@ class Ground {
     pen.fill();
   }
 
-  drawPaths(pen, epoch, focus, look) {
-    for (const [index, motion] of epoch.motions) {
-      const faint = focus >= 0 && focus !== index, goal = motion.place(motion.length);
+  /** Draw the course that each robot drives, and dashed the newer one that it has been sent. */
+  drawPaths(pen, found, focus, look) {
+    found.forEach((robot, index) => {
+      if (!robot || !robot.motion || this.isIdle(robot) && focus !== index) return;
+      const { motion, next } = robot, goal = (next || motion).place((next || motion).length);
+      const faint = focus >= 0 && focus !== index;
       const radius = this.zoom * this.play.scene.robots[index].radius;
       pen.strokeStyle = look.robot(index);
-      pen.globalAlpha = faint ? 0.12 : 0.35;
       pen.lineWidth = this.crowd && focus !== index ? 1 : 1.5;
-      this.trace(pen, motion.xs.map((x, i) => [x, motion.ys[i]]));
-      pen.stroke();
+      for (const course of next ? [motion, next] : [motion]) {
+        pen.globalAlpha = faint ? 0.12 : course === next ? 0.8 : 0.35;
+        pen.setLineDash(course === next ? [7, 5] : []);
+        this.trace(pen, course.xs.map((x, i) => [x, course.ys[i]]));
+        pen.stroke();
+      }
       pen.globalAlpha = faint ? 0.12 : this.crowd && focus !== index ? 0.5 : 0.9;
       pen.lineWidth = 1.25;
       pen.setLineDash([3, 3]);
@@ -131,35 +137,43 @@ class Ground {
       pen.beginPath();
       pen.arc(this.X(goal.x), this.Y(goal.y), 2, 0, 7);
       pen.fill();
-    }
+    });
     pen.globalAlpha = 1;
   }
 
-  /** The zones to draw: all of a small fleet; of a large one those that force waits. */
-  zones(epoch, focus) {
-    return epoch.zones.filter((zone) =>
-      focus >= 0 ? zone.a === focus || zone.b === focus : zone.forces || !this.crowd);
+  /** Whether a robot has nothing to do, in a fleet with orders. */
+  isIdle(robot) {
+    return robot.state === "arrived" && !robot.next && this.play.scene.orders.length > 0;
   }
 
-  drawZones(pen, epoch, focus, look) {
-    this.lightable = this.zones(epoch, focus);
+  /**
+   * The zones to draw: all of a small fleet; of a large one those that force waits.
+   *
+   * They are those of the robots' first courses.
+   */
+  zones(epoch, found, focus) {
+    const drives = (index) => found[index]?.motion?.since === -Infinity;
+    return epoch.zones.filter((zone) => drives(zone.a) && drives(zone.b) &&
+      (focus >= 0 ? zone.a === focus || zone.b === focus : zone.forces || !this.crowd));
+  }
+
+  drawZones(pen, epoch, found, focus, look) {
+    this.lightable = this.zones(epoch, found, focus);
     pen.strokeStyle = look.muted;
     pen.globalAlpha = this.crowd && focus < 0 ? 0.06 : 0.16;
     for (const zone of this.lightable) {
       if (zone.forces) {
-        this.band(pen, epoch, zone.a, zone.on_a);
-        this.band(pen, epoch, zone.b, zone.on_b);
+        this.band(pen, found, zone.a, zone.on_a);
+        this.band(pen, found, zone.b, zone.on_b);
       }
     }
     pen.globalAlpha = 1;
   }
 
-  band(pen, epoch, index, [from, to]) {
-    const motion = epoch.motions.get(index);
-    if (!motion) return;
+  band(pen, found, index, [from, to]) {
     pen.lineCap = "round";
     pen.lineWidth = Math.max(2 * this.zoom * this.play.scene.robots[index].radius, 6);
-    this.trace(pen, motion.stretch(from, to));
+    this.trace(pen, found[index].motion.stretch(from, to));
     pen.stroke();
   }
 }

@@ -72,9 +72,10 @@ class RobotList {
     this.rows.forEach((row, index) => row.button.setAttribute("aria-pressed", String(index === focus)));
   }
 
-  tell(found, reasons) {
+  tell(found, reasons, orders) {
     this.rows.forEach((row, index) => {
-      const robot = found[index], text = said(robot, this.bodies, reasons[index]);
+      const robot = found[index], does = said(robot, this.bodies, reasons[index]);
+      const text = orders.has(index) ? `${does} · ${orders.get(index)}` : does;
       if (row.state.textContent !== text) row.state.textContent = text;
       const speed = robot && robot.v > 0.005 ? `${robot.v.toFixed(2)} m/s` : "";
       if (row.speed.textContent !== speed) row.speed.textContent = speed;
@@ -86,7 +87,7 @@ class RobotList {
 
 /** The marks: ticks on the slider, and a list of buttons that jump to each. */
 class EventList {
-  constructor(list, ticks, play, seek) {
+  constructor(list, ticks, play, seek, day) {
     const { marks } = play.scene;
     this.box = byId("events-title").parentElement;
     this.box.hidden = marks.length === 0;
@@ -95,7 +96,7 @@ class EventList {
     this.newest = null;
     list.replaceChildren(...marks.map((mark) => {
       const button = element("button", { type: "button" },
-        element("span", { className: "number", textContent: `${mark.t.toFixed(1)} s` }),
+        element("span", { className: "number", textContent: moment(mark.t, day) }),
         element("span", { className: `mark ${mark.kind}` }),
         element("span", { textContent: mark.text }));
       button.addEventListener("click", () => seek(mark.t));
@@ -103,7 +104,7 @@ class EventList {
     }));
     ticks.replaceChildren(...marks.map((mark) => {
       const tick = element("span", { className: `mark ${mark.kind}` });
-      tick.style.setProperty("--t", Math.max(mark.t, 0));
+      tick.style.setProperty("--t", Math.max(mark.t - play.scene.begin, 0));
       return tick;
     }));
   }

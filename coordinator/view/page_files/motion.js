@@ -13,7 +13,7 @@ function lastUpTo(values, x) {
 /** The time [s] over which the speed of a late robot is taken. */
 const MOMENT = 0.05;
 
-/** One robot's part in an epoch: s(t) from its legs, (x, y) from its polyline. */
+/** One course of a robot: s(t) from its legs, (x, y) from its polyline; driven from `since` on. */
 class Motion {
   constructor(ride) {
     this.ride = ride;
@@ -22,6 +22,7 @@ class Motion {
     this.length = this.arcs[this.arcs.length - 1];
     this.finish = ride.legs[ride.legs.length - 1][1];
     this.headings = this.turned();
+    this.since = ride.told === null ? -Infinity : ride.since ?? Infinity;
     this.presumed = null;
     this.learn(ride.passed);
   }
@@ -33,8 +34,13 @@ class Motion {
     this.known = this.knots.map(([t]) => t);
   }
 
-  /** The plan time that it has passed at a time of the plan. */
+  /** The plan time that it has passed at a time of the plan; no more than where its next course begins. */
   passed(t) {
+    return Math.min(this.reported(t), this.ride.ends ?? Infinity);
+  }
+
+  /** The plan time that it has passed by its reports. */
+  reported(t) {
     const { knots } = this, last = knots.length - 1;
     if (last < 1 || t <= knots[0][0]) return t;
     const i = Math.min(lastUpTo(this.known, t), last - 1);
@@ -133,143 +139,5 @@ class Motion {
     const { halt } = this;
     if (halt && t >= halt[0]) return undefined;
     return this.ride.waits.find((wait) => t >= wait.since && t < wait.until);
-  }
-}
-
-/** Before the first plan of a running fleet is heard. */
-const NOTHING = {
-  epoch: 0, begin: 0, start: 0, started: false, frozen: null,
-  rides: [], aside: [], keep_out: [], zones: [],
-};
-
-/** A scene in time: all robots at any second. */
-class Play {
-  constructor(scene) {
-    this.scene = scene;
-    const epochs = scene.epochs.length ? scene.epochs : [NOTHING];
-    this.epochs = epochs.map((epoch) => ({
-      ...epoch,
-      motions: new Map(epoch.rides.map((ride) => [ride.robot, new Motion(ride)])),
-      why: new Map(epoch.aside.map((one) => [one.robot, one.why])),
-    }));
-    for (const epoch of this.epochs) epoch.planTime = (t) => (epoch.started ? t - epoch.start : -1);
-    this.begins = this.epochs.map((epoch) => epoch.begin);
-    this.silentFrom = Infinity;
-    this.learned = 0;
-    this.holds = scene.robots.map((_, index) => scene.held.filter((one) => one.robot === index));
-    this.ghosts = new Map(scene.ghosts.map((ghost) => [ghost.robot, ghost]));
-  }
-
-  /**
-   * Presume that no robot has heard a Command since a time: authorities end after the headroom [s].
-   *
-   * `since` is null if Commands are heard.  Returns the time at which all rest.
-   */
-  presume(since, headroom) {
-    const epoch = this.epochs[this.epochs.length - 1], goes = epoch.started && epoch.frozen === null;
-    const from = since === null || !goes ? null : Math.max(since + headroom - epoch.start, 0);
-    this.silentFrom = from === null ? Infinity : since + headroom;
-    let rest = since === null ? Infinity : since + headroom;
-    for (const motion of epoch.motions.values()) {
-      motion.presume(from);
-      if (!motion.presumed) continue;
-      this.silentFrom = Math.min(this.silentFrom, epoch.start + motion.presumed[0]);
-      rest = Math.max(rest, epoch.start + motion.presumed[1]);
-    }
-    return rest;
-  }
-
-  epochAt(t) {
-    return this.epochs[lastUpTo(this.begins, t)];
-  }
-
-  /** Whether robots are presumed at a time to have heard nothing for too long. */
-  unheardAt(t) {
-    return t >= this.silentFrom;
-  }
-
-  /** What the coordinator states at a time: "hold", "go", "freeze", or "arrived" for all at rest. */
-  phaseAt(t) {
-    const epoch = this.epochAt(t);
-    if (epoch.frozen !== null && t >= epoch.frozen) return epoch.arrived ? "arrived" : "freeze";
-    return epoch.planTime(t) < 0 ? "hold" : "go";
-  }
-
-  /** The one that holds a robot at a time, {robot, by, since, until}, or undefined. */
-  held(index, t) {
-    return this.holds[index].findLast((one) => t >= one.since && (one.until === null || t < one.until));
-  }
-
-  /** Learn how far late robots have come, by their names. */
-  learn({ epoch, passed }) {
-    const found = this.epochs.find((one) => one.epoch === epoch);
-    this.scene.robots.forEach(({ id }, index) => {
-      const motion = found && passed[id] ? found.motions.get(index) : undefined;
-      if (motion) motion.learn(passed[id]);
-    });
-    this.learned++;
-  }
-
-  /** One robot at a time: {x, y, heading, s, length, v, state, lets, motion}. */
-  robot(index, t) {
-    const now = lastUpTo(this.begins, t);
-    const motion = this.epochs[now].motions.get(index);
-    if (!motion) return this.left(index, now);
-    const clock = this.epochs[now].planTime(t), plan = motion.passed(clock), late = clock - plan;
-    const [s, planned] = motion.progress(plan), wait = motion.wait(plan), { halt } = motion;
-    const v = planned * (plan - motion.passed(clock - MOMENT)) / MOMENT;
-    const held = this.held(index, t);
-    let state = "drives", lets = -1;
-    if ((motion.presumed || motion.ride.unheard) && halt && plan >= halt[0]) state = "unheard";
-    else if (held) [state, lets] = ["held", held.by];
-    else if (halt && plan >= halt[0]) state = plan < halt[1] ? "brakes" : "stopped";
-    else if (plan >= motion.finish) state = "arrived";
-    else if (plan < 0) state = "ready";
-    else if (wait) [state, lets] = ["waits", wait.lets];
-    return {
-      ...motion.place(s), s, length: motion.length, v, state, lets, wait, held, late, plan, motion,
-    };
-  }
-
-  /** Why a robot has no part in the epoch at a time. */
-  why(index, t) {
-    return this.epochAt(t).why.get(index) || "no plan";
-  }
-
-  /** A robot without a part in an epoch: it stays at the end of its last motion before. */
-  left(index, now) {
-    const why = this.epochs[now].why.get(index) || "no plan";
-    for (let i = now - 1; i >= 0; i--) {
-      const motion = this.epochs[i].motions.get(index);
-      if (!motion) continue;
-      const end = this.epochs[i].planTime(this.epochs[i + 1].begin);
-      const [s] = motion.progress(motion.passed(end));
-      return { ...motion.place(s), s, length: motion.length, v: 0, state: why, lets: -1 };
-    }
-    return null;
-  }
-
-  /** Where a robot truly was, or null when its black box does not tell. */
-  truth(index, t) {
-    const ghost = this.ghosts.get(index);
-    if (!ghost || ghost.t.length === 0) return null;
-    const { t: times, x: xs, y: ys } = ghost, i = lastUpTo(times, t);
-    const size = i + 1 < times.length ? times[i + 1] - times[i] : 0;
-    const part = size > 0 ? Math.min(Math.max((t - times[i]) / size, 0), 1) : 0;
-    const between = (values) => values[i] + part * (values[Math.min(i + 1, times.length - 1)] - values[i]);
-    return { x: between(xs), y: between(ys), over: t > times[times.length - 1] + 0.5 };
-  }
-
-  /** All robots by id, for scripts outside the page. */
-  at(t) {
-    const all = {};
-    this.scene.robots.forEach((robot, index) => {
-      const found = this.robot(index, t);
-      if (found) {
-        const { x, y, heading, s, v, state } = found;
-        all[robot.id] = { x, y, heading, s, v, state };
-      }
-    });
-    return all;
   }
 }

@@ -10,7 +10,7 @@ const lens = new Lens();
 const tip = new Tip(byId("tip"));
 const ENLARGED = 1.5;
 const TIMELESS = new Set(["+", "=", "-", "0", ".", ">", ",", "<", "Escape"]);
-const PHASES = { hold: "ready", go: "go", freeze: "frozen", arrived: "arrived" };
+const PHASES = { hold: "ready", go: "go", stop: "told to stop", freeze: "frozen", arrived: "arrived" };
 
 let look = new Look();
 let play, floor, diagram, robots, events;
@@ -26,6 +26,7 @@ function load(scene) {
   const found = scene.robots.map((robot) => robot.id).join();
   if (found !== names) robots = new RobotList(byId("robots"), play, chooseToggled, hoverOver);
   names = found;
+  orders.show(play);
   describe(scene, live && isUnheard());
   robots.paint(look);
   robots.choose(focus);
@@ -33,13 +34,22 @@ function load(scene) {
   byId("floor").parentElement.style.setProperty("--aspect", Math.min(Math.max(floor.aspect, 0.6), 2.4));
   setEnd(scene.end);
   presume();
-  if (first) now = 0;
+  now = first ? scene.begin : Math.max(now, scene.begin);
   listed = -Infinity;
   stale = true;
 }
 
+const orders = new OrderList(byId("orders"), day, chooseToggled);
+
 function list() {
-  events = new EventList(byId("events"), byId("ticks"), play, seek);
+  events = new EventList(byId("events"), byId("ticks"), play, seek, day);
+}
+
+/** The time of the day at a time [ms since 1970]; null if it is not known. */
+function day(t) {
+  const { scene } = play;
+  if (live) return word.day(t);
+  return scene.day === null ? null : scene.day + 1000 * t / scene.speed;
 }
 
 function hoverOver(index) {
@@ -49,18 +59,19 @@ function hoverOver(index) {
 
 function setEnd(end) {
   play.scene.end = end;
-  controls.slider.max = end;
-  byId("ticks").style.setProperty("--end", end);
+  const { begin } = play.scene;
+  Object.assign(controls.slider, { min: begin, max: end });
+  byId("ticks").style.setProperty("--end", end - begin);
   byId("end").textContent = `of ${end.toFixed(1)} s`;
 }
 
 function seek(t) {
-  now = Math.min(Math.max(t, 0), play.scene.end);
+  now = Math.min(Math.max(t, play.scene.begin), play.scene.end);
   stale = true;
 }
 
 function setRunning(on) {
-  if (on && now >= play.scene.end) now = 0;
+  if (on && now >= play.scene.end) now = play.scene.begin;
   running = on;
   controls.play.setAttribute("aria-label", on ? "Pause" : "Play");
   controls.shape.setAttribute("d", on ? "M3 1.5h3.5v13H3zM9.5 1.5H13v13H9.5z" : "M3 1.5 14 8 3 14.5z");
@@ -101,8 +112,10 @@ function tell(found) {
   const text = play.epochs.length > 1 || play.scene.source === "log" ? `epoch ${epoch.epoch}, ${phase}` : "";
   if (controls.phase.textContent !== text) controls.phase.textContent = text;
   controls.slider.setAttribute("aria-valuetext", `${now.toFixed(1)} seconds${text ? `, ${text}` : ""}`);
+  const at = day(now);
+  byId("day").textContent = at === null ? "" : clockFace(at);
   events.tell(now);
-  robots.tell(found, play.scene.robots.map((_, index) => play.why(index, now)));
+  robots.tell(found, play.scene.robots.map((_, index) => play.why(index, now)), orders.tell(now, found, look));
 }
 
 function frame(time) {
@@ -122,7 +135,7 @@ function frame(time) {
 }
 
 function jump(direction) {
-  const times = [0, ...play.scene.marks.map((mark) => mark.t), play.scene.end];
+  const times = [play.scene.begin, ...play.scene.marks.map((mark) => mark.t), play.scene.end];
   const found = direction > 0 ? times.find((t) => t > now + 0.05) : times.findLast((t) => t < now - 0.05);
   if (found !== undefined) seek(found);
 }
@@ -130,36 +143,6 @@ function jump(direction) {
 function faster(step) {
   const { speed } = controls;
   speed.selectedIndex = Math.min(Math.max(speed.selectedIndex + step, 0), speed.options.length - 1);
-}
-
-const KEYS = {
-  " ": () => setRunning(!running),
-  ArrowLeft: (event) => seek(now - (event.shiftKey ? 5 : 0.5)),
-  ArrowRight: (event) => seek(now + (event.shiftKey ? 5 : 0.5)),
-  ArrowUp: () => jump(-1),
-  ArrowDown: () => jump(1),
-  Home: () => seek(0),
-  End: () => seek(play.scene.end),
-  ".": () => faster(1),
-  ">": () => faster(1),
-  ",": () => faster(-1),
-  "<": () => faster(-1),
-  "+": () => hand.enlarge(ENLARGED),
-  "=": () => hand.enlarge(ENLARGED),
-  "-": () => hand.enlarge(1 / ENLARGED),
-  0: () => seeAll(),
-  Escape: () => { if (focus >= 0) chooseToggled(focus); },
-};
-
-function pressed(event) {
-  const act = KEYS[event.key], target = event.target;
-  if (!act || event.ctrlKey || event.metaKey || event.altKey) return;
-  const clicks = event.key === " " && target.closest("button, summary, input[type=checkbox]");
-  const own = target.closest("select") || clicks;
-  if (own) return;
-  event.preventDefault();
-  if (!TIMELESS.has(event.key)) setFollowing(false);
-  act(event);
 }
 
 function at(event) {

@@ -34,7 +34,11 @@ class Word {
     });
     hear("scene", this.told.scene);
     hear("late", this.told.late);
-    hear("clock", ({ now, speed }) => { this.clock = { now, speed, heard: this.alive }; });
+    hear("clock", ({ now, speed }) => {
+      const first = this.clock === null;
+      this.clock = { now, speed, heard: this.alive };
+      if (first) this.told.changed();
+    });
     hear("word", (found) => {
       if (found) this.last = { ...found, heard: this.alive };
     });
@@ -85,6 +89,12 @@ class Word {
     const t = this.timeAt(performance.now()), { kind, since, ended } = this.silence || {};
     const last = { over: since + AFTERWARDS, gone: Math.max(known, ended) }[kind] ?? Infinity;
     return Math.min(t, last);
+  }
+
+  /** The time of the day at a time of the fleet [ms since 1970]; null before it is known. */
+  day(t) {
+    if (this.clock === null) return null;
+    return performance.timeOrigin + this.clock.heard + 1000 * (t - this.clock.now) / this.clock.speed;
   }
 
   timeAt(at) {

@@ -73,7 +73,7 @@ def test_the_table_of_a_running_fleet_fits():
     for member in fleet.members.values():
         member.phase, member.fault = FROZEN, OFF_PATH
     fleet.phase = FREEZE
-    assert_fits(shown(FleetTable(document).render(fleet, 10**9)), "robot", "phase", "progress")
+    assert_fits(shown(FleetTable(document, str).render(fleet, 10**9)), "robot", "phase", "progress")
 
 
 def test_the_table_of_a_running_fleet_tells_who_is_held_and_since_when(monkeypatch):
@@ -84,7 +84,7 @@ def test_the_table_of_a_running_fleet_tells_who_is_held_and_since_when(monkeypat
     for member in fleet.members.values():
         member.phase = MOVING
     monkeypatch.setattr(fleet, "held", lambda: [Held(first, second, 400)])
-    said = shown(FleetTable(document).render(fleet, 3 * 10**9), width=160)
+    said = shown(FleetTable(document, str).render(fleet, 3 * 10**9), width=160)
     assert f"held by {second} since 0.4 s" in said
     assert said.count("held by") == 1
 
@@ -94,10 +94,10 @@ def test_the_table_of_a_fleet_shows_robots_that_have_no_part_in_the_newest_plan(
     fleet = muster(packed(document), 9)
     fleet.members["R2"].phase, fleet.members["R2"].finished = DONE, True
     later = plan_scenario(msgspec.structs.replace(HALL, robots=HALL.robots[:1]), effort=0)
-    table = FleetTable(document)
+    table = FleetTable(document, str)
     table.follow(later)
     told = shown(table.render(fleet, 10**9))
     row = next(line for line in told.splitlines() if " R2 " in line)
     assert " done " in row
     assert " 100 " in row
-    assert shown(FleetTable(later).render(fleet, 10**9)) == told
+    assert shown(FleetTable(later, str).render(fleet, 10**9)) == told

@@ -63,6 +63,27 @@ def test_only_a_plan_of_a_later_epoch_is_news(unheard):
     assert not unheard.is_news(Refusal(7, "no"), "R2")
 
 
+def test_a_further_course_that_a_robot_drives_or_holds_and_that_was_not_heard_is_missing(unheard):
+    def course(revision):
+        return msgspec.structs.replace(plan(2, "R1"), revision=revision)
+
+    def drives(revision, holds):
+        return msgspec.structs.replace(report(2), revision=revision, holds=holds)
+
+    unheard.take(drives(0, 1), "R1")
+    assert unheard.robots == {"R1"}
+    assert unheard.is_news(course(1), "R1")
+    unheard.take(course(1), "R1")
+    assert unheard.robots == set()
+    assert not unheard.is_news(course(1), "R1")
+    unheard.take(drives(2, 3), "R1")
+    unheard.take(course(3), "R1")
+    assert unheard.robots == {"R1"}
+    assert unheard.is_news(course(2), "R1")
+    unheard.take(course(2), "R1")
+    assert unheard.robots == set()
+
+
 def test_the_coordinator_is_asked_at_most_twice_a_second(unheard):
     unheard.take(report(2), "R2")
     asked = [time / 100.0 for time in range(200) if unheard.asks(time / 100.0)]

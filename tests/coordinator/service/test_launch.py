@@ -71,7 +71,7 @@ def test_arrivals_count_from_the_first_go_whatever_epoch_they_were_in(told):
 def test_a_later_plan_that_cannot_be_written_ends_no_fleet(told, tmp_path):
     document = replace(plan_scenario(HALL, effort=0), epoch=2)
     coordinator = Coordinator(HALL, effort=0, speed=1.0, events=False)
-    coordinator._keep(document, tmp_path / "gone" / "plan.json", FleetTable(document))
+    coordinator._keep(document, tmp_path / "gone" / "plan.json", FleetTable(document, str))
     assert told == [
         f"{tmp_path}/gone/plan-2.json: No such file or directory",
         "epoch 2: 2 robots go on",

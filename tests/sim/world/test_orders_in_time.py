@@ -10,7 +10,7 @@ from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import Demand, Order
 from coordinator.service.replay import check_log
 from protocol import keys
-from protocol.codec import encode
+from protocol.codec import decode, encode
 from protocol.messages import (
     CANCELLED,
     END,
@@ -411,3 +411,19 @@ def test_a_robot_that_failed_three_times_stands_until_it_is_admitted_and_goes_on
     assert world.fleet.is_finished
     assert freezes(world) == 0
     assert nobody_touches(world)
+
+
+def test_a_listener_is_told_of_both_courses_that_a_robot_may_be_driving():
+    world = a_world(replace(hall(), orders=(Order(id="a", goal=(8.0, 3.0), robot="R1"),)))
+    member = world.fleet.members["R1"]
+    while not member.driven < member.revision:
+        world.step()
+    answers = world.coordinator.driver.plans_again(world.now_ns + 10**9)
+    told = [decode("plan", payload) for key, payload in answers if key.endswith("/R1")]
+    assert [(one.robot, one.revision) for one in told] == [("R1", 0), ("R1", 1)]
+    while member.driven < member.revision:
+        world.step()
+    world.run(0.2)
+    answers = world.coordinator.driver.plans_again(world.now_ns + 2 * 10**9)
+    told = [decode("plan", payload) for key, payload in answers if key.endswith("/R1")]
+    assert [one.revision for one in told] == [1]

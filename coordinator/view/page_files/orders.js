@@ -1,0 +1,100 @@
+// The orders: which wait, are under way and are over, with whom and when.
+
+const ORDER_STATES = ["waiting", "under way", "done", "cancelled", "refused"];
+const [WAITING, UNDER_WAY, DONE] = [0, 1, 2];
+/** So many orders that are over are listed, the last ones. */
+const LISTED = 30;
+
+const clockFace = (ms) => new Date(ms).toTimeString().slice(0, 8);
+
+/** A time in words: the time of the day, where it is known, and the seconds. */
+function moment(t, day) {
+  const seconds = `${t.toFixed(1)} s`, at = day(t);
+  return at === null ? seconds : `${clockFace(at)} · ${seconds}`;
+}
+
+/** What becomes of an order at a time: {id, since, state, robot, planned, reason, arrived}; else null. */
+function orderAt(order, t) {
+  const step = order.steps.findLast((one) => one[0] <= t);
+  if (!step) return null;
+  const [since, state, robot, planned, reason] = step;
+  const arrived = order.arrived !== null && order.arrived <= t && state !== WAITING ? order.arrived : null;
+  return { id: order.id, since, state, robot, planned, reason, arrived };
+}
+
+/** One row per order: those under way, those that wait, then the last ones that are over. */
+class OrderList {
+  constructor(list, day, choose) {
+    this.day = day;
+    this.choose = choose;
+    this.list = list;
+    this.title = byId("orders-title");
+    this.rows = [];
+  }
+
+  /** Show the orders of another scene; rows stay, so that nothing moves. */
+  show(play) {
+    this.play = play;
+    this.title.parentElement.hidden = play.scene.orders.length === 0;
+  }
+
+  /** The orders at a time, in the order of the list. */
+  at(t) {
+    const found = this.play.scene.orders.map((order) => orderAt(order, t)).filter(Boolean);
+    const of = (...states) => found.filter((one) => states.includes(one.state));
+    const over = of(2, 3, 4).sort((a, b) => b.since - a.since);
+    const going = of(UNDER_WAY).sort((a, b) => a.planned - b.planned);
+    return { found, listed: [...going, ...of(WAITING), ...over.slice(0, LISTED)] };
+  }
+
+  tell(t, robots, look) {
+    const { found, listed } = this.at(t);
+    const counts = ORDER_STATES.map((name, state) => [name, found.filter((one) => one.state === state).length]);
+    const told = counts.filter(([, count]) => count).map(([name, count]) => `${count} ${name}`);
+    this.write(this.title, ["Orders", ...told.length ? [told.join(", ")] : []].join(": "));
+    while (this.rows.length < listed.length) this.rows.push(this.row());
+    this.rows.forEach((row, i) => {
+      const one = listed[i];
+      row.item.hidden = !one;
+      if (one) this.fill(row, one, robots[one.robot], t, look);
+    });
+    return new Map(listed.filter((one) => one.state === UNDER_WAY).map((one) => [one.robot, one.id]));
+  }
+
+  row() {
+    const parts = ["swatch", "id", "state", "number"].map((className) => element("span", { className }));
+    const button = element("button", { type: "button" }, ...parts), item = element("li", {}, button);
+    const row = { item, button, parts, robot: -1 };
+    button.addEventListener("click", () => { if (row.robot >= 0) this.choose(row.robot); });
+    this.list.append(item);
+    return row;
+  }
+
+  fill(row, one, robot, t, look) {
+    const [swatch, id, state, number] = row.parts, known = one.robot >= 0;
+    row.robot = one.robot;
+    row.button.dataset.state = ORDER_STATES[one.state];
+    swatch.style.setProperty("--colour", known ? look.robot(one.robot) : "transparent");
+    this.write(id, one.id);
+    this.write(state, this.words(one, robot, t));
+    const at = one.state === UNDER_WAY ? one.planned : one.state === DONE ? one.arrived : one.since;
+    this.write(number, moment(at ?? one.since, this.day));
+  }
+
+  words(one, robot, t) {
+    const putOff = this.play.putOff(t) - this.play.putOff(one.since);
+    const name = one.robot < 0 ? "" : this.play.scene.robots[one.robot].id;
+    const late = one.arrived !== null ? one.arrived - one.planned : robot && robot.motion ? robot.late + putOff : 0;
+    const lateness = one.planned !== null && late > LATE ? `, ${late.toFixed(1)} s late` : "";
+    if (one.state === UNDER_WAY) {
+      return `${name} ${one.arrived === null ? "arrives" : "is at the goal"}${lateness}`;
+    }
+    if (one.state === DONE) return `${name} was there${lateness}`;
+    if (one.state === WAITING) return one.reason || ORDER_STATES[WAITING];
+    return one.reason ? `${ORDER_STATES[one.state]}: ${one.reason}` : ORDER_STATES[one.state];
+  }
+
+  write(box, text) {
+    if (box.textContent !== text) box.textContent = text;
+  }
+}

@@ -1,0 +1,142 @@
+"""Robots on their further courses: the page has them where they truly were."""
+
+import numpy as np
+import pytest
+
+from coordinator.view.live_course import LiveCourse
+from coordinator.view.scene_log import scene_of_logs
+from protocol import keys
+from protocol.codec import decode
+from protocol.messages import Plan
+from protocol.phases import GO
+from protocol.timing import SECOND
+from tests.coordinator.a_day import AWAY_S, STOPPED_S
+from tests.coordinator.view.test_page_and_export import on_the_page
+
+
+def shown(scene, name, times):
+    """Where the page has a robot at these times, by the words of scene.py; nan: not there."""
+    (epoch,) = scene.epochs
+    index = [body.id for body in scene.robots].index(name)
+    mine = [ride for ride in epoch.rides if ride.robot == index]
+    assert [ride.revision for ride in mine] == sorted(ride.revision for ride in mine)
+    places = np.full((len(times), 2), np.nan)
+    for number, t in enumerate((times - epoch.start).tolist()):
+        begun = [one for one in mine if one.told is None or (one.since or np.inf) <= t]
+        if begun:
+            places[number] = on_the_page(begun[-1], t)
+    return places
+
+
+def assert_where_they_were(scene, boxes):
+    assert [body.id for body in scene.robots] == ["R1", "R2", "R3", "R4"]
+    for name, box in boxes.items():
+        times = np.arange(max(box.t[0], 0.0), box.t[-1], 0.1)
+        off = np.hypot(*(shown(scene, name, times) - box.at(times)).T)
+        off = off[~np.isnan(off)]
+        assert len(off) > 0.5 * len(times), name
+        assert off.max() < 0.2, (name, times[np.argmax(off)])
+        assert np.median(off) < 0.03, name
+
+
+def test_the_page_of_a_day_has_robots_where_they_truly_were(day):
+    logs, boxes = day
+    scene = scene_of_logs([(str(n), log) for n, log in enumerate(logs)])
+    assert_where_they_were(scene, boxes)
+    stop, away = scene.epochs[0].stops
+    assert (stop.until - stop.since) == pytest.approx(STOPPED_S, abs=1.0)
+    assert (away.until - away.since) == pytest.approx(AWAY_S, abs=1.0)
+    assert 0.0 < stop.late < away.late < STOPPED_S + AWAY_S + 2.0
+    told = [(mark.kind, mark.text) for mark in scene.marks]
+    assert told[:3] == [
+        ("go", "epoch 1: 3 robots go"),
+        ("freeze", "told to stop"),
+        ("go", "told to go on"),
+    ]
+
+
+def heard(logs, skip=()):
+    """What a listener knows that heard all of the logs but some courses (robot, revision)."""
+    course = LiveCourse(None, None)
+    for log in logs:
+        for record in log.records:
+            place = keys.split(record.key)
+            message = decode(place[1], record.payload) if place and place[1] == "plan" else None
+            if isinstance(message, Plan) and (message.robot, message.revision) in skip:
+                continue
+            course.hear(record.key, record.payload, record.log_ns / SECOND)
+    return course
+
+
+def test_the_page_of_a_running_fleet_has_robots_where_they_truly_were(day):
+    logs, boxes = day
+    course = heard(logs)
+    assert course.unheard.robots == set()
+    assert_where_they_were(course.scene(), boxes)
+
+
+def test_a_listener_asks_for_a_course_that_it_missed_and_draws_it_from_its_beginning(day):
+    logs, _ = day
+    whole = heard(logs).scene()
+    newest = max(ride.revision for ride in whole.epochs[0].rides if ride.robot == 0)
+    course = heard(logs, [("R1", newest)])
+    assert course.unheard.robots == {"R1"}
+    plans = [record for log in logs for record in log.records if "/plan/R1" in record.key]
+    (missed, *_) = [one for one in plans if decode("plan", one.payload).revision == newest]
+    end = logs[-1].records[-1].log_ns / SECOND
+    assert course.hear(missed.key, missed.payload, end + 1.0)
+    assert course.unheard.robots == set()
+    (ride,) = (
+        one for one in course.scene().epochs[0].rides if (one.robot, one.revision) == (0, newest)
+    )
+    (same,) = (one for one in whole.epochs[0].rides if (one.robot, one.revision) == (0, newest))
+    assert (ride.path, ride.legs, ride.since) == (same.path, same.legs, same.since)
+
+
+def test_a_listener_that_comes_late_has_robots_right_from_what_it_asks_for(day):
+    (log, *_), boxes = day
+    zero_ns = next(
+        command.start_ns
+        for record in log.records
+        if record.key.endswith("/command")
+        and (command := decode("command", record.payload)).phase == GO
+    )
+    came_ns = zero_ns + round(5.0 * SECOND)
+    course, plans = LiveCourse(None, None), {}
+    for record in log.records:
+        if record.log_ns >= came_ns:
+            course.hear(record.key, record.payload, record.log_ns / SECOND)
+            for robot in course.unheard.robots & plans.keys():
+                old = plans[robot]
+                course.hear(old.key, old.payload, record.log_ns / SECOND)
+        elif "/plan/" in record.key:
+            plans[record.key.rpartition("/")[2]] = record
+    assert course.unheard.robots == set()
+    scene = course.scene()
+    for name, box in boxes.items():
+        times = np.arange(6.0, scene.end, 0.1)
+        off = np.hypot(*(shown(scene, name, times) - box.at(times)).T)
+        assert np.nanmax(off) < 0.2, name
+
+
+def test_a_course_that_was_sent_and_is_not_driven_yet_is_told_as_such(day):
+    logs, _ = day
+    course, seen = LiveCourse(None, None), []
+    for record in logs[0].records:
+        changed = course.hear(record.key, record.payload, record.log_ns / SECOND)
+        if changed and "/plan/" in record.key:
+            seen += [one for one in course.scene().epochs[0].rides if one.told is not None][-1:]
+    assert any(one.since is None for one in seen)
+
+
+def test_a_page_that_was_open_for_long_forgets_what_robots_drove_long_ago(day, monkeypatch):
+    monkeypatch.setattr("coordinator.view.live_course._KEPT", 15 * SECOND)
+    logs, boxes = day
+    whole, scene = scene_of_logs([(str(n), log) for n, log in enumerate(logs)]), heard(logs).scene()
+    assert scene.begin == pytest.approx(scene.end - 15.0, abs=0.01)
+    assert len(scene.epochs[0].rides) < len(whole.epochs[0].rides)
+    assert [mark for mark in scene.marks if mark.t < scene.begin] == []
+    for name, box in boxes.items():
+        times = np.arange(scene.begin, box.t[-1], 0.1)
+        off = np.hypot(*(shown(scene, name, times) - box.at(times)).T)
+        assert np.nanmax(off, initial=0.0) < 0.2, name
