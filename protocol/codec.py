@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import struct
 import zlib
-from functools import reduce
+from functools import lru_cache, reduce
 from operator import or_
 from typing import Final
 
@@ -66,6 +66,10 @@ KINDS: Final[dict[str, tuple[type[Message], ...]]] = {
 
 _UINT32: Final = 0xCE
 
+_KEPT: Final = 64
+"""How many messages are kept as decoded: a coordinator's intake and its core decode each message,
+and in a simulation every robot decodes the same Commands."""
+
 _encoder: Final = msgspec.msgpack.Encoder()
 _plan_decoder: Final = msgspec.msgpack.Decoder(Plan)
 _decoders: Final = {
@@ -91,8 +95,12 @@ def encode(message: Message) -> bytes:
     return payload
 
 
+@lru_cache(maxsize=_KEPT)
 def decode(kind: str, payload: bytes) -> Message | None:
-    """Decode what arrived on a key of this kind; None when it is not an acceptable message."""
+    """Decode what arrived on a key of this kind; None when it is not an acceptable message.
+
+    Who decodes the same bytes again may get the same message, which is frozen.
+    """
     decoder = _decoders.get(kind)
     if decoder is None or len(payload) > MAX_MESSAGE_BYTES:
         return None

@@ -34,11 +34,12 @@ class Inbox:
     """The queues of messages for one robot.
 
     `bad`: how many messages were invalid or for other robots; `dropped`: how many were displaced by
-    newer ones.
+    newer ones.  `waits`: whether a message may wait.
     """
 
     def __init__(self, robot: str) -> None:
         self.bad = self.dropped = 0
+        self.waits = False
         self._robot = robot
         self._lanes: dict[type[Message], deque[tuple[int, Heard]]] = {
             kind: deque(maxlen=depth) for kind, depth in _DEPTHS.items()
@@ -63,19 +64,18 @@ class Inbox:
         self.dropped += len(lane) == lane.maxlen
         self._count += 1
         lane.append((self._count, Heard(place[0], message, heard_ns)))
-
-    def is_empty(self) -> bool:
-        """Return whether no message waits."""
-        return not any(self._queues)
+        self.waits = True
 
     def take(self) -> Heard | None:
         """Remove and return the waiting message that arrived first; None when none waits.
 
         Another thread may `put` meanwhile.
         """
-        if not any(self._queues):
-            return None
+        self.waits = False  # Before looking, so that what is put meanwhile is not overlooked.
         waiting = [lane for lane in self._queues if lane]
+        if not waiting:
+            return None
+        self.waits = True
         return min(waiting, key=lambda lane: lane[0][0]).popleft()[1]
 
     def _is_mine(self, robot: str, message: Message) -> bool:

@@ -24,7 +24,7 @@ from protocol.messages import (
     Report,
     Rest,
 )
-from protocol.phases import DONE, FREEZE, GO, HOLD, IDLE, PHASE_NAMES
+from protocol.phases import DONE, FREEZE, FROZEN, GO, HOLD, IDLE, PHASE_NAMES
 from protocol.plan_parts import unpack_plan
 from protocol.timing import COMMAND_PERIOD, SECOND
 from protocol.transport import Transport
@@ -38,6 +38,7 @@ from robot_agent.steady_clock import SteadyClock
 from robot_agent.words import Lasting, phase_in_words, waits_for
 
 _NOWHERE = (0.0, 0.0, 0.0)
+_AT_REST = (DONE, FROZEN)
 
 _SILENCE_NS = 5 * COMMAND_PERIOD
 """A coordinator from which nothing was received for this long counts as silent."""
@@ -165,7 +166,7 @@ class RobotService:
         self.refusal: str | None = None
         self.inbox = Inbox(robot.id)
         self.last_error = ""
-        self.heard_ns = -(2**62)
+        self.heard_ns = self._quiet_until_ns = -(2**62)
         self._hellos = 0
         self._phase, self._arrived = HOLD, False
         self.robot = robot
@@ -181,11 +182,30 @@ class RobotService:
 
     def tick(self, now_ns: int) -> bool:
         """Receive, read the pose, decide, drive, send, record; return False at the end."""
-        if not self.inbox.is_empty():
+        if self.inbox.waits:
             self._hear(now_ns)
         self._move(now_ns)
         self._speak(now_ns)
-        return self.refusal is None and not self.agent.may_leave(now_ns)
+        agent = self.agent
+        if agent.phase in _AT_REST:
+            self._quiet_until_ns = agent.quiet_until(now_ns)
+        return self.refusal is None and not agent.may_leave(now_ns)
+
+    def rest(self, now_ns: int) -> bool:
+        """Take the place of `tick` for a robot whose base rests; False if `tick` has more to do.
+
+        It hears what has arrived and reads the pose, but commands and records nothing.
+        """
+        agent = self.agent
+        if self.inbox.waits:
+            self._hear(now_ns)
+            self._quiet_until_ns = agent.quiet_until(now_ns)
+        if now_ns >= self._quiet_until_ns or not agent.skip(now_ns):
+            return False
+        pose = self._driver.pose()
+        if pose is not None and not agent.stays(now_ns, *pose):
+            self._speak(now_ns)
+        return True
 
     def describe(self) -> str:
         """Return the robot's phase in words, and why it stopped if it did."""
@@ -237,7 +257,9 @@ class RobotService:
         if self._fleet is None:
             self._join(fleet)
         agent = self.agent
-        authority, coming = (command.authority_of(n) for n in (agent.number, agent.next_number))
+        authority = coming = command.authority_of(agent.number)
+        if agent.next_number != agent.number:
+            coming = command.authority_of(agent.next_number)
         counts = agent.hear_command(
             command.boot,
             command.term,

@@ -110,6 +110,10 @@ class Intake:
             return message.received_ns is not None
         return isinstance(message, Command) and message.boot == self._boot
 
+    def is_empty(self) -> bool:
+        """Return whether no message waits."""
+        return self._lanes.is_empty()
+
     def take(self, now_ns: int) -> Arrival | None:
         """Return the next message to hear; None if no message may pass now."""
         return self._lanes.take(now_ns)

@@ -78,6 +78,10 @@ class Lanes(Generic[Item]):
         lane.items.append(item)
         return has_room
 
+    def is_empty(self) -> bool:
+        """Return whether all lanes are empty."""
+        return not self._turns
+
     def take(self, now_ns: int) -> Item | None:
         """Return the next item from the lanes in turn; None if no lane may pass one now."""
         for _ in range(len(self._turns)):

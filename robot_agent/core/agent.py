@@ -261,32 +261,40 @@ class Agent:
         elif phase in _ON_ITS_WAY:
             self._drive(ride, now_ns, x, y, heading)
         elif phase == DONE:
-            ride.follower.locate(x, y, heading)
-            if ride.has_left_goal():
-                self._fail(OFF_PATH, now_ns)
+            self.stays(now_ns, x, y, heading)
 
     def quiet_until(self, now_ns: int) -> int:
-        """Return until when [ns] ticks change nothing and nothing is to be sent.
+        """Return until when [ns] a robot that rests has nothing to send.
 
         That is so for a robot that is at its goal or frozen, after a tick in which it has sent what
-        was due, as long as it hears nothing, its pose stays the same, and no tick is late.  A shell
-        may then call `skip` instead of `tick`.  The result is `now_ns` if there is more to do.
+        was due, as long as it hears nothing.  A shell may then call `skip` and `stays` instead of
+        `tick`.  The result is `now_ns` if there is more to do.
         """
         ride = self.ride
-        state = (self.epoch, self.phase, self.fault, self.revision, self.holds)
-        if ride is None or self._coming is not None or self._reported != state:
+        if self.phase not in (DONE, FROZEN) or ride is None or self._coming is not None:
             return now_ns
-        if self.phase == FROZEN or (self.phase == DONE and ride.follower.is_still()):
-            enough = ride.clock_error_ns - CLOCK_RESERVE
-            return min(self._reported_ns + REPORT_PERIOD, self.clock.quiet_until(enough))
-        return now_ns
+        if self._reported != (self.epoch, self.phase, self.fault, self.revision, self.holds):
+            return now_ns
+        enough = ride.clock_error_ns - CLOCK_RESERVE
+        return min(self._reported_ns + REPORT_PERIOD, self.clock.quiet_until(enough))
 
     def skip(self, now_ns: int) -> bool:
-        """Take the place of a tick that changes nothing; False if the tick is late."""
+        """Let a tick of a robot that rests pass; False if the tick is late."""
         if now_ns - self._ticked_ns > self._late_tick_ns:
             return False
         self._ticked_ns = now_ns
-        self.clock.skip(now_ns)
+        self.clock.follow(now_ns, False)
+        return True
+
+    def stays(self, now_ns: int, x: float, y: float, heading: float) -> bool:
+        """Return whether a robot that rests is where it was; at its goal it may be pushed off."""
+        ride = self.ride
+        if self.phase != DONE or ride is None:
+            return True
+        ride.follower.locate(x, y, heading)
+        if ride.has_left_goal():
+            self._fail(OFF_PATH, now_ns)
+            return False
         return True
 
     def report_due(self, now_ns: int) -> bool:

@@ -121,10 +121,6 @@ class ClockSync:
             return until_ns
         return self._asked_ns + self._period_ns
 
-    def skip(self, now_ns: int) -> None:
-        """Take the place of `follow` for a robot that stands and has heard nothing since."""
-        self._followed_ns = now_ns
-
     def error_ns(self, now_ns: int) -> int:
         """Return the bound [ns] on the offset's error; enormous while the offset is not known."""
         if not self.good:

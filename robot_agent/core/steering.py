@@ -48,6 +48,7 @@ class PathFollower:
         self.heading_error = 0.0
         self._curve = curve
         self._x = self._y = self._heading = inf
+        self._tangent_s = inf  # Where the tangent was evaluated.
         self._tx = 1.0
         self._ty = 0.0
         self._still_at = inf  # s, if the last `locate` hardly changed it and still holds.
@@ -117,10 +118,6 @@ class PathFollower:
         """Return the pose [m, m, rad] that was located last."""
         return self._x, self._y, self._heading
 
-    def is_still(self) -> bool:
-        """Return whether `locate` changes nothing as long as the pose stays the same."""
-        return self._still_at < inf
-
     def find(self) -> None:
         """Search the path around s for the point nearest to the pose of the last `locate`.
 
@@ -180,6 +177,7 @@ class PathFollower:
             bend = atan2(tx * ahead_y - ty * ahead_x, tx * ahead_x + ty * ahead_y) / ahead
             if still_at < inf:
                 self._tx, self._ty, self._still_at = tx, ty, still_at
+                self._tangent_s = inf
         if self.lateral < inf:
             rate = 1.0 / max(SETTLING_LENGTH, _TICKS_TO_SETTLE * travel)
             bend -= rate * (rate * self.lateral + 2.0 * self.heading_error)
@@ -208,10 +206,12 @@ class PathFollower:
 
     def _tangent_at(self, s: float) -> None:
         """Evaluate the curve at s and store its direction, unless it has none there."""
-        curve = self._curve
+        self._still_at = inf
+        if s == self._tangent_s:
+            return
+        self._tangent_s, curve = s, self._curve
         curve.place(s)
         dx, dy = curve.dx, curve.dy
         size = sqrt(dx * dx + dy * dy)
         if size > 1e-9:
             self._tx, self._ty = dx / size, dy / size
-        self._still_at = inf

@@ -72,10 +72,11 @@ def touches(
     """
     slides = _slides(faults)
     found = []
+    spans = {name: _span(box) for name, box in boxes.items()}
     for a, b in combinations(document.robots, 2):
         one, other = boxes[a.id], boxes[b.id]
         least = a.radius + b.radius - slides.get(a.id, 0.0) - slides.get(b.id, 0.0)
-        if not _come_near(one, other, least):
+        if not _come_near(spans[a.id], spans[b.id], least):
             continue
         separation, t = least_separation(one, other)
         if separation < least:
@@ -113,13 +114,20 @@ def _slides(faults: Sequence[Fault]) -> dict[str, float]:
     return slides
 
 
-def _come_near(a: BlackBox, b: BlackBox, least: float) -> bool:
+_Span = tuple[float, float, float, float]
+
+
+def _span(box: BlackBox) -> _Span:
+    """Return the least and the greatest x and y [m] of a track; inf and -inf without rows."""
+    if not len(box.t):
+        return math.inf, math.inf, -math.inf, -math.inf
+    (x0, y0), (x1, y1) = box.places.min(axis=0).tolist(), box.places.max(axis=0).tolist()
+    return x0, y0, x1, y1
+
+
+def _come_near(a: _Span, b: _Span, least: float) -> bool:
     """Return whether the bounding boxes of two robots' tracks are nearer than `least` [m]."""
-    if not len(a.t) or not len(b.t):
-        return False
-    low = np.maximum(a.places.min(axis=0), b.places.min(axis=0))
-    high = np.minimum(a.places.max(axis=0), b.places.max(axis=0))
-    return bool(np.all(low - high < least))
+    return max(a[0], b[0]) - min(a[2], b[2]) < least and max(a[1], b[1]) - min(a[3], b[3]) < least
 
 
 def arrived(world: World, document: PlanDocument, boxes: Mapping[str, BlackBox]) -> set[str]:

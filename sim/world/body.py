@@ -43,7 +43,7 @@ class SimulatedBody(Driver):
         self._accel = max_accel * SLEW_SHARE
         self._gain = wheel_gain
         self._noise = noise
-        self._random = random.Random(seed)
+        self._chance = random.Random(seed).random
         self._clock = clock
         self._now_ns: int | None = None
         self._powered_ns = 0
@@ -63,12 +63,15 @@ class SimulatedBody(Driver):
 
     def pose(self) -> Pose | None:
         """Return the measured pose."""
-        if not self._noise and not math.isnan(self.x):
-            return self.x, self.y, self.heading
-        if math.isnan(self.x):
+        x, noise = self.x, self._noise
+        if x != x:
             return None
-        noise = (self._random.gauss(0.0, self._noise), self._random.gauss(0.0, self._noise))
-        return self.x + noise[0], self.y + noise[1], self.heading
+        if not noise:
+            return x, self.y, self.heading
+        turn = math.tau * self._chance()  # Two normal errors at once, as Box and Muller do.
+        size = math.sqrt(-2.0 * math.log(1.0 - self._chance()))
+        there = x + math.cos(turn) * size * noise, self.y + math.sin(turn) * size * noise
+        return (*there, self.heading)
 
     def drive(self, speed_mps: float, curvature_radpm: float, distance_m: float) -> None:
         """Drive as commanded; the command is valid for WATCHDOG_NS from the last `step`."""

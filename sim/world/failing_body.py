@@ -48,10 +48,10 @@ class FailingBody(SimulatedBody):
             raise DriverError("the base does not answer")
         return SimulatedBody.pose(self)
 
-    def is_still(self) -> bool:
-        """Return whether the body keeps its pose, measured and true, until it is driven again."""
+    def is_at_rest(self) -> bool:
+        """Return whether the body stays where it is and works, as long as it is not driven."""
         moves = self.speed or self._wanted or self._turn or self._slide_left
-        return not (moves or self._noise or self._failing)
+        return not (moves or self._failing)
 
     def turn(self, angle_rad: float) -> None:
         """Turn as commanded, unless stalled."""

@@ -76,7 +76,8 @@ class MemoryNetwork:
         if drop_notice_ns < 0:
             raise ValueError(f"drop_notice_ns is {drop_notice_ns}, which is negative")
         self.now_ns = 0
-        self._random = random.Random(seed)
+        dice = random.Random(seed)
+        self._chance, self._bits = dice.random, dice.getrandbits
         self._loss = loss
         self._delay_ns = delay_ns
         self._doubling = doubling
@@ -109,7 +110,7 @@ class MemoryNetwork:
             self.now_ns = event.due_ns
             if isinstance(event, _Look):
                 self._liveliness.look(self.now_ns, self._cut)
-            elif event.sender in self._cut or event.receiver.name in self._cut:
+            elif self._is_cut(event.sender, event.receiver.name):
                 continue
             elif event.receiver.name in self._held:
                 self._held[event.receiver.name].append(event)
@@ -157,16 +158,18 @@ class MemoryNetwork:
 
     def send(self, sender: str, key: str, payload: bytes) -> None:
         """Put a message on its way to every other session that subscribes to its key."""
+        chance, below, now_ns = self._chance, self._below, self.now_ns
+        least_ns, most_ns = self._delay_ns
         for receiver in self._receivers(key):
             if receiver.name == sender:
                 continue
-            lost, doubled, held = (self._random.random() for _ in range(3))
-            delay_ns = self._random.randint(*self._delay_ns)
-            hold_ns = self._random.randint(1, LONGEST_HOLD_NS)
-            late_ns = self._fate(key, self.now_ns)
-            if late_ns is None or lost < self._loss or {sender, receiver.name} & self._cut.keys():
+            lost, doubled, held = chance(), chance(), chance()
+            delay_ns = least_ns + below(most_ns - least_ns + 1)
+            hold_ns = 1 + below(LONGEST_HOLD_NS)
+            late_ns = self._fate(key, now_ns)
+            if late_ns is None or lost < self._loss or self._is_cut(sender, receiver.name):
                 continue
-            due_ns = self.now_ns + delay_ns + late_ns
+            due_ns = now_ns + delay_ns + late_ns
             if held < self._reordering:
                 due_ns += hold_ns
             else:
@@ -176,6 +179,17 @@ class MemoryNetwork:
             self._launch(due_ns, sender, receiver, key, payload)
             if doubled < self._doubling:
                 self._launch(due_ns + hold_ns, sender, receiver, key, payload)
+
+    def _below(self, count: int) -> int:
+        """Return a random number from 0 to count - 1, the one that `randrange` would return."""
+        size = count.bit_length()
+        number = self._bits(size)
+        while number >= count:
+            number = self._bits(size)
+        return number
+
+    def _is_cut(self, sender: str, receiver: str) -> bool:
+        return bool(self._cut) and (sender in self._cut or receiver in self._cut)
 
     def forget_routes(self) -> None:
         """Discard the cached receivers of each key."""

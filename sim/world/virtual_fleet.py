@@ -147,8 +147,11 @@ class World:
             self.agenda, network, self.robots, self.fleet.name, self._coordinator_strikes()
         )
         self.agenda.at(self.now_ns + COMMAND_PERIOD, self._tick_fleet)
+        at_once: dict[int, list[Inhabitant]] = {}
         for index, robot in enumerate(self.robots.values()):
-            self.agenda.at(self.now_ns + index * _STAGGER % period_ns, self._ticker(robot))
+            at_once.setdefault(index * _STAGGER % period_ns, []).append(robot)
+        for later_ns, some in at_once.items():
+            self.agenda.at(self.now_ns + later_ns, self._ticker(some))
 
     @property
     def mission(self) -> Mission:
@@ -167,14 +170,16 @@ class World:
 
     def run(self, seconds: float) -> None:
         """Let time pass until the fleet is finished, at most `seconds`."""
-        end_ns = self.now_ns + round(seconds * SECOND)
-        while self.now_ns < end_ns and not self.fleet.is_finished:
+        agenda, coordinator = self.agenda, self.coordinator
+        end_ns = agenda.now_ns + round(seconds * SECOND)
+        while agenda.now_ns < end_ns and not coordinator.driver.mission.fleet.is_finished:
             self.step()
 
     def go_on(self, seconds: float) -> None:
         """Let `seconds` pass, whether or not the fleet is finished."""
-        end_ns = self.now_ns + round(seconds * SECOND)
-        while self.now_ns < end_ns:
+        agenda = self.agenda
+        end_ns = agenda.now_ns + round(seconds * SECOND)
+        while agenda.now_ns < end_ns:
             self.step()
 
     def step(self) -> None:
@@ -216,7 +221,7 @@ class World:
         """Start the program of a robot that is not in the scenario, without flaws."""
         robot = self._inhabitant(name, radius, accel, boot, NO_FLAWS, random.Random(boot))
         self.robots[name] = robot
-        self.agenda.at(self.now_ns, self._ticker(robot))
+        self.agenda.at(self.now_ns, self._ticker([robot]))
 
     def blackboxes(self) -> dict[str, BlackBox]:
         """Return every robot's black box."""
@@ -263,14 +268,17 @@ class World:
             period_ns=self._period_ns,
         )
 
-    def _ticker(self, robot: Inhabitant) -> Action:
+    def _ticker(self, robots: Sequence[Inhabitant]) -> Action:
+        """Return the action of robots that tick at the same times."""
         agenda, period_ns = self.agenda, self._period_ns
 
         def tick() -> int:
-            robot.tick()
             now_ns, began_ns = agenda.now_ns, self.began_ns
-            if began_ns and now_ns >= began_ns:
-                robot.note(now_ns, began_ns)
+            has_begun = began_ns and now_ns >= began_ns
+            for robot in robots:
+                robot.tick()
+                if has_begun:
+                    robot.note(now_ns, began_ns)
             return now_ns + period_ns
 
         return tick

@@ -141,9 +141,12 @@ class VirtualService:
 
     def take_arrivals(self) -> None:
         """Pass the messages that have arrived to the driver."""
+        driver = self.driver
+        if driver.intake.is_empty():
+            return
         now_ns = self._clock()
-        while (arrival := self.driver.intake.take(now_ns)) is not None:
-            self.driver.hear(arrival, now_ns)
+        while (arrival := driver.intake.take(now_ns)) is not None:
+            driver.hear(arrival, now_ns)
 
     def die(self) -> None:
         """End as a killed process does; ValueError without logs to resume from.

@@ -197,6 +197,7 @@ def test_a_plan_with_any_bit_flipped_is_dropped_before_it_is_parsed(monkeypatch)
             return a_plan()
 
     monkeypatch.setattr(codec, "_plan_decoder", Parser())
+    codec.decode.cache_clear()
     payload = codec.encode(a_plan())
     assert codec.decode("plan", payload) == a_plan()
     assert parsed == [payload]

@@ -18,7 +18,7 @@ from sim.floors.generator import generate
 from sim.judging.judge import judge_boxes
 from sim.world.fault_text import Fault
 from sim.world.memory_transport import MemoryNetwork
-from sim.world.virtual_fleet import USUAL_FLAWS, World
+from sim.world.virtual_fleet import NO_FLAWS, USUAL_FLAWS, World
 
 SCENARIO = b"""
 name = "three"
@@ -67,9 +67,9 @@ def good_link(seed=0):
     return MemoryNetwork(seed, delay_ns=(MILLISECOND, 3 * MILLISECOND))
 
 
-def struck(scenario, document, *faults, seed=5):
+def struck(scenario, document, *faults, seed=5, flaws=NO_FLAWS):
     """Return a world after a whole run with these faults."""
-    world = World(scenario, document, good_link(seed), seed=seed, faults=faults)
+    world = World(scenario, document, good_link(seed), seed=seed, faults=faults, flaws=flaws)
     world.run(300.0)
     world.go_on(1.0)
     return world
@@ -143,7 +143,8 @@ def test_the_same_seed_gives_the_same_run(scenario, document):
     assert len(rows[0]["R1"]) > 100
 
 
-def test_skipped_ticks_change_nothing(scenario, document, monkeypatch):
+@pytest.mark.parametrize("flaws", [NO_FLAWS, USUAL_FLAWS])
+def test_skipped_ticks_change_nothing(scenario, document, monkeypatch, flaws):
     """Robots rest at their goals while one is pushed, one's base fails and one's clock is set."""
 
     def seen():
@@ -153,7 +154,7 @@ def test_skipped_ticks_change_nothing(scenario, document, monkeypatch):
             Fault("hang", "R3", 16.0, 0.5),
             Fault("stall", "R3", 5.0, 2.0),
         ]
-        world = struck(scenario, document, *faults, seed=2)
+        world = struck(scenario, document, *faults, seed=2, flaws=flaws)
         push(world.robots["R2"].body, 0.001, 0.0)
         world.go_on(1.0)
         clocks = [vars(robot.service.agent.clock) for robot in world.robots.values()]
