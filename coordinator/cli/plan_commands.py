@@ -311,6 +311,13 @@ def coordinator(
             help="Resume from this log of a coordinator that has ended; a folder is gone on with."
         ),
     ] = None,
+    with_scenario: Annotated[
+        bool,
+        typer.Option(
+            "--with-scenario",
+            help="With --resume: freeze, and plan anew on the scenario's floor, which has changed.",
+        ),
+    ] = False,
     plan_out: Annotated[
         Path | None, typer.Option(help="Write the plan to this file.", callback=writable(".json"))
     ] = None,
@@ -332,10 +339,15 @@ def coordinator(
     from coordinator.service.launch import Coordinator
     from coordinator.service.meeting_place import meeting_place
 
+    if with_scenario and resume is None:
+        raise typer.BadParameter("needs --resume LOG", param_hint="--with-scenario")
     place = meeting_place(listen, connect, keys, insecure)
     asked = read_scenario(scenario)
     runner = Coordinator(asked, effort=effort, speed=speed, events=as_json, stays=stay)
-    raise typer.Exit(runner.run(place, log, plan_out, wait, resume, keys, log_size))
+    code = runner.run(
+        place, log, plan_out, wait, resume, keys, log_size, with_scenario=with_scenario
+    )
+    raise typer.Exit(code)
 
 
 @commands.command(rich_help_panel="Plan")

@@ -152,6 +152,12 @@ class Fleet(OperatedFleet):
         self._excuse(now_ns + RESUME_PATIENCE, RESUME_PATIENCE)
         self._tell_phase(now_ns, f"resumed from a log: {COMMAND_NAMES[self.phase]}")
 
+    def leave_floor(self, now_ns: int) -> None:
+        """Freeze the fleet, because its floor has changed: it goes on with a new plan."""
+        text = "the floor has changed; the fleet is planned anew when all rest"
+        self._tell(now_ns, "floor", "", text)
+        self._turn("floor changed", now_ns)
+
     def _hear_hello(self, robot: str, hello: Hello, now_ns: int) -> list[Outgoing]:
         has_gone = self.phase != HOLD and (self.times.has_gone or self.phase == OVER)
         begun = has_gone or self.epoch != self.first_epoch

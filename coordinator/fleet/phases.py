@@ -43,6 +43,7 @@ Event = Literal[
     "planned",
     "none can go",
     "admitted",
+    "floor changed",
     "told to stop",
     "told to go on",
 ]
@@ -55,6 +56,9 @@ TRANSITIONS: Final[dict[tuple[int, Event], int]] = {
     (GO, "all done"): OVER,
     (GO, "some can go on"): FREEZE,
     (GO, "admitted"): FREEZE,
+    (HOLD, "floor changed"): FREEZE,
+    (GO, "floor changed"): FREEZE,
+    (STOP, "floor changed"): FREEZE,
     (GO, "told to stop"): STOP,
     (STOP, "told to go on"): GO,
     (STOP, "admitted"): FREEZE,

@@ -56,8 +56,7 @@ def first_head(
         "python": platform.python_version(),
         **{name: version(name) for name in _VERSIONED},
     }
-    whole = Attachment("scenario.json", "application/json", scenario_to_json(scenario))
-    return metadata, [whole, plan_file(document)]
+    return metadata, [scenario_file(scenario), plan_file(document)]
 
 
 def resumed(head: Head, before: bytes, began_ns: int) -> Head:
@@ -69,6 +68,11 @@ def resumed(head: Head, before: bytes, began_ns: int) -> Head:
     metadata, files = head
     inner = [Attachment(RESUMED, "application/octet-stream", before)] if before else []
     return {**metadata, "began_ns": str(began_ns)}, [*files, *inner]
+
+
+def scenario_file(scenario: Scenario) -> Attachment:
+    """Return a scenario as an attachment."""
+    return Attachment("scenario.json", "application/json", scenario_to_json(scenario))
 
 
 def plan_file(document: PlanDocument) -> Attachment:

@@ -26,7 +26,7 @@ from coordinator.plan.document import PlanDocument
 from coordinator.plan.wire import Driven, PackedPlan, address
 from coordinator.planning.course_proposal import Site as Floor
 from coordinator.planning.course_search import Answer
-from coordinator.scenario.model import Scenario
+from coordinator.scenario.model import Scenario, Workspace
 
 MOST_EPOCHS: Final = 200
 """A fleet that has not arrived after this many epochs is given up."""
@@ -153,6 +153,15 @@ class Mission:
         for member in self.fleet.members.planned:
             member.plan = address(member.plan, boot)
         self.fleet.take_over(boot, last_ns, now_ns)
+
+    def change_floor(self, floor: Workspace, now_ns: int) -> None:
+        """Freeze the fleet, and plan it anew on another floor when all rest.
+
+        Robots keep their goals, and orders wait or go on.
+        """
+        self.site = Site(replace(self.site.scenario, workspace=floor), self.site.aside)
+        self._wanted = None
+        self.fleet.leave_floor(now_ns)
 
     def adopt(self, request: Request, recovery: Recovery, now_ns: int) -> list[Outgoing] | None:
         """Begin the next epoch; return None if the fleet has changed since the request.

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 import msgspec
+from msgspec.structs import replace
 
 from coordinator.base.console import answer_json, tell_now, write_file
 from coordinator.base.errors import InputError
@@ -26,6 +27,7 @@ from coordinator.fleet.phases import GO_LEAD
 from coordinator.log.head import first_head, resumed
 from coordinator.log.log_file import files_in, is_unfinished, read_newest
 from coordinator.log.recorder import Recorder
+from coordinator.log.records import Log
 from coordinator.mission.aside_news import AsideNews
 from coordinator.mission.mission import Mission
 from coordinator.plan.document import PlanDocument
@@ -79,8 +81,13 @@ class Coordinator:
         resume: Path | None = None,
         keys: Path | None = None,
         log_size: float = LOG_SIZE,
+        *,
+        with_scenario: bool = False,
     ) -> int:
         """Run to the end and return the exit code; `resume` is the log to resume from.
+
+        `with_scenario`: whether the scenario may have another floor than the log.  Then the fleet
+        freezes and is planned anew.
 
         `keys` is a fleet's folder of keys; if it is given, only holders of these keys can connect.
         If `log` is a folder, its files are about `log_size` MB long; by default it is `resume` if
@@ -99,7 +106,10 @@ class Coordinator:
             for warning in self._gate.warnings:
                 self._say("warning", text=warning)
         boot = int.from_bytes(os.urandom(4), "little")
-        mission = self._begin(boot, plan_file) if resume is None else self._go_on(boot, resume)
+        if resume is None:
+            mission = self._begin(boot, plan_file)
+        else:
+            mission = self._go_on(boot, resume, with_scenario=with_scenario)
         fleet, document = mission.fleet, mission.document
         with ExitStack() as stack:
             if self._gate is not None:
@@ -134,21 +144,17 @@ class Coordinator:
             write_file(plan_file, to_json(plan.document))
         return Mission.of_plan(self.scenario, plan, boot, self._plan_again, stays=self._stays)
 
-    def _go_on(self, boot: int, resume: Path) -> Mission:
+    def _go_on(self, boot: int, resume: Path, *, with_scenario: bool = False) -> Mission:
         """Resume the mission in the log of a coordinator that has died."""
         self._began_ns = self.clock()
         try:
             log, self._before = read_newest(resume)
-            mission = go_on(log, boot, self._began_ns)
+            scenario = self._scenario_on(log, resume, with_scenario)
+            mission = go_on(log, boot, self._began_ns, scenario)
         except InputError as error:
             raise InputError([f"--resume: {problem}" for problem in error.problems]) from None
-        if mission.fleet.name != self.scenario.name:
-            raise InputError([f"--resume: {resume} is the log of fleet {mission.fleet.name}"])
-        planned = scenario_of(log)
-        if changed := changes(planned, self.scenario):
-            raise InputError([_changed(resume, change) for change in changed])
         self._stays = mission.fleet.orders.stays
-        self.scenario = planned  # It has the robots in the order in which replay plans them.
+        self.scenario = scenario
         speed = log.metadata.get("speed", str(self.speed))
         if speed != str(self.speed):
             raise InputError([f"--resume: {resume} is the log of a fleet at --speed {speed[:40]}"])
@@ -156,6 +162,25 @@ class Coordinator:
             self._told = len(mission.fleet.incidents) - 1
         self._aside_news.news(mission)  # The log's coordinator has told these.
         return mission
+
+    def _scenario_on(self, log: Log, resume: Path, with_scenario: bool) -> Scenario:
+        """Return the scenario of a log, with the floor that it may have now.
+
+        It has the robots in the order in which replay plans them.  Raises InputError if anything
+        else differs.
+        """
+        try:
+            planned = scenario_of(log)
+        except KeyError:
+            raise InputError([f"{resume} holds no scenario"]) from None
+        if planned.name != self.scenario.name:
+            raise InputError([f"{resume} is the log of fleet {planned.name}"])
+        changed = changes(planned, self.scenario)
+        others = [one for one in changed if not one.field.startswith("workspace.")]
+        if others or (changed and not with_scenario):
+            hint = "" if others else "; --with-scenario plans the fleet anew on the new floor"
+            raise InputError([_changed(resume, one) + hint for one in others or changed])
+        return replace(planned, workspace=self.scenario.workspace) if changed else planned
 
     def _plan_again(self, scenario: Scenario, epoch: int) -> PackedPlan:
         return plan_here(scenario, self.effort, epoch)
@@ -301,9 +326,7 @@ class Coordinator:
 def _changed(log: Path, change: Change) -> str:
     """Return words that say how the scenario differs from the one of the log's plan."""
     before, now = ("none" if one is None else one for one in (change.before, change.after))
-    return (
-        f"--resume: {log} was planned with {change.field} {before}, but the scenario now has {now}"
-    )
+    return f"{log} was planned with {change.field} {before}, but the scenario now has {now}"
 
 
 def _check_place(log: Path, resume: Path | None) -> None:

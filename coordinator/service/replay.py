@@ -49,6 +49,7 @@ from coordinator.mission.mission_driver import Journal, MissionDriver
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import plan_name
 from coordinator.plan.wire import PackedPlan, packed
+from coordinator.scenario.changes import changes
 from coordinator.scenario.model import Scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario
 from coordinator.security.denials import denial_key
@@ -227,14 +228,15 @@ def _name_of(log: Log) -> str:
 def _gone_on(log: Log, boot: int) -> Mission:
     before, began_ns = _before(log)
     try:
-        return go_on(before, boot, began_ns)
+        return go_on(before, boot, began_ns, _Head.of(log).scenario)
     except InputError as error:
         raise _NotAgainError(f"{_name_of(log)}, which it resumes: {error}") from None
 
 
-def go_on(before: Log, boot: int, now_ns: int) -> Mission:
+def go_on(before: Log, boot: int, now_ns: int, scenario: Scenario | None = None) -> Mission:
     """Return the mission of a log, taken over by a coordinator that starts at `now_ns`.
 
+    If the floor of `scenario` is not that of the log, the fleet freezes and is planned anew on it.
     Raises InputError if the log cannot be run again, has no records, its fleet has ended, or what
     is in force at its end is not proven.
     """
@@ -250,6 +252,8 @@ def go_on(before: Log, boot: int, now_ns: int) -> Mission:
     if failures := in_force_failures(mission):
         raise InputError([f"the log cannot be resumed: {one}" for one in failures])
     mission.take_over(boot, before.records[-1].log_ns, now_ns)
+    if scenario is not None and changes(scenario_of(before), scenario):
+        mission.change_floor(scenario.workspace, now_ns)
     return mission
 
 

@@ -16,7 +16,7 @@ from typing import Final
 from coordinator.base.console import write_file
 from coordinator.base.errors import LogError
 from coordinator.base.interrupts import held_back
-from coordinator.log.head import Head, resumed
+from coordinator.log.head import Head, resumed, scenario_file
 from coordinator.log.log_writer import (
     VIRTUAL,
     WRITE_ERRORS,
@@ -25,6 +25,7 @@ from coordinator.log.log_writer import (
     write_problem,
 )
 from coordinator.plan.plan_file import is_plan_name
+from coordinator.scenario.model import Scenario
 
 WALL_OFFSET_NS: Final = 1_700_000_000 * 10**9
 """The wall-clock time [ns since 1970] of virtual time 0; virtual time itself has no date."""
@@ -88,9 +89,13 @@ class RunLogs:
                 writer.abandon()
             return self.paths[-1].read_bytes()
 
-    def go_on(self, before: bytes, boot: int, began_ns: int) -> None:
-        """Open the log of a coordinator that resumes from the log `before`."""
+    def go_on(
+        self, before: bytes, boot: int, began_ns: int, scenario: Scenario | None = None
+    ) -> None:
+        """Open the log of a coordinator that resumes from the log `before`, with its scenario."""
         metadata, files = self._head
+        if scenario is not None:
+            self._head = metadata, files = metadata, [scenario_file(scenario), *files[1:]]
         first = {**metadata, "boot": str(boot)}, files[:2]
         self.begin(resumed(first, before, began_ns))
 

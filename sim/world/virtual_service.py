@@ -25,6 +25,7 @@ from coordinator.mission.mission_driver import (
     Outcome,
 )
 from coordinator.plan.document import PlanDocument
+from coordinator.scenario.model import Scenario
 from coordinator.service.replay import go_on
 from protocol import keys
 from protocol.codec import decode, encode
@@ -161,13 +162,14 @@ class VirtualService:
         self._network.drop(COORDINATOR)
         self._drive(self.mission)
 
-    def come_back(self) -> None:
-        """Resume from the log, with the next boot id."""
+    def come_back(self, scenario: Scenario | None = None) -> None:
+        """Resume from the log, with the next boot id, on a scenario's floor if one is given."""
         if self._logs is None or self._before is None:
             return
         boot, now_ns = (self.fleet.boot + 1) % 2**32, self._clock()
-        self._drive(go_on(log_from_bytes(self._before, "the log before"), boot, now_ns))
-        self._logs.go_on(self._before, boot, now_ns)
+        log = log_from_bytes(self._before, "the log before")
+        self._drive(go_on(log, boot, now_ns, scenario))
+        self._logs.go_on(self._before, boot, now_ns, scenario)
         self.driver.checkpoint(now_ns)
         self._before = None
         self.begin()

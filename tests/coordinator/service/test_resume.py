@@ -242,7 +242,8 @@ def test_a_log_in_which_nothing_was_said_is_told_to_hold_no_message(story):
         (
             "3.0, 3.0]",
             "3.0, 3.0]\nobstacles = [[[1.0, 0.0], [2.0, 0.0], [2.0, 0.2]]]",
-            "workspace.obstacles none, but the scenario now has [[1.0,0.0],[2.0,0.0],[2.0,0.2]]",
+            "workspace.obstacles none, but the scenario now has [[1.0,0.0],[2.0,0.0],[2.0,0.2]]"
+            "; --with-scenario plans the fleet anew on the new floor",
         ),
     ],
 )
@@ -257,6 +258,27 @@ def test_a_scenario_that_differs_from_the_log_is_not_gone_on_with(
         )
     (problem,) = caught.value.problems
     assert problem == f"--resume: {tmp_path / 'run.mcap'} was planned with {difference}"
+
+
+def test_with_its_scenario_a_fleet_goes_on_on_another_floor_and_with_the_same_robots(
+    story, tmp_path
+):
+    (tmp_path / "run.mcap").write_bytes(story[: len(story) // 4])
+    rack = b"3.0, 3.0]\nobstacles = [[[1.0, 0.0], [2.0, 0.0], [2.0, 0.2]]]"
+    other = SCENARIO.replace(b"3.0, 3.0]", rack)
+    coordinator = Coordinator(
+        parse_scenario(other, "one.toml"), effort=EFFORT, speed=1.0, events=False
+    )
+    mission = coordinator._go_on(9, tmp_path / "run.mcap", with_scenario=True)
+    assert mission.fleet.phase == FREEZE
+    assert len(mission.site.scenario.workspace.obstacles) == 1
+    wider = parse_scenario(other.replace(b"radius = 0.1", b"radius = 0.2"), "one.toml")
+    with pytest.raises(InputError) as caught:
+        Coordinator(wider, effort=EFFORT, speed=1.0, events=False)._go_on(
+            9, tmp_path / "run.mcap", with_scenario=True
+        )
+    (problem,) = caught.value.problems
+    assert problem.endswith("planned with robots[R1].radius 0.1, but the scenario now has 0.2")
 
 
 def test_a_fleet_at_another_speed_is_not_gone_on_with(story, tmp_path):
