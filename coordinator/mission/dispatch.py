@@ -11,6 +11,7 @@ know: how courses are found, links, files.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -104,7 +105,10 @@ class Dispatcher:
         self.obstructions = Obstructions(fleet, self.robots, self._may_leave)
         self._serial = 0
         self._asked: dict[CourseRequest, _Asked] = {}
-        self._committed: list[Course] = []
+        self._commits = 0
+        """How many courses were committed since the epoch began, or a state was taken over."""
+        self._committed: deque[tuple[int, Course]] = deque()
+        """The courses that were committed since something that is looked for now was asked."""
         self._tried: dict[str, tuple[object, int]] = {}
         """By order: the state of the fleet and the time [ms] when nothing was found for it."""
         self._ways: dict[str, tuple[float, Array]] = {}
@@ -122,9 +126,10 @@ class Dispatcher:
         What was looked for is looked for again, here and by whoever goes on from this state.
         """
         self.forget_requests()
-        mark = (self._fleet.grants.got_on_ms, len(self._committed))
+        mark = (self._fleet.grants.got_on_ms, self._commits)
         self._mark = (mark[0], 0) if mark == self._mark else (-1, 0)
-        self._committed = []
+        self._committed.clear()
+        self._commits = 0
         self._tried.clear()
         self._no_room.clear()
         return PlainDispatcher(
@@ -153,7 +158,8 @@ class Dispatcher:
 
         `make_site` prepares its floor when the first order needs it; None if nobody can drive.
         """
-        self._committed = []
+        self._committed.clear()
+        self._commits = 0
         self.obstructions.begin(make_site)
         self._asked.clear()
         self._tried.clear()
@@ -180,7 +186,7 @@ class Dispatcher:
         self._refuse_if_stuck(now_ms)
         idle = self._idle(now_ns)
         asked = {one.order for one in self._asked}
-        state = (len(self._committed), tuple(idle))
+        state = (self._commits, tuple(idle))
         tasks = [
             task
             for task in book.waiting()
@@ -283,16 +289,21 @@ class Dispatcher:
             self._not_found(task, asked, answer, idle, now_ms)
             return None
         margin = asked.site.terms.margin + _STANDOFF
-        if that_may_meet(proposal.course, self._committed[asked.commits :], margin):
+        since = [one for commits, one in self._committed if commits >= asked.commits]
+        if that_may_meet(proposal.course, since, margin):
             return None
         if not self.obstructions.take_course(request.robot, request.revision, asked.closed):
             return None
         if not fleet.grants.commit(
             request.number, proposal.course, proposal.near, proposal.staircases
         ):
-            self._tried[task.order.id] = ((len(self._committed), tuple(idle)), now_ms)
+            self._tried[task.order.id] = ((self._commits, tuple(idle)), now_ms)
             return None
-        self._committed.append(proposal.course)
+        self._committed.append((self._commits, proposal.course))
+        self._commits += 1
+        oldest = min((one.commits for one in self._asked.values()), default=self._commits)
+        while self._committed and self._committed[0][0] < oldest:
+            self._committed.popleft()
         fleet.orders.put_back(request.robot)
         self._ways.pop(task.order.id, None)
         if task.makes_room:
@@ -326,7 +337,7 @@ class Dispatcher:
             self._fleet.members.pop(robot, None)
             book.forget(robot)
             return
-        state = (len(self._committed), tuple(idle))
+        state = (self._commits, tuple(idle))
         if task.makes_room:
             self._no_room[robot] = state
         if task.makes_room or (math.isinf(answer.alone) and self._nobody_else(task, robot)):
@@ -379,7 +390,7 @@ class Dispatcher:
             Wish(wanted, heading, number, revision, begin_ms, delay, late),
             tuple(others),
             (() if way is None else (way,)) if task.makes_room else None,
-            len(self._committed),
+            self._commits,
             self.obstructions.closed,
             leaves,
         )
@@ -406,7 +417,7 @@ class Dispatcher:
             Wish(robot, heading[0] if heading else 0.0, number, 0, begin_ms),
             tuple(fleet.grants.possible()),
             None,
-            len(self._committed),
+            self._commits,
             self.obstructions.closed,
             leaves=False,
         )
@@ -495,7 +506,7 @@ class Dispatcher:
 
     def _refuse_if_stuck(self, now_ms: int) -> None:
         """Refuse all orders when nobody gets on and nothing is found for a long time."""
-        book, mark = self._fleet.orders, (self._fleet.grants.got_on_ms, len(self._committed))
+        book, mark = self._fleet.orders, (self._fleet.grants.got_on_ms, self._commits)
         under_way = book.under_way()
         dwells = any(one.arrived_ms is not None for one in under_way)
         if mark != self._mark or dwells or book.stays or not (under_way or book.waiting()):

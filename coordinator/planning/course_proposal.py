@@ -13,13 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from msgspec.structs import replace as changed
 
 from coordinator.base.errors import PlanError
+from coordinator.base.kept import kept
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.ground.free_space import NO_DISCS
 from coordinator.ground.grown_floor import GrownFloor
@@ -307,7 +307,7 @@ def _delays(site: Site, wish: Wish, other: Course) -> list[float]:
     return list(np.linspace(0.0, late, count + 1))
 
 
-@lru_cache(maxsize=4_096)
+@kept
 def _known(course: Course) -> Track:
     return Track(SpeedLimits(course.driven.timeline.length, 1.0, math.inf, ()), course.chords)
 

@@ -14,12 +14,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from coordinator.base.kept import kept
 from coordinator.curves.nurbs import Array
 from coordinator.plan.wire import Driven
 from coordinator.proof.separation_kernels import BEGIN, DEVIATION, END, Indices
@@ -37,9 +37,6 @@ acceleration [m/s^2]."""
 
 _TIME, _X, _Y, _S = range(4)
 """Columns of nodes (m, 4): time [s], place [m] and exact arc length [m]."""
-
-_KEPT: Final = 2_048
-"""Of so many courses the legs and pieces are kept."""
 
 _ROUNDS: Final = 24
 _MOST_PARTS: Final = 64.0
@@ -189,7 +186,7 @@ class Flights:
         return Pieces(rows, robot, leg)
 
 
-@lru_cache(maxsize=_KEPT)
+@kept
 def _own_pieces(driven: Driven, begin: float, end: float, tolerance: float) -> Pieces:
     """Return the pieces of one robot, without those after its arrival; legs from 0 on."""
     alone = Flights((driven,), None)
@@ -198,7 +195,7 @@ def _own_pieces(driven: Driven, begin: float, end: float, tolerance: float) -> P
     return alone._pieces_of(np.arange(len(alone._legs)), tolerance)
 
 
-@lru_cache(maxsize=_KEPT)
+@kept
 def _driving_legs(driven: Driven, begin: float, end: float) -> Array:
     """Return the legs (n, 5) of a motion in a span of time [s] until its robot has arrived.
 

@@ -6,11 +6,11 @@ Decides: which pairs have a staircase, and how fine it is.  Must not know: who d
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
+from coordinator.base.kept import kept
 from coordinator.curves.chords import Chords, chords_of
 from coordinator.curves.nurbs import Nurbs
 from coordinator.plan.staircases import Staircases
@@ -28,9 +28,6 @@ _TOLERANCE: Final = 20
 
 _CHORD_ERROR: Final = 1e-3
 """How far [m] chords may lie off their paths here; staircases ask for that much more distance."""
-
-_KEPT: Final = 4_096
-"""Of so many paths the chords are kept: each new course is compared with the same others."""
 
 STANDOFF: Final = 0.005
 """How much more distance [m] than the margin staircases ask for: a robot that stands at the end of
@@ -91,7 +88,7 @@ def staircases_of(
     )
 
 
-@lru_cache(maxsize=_KEPT)
+@kept
 def _chords_of(curve: Nurbs) -> Chords:
     return chords_of(curve, _CHORD_ERROR)
 
