@@ -11,7 +11,7 @@ from coordinator.fleet.events import Part
 from coordinator.fleet.grants import Span
 from coordinator.fleet.member import Member
 from coordinator.fleet.rest_places import Standing
-from protocol.phases import FROZEN, IDLE
+from protocol.phases import FREEZE, FROZEN, GO, IDLE
 
 
 class Roster(dict[str, Member]):
@@ -49,17 +49,17 @@ class Roster(dict[str, Member]):
         """Return the ids of the robots that have a part and are not armed."""
         return [m.id for m in self.planned if not m.is_armed(epoch, now_ns)]
 
-    def wanted(self, everybody: bool) -> list[str]:
-        """Return the ids of the robots to ask where they rest.
+    def wanted(self, phase: int) -> list[str]:
+        """Return the ids of the robots to ask where they rest in a phase of the fleet.
 
-        Robots that have a part in the epoch are among them only if they have stopped, or if
-        `everybody` is true.
+        Robots that have a part in the epoch are among them while the fleet is frozen, and in GO if
+        they have stopped.
         """
+        asked = {FREEZE: (FROZEN, IDLE), GO: (FROZEN,)}.get(phase, ())
         return [
             m.id
             for m in self.values()
-            if (m.phase == FROZEN or (m.phase == IDLE and (everybody or not m.planned)))
-            and not m.is_at_rest()
+            if m.phase in (asked if m.planned else (FROZEN, IDLE)) and not m.is_at_rest()
         ]
 
     def assign(self, parts: Mapping[str, Part]) -> None:

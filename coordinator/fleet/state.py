@@ -298,7 +298,7 @@ class FleetState:
 
     def _command(self, now_ns: int, stated: Stated) -> bytes:
         self._sequence += 1
-        wanted = self.members.wanted(self.phase == FREEZE)
+        wanted = self.members.wanted(self.phase)
         command = Command(
             boot=self.boot,
             term=self.term,

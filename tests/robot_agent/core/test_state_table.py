@@ -8,6 +8,7 @@ import math
 
 import pytest
 
+from protocol.curve import Curve
 from protocol.phases import (
     ARMED,
     BRAKING,
@@ -29,7 +30,15 @@ from tests.robot_agent.core.phases import (
     hear_plan,
     run_in,
 )
-from tests.robot_agent.core.rides import MS, PERIOD, SECOND, Run
+from tests.robot_agent.core.rides import (
+    MS,
+    PERIOD,
+    SECOND,
+    Run,
+    give_plan,
+    motion_along,
+    winding_path,
+)
 
 FINISH_NS = round(Timeline(*MOTION).finish * SECOND)
 START = (1.0, 2.0, 0.3)
@@ -76,8 +85,16 @@ def brake_at_the_goal(run: Run) -> None:
 
 
 def change_course(run: Run) -> None:
-    """Hear of a course that begins at the goal, and come to its beginning."""
-    hear_course_from_goal(run)
+    """Hear of a course that begins at the goal, or where a robot has stopped, and come there."""
+    if run.agent.phase == FROZEN:
+        run.command(GO)  # Nothing begins in a fleet that is frozen.
+        x, y, heading = run.body.pose()
+        path = winding_path("fffff", begin=(x, y), heading=heading)
+        profile_s, profile_v, *_ = motion_along(Curve(*path).length, 0.475, 0.5)
+        begin = round((run.now - run.start_ns) / SECOND + 0.2, 3)
+        give_plan(run.agent, path, (profile_s, profile_v, [0.0], [begin], begin), revision=1)
+    else:
+        hear_course_from_goal(run)
     stand(run, run.body.pose(), 0.5)
 
 
@@ -127,6 +144,7 @@ ROWS = {
     (DONE, transitions.NEW_EPOCH): IDLE,
     (DONE, transitions.LEFT_PATH): FROZEN,
     (DONE, transitions.NEW_COURSE): MOVING,
+    (FROZEN, transitions.NEW_COURSE): MOVING,
 }
 """What the rules at the head of agent.py ask for."""
 
