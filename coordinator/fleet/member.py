@@ -268,7 +268,7 @@ class Member:
         """Return whether the robot is at a goal or has said where it rests."""
         return self.finished or self.phase == DONE or self.rest is not None
 
-    def standing(self, epoch: int, spans: Sequence[Span]) -> Standing:
+    def standing(self, epoch: int, spans: Sequence[Span], now_ns: int) -> Standing:
         """Return what is known of where the robot is.
 
         A robot that has not said where it rests is somewhere on these spans of this epoch's
@@ -276,7 +276,8 @@ class Member:
         time 0.
         """
         if self.finished:
-            return Standing(robot=self.id, state="arrived", epoch=epoch)
+            is_silent = self.is_silent(now_ns)
+            return Standing(robot=self.id, state="arrived", epoch=epoch, is_silent=is_silent)
         state: State = "rests" if self.is_fit else "unfit"
         state = "lost" if self.lost else "overloaded" if self.overload else state
         rest = self.rest

@@ -25,7 +25,7 @@ class Standing(msgspec.Struct, frozen=True, kw_only=True):
     [rad] and `beyond` [m] past its end (negative: before its beginning).  A robot that did not say
     it (`s` is None) is where its course has it at some plan time from `since` to `until` [s], or in
     one of the `also` stretches: revision, since, until.  A robot that has come back states its
-    `place`: x, y [m], heading [rad].
+    `place`: x, y [m], heading [rad].  One that has arrived may be silent: then it gets no orders.
     """
 
     robot: str
@@ -40,6 +40,7 @@ class Standing(msgspec.Struct, frozen=True, kw_only=True):
     place: tuple[float, float, float] | None = None
     revision: int = 0
     also: tuple[tuple[int, float, float], ...] = ()
+    is_silent: bool = False
 
 
 def standing_of(robot: str, rest: Rest) -> Standing:

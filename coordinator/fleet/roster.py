@@ -76,13 +76,15 @@ class Roster(dict[str, Member]):
                 member.sent_epoch = 0
                 member.admission.end()
 
-    def standings(self, epoch: int, spans: Callable[[str], list[Span]]) -> list[Standing]:
+    def standings(
+        self, epoch: int, spans: Callable[[str], list[Span]], now_ns: int
+    ) -> list[Standing]:
         """Return the standings of all robots that have a part or have said where they rest.
 
         `spans` returns the parts of its courses on which a robot may stand that has not said where.
         """
         return [
-            member.standing(epoch, spans(member.id))
+            member.standing(epoch, spans(member.id), now_ns)
             for member in self.values()
-            if member.planned or member.rest is not None
+            if member.planned or member.finished or member.rest is not None
         ]

@@ -143,6 +143,9 @@ class FleetState:
         if told.router_up is not None:
             made._router.take(told.router_up)
         made.blocks = {block.id: block for block in told.blocks}
+        made._told_orders = {
+            one.id: one.state for one in told.orders.said.values() if one.state or one.reason
+        }
         return made
 
     @property
@@ -183,7 +186,7 @@ class FleetState:
 
     def standings(self) -> list[Standing]:
         """Return the standings of robots that have a part or have said where they rest."""
-        return self.members.standings(self.times.epoch, self.spans)
+        return self.members.standings(self.times.epoch, self.spans, self._looked_ns)
 
     def spans(self, robot: str) -> list[Span]:
         """Return the parts of its courses of the newest epoch on which a robot may stand.
@@ -223,7 +226,7 @@ class FleetState:
         """
         for member in self.members.values():
             if not member.lost:
-                member.excused_ns = until_ns
+                member.excused_ns = max(member.excused_ns, until_ns)
         self.grants.excuse(lost_ns // MILLISECOND)
 
     def order_states(self) -> list[Outgoing]:

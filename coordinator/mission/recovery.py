@@ -67,7 +67,8 @@ def recover(
 ) -> Recovery:
     """Replan a fleet from where its robots stand; `rides` has the courses so far.
 
-    With `has_orders`, robots at their goals get a part as well, because orders may reach them.
+    With `has_orders`, robots at their goals get a part as well, because orders may reach them,
+    unless they are silent.
 
     A robot that has no way to its goal, or for which no order of the robots works, stays where it
     is, and the others are planned around it.  A robot on a given path may leave that path and find
@@ -80,7 +81,7 @@ def recover(
     if doubts:
         now = next_site(site, rides, [_unbelieved(s) if s.robot in doubts else s for s in told])
     if has_orders:
-        now = now.idling()
+        now = now.idling({standing.robot for standing in told if standing.is_silent})
     now, dropped = passable(now)
     said = [*(f"{name} stays where it is: {why}" for name, why in doubts.items()), *dropped]
     found = _with_those_that_can(now, said, epoch, plan, every_via=True)

@@ -134,12 +134,16 @@ class Site:
         aside = tuple(one for one in self.aside if one.robot.id in known)
         return Site(replace(self.scenario, robots=robots), aside)
 
-    def idling(self) -> Site:
-        """Return the site in which robots at their goals are planned for, as idle ones."""
-        stay = [one for one in self.aside if one.why == "arrived"]
+    def idling(self, silent: Container[str]) -> Site:
+        """Return the site in which robots at their goals are planned for, as idle ones.
+
+        Those that are silent stand aside: they would not arm.
+        """
+        heard = [one for one in self.aside if one.robot.id not in silent]
+        stay = [one for one in heard if one.why == "arrived"]
         idle = [replace(one.robot, start=one.robot.goal, via=(), path=None) for one in stay]
         robots = sorted([*self.scenario.robots, *idle], key=lambda robot: robot.id)
-        aside = tuple(one for one in self.aside if one.why != "arrived")
+        aside = tuple(one for one in self.aside if one not in stay)
         return Site(replace(self.scenario, robots=tuple(robots)), aside)
 
     def on_given_path(self, robot: str) -> bool:

@@ -222,7 +222,7 @@ def test_a_robot_admitted_late_in_a_freeze_is_given_time_to_say_where_it_stands(
         floor.tick()
         assert floor.fleet.members["R2"].admission.is_awaited
     floor.hello("R2", boot=9, place=(1_000, 0, 0))
-    assert floor.fleet.members["R2"].standing(2, [Span(0, 0, 1_000)]).place == (1.0, 0.0, 0.0)
+    assert floor.fleet.members["R2"].standing(2, [Span(0, 0, 1_000)], 0).place == (1.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("operators", [(7,), (7, 8), tuple(range(7, 17))])

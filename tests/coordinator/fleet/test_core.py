@@ -151,9 +151,9 @@ def test_a_robot_that_does_not_get_on_is_found_though_the_coordinator_is_away_ag
 
 def test_a_robot_at_the_end_of_its_authority_that_is_lost_does_not_stand_at_its_start():
     member = Floor().fleet.members["R1"]
-    standing = member.standing(1, [Span(0, 5_056, 5_056)])
+    standing = member.standing(1, [Span(0, 5_056, 5_056)], 0)
     assert (standing.s, standing.since, standing.until) == (None, 5.056, 5.056)
-    assert member.standing(1, [Span(0, 0, 0)]).s == 0.0
+    assert member.standing(1, [Span(0, 0, 0)], 0).s == 0.0
 
 
 def test_a_process_that_has_said_only_hello_gives_way_to_the_next_one():

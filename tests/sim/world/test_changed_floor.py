@@ -79,3 +79,20 @@ def test_a_robot_without_a_way_any_more_stays_and_the_others_go_on(tmp_path):
     assert states(world)["c"] == ORDER_DONE
     assert states(world)["a"] != ORDER_DONE
     assert check_log(read_log(logs.paths[-1])).difference == ""
+
+
+def test_a_robot_at_its_goal_that_is_heard_no_more_holds_up_no_new_epoch(tmp_path):
+    """Agents end at their goals when their coordinator is away for long."""
+    logs, scenario = RunLogs(tmp_path), a_hall()
+    world = a_world(scenario, logs=logs, faults=["kill:R3@14"])
+    world.go_on(15.0)
+    assert world.fleet.members["R3"].finished
+    world.coordinator.die()
+    world.go_on(3.0)
+    floor = replace(scenario.workspace, obstacles=(RACK,))
+    world.coordinator.come_back(replace(scenario, workspace=floor))
+    world.run(200.0)
+    logs.close()
+    assert states(world) == dict.fromkeys("abc", ORDER_DONE)
+    assert world.fleet.epoch <= 3
+    assert check_log(read_log(logs.paths[-1])).difference == ""
