@@ -143,6 +143,7 @@ class Fleet(OperatedFleet):
         self.superseded, self._router, self.is_resumed = False, RouterLink(), True
         for member in self.members.values():
             member.gone = False
+            member.forget_rest()
         if self.phase == GO:
             self.grants.lose_sight(self.allowed_ms)
         later_ns = now_ns - last_ns

@@ -169,6 +169,11 @@ class Member:
         drives_before = before and self.driven == revision < self.revision
         return [before, self.plan] if drives_before else [self.plan]
 
+    def forget_rest(self) -> None:
+        """Take in that the robot may have begun its newest course since it was heard."""
+        if self.phase == DONE and self.driven != self.revision:
+            self.phase = MOVING
+
     @property
     def has_arrived(self) -> bool:
         """Whether the robot is at the goal of its newest course."""

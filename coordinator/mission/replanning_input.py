@@ -61,6 +61,9 @@ _THERE: Final = 1e-3
 A robot that is short of its goal by no more than it may be off its path counts as arrived, too:
 the rest of the path is too short to drive."""
 
+_SAME: Final = 0.012
+"""A course that ends no farther from a robot's goal than this [m] leads there."""
+
 
 @dataclass(frozen=True, eq=False)
 class Aside:
@@ -226,6 +229,9 @@ def _stands(
     s, pose = min(standing.s, ride.curve.length), resting_pose(ride, standing, margin)
     if standing.state != "rests":
         return Aside(robot, standing.state, np.array([pose[:2]]), pose)
+    end = ride.curve.points[-1]
+    if math.dist(end, robot.goal[:2]) > _SAME:  # It has been sent elsewhere since.
+        return replace(robot, start=pose, path=None)
     if _is_on_path(standing, margin, max(ride.curve.length - s - _THERE, 0.0)):
         return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
     path = None

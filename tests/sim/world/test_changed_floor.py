@@ -1,13 +1,17 @@
 """Fleets in virtual time whose coordinator is started again on a floor that has changed."""
 
+import pytest
 import shapely
 from msgspec.structs import replace
 
 from coordinator.findings.log_proof import prove_log
-from coordinator.log.log_file import logs_before, read_log
+from coordinator.fleet.rest_places import Standing
+from coordinator.log.log_file import log_from_bytes, logs_before, read_log
+from coordinator.mission.replanning_input import next_site
 from coordinator.scenario.model import Order
-from coordinator.service.replay import check_log
+from coordinator.service.replay import check_log, go_on
 from protocol.messages import ORDER_DONE, UNDER_WAY
+from protocol.timing import SECOND
 from sim.campaigns.truth import touches
 from sim.world.run_logs import RunLogs
 from tests.scenarios import a_robot, a_scenario, box
@@ -61,6 +65,23 @@ def test_a_fleet_goes_around_what_is_new_on_its_floor(tmp_path):
     log = read_log(logs.paths[-1])
     assert check_log(log).difference == ""
     assert prove_log(log, before=logs_before(log)).holds
+
+
+def test_a_robot_that_was_just_sent_off_is_planned_for_from_where_it_stands(tmp_path):
+    """It has not begun its course: it is at the goal of its old one, not of the new one."""
+    logs = RunLogs(tmp_path)
+    world = a_world(a_hall(), logs=logs)
+    while states(world).get("a") != UNDER_WAY:
+        world.step()
+    mission = go_on(log_from_bytes(logs.cut(), "run.mcap"), 77, world.now_ns + SECOND)
+    member = mission.fleet.members["R1"]
+    assert (member.driven, member.revision) == (0, 1)
+    assert not member.is_at_rest()  # It may have begun since.
+    stands = Standing(robot="R1", state="rests", epoch=1, s=1e9, revision=0)
+    site = next_site(mission.site, mission.rides, [stands])
+    (robot,) = [one for one in site.scenario.robots if one.id == "R1"]
+    assert robot.start[:2] == pytest.approx((1.0, 3.0), abs=2e-3)
+    assert robot.goal == (8.5, 3.0)
 
 
 def test_what_is_gone_from_the_floor_is_in_nobodys_way(tmp_path):
