@@ -351,8 +351,7 @@ class Fleet(OperatedFleet):
                 if not member.lost:
                     member.strike(self.epoch)
                     self._tell(now_ns, "fault", member.id, f"{member.id} does not get on")
-                grants.give_up(member.id)
-                self._tell(now_ns, "fault", member.id, f"others go around {member.id}")
+                self.go_around(member, now_ns)
 
     def _lose_silent(self, moving: list[Member], now_ns: int) -> None:
         for member in moving:

@@ -13,8 +13,8 @@ import msgspec
 
 from coordinator.fleet.came_back import Admission
 from coordinator.fleet.capacity import Capacity
-from coordinator.fleet.grants import Span
 from coordinator.fleet.rest_places import Standing, State, standing_of
+from coordinator.fleet.sent_courses import Span
 from protocol.messages import Hello, Report
 from protocol.phases import (
     ARMED,

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from coordinator.fleet.events import Part
-from coordinator.fleet.grants import Span
 from coordinator.fleet.member import Member
 from coordinator.fleet.rest_places import Standing
+from coordinator.fleet.sent_courses import Span
 from protocol.phases import FREEZE, FROZEN, GO, IDLE
 
 

@@ -13,13 +13,14 @@ import msgspec
 from coordinator.fleet.epoch_times import EpochTimes, PlainTimes
 from coordinator.fleet.events import Incident, Outgoing
 from coordinator.fleet.failures import Failing, silent
-from coordinator.fleet.grants import Grants, Held, PlainGrants, Span, Stated
+from coordinator.fleet.grants import Grants, Held, PlainGrants, Stated
 from coordinator.fleet.member import Member
 from coordinator.fleet.orders import OrderBook, PlainBook
 from coordinator.fleet.phases import FAREWELLS, RESUME_PATIENCE, TRANSITIONS, Event
 from coordinator.fleet.rest_places import Standing
 from coordinator.fleet.roster import Roster
 from coordinator.fleet.router_link import RouterLink
+from coordinator.fleet.sent_courses import Span
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import (
@@ -270,6 +271,11 @@ class FleetState:
         """Record that a robot is lost: it is not heard any more."""
         member.lost = True
         self._tell(now_ns, "fault", member.id, f"{member.id} {silent(member).what}")
+
+    def go_around(self, member: Member, now_ns: int) -> None:
+        """Grant a robot nothing more on its course; others go around where it may stand."""
+        self.grants.give_up(member.id)
+        self._tell(now_ns, "fault", member.id, f"others go around {member.id}")
 
     def _give_up(self, failing: list[Failing], now_ns: int) -> None:
         """Freeze the fleet because of these robots."""

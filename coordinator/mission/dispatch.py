@@ -54,7 +54,6 @@ _STANDOFF: Final = 0.01
 _SETTLES: Final = 0.3
 """A robot that has braked settles in this time [s]."""
 
-
 _JOIN_PATIENCE: Final = 60 * SECOND
 """How long a robot that joins has to be heard for the first time."""
 
@@ -62,9 +61,6 @@ _NEVER: Final = 1e12
 
 _SAME: Final = 0.01
 """Places nearer to each other than this [m] are one place."""
-
-_MOST_SITES: Final = 8
-"""How many floors with different closed places are kept."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -201,10 +201,10 @@ class Obstructions:
         for member in fleet.members.planned:
             if not member.refuses_course(fleet.epoch, now_ns):
                 continue
-            fleet.grants.give_up(member.id)
-            member.withdraw_course()
             text = f"{member.id} does not take the course that it is sent"
             fleet.incidents.append(Incident(now_ns, "fault", member.id, text))
+            fleet.go_around(member, now_ns)
+            member.withdraw_course()
             task = fleet.orders.of_robot(member.id)
             fleet.orders.put_back(member.id)
             if task is not None:
@@ -218,12 +218,10 @@ class Obstructions:
         for member in fleet.members.planned:
             if self.rest_of(member.id) is None or member.id in fleet.grants.given_up:
                 continue
-            fleet.grants.give_up(member.id)
+            fleet.go_around(member, now_ns)
             if member.lacks_course(fleet.epoch):
                 member.withdraw_course()
             fleet.orders.put_back(member.id)
-            text = f"others go around {member.id}"
-            fleet.incidents.append(Incident(now_ns, "fault", member.id, text))
 
     def rest_of(self, robot: str) -> Standing | None:
         """Return where a robot has stopped on its course in force; None if it has not."""

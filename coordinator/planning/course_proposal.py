@@ -56,7 +56,11 @@ _TIMES: Final = np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [0.0]])
 """Which rows of Driven.legs are times."""
 
 _OVERLAP: Final = 1.8
+"""Copies of a late robot's course are apart by at most this share of tau: 2 would leave no gap
+either, but for rounding."""
+
 _MOST_COPIES: Final = 16
+"""For a robot that is later than this many copies cover there are gaps."""
 
 _LANE_ROOM: Final = 0.01
 _SPACING: Final = 0.25

@@ -128,7 +128,9 @@ class Granted:
     def add_course(
         self, robot: str, plan: Plan, near: Sequence[tuple[str, int]], staircases: Staircases
     ) -> None:
-        """Take in a course that a robot may begin from now on, instead of one withdrawn.
+        """Take in a course that a robot may begin from now on.
+
+        It takes the place of one that was withdrawn before the robot began it.
 
         `staircases`: those of the course, index 0, with the courses of `near` (robot, revision).
         """

@@ -42,7 +42,6 @@ from sim.world.virtual_service import VirtualService
 
 _STAGGER: Final = 3 * MILLISECOND
 _BOOT: Final = 7
-_COORDINATOR: Final = "coordinator"
 
 PLANNING: Final = 300 * MILLISECOND
 """How long finding a plan takes, in virtual time."""

@@ -2,7 +2,6 @@
 
 import contextlib
 import signal
-import time
 
 from protocol import keys
 from protocol.codec import decode, encode
@@ -107,7 +106,6 @@ def test_a_robot_with_a_key_of_its_own_joins_a_fleet_with_keys_and_may_join_afte
             assert ordered.returncode == 0, ordered.stderr
             process.send_signal(signal.SIGKILL)
             process.wait()
-        time.sleep(0.5)
         again = tmp_path / "run-2.mcap"
         with started("coordinator", *options, "--resume", log, "--log", again) as process:
             Events(process).wait(lambda event: event.get("phase") == "GO", 40.0)

@@ -7,9 +7,9 @@ import itertools
 import pytest
 
 from coordinator.fleet.came_back import ASKERS, Admission
-from coordinator.fleet.grants import Span
 from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.phases import FREEZE_PATIENCE
+from coordinator.fleet.sent_courses import Span
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Admit, Refusal

@@ -7,7 +7,7 @@ from typing import get_args
 
 import pytest
 
-from coordinator.fleet.grants import STUCK_MS, Span
+from coordinator.fleet.grants import STUCK_MS
 from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.phases import (
     FAREWELLS,
@@ -18,6 +18,7 @@ from coordinator.fleet.phases import (
     TRANSITIONS,
     Event,
 )
+from coordinator.fleet.sent_courses import Span
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Clock, Hello, Report

@@ -63,6 +63,14 @@ def nobody_touches(world):
     return touches(world.mission.documents[1], world.blackboxes(), ()) == []
 
 
+def assert_sound(world, logs):
+    """Nobody touches, and the log gives the same bytes again and is proven at every moment."""
+    assert nobody_touches(world)
+    log = read_log(logs.paths[-1])
+    assert check_log(log).difference == ""
+    assert prove_log(log).holds
+
+
 def states(world):
     return {name: task.state for name, task in world.fleet.orders.tasks.items()}
 
@@ -236,10 +244,7 @@ def test_a_robot_held_by_a_lost_one_is_sent_around_it_and_nobody_else_is_stopped
     found = states(world)
     assert (found["behind"], found["beside"], found["ahead"]) == (ORDER_DONE, ORDER_DONE, REFUSED)
     assert freezes(world) == 0
-    assert nobody_touches(world)
-    log = read_log(logs.paths[-1])
-    assert check_log(log).difference == ""
-    assert prove_log(log).holds
+    assert_sound(world, logs)
 
 
 def test_a_lost_robot_that_is_heard_again_after_others_went_around_it_drives_on(tmp_path):
@@ -349,10 +354,7 @@ def test_a_course_that_its_robot_never_takes_is_withdrawn_and_holds_nobody_for_l
     assert refused.reason == "R2 does not take the course that it is sent"
     assert {states(world)[name] for name in ("behind", "any", "taken")} == {ORDER_DONE}
     assert freezes(world) == 0
-    assert nobody_touches(world)
-    log = read_log(logs.paths[-1])
-    assert check_log(log).difference == ""
-    assert prove_log(log).holds
+    assert_sound(world, logs)
 
 
 @pytest.mark.parametrize("skids", [0.0, 0.15])
@@ -370,10 +372,7 @@ def test_a_robot_that_stops_by_a_fault_goes_on_and_nobody_else_is_stopped(tmp_pa
     assert {states(world)[name] for name in ("ahead", "behind", "beside")} == {ORDER_DONE}
     assert any(one.text.startswith("R2 stopped") for one in world.fleet.incidents)
     assert freezes(world) == 0
-    assert nobody_touches(world)
-    log = read_log(logs.paths[-1])
-    assert check_log(log).difference == ""
-    assert prove_log(log).holds
+    assert_sound(world, logs)
 
 
 def test_a_robot_whose_wheels_stall_for_good_is_driven_around_and_the_fleet_ends(tmp_path):
