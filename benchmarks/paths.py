@@ -22,7 +22,7 @@ from coordinator.ground.grown_floor import GrownFloor
 from coordinator.motion.velocity_profile import Motion, limits_on
 from coordinator.paths.path_planner import Pathfinder, find_paths
 from coordinator.plan.drafting import draft_plan
-from coordinator.plan.wire import Driven, unpack_all
+from coordinator.plan.wire import Driven, packed
 from coordinator.proof.tau_safety import least_clearance
 from coordinator.scenario.model import Scenario
 from sim.floors.generator import generate
@@ -211,7 +211,7 @@ def _drive(scenario: Scenario, paths: list[Nurbs]) -> list[Driven]:
         speed = scenario.planned_speed(robot)
         motion = Motion(limits_on(path, speed, robot.max_accel, robot.max_lateral_accel), [])
         alone = replace(scenario, robots=(robot,))
-        driven += unpack_all(draft_plan(alone, [path], [motion], tau=1.0, epoch=1, notes=[]))
+        driven += packed(draft_plan(alone, [path], [motion], tau=1.0, epoch=1, notes=[])).driven
     return driven
 
 

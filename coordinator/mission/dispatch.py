@@ -1,8 +1,8 @@
 """Which robot gets its next course when, and what that does to the fleet.
 
-An order is looked for (`requests`), found or not (`search_for`, pure, may take long), and put into
-effect (`commit`).  A course that was found counts only if no authority told since breaks it, and no
-course committed since comes near it; otherwise it is looked for again.
+A course for an order is looked for (searches.py), and put into effect if it is found (`commit`).
+It counts only if no authority told since breaks it, and no course committed since comes near it;
+otherwise it is looked for again.
 
 Decides: which robot does which order, when a robot makes room, when an order is refused.  Must not
 know: how courses are found, links, files.
@@ -11,10 +11,7 @@ know: how courses are found, links, files.
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from functools import partial
 from typing import Any, Final
 
 import msgspec
@@ -25,22 +22,18 @@ from scipy.optimize import linear_sum_assignment
 from coordinator.curves.nurbs import Array
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.events import Incident
-from coordinator.fleet.log_records import CourseRequest, Found
+from coordinator.fleet.log_records import CourseRequest
 from coordinator.fleet.orders import Task
-from coordinator.mission.obstructions import Obstructions, PlainObstructions, Ring
-from coordinator.plan.course import Course
+from coordinator.mission.obstructions import Obstructions, PlainObstructions
+from coordinator.mission.searches import Asked, Searches
 from coordinator.plan.wire import address
-from coordinator.planning.course_proposal import Site, Wish, proposal_of
-from coordinator.planning.course_search import Answer, make_room, search, stand
-from coordinator.proof.course_proof import that_may_meet
+from coordinator.planning.course_proposal import Site
+from coordinator.planning.course_search import Answer
 from coordinator.scenario import plain
-from coordinator.scenario.model import Point, Pose, Robot
+from coordinator.scenario.model import Pose, Robot
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
 from protocol.phases import GO, MOVING, fault_name
 from protocol.timing import SECOND
-
-_LEAD_MS: Final = 300
-"""How long before a course begins it is asked for: enough to find it and to tell the robot."""
 
 _AGAIN_MS: Final = 2_000
 """An order for which nothing was found is looked for again when the fleet has changed, or after
@@ -49,34 +42,11 @@ this."""
 _NOBODY_MOVES_MS: Final = 20_000
 """Orders for which nothing is found for so long while nobody moves are refused."""
 
-_STANDOFF: Final = 0.01
-
-_SETTLES: Final = 0.3
-"""A robot that has braked settles in this time [s]."""
 
 _JOIN_PATIENCE: Final = 60 * SECOND
 """How long a robot that joins has to be heard for the first time."""
 
 _NEVER: Final = 1e12
-
-_SAME: Final = 0.01
-"""Places nearer to each other than this [m] are one place."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Asked:
-    """What a request is answered from."""
-
-    site: Site
-    wish: Wish
-    others: tuple[Course, ...]
-    ways: tuple[tuple[float, Array], ...] | None
-    """Radii and paths of the robots that need room; None if the robot goes where it is wanted."""
-
-    commits: int
-    closed: dict[str, Ring]
-    leaves: bool
-    """Whether the robot leaves its course for this one, instead of resting at its goal."""
 
 
 class PlainDispatcher(msgspec.Struct, frozen=True):
@@ -99,12 +69,7 @@ class Dispatcher:
         """All robots of the fleet by name, as the scenario and operators give them."""
 
         self.obstructions = Obstructions(fleet, self.robots, self._may_leave)
-        self._serial = 0
-        self._asked: dict[CourseRequest, _Asked] = {}
-        self._commits = 0
-        """How many courses were committed since the epoch began, or a state was taken over."""
-        self._committed: deque[tuple[int, Course]] = deque()
-        """The courses that were committed since something that is looked for now was asked."""
+        self.searches = Searches(fleet, self.robots, self.obstructions)
         self._tried: dict[str, tuple[object, int]] = {}
         """By order: the state of the fleet and the time [ms] when nothing was found for it."""
         self._ways: dict[str, tuple[float, Array]] = {}
@@ -121,16 +86,15 @@ class Dispatcher:
 
         What was looked for is looked for again, here and by whoever goes on from this state.
         """
-        self.forget_requests()
-        mark = (self._fleet.grants.got_on_ms, self._commits)
+        self.searches.give_up()
+        mark = (self._fleet.grants.got_on_ms, self.searches.commits)
         self._mark = (mark[0], 0) if mark == self._mark else (-1, 0)
-        self._committed.clear()
-        self._commits = 0
+        self.searches.begin()
         self._tried.clear()
         self._no_room.clear()
         return PlainDispatcher(
             [plain.plain(robot) for robot in self.robots.values()],
-            self._serial,
+            self.searches.serial,
             self._moved_ms,
             self._mark,
             {name: (radius, way.tobytes()) for name, (radius, way) in self._ways.items()},
@@ -142,7 +106,8 @@ class Dispatcher:
         known = [plain.robot_of(fields) for fields in told.robots]
         self.robots.clear()  # The obstructions know the same table.
         self.robots.update((robot.id, robot) for robot in known)
-        self._serial, self._moved_ms, self._mark = told.serial, told.moved_ms, told.mark
+        self.searches.serial = told.serial
+        self._moved_ms, self._mark = told.moved_ms, told.mark
         self._ways = {
             name: (radius, np.frombuffer(way).reshape(-1, 2).copy())
             for name, (radius, way) in told.ways.items()
@@ -154,19 +119,9 @@ class Dispatcher:
 
         `make_site` prepares its floor when the first order needs it; None if nobody can drive.
         """
-        self._committed.clear()
-        self._commits = 0
+        self.searches.begin()
         self.obstructions.begin(make_site)
-        self._asked.clear()
         self._tried.clear()
-
-    def forget_requests(self) -> None:
-        """Take in that the answers to all requests are lost, with the coordinator that asked."""
-        for request, asked in self._asked.items():
-            self._fleet.grants.release(request.number)
-            if asked.leaves:
-                self._fleet.grants.go_on(request.robot)
-        self._asked.clear()
 
     def look(self, now_ns: int) -> list[CourseRequest]:
         """Let orders become known and done, and return the courses that are to be looked for."""
@@ -181,8 +136,8 @@ class Dispatcher:
         self.obstructions.look(now_ns, now_ms)
         self._refuse_if_stuck(now_ms)
         idle = self._idle(now_ns)
-        asked = {one.order for one in self._asked}
-        state = (self._commits, tuple(idle))
+        asked = self.searches.orders()
+        state = (self.searches.commits, tuple(idle))
         tasks = [
             task
             for task in book.waiting()
@@ -191,10 +146,10 @@ class Dispatcher:
         self._say_who_is_busy(idle)
         joins = [task for task in tasks if task.joins is not None]
         tasks = [task for task in tasks if task.joins is None]
-        found = [self._request_join(task, task.joins, now_ns) for task in joins if task.joins]
-        found += [self._request(task, robot, now_ns) for task, robot in self._assigned(tasks, idle)]
+        found = [self._ask_join(task, task.joins, now_ns) for task in joins if task.joins]
+        found += [self._ask(task, robot, now_ns) for task, robot in self._assigned(tasks, idle)]
         urgent = [task for task in tasks if task.is_urgent and self._may_leave(task.robot, now_ns)]
-        return found + [self._request(task, task.robot, now_ns, leaves=True) for task in urgent]
+        return found + [self._ask(task, task.robot, now_ns, leaves=True) for task in urgent]
 
     def _what_keeps(self, robot: str) -> str:
         """Return in words why a robot that does no order is not idle."""
@@ -210,7 +165,7 @@ class Dispatcher:
         member, mine = self._fleet.members.get(robot), self._fleet.grants.of(robot)
         if member is None or mine is None or mine.now.course is None:
             return False
-        is_asked = any(one.robot == robot for one in self._asked)
+        is_asked = self.searches.has(robot)
         if self.obstructions.rest_of(robot) is not None:
             can_change = member.is_fit and (mine.next is None or mine.next.is_withdrawn)
         else:
@@ -233,43 +188,18 @@ class Dispatcher:
             elif not robot and not idle:
                 task.reason = "no robot is free"
 
-    def search_for(self, request: CourseRequest) -> Callable[[], Answer]:
-        """Return the search for a course; it is pure, and may take long."""
-        asked = self._asked[request]
-        if request.revision == 0:
-            return partial(stand, asked.site, asked.wish, asked.others)
-        if asked.ways is None:
-            return partial(search, asked.site, asked.wish, asked.others)
-        closed = tuple(asked.closed.values())
-        return partial(make_room, asked.site, asked.wish, asked.others, asked.ways, closed)
-
-    def recorded(self, request: CourseRequest, found: Found) -> Answer:
-        """Return the answer to a request that a log holds; its course is not proven again.
-
-        Raises ValueError if a robot would refuse the course.
-        """
-        asked, way, proposal = self._asked[request], None, None
-        if found.message is not None:
-            proposal = proposal_of(found.message, asked.site, asked.wish, asked.others)
-        if found.way:
-            way = np.frombuffer(found.way).reshape(-1, 2).copy()
-        alone = math.inf if found.alone is None else found.alone
-        return Answer(proposal, alone, found.reason, found.blockers, way)
-
     def commit(self, request: CourseRequest, answer: Answer, now_ns: int) -> Robot | None:
         """Put an answer into effect; return the robot with its new goal if it gets a course."""
-        fleet = self._fleet
-        asked = self._asked.pop(request, None)
+        asked = self.searches.take(request)
         if asked is None:
             return None
-        fleet.grants.release(request.number)
         robot = self._commit(request, asked, answer, now_ns)
         if robot is None and asked.leaves:
-            fleet.grants.go_on(request.robot)
+            self._fleet.grants.go_on(request.robot)
         return robot
 
     def _commit(
-        self, request: CourseRequest, asked: _Asked, answer: Answer, now_ns: int
+        self, request: CourseRequest, asked: Asked, answer: Answer, now_ns: int
     ) -> Robot | None:
         fleet = self._fleet
         task, idle = fleet.orders.tasks[request.order], self._idle(now_ns)
@@ -284,22 +214,16 @@ class Dispatcher:
         if proposal is None:
             self._not_found(task, asked, answer, idle, now_ms)
             return None
-        margin = asked.site.terms.margin + _STANDOFF
-        since = [one for commits, one in self._committed if commits >= asked.commits]
-        if that_may_meet(proposal.course, since, margin):
+        if self.searches.has_come_near(asked, proposal.course):
             return None
         if not self.obstructions.take_course(request.robot, request.revision, asked.closed):
             return None
         if not fleet.grants.commit(
             request.number, proposal.course, proposal.near, proposal.staircases
         ):
-            self._tried[task.order.id] = ((self._commits, tuple(idle)), now_ms)
+            self._tried[task.order.id] = ((self.searches.commits, tuple(idle)), now_ms)
             return None
-        self._committed.append((self._commits, proposal.course))
-        self._commits += 1
-        oldest = min((one.commits for one in self._asked.values()), default=self._commits)
-        while self._committed and self._committed[0][0] < oldest:
-            self._committed.popleft()
+        self.searches.note_commit(proposal.course)
         fleet.orders.put_back(request.robot)
         self._ways.pop(task.order.id, None)
         if task.makes_room:
@@ -322,7 +246,7 @@ class Dispatcher:
         return replace(asked.wish.robot, goal=task.order.goal)
 
     def _not_found(
-        self, task: Task, asked: _Asked, answer: Answer, idle: list[str], now_ms: int
+        self, task: Task, asked: Asked, answer: Answer, idle: list[str], now_ms: int
     ) -> None:
         """Refuse an order for ever, or let it wait; let idle robots make room for it."""
         book, robot = self._fleet.orders, asked.wish.robot.id
@@ -333,7 +257,7 @@ class Dispatcher:
             self._fleet.members.pop(robot, None)
             book.forget(robot)
             return
-        state = (self._commits, tuple(idle))
+        state = (self.searches.commits, tuple(idle))
         if task.makes_room:
             self._no_room[robot] = state
         if task.makes_room or (math.isinf(answer.alone) and self._nobody_else(task, robot)):
@@ -350,89 +274,16 @@ class Dispatcher:
             own = [one for one in book.waiting() if one.robot == name]
             is_idle = name in idle and name not in waiting and self._no_room.get(name) != state
             if is_idle and answer.way is not None and all(o.order.id in self._tried for o in own):
-                room = book.room_for(name, self._place(name)[0], task.order.id, now_ms)
+                room = book.room_for(name, self.searches.place(name)[0], task.order.id, now_ms)
                 self._ways[room.order.id] = (asked.wish.robot.radius, answer.way)
 
-    def _request(
-        self, task: Task, robot: str, now_ns: int, *, leaves: bool = False
-    ) -> CourseRequest:
-        fleet = self._fleet
-        whole = self.obstructions.site
-        terms_tau = 0.0 if whole is None else whole.terms.tau
-        mine = fleet.grants.of(robot)
-        assert mine is not None
-        self._serial += 1
-        wait_ms = max(fleet.grants.headroom_ms - round(1000.0 * terms_tau), 0)
-        begin_ms = fleet.times.plan_ms(now_ns) + _LEAD_MS + wait_ms
-        delay, rest = 0.0, self.obstructions.rest_of(robot) if leaves else None
-        if leaves and rest is None:
-            soon_ms, begin_ms = begin_ms, fleet.grants.halt(robot)
-            delay = max(self._braking(robot), (soon_ms - begin_ms) / 1000.0)
-        number, revision = fleet.grants.reserve(), mine.newest.revision + 1
-        request = CourseRequest(self._serial, task.order.id, robot, number, revision, begin_ms)
-        if rest is not None:
-            x, y, heading = self.obstructions.pose_of(robot, rest)
-        else:
-            (x, y), heading = self._place(robot, begin_ms if leaves else None)
-        is_car = self.robots[robot].min_turn_radius > 0.0
-        start: Pose = (x, y, heading) if is_car else (x, y)
-        goal, via = _apart((x, y), task.order.via, task.order.goal)
-        wanted = replace(self.robots[robot], start=start, goal=goal, via=via, path=None)
-        others = [one for one in fleet.grants.possible() if one.driven.id != robot]
-        late = fleet.grants.late(fleet.times.plan_ms(now_ns))
-        way, site = self._ways.get(task.order.id), self.obstructions.site_for(robot, (x, y))
-        self._asked[request] = _Asked(
-            site,
-            Wish(wanted, heading, number, revision, begin_ms, delay, late),
-            tuple(others),
-            (() if way is None else (way,)) if task.makes_room else None,
-            self._commits,
-            self.obstructions.closed,
-            leaves,
-        )
-        return request
+    def _ask(self, task: Task, robot: str, now_ns: int, *, leaves: bool = False) -> CourseRequest:
+        way = self._ways.get(task.order.id)
+        return self.searches.ask(task, robot, way, now_ns, leaves=leaves)
 
-    def _braking(self, robot: str) -> float:
-        """Return how much later [s] a robot that leaves its course is where its authority ends.
-
-        It brakes for that place, where its course may have it at full speed.
-        """
-        one = self.robots[robot]
-        return one.max_speed / one.max_accel + _SETTLES
-
-    def _request_join(self, task: Task, robot: Robot, now_ns: int) -> CourseRequest:
-        """Ask for the first course of a robot that joins: to rest where it stands."""
-        fleet = self._fleet
-        self._serial += 1
-        number, begin_ms = fleet.grants.reserve(), max(fleet.times.plan_ms(now_ns) + _LEAD_MS, 1)
-        request = CourseRequest(self._serial, task.order.id, robot.id, number, 0, begin_ms)
-        x, y, *heading = robot.start
+    def _ask_join(self, task: Task, robot: Robot, now_ns: int) -> CourseRequest:
         self.robots[robot.id] = robot
-        self._asked[request] = _Asked(
-            self.obstructions.site_for(robot.id, (x, y)),
-            Wish(robot, heading[0] if heading else 0.0, number, 0, begin_ms),
-            tuple(fleet.grants.possible()),
-            None,
-            self._commits,
-            self.obstructions.closed,
-            leaves=False,
-        )
-        return request
-
-    def _place(self, robot: str, at_ms: int | None = None) -> tuple[tuple[float, float], float]:
-        """Return where a robot is at a plan time [m], by default at its goal, and its heading."""
-        mine = self._fleet.grants.of(robot)
-        assert mine is not None
-        assert mine.now.course is not None
-        driven = mine.now.course.driven
-        curve = driven.curve
-        if at_ms is None:
-            u = float(curve.knots[-1])
-        else:
-            (u,) = curve.parameter_at([driven.timeline.s_at(at_ms / 1000.0)]).tolist()
-        places, ahead = curve.derivatives([u], 1)
-        x, y = places[0].tolist()
-        return (x, y), math.atan2(ahead[0, 1], ahead[0, 0])
+        return self.searches.ask_join(task, robot, now_ns)
 
     def _idle(self, now_ns: int) -> list[str]:
         """Return the robots that rest at their goals and have nothing to do."""
@@ -455,8 +306,7 @@ class Dispatcher:
     def _assigned(self, tasks: list[Task], idle: list[str]) -> list[tuple[Task, str]]:
         """Return which orders idle robots get now: those that they are named in, then others."""
         free = dict.fromkeys(idle)
-        for one in self._asked:
-            free.pop(one.robot, None)
+        free = {name: None for name in free if not self.searches.has(name)}
         pairs = []
         for task in tasks:
             if task.order.robot in free:
@@ -486,7 +336,7 @@ class Dispatcher:
         """Return how long [s] a robot would take straight to an order's goal; _NEVER: it cannot."""
         if robot in task.cannot:
             return _NEVER
-        place, _ = self._place(robot)
+        place, _ = self.searches.place(robot)
         return math.dist(place, task.order.goal[:2]) / self.robots[robot].max_speed
 
     def _is_free(self, robot: str, place: Pose) -> bool:
@@ -502,37 +352,10 @@ class Dispatcher:
 
     def _refuse_if_stuck(self, now_ms: int) -> None:
         """Refuse all orders when nobody gets on and nothing is found for a long time."""
-        book, mark = self._fleet.orders, (self._fleet.grants.got_on_ms, self._commits)
+        book, mark = self._fleet.orders, (self._fleet.grants.got_on_ms, self.searches.commits)
         under_way = book.under_way()
         dwells = any(one.arrived_ms is not None for one in under_way)
         if mark != self._mark or dwells or book.stays or not (under_way or book.waiting()):
             self._mark, self._moved_ms = mark, now_ms
         elif now_ms - self._moved_ms > _NOBODY_MOVES_MS:
             book.refuse_all(lambda task: task.reason or "no robot can do it")
-
-
-def found_of(answer: Answer) -> Found:
-    """Return an answer as the log holds it; the way counts only where somebody rests in it."""
-    return Found(
-        None if answer.proposal is None else answer.proposal.message,
-        answer.alone if math.isfinite(answer.alone) else None,
-        answer.reason,
-        answer.blockers,
-        b"" if answer.way is None or not answer.blockers else answer.way.tobytes(),
-    )
-
-
-def _apart(start: Point, via: Iterable[Point], goal: Pose) -> tuple[Pose, tuple[Point, ...]]:
-    """Return the goal and the places to pass, without those where the robot is already.
-
-    A robot that is at its goal, and passes no place, stays where it is.
-    """
-    kept: list[Point] = []
-    for place in via:
-        if math.dist(place, kept[-1] if kept else start) >= _SAME:
-            kept.append(place)
-    while kept and math.dist(kept[-1], goal[:2]) < _SAME:
-        kept.pop()
-    if not kept and math.dist(start, goal[:2]) < _SAME:
-        return start, ()
-    return goal, tuple(kept)

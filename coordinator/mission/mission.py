@@ -149,7 +149,7 @@ class Mission:
     def take_over(self, boot: int, last_ns: int, now_ns: int) -> None:
         """Resume with another boot id for a coordinator that was last known alive at `last_ns`."""
         self._wanted = None
-        self.dispatcher.forget_requests()
+        self.dispatcher.searches.give_up()
         for member in self.fleet.members.planned:
             member.plan = address(member.plan, boot)
         self.fleet.take_over(boot, last_ns, now_ns)

@@ -39,10 +39,10 @@ from coordinator.fleet.log_records import (
     told_key,
 )
 from coordinator.mission.checkpoint import checkpoint_of
-from coordinator.mission.dispatch import found_of
 from coordinator.mission.intake import Arrival, Intake
 from coordinator.mission.mission import Mission
 from coordinator.mission.recovery import Recovery
+from coordinator.mission.searches import found_of
 from coordinator.plan.document import PlanDocument
 from coordinator.planning.course_search import Answer
 from protocol import keys
@@ -265,7 +265,7 @@ class MissionDriver:
         return partial(self._adopt, asked, self.mission.solve(asked))
 
     def _job_of(self, asked: CourseRequest) -> Job:
-        search = self.mission.dispatcher.search_for(asked)
+        search = self.mission.dispatcher.searches.search_for(asked)
         return Job(asked, lambda: partial(self._commit, asked, search()))
 
     def take_found(self, asked: CourseRequest, found: Found, now_ns: int) -> None:
@@ -273,7 +273,7 @@ class MissionDriver:
 
         Raises ValueError if a robot would refuse the course.
         """
-        answer = self.mission.dispatcher.recorded(asked, found)
+        answer = self.mission.dispatcher.searches.recorded(asked, found)
         self.finish(self.under_way[asked], partial(self._commit, asked, answer), now_ns)
 
     def _commit(self, asked: CourseRequest, found: Answer, now_ns: int) -> None:

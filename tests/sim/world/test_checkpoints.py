@@ -77,7 +77,7 @@ def test_nothing_is_planned_to_go_on(killed, monkeypatch):
     def plan(*_):
         raise AssertionError("something is planned")
 
-    for name in ("coordinator.service.replay.plan_here", "coordinator.mission.dispatch.search"):
+    for name in ("coordinator.service.replay.plan_here", "coordinator.mission.searches.search"):
         monkeypatch.setattr(name, plan)
     fleet = go_on(killed, 77, killed.records[-1].log_ns + SECOND).fleet
     assert sum(mine.now.revision > 0 for mine in map(fleet.grants.of, fleet.members)) >= 1

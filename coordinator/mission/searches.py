@@ -1,0 +1,255 @@
+"""The courses that are looked for now: from what each is searched, and what came in between.
+
+A course that was found counts only if no course committed since it was asked for comes near it.
+
+Decides: where and when a robot's next course begins, and among which courses it is looked for.
+Must not know: which robot does which order, how courses are found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+import numpy as np
+from msgspec.structs import replace
+
+from coordinator.curves.nurbs import Array
+from coordinator.fleet.core import Fleet
+from coordinator.fleet.log_records import CourseRequest, Found
+from coordinator.fleet.orders import Task
+from coordinator.mission.obstructions import Obstructions, Ring
+from coordinator.plan.course import Course
+from coordinator.planning.course_proposal import Site, Wish, proposal_of
+from coordinator.planning.course_search import Answer, make_room, search, stand
+from coordinator.proof.course_proof import that_may_meet
+from coordinator.scenario.model import Point, Pose, Robot
+
+_LEAD_MS: Final = 300
+"""How long before a course begins it is asked for: enough to find it and to tell the robot."""
+
+_STANDOFF: Final = 0.01
+"""How much more than the margin [m] courses found side by side have to be apart."""
+
+_SETTLES: Final = 0.3
+"""A robot that has braked settles in this time [s]."""
+
+_SAME: Final = 0.01
+"""Places nearer to each other than this [m] are one place."""
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What a request is answered from."""
+
+    site: Site
+    wish: Wish
+    others: tuple[Course, ...]
+    ways: tuple[tuple[float, Array], ...] | None
+    """Radii and paths of the robots that need room; None if the robot goes where it is wanted."""
+
+    commits: int
+    closed: dict[str, Ring]
+    leaves: bool
+    """Whether the robot leaves its course for this one, instead of resting at its goal."""
+
+
+class Searches:
+    """The searches of one fleet; `robots`: all its robots by name."""
+
+    def __init__(
+        self, fleet: Fleet, robots: Mapping[str, Robot], obstructions: Obstructions
+    ) -> None:
+        self._fleet, self._robots, self._obstructions = fleet, robots, obstructions
+        self.serial = 0
+        """How many searches there have been."""
+        self.commits = 0
+        """How many courses were committed since the epoch began, or a state was taken over."""
+        self._asked: dict[CourseRequest, Asked] = {}
+        self._committed: deque[tuple[int, Course]] = deque()
+        """The courses that were committed since something that is looked for now was asked."""
+
+    def begin(self) -> None:
+        """Begin an epoch: all searches are void."""
+        self._asked.clear()
+        self._committed.clear()
+        self.commits = 0
+
+    def give_up(self) -> None:
+        """Take in that the answers to all searches are lost, with the coordinator that asked."""
+        for request in list(self._asked):
+            asked = self.take(request)
+            if asked is not None and asked.leaves:
+                self._fleet.grants.go_on(request.robot)
+
+    def has(self, robot: str) -> bool:
+        """Return whether a course is looked for for a robot."""
+        return any(one.robot == robot for one in self._asked)
+
+    def orders(self) -> set[str]:
+        """Return the orders for which a course is looked for."""
+        return {one.order for one in self._asked}
+
+    def take(self, request: CourseRequest) -> Asked | None:
+        """End a search, and return what it was answered from; None if it had been given up."""
+        asked = self._asked.pop(request, None)
+        if asked is not None:
+            self._fleet.grants.release(request.number)
+        return asked
+
+    def has_come_near(self, asked: Asked, course: Course) -> bool:
+        """Return whether a course committed since a search was asked for comes near its result."""
+        since = [one for commits, one in self._committed if commits >= asked.commits]
+        return bool(that_may_meet(course, since, asked.site.terms.margin + _STANDOFF))
+
+    def note_commit(self, course: Course) -> None:
+        """Take in that a course counts from now on."""
+        self._committed.append((self.commits, course))
+        self.commits += 1
+        oldest = min((one.commits for one in self._asked.values()), default=self.commits)
+        while self._committed and self._committed[0][0] < oldest:
+            self._committed.popleft()
+
+    def search_for(self, request: CourseRequest) -> Callable[[], Answer]:
+        """Return the search for a course; it is pure, and may take long."""
+        asked = self._asked[request]
+        if request.revision == 0:
+            return partial(stand, asked.site, asked.wish, asked.others)
+        if asked.ways is None:
+            return partial(search, asked.site, asked.wish, asked.others)
+        closed = tuple(asked.closed.values())
+        return partial(make_room, asked.site, asked.wish, asked.others, asked.ways, closed)
+
+    def recorded(self, request: CourseRequest, found: Found) -> Answer:
+        """Return the answer to a request that a log holds; its course is not proven again.
+
+        Raises ValueError if a robot would refuse the course.
+        """
+        asked, way, proposal = self._asked[request], None, None
+        if found.message is not None:
+            proposal = proposal_of(found.message, asked.site, asked.wish, asked.others)
+        if found.way:
+            way = np.frombuffer(found.way).reshape(-1, 2).copy()
+        alone = math.inf if found.alone is None else found.alone
+        return Answer(proposal, alone, found.reason, found.blockers, way)
+
+    def ask(
+        self,
+        task: Task,
+        robot: str,
+        way: tuple[float, Array] | None,
+        now_ns: int,
+        *,
+        leaves: bool = False,
+    ) -> CourseRequest:
+        """Look for a robot's next course, from where it rests, or from where it can leave its own.
+
+        `way`: the radius and path of the robot for which it makes room.
+        """
+        fleet = self._fleet
+        whole = self._obstructions.site
+        terms_tau = 0.0 if whole is None else whole.terms.tau
+        mine = fleet.grants.of(robot)
+        assert mine is not None
+        self.serial += 1
+        wait_ms = max(fleet.grants.headroom_ms - round(1000.0 * terms_tau), 0)
+        begin_ms = fleet.times.plan_ms(now_ns) + _LEAD_MS + wait_ms
+        delay, rest = 0.0, self._obstructions.rest_of(robot) if leaves else None
+        if leaves and rest is None:
+            soon_ms, begin_ms = begin_ms, fleet.grants.halt(robot)
+            delay = max(self._braking(robot), (soon_ms - begin_ms) / 1000.0)
+        number, revision = fleet.grants.reserve(), mine.newest.revision + 1
+        request = CourseRequest(self.serial, task.order.id, robot, number, revision, begin_ms)
+        if rest is not None:
+            x, y, heading = self._obstructions.pose_of(robot, rest)
+        else:
+            (x, y), heading = self.place(robot, begin_ms if leaves else None)
+        is_car = self._robots[robot].min_turn_radius > 0.0
+        start: Pose = (x, y, heading) if is_car else (x, y)
+        goal, via = _apart((x, y), task.order.via, task.order.goal)
+        wanted = replace(self._robots[robot], start=start, goal=goal, via=via, path=None)
+        others = [one for one in fleet.grants.possible() if one.driven.id != robot]
+        late = fleet.grants.late(fleet.times.plan_ms(now_ns))
+        site = self._obstructions.site_for(robot, (x, y))
+        self._asked[request] = Asked(
+            site,
+            Wish(wanted, heading, number, revision, begin_ms, delay, late),
+            tuple(others),
+            (() if way is None else (way,)) if task.makes_room else None,
+            self.commits,
+            self._obstructions.closed,
+            leaves,
+        )
+        return request
+
+    def _braking(self, robot: str) -> float:
+        """Return how much later [s] a robot that leaves its course is where its authority ends.
+
+        It brakes for that place, where its course may have it at full speed.
+        """
+        one = self._robots[robot]
+        return one.max_speed / one.max_accel + _SETTLES
+
+    def ask_join(self, task: Task, robot: Robot, now_ns: int) -> CourseRequest:
+        """Ask for the first course of a robot that joins: to rest where it stands."""
+        fleet = self._fleet
+        self.serial += 1
+        number, begin_ms = fleet.grants.reserve(), max(fleet.times.plan_ms(now_ns) + _LEAD_MS, 1)
+        request = CourseRequest(self.serial, task.order.id, robot.id, number, 0, begin_ms)
+        x, y, *heading = robot.start
+        self._asked[request] = Asked(
+            self._obstructions.site_for(robot.id, (x, y)),
+            Wish(robot, heading[0] if heading else 0.0, number, 0, begin_ms),
+            tuple(fleet.grants.possible()),
+            None,
+            self.commits,
+            self._obstructions.closed,
+            leaves=False,
+        )
+        return request
+
+    def place(self, robot: str, at_ms: int | None = None) -> tuple[tuple[float, float], float]:
+        """Return where a robot is at a plan time [m], by default at its goal, and its heading."""
+        mine = self._fleet.grants.of(robot)
+        assert mine is not None
+        assert mine.now.course is not None
+        driven = mine.now.course.driven
+        curve = driven.curve
+        if at_ms is None:
+            u = float(curve.knots[-1])
+        else:
+            (u,) = curve.parameter_at([driven.timeline.s_at(at_ms / 1000.0)]).tolist()
+        places, ahead = curve.derivatives([u], 1)
+        x, y = places[0].tolist()
+        return (x, y), math.atan2(ahead[0, 1], ahead[0, 0])
+
+
+def found_of(answer: Answer) -> Found:
+    """Return an answer as the log holds it; the way counts only where somebody rests in it."""
+    return Found(
+        None if answer.proposal is None else answer.proposal.message,
+        answer.alone if math.isfinite(answer.alone) else None,
+        answer.reason,
+        answer.blockers,
+        b"" if answer.way is None or not answer.blockers else answer.way.tobytes(),
+    )
+
+
+def _apart(start: Point, via: Iterable[Point], goal: Pose) -> tuple[Pose, tuple[Point, ...]]:
+    """Return the goal and the places to pass, without those where the robot is already.
+
+    A robot that is at its goal, and passes no place, stays where it is.
+    """
+    kept: list[Point] = []
+    for place in via:
+        if math.dist(place, kept[-1] if kept else start) >= _SAME:
+            kept.append(place)
+    while kept and math.dist(kept[-1], goal[:2]) < _SAME:
+        kept.pop()
+    if not kept and math.dist(start, goal[:2]) < _SAME:
+        return start, ()
+    return goal, tuple(kept)
