@@ -48,6 +48,8 @@ Number = Annotated[int, msgspec.Meta(ge=0, le=MOST_NUMBER)]
 Capacity = Annotated[int, msgspec.Meta(ge=0, le=65_535)]
 Packed = Annotated[bytes, msgspec.Meta(max_length=3_600)]
 RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}(?!\n)$")]
+Operator = Annotated[str, msgspec.Meta(max_length=64)]
+"""Who sends an operator's message, as far as the program that sends it knows; "" if it does not."""
 
 
 class Hello(msgspec.Struct, frozen=True, array_like=True, tag=1):
@@ -118,6 +120,7 @@ class Admit(msgspec.Struct, frozen=True, array_like=True, tag=7):
     """
 
     boot: Counter
+    by: Operator = ""
 
 
 class Refusal(msgspec.Struct, frozen=True, array_like=True, tag=6):
@@ -237,7 +240,8 @@ class Order(msgspec.Struct, frozen=True, array_like=True, tag=10):
     it matters.  `robot`: empty if the coordinator is to choose.  `via`: places [m] to pass, in
     order.  `dwell_ms`: how long the robot stands at the goal before the order is done.  Of orders
     that wait, a higher `priority` goes first.  `now`: the robot leaves what it does for this order.
-    The same `id` again is the same order.
+    It counts from `release_ms` after the first GO on, or when the order `after` is done.  The same
+    `id` again is the same order.
     """
 
     boot: Counter
@@ -248,6 +252,9 @@ class Order(msgspec.Struct, frozen=True, array_like=True, tag=10):
     dwell_ms: Counter = 0
     priority: Annotated[int, msgspec.Meta(ge=-(2**31), le=MOST_PRIORITY)] = 0
     now: bool = False
+    release_ms: Counter = 0
+    after: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{0,32}(?!\n)$")] = ""
+    by: Operator = ""
 
 
 class Cancel(msgspec.Struct, frozen=True, array_like=True, tag=11):
@@ -255,6 +262,7 @@ class Cancel(msgspec.Struct, frozen=True, array_like=True, tag=11):
 
     boot: Counter
     id: OrderId
+    by: Operator = ""
 
 
 class Tell(msgspec.Struct, frozen=True, array_like=True, tag=12):
@@ -262,6 +270,7 @@ class Tell(msgspec.Struct, frozen=True, array_like=True, tag=12):
 
     boot: Counter
     what: Annotated[int, msgspec.Meta(ge=0, le=2)]
+    by: Operator = ""
 
 
 HALT, GO_ON, END = range(3)
@@ -277,6 +286,7 @@ class Block(msgspec.Struct, frozen=True, array_like=True, tag=14):
     boot: Counter
     id: OrderId
     polygon: Annotated[tuple[Spot, ...], msgspec.Meta(min_length=3, max_length=100)]
+    by: Operator = ""
 
 
 class Unblock(msgspec.Struct, frozen=True, array_like=True, tag=15):
@@ -284,6 +294,7 @@ class Unblock(msgspec.Struct, frozen=True, array_like=True, tag=15):
 
     boot: Counter
     id: OrderId
+    by: Operator = ""
 
 
 class Join(msgspec.Struct, frozen=True, array_like=True, tag=16):
@@ -301,6 +312,7 @@ class Join(msgspec.Struct, frozen=True, array_like=True, tag=16):
     max_accel_mps2: Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)] = 0.0
     min_turn_radius_m: Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)] = 0.0
     max_turn_rate: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] = 2.0
+    by: Operator = ""
 
 
 class Leave(msgspec.Struct, frozen=True, array_like=True, tag=17):
@@ -311,6 +323,7 @@ class Leave(msgspec.Struct, frozen=True, array_like=True, tag=17):
 
     boot: Counter
     robot: RobotId
+    by: Operator = ""
 
 
 class OrderState(msgspec.Struct, frozen=True, array_like=True, tag=13):

@@ -54,34 +54,36 @@ class OperatedFleet(FleetState):
             answer = self._hear_tell(message, now_ns)
         return answer
 
-    def stop(self, now_ns: int) -> list[Outgoing]:
+    def stop(self, now_ns: int, by: str = "") -> list[Outgoing]:
         """Stop a fleet that drives: robots brake at once and keep their plans."""
         if self.phase == GO:
             self._stopped_ns = now_ns
-        self._turn("told to stop", now_ns)
+        self._turn("told to stop", now_ns, by)
         return self._commands(now_ns)
 
-    def go_on(self, now_ns: int) -> list[Outgoing]:
+    def go_on(self, now_ns: int, by: str = "") -> list[Outgoing]:
         """Let a fleet that was stopped go on; the plan goes on where it was when it was stopped."""
         if self.phase == STOP:
             self.times.put_off(now_ns + GO_LEAD - self._stopped_ns)
             self._excuse(now_ns)
-        self._turn("told to go on", now_ns)
+        self._turn("told to go on", now_ns, by)
         return self._commands(now_ns)
 
     def _hear_order(self, message: Order | Cancel, now_ns: int) -> list[Outgoing]:
         """Take in an order, or take one back; the answer is what has become of it."""
-        known = self.orders.tasks.get(message.id)
+        known, now_ms = self.orders.tasks.get(message.id), self.since_go_ms(now_ns)
         if isinstance(message, Cancel):
             if known is not None and known.joins is not None and not known.is_over:
                 self.orders.end(known, CANCELLED)
                 self._take_out(known.robot, now_ns)
-            elif self.orders.cancel(message.id, self.since_go_ms(now_ns)) is None:
+            elif self.orders.cancel(message.id, now_ms) is None:
                 return [self._refusal(message.id, f"there is no order {message.id}")]
         elif known is None and message.id.startswith(OWN):
             return [self._refusal(message.id, OWN_IN_WORDS)]
+        elif (later := self.orders.put_off(order_of(message), now_ms)) is not None:
+            return [self._order_state(later)]
         else:
-            task = self.orders.give(order_of(message), self.since_go_ms(now_ns))
+            task = self.orders.give(order_of(message), now_ms)
             if not self.is_ending:
                 task.is_urgent = message.now
             elif not task.is_over and task.accepted_ms is None:
@@ -120,7 +122,8 @@ class OperatedFleet(FleetState):
                     is_new=True,
                 )
                 x, y = robot.start[:2]
-                self._tell(now_ns, "order", join.robot, f"{join.robot} joins at ({x:g}, {y:g})")
+                what = f"{join.robot} joins at ({x:g}, {y:g}){_by(join)}"
+                self._tell(now_ns, "order", join.robot, what)
         return [self._order_state(task.message()), *self.order_states()]
 
     def _why_not_join(self, join: Join) -> str:
@@ -160,11 +163,11 @@ class OperatedFleet(FleetState):
         known = self.blocks.get(message.id)
         if isinstance(message, Unblock):
             if self.blocks.pop(message.id, None) is not None:
-                self._tell(now_ns, "block", "", f"{message.id} is open again")
+                self._tell(now_ns, "block", "", f"{message.id} is open again{_by(message)}")
             return [Outgoing(keys.blocks(self.name, message.id), encode(message))]
         if known is None and shapely.is_valid(shapely.Polygon(message.polygon)):
             self.blocks[message.id] = known = message
-            self._tell(now_ns, "block", "", f"{message.id} is closed")
+            self._tell(now_ns, "block", "", f"{message.id} is closed{_by(message)}")
         if known is None:
             self.bad_messages += 1
             return []
@@ -174,7 +177,13 @@ class OperatedFleet(FleetState):
         """Stop, go on, or end when all rest."""
         if message.what == END:
             if not self.is_ending:
-                self._tell(now_ns, "order", "", "the fleet ends when all rest")
+                self._tell(now_ns, "order", "", f"the fleet ends when all rest{_by(message)}")
             self.is_ending, self.orders.stays = True, False
             return []
-        return self.stop(now_ns) if message.what == HALT else self.go_on(now_ns)
+        turned = self.stop if message.what == HALT else self.go_on
+        return turned(now_ns, message.by)
+
+
+def _by(message: Tell | Block | Unblock | Join) -> str:
+    """Return in words who sent a message, as far as it says."""
+    return f", by {message.by}" if message.by else ""

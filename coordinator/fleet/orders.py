@@ -87,6 +87,8 @@ def order_of(message: protocol_messages.Order) -> Order:
         goal=goal,
         robot=message.robot,
         via=message.via,
+        release=message.release_ms / 1000.0,
+        after=message.after,
         dwell=message.dwell_ms / 1000.0,
         priority=message.priority,
     )
@@ -119,7 +121,7 @@ class PlainBook(msgspec.Struct, frozen=True):
     tasks: list[dict[str, Any]]
     stays: bool
     robots: list[str]
-    later: list[str]
+    later: list[dict[str, Any]]
     has_demand: bool
     given: dict[str, int]
     said: dict[str, OrderState]
@@ -194,7 +196,7 @@ class OrderBook:
             ],
             self.stays,
             self._robots,
-            list(self._later),
+            [msgspec.to_builtins(order) for order in self._later.values()],
             self._demand is not None,
             self._given,
             self._said,
@@ -211,7 +213,8 @@ class OrderBook:
         tasks = [_task_of(fields) for fields in told.tasks]
         self._open = {task.order.id: task for task in tasks}
         self.tasks = {one.id: _task_over(one) for one in told.over} | self._open
-        self._later = {name: self._later[name] for name in told.later}
+        later = [plain.order_of(fields) for fields in told.later]
+        self._later = {order.id: order for order in later}
         self._ended = [self.tasks[name] for name in told.ended]
         self._demand = self._demand if told.has_demand else None
         self.stays, self._robots, self._given = told.stays, told.robots, told.given
@@ -270,6 +273,17 @@ class OrderBook:
         if order.robot and order.robot not in self._robots:
             self.end(task, REFUSED, f"there is no robot {order.robot} in this fleet")
         return task
+
+    def put_off(self, order: Order, now_ms: int) -> OrderState | None:
+        """Keep an order until it becomes known; return its state, None if it is known now."""
+        if order.id in self.tasks or self._is_known(order, now_ms):
+            return None
+        if order.after and order.after not in self.tasks.keys() | self._later.keys():
+            why = f"there is no order {order.after} to come after"
+            return OrderState(order.id, REFUSED, order.robot, reason=why)
+        known = self._later.setdefault(order.id, order)
+        when = f"{known.after} is over" if known.after else f"{known.release:g} s after the start"
+        return OrderState(known.id, WAITING, known.robot, reason=f"is not looked at before {when}")
 
     def go_around(self, robot: str, goal: Pose, what: str, now_ms: int) -> None:
         """Let the order that a robot does be looked for again, from where it is now.

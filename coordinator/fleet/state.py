@@ -286,7 +286,7 @@ class FleetState:
             self._tell(now_ns, "fault", member.id, f"{member.id} {what}")
             self._turn("robot failed", now_ns)
 
-    def _turn(self, event: Event, now_ns: int) -> None:
+    def _turn(self, event: Event, now_ns: int, by: str = "") -> None:
         phase = TRANSITIONS.get((self.phase, event))
         if phase is None:
             return
@@ -296,7 +296,7 @@ class FleetState:
             self._first_go_ns = self._first_go_ns or self.times.start_ns
             for member in self.members.planned:
                 member.set_out(self.epoch)
-        self._tell_phase(now_ns, COMMAND_NAMES[phase])
+        self._tell_phase(now_ns, COMMAND_NAMES[phase] + (f", by {by}" if by else ""))
 
     def _commands(self, now_ns: int) -> list[Outgoing]:
         """Return the Command, or several if one cannot name all who have less authority."""
