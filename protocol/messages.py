@@ -347,20 +347,7 @@ class OrderState(msgspec.Struct, frozen=True, array_like=True, tag=13):
 ORDER_STATES: Final = ("waiting", "under way", "done", "cancelled", "refused")
 WAITING, UNDER_WAY, ORDER_DONE, CANCELLED, REFUSED = range(5)
 
-Message = (
-    Hello
-    | Plan
-    | Refusal
-    | Command
-    | Report
-    | Clock
-    | Admit
-    | Order
-    | Cancel
-    | Tell
-    | OrderState
-    | Block
-    | Unblock
-    | Join
-    | Leave
-)
+Operators = Admit | Order | Cancel | Tell | Block | Unblock | Join | Leave
+"""What operators send."""
+
+Message = Hello | Plan | Refusal | Command | Report | Clock | OrderState | Operators

@@ -5,6 +5,7 @@ Decides: which fleet a command speaks to, and how long it listens.  Must not kno
 
 from __future__ import annotations
 
+import getpass
 import os
 import queue
 import time
@@ -12,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Final
 
+import msgspec
 import typer
 
 from coordinator.base.console import tell
@@ -19,7 +21,8 @@ from coordinator.cli.plan_commands import within
 from coordinator.service.key_option import Keys, given_keys
 from protocol import keys as places
 from protocol.codec import decode, encode
-from protocol.messages import Block, Command, Message, OrderState
+from protocol.key_files import KeyFiles
+from protocol.messages import Block, Command, Message, Operators, OrderState
 from protocol.transport import Transport
 
 _PERIOD_S: Final = 0.2
@@ -38,12 +41,13 @@ Patience = Annotated[
 class FleetLine:
     """A link to one fleet: what arrives, and where to put."""
 
-    def __init__(self, transport: Transport, fleet: str | None, patience: float) -> None:
+    def __init__(self, transport: Transport, fleet: str | None, patience: float, by: str) -> None:
         self.boot = int.from_bytes(os.urandom(4), "little")
         self.fleet = fleet
         self.is_heard = False
         """Whether anything of the fleet was heard."""
 
+        self._by = by
         self._transport = transport
         self._heard: queue.SimpleQueue[tuple[str, Message]] = queue.SimpleQueue()
         self._until = time.monotonic() + patience
@@ -78,7 +82,7 @@ class FleetLine:
                 yield message
 
     def ask_until(
-        self, key: Callable[[str], str], message: Message, fits: Callable[[Message], bool]
+        self, key: Callable[[str], str], message: Operators, fits: Callable[[Message], bool]
     ) -> Message | None:
         """Send a message until an answer fits, and return that; None if none does in time."""
         answers = self.messages(lambda fleet: self.put(key(fleet), message))
@@ -91,9 +95,9 @@ class FleetLine:
             tell(f"no coordinator{which} was heard within {patience:g} s", "red")
             raise typer.Exit(1)
 
-    def put(self, key: str, message: Message) -> None:
-        """Send a message."""
-        self._transport.put(key, encode(message))
+    def put(self, key: str, message: Operators) -> None:
+        """Send a message, with the name of who sends it."""
+        self._transport.put(key, encode(msgspec.structs.replace(message, by=self._by)))
 
     def states(self) -> dict[str, OrderState]:
         """Return the states of all orders, by order; empty if there are none."""
@@ -133,4 +137,14 @@ def fleet_line(connect: str, fleet: str | None, patience: float, keys: Keys) -> 
         raise typer.BadParameter(what, param_hint="--fleet")
     files = given_keys(keys, "operator")
     with ZenohTransport.connect(connect, timeout_s=min(patience, 20.0), keys=files) as transport:
-        yield FleetLine(transport, fleet, patience)
+        yield FleetLine(transport, fleet, patience, sender(files))
+
+
+def sender(files: KeyFiles | None) -> str:
+    """Return who gives an order: the name on the keys, or else the user of this machine."""
+    if files is not None:
+        return files.badge.name
+    try:
+        return getpass.getuser()[:64]
+    except (KeyError, OSError):
+        return ""

@@ -13,6 +13,7 @@ from typing import Annotated, Final
 import typer
 
 from coordinator.base.console import tell
+from coordinator.cli.fleet_line import sender
 from coordinator.fleet.admit_outcome import Asking
 from coordinator.service.key_option import Keys, given_keys
 from protocol import keys as places
@@ -80,7 +81,7 @@ def admit(
                 break
             if now >= due:
                 asking.asked()
-                transport.put(places.admit(name, robot), encode(Admit(boot)))
+                transport.put(places.admit(name, robot), encode(Admit(boot, sender(files))))
                 due = now + _PERIOD_S
     if asking.admitted:
         tell(f"{fleet}: {asking.answer}")

@@ -162,8 +162,7 @@ FIELDS = {
     12: "boot what by",
     14: "boot id polygon by",
     15: "boot id by",
-    16: "boot robot place radius_m max_speed_mps max_accel_mps2 min_turn_radius_m "
-    "max_turn_rate by",
+    16: "boot robot place radius_m max_speed_mps max_accel_mps2 min_turn_radius_m max_turn_rate by",
     17: "boot robot by",
     13: "id state robot released_ms accepted_ms planned_arrival_ms arrived_ms alone_ms reason",
 }

@@ -2,7 +2,9 @@
 
 from itertools import pairwise
 
-from coordinator.fleet.orders import OrderBook, order_of
+import msgspec
+
+from coordinator.fleet.orders import OrderBook, PlainBook, order_of
 from coordinator.scenario.model import Demand, Order
 from protocol import messages
 from protocol.messages import CANCELLED, ORDER_DONE, REFUSED, UNDER_WAY, WAITING
@@ -137,3 +139,29 @@ def test_a_message_becomes_an_order():
     assert order_of(said) == Order(
         id="a", goal=(1.0, 2.0, 0.5), robot="R1", via=((3.0, 4.0),), dwell=1.5, priority=2
     )
+
+
+def test_an_operators_order_that_comes_later_waits_and_says_for_what():
+    book = OrderBook((), robots=ROBOTS)
+    first, second = (
+        Order(id="a", goal=(1.0, 1.0), release=9.0),
+        Order(id="b", goal=(2.0, 1.0), after="a"),
+    )
+    told = [book.put_off(one, 1_000) for one in (first, second, first)]
+    assert [one.state for one in told] == [WAITING] * 3
+    assert [one.reason for one in told] == [
+        "is not looked at before 9 s after the start",
+        "is not looked at before a is over",
+        "is not looked at before 9 s after the start",
+    ]
+    lost = book.put_off(Order(id="c", goal=(2.0, 1.0), after="nobody"), 1_000)
+    assert (lost.state, lost.reason) == (REFUSED, "there is no order nobody to come after")
+    assert book.put_off(Order(id="d", goal=(2.0, 1.0)), 1_000) is None
+    other = OrderBook((), robots=ROBOTS)
+    other.take_plain(msgspec.convert(msgspec.to_builtins(book.plain()), PlainBook))
+    for one in (book, other):
+        look(one, 9_000)
+        assert ids(one.waiting()) == ["a"]
+        one.cancel("a", 9_000)
+        look(one, 9_100)
+        assert ids(one.waiting()) == ["b"]
