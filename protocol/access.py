@@ -18,7 +18,7 @@ from protocol.badge import Badge
 
 _EVERY_FLEET: Final = "*"
 
-_TOLD: Final = (keys.command, keys.order, keys.tell, keys.block, keys.roster)
+_TOLD: Final = (keys.command, *keys.TOLD)
 """Keys of a fleet that its coordinator hears, besides those of robots."""
 
 
@@ -57,41 +57,26 @@ def robot_rights(fleet: str, robot: str) -> Rights:
 def observer_rights(fleet: str) -> Rights:
     """Return the rights of a listener: to receive everything of the fleet, and to ask for it.
 
-    It may ask for the plans, and for what has become of the orders.
+    It may ask for the plans, for what has become of the orders, and for closed places.
     """
     everything = f"{keys.ROOT}/{fleet}/**"
     return Rights(
         subscribes=(f"{keys.ROOT}/**",),
         hears=(everything,),
         watches=(everything,),
-        asks=(keys.plan(fleet, "*"), keys.orders(fleet, "*")),
+        asks=tuple(kind(fleet, "*") for kind in (keys.plan, keys.orders, keys.blocks)),
     )
 
 
 def operator_rights(fleet: str, robots: Iterable[str]) -> Rights:
-    """Return the rights of an operator: to admit robots, to give orders, to receive the outcome.
+    """Return the rights of an operator: those of a listener, to admit robots, to give orders.
 
-    It may subscribe to every fleet's answers, because it may not know its fleet's name yet, but
-    receives only this fleet's.  Its keys contain no wildcard for the robot: Zenoh 1.10 crashes when
-    it forwards a key longer than 65,535 bytes.
+    Its keys contain no wildcard for the robot: Zenoh 1.10 crashes when it forwards a key longer
+    than 65,535 bytes.
     """
-    hears = (
-        keys.command(fleet),
-        keys.plan(fleet, "*"),
-        keys.orders(fleet, "*"),
-        keys.blocks(fleet, "*"),
-    )
-    every = (
-        keys.command(_EVERY_FLEET),
-        *(kind(_EVERY_FLEET, "*") for kind in (keys.plan, keys.orders, keys.blocks)),
-    )
+    listener = observer_rights(fleet)
     admits = (keys.admit(fleet, robot) for robot in robots)
-    return Rights(
-        puts=(*admits, keys.order(fleet), keys.tell(fleet), keys.block(fleet), keys.roster(fleet)),
-        asks=(keys.orders(fleet, "*"), keys.blocks(fleet, "*")),
-        subscribes=(*hears, *every),
-        hears=hears,
-    )
+    return listener._replace(puts=(*admits, *(kind(fleet) for kind in keys.TOLD)))
 
 
 def rights_of(fleet: str, robots: Iterable[str], badge: Badge) -> Rights | None:

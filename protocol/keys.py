@@ -106,3 +106,14 @@ def split(key: str) -> tuple[str, str, str] | None:
     if len(parts) == 4 and parts[2] in _OF_ONE:
         return parts[1], parts[2], parts[3]
     return None
+
+
+TOLD: Final = (order, tell, block, roster)
+"""Keys of a fleet on which operators speak, besides `admit`."""
+
+
+def fits(expression: list[str], parts: list[str]) -> bool:
+    """Return whether a key's parts match an expression's; `*` matches exactly one part."""
+    return len(expression) == len(parts) and all(
+        wanted in ("*", part) for wanted, part in zip(expression, parts, strict=True)
+    )

@@ -45,7 +45,9 @@ def block(
     """
     corners = [numbers_of(one, (2,), "--polygon") for one in (*polygon.split(), *context.args)]
     ring = tuple((x, y) for x, y in corners)
-    if problem := _fault_of(ring):
+    from coordinator.scenario.checks import corners_fault
+
+    if problem := corners_fault(ring):
         raise typer.BadParameter(problem, param_hint="--polygon")
     name = name_of(block_id, "--id") if block_id is not None else f"block-{os.urandom(3).hex()}"
     with fleet_line(connect, fleet, patience, keys) as line:
@@ -60,17 +62,6 @@ def block(
         tell(f"{name} is another place, which is closed already; use another --id", "red")
         raise typer.Exit(1)
     answers.print(f"{name} is closed", markup=False)
-
-
-def _fault_of(ring: tuple[tuple[float, float], ...]) -> str | None:
-    """Return what is wrong with a polygon's corners, or None."""
-    import shapely
-
-    from coordinator.scenario.checks import ring_fault
-
-    if len(ring) < 3:
-        return f"{len(ring)} corners, a polygon has three or more"
-    return ring_fault(shapely.Polygon(ring))
 
 
 @commands.command(rich_help_panel="Operate")

@@ -329,6 +329,12 @@ def coordinator(
     stay: Annotated[
         bool, typer.Option("--stay", help="Wait for orders until the fleet is told to end.")
     ] = False,
+    page: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT", help="Serve the operator's page there; port 0 takes a free one."
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print events as JSON lines.")] = False,
 ) -> None:
     """Run only the coordinator; robots connect to it, or it and the robots to a router.
@@ -336,16 +342,26 @@ def coordinator(
     Example: splinefleet coordinator site.toml --listen tcp/127.0.0.1:7447 --log run.mcap
     """
     from coordinator.scenario_files.scenario_reader import read_scenario
+    from coordinator.service.desk_process import desk_place
     from coordinator.service.launch import Coordinator
     from coordinator.service.meeting_place import meeting_place
 
     if with_scenario and resume is None:
         raise typer.BadParameter("needs --resume LOG", param_hint="--with-scenario")
     place = meeting_place(listen, connect, keys, insecure)
+    desk = None if page is None else desk_place(page, keys)
     asked = read_scenario(scenario)
     runner = Coordinator(asked, effort=effort, speed=speed, events=as_json, stays=stay)
     code = runner.run(
-        place, log, plan_out, wait, resume, keys, log_size, with_scenario=with_scenario
+        place,
+        log,
+        plan_out,
+        wait,
+        resume,
+        keys,
+        log_size,
+        with_scenario=with_scenario,
+        desk=desk,
     )
     raise typer.Exit(code)
 
@@ -376,7 +392,7 @@ def plot(
     Example: splinefleet plot plan.json -o plan.svg --robots R1,R3
     """
     from coordinator.scenario.file_kinds import is_log
-    from coordinator.view.server import read_scene
+    from coordinator.view.scene_reader import read_scene
 
     if output.suffix.lower() == ".html":
         from coordinator.view.page import page_of

@@ -8,12 +8,18 @@ from __future__ import annotations
 import threading
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from coordinator.base.console import answers, tell
+from coordinator.cli.fleet_line import sender
 from coordinator.service.key_option import Keys, given_keys
+from protocol.key_files import read_key_files
+from protocol.transport import TransportError
+
+if TYPE_CHECKING:
+    from starlette.applications import Starlette
 
 commands = typer.Typer()
 
@@ -45,8 +51,9 @@ def view(
 
     Example: splinefleet view runs/demo/run.mcap
     """
+    from coordinator.desk.web import page_app, served
     from coordinator.view.page import page_of
-    from coordinator.view.server import read_scene, served
+    from coordinator.view.scene_reader import read_scene
 
     if source is None and connect is None:
         raise typer.BadParameter("give a log or plan file, or --connect", param_hint="SOURCE")
@@ -56,16 +63,10 @@ def view(
             for note in scene.notes:
                 tell(f"{source}: {note}")
             page = page_of(scene)
-            address = stack.enter_context(served(lambda: page, port))
+            app = page_app(lambda: page)
         else:
-            from coordinator.view.live import followed
-
-            feed = stack.enter_context(
-                followed(connect or "", fleet, source, given_keys(keys, "observer"))
-            )
-            address = stack.enter_context(
-                served(lambda: page_of(feed.scene(), live=True), port, feed.events)
-            )
+            app = _live(stack, connect or "", fleet, source, keys)
+        address = stack.enter_context(served(app, port=port))
         answers.print(address)
         if open_:
             import webbrowser
@@ -73,3 +74,41 @@ def view(
             if not webbrowser.open(address):
                 tell("no browser was found; open the address in one")
         threading.Event().wait()
+
+
+def _live(
+    stack: ExitStack, connect: str, fleet: str | None, plan: Path | None, folder: Keys
+) -> Starlette:
+    """Return the desk of a running fleet; it may command with an operator's keys, or without any.
+
+    `plan`: a plan file with the floor and the first epoch.
+    """
+    from coordinator.desk.line import Line
+    from coordinator.desk.web import Desk
+    from coordinator.plan.plan_file import read
+    from coordinator.view.live_course import LiveCourse
+    from coordinator.view.page import page_of
+    from protocol.zenoh_transport import ZenohTransport
+
+    document = None if plan is None else read(plan)
+    files = given_keys(folder, "operator" if _has_operator(folder) else "observer")
+    course = LiveCourse(fleet or (document.scenario if document else None), document)
+    link = stack.enter_context(ZenohTransport.connect(connect, keys=files))
+    line = Line(link, course, sender(files))
+    desk = Desk(
+        line,
+        lambda may: page_of(line.scene(), live=True, may_command=may),
+        may_command=files is None or files.badge.role == "operator",
+    )
+    return desk.app()
+
+
+def _has_operator(folder: Path | None) -> bool:
+    """Return whether a folder of keys is an operator's, or a fleet's that has an operator."""
+    if folder is None:
+        return False
+    try:
+        read_key_files(folder, "operator")
+    except TransportError:
+        return False
+    return True

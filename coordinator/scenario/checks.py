@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -160,6 +160,13 @@ def find_problems(scenario: Scenario) -> list[str]:
         for which in ("start", "goal"):
             problems += _overlaps(scenario, which)
     return problems
+
+
+def corners_fault(corners: Sequence[Point]) -> str | None:
+    """Return why no polygon has these corners [m]; None if one has."""
+    if len(corners) < 3:
+        return f"{len(corners)} corners, a polygon has three or more"
+    return ring_fault(shapely.Polygon(corners))
 
 
 def ring_fault(polygon: shapely.Polygon) -> str | None:

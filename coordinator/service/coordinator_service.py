@@ -174,7 +174,7 @@ class Service:
         fleet = self.fleet.name
         for kind in (keys.hello, keys.report, keys.clock, keys.admit):
             self._transport.subscribe(kind(fleet, "*"), from_any_thread)
-        for key in (keys.command, keys.order, keys.tell, keys.block, keys.roster):
+        for key in (keys.command, *keys.TOLD):
             self._transport.subscribe(key(fleet), from_any_thread)
         self._transport.watch_alive(keys.alive(fleet, "*"), link_changed)
         self._transport.answer(

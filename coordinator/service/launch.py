@@ -38,6 +38,7 @@ from coordinator.scenario.model import Scenario
 from coordinator.security.denials import denial_key, denial_record
 from coordinator.security.link_admission import Gate
 from coordinator.service.coordinator_service import Service
+from coordinator.service.desk_process import DeskPlace, with_desk
 from coordinator.service.meeting_place import MeetingPlace
 from coordinator.service.planning import check_is_driven, plan_here
 from coordinator.service.replay import go_on, scenario_of
@@ -46,6 +47,7 @@ from coordinator.view.order_lines import order_line
 from protocol.host_clock import host_clock_ns, time_of_day
 from protocol.phases import COMMAND_NAMES, GO, PHASE_NAMES
 from protocol.shared_clock import announce_clock
+from protocol.transport import Transport
 
 LOG_SIZE: Final = 64.0
 """The usual size [MB] of the files of a log that is a folder."""
@@ -83,8 +85,11 @@ class Coordinator:
         log_size: float = LOG_SIZE,
         *,
         with_scenario: bool = False,
+        desk: DeskPlace | None = None,
     ) -> int:
         """Run to the end and return the exit code; `resume` is the log to resume from.
+
+        `desk`: where the operator's page is served, if it is.
 
         `with_scenario`: whether the scenario may have another floor than the log.  Then the fleet
         freezes and is planned anew.
@@ -115,7 +120,12 @@ class Coordinator:
             if self._gate is not None:
                 stack.callback(self._gate.close)
             stack.enter_context(announce_clock(boot))
-            transport = stack.enter_context(place.open(self._gate))
+            link = stack.enter_context(place.open(self._gate))
+            transport: Transport = link
+            if desk is not None:
+                served = with_desk(link, self.scenario.name, desk)
+                transport, address = stack.enter_context(served)
+                self._say("page", address=address, text=f"the page is at {address}")
             recorder = self._recorder(log, document, boot, resume, log_size)
             try:
                 self._say("listening", endpoint=place.endpoint, text=str(place))
@@ -129,7 +139,7 @@ class Coordinator:
                         self.speed,
                         self._watcher(mission, table, recorder),
                         lambda document: self._keep(document, plan_file, table),
-                        transport.has_router if place.routed else None,
+                        link.has_router if place.routed else None,
                     )
                     arrived = asyncio.run(service.run(patience))
                 self._tell_incidents(fleet)

@@ -149,6 +149,10 @@ class LiveCourse:
         at, phase = self._word
         return LastWord(round(max(now - at, 0.0), 3), self._headroom, phase == OVER)
 
+    def held_now(self) -> dict[str, str]:
+        """Return which robots are held now, and by whom."""
+        return {hold.robot: hold.by for hold in self._holds.now}
+
     def late(self) -> LateRides | None:
         """Return how far late robots have come in the newest epoch; None if all were on time."""
         epoch = max(self._course.starts, default=0)

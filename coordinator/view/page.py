@@ -39,12 +39,16 @@ _POLICY: Final = (
 )
 
 
-def page_of(scene: Scene, live: bool = False) -> str:
-    """Return the page as HTML; a live one follows /events of the server that it comes from."""
+def page_of(scene: Scene, live: bool = False, *, may_command: bool = False) -> str:
+    """Return the page as HTML; a live one follows the events of the server that it comes from.
+
+    `may_command`: whether a live page has what an operator commands the fleet with.
+    """
     parts = {
         "title": html.escape(scene.name),
         "policy": _POLICY.format(connect="'self'" if live else "'none'"),
         "live": "true" if live else "false",
+        "command": "true" if live and may_command else "false",
         "style": _part("page.css"),
         "scene": scene_json(scene).replace("<", "\\u003c"),
         "script": "\n".join(_part(name) for name in _SCRIPTS),

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+from protocol.keys import fits
 from protocol.transport import AliveHandler
 
 CUT_NOTICE_NS: Final = 10_000_000_000
@@ -86,13 +87,6 @@ class Liveliness:
         for key in sorted(before ^ after):
             if not watch.ended:
                 watch.handler(key, key in after)
-
-
-def fits(expression: list[str], parts: list[str]) -> bool:
-    """Return whether a key's parts match an expression's; `*` matches exactly one part."""
-    return len(expression) == len(parts) and all(
-        wanted in ("*", part) for wanted, part in zip(expression, parts, strict=True)
-    )
 
 
 def _sees(watch: _Watch, token: _Token, now_ns: int, cuts_ns: Mapping[str, int]) -> bool:

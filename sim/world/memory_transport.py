@@ -14,8 +14,9 @@ import random
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
+from protocol.keys import fits
 from protocol.transport import AliveHandler, Handler, Transport
-from sim.world.memory_liveliness import CUT_NOTICE_NS, Liveliness, fits
+from sim.world.memory_liveliness import CUT_NOTICE_NS, Liveliness
 
 LONGEST_HOLD_NS: Final = 50_000_000
 """The longest extra delay of a message that is to be overtaken, and of a duplicate."""

@@ -27,7 +27,7 @@ class Word {
   }
 
   listen() {
-    const source = new EventSource("events");
+    const source = new EventSource("api/events?scenes=1");
     const hear = (name, take) => source.addEventListener(name, (event) => {
       this.alive = performance.now();
       take(JSON.parse(event.data));

@@ -9,7 +9,7 @@ from coordinator.log.log_file import log_from_bytes
 from coordinator.log.log_writer import Attachment
 from coordinator.log.recover import with_files
 from coordinator.service.replay import check_log
-from coordinator.view.server import read_scene
+from coordinator.view.scene_reader import read_scene
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Command

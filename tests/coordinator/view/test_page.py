@@ -2,8 +2,6 @@
 
 import json
 import re
-import urllib.error
-import urllib.request
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
@@ -22,7 +20,7 @@ from coordinator.scenario_files.scenario_reader import read_scenario
 from coordinator.view.page import page_of
 from coordinator.view.scene import Scene
 from coordinator.view.scene_plan import scene_of_plan
-from coordinator.view.server import read_scene, served
+from coordinator.view.scene_reader import read_scene
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import Command
@@ -117,40 +115,6 @@ def test_every_control_has_a_name():
         if tag == "input" and attributes["type"] == "range":
             assert attributes["aria-label"] or attributes["id"] in labelled
     assert ("html", "en") in [(tag, attributes.get("lang")) for tag, attributes in found]
-
-
-def get(address, **headers):
-    request = urllib.request.Request(address, headers=headers)
-    try:
-        with urllib.request.urlopen(request, timeout=10.0) as answer:
-            return answer.status, dict(answer.headers), answer.read().decode()
-    except urllib.error.HTTPError as error:
-        with error:
-            return error.code, dict(error.headers), error.read().decode()
-
-
-def test_the_server_hands_out_the_page_and_nothing_else_to_this_machine_only():
-    with served(lambda: "<p>page</p>") as address:
-        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/", address)
-        status, headers, body = get(address)
-        assert (status, body) == (200, "<p>page</p>")
-        assert headers["Content-Type"] == "text/html; charset=utf-8"
-        assert get(f"{address}etc/passwd")[0] == 404
-        assert get(f"{address}events")[0] == 404
-        assert get(address, Host="elsewhere.example:80")[0] == 403
-        port = int(address.rstrip("/").rpartition(":")[2])
-        with pytest.raises(InputError, match=f"--port: {port}"), served(lambda: "", port):
-            pass
-    with pytest.raises(urllib.error.URLError):
-        get(address)
-
-
-def test_the_server_streams_events():
-    with served(lambda: "", events=lambda: iter([("scene", "{}"), ("", "")])) as address:
-        status, headers, body = get(f"{address}events")
-    assert status == 200
-    assert headers["Content-Type"] == "text/event-stream; charset=utf-8"
-    assert body == "event: scene\ndata: {}\n\n: still here\n\n"
 
 
 def test_a_plan_file_is_read_as_its_scene(tmp_path):

@@ -1,0 +1,101 @@
+"""What needs a person: since when, what it is about, and what to do.
+
+Decides: what calls a person, and when an alarm is over.  Must not know: links, HTTP, how an alarm
+looks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+import msgspec
+
+from coordinator.desk.answers import Alarm, RobotState
+from protocol.messages import OrderState
+
+_LOST: Final = (
+    "Go and look where it stands. If it stands free, restart it and admit it; or carry it "
+)
+_FAULTS: Final = {
+    "off its path": "Clear its way; a fleet that takes orders sends it on by itself.",
+    "driver error": "Look at its motors and driver; restart its program, then admit it.",
+    "clock not certain": "Look at its link: the answers to its questions for the time come late.",
+    "plan not acceptable": "Its limits are not the scenario's; the coordinator's output says how.",
+}
+
+
+class Alarms:
+    """The alarms of one fleet: each stands until it is over or, if it cannot be, acknowledged."""
+
+    def __init__(self) -> None:
+        self._now: dict[str, Alarm] = {}
+
+    def now(self) -> list[Alarm]:
+        """Return the alarms; those that nobody has acknowledged first, the newest first."""
+        return sorted(self._now.values(), key=lambda one: (one.is_acknowledged, -one.since))
+
+    def acknowledge(self, name: str) -> bool:
+        """Mark an alarm as seen; one that cannot be over by itself goes.  False if it is none."""
+        alarm = self._now.get(name)
+        if alarm is None:
+            return False
+        if alarm.order:
+            del self._now[name]
+        else:
+            self._now[name] = msgspec.structs.replace(alarm, is_acknowledged=True)
+        return True
+
+    def refused(self, state: OrderState, now: float) -> None:
+        """Take in that an order is refused; `now` [s] since 1970."""
+        text = f"order {state.id} is refused: {state.reason}"
+        todo = "Give another goal, or another robot."
+        name = f"refused-{state.id}"
+        self._now[name] = Alarm(
+            id=name, since=now, text=text, todo=todo, robot=state.robot, order=state.id
+        )
+
+    def forget(self, robot: str) -> None:
+        """Forget what is about a robot."""
+        self._now = {name: one for name, one in self._now.items() if one.robot != robot}
+
+    def look(self, is_heard: bool, robots: Iterable[RobotState], now: float) -> None:
+        """Find out what needs a person now; while no coordinator is heard, that alone does."""
+        found = [] if is_heard else [_unheard(now)]
+        if is_heard:
+            found = [alarm for one in robots if (alarm := _about(one, now)) is not None]
+        lasting = {one.id: one for one in self._now.values() if one.order}
+        for one in found:
+            before = self._now.get(one.id)
+            is_same = before is not None and before.text == one.text
+            lasting[one.id] = before if before is not None and is_same else one
+        self._now = lasting
+
+
+def _unheard(now: float) -> Alarm:
+    return Alarm(
+        id="coordinator",
+        since=now,
+        text="the coordinator is not heard: robots stand where their authority ends",
+        todo="See whether it runs; start it again with --resume and its log.",
+    )
+
+
+def _about(robot: RobotState, now: float) -> Alarm | None:
+    """Return the alarm about a robot; None if it needs nobody."""
+    if robot.age is None:
+        return None
+    if not robot.is_heard:
+        text = f"{robot.id} is not heard"
+        return Alarm(
+            id=f"lost-{robot.id}", since=now - robot.age, text=text, todo=_LOST, robot=robot.id
+        )
+    if robot.fault and not (robot.phase == "idle" and robot.fault == "clock not certain"):
+        todo = _FAULTS.get(robot.fault, "Its own output says what is wrong.")
+        text = (
+            f"{robot.id} stands: {robot.fault}"
+            if robot.phase == "frozen"
+            else (f"{robot.id}: {robot.fault}")
+        )
+        return Alarm(id=f"fault-{robot.id}", since=now, text=text, todo=todo, robot=robot.id)
+    return None

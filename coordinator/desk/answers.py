@@ -1,0 +1,85 @@
+"""What the desk answers: the types of its JSON.
+
+Decides: their fields.  Must not know: where the values come from.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class Alarm(msgspec.Struct, frozen=True, kw_only=True):
+    """An alarm; `since` counts seconds since 1970, `todo` says what a person can do about it."""
+
+    id: str
+    since: float
+    text: str
+    todo: str
+    robot: str = ""
+    order: str = ""
+    is_acknowledged: bool = False
+
+
+class RobotState(msgspec.Struct, frozen=True, kw_only=True):
+    """What a robot reported last.
+
+    phase: "" before its first report.  late [s].  age [s]: how long ago it was heard; null if
+    never.  order: the one that it does.  next: those that wait for it by name.  held_by: the robot
+    behind which it has to slow down or stand.
+    """
+
+    id: str
+    phase: str = ""
+    fault: str = ""
+    late: float = 0.0
+    age: float | None = None
+    is_heard: bool = False
+    order: str = ""
+    next: list[str] = []
+    held_by: str = ""
+
+
+class FleetAnswer(msgspec.Struct, frozen=True, kw_only=True):
+    """The fleet as far as it is known.
+
+    phase: that of the last Command; age [s]: how long ago it was heard, null if never.  orders: how
+    many are in each state.  blocks: the ids of closed places.
+    """
+
+    fleet: str
+    phase: str
+    epoch: int
+    age: float | None
+    is_heard: bool
+    robots: list[RobotState]
+    orders: dict[str, int]
+    blocks: list[str]
+    alarms: list[Alarm]
+
+
+class Phase(msgspec.Struct, frozen=True):
+    """What the fleet does after it was told something."""
+
+    fleet: str
+    phase: str
+
+
+class Told(msgspec.Struct, frozen=True):
+    """What has become of a robot."""
+
+    robot: str
+    text: str
+
+
+class Place(msgspec.Struct, frozen=True):
+    """A place of the floor that is closed: the corners of a polygon [m]."""
+
+    id: str
+    polygon: tuple[tuple[float, float], ...]
+
+
+class Problem(msgspec.Struct, frozen=True):
+    """What is wrong: one line each in `problems`, all of them in `error`."""
+
+    error: str
+    problems: list[str] = []

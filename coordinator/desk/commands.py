@@ -1,0 +1,238 @@
+"""What the desk can ask and tell a fleet: each request with its answer.
+
+Decides: which message answers a request, how long it is waited for, which status an outcome has.
+Must not know: how requests travel (web.py), who may send them (rights.py).
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Final, TypeVar
+
+from coordinator.base.errors import InputError
+from coordinator.desk.answers import FleetAnswer, Phase, Place, Told
+from coordinator.desk.bodies import BlockBody, JoinBody, OrderBody, read_name
+from coordinator.desk.known_fleet import OVER
+from coordinator.desk.line import Line
+from coordinator.findings.info_fields import OrderSummary
+from coordinator.fleet.admit_outcome import Asking
+from coordinator.fleet.orders import JOIN, LEAVE
+from coordinator.scenario.checks import corners_fault
+from protocol import keys, phases
+from protocol.messages import (
+    CANCELLED,
+    END,
+    GO_ON,
+    HALT,
+    ORDER_DONE,
+    REFUSED,
+    WAITING,
+    Admit,
+    Block,
+    Cancel,
+    Command,
+    Leave,
+    Message,
+    Operators,
+    Order,
+    OrderState,
+    Tell,
+    Unblock,
+)
+
+PATIENCE_S: Final = 5.0
+"""So long an answer is waited for."""
+
+_SETTLES_S: Final = 1.0
+"""So long a waiting order is given to be begun or refused, so that its first answer says more."""
+
+_ADMIT_S: Final = 20.0
+
+
+class Refused(Exception):  # noqa: N818 - it is an outcome
+    """A request that is not done: an HTTP status, and why."""
+
+    def __init__(self, status: int, *problems: str) -> None:
+        super().__init__(*problems)
+        self.status = status
+        self.problems = problems
+
+
+class Commands:
+    """The requests of one desk; each raises Refused if it is not done.
+
+    `by`: who sends it, "" if that is not known.
+    """
+
+    def __init__(self, line: Line) -> None:
+        self._line = line
+
+    def fleet(self) -> FleetAnswer:
+        """Return the fleet as it is known."""
+        return self._line.fleet()
+
+    def orders(self) -> list[OrderSummary]:
+        """Return all orders."""
+        return self._line.known.summaries()
+
+    def order(self, name: str) -> OrderSummary:
+        """Return one order."""
+        state = self._line.known.orders.get(name)
+        if state is None:
+            raise Refused(404, f"there is no order {name}")
+        return OrderSummary.of(state)
+
+    async def give_order(self, body: OrderBody, by: str) -> OrderSummary:
+        """Give an order and return what has become of it so far."""
+        given = body.message(self._line.boot, f"order-{os.urandom(4).hex()}", self._by(by))
+        state = await self._asked_order(given, given.id)
+        if state.state == WAITING and not (given.release_ms or given.after):
+            begun = lambda one: _state_of(one, given.id, but=WAITING)  # noqa: E731
+            state = await self._line.await_answer(begun, _SETTLES_S) or state
+        if state.state == REFUSED:
+            raise Refused(409, state.reason)
+        return OrderSummary.of(state)
+
+    async def cancel(self, name: str, by: str) -> OrderSummary:
+        """Take an order back."""
+        asked = Cancel(self._line.boot, _name(name, "order"), self._by(by))
+        over = lambda one: _state_of(one, name, within=OVER)  # noqa: E731
+        state = _answered(await self._line.ask(keys.order, asked, over, PATIENCE_S))
+        if state.state == REFUSED:
+            raise Refused(404, state.reason)
+        if state.state == ORDER_DONE:
+            raise Refused(409, f"{name} is done already")
+        return OrderSummary.of(state)
+
+    async def freeze(self, by: str) -> Phase:
+        """Stop the fleet at once."""
+        return await self._tell(HALT, (phases.STOP, phases.FREEZE, phases.OVER), by)
+
+    async def resume(self, by: str) -> Phase:
+        """Let a fleet that was stopped go on."""
+        return await self._tell(GO_ON, (phases.GO, phases.OVER), by)
+
+    async def end(self, by: str) -> Phase:
+        """Tell the fleet to end when all rest; the answer does not wait until it has ended."""
+        return await self._tell(END, tuple(range(len(phases.COMMAND_NAMES))), by)
+
+    async def admit(self, robot: str, by: str) -> Told:
+        """Let a robot that has come back take part again."""
+        asked = Admit(self._line.boot, self._by(by))
+        asking = Asking(_name(robot, "robot"), asked.boot)
+        asking.asked()
+
+        def heard(message: Message) -> str | None:
+            asking.hear(message)
+            return asking.answer or None
+
+        key = lambda fleet: keys.admit(fleet, robot)  # noqa: E731
+        answer = await self._line.ask(key, asked, heard, _ADMIT_S)
+        if answer is None:
+            raise Refused(504, f"{robot} is not in the fleet yet; is it back, and does it rest?")
+        if not asking.admitted:
+            raise Refused(409, answer)
+        return Told(robot, answer)
+
+    async def join(self, robot: str, body: JoinBody, by: str) -> Told:
+        """Take a robot into the fleet; its program may start later."""
+        message = body.message(self._line.boot, _name(robot, "robot"), self._by(by))
+        state = await self._asked_order(message, f"{JOIN}{robot}")
+        if state.state in (REFUSED, CANCELLED):
+            raise Refused(409, state.reason)
+        joined = state.state == ORDER_DONE
+        return Told(robot, f"{robot} {'has joined' if joined else 'joins when it is heard'}")
+
+    async def leave(self, robot: str, by: str) -> Told:
+        """Take a robot that rests, or is lost, out of the fleet."""
+        message = Leave(self._line.boot, _name(robot, "robot"), self._by(by))
+        state = await self._asked_order(message, f"{LEAVE}{robot}")
+        if state.state != ORDER_DONE:
+            raise Refused(409, state.reason)
+        return Told(robot, f"{robot} has left")
+
+    def blocks(self) -> list[Place]:
+        """Return the places that are closed."""
+        return [Place(one.id, one.polygon) for one in self._line.known.blocks.values()]
+
+    async def block(self, body: BlockBody, by: str) -> Place:
+        """Close a place for all robots that have not passed it."""
+        if fault := corners_fault(body.polygon):
+            raise Refused(400, f"polygon: {fault}")
+        asked = body.message(self._line.boot, f"block-{os.urandom(3).hex()}", self._by(by))
+
+        def closed(message: Message) -> Block | None:
+            return message if isinstance(message, Block) and message.id == asked.id else None
+
+        found = _answered(await self._line.ask(keys.block, asked, closed, PATIENCE_S))
+        if found.polygon != asked.polygon:
+            raise Refused(409, f"{asked.id} is another place, which is closed already")
+        return Place(found.id, found.polygon)
+
+    async def unblock(self, name: str, by: str) -> Place:
+        """Open a place again."""
+        was = self._line.known.blocks.get(name)
+        if was is None:
+            raise Refused(404, f"no place {name} is closed")
+        asked = Unblock(self._line.boot, _name(name, "id"), self._by(by))
+
+        def opened(message: Message) -> Unblock | None:
+            return message if isinstance(message, Unblock) and message.id == name else None
+
+        _answered(await self._line.ask(keys.block, asked, opened, PATIENCE_S))
+        return Place(name, was.polygon)
+
+    def acknowledge(self, name: str) -> None:
+        """Mark an alarm as seen."""
+        if not self._line.known.alarms.acknowledge(name):
+            raise Refused(404, f"there is no alarm {name}")
+
+    async def _tell(self, what: int, wanted: tuple[int, ...], by: str) -> Phase:
+        """Tell the fleet something; the answer is what its Commands state within patience."""
+
+        def turned(message: Message) -> int | None:
+            if not isinstance(message, Command) or message.phase not in wanted:
+                return None
+            return message.phase
+
+        asked = Tell(self._line.boot, what, self._by(by))
+        phase = await self._line.ask(keys.tell, asked, turned, PATIENCE_S)
+        command = self._line.known.command
+        if phase is None and command is not None and self._line.is_heard():
+            name = phases.COMMAND_NAMES[command.phase].lower()
+            raise Refused(409, f"the fleet is still at {name}")
+        phase = _answered(phase)
+        return Phase(self._line.known.fleet or "", phases.COMMAND_NAMES[phase].lower())
+
+    async def _asked_order(self, message: Operators, name: str) -> OrderState:
+        key = keys.order if isinstance(message, Order) else keys.roster
+        fits = lambda one: _state_of(one, name)  # noqa: E731
+        return _answered(await self._line.ask(key, message, fits, PATIENCE_S))
+
+    def _by(self, who: str) -> str:
+        return who or self._line.by
+
+
+Answer = TypeVar("Answer")
+
+
+def _answered(answer: Answer | None) -> Answer:
+    if answer is None:
+        raise Refused(504, f"no coordinator has answered within {PATIENCE_S:g} s")
+    return answer
+
+
+def _state_of(
+    message: Message, name: str, *, within: tuple[int, ...] | None = None, but: int | None = None
+) -> OrderState | None:
+    """Return a message if it is about this order, in one of these states."""
+    if not isinstance(message, OrderState) or message.id != name or message.state == but:
+        return None
+    return message if within is None or message.state in within else None
+
+
+def _name(text: str, what: str) -> str:
+    try:
+        return read_name(text, what)
+    except InputError as error:
+        raise Refused(404, *error.problems) from None

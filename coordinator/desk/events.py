@@ -1,0 +1,78 @@
+"""The stream of events that pages and programs listen to.
+
+Decides: which events there are, and how often.  Must not know: HTTP.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Iterator
+from typing import Final
+
+import msgspec
+
+from coordinator.desk.answers import FleetAnswer, RobotState
+from coordinator.desk.line import Line
+from coordinator.findings.info_fields import OrderSummary
+from coordinator.view.page import scene_json
+
+_PERIOD_S: Final = 0.25
+"""Interval [s] at which something is sent even if nothing is new: who gets nothing for several
+periods knows that the desk has ended."""
+
+
+async def events(line: Line, *, with_scenes: bool = False) -> AsyncIterator[tuple[str, str]]:
+    """Yield (event, JSON in one line) without end; ("", "") keeps the connection alive."""
+    seen, news = -1, _News()
+    while True:
+        fresh = await line.changed(seen, _PERIOD_S)
+        is_new, seen = line.version != seen, line.version
+        if with_scenes and is_new:
+            yield "scene", scene_json(line.scene())
+        if with_scenes:
+            for one in _times(line, word=not is_new):
+                yield one
+        for one in news.of(line.fleet(), line.known.summaries()):
+            yield one
+        if not with_scenes:
+            yield "", ""
+        if fresh:
+            await asyncio.sleep(_PERIOD_S)
+
+
+def _times(line: Line, *, word: bool) -> Iterator[tuple[str, str]]:
+    """Yield what moves the page; no `word` right after a scene: messages have waited meanwhile."""
+    clock, last, late = line.times()
+    if clock is not None:
+        yield "clock", _line(clock)
+    if late is not None:
+        yield "late", _line(late)
+    yield "word", _line(last if word else None)
+
+
+class _News:
+    """What one listener has not been told yet."""
+
+    def __init__(self) -> None:
+        self._robots: dict[str, RobotState] = {}
+        self._orders: dict[str, OrderSummary] = {}
+        self._fleet: FleetAnswer | None = None
+
+    def of(self, fleet: FleetAnswer, orders: list[OrderSummary]) -> Iterator[tuple[str, str]]:
+        """Yield the fleet if anything about it is new, with the robots that are; new orders."""
+        still = {one.id: msgspec.structs.replace(one, age=None) for one in fleet.robots}
+        robots = [one for one in fleet.robots if self._robots.get(one.id) != still[one.id]]
+        rest = msgspec.structs.replace(fleet, age=None, robots=[])
+        if robots or rest != self._fleet:
+            yield "fleet", _line(msgspec.structs.replace(fleet, robots=robots))
+        if gone := sorted(self._robots.keys() - still.keys()):
+            yield "gone", _line(gone)
+        self._robots, self._fleet = still, rest
+        for one in orders:
+            if self._orders.get(one.id) != one:
+                self._orders[one.id] = one
+                yield "order", _line(one)
+
+
+def _line(data: object) -> str:
+    return msgspec.json.encode(data).decode()

@@ -1,0 +1,164 @@
+"""What is known of a running fleet from its messages: robots, orders, closed places, phase.
+
+Decides: what counts as not heard.  Must not know: links, HTTP; `now` is our clock [s].
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Final
+
+from coordinator.desk.alarms import Alarms
+from coordinator.desk.answers import FleetAnswer, RobotState
+from coordinator.findings.info_fields import OrderSummary
+from coordinator.fleet.orders import LEAVE
+from coordinator.scenario.order_checks import OWN
+from protocol import keys
+from protocol.codec import decode
+from protocol.messages import (
+    CANCELLED,
+    ORDER_DONE,
+    ORDER_STATES,
+    REFUSED,
+    UNDER_WAY,
+    Block,
+    Command,
+    Message,
+    OrderState,
+    Plan,
+    Report,
+    Unblock,
+)
+from protocol.phases import COMMAND_NAMES, NO_FAULT, PHASE_NAMES, fault_name
+from protocol.timing import LATE_STEP_MS, REPORT_TIMEOUT, SECOND
+
+_SILENCE: Final = REPORT_TIMEOUT / SECOND
+"""Who has said nothing for so long [s] is not heard."""
+
+OVER: Final = (ORDER_DONE, CANCELLED, REFUSED)
+
+
+class KnownFleet:
+    """A fleet, put together message by message; without a name, the first one that is heard.
+
+    `wall_s`: what our clock lacks to the seconds since 1970.
+    """
+
+    def __init__(self, fleet: str | None = None, wall_s: float = 0.0) -> None:
+        self.fleet = fleet
+        self._wall_s = wall_s
+        self.orders: dict[str, OrderState] = {}
+        self.blocks: dict[str, Block] = {}
+        self.alarms = Alarms()
+        self.heard: Counter[str] = Counter()
+        """Messages by kind; `bad` for those that are none."""
+
+        self.faults: Counter[str] = Counter()
+        """Faults that robots have reported, by name."""
+
+        self._robots: dict[str, tuple[Report, float] | None] = {}
+        self._left: set[str] = set()
+        """Robots that were taken out; their programs may go on to speak."""
+
+        self._command: tuple[Command, float] | None = None
+
+    def hear(self, key: str, payload: bytes, now: float) -> Message | None:
+        """Take in a message of the fleet and return it; None if it is none."""
+        place = keys.split(key)
+        if place is None or place[0] != (self.fleet or place[0]):
+            return None
+        _, kind, name = place
+        message = decode(kind, payload)
+        if message is None:
+            self.heard["bad"] += 1
+            return None
+        self.fleet = place[0]
+        self.heard[kind] += 1
+        if isinstance(message, Command):
+            self._command = (message, now)
+        elif isinstance(message, Report):
+            self._take_report(message, name, now)
+        elif isinstance(message, OrderState):
+            self._take_order(message, now)
+        elif isinstance(message, Block) and kind == "blocks":
+            self.blocks[message.id] = message
+        elif isinstance(message, Unblock) and kind == "blocks":
+            self.blocks.pop(message.id, None)
+        elif isinstance(message, Plan):
+            self._left.discard(name)
+            self._robots.setdefault(name, None)
+        return message
+
+    def is_heard(self, now: float) -> bool:
+        """Return whether the coordinator is heard."""
+        return self._command is not None and now - self._command[1] < _SILENCE
+
+    @property
+    def command(self) -> Command | None:
+        """The last Command; None before the first one."""
+        return None if self._command is None else self._command[0]
+
+    def answer(self, now: float, held: Mapping[str, str]) -> FleetAnswer:
+        """Return the fleet as it is known now; `held`: who is held, and by whom."""
+        robots = [self._robot(name, now, held) for name in sorted(self._robots)]
+        is_heard = self.is_heard(now) or self._command is None
+        self.alarms.look(is_heard, robots, now + self._wall_s)
+        command = self.command
+        states = Counter(ORDER_STATES[one.state] for one in self.orders.values())
+        return FleetAnswer(
+            fleet=self.fleet or "",
+            phase="" if command is None else COMMAND_NAMES[command.phase].lower(),
+            epoch=0 if command is None else command.epoch,
+            age=None if self._command is None else round(now - self._command[1], 3),
+            is_heard=self.is_heard(now),
+            robots=robots,
+            orders={name: states[name] for name in ORDER_STATES},
+            blocks=sorted(self.blocks),
+            alarms=self.alarms.now(),
+        )
+
+    def summaries(self) -> list[OrderSummary]:
+        """Return all orders, in the order in which they became known."""
+        found = [OrderSummary.of(state) for state in self.orders.values()]
+        return sorted(found, key=lambda one: (one.released or 0.0, one.id))
+
+    def _robot(self, name: str, now: float, held: Mapping[str, str]) -> RobotState:
+        heard = self._robots[name]
+        if heard is None:
+            return RobotState(id=name)
+        report, at = heard
+        mine = [one for one in self.orders.values() if one.robot == name]
+        doing = next((one.id for one in mine if one.state == UNDER_WAY), "")
+        return RobotState(
+            id=name,
+            phase=PHASE_NAMES[report.phase] if report.phase < len(PHASE_NAMES) else "",
+            fault="" if report.fault == NO_FAULT else fault_name(report.fault),
+            late=report.late * LATE_STEP_MS / 1000.0,
+            age=round(now - at, 3),
+            is_heard=now - at < _SILENCE,
+            order=doing,
+            next=[one.id for one in mine if one.state not in (*OVER, UNDER_WAY)],
+            held_by=held.get(name, ""),
+        )
+
+    def _take_report(self, report: Report, robot: str, now: float) -> None:
+        if robot in self._left:
+            return
+        before = self._robots.get(robot)
+        if report.fault != NO_FAULT and (before is None or before[0].fault != report.fault):
+            self.faults[fault_name(report.fault)] += 1
+        self._robots[robot] = (report, now)
+
+    def _take_order(self, state: OrderState, now: float) -> None:
+        if state.released_ms is None:
+            return  # There is no such order.
+        before = self.orders.get(state.id)
+        self.orders[state.id] = state
+        is_news = before is None or before.state != state.state
+        if is_news and state.state == REFUSED and not state.id.startswith(OWN):
+            self.alarms.refused(state, now + self._wall_s)
+        if is_news and state.state == ORDER_DONE and state.id == f"{LEAVE}{state.robot}":
+            self._left.add(state.robot)
+            self._robots.pop(state.robot, None)
+            self.alarms.forget(state.robot)

@@ -1,0 +1,115 @@
+"""What the desk knows of a fleet from its messages, and what calls a person."""
+
+import pytest
+
+from coordinator.desk.known_fleet import KnownFleet
+from protocol import keys
+from protocol.codec import encode
+from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, WAITING, Block, OrderState, Unblock
+from protocol.phases import CLOCK_UNSURE, DONE, DRIVER_ERROR, FROZEN, IDLE, MOVING
+from tests.coordinator.desk.fake_fleet import FLEET, a_command, a_report
+
+
+def fleet_of(*heard, at=0.0, known=None):
+    known = known or KnownFleet(FLEET, wall_s=1_000.0)
+    for key, message in heard:
+        known.hear(key, encode(message), at)
+    return known
+
+
+def report(robot, **fields):
+    return keys.report(FLEET, robot), a_report(**fields)
+
+
+def state(name, state, robot="R1", released=1, **fields):
+    told = OrderState(name, state, robot, released_ms=released, **fields)
+    return keys.orders(FLEET, name), told
+
+
+COMMAND = (keys.command(FLEET), a_command())
+
+
+def test_a_robot_is_what_it_reported_last_with_its_orders_and_who_holds_it():
+    known = fleet_of(
+        COMMAND,
+        report("R1", phase=MOVING, late=3),
+        state("a", UNDER_WAY),
+        state("b", WAITING),
+        state("c", ORDER_DONE),
+    )
+    answer = known.answer(0.5, {"R1": "R2"})
+    (robot,) = answer.robots
+    assert (robot.phase, robot.late, robot.age, robot.is_heard) == ("moving", 0.15, 0.5, True)
+    assert (robot.order, robot.next, robot.held_by) == ("a", ["b"], "R2")
+    assert (answer.phase, answer.is_heard, answer.alarms) == ("go", True, [])
+    counts = {"waiting": 1, "under way": 1, "done": 1, "cancelled": 0, "refused": 0}
+    assert answer.orders == counts
+
+
+def test_who_is_silent_for_a_second_is_not_heard_and_calls_a_person_until_it_is_heard_again():
+    known = fleet_of(COMMAND, report("R1"))
+    fleet_of(COMMAND, known=known, at=2.0)
+    answer = known.answer(2.0, {})
+    assert not answer.robots[0].is_heard
+    assert [(one.id, one.robot, one.since) for one in answer.alarms] == [("lost-R1", "R1", 1_000.0)]
+    assert known.alarms.acknowledge("lost-R1")
+    assert known.answer(2.1, {}).alarms[0].is_acknowledged
+    fleet_of(report("R1"), known=known, at=2.2)
+    assert known.answer(2.2, {}).alarms == []
+
+
+def test_while_no_coordinator_is_heard_that_alone_calls():
+    known = fleet_of(COMMAND, report("R1"))
+    assert [one.id for one in known.answer(5.0, {}).alarms] == ["coordinator"]
+
+
+@pytest.mark.parametrize(
+    ("phase", "fault", "told"),
+    [
+        (FROZEN, DRIVER_ERROR, "R1 stands: driver error"),
+        (MOVING, CLOCK_UNSURE, "R1: clock not certain"),
+        (IDLE, CLOCK_UNSURE, None),
+        (DONE, 0, None),
+    ],
+)
+def test_a_fault_calls_but_not_a_clock_that_every_robot_sets_first(phase, fault, told):
+    known = fleet_of(COMMAND, report("R1", phase=phase, fault=fault))
+    alarms = known.answer(0.1, {}).alarms
+    assert [one.text for one in alarms] == ([] if told is None else [told])
+
+
+def test_a_refused_order_calls_until_somebody_has_seen_it():
+    known = fleet_of(COMMAND, state("a", REFUSED, reason="no way"), state("leave-R1", REFUSED))
+    fleet_of(state("a", REFUSED, reason="no way"), known=known)
+    (alarm,) = known.answer(0.1, {}).alarms
+    assert (alarm.order, alarm.text) == ("a", "order a is refused: no way")
+    assert known.alarms.acknowledge("refused-a")
+    assert not known.alarms.acknowledge("refused-a")
+    assert known.answer(0.2, {}).alarms == []
+
+
+def test_an_order_that_never_was_is_not_listed():
+    known = fleet_of(state("nosuch", REFUSED, released=None))
+    assert known.summaries() == []
+
+
+def test_a_robot_that_was_taken_out_stays_out_though_its_program_speaks():
+    known = fleet_of(COMMAND, report("R1"), report("R2"), state("leave-R1", ORDER_DONE))
+    fleet_of(report("R1"), known=known)
+    assert [one.id for one in known.answer(0.1, {}).robots] == ["R2"]
+
+
+def test_places_are_closed_and_open_again():
+    block = Block(1, "wet", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
+    known = fleet_of((keys.blocks(FLEET, "wet"), block))
+    assert known.answer(0.0, {}).blocks == ["wet"]
+    fleet_of((keys.blocks(FLEET, "wet"), Unblock(1, "wet")), known=known)
+    assert known.answer(0.0, {}).blocks == []
+
+
+def test_bad_bytes_and_other_fleets_change_nothing():
+    known = fleet_of(COMMAND)
+    assert known.hear(keys.command(FLEET), b"\xff", 0.0) is None
+    assert known.hear(keys.report("other", "R1"), encode(a_report()), 0.0) is None
+    assert known.hear("elsewhere", b"", 0.0) is None
+    assert (known.heard["bad"], known.answer(0.0, {}).robots) == (1, [])
