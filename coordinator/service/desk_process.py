@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from coordinator.base.errors import InputError
+from coordinator.plan.document import PlanDocument
+from coordinator.plan.plan_file import from_json, to_json
 from coordinator.security.key_store import KeyStore
 from coordinator.service.tapped_link import PipeLink, TappedLink
 from protocol.key_files import KeyFiles, read_key_files
@@ -53,15 +55,19 @@ def desk_place(page: str, keys: Path | None) -> DeskPlace:
 
 
 @contextmanager
-def with_desk(link: Transport, fleet: str, place: DeskPlace) -> Iterator[tuple[Transport, str]]:
+def with_desk(
+    link: Transport, document: PlanDocument, place: DeskPlace
+) -> Iterator[tuple[Transport, str]]:
     """Start the desk of a coordinator's link; yield the link to use in its place, and its address.
+
+    `document`: the plan with the floor and the first epoch.
 
     Raises InputError if it cannot be served there.
     """
     context = get_context("spawn")
     ours, theirs = context.Pipe()
     answer, told = context.Pipe(duplex=False)
-    desk = context.Process(target=_run, args=(theirs, told, fleet, place), daemon=True)
+    desk = context.Process(target=_run, args=(theirs, told, to_json(document), place), daemon=True)
     desk.start()
     theirs.close()
     told.close()
@@ -73,7 +79,7 @@ def with_desk(link: Transport, fleet: str, place: DeskPlace) -> Iterator[tuple[T
         ours.close()
         desk.join(1.0)
         raise heard
-    tapped = TappedLink(link, ours, fleet)
+    tapped = TappedLink(link, ours, document.scenario)
     try:
         yield tapped, str(heard)
     finally:
@@ -83,7 +89,7 @@ def with_desk(link: Transport, fleet: str, place: DeskPlace) -> Iterator[tuple[T
         desk.join()
 
 
-def _run(connection: Connection, told: Connection, fleet: str, place: DeskPlace) -> None:
+def _run(connection: Connection, told: Connection, plan: bytes, place: DeskPlace) -> None:
     """Serve the desk until the coordinator closes the pipe."""
     from coordinator.desk.line import Line
     from coordinator.desk.web import Desk, served
@@ -93,7 +99,8 @@ def _run(connection: Connection, told: Connection, fleet: str, place: DeskPlace)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     ended = threading.Event()
     link = PipeLink(connection, ended.set)
-    line = Line(link, LiveCourse(fleet, None), "page")
+    document = from_json(plan)
+    line = Line(link, LiveCourse(document.scenario, document), "page")
     files, valid = None, frozenset[str]()
     if place.keys is not None and not place.is_local:
         files, valid = _keys(place.keys)

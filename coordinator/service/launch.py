@@ -123,7 +123,7 @@ class Coordinator:
             link = stack.enter_context(place.open(self._gate))
             transport: Transport = link
             if desk is not None:
-                served = with_desk(link, self.scenario.name, desk)
+                served = with_desk(link, document, desk)
                 transport, address = stack.enter_context(served)
                 self._say("page", address=address, text=f"the page is at {address}")
             recorder = self._recorder(log, document, boot, resume, log_size)

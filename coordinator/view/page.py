@@ -27,6 +27,7 @@ _SCRIPTS: Final = (
     "lists.js",
     "orders.js",
     "hand.js",
+    "desk.js",
     "word.js",
     "keys.js",
     "page.js",

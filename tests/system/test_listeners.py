@@ -32,7 +32,7 @@ class Scenes:
 
     def _read(self, address):
         event = ""
-        with urllib.request.urlopen(f"{address}events", timeout=60.0) as answer:
+        with urllib.request.urlopen(f"{address}api/events?scenes=1", timeout=60.0) as answer:
             for raw in answer:
                 line = raw.decode().strip()
                 if line.startswith("event: "):

@@ -45,6 +45,32 @@ class FloorView extends Ground {
     this.taken = [];
     this.sayNames(pen, focus, look);
     if (this.shown.waits) this.sayWaits(pen, found, focus, look);
+    this.drawScale(pen, look);
+  }
+
+  /** Tell the place on the floor at a spot on the canvas. */
+  tellWhere(spot) {
+    const place = spot && this.placeAt(spot);
+    byId("where").textContent = place ? `${place.x.toFixed(2)}, ${place.y.toFixed(2)} m` : "";
+  }
+
+  /** Draw a bar of a round length [m] at the lower left. */
+  drawScale(pen, look) {
+    const wanted = 90 / this.zoom, tens = 10 ** Math.floor(Math.log10(wanted));
+    const length = tens * [5, 2, 1].find((one) => one * tens <= wanted);
+    const x = 12, y = this.sheet.height - 12, wide = this.zoom * length;
+    pen.strokeStyle = pen.fillStyle = look.muted;
+    pen.lineWidth = 1.5;
+    pen.beginPath();
+    pen.moveTo(x, y - 5);
+    pen.lineTo(x, y);
+    pen.lineTo(x + wide, y);
+    pen.lineTo(x + wide, y - 5);
+    pen.stroke();
+    pen.font = look.font(11);
+    pen.textAlign = "left";
+    pen.textBaseline = "bottom";
+    pen.fillText(`${Number(length.toPrecision(1))} m`, x + 4, y - 2);
   }
 
   /** Draw every path, the part ahead stronger than the part behind. */

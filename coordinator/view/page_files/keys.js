@@ -1,7 +1,7 @@
 // What the keys of the keyboard do.
 
 const KEYS = {
-  " ": () => setRunning(!running),
+  " ": () => { if (mayCommand) desk.stop(); else setRunning(!running); },
   ArrowLeft: (event) => seek(now - (event.shiftKey ? 5 : 0.5)),
   ArrowRight: (event) => seek(now + (event.shiftKey ? 5 : 0.5)),
   ArrowUp: () => jump(-1),
@@ -22,10 +22,12 @@ const KEYS = {
 function pressed(event) {
   const act = KEYS[event.key], target = event.target;
   if (!act || event.ctrlKey || event.metaKey || event.altKey) return;
-  const clicks = event.key === " " && target.closest("button, summary, input[type=checkbox]");
-  const own = target.closest("select") || clicks;
+  const clicks = event.key === " " && !mayCommand && target.closest("button, summary, input[type=checkbox]");
+  const typed = target.closest("select, input:not([type=range], [type=checkbox])");
+  const own = clicks || (typed && event.key !== "Escape");
   if (own) return;
   event.preventDefault();
-  if (!TIMELESS.has(event.key)) setFollowing(false);
+  const stops = mayCommand && event.key === " ";
+  if (!TIMELESS.has(event.key) && !stops) setFollowing(false);
   act(event);
 }

@@ -8,6 +8,8 @@ function element(name, properties, ...children) {
   return made;
 }
 
+/** Up to so many robots are listed without search and order. */
+const FEW = 8;
 /** The least lateness [s] that is told. */
 const LATE = 0.2;
 /** A late robot that is slower than this [m/s] stands. */
@@ -42,6 +44,16 @@ function describe(scene, unheard) {
   verdict.className = scene.proven ? "holds" : "fails";
 }
 
+/** How much a robot's state needs a person: the lowest number first. */
+const TROUBLE = [
+  ["lost", "not fit", "no way", "plan not heard", "unheard", "stopped"], ["held"], ["waits"], ["drives"],
+];
+
+function rank(state) {
+  const found = TROUBLE.findIndex((states) => states.includes(state));
+  return found < 0 ? TROUBLE.length : found;
+}
+
 /** One row per robot: its colour, what it does, how far it has come. */
 class RobotList {
   constructor(list, play, choose, hover) {
@@ -61,7 +73,9 @@ class RobotList {
       button.title = `Show ${body.id} alone`;
       return { button, swatch, state, speed, bar };
     });
-    list.replaceChildren(...this.rows.map((row) => element("li", {}, row.button)));
+    this.items = this.rows.map((row) => element("li", {}, row.button));
+    list.replaceChildren(...this.items);
+    byId("find").hidden = this.rows.length <= FEW;
   }
 
   paint(look) {
@@ -82,6 +96,23 @@ class RobotList {
       row.bar.style.width = robot ? `${(100 * robot.s / robot.length).toFixed(1)}%` : "0";
       row.button.dataset.state = robot ? robot.state : reasons[index];
     });
+    this.sift();
+  }
+
+  /** Show the robots that are looked for, those in trouble first; count them by what they do. */
+  sift() {
+    const wanted = byId("search").value.trim().toLowerCase();
+    const counts = new Map();
+    this.rows.forEach((row, index) => {
+      const { state } = row.button.dataset, item = this.items[index];
+      counts.set(state, (counts.get(state) || 0) + 1);
+      const order = byId("trouble").checked && this.rows.length > FEW ? rank(state) : 0;
+      if (item.style.order !== String(order)) item.style.order = order;
+      item.hidden = !`${this.bodies[index].id} ${row.state.textContent}`.toLowerCase().includes(wanted);
+    });
+    const told = [...counts].sort(([a], [b]) => rank(a) - rank(b)).map(([state, count]) => `${count} ${state}`);
+    const title = `Robots: ${told.join(", ")}`, box = byId("robots-title");
+    if (box.textContent !== title) box.textContent = title;
   }
 }
 

@@ -24,7 +24,9 @@ function orderAt(order, t) {
 
 /** One row per order: those under way, those that wait, then the last ones that are over. */
 class OrderList {
-  constructor(list, day, choose) {
+  /** `cancel` takes an order back by its id; null where that cannot be done. */
+  constructor(list, day, choose, cancel = null) {
+    this.cancel = cancel;
     this.day = day;
     this.choose = choose;
     this.list = list;
@@ -64,7 +66,12 @@ class OrderList {
   row() {
     const parts = ["swatch", "id", "state", "number"].map((className) => element("span", { className }));
     const button = element("button", { type: "button" }, ...parts), item = element("li", {}, button);
-    const row = { item, button, parts, robot: -1 };
+    const row = { item, button, parts, robot: -1, id: "" };
+    if (this.cancel) {
+      row.end = element("button", { type: "button", className: "cancel", textContent: "cancel" });
+      row.end.addEventListener("click", () => this.cancel(row.id));
+      item.append(row.end);
+    }
     button.addEventListener("click", () => { if (row.robot >= 0) this.choose(row.robot); });
     this.list.append(item);
     return row;
@@ -73,6 +80,11 @@ class OrderList {
   fill(row, one, robot, t, look) {
     const [swatch, id, state, number] = row.parts, known = one.robot >= 0;
     row.robot = one.robot;
+    row.id = one.id;
+    if (row.end) {
+      row.end.hidden = one.state !== UNDER_WAY && one.state !== WAITING;
+      row.end.setAttribute("aria-label", `Cancel ${one.id}`);
+    }
     row.button.dataset.state = ORDER_STATES[one.state];
     swatch.style.setProperty("--colour", known ? look.robot(one.robot) : "transparent");
     this.write(id, one.id);

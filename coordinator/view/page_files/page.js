@@ -26,6 +26,7 @@ function load(scene) {
   const found = scene.robots.map((robot) => robot.id).join();
   if (found !== names) robots = new RobotList(byId("robots"), play, chooseToggled, hoverOver);
   names = found;
+  desk.offer(scene.robots.map((robot) => robot.id));
   orders.show(play);
   describe(scene, live && isUnheard());
   robots.paint(look);
@@ -39,7 +40,13 @@ function load(scene) {
   stale = true;
 }
 
-const orders = new OrderList(byId("orders"), day, chooseToggled);
+const desk = new Desk({
+  names: () => play.scene.robots.map((robot) => robot.id),
+  chosen: () => focus,
+  choose: (index) => { if (index !== focus) chooseToggled(index < 0 ? focus : index); },
+  changed: () => { stale = true; },
+});
+const orders = new OrderList(byId("orders"), day, chooseToggled, mayCommand ? (id) => desk.cancel(id) : null);
 
 function list() {
   events = new EventList(byId("events"), byId("ticks"), play, seek, day);
@@ -85,6 +92,7 @@ function setFollowing(on) {
 function chooseToggled(index) {
   focus = focus === index ? -1 : index;
   robots.choose(focus);
+  desk.chosen(focus);
   stale = true;
 }
 
@@ -92,6 +100,7 @@ function chooseToggled(index) {
 function draw() {
   const found = play.scene.robots.map((_, index) => play.robot(index, now));
   floor.draw(now, found, focus, hover, look);
+  desk.draw(floor, floor.sheet.pen, look);
   diagram.draw(now, found, focus, hover, look);
   if (preview !== null && hover >= 0) {
     floor.preview(play.robot(hover, preview), hover, preview, look);
@@ -155,9 +164,13 @@ const hand = new Hand(byId("floor"), lens, () => floor, {
   leave,
   point: (place) => {
     pointer = place;
+    floor.tellWhere(pointer);
     hoverOver(floor.pick(place.x, place.y));
   },
-  press: () => { if (hover >= 0 || focus >= 0) chooseToggled(hover >= 0 ? hover : focus); },
+  press: () => {
+    if (hover >= 0) chooseToggled(hover);
+    else if (!desk.pick(pointer && floor.placeAt(pointer)) && focus >= 0) chooseToggled(focus);
+  },
 });
 
 /** While only a part of the floor is seen, a finger moves the floor and not the page. */
@@ -190,6 +203,7 @@ function watchDiagram(canvas) {
 
 function leave() {
   pointer = preview = null;
+  floor.tellWhere(null);
   byId("tip").hidden = true;
   hoverOver(-1);
 }
@@ -204,6 +218,8 @@ function repaint() {
 const word = new Word({
   scene: load,
   late: (found) => { play.learn(found); },
+  fleet: (found) => desk.hear(found),
+  gone: (found) => desk.forget(found),
   changed: () => {
     presume();
     tellWord();
@@ -240,6 +256,9 @@ function followLive() {
   seek(t);
 }
 
+for (const name of ["search", "trouble"]) {
+  byId(name).addEventListener("input", () => { listed = -Infinity; stale = true; });
+}
 load(JSON.parse(byId("scene").textContent));
 watchDiagram(byId("diagram"));
 document.addEventListener("keydown", pressed);

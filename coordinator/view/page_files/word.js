@@ -10,11 +10,11 @@ const PATIENCE = 2;
 
 class Word {
   /**
-   * `scene` gets every new scene, `late` how far late robots have come; `changed` is called when
-   * messages stop or come again.
+   * `scene` gets every new scene, `late` how far late robots have come, `fleet` what is new of the
+   * fleet, `gone` robots that left; `changed` is called when messages stop or come again.
    */
-  constructor({ scene, late, changed }) {
-    this.told = { scene, late, changed };
+  constructor(told) {
+    this.told = told;
     this.open = true;
     this.begin();
   }
@@ -33,7 +33,7 @@ class Word {
       take(JSON.parse(event.data));
     });
     hear("scene", this.told.scene);
-    hear("late", this.told.late);
+    for (const name of ["late", "fleet", "gone"]) hear(name, this.told[name]);
     hear("clock", ({ now, speed }) => {
       const first = this.clock === null;
       this.clock = { now, speed, heard: this.alive };

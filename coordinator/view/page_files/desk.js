@@ -1,0 +1,220 @@
+// The operator's desk: what needs a person, and what the fleet is told over HTTP.
+
+const mayCommand = document.documentElement.dataset.command === "true";
+
+/** Ask the desk; return its answer, or null after telling what is wrong. */
+async function ask(method, path, body) {
+  const options = { method, headers: { "Content-Type": "application/json" } };
+  if (body !== undefined) options.body = JSON.stringify(body);
+  try {
+    const answer = await fetch(`api/${path}`, options), found = await answer.json();
+    if (answer.ok) return found;
+    desk.say((found.problems || [found.error]).join("; "), true);
+  } catch {
+    desk.say("the desk does not answer", true);
+  }
+  return null;
+}
+
+class Desk {
+  /** `told`: names() of the robots, chosen() and choose(index), changed() when the floor looks otherwise. */
+  constructor(told) {
+    this.told = told;
+    this.goal = null;
+    this.blocks = [];
+    this.fleet = null;
+    this.robots = new Map();
+    this.form = byId("order-form");
+    byId("command").hidden = byId("give").hidden = !mayCommand;
+    if (!mayCommand) return;
+    byId("space-does").textContent = "STOP: all robots brake at once";
+    const on = (name, act) => byId(name).addEventListener("click", act);
+    on("stop", () => this.stop());
+    on("go-on", async () => { if (await ask("POST", "resume")) this.say("the fleet goes on"); });
+    on("end-mission", async () => {
+      if (!window.confirm("End the mission when all robots rest? It takes no further orders.")) return;
+      if (await ask("POST", "end")) this.say("the fleet ends when all robots rest");
+    });
+    on("admit", () => this.robot("admit"));
+    on("take-out", () => this.robot("leave"));
+    on("close-place", () => this.closePlace());
+    this.form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.send();
+    });
+    byId("order-place").addEventListener("input", () => this.readGoal());
+    byId("order-robot").addEventListener("change", () => {
+      this.told.choose(this.told.names().indexOf(this.whose()));
+    });
+  }
+
+  /** What has been answered, for a while. */
+  say(text, isWrong = false) {
+    const box = byId("answer");
+    box.textContent = text;
+    box.classList.toggle("fails", isWrong);
+    clearTimeout(this.fades);
+    this.fades = setTimeout(() => { box.textContent = ""; }, 15000);
+  }
+
+  async stop() {
+    if (await ask("POST", "freeze")) this.say("stopped: robots brake at once and keep their courses");
+  }
+
+  /** Take in news of the fleet; only robots that have changed are in it. */
+  hear(fleet) {
+    for (const robot of fleet.robots) this.robots.set(robot.id, robot);
+    const blocks = fleet.blocks.join();
+    if (!this.fleet || this.fleet.blocks.join() !== blocks) this.learnBlocks();
+    this.fleet = fleet;
+    this.tellAlarms(fleet.alarms);
+    byId("go-on").hidden = fleet.phase !== "stop";
+    byId("stop").disabled = !["go", "hold"].includes(fleet.phase);
+    byId("end-mission").hidden = fleet.phase === "over";
+  }
+
+  forget(names) {
+    for (const name of names) this.robots.delete(name);
+  }
+
+  async learnBlocks() {
+    const found = await ask("GET", "blocks");
+    if (found === null) return;
+    this.blocks = found;
+    byId("blocks").replaceChildren(...found.map((one) => {
+      const open = element("button", { type: "button", textContent: "open again" });
+      open.addEventListener("click", () => ask("DELETE", `blocks/${one.id}`));
+      const text = element("span", { textContent: `${one.id} is closed` });
+      return element("li", {}, text, ...mayCommand ? [open] : []);
+    }));
+    this.told.changed();
+  }
+
+  tellAlarms(alarms) {
+    const key = JSON.stringify(alarms);
+    if (key === this.alarms) return;
+    this.alarms = key;
+    const box = byId("alarms");
+    box.hidden = alarms.length === 0;
+    box.firstElementChild.replaceChildren(...alarms.map((alarm) => {
+      const seen = element("button", { type: "button", textContent: "seen" });
+      seen.hidden = alarm.is_acknowledged || !mayCommand;
+      seen.addEventListener("click", () => ask("POST", `alarms/${alarm.id}/acknowledge`));
+      const show = element("button", { type: "button", className: "about", textContent: alarm.text });
+      show.addEventListener("click", () => {
+        const index = this.told.names().indexOf(alarm.robot);
+        if (index >= 0 && this.told.chosen() !== index) this.told.choose(index);
+      });
+      const since = element("span", { className: "number", textContent: clockFace(1000 * alarm.since) });
+      const todo = element("span", { className: "todo", textContent: alarm.todo });
+      const item = element("li", {}, since, show, todo, seen);
+      item.classList.toggle("seen", alarm.is_acknowledged);
+      return item;
+    }));
+  }
+
+  /** Offer the robots that there are. */
+  offer(names) {
+    const key = names.join();
+    if (key === this.names) return;
+    this.names = key;
+    const option = (value, textContent) => element("option", { value, textContent });
+    const robots = names.map((name) => option(name, name));
+    byId("order-robot").replaceChildren(option("", "any robot"), ...robots);
+    this.chosen(this.told.chosen());
+  }
+
+  /** A robot was chosen; -1: none. */
+  chosen(index) {
+    if (!mayCommand) return;
+    const name = this.told.names()[index] ?? "";
+    byId("order-robot").value = name;
+    byId("robot-acts").hidden = !name;
+    byId("robot-name").textContent = name;
+  }
+
+  whose() {
+    return byId("order-robot").value;
+  }
+
+  /** A place of the floor was clicked; return whether it is taken as a goal. */
+  pick(place) {
+    if (!mayCommand || !place) return false;
+    byId("order-place").value = `${place.x.toFixed(2)}, ${place.y.toFixed(2)}`;
+    this.readGoal();
+    return true;
+  }
+
+  readGoal() {
+    const numbers = byId("order-place").value.split(/[\s,;]+/).filter(Boolean).map(Number);
+    const fits = [2, 3].includes(numbers.length) && numbers.every(Number.isFinite);
+    this.goal = fits ? numbers : null;
+    byId("order-send").disabled = !fits;
+    this.told.changed();
+  }
+
+  async send() {
+    if (this.goal === null) return;
+    const number = (name) => Number(byId(name).value) || 0;
+    const order = {
+      goal: this.goal, robot: this.whose(), dwell: number("order-dwell"), priority: number("order-priority"),
+      now: byId("order-now").checked,
+    };
+    const found = await ask("POST", "orders", order);
+    if (found === null) return;
+    const why = found.reason ? `, ${found.reason}` : "";
+    this.say(`${found.id}: ${found.robot || "no robot yet"}, ${found.state}${why}`);
+    byId("order-place").value = "";
+    byId("order-now").checked = false;
+    this.readGoal();
+  }
+
+  async cancel(id) {
+    if (await ask("DELETE", `orders/${id}`)) this.say(`${id} is cancelled`);
+  }
+
+  async robot(what) {
+    const name = this.whose();
+    const sure = what !== "leave" || window.confirm(`Take ${name} out of the fleet? Carry it away first.`);
+    if (!name || !sure) return;
+    const found = await ask("POST", `robots/${name}/${what}`);
+    if (found) this.say(found.text);
+  }
+
+  /** Close a square of 1 m around the place that was clicked. */
+  async closePlace() {
+    if (this.goal === null) return this.say("click a place on the floor first", true);
+    const [x, y] = this.goal, corner = (dx, dy) => [x + dx, y + dy];
+    const polygon = [corner(-0.5, -0.5), corner(0.5, -0.5), corner(0.5, 0.5), corner(-0.5, 0.5)];
+    const found = await ask("POST", "blocks", { polygon });
+    if (found) this.say(`${found.id} is closed`);
+    return null;
+  }
+
+  /** Draw closed places and the goal that is being chosen. */
+  draw(view, pen, look) {
+    pen.strokeStyle = look.red;
+    pen.fillStyle = look.red;
+    pen.lineWidth = 1.5;
+    for (const { polygon } of this.blocks) {
+      pen.beginPath();
+      for (const [x, y] of polygon) pen.lineTo(view.X(x), view.Y(y));
+      pen.closePath();
+      pen.globalAlpha = 0.18;
+      pen.fill();
+      pen.globalAlpha = 1;
+      pen.stroke();
+    }
+    if (this.goal === null) return;
+    const [x, y] = this.goal, at = [view.X(x), view.Y(y)];
+    pen.strokeStyle = look.ink;
+    pen.lineWidth = 2;
+    pen.beginPath();
+    pen.arc(...at, 9, 0, 7);
+    pen.moveTo(at[0] - 14, at[1]);
+    pen.lineTo(at[0] + 14, at[1]);
+    pen.moveTo(at[0], at[1] - 14);
+    pen.lineTo(at[0], at[1] + 14);
+    pen.stroke();
+  }
+}

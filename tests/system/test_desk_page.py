@@ -1,0 +1,98 @@
+"""The desk's page in a real browser: every command is seen on the page and in the fleet."""
+
+import json
+import signal
+from contextlib import ExitStack
+
+import pytest
+
+from tests.system.browser import browser, find_browser
+from tests.system.fleet_tools import TWO_ROBOTS, free_endpoint, line_with, started
+
+pytestmark = pytest.mark.skipif(
+    find_browser() is None, reason="no Chromium is installed (BROWSER names one)"
+)
+
+ANSWER = "document.getElementById('answer').textContent"
+ALARMS = "document.getElementById('alarms').innerText"
+ORDERS = "document.getElementById('orders').innerText"
+PHASE = "document.getElementById('phase').textContent"
+SPOT = """(() => {
+  const { left, top, width, height } = document.getElementById('floor').getBoundingClientRect();
+  return [left + 0.5 * width, top + 0.5 * height];
+})()"""
+
+
+def click(tab, name):
+    tab.run(f"document.getElementById('{name}').click()")
+
+
+def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
+    (tmp_path / "two.toml").write_text(TWO_ROBOTS)
+    endpoint = free_endpoint()
+    with ExitStack() as stack:
+        tab = stack.enter_context(browser(tmp_path / "profile"))
+        options = ("--listen", endpoint, "--page", "127.0.0.1:0", "--json", "--stay")
+        coordinator = stack.enter_context(started("coordinator", tmp_path / "two.toml", *options))
+        address = json.loads(line_with(coordinator, "http://"))["address"]
+        agents = {
+            robot: stack.enter_context(started("agent", robot, "--connect", endpoint))
+            for robot in ("R1", "R2")
+        }
+        tab.screen(1440, 900)
+        tab.open(address)
+        states = "Object.values(splinefleet.at(splinefleet.time)).map(robot => robot.state).join()"
+        tab.wait(f"{states} === 'arrived,arrived'", 60.0)
+
+        tab.run("splinefleet.choose(0)")
+        x, y = tab.run(SPOT)
+        for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
+            tab.point(x, y, kind)
+        assert tab.run("document.getElementById('order-place').value") == "2.00, 2.00"
+        assert tab.run("document.getElementById('order-robot').value") == "R1"
+        click(tab, "order-send")
+        tab.wait(f"{ANSWER}.endsWith('R1, under way')")
+        tab.wait(f"{ORDERS}.includes('R1 arrives')")
+
+        tab.press(" ")
+        tab.wait(f"{ANSWER}.startsWith('stopped') && {PHASE}.endsWith('told to stop')")
+        tab.wait("!document.getElementById('go-on').hidden")
+        click(tab, "go-on")
+        tab.wait(f"{ANSWER} === 'the fleet goes on' && {PHASE}.endsWith('go')")
+
+        tab.run("document.querySelector('.cancel:not([hidden])').click()")
+        tab.wait(f"{ORDERS}.includes('cancelled')")
+        tab.run("document.getElementById('order-place').value = '99, 99'")
+        tab.run("document.getElementById('order-place').dispatchEvent(new Event('input'))")
+        click(tab, "order-send")
+        tab.wait(f"{ALARMS}.includes('is refused')")
+
+        agents["R2"].send_signal(signal.SIGKILL)
+        tab.wait(f"{ALARMS}.includes('R2 is not heard')")
+        assert "admit it" in tab.run(ALARMS)
+        about_r2 = (
+            "[...document.querySelectorAll('#alarms li')].find(one => /R2 is/.test(one.innerText))"
+        )
+        tab.run(f"{about_r2}.querySelector('button:last-child').click()")
+        tab.wait("document.querySelector('#alarms .seen') !== null")
+        assert tab.errors == []
+        tab.run("window.confirm = () => true")
+        tab.run("document.querySelectorAll('#robots button')[1].click()")
+        click(tab, "take-out")
+        tab.wait(f"{ANSWER} === 'R2 has left'")
+        click(tab, "end-mission")
+        assert coordinator.wait(60.0) == 0
+
+
+def test_who_only_looks_has_no_commands(tmp_path):
+    (tmp_path / "two.toml").write_text(TWO_ROBOTS)
+    with ExitStack() as stack:
+        tab = stack.enter_context(browser(tmp_path / "profile"))
+        endpoint, plan = free_endpoint(), tmp_path / "plan.json"
+        stack.enter_context(
+            started("coordinator", tmp_path / "two.toml", "--listen", endpoint, "--plan-out", plan)
+        )
+        view = stack.enter_context(started("view", "--connect", endpoint, "--no-open"))
+        tab.open(line_with(view, "http://").strip())
+        hidden = "['command', 'give'].map(id => document.getElementById(id).hidden).join()"
+        assert tab.run(hidden) == "false,false"
