@@ -289,7 +289,7 @@ class Grants:
         passed_ms = begin_ms if mine is None else int(self._rule.progress[mine.now.slot])
         slots = [slot, *(self._slot(one) for one in near)]
         self._staircases.put(slot, staircases, slots)
-        self._rule.open(slot, min(passed_ms, begin_ms))
+        self._rule.open(slot, min(passed_ms, begin_ms), begin_ms)
         if not self._rule.renew(self._staircases.all):
             self._staircases.put(slot, NO_STAIRCASES, ())
             self._rule.renew(self._staircases.all)

@@ -286,12 +286,14 @@ class OrderBook:
         return OrderState(known.id, WAITING, known.robot, reason=f"is not looked at before {when}")
 
     def go_around(self, robot: str, goal: Pose, what: str, now_ms: int) -> None:
-        """Let the order that a robot does be looked for again, from where it is now.
+        """Let the order that a robot does, or is to do next, be looked for from where it is now.
 
         A robot without an order, which is on its way to `goal`, gets one of the coordinator's own.
         """
         task = self.of_robot(robot)
         self.put_back(robot)
+        if task is None:
+            task = next((one for one in self.waiting() if one.order.robot == robot), None)
         if task is None or task.is_over:
             self._made_room += 1
             order = Order(id=f"{_WAY}{self._made_room}", robot=robot, goal=goal)

@@ -224,6 +224,13 @@ class Dispatcher:
             self._tried[task.order.id] = ((self.searches.commits, tuple(idle)), now_ms)
             return None
         self.searches.note_commit(proposal.course)
+        plan = address(proposal.message, fleet.boot)
+        member = fleet.members[request.robot]
+        if answer.reason:  # It has no way, and rests where it is.
+            member.take_course(plan, request.revision, now_ns)
+            task.is_urgent = False
+            self._not_found(task, asked, answer, idle, now_ms)
+            return asked.wish.robot
         fleet.orders.put_back(request.robot)
         self._ways.pop(task.order.id, None)
         if task.makes_room:
@@ -236,8 +243,6 @@ class Dispatcher:
         task.alone_ms = round(1000.0 * answer.alone)
         finish_ms = round(1000.0 * proposal.course.driven.timeline.finish)
         task.planned_arrival_ms = finish_ms - fleet.times.plan_ms(now_ns) + now_ms
-        plan = address(proposal.message, fleet.boot)
-        member = fleet.members[request.robot]
         if task.joins is not None:
             self.robots[request.robot] = task.joins
             member.take_part(plan, task.joins.max_speed)
@@ -260,7 +265,10 @@ class Dispatcher:
         state = (self.searches.commits, tuple(idle))
         if task.makes_room:
             self._no_room[robot] = state
-        if task.makes_room or (math.isinf(answer.alone) and self._nobody_else(task, robot)):
+        is_closed = math.isinf(answer.alone) and self._nobody_else(task, robot)
+        if is_closed and task.order.robot and self.obstructions.goes_around(robot):
+            is_closed = False  # Who closes its way may go on again.
+        if task.makes_room or is_closed:
             book.end(task, REFUSED, f"{robot} {answer.reason}")
             self._ways.pop(task.order.id, None)
             return

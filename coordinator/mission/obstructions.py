@@ -172,13 +172,23 @@ class Obstructions:
         for name in sorted(given_up - self._around.keys()):
             self._around[name] = self._where(name)
             self.news.append((around_key(fleet.name), around_record(name)))
-        for robot, by, _ in fleet.grants.held():
-            if by in self._around and self._may_leave(robot, now_ns):
+        for robot, by in self.held_up().items():
+            if self._may_leave(robot, now_ns):
                 self._go_around(robot, by, now_ms)
         self._close(now_ns, now_ms)
         for name in sorted(given_up):
             if self._may_leave(name, now_ns) and self._has_come_to_rest(name):
                 self._go_around(name, "where it stood", now_ms)
+
+    def held_up(self) -> dict[str, str]:
+        """Return the robots that wait for ones that others go around, and who holds each."""
+        grants = self._fleet.grants
+        behind = set(grants.behind(self._around)) if self._around else set()
+        return {robot: by for robot, by, _ in grants.held() if robot in behind}
+
+    def goes_around(self, robot: str) -> bool:
+        """Return whether others that may go on again are solid for a robot."""
+        return bool(self._around.keys() - {robot})
 
     def _give_up_lost(self, now_ns: int) -> None:
         """Let orders of robots that are lost for long wait; others may do those without a name."""

@@ -25,7 +25,7 @@ from coordinator.fleet.orders import Task
 from coordinator.mission.obstructions import Obstructions, Ring
 from coordinator.plan.course import Course
 from coordinator.planning.course_proposal import Site, Wish, proposal_of
-from coordinator.planning.course_search import Answer, make_room, search, stand
+from coordinator.planning.course_search import Answer, make_room, search, search_or_rest, stand
 from coordinator.proof.course_proof import that_may_meet
 from coordinator.scenario.model import Point, Pose, Robot
 
@@ -56,6 +56,10 @@ class Asked:
     closed: dict[str, Ring]
     leaves: bool
     """Whether the robot leaves its course for this one, instead of resting at its goal."""
+
+    yields: bool = False
+    """Whether the robot rests where it is if nothing is found: it waits for one that cannot go on
+    before it has left its course."""
 
 
 class Searches:
@@ -120,7 +124,8 @@ class Searches:
         if request.revision == 0:
             return partial(stand, asked.site, asked.wish, asked.others)
         if asked.ways is None:
-            return partial(search, asked.site, asked.wish, asked.others)
+            look = search_or_rest if asked.yields else search
+            return partial(look, asked.site, asked.wish, asked.others)
         closed = tuple(asked.closed.values())
         return partial(make_room, asked.site, asked.wish, asked.others, asked.ways, closed)
 
@@ -183,6 +188,7 @@ class Searches:
             self.commits,
             self._obstructions.closed,
             leaves,
+            yields=leaves and robot in self._obstructions.held_up(),
         )
         return request
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -59,6 +60,18 @@ def search(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
     except PlanError as error:
         blockers = tuple(one.driven.id for one in resting_on(site, wish, way, others))
         return Answer(None, time, error.sentence, blockers, way)
+
+
+def search_or_rest(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
+    """Look for the same; without a way the course is to rest where the robot is.
+
+    Such an answer has a reason beside its course.
+    """
+    found = search(site, wish, others)
+    if found.proposal is None:
+        with suppress(PlanError):
+            return replace(found, proposal=propose(site, wish.to(wish.robot.start), others))
+    return found
 
 
 def stand(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:

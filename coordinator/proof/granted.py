@@ -146,7 +146,9 @@ class Granted:
         self._staircases.put(slot, staircases, [slot, *(self._slot_of(*one) for one in near)])
         self._skipped.extend(range(self._newest + 1, plan.number))
         self._newest = max(self._newest, plan.number)
-        self._granted[slot], self._at_goal[slot] = self._ahead.pop(plan.number, 0), False
+        stands = plan.begin_ms  # There it may be without being let drive.
+        self._granted[slot] = max(self._ahead.pop(plan.number, 0), stands)
+        self._at_goal[slot] = False
         passed = plan.begin_ms if now is None else self._passed[now.slot]
         self._passed[slot] = min(passed, plan.begin_ms)
 

@@ -99,10 +99,13 @@ class Authority:
         """Take in that a robot is at the end of a course, where it stays."""
         self.progress[course] = self.told[course] = EVER
 
-    def open(self, course: int, progress_ms: int) -> None:
-        """Begin a new course, on which nothing is granted as long as it is barred."""
-        self.progress[course] = progress_ms
-        self.granted[course] = self.told[course] = 0
+    def open(self, course: int, progress_ms: int, begin_ms: int) -> None:
+        """Begin a new course, on which nothing is granted as long as it is barred.
+
+        Its robot may stand at the course's beginning without being told anything.
+        """
+        self.progress[course], self.told[course] = progress_ms, begin_ms
+        self.granted[course] = 0
         self.barred[course], self.most[course] = True, EVER
 
     def wanted(self, now_ms: int, headroom_ms: int) -> Integers:

@@ -202,7 +202,7 @@ def test_a_course_that_is_barred_is_granted_nothing_and_one_that_is_opened_holds
     for now in range(0, 5_000, 100):
         rule.grant(now, HEADROOM, FAR)
         rule.know(1, now)
-    rule.open(0, 7_000)
+    rule.open(0, 7_000, 7_000)
     rule.know(1, 6_400)
     rule.grant(9_500, HEADROOM, FAR)
     assert (rule.progress[0], rule.granted[0]) == (7_000, 0)

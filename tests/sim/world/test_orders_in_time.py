@@ -6,8 +6,10 @@ from msgspec.structs import replace
 
 from coordinator.findings.log_proof import prove_log
 from coordinator.log.log_file import logs_before, read_log
+from coordinator.mission.obstructions import Obstructions
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import Demand, Order
+from coordinator.schedule.authority import Authority
 from coordinator.service.replay import check_log
 from protocol import keys
 from protocol.codec import decode, encode
@@ -18,6 +20,8 @@ from protocol.messages import (
     HALT,
     ORDER_DONE,
     REFUSED,
+    UNDER_WAY,
+    WAITING,
     Admit,
     Block,
     Cancel,
@@ -386,6 +390,70 @@ def test_a_robot_whose_wheels_stall_for_good_is_driven_around_and_the_fleet_ends
     assert freezes(world) == 0
     assert nobody_touches(world)
     assert prove_log(read_log(logs.paths[-1])).holds
+
+
+def narrow_way():
+    """Two robots one behind the other in a passage in which neither goes around the other."""
+    wall = box(0.0, 0.9, 20.0, 6.0)
+    robots = idle("R1", (1.0, 0.45)), idle("R2", (3.0, 0.45))
+    orders = (
+        Order(id="behind", goal=(23.0, 5.0), robot="R1"),
+        Order(id="ahead", goal=(23.0, 2.0), robot="R2"),
+    )
+    return replace(a_scenario(robots, (24.0, 6.0), (wall,)), orders=orders)
+
+
+def a_long_stop_in_a_narrow_way(tmp_path):
+    """R2 stands long after R1 should have passed, and goes on; the world and its logs."""
+    logs = RunLogs(tmp_path)
+    world = a_world(narrow_way(), stays=True, logs=logs)
+    world.run(7.0)
+    for _ in range(3):
+        world.robots["R2"].service.agent.hear_driver_error(world.now_ns)
+        world.run(6.0)
+    world.run(30.0)
+    door = world._network.session("at the door")
+    door.put(keys.admit(world.fleet.name, "R2"), encode(Admit(7)))
+    world.run(60.0)
+    logs.close()
+    return world, logs
+
+
+def test_a_robot_that_stood_for_long_goes_on_ahead_of_those_that_it_held(tmp_path):
+    world, logs = a_long_stop_in_a_narrow_way(tmp_path)
+    assert states(world) == {"ahead": ORDER_DONE, "behind": ORDER_DONE}
+    assert freezes(world) == 0
+    assert_sound(world, logs)
+
+
+def test_a_course_that_begins_in_the_way_of_a_late_robot_is_not_proven(tmp_path, monkeypatch):
+    """What happened when robots did not count as standing where their courses begin."""
+    opened = Authority.open
+
+    def untold(self, course, progress_ms, _begin_ms):
+        opened(self, course, progress_ms, 0)
+
+    monkeypatch.setattr(Authority, "open", untold)
+    monkeypatch.setattr(Obstructions, "held_up", lambda _: {})
+    world, logs = a_long_stop_in_a_narrow_way(tmp_path)
+    assert not nobody_touches(world)
+    assert not prove_log(read_log(logs.paths[-1])).holds
+
+
+def test_a_robot_does_not_join_in_the_way_of_a_late_one_before_that_has_passed(tmp_path):
+    logs = RunLogs(tmp_path)
+    orders = (Order(id="through", goal=(11.0, 3.0), robot="R1"),)
+    scenario = long_hall(idle("R1", (1.0, 3.0)), idle("R2", (6.0, 1.0)), orders=orders)
+    world = a_world(scenario, stays=True, logs=logs, faults=["stall:R1@4:14"])
+    say = operator(world)
+    world.run(17.0)
+    say(Join(9, "R9", (7.0, 3.0, 1.0), 0.25, 0.8))
+    world.run(2.0)
+    assert states(world)["join-R9"] == WAITING
+    world.run(30.0)
+    logs.close()
+    assert (states(world)["through"], states(world)["join-R9"]) == (ORDER_DONE, UNDER_WAY)
+    assert_sound(world, logs)
 
 
 def test_a_robot_that_failed_three_times_stands_until_it_is_admitted_and_goes_on_from_there():
