@@ -169,6 +169,7 @@ class RobotService:
         self.heard_ns = self._quiet_until_ns = -(2**62)
         self._hellos = 0
         self._phase, self._arrived = HOLD, False
+        self._is_asked = False
         self.robot = robot
         self._transport = transport
         self._driver = driver
@@ -277,6 +278,7 @@ class RobotService:
         if not counts:
             return
         self.heard_ns, self._phase = now_ns, command.phase
+        self._is_asked = self.robot.id in command.wanted
         if self._blackbox is not None:
             self._blackbox.join(command.boot)
             if command.phase == GO:
@@ -310,9 +312,9 @@ class RobotService:
             self._blackbox.write(host_ns, estimate_ns, driver.true_pose(), s, agent.phase)
 
     def _place(self) -> tuple[int, int, int] | None:
-        """Return the pose, if the fleet is frozen and the robot never drove in it."""
-        pose = self._driver.pose()
-        if pose is None or self._phase != FREEZE or self.agent.has_driven():
+        """Return the pose, if it is asked for or the fleet is frozen, and the robot never drove."""
+        pose, may_tell = self._driver.pose(), self._is_asked or self._phase == FREEZE
+        if pose is None or not may_tell or self.agent.has_driven():
             return None
         x, y, heading = (round(1000.0 * number) for number in pose)
         return x, y, heading

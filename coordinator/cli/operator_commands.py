@@ -38,11 +38,11 @@ def admit(
     ] = 20.0,
     keys: Keys = None,
 ) -> None:
-    """Let a robot take part again: the fleet freezes, and a new plan includes the robot.
+    """Let a robot take part again: it gets a course from where it stands.
 
     Use it for a robot that was restarted, or that was lost and is heard again.
 
-    The exit code is 1 if the robot cannot be admitted, or no new epoch begins within --wait.
+    The exit code is 1 if the robot cannot be admitted, or gets no course within --wait.
 
     Example: splinefleet admit R3 --connect tcp/127.0.0.1:7447
     """
@@ -86,8 +86,6 @@ def admit(
     if asking.admitted:
         tell(f"{fleet}: {asking.answer}")
         return
-    late = (
-        f"no new epoch with {robot} within {wait:g} s; is the robot back and the fleet under way?"
-    )
+    late = f"no course for {robot} within {wait:g} s; is the robot back and the fleet under way?"
     tell(asking.answer or late, "red")
     raise typer.Exit(1)

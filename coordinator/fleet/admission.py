@@ -55,6 +55,13 @@ class Door:
             self.tell_heard_again(member, now_ns)
         return member
 
+    def tell_stranger(self, robot: str, now_ns: int) -> None:
+        """Report, once, that a robot which is not in the fleet says hello."""
+        if (robot, 0) not in self._refused and len(self._refused) < _REFUSALS_TOLD:
+            self._refused.add((robot, 0))
+            what = f"{robot} is there and not in fleet {self._fleet}"
+            self._tell(now_ns, "back", robot, f"{what}; `splinefleet join {robot} ...` takes it in")
+
     def tell_heard_again(self, member: Member, now_ns: int) -> None:
         """Report that a lost robot's process is heard again, and what will happen to the robot."""
         text = f"{member.id} is heard again; {_what_becomes_of(member)}"

@@ -162,16 +162,24 @@ class Fleet(OperatedFleet):
     def _hear_hello(self, robot: str, hello: Hello, now_ns: int) -> list[Outgoing]:
         has_gone = self.phase != HOLD and (self.times.has_gone or self.phase == OVER)
         begun = has_gone or self.epoch != self.first_epoch
+        if robot not in self.members and self.has_gone and not self.is_ending:
+            self._door.tell_stranger(robot, now_ns)  # It says hello until an operator takes it in.
+            return []
+        member = self.members.get(robot)
+        is_awaited = member is not None and member.admission.is_awaited
         answer = self._door.hear(robot, hello, begun, now_ns)
+        if is_awaited and member is not None and not member.admission.is_awaited:
+            self._take_back(member, now_ns)
         if answer is None or isinstance(answer, Outgoing):
             return [answer] if answer else []
         return self._send_plan(answer, now_ns)
 
     def _hear_admit(self, robot: str, admit: Admit, now_ns: int) -> list[Outgoing]:
-        """Freeze the fleet to admit a robot that has come back or that is heard again.
+        """Admit a robot that has come back or that is heard again.
 
-        A frozen fleet needs no such request for a robot that has a part and is heard: the next plan
-        includes it.
+        One that has a course in this epoch is granted nothing more on it, and gets another one from
+        the place that it states.  For others the fleet freezes.  A frozen fleet needs no request
+        for a robot that has a part and is heard: the next plan includes it.
         """
         member = self.members.get(robot)
         if self.phase == FREEZE and member is not None and member.is_under_way(now_ns):
@@ -179,8 +187,25 @@ class Fleet(OperatedFleet):
         answer = self._door.admit(robot, admit.boot, now_ns)
         if not answer or isinstance(answer, Outgoing):
             return [answer] if answer else []
-        self._turn("admitted", now_ns)
+        if self.phase == GO and member is not None and self._course_goal(robot) is not None:
+            if robot not in self.grants.given_up:
+                self.go_around(member, now_ns)
+            self.orders.put_back(robot)
+        else:
+            self._turn("admitted", now_ns)
         return self._commands(now_ns)
+
+    def _course_goal(self, robot: str) -> tuple[float, float] | None:
+        """Return where a robot's course leads [m]; None if it has none in this epoch."""
+        mine = self.grants.of(robot)
+        return None if mine is None or mine.now.course is None else mine.now.course.goal
+
+    def _take_back(self, member: Member, now_ns: int) -> None:
+        """Let a robot that has come back, and has stated its place, be sent on from there."""
+        goal = self._course_goal(member.id)
+        if self.phase == GO and goal is not None:
+            now_ms = self.since_go_ms(now_ns)
+            self.orders.go_around(member.id, goal, "where it stood", now_ms)
 
     def _hear_report(self, robot: str, report: Report, now_ns: int) -> list[Outgoing]:
         member = self.members.get(robot)
@@ -284,6 +309,7 @@ class Fleet(OperatedFleet):
         Robots that hold others for longer than HELD_PATIENCE, or SILENT_PATIENCE, are given up, and
         so are those that alone are left.
         """
+        self._look_at_admissions(FREEZE_PATIENCE, now_ns)
         moving = [m for m in self.members.planned if not m.has_arrived]
         if not moving and self.orders.is_open_or_stays:
             self._waits_since_ns = None
@@ -364,9 +390,14 @@ class Fleet(OperatedFleet):
             return
         patience = self.times.settling_ns + FREEZE_PATIENCE
         waited = now_ns - self._changed_ns > patience
+        self._look_at_admissions(patience if waited else None, now_ns)
         for member in self.members.values():
-            member.admission.look(member.timeout_ns, patience if waited else None, now_ns)
             if not member.finished:
                 if member.is_silent(now_ns) and not member.lost:
                     self._give_up([silent(member)], now_ns)
                 member.lost |= waited and member.planned and not member.is_at_rest()
+
+    def _look_at_admissions(self, patience_ns: int | None, now_ns: int) -> None:
+        """Wait no longer for robots that have come back and do not say where they stand."""
+        for member in self.members.values():
+            member.admission.look(member.timeout_ns, patience_ns, now_ns)

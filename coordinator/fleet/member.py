@@ -157,8 +157,13 @@ class Member:
         self.overload = self.capacity.objection(plan)
 
     def take_course(self, plan: bytes, revision: int, now_ns: int) -> None:
-        """Give the robot another course in the same epoch."""
-        self.course_before, self.course_since_ns = (self.plan, self.revision), now_ns
+        """Give the robot another course in the same epoch.
+
+        A robot that has come back never drives the one before it.
+        """
+        is_back = self.came_back_to is not None
+        self.course_before = (b"", 0) if is_back else (self.plan, self.revision)
+        self.planned, self.course_since_ns = True, now_ns
         self.plan, self.revision = plan, revision
         self.plan_sent_ns = self.done_ns = None
         self.finished = False
@@ -215,7 +220,7 @@ class Member:
         self.driven, self.holds = report.revision, report.holds
         if report.rest is not None and report.rest.epoch >= self.sent_epoch:
             self.rest = standing_of(self.id, report.rest)
-        elif report.phase == MOVING:
+        elif report.phase == MOVING or (self.came_back_to is not None and report.epoch > 0):
             self.rest = None
         if report.phase == DONE and report.revision == self.revision:
             self.finished = True
@@ -263,9 +268,19 @@ class Member:
             return False
         return self.phase in (BRAKING, FROZEN) or (self.phase != MOVING and self.fault != 0)
 
+    @property
+    def came_back_to(self) -> tuple[float, float, float] | None:
+        """The pose [m, m, rad] from which a robot that has come back has not set out yet."""
+        return None if self.rest is None else self.rest.place
+
     def rests_on(self, epoch: int, revision: int) -> Standing | None:
-        """Return where a robot has stopped on a course, once it has said so; None if it has not."""
+        """Return where a robot has stopped on a course, once it has said so; None if it has not.
+
+        One that has come back rests at the place that it has stated.
+        """
         rest = self.rest
+        if self.came_back_to is not None:
+            return None if self.lost else rest
         is_there = rest is not None and (rest.epoch, rest.revision) == (epoch, revision)
         return rest if is_there and self.phase == FROZEN and not self.lost else None
 

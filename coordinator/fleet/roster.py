@@ -53,13 +53,14 @@ class Roster(dict[str, Member]):
         """Return the ids of the robots to ask where they rest in a phase of the fleet.
 
         Robots that have a part in the epoch are among them while the fleet is frozen, and in GO if
-        they have stopped.
+        they have stopped, or have come back and are to be admitted.
         """
         asked = {FREEZE: (FROZEN, IDLE), GO: (FROZEN,)}.get(phase, ())
         return [
             m.id
             for m in self.values()
-            if m.phase in (asked if m.planned else (FROZEN, IDLE)) and not m.is_at_rest()
+            if m.admission.is_awaited
+            or (m.phase in (asked if m.planned else (FROZEN, IDLE)) and not m.is_at_rest())
         ]
 
     def assign(self, parts: Mapping[str, Part]) -> None:

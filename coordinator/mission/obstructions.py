@@ -17,13 +17,15 @@ import msgspec
 import numpy as np
 import shapely
 
+from coordinator.curves.nurbs import Array
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.events import Incident
 from coordinator.fleet.log_records import around_key, around_record
 from coordinator.fleet.member import Member
 from coordinator.fleet.phases import SILENT_PATIENCE
 from coordinator.fleet.rest_places import Standing
-from coordinator.mission.replanning_input import Aside, resting_pose, stretch
+from coordinator.mission.replanning_input import Aside, on_path, resting_pose, stretch
+from coordinator.plan.wire import Driven
 from coordinator.planning.course_proposal import Site
 from coordinator.scenario.model import Point, Robot
 from coordinator.schedule.authority import EVER
@@ -154,7 +156,7 @@ class Obstructions:
         The robot may begin it later.
         """
         known = frozenset(closed)
-        if self._fleet.blocks.keys() - known:
+        if self._closed_now().keys() - known:
             return False
         self._avoided[robot, revision] = known
         self._avoided.pop((robot, revision - 2), None)
@@ -242,6 +244,8 @@ class Obstructions:
 
     def pose_of(self, robot: str, rest: Standing) -> tuple[float, float, float]:
         """Return the pose [m, m, rad] of a robot that has stopped on its course in force."""
+        if rest.place is not None:
+            return rest.place
         mine, site = self._fleet.grants.of(robot), self.site
         assert mine is not None
         assert mine.now.course is not None
@@ -271,18 +275,21 @@ class Obstructions:
         assert mine is not None
         assert mine.now.course is not None
         rest = self.rest_of(robot)
-        if rest is not None:
+        if rest is not None and rest.place is None:
             places = np.array([self.pose_of(robot, rest)[:2]])
         else:
-            (span, *_) = self._fleet.spans(robot)
-            ride = mine.now.course.driven
-            places = stretch(ride, span.since_ms / 1000.0, span.until_ms / 1000.0)
+            places = self._places(robot, mine.now.course.driven)
         return Aside(self._robots[robot], "lost", places, None).disc()
+
+    def _places(self, robot: str, ride: Driven) -> Array:
+        """Return the places (n, 2) [m] of its course where a robot may be, as far as is known."""
+        (span, *_) = self._fleet.spans(robot)
+        return stretch(ride, span.since_ms / 1000.0, span.until_ms / 1000.0)
 
     def _close(self, now_ns: int, now_ms: int) -> None:
         """Deal with robots on courses that were planned before a place was closed."""
         fleet = self._fleet
-        closed = {name: block.polygon for name, block in fleet.blocks.items()}
+        closed = self._closed_now()
         if self._closed.keys() - closed.keys():  # One is open again: limits are found anew.
             self._told = {}
             for member in fleet.members.planned:
@@ -297,6 +304,30 @@ class Obstructions:
             for name in sorted(closed.keys() - told - self._avoided.get(course, frozenset())):
                 told.add(name)
                 self._keep_out(member, name, now_ns, now_ms)
+
+    def _closed_now(self) -> dict[str, Ring]:
+        """Return the places that operators have closed, and those of robots that came back.
+
+        Those behind a robot that came back on its course are held by that anyway.
+        """
+        fleet = self._fleet
+        closed = {name: block.polygon for name, block in fleet.blocks.items()}
+        for name in sorted(fleet.grants.given_up):
+            rest = self.rest_of(name)
+            if rest is not None and rest.place is not None and not self._is_on_course(name, rest):
+                places = np.array([rest.place[:2]])
+                ring = Aside(self._robots[name], "lost", places, None).disc()
+                closed[f"where {name} stands"] = ring
+        return closed
+
+    def _is_on_course(self, robot: str, rest: Standing) -> bool:
+        """Return whether a robot that has come back stands where it was given up."""
+        mine, site = self._fleet.grants.of(robot), self.site
+        if mine is None or mine.now.course is None or site is None or rest.place is None:
+            return True
+        places = self._places(robot, mine.now.course.driven)
+        apart = np.hypot(*(places - np.array(rest.place[:2])).T)
+        return float(apart.min()) <= on_path(site.terms.margin)
 
     def _keep_out(self, member: Member, name: str, now_ns: int, now_ms: int) -> None:
         """Let a robot drive no farther than a closed place, and go around it, or leave it."""

@@ -245,7 +245,7 @@ def _comes_back(robot: Robot, standing: Standing, place: Pose, margin: float) ->
     """Return a robot that has come back and has stated its place, which may be its goal."""
     if standing.state == "lost":
         return Aside(robot, "lost", np.array([place[:2]]), place)
-    if math.dist(place[:2], robot.goal[:2]) <= max(_on_path(margin), _THERE):
+    if math.dist(place[:2], robot.goal[:2]) <= max(on_path(margin), _THERE):
         return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
     return replace(robot, start=place, via=(), path=None)
 
@@ -299,10 +299,10 @@ def pose_beside(
 def _is_on_path(standing: Standing, margin: float, short: float = 0.0) -> bool:
     """Return whether a robot that is `short` [m] of a place on its path may start from there."""
     off = abs(standing.off) + abs(standing.beyond)
-    return short + off + _PER_TURN * abs(standing.turn) <= _on_path(margin)
+    return short + off + _PER_TURN * abs(standing.turn) <= on_path(margin)
 
 
-def _on_path(margin: float) -> float:
+def on_path(margin: float) -> float:
     """Return how far [m] a robot may be off its path and still start as if it stood on it."""
     track = track_mm_for(margin) / 1000.0
     return min(_ON_PATH * track, track - _TOLD)

@@ -480,6 +480,91 @@ def test_a_robot_that_failed_three_times_stands_until_it_is_admitted_and_goes_on
     assert nobody_touches(world)
 
 
+def start_again(world, name, boot, shift=(0.0, 0.0)):
+    """Start a robot's program again, which knows where the robot stands, and have it admitted."""
+    x, y, heading = world.robots[name].body.true_pose()
+    world.renew(name, boot, (x + shift[0], y + shift[1], heading))
+    world.run(1.0)
+    door = world._network.session("at the door")
+    door.put(keys.admit(world.fleet.name, name), encode(Admit(7)))
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.5, 0.6)])
+def test_a_robot_that_was_started_again_goes_on_from_where_it_stands(tmp_path, shift):
+    logs = RunLogs(tmp_path)
+    world = a_world(queue_of_two(), faults=["kill:R2@6"], logs=logs)
+    world.run(9.0)
+    start_again(world, "R2", 78, shift)
+    world.run(200.0)
+    logs.close()
+    assert world.fleet.is_finished
+    assert states(world) == dict.fromkeys(("ahead", "behind", "beside"), ORDER_DONE)
+    assert (freezes(world), len(world.mission.documents)) == (0, 1)
+    assert_sound(world, logs)
+
+
+def test_a_robot_of_a_fleet_without_orders_that_was_started_again_arrives(tmp_path):
+    robots = a_robot("R1", (1.0, 1.0), (11.0, 1.0)), a_robot("R2", (1.0, 5.0), (11.0, 5.0))
+    logs = RunLogs(tmp_path)
+    world = a_world(long_hall(*robots), faults=["kill:R2@4"], logs=logs)
+    world.run(6.0)
+    start_again(world, "R2", 78)
+    world.run(60.0)
+    logs.close()
+    assert world.fleet.is_finished
+    assert world.robots["R2"].body.x == pytest.approx(11.0, abs=0.02)
+    assert (freezes(world), len(world.mission.documents)) == (0, 1)
+    assert_sound(world, logs)
+
+
+@pytest.mark.parametrize("ahead", [3.0, 4.0])
+def test_a_robot_that_comes_back_in_anothers_way_is_not_run_into(tmp_path, ahead):
+    logs = RunLogs(tmp_path)
+    world = a_world(queue_of_two(), faults=["kill:R2@6"], logs=logs)
+    world.run(9.0)
+    here, there = world.robots["R2"].body, world.robots["R3"].body
+    start_again(world, "R2", 78, (there.x + ahead - here.x, there.y - here.y))
+    world.run(200.0)
+    logs.close()
+    assert world.fleet.is_finished
+    assert states(world) == dict.fromkeys(("ahead", "behind", "beside"), ORDER_DONE)
+    assert freezes(world) == 0
+    assert_sound(world, logs)
+
+
+def test_a_robot_that_comes_back_and_does_not_know_its_place_stops_nobody(tmp_path):
+    logs = RunLogs(tmp_path)
+    world = a_world(queue_of_two(), faults=["kill:R2@6"], logs=logs)
+    world.run(9.0)
+    world.renew("R2", 78, None)
+    world.robots["R2"].service._place = lambda: None
+    world.run(1.0)
+    door = world._network.session("at the door")
+    for _ in range(300):
+        door.put(keys.admit(world.fleet.name, "R2"), encode(Admit(7)))
+        world.run(0.2)
+    said = [one.text for one in world.fleet.incidents if one.kind == "not admitted"]
+    assert any("did not say where it stands" in text for text in said)
+    world.run(100.0)
+    logs.close()
+    found = states(world)
+    assert (found["ahead"], found["behind"], found["beside"]) == (REFUSED, ORDER_DONE, ORDER_DONE)
+    assert freezes(world) == 0
+    assert_sound(world, logs)
+
+
+def test_a_program_that_is_there_before_its_robot_joins_is_taken_in_then():
+    world = a_world(long_hall(idle("R1", (1.0, 3.0)), idle("R2", (6.0, 1.0))), stays=True)
+    say = operator(world)
+    world.run(3.0)
+    world.add("R9", 0.25, 0.8, 77)
+    world.run(3.0)
+    assert sum("is there and not in fleet" in one.text for one in world.fleet.incidents) == 1
+    say(Join(9, "R9", (10.0, 3.0, 1.0), 0.25, 0.8))
+    world.run(5.0)
+    assert states(world)["join-R9"] == ORDER_DONE
+
+
 def test_a_listener_is_told_of_both_courses_that_a_robot_may_be_driving():
     world = a_world(replace(hall(), orders=(Order(id="a", goal=(8.0, 3.0), robot="R1"),)))
     member = world.fleet.members["R1"]
