@@ -109,8 +109,8 @@ typedef struct {
 /* A Plan message that is being read. */
 typedef struct {
     const uint8_t *bytes;
-    const uint8_t *points, *knots, *weights, *speeds, *profile, *stops;
-    uint16_t length, points_n, knots_n, weights_n, speeds_n, profile_n, stops_n;
+    const uint8_t *packed[6]; /* points, knots, weights, speeds, profile, stops; counts of each */
+    uint16_t counts[6], length;
     uint16_t at, stop, span, part;
     uint32_t crc, epoch, boot, number, revision, brake_mmps2;
     uint16_t track_mm, clock_ms, parts;

@@ -20,6 +20,13 @@ float sqrtf(float), sinf(float), cosf(float), atan2f(float, float);
 #define SF_ATAN2 atan2f
 #endif
 
+/* For small functions with many callers: compilers copy them into each, even with -Os. */
+#if defined(__GNUC__)
+#define SHARED __attribute__((noinline))
+#else
+#define SHARED
+#endif
+
 #define R(number) ((sf_real)(number))
 #define SF_INF ((sf_real)(1.0f / 0.0f))
 
@@ -146,7 +153,7 @@ void sf_open(sf_reader *reader, const uint8_t *bytes, size_t length);
 int64_t sf_get_int(sf_reader *reader, int64_t least, int64_t most);
 uint32_t sf_get_counter(sf_reader *reader);
 uint32_t sf_get_array(sf_reader *reader);
-const uint8_t *sf_get_bytes(sf_reader *reader, uint16_t most, uint16_t *length);
+const uint8_t *sf_get_bytes(sf_reader *reader, uint32_t *length);
 const uint8_t *sf_get_text(sf_reader *reader, uint32_t *length);
 bool sf_get_nil(sf_reader *reader);
 bool sf_close(sf_reader *reader); /* skips further fields; whether all was well */

@@ -40,7 +40,7 @@ bool sf_curve_begin(sf_curve *curve) {
 
 /* Expand one coordinate of the span in powers of u minus the span's first knot: De Boor's algorithm
    on polynomials instead of numbers. */
-static void expand(const sf_curve *curve, const sf_real *points, sf_real *powers) {
+SHARED static void expand(const sf_curve *curve, const sf_real *points, sf_real *powers) {
     int degree = curve->degree, span = curve->span, first = span - degree;
     const sf_real *knots = curve->knots;
     sf_real rows[SF_DEGREE + 1][SF_DEGREE + 1];
@@ -81,7 +81,7 @@ static sf_piece *piece_at(sf_curve *curve, sf_real u) {
     return piece;
 }
 
-static void evaluate(sf_curve *curve, sf_real u) {
+SHARED static void evaluate(sf_curve *curve, sf_real u) {
     sf_real last = curve->knots[curve->count + curve->degree];
     u = sf_least(sf_most(u, R(0)), last);
     const sf_piece *piece = piece_at(curve, u);

@@ -34,7 +34,8 @@ static bool hear_command(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
     if (reader->left) headroom_ms = sf_get_int(reader, INT32_MIN, INT32_MAX);
     uint32_t held = reader->left ? sf_get_array(reader) : 0;
     if (held > MOST_HELD) return false;
-    for (uint32_t left = reader->left; held > 0; held--, reader->left = left) {
+    uint32_t left = reader->left;
+    for (; held > 0; held--) {
         reader->left = 1;
         if (sf_get_array(reader) != 2) return false;
         reader->left = 2;
@@ -45,16 +46,20 @@ static bool hear_command(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
         if (number == agent->next_number && command.next_authority_ms == SF_UNSAID)
             command.next_authority_ms = time_ms;
     }
+    reader->left = left;
     if (reader->left) first = sf_get_counter(reader);
     if (reader->left) last = sf_get_counter(reader);
     uint32_t wanted = reader->left ? sf_get_array(reader) : 0;
     if (wanted > MOST_WANTED) return false;
+    left = reader->left;
     for (; wanted > 0; wanted--) {
         uint32_t length;
+        reader->left = 1;
         const uint8_t *text = sf_get_text(reader, &length);
         if (!sf_is_id(text, length)) return false;
         command.wanted = command.wanted || is_mine(sf_robot_of(agent)->id, text, length);
     }
+    reader->left = left;
     if (reader->left) command.run = sf_get_counter(reader);
     if (!sf_close(reader)) return false;
     if (agent->newest_term == command.term && agent->newest_boot == command.boot &&
@@ -78,8 +83,6 @@ static bool hear_refusal(sf_agent *agent, sf_reader *reader) {
     uint32_t length, characters = 0;
     sf_get_int(reader, REFUSAL, REFUSAL);
     uint32_t boot = sf_get_counter(reader);
-    if (reader->left) reader->left--;
-    else return false;
     const uint8_t *reason = sf_get_text(reader, &length);
     for (uint32_t i = 0; i < length; i++) characters += (reason[i] & 0xC0) != 0x80;
     if (characters > MOST_REASON || !sf_close(reader)) return false;
@@ -120,13 +123,13 @@ bool sf_hear(sf_agent *agent, int kind, const uint8_t *bytes, size_t length, int
 
 /* ---- writing ---- */
 
-static uint8_t *put(uint8_t *at, uint8_t head, uint64_t bits, int bytes) {
+SHARED static uint8_t *put(uint8_t *at, uint8_t head, uint64_t bits, int bytes) {
     *at++ = head;
     while (bytes--) *at++ = (uint8_t)(bits >> (8 * bytes));
     return at;
 }
 
-static uint8_t *put_int(uint8_t *at, int64_t value) {
+SHARED static uint8_t *put_int(uint8_t *at, int64_t value) {
     uint64_t bits = (uint64_t)value;
     if (value >= -32 && value < 128) return put(at, (uint8_t)bits, 0, 0);
     if (value < 0) {
@@ -137,7 +140,7 @@ static uint8_t *put_int(uint8_t *at, int64_t value) {
     return put(at, (uint8_t)(0xCC + size), bits, 1 << size);
 }
 
-static uint8_t *put_nil(uint8_t *at) { return put(at, 0xC0, 0, 0); }
+SHARED static uint8_t *put_nil(uint8_t *at) { return put(at, 0xC0, 0, 0); }
 
 static uint8_t *put_double(uint8_t *at, double value) {
     union {

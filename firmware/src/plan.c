@@ -9,13 +9,18 @@
 
 enum { NONE, CHECKSUM, FIELDS, SPEED_KNOTS, STOPS, LEGS, CELLS };
 
+enum { POINTS, KNOTS, WEIGHTS, SPEEDS, PROFILE, PACKED_STOPS, FIELDS_PACKED };
+
+/* Of each packed field: the bytes of one element, and from one float32 to the next. */
+static const uint8_t SIZES[FIELDS_PACKED][2] = {{8, 4}, {4, 4}, {4, 4}, {4, 4}, {5, 5}, {12, 12}};
+
 enum { SEAL_BYTES = 5, MOST_PACKED = 3600, MOST_MESSAGE = 4000 };
 
-static uint32_t word(const uint8_t *at) {
+SHARED static uint32_t word(const uint8_t *at) {
     return at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
 }
 
-static sf_real real(const uint8_t *at) {
+SHARED static sf_real real(const uint8_t *at) {
     union {
         uint32_t bits;
         float value;
@@ -40,12 +45,6 @@ static uint32_t crc(uint32_t state, uint8_t byte) {
     return state >> 4 ^ TABLE[state & 15];
 }
 
-static bool are_finite(const uint8_t *at, uint16_t length, unsigned size) {
-    for (unsigned i = 0; i < length; i += size)
-        if ((word(at + i) & 0x7F800000) == 0x7F800000) return false;
-    return true;
-}
-
 /* Read the fields, and check what has to hold for the message to be acceptable. */
 static bool read_fields(sf_agent *agent) {
     sf_plan *plan = &agent->plan;
@@ -56,7 +55,6 @@ static bool read_fields(sf_agent *agent) {
     plan->epoch = sf_get_counter(&reader);
     plan->boot = sf_get_counter(&reader);
     uint32_t length, i = 0;
-    if (reader.left) reader.left--;
     const uint8_t *robot = sf_get_text(&reader, &length);
     while (i < length && id[i] == (char)robot[i]) i++;
     if (i < length || id[i] || length == 0) return false;
@@ -68,42 +66,38 @@ static bool read_fields(sf_agent *agent) {
     plan->brake_mmps2 = sf_get_counter(&reader);
     plan->clock_ms = (uint16_t)sf_get_int(&reader, 1, 65535);
     plan->degree = (uint8_t)sf_get_int(&reader, 1, SF_DEGREE);
-    plan->points = sf_get_bytes(&reader, MOST_PACKED, &plan->points_n);
-    plan->knots = sf_get_bytes(&reader, MOST_PACKED, &plan->knots_n);
-    plan->weights = sf_get_bytes(&reader, MOST_PACKED, &plan->weights_n);
-    plan->speeds = sf_get_bytes(&reader, MOST_PACKED, &plan->speeds_n);
-    plan->profile = sf_get_bytes(&reader, MOST_PACKED, &plan->profile_n);
-    plan->stops = sf_get_bytes(&reader, MOST_PACKED, &plan->stops_n);
-    if (!sf_close(&reader)) return false;
-    if (plan->points_n % 8 || plan->knots_n % 4 || plan->weights_n % 4) return false;
-    if (plan->speeds_n % 4 || plan->profile_n % 5 || plan->stops_n % 12) return false;
-    for (unsigned at = 4; at < plan->profile_n; at += 5)
-        if (plan->profile[at] >= plan->speeds_n / 4) return false;
-    return are_finite(plan->points, plan->points_n, 4) &&
-           are_finite(plan->knots, plan->knots_n, 4) &&
-           are_finite(plan->weights, plan->weights_n, 4) &&
-           are_finite(plan->speeds, plan->speeds_n, 4) &&
-           are_finite(plan->profile, plan->profile_n, 5) &&
-           are_finite(plan->stops, plan->stops_n, 12);
+    for (int field = 0; field < FIELDS_PACKED; field++) {
+        const uint8_t *at = plan->packed[field] = sf_get_bytes(&reader, &length);
+        if (length > MOST_PACKED || length % SIZES[field][0]) return false;
+        plan->counts[field] = (uint16_t)(length / SIZES[field][0]);
+        for (i = 0; i < length; i += SIZES[field][1]) {
+            if ((word(at + i) & 0x7F800000) == 0x7F800000) return false;
+            if (field == PROFILE && at[i + 4] >= plan->counts[SPEEDS]) return false;
+        }
+    }
+    return sf_close(&reader);
 }
 
 /* Fill in the curve's knots, points and weights; false if they are no curve. */
 static bool read_curve(const sf_plan *plan, sf_course *course) {
     sf_curve *curve = &course->curve;
-    unsigned count = plan->points_n / 8, degree = plan->degree, inner = plan->knots_n / 4;
+    unsigned count = plan->counts[POINTS], degree = plan->degree, inner = plan->counts[KNOTS];
+    const uint8_t *knots = plan->packed[KNOTS], *point = plan->packed[POINTS];
+    const uint8_t *weights = plan->packed[WEIGHTS];
+    bool weighted = plan->counts[WEIGHTS] > 0;
     if (count > SF_POINTS || count <= degree || inner != count - degree) return false;
-    if (plan->weights_n && plan->weights_n / 4 != count) return false;
+    if (weighted && plan->counts[WEIGHTS] != count) return false;
     curve->degree = plan->degree;
     curve->count = (uint16_t)count;
     for (unsigned i = 0; i <= degree; i++) {
         curve->knots[i] = R(0);
-        curve->knots[count + i] = real(plan->knots + 4 * (inner - 1));
+        curve->knots[count + i] = real(knots + 4 * (inner - 1));
     }
-    for (unsigned i = 0; i + 1 < inner; i++) curve->knots[degree + 1 + i] = real(plan->knots + 4 * i);
+    for (unsigned i = 0; i + 1 < inner; i++) curve->knots[degree + 1 + i] = real(knots + 4 * i);
     for (unsigned i = 0; i < count; i++) {
-        sf_real weight = plan->weights_n ? real(plan->weights + 4 * i) : R(1);
-        curve->hx[i] = real(plan->points + 8 * i) * weight;
-        curve->hy[i] = real(plan->points + 8 * i + 4) * weight;
+        sf_real weight = weighted ? real(weights + 4 * i) : R(1);
+        curve->hx[i] = real(point + 8 * i) * weight;
+        curve->hy[i] = real(point + 8 * i + 4) * weight;
         curve->hw[i] = weight;
     }
     return sf_curve_begin(curve);
@@ -139,9 +133,10 @@ static bool is_profile(sf_timeline *line, unsigned count) {
 
 static bool are_stops(const sf_plan *plan, const sf_timeline *line) {
     sf_real before = R(-1);
-    for (unsigned i = 0; i < plan->stops_n; i += 12) {
-        sf_real s = real(plan->stops + i);
-        int64_t depart_ns = departure_ns(plan->stops + i);
+    for (unsigned i = 0; i < plan->counts[PACKED_STOPS]; i++) {
+        const uint8_t *stop = plan->packed[PACKED_STOPS] + 12 * i;
+        sf_real s = real(stop);
+        int64_t depart_ns = departure_ns(stop);
         if (!(s >= R(0)) || !(s < line->length) || !(s > before)) return false;
         if (depart_ns <= -1000000 * SECOND || depart_ns >= 1000000 * SECOND) return false;
         before = s;
@@ -156,8 +151,8 @@ static bool add_legs(sf_plan *plan, sf_course *course) {
     sf_real s = line->s[first], v = line->v[first], time = plan->time;
     sf_real end_s = line->s[first + 1], end_v = line->v[first + 1];
     sf_real slope = (end_v * end_v - v * v) / (end_s - s);
-    for (; plan->stop < plan->stops_n / 12; plan->stop++) {
-        const uint8_t *stop = plan->stops + 12 * plan->stop;
+    for (; plan->stop < plan->counts[PACKED_STOPS]; plan->stop++) {
+        const uint8_t *stop = plan->packed[PACKED_STOPS] + 12 * plan->stop;
         sf_real stop_s = real(stop);
         if (!(stop_s < end_s)) break;
         if (stop_s > s) {
@@ -198,7 +193,7 @@ static int64_t work_on(sf_agent *agent) {
     sf_plan *plan = &agent->plan;
     sf_course *course = &agent->courses[plan->course];
     sf_timeline *line = &course->timeline;
-    unsigned speed_knots = plan->profile_n / 5, stops = plan->stops_n / 12;
+    unsigned speed_knots = plan->counts[PROFILE], stops = plan->counts[PACKED_STOPS];
     const uint8_t *place;
     bool braking = plan->brake_mmps2 > 0, fine = true;
     switch (plan->stage) {
@@ -219,8 +214,8 @@ static int64_t work_on(sf_agent *agent) {
         plan->course = agent->ride == &agent->courses[0];
         course = &agent->courses[plan->course];
         line = &course->timeline;
-        speed_knots = plan->profile_n / 5;
-        stops = plan->stops_n / 12;
+        speed_knots = plan->counts[PROFILE];
+        stops = plan->counts[PACKED_STOPS];
         plan->stage = SPEED_KNOTS;
         plan->at = plan->stop = 0;
         begin_course(plan, course);
@@ -230,8 +225,8 @@ static int64_t work_on(sf_agent *agent) {
         break;
     case SPEED_KNOTS:
         if (plan->at < speed_knots) {
-            place = plan->profile + 5 * plan->at;
-            sf_real v = real(plan->speeds + 4 * place[4]);
+            place = plan->packed[PROFILE] + 5 * plan->at;
+            sf_real v = real(plan->packed[SPEEDS] + 4 * place[4]);
             fine = add_knot(line, plan->at++, real(place), v, braking);
         } else {
             plan->stage = STOPS;
@@ -239,7 +234,7 @@ static int64_t work_on(sf_agent *agent) {
         break;
     case STOPS:
         if (braking && plan->stop < stops) {
-            sf_real s = real(plan->stops + 12 * plan->stop++);
+            sf_real s = real(plan->packed[PACKED_STOPS] + 12 * plan->stop++);
             if (s > R(0)) fine = add_knot(line, plan->at++, s, R(0), true);
         } else {
             fine = is_profile(line, plan->at) && are_stops(plan, line);
@@ -263,8 +258,8 @@ static int64_t work_on(sf_agent *agent) {
         plan->stage = NONE;
         sf_plan_taken(agent, course, false);
     }
-    static const uint8_t SIZES[] = {[FIELDS] = 60, [SPEED_KNOTS] = 4, [STOPS] = 30, [LEGS] = 8, [CELLS] = 25};
-    return plan->stage ? SIZES[plan->stage] : 1;
+    static const uint8_t WORK[] = {[FIELDS] = 60, [SPEED_KNOTS] = 4, [STOPS] = 30, [LEGS] = 8, [CELLS] = 25};
+    return plan->stage ? WORK[plan->stage] : 1;
 }
 
 void sf_read_plan(sf_agent *agent, int64_t work) {

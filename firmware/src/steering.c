@@ -17,7 +17,7 @@
 #define SEARCH_STEP R(0.02)
 #define SEARCH_END R(1e-5)
 
-static sf_real length_of(sf_real x, sf_real y) { return SF_SQRT(x * x + y * y); }
+SHARED static sf_real length_of(sf_real x, sf_real y) { return SF_SQRT(x * x + y * y); }
 
 void sf_follower_begin(sf_course *course) {
     course->follower = (sf_follower){.x = SF_INF,
@@ -30,7 +30,7 @@ void sf_follower_begin(sf_course *course) {
 }
 
 /* Evaluate the curve at s and store its direction, unless it has none there. */
-static void tangent_at(sf_course *course, sf_real s) {
+SHARED static void tangent_at(sf_course *course, sf_real s) {
     sf_follower *follower = &course->follower;
     sf_curve *curve = &course->curve;
     follower->still_at = SF_INF;
@@ -44,7 +44,7 @@ static void tangent_at(sf_course *course, sf_real s) {
     }
 }
 
-static sf_real turned_from_tangent(const sf_follower *follower, sf_real heading) {
+SHARED static sf_real turned_from_tangent(const sf_follower *follower, sf_real heading) {
     sf_real x = SF_COS(heading), y = SF_SIN(heading), tx = follower->tx, ty = follower->ty;
     return SF_ATAN2(y * tx - x * ty, x * tx + y * ty);
 }
@@ -77,7 +77,7 @@ sf_real sf_misplacement(sf_course *course, sf_real x, sf_real y, sf_real heading
 }
 
 /* Set the robot's place to s, which must be where the tangent was last evaluated. */
-static void take(sf_course *course, sf_real s) {
+SHARED static void take(sf_course *course, sf_real s) {
     sf_follower *follower = &course->follower;
     const sf_curve *curve = &course->curve;
     sf_real dx = follower->x - curve->x, dy = follower->y - curve->y;
@@ -121,7 +121,7 @@ void sf_locate(sf_course *course, sf_real x, sf_real y, sf_real heading) {
     }
 }
 
-static sf_real apart(sf_course *course, sf_real s) {
+SHARED static sf_real apart(sf_course *course, sf_real s) {
     tangent_at(course, s);
     return length_of(course->follower.x - course->curve.x, course->follower.y - course->curve.y);
 }

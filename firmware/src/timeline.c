@@ -15,7 +15,7 @@ bool sf_timeline_leg(sf_timeline *line, sf_real time, sf_real s1, sf_real v1) {
     return true;
 }
 
-static unsigned find(sf_timeline *line, sf_real time) {
+SHARED static unsigned find(sf_timeline *line, sf_real time) {
     unsigned leg = line->leg, last = line->legs - 1u;
     if (line->leg_from <= time && time < line->leg_to) return leg;
     while (leg < last && time >= line->t0[leg + 1]) leg++;

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -45,6 +44,8 @@ class Tick:
     holds: int
     leaves: bool
     sent: tuple[tuple[str, bytes], ...]
+    reads: bool = False
+    """Whether it is still reading a Plan; the Python agent reads one at once."""
 
 
 @dataclass
@@ -63,11 +64,10 @@ def read_answers(text: str) -> list[Tick]:
         if word == "tick":
             phase, fault, *numbers = rest
             real = [float.fromhex(number) for number in numbers[:5]]
-            epoch, revision, holds, leaves = map(int, numbers[5:9])
-            tick = Tick(
-                int(phase), int(fault), *real, epoch, revision, holds, bool(leaves), tuple(sent)
-            )
-            ticks.append(tick)
+            counts = [int(number) for number in numbers[5:8]]
+            leaves, reads = (number == "1" for number in numbers[8:])
+            messages = tuple(sent)
+            ticks.append(Tick(int(phase), int(fault), *real, *counts, leaves, messages, reads))
             sent = []
         else:
             sent.append((word, bytes.fromhex(rest[0])))
@@ -261,11 +261,14 @@ def _motion(
 class Trial:
     """A coordinator, a link and a base around one robot, by a seed.
 
-    `trouble`: the share of events that are not as they should be.
+    `trouble`: the share of events that are not as they should be.  `courses`: whether the robot is
+    sent newer courses on its way.
     """
 
-    def __init__(self, seed: int, trouble: float = 1.0, most_points: int = 40) -> None:
-        self.rng = random.Random(seed)
+    def __init__(
+        self, seed: int, trouble: float = 1.0, most_points: int = 40, courses: bool = True
+    ) -> None:
+        self.rng, self.courses = random.Random(seed), courses
         self.trouble, self.most_points = trouble, most_points
         rng = self.rng
         robot = Robot(ID, 0.2, rng.choice([0.0, 0.6, 0.8]), rng.choice([0.0, 0.5]), SIZES)
@@ -317,7 +320,7 @@ class Trial:
             if kind == "hello" and tick > 20 and rng.random() < 0.3:
                 self._send_plan()
         self._move()
-        if agent.phase in (MOVING, DONE, FROZEN) and rng.random() < 0.01:
+        if self.courses and agent.phase in (MOVING, DONE, FROZEN) and rng.random() < 0.01:
             self._send_course()
 
     def _hear(self, kind: str, payload: bytes) -> None:
@@ -450,7 +453,19 @@ class Trial:
             base.at[0] += rng.gauss(0.0, 0.05)
 
 
-def streams(seeds: range, ticks: int, trouble: float = 1.0, points: int = 40) -> Iterator[Stream]:
-    """Return a stream per seed."""
-    for seed in seeds:
-        yield Trial(seed, trouble, points).stream(ticks)
+def play(lines: list[str]) -> list[Tick]:
+    """Return what the Python agent answers to the events of a stream."""
+    _, name, *numbers = lines[0].split()
+    radius, speed, accel = map(float.fromhex, numbers[:3])
+    robots = Robots(Robot(name, radius, speed, accel, SIZES), int(numbers[4]))
+    for line in lines[1:]:
+        word, now, *rest = line.split()
+        if word == "tick":
+            x, y, heading = map(float.fromhex, rest)
+            robots.base.at = None if math.isnan(x) else [x, y, heading]
+            robots.tick(int(now))
+        elif word == "failed":
+            robots.fail(int(now))
+        else:
+            robots.hear(word, bytes.fromhex("".join(rest)))
+    return robots.stream.ticks

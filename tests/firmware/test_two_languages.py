@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import subprocess
-
 import pytest
 
-from tests.firmware.streams import Stream, Tick, Trial, read_answers
+from tests.firmware.building import answers
+from tests.firmware.streams import Trial
 
 TICKS = 1500
-
-
-def answers(core, stream: Stream) -> list[Tick]:
-    text = "\n".join(stream.lines) + "\n"
-    done = subprocess.run([core], input=text, capture_output=True, text=True, check=True)
-    return read_answers(done.stdout)
 
 
 @pytest.mark.parametrize("seed", range(16))
 def test_both_cores_answer_to_the_last_bit_alike_whatever_happens(exact_core, seed):
     stream = Trial(seed).stream(TICKS)
-    ticks = answers(exact_core, stream)
+    ticks = answers(exact_core, stream.lines)
     assert len(ticks) == len(stream.ticks)
     for number, (told, expected) in enumerate(zip(ticks, stream.ticks, strict=True)):
         assert told == expected, f"tick {number}"
@@ -29,7 +22,7 @@ def test_both_cores_answer_to_the_last_bit_alike_whatever_happens(exact_core, se
 @pytest.mark.parametrize("seed", range(8))
 def test_a_core_in_float_has_the_same_phases_and_places_to_a_millimetre(float_core, seed):
     stream = Trial(seed, trouble=0.0).stream(2 * TICKS)
-    ticks = answers(float_core, stream)
+    ticks = answers(float_core, stream.lines)
     assert [tick.phase for tick in ticks] == [tick.phase for tick in stream.ticks]
     for told, expected in zip(ticks, stream.ticks, strict=True):
         assert told.place == pytest.approx(expected.place, abs=1e-3)
@@ -43,3 +36,14 @@ def test_the_streams_reach_every_phase_and_newer_courses():
     assert {tick.fault for tick in ticks} >= {0, 1, 2, 3}
     assert max(tick.revision for tick in ticks) > 1
     assert {kind for tick in ticks for kind, _ in tick.sent} == {"hello", "clock", "report"}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_robot_that_reads_its_plan_over_several_ticks_drives_like_the_others(robot_core, seed):
+    stream = Trial(seed, trouble=0.0, courses=False).stream(TICKS)
+    ticks = answers(robot_core, stream.lines)
+    reading = sum(tick.reads for tick in ticks)
+    assert 5 < reading < 60
+    for told, expected in list(zip(ticks, stream.ticks, strict=True))[150:]:
+        assert (told.phase, told.fault) == (expected.phase, expected.fault)
+        assert told.place == pytest.approx(expected.place, abs=1e-3)
