@@ -65,20 +65,32 @@ static void tick(char *rest) {
            sf_is_reading(&agent));
 }
 
+static void begin(char *rest) {
+    double numbers[4];
+    rest += strspn(rest, " ");
+    size_t length = strcspn(rest, " ");
+    if (length >= sizeof id) length = sizeof id - 1;
+    memcpy(id, rest, length);
+    id[length] = 0;
+    rest += length;
+    for (int i = 0; i < 4; i++) numbers[i] = strtod(rest, &rest);
+    robot.id = id;
+    robot.radius = numbers[0];
+    robot.max_speed = numbers[1];
+    robot.max_accel = numbers[2];
+    robot.speed_limit = (sf_real)numbers[3];
+    robot.boot = (uint32_t)strtoul(rest, &rest, 10);
+    robot.period_ns = strtoll(rest, &rest, 10);
+    sf_init(&agent, &robot);
+}
+
 int main(void) {
     while (fgets(line, sizeof line, stdin)) {
         char *rest = line + strcspn(line, " \n");
         size_t word = (size_t)(rest - line);
         line[strcspn(line, "\n")] = 0;
         if (strncmp(line, "robot", word) == 0) {
-            double limit;
-            if (sscanf(rest, "%63s %la %la %la %la %" SCNu32 " %" SCNd64, id, &robot.radius,
-                       &robot.max_speed, &robot.max_accel, &limit, &robot.boot,
-                       &robot.period_ns) != 7)
-                return 2;
-            robot.id = id;
-            robot.speed_limit = (sf_real)limit;
-            sf_init(&agent, &robot);
+            begin(rest);
         } else if (strncmp(line, "command", word) == 0) {
             hear(SF_COMMAND, rest);
         } else if (strncmp(line, "plan", word) == 0) {

@@ -36,7 +36,7 @@ typedef float sf_real;
 #endif
 #endif
 #ifndef SF_WORK
-#define SF_WORK 150 /* work per tick on reading a Plan; a unit is about 15 instructions; 0: all at once */
+#define SF_WORK 24 /* work per tick on reading a Plan, in units of 50 instructions; 0: all at once */
 #endif
 
 #define SF_DEGREE 7 /* the highest degree on the wire */
@@ -51,7 +51,7 @@ typedef struct {
 typedef struct {
     sf_real x, y, dx, dy, length;
     sf_real cell_begin, cell_end, cell_size, cell_u0, cell_u1, cell_m0, cell_m1;
-    uint16_t count, span, cell, cells;
+    uint16_t count, span, cells;
     uint8_t degree, piece;
     bool plain;
     sf_piece pieces[2];

@@ -140,7 +140,7 @@ const sf_robot *sf_robot_of(const sf_agent *agent);
 
 /* plan.c */
 bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length); /* keeps `bytes` */
-void sf_read_plan(sf_agent *agent, int64_t work); /* goes on with the Plan that is being read */
+void sf_read_plan(sf_agent *agent, int work); /* goes on with the Plan that is being read */
 
 /* reader.c */
 typedef struct {

@@ -30,7 +30,7 @@ bool sf_curve_begin(sf_curve *curve) {
         if (curve->hw[i] != R(1)) curve->plain = false;
     }
     curve->span = (uint16_t)degree;
-    curve->cell = curve->cells = 0;
+    curve->cells = 0;
     curve->piece = 0;
     curve->x = curve->y = curve->dx = curve->dy = R(0);
     curve->cell_begin = curve->cell_end = SF_INF;
@@ -75,7 +75,7 @@ static sf_piece *piece_at(sf_curve *curve, sf_real u) {
     curve->span = (uint16_t)span;
     expand(curve, curve->hx, piece->x);
     expand(curve, curve->hy, piece->y);
-    expand(curve, curve->hw, piece->w);
+    if (!curve->plain) expand(curve, curve->hw, piece->w);
     piece->begin = curve->knots[span];
     piece->end = span < last ? curve->knots[span + 1] : SF_INF;
     return piece;
@@ -114,11 +114,13 @@ SHARED static void evaluate(sf_curve *curve, sf_real u) {
 
 static void find_cell(sf_curve *curve, sf_real s) {
     const sf_real *table = curve->table_s;
-    unsigned cell = curve->cell, last = curve->cells - 1u;
-    while (cell < last && s >= table[cell + 1]) cell++;
-    while (cell > 0 && s < table[cell]) cell--;
+    unsigned cell = 0, end = curve->cells, last = end - 1u;
+    while (end - cell > 1) {
+        unsigned middle = (cell + end) / 2;
+        if (s >= table[middle]) cell = middle;
+        else end = middle;
+    }
     sf_real size = table[cell + 1] - table[cell];
-    curve->cell = (uint16_t)cell;
     curve->cell_size = size;
     curve->cell_u0 = curve->table_u[cell];
     curve->cell_u1 = curve->table_u[cell + 1];
@@ -138,9 +140,23 @@ void sf_curve_place(sf_curve *curve, sf_real s) {
     evaluate(curve, value + part * part * more);
 }
 
-static sf_real speed(sf_curve *curve, sf_real u) {
-    evaluate(curve, u);
-    return SF_SQRT(curve->dx * curve->dx + curve->dy * curve->dy);
+SHARED static sf_real speed(sf_curve *curve, sf_real u) {
+    const sf_piece *piece = &curve->pieces[curve->piece];
+    sf_real dx, dy;
+    if (curve->plain && piece->begin <= u && u < piece->end) {
+        sf_real t = u - piece->begin;
+        const sf_real *p = piece->x;
+        sf_real cubic = p[3] * t, square = cubic + p[2], slope = square * t + p[1];
+        dx = (cubic + square) * t + slope;
+        p = piece->y;
+        cubic = p[3] * t, square = cubic + p[2], slope = square * t + p[1];
+        dy = (cubic + square) * t + slope;
+    } else {
+        evaluate(curve, u);
+        dx = curve->dx;
+        dy = curve->dy;
+    }
+    return SF_SQRT(dx * dx + dy * dy);
 }
 
 void sf_measure_begin(sf_plan *plan, sf_curve *curve) {

@@ -1,13 +1,13 @@
 /* A Plan message becomes a course, a piece of work per tick: protocol/codec.py, plan_bytes.py,
    plan_parts.py and the constructors of Curve, Timeline and Ride.
 
-   The stages: checksum, fields, their numbers, whether the robot takes it, points, speed knots,
-   stops, legs, arc lengths.  A message that is not acceptable is dropped; one that is, but is no
+   The stages: fields, checksum, their numbers, whether the robot takes it, points, speed knots, stops,
+   legs, arc lengths.  A message that is not acceptable is dropped; one that is, but is no
    valid course, is told to the agent. */
 
 #include "core.h"
 
-enum { NONE, CHECKSUM, FIELDS, SPEED_KNOTS, STOPS, LEGS, CELLS };
+enum { NONE, FIELDS, CHECKSUM, NUMBERS, CURVE, MEASURE, SPEED_KNOTS, STOPS, LEGS, CELLS, TAKE };
 
 enum { POINTS, KNOTS, WEIGHTS, SPEEDS, PROFILE, PACKED_STOPS, FIELDS_PACKED };
 
@@ -67,26 +67,36 @@ static bool read_fields(sf_agent *agent) {
     plan->clock_ms = (uint16_t)sf_get_int(&reader, 1, 65535);
     plan->degree = (uint8_t)sf_get_int(&reader, 1, SF_DEGREE);
     for (int field = 0; field < FIELDS_PACKED; field++) {
-        const uint8_t *at = plan->packed[field] = sf_get_bytes(&reader, &length);
+        plan->packed[field] = sf_get_bytes(&reader, &length);
         if (length > MOST_PACKED || length % SIZES[field][0]) return false;
         plan->counts[field] = (uint16_t)(length / SIZES[field][0]);
-        for (i = 0; i < length; i += SIZES[field][1]) {
-            if ((word(at + i) & 0x7F800000) == 0x7F800000) return false;
-            if (field == PROFILE && at[i + 4] >= plan->counts[SPEEDS]) return false;
-        }
     }
     return sf_close(&reader);
 }
 
-/* Fill in the curve's knots, points and weights; false if they are no curve. */
-static bool read_curve(const sf_plan *plan, sf_course *course) {
-    sf_curve *curve = &course->curve;
+/* Check the next numbers of the packed fields, `at` bytes into field `stop`. */
+static bool are_finite(sf_plan *plan) {
+    unsigned field = plan->stop;
+    const uint8_t *packed = plan->packed[field];
+    for (int i = 0; i < 16 && plan->at < plan->counts[field] * SIZES[field][0]; i++) {
+        const uint8_t *at = packed + plan->at;
+        if ((word(at) & 0x7F800000) == 0x7F800000) return false;
+        if (field == PROFILE && at[4] >= plan->counts[SPEEDS]) return false;
+        plan->at = (uint16_t)(plan->at + SIZES[field][1]);
+    }
+    if (plan->at < plan->counts[field] * SIZES[field][0]) return true;
+    plan->at = 0;
+    plan->stop++;
+    return true;
+}
+
+/* Fill in the curve's knots; false if they or the points do not fit. */
+static bool read_knots(const sf_plan *plan, sf_curve *curve) {
     unsigned count = plan->counts[POINTS], degree = plan->degree, inner = plan->counts[KNOTS];
-    const uint8_t *knots = plan->packed[KNOTS], *point = plan->packed[POINTS];
-    const uint8_t *weights = plan->packed[WEIGHTS];
-    bool weighted = plan->counts[WEIGHTS] > 0;
+    const uint8_t *knots = plan->packed[KNOTS];
     if (count > SF_POINTS || count <= degree || inner != count - degree) return false;
-    if (weighted && plan->counts[WEIGHTS] != count) return false;
+    if (plan->counts[WEIGHTS] && plan->counts[WEIGHTS] != count) return false;
+    if (plan->counts[PROFILE] > SF_SPEEDS || plan->counts[PACKED_STOPS] > SF_STOPS) return false;
     curve->degree = plan->degree;
     curve->count = (uint16_t)count;
     for (unsigned i = 0; i <= degree; i++) {
@@ -94,13 +104,15 @@ static bool read_curve(const sf_plan *plan, sf_course *course) {
         curve->knots[count + i] = real(knots + 4 * (inner - 1));
     }
     for (unsigned i = 0; i + 1 < inner; i++) curve->knots[degree + 1 + i] = real(knots + 4 * i);
-    for (unsigned i = 0; i < count; i++) {
-        sf_real weight = weighted ? real(weights + 4 * i) : R(1);
-        curve->hx[i] = real(point + 8 * i) * weight;
-        curve->hy[i] = real(point + 8 * i + 4) * weight;
-        curve->hw[i] = weight;
-    }
-    return sf_curve_begin(curve);
+    return true;
+}
+
+static void read_point(const sf_plan *plan, sf_curve *curve, unsigned i) {
+    const uint8_t *point = plan->packed[POINTS] + 8 * i;
+    sf_real weight = plan->counts[WEIGHTS] ? real(plan->packed[WEIGHTS] + 4 * i) : R(1);
+    curve->hx[i] = real(point) * weight;
+    curve->hy[i] = real(point + 4) * weight;
+    curve->hw[i] = weight;
 }
 
 /* Add a speed knot at place `at`, or before it where it belongs if they are sorted. */
@@ -178,92 +190,119 @@ static bool add_legs(sf_plan *plan, sf_course *course) {
     return true;
 }
 
-static void begin_course(const sf_plan *plan, sf_course *course) {
+static void begin_course(sf_plan *plan, sf_course *course) {
     course->begin_ms = plan->begin_ms;
 #ifdef SF_DOUBLE
     course->origin_ms = 0;
 #else
     course->origin_ms = plan->begin_ms;
 #endif
-    course->begin = sf_time_of_ms(course, plan->begin_ms);
+    course->begin = plan->time = sf_time_of_ms(course, plan->begin_ms);
+}
+
+static bool is_sealed(const sf_plan *plan) {
+    const uint8_t *seal = plan->bytes + plan->length - SEAL_BYTES;
+    for (int i = 0; i < 4; i++)
+        if (seal[1 + i] != (uint8_t)(~plan->crc >> (24 - 8 * i))) return false;
+    return seal[0] == 0xCE;
+}
+
+/* Go on in the present stage, or to the next one; false if the Plan is no valid course. */
+static bool go_on(sf_agent *agent, sf_course *course) {
+    sf_plan *plan = &agent->plan;
+    sf_curve *curve = &course->curve;
+    sf_timeline *line = &course->timeline;
+    bool braking = plan->brake_mmps2 > 0;
+    const uint8_t *knot;
+    switch (plan->stage) {
+    case CURVE:
+        if (plan->at == 0 && !read_knots(plan, curve)) return false;
+        read_point(plan, curve, plan->at++);
+        if (plan->at == curve->count) plan->stage = MEASURE;
+        return true;
+    case MEASURE:
+        if (!sf_curve_begin(curve)) return false;
+        sf_measure_begin(plan, curve);
+        plan->at = plan->stop = 0;
+        plan->stage = SPEED_KNOTS;
+        return true;
+    case SPEED_KNOTS:
+        if (plan->at == plan->counts[PROFILE]) {
+            plan->stage = STOPS;
+            return true;
+        }
+        knot = plan->packed[PROFILE] + 5 * plan->at;
+        return add_knot(line, plan->at++, real(knot), real(plan->packed[SPEEDS] + 4 * knot[4]), braking);
+    case STOPS:
+        if (braking && plan->stop < plan->counts[PACKED_STOPS]) {
+            sf_real s = real(plan->packed[PACKED_STOPS] + 12 * plan->stop++);
+            return !(s > R(0)) || add_knot(line, plan->at++, s, R(0), true);
+        }
+        plan->stop = 0;
+        plan->stage = LEGS;
+        return is_profile(line, plan->at) && are_stops(plan, line);
+    default:
+        if (line->legs + 1u < plan->at) return add_legs(plan, course);
+        plan->stage = CELLS;
+        return true;
+    }
 }
 
 /* Do one piece of the work, and return its size; stage NONE: the message was dropped or taken. */
-static int64_t work_on(sf_agent *agent) {
+static int work_on(sf_agent *agent) {
+    static const uint8_t WORK[] = {
+        [FIELDS] = 14, [CHECKSUM] = 18, [NUMBERS] = 6, [CURVE] = 2, [MEASURE] = 40,
+        [SPEED_KNOTS] = 1, [STOPS] = 15, [LEGS] = 3, [CELLS] = 8, [TAKE] = 40,
+    };
     sf_plan *plan = &agent->plan;
+    const sf_robot *robot = sf_robot_of(agent);
     sf_course *course = &agent->courses[plan->course];
-    sf_timeline *line = &course->timeline;
-    unsigned speed_knots = plan->counts[PROFILE], stops = plan->counts[PACKED_STOPS];
-    const uint8_t *place;
-    bool braking = plan->brake_mmps2 > 0, fine = true;
+    int work = WORK[plan->stage];
+    bool fine = true;
     switch (plan->stage) {
-    case CHECKSUM:
-        for (unsigned i = 0; i < 16 && plan->at < plan->length - SEAL_BYTES; i++)
-            plan->crc = crc(plan->crc, plan->bytes[plan->at++]);
-        if (plan->at < plan->length - SEAL_BYTES) return 16;
-        place = plan->bytes + plan->at;
-        plan->crc = ~plan->crc;
-        for (int i = 0; i < 4; i++) fine = fine && place[1 + i] == (uint8_t)(plan->crc >> (24 - 8 * i));
-        plan->stage = fine && place[0] == 0xCE ? FIELDS : NONE;
-        return 16;
     case FIELDS:
-        if (!read_fields(agent) || !sf_takes_plan(agent, plan)) {
-            plan->stage = NONE;
-            return 1;
-        }
-        plan->course = agent->ride == &agent->courses[0];
-        course = &agent->courses[plan->course];
-        line = &course->timeline;
-        speed_knots = plan->counts[PROFILE];
-        stops = plan->counts[PACKED_STOPS];
-        plan->stage = SPEED_KNOTS;
+        plan->stage = read_fields(agent) ? CHECKSUM : NONE;
+        break;
+    case CHECKSUM:
+        for (int i = 0; i < 64 && plan->at < plan->length - SEAL_BYTES; i++)
+            plan->crc = crc(plan->crc, plan->bytes[plan->at++]);
+        if (plan->at < plan->length - SEAL_BYTES) break;
         plan->at = plan->stop = 0;
-        begin_course(plan, course);
-        plan->time = course->begin;
-        fine = read_curve(plan, course) && speed_knots <= SF_SPEEDS && stops <= SF_STOPS;
-        if (fine) sf_measure_begin(plan, &course->curve);
+        plan->stage = is_sealed(plan) ? NUMBERS : NONE;
         break;
-    case SPEED_KNOTS:
-        if (plan->at < speed_knots) {
-            place = plan->packed[PROFILE] + 5 * plan->at;
-            sf_real v = real(plan->packed[SPEEDS] + 4 * place[4]);
-            fine = add_knot(line, plan->at++, real(place), v, braking);
-        } else {
-            plan->stage = STOPS;
+    case NUMBERS:
+        if (!are_finite(plan)) plan->stage = NONE;
+        else if (plan->stop == FIELDS_PACKED) {
+            plan->stage = sf_takes_plan(agent, plan) ? CURVE : NONE;
+            plan->at = 0;
+            plan->course = agent->ride == &agent->courses[0];
+            if (plan->stage) begin_course(plan, &agent->courses[plan->course]);
         }
         break;
-    case STOPS:
-        if (braking && plan->stop < stops) {
-            sf_real s = real(plan->packed[PACKED_STOPS] + 12 * plan->stop++);
-            if (s > R(0)) fine = add_knot(line, plan->at++, s, R(0), true);
-        } else {
-            fine = is_profile(line, plan->at) && are_stops(plan, line);
-            plan->stop = 0;
-            plan->stage = LEGS;
-        }
+    case CELLS:
+        if (!course->curve.plain) work = 24;
+        if (!sf_measure_cell(plan, &course->curve)) plan->stage = TAKE;
         break;
-    case LEGS:
-        if (line->legs + 1u < plan->at) fine = add_legs(plan, course);
-        else plan->stage = CELLS;
+    case TAKE:
+        fine = sf_ride_begin(course, plan, robot->speed_limit, sf_seconds_of_ns(robot->period_ns));
+        plan->stage = NONE;
+        if (fine) sf_plan_taken(agent, course, true);
         break;
     default:
-        if (sf_measure_cell(plan, &course->curve)) break;
-        const sf_robot *robot = sf_robot_of(agent);
-        plan->stage = NONE;
-        fine = sf_ride_begin(course, plan, robot->speed_limit, sf_seconds_of_ns(robot->period_ns));
-        sf_plan_taken(agent, course, fine);
-        return 1;
+        fine = go_on(agent, course);
     }
     if (!fine) {
         plan->stage = NONE;
         sf_plan_taken(agent, course, false);
     }
-    static const uint8_t WORK[] = {[FIELDS] = 60, [SPEED_KNOTS] = 4, [STOPS] = 30, [LEGS] = 8, [CELLS] = 25};
-    return plan->stage ? WORK[plan->stage] : 1;
+    return work;
 }
 
-void sf_read_plan(sf_agent *agent, int64_t work) {
-    while (agent->plan.stage && work > 0) work -= work_on(agent);
+void sf_read_plan(sf_agent *agent, int work) {
+    while (agent->plan.stage && work > 0) {
+        work -= work_on(agent);
+        if (agent->plan.stage == TAKE) break; /* What is left is enough for a tick of its own. */
+    }
 }
 
 bool sf_is_reading(const sf_agent *agent) { return agent->plan.stage != NONE; }
@@ -271,7 +310,7 @@ bool sf_is_reading(const sf_agent *agent) { return agent->plan.stage != NONE; }
 bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length) {
     sf_plan *plan = &agent->plan;
     if (sf_is_reading(agent) || length <= SEAL_BYTES || length > MOST_MESSAGE) return false;
-    *plan = (sf_plan){.bytes = bytes, .length = (uint16_t)length, .crc = 0xFFFFFFFF, .stage = CHECKSUM};
-    if (SF_WORK == 0) sf_read_plan(agent, INT64_MAX);
+    *plan = (sf_plan){.bytes = bytes, .length = (uint16_t)length, .crc = 0xFFFFFFFF, .stage = FIELDS};
+    while (SF_WORK == 0 && sf_is_reading(agent)) work_on(agent);
     return true;
 }

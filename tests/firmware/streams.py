@@ -190,11 +190,11 @@ def make_plan(
     begin_ms: int,
     pose: tuple[float, float, float],
     speed: float = 0.0,
-    most_points: int = 40,
+    cubic: bool = False,
 ) -> Course:
     """Return a random course from a pose; with `speed` it begins in motion, straight ahead."""
-    degree = rng.choice([3, 3, 3, 3, 3, 1, 2, 4, 5, 7]) if speed == 0.0 else 3
-    count = rng.randint(degree + 1, max(most_points, degree + 1))
+    degree = rng.choice([3, 3, 3, 3, 3, 1, 2, 4, 5, 7]) if speed == 0.0 and not cubic else 3
+    count = rng.randint(degree + 1, 40)
     (x, y, heading), bend = pose, 0.0
     points, step = [(x, y)], rng.uniform(0.1, 0.5)
     for i in range(1, count):
@@ -208,7 +208,7 @@ def make_plan(
     for _ in range(spans):
         knot += rng.choice([1.0, 1.0, 1.0, rng.uniform(0.3, 2.0)])
         knots.append(knot)
-    weights = [] if rng.random() < 0.7 else [rng.uniform(0.5, 2.0) for _ in points]
+    weights = [] if cubic or rng.random() < 0.7 else [rng.uniform(0.5, 2.0) for _ in points]
     packed = pack_points(points)
     flat = floats([value for point in points for value in point])
     path = (
@@ -262,14 +262,21 @@ class Trial:
     """A coordinator, a link and a base around one robot, by a seed.
 
     `trouble`: the share of events that are not as they should be.  `courses`: whether the robot is
-    sent newer courses on its way.
+    sent newer courses on its way.  `cubic`: whether all are cubic without weights, as the planner's
+    are.  `go_after`: how many ticks pass before GO.
     """
 
     def __init__(
-        self, seed: int, trouble: float = 1.0, most_points: int = 40, courses: bool = True
+        self,
+        seed: int,
+        trouble: float = 1.0,
+        *,
+        courses: bool = True,
+        cubic: bool = False,
+        go_after: int = 60,
     ) -> None:
-        self.rng, self.courses = random.Random(seed), courses
-        self.trouble, self.most_points = trouble, most_points
+        self.rng, self.courses, self.trouble = random.Random(seed), courses, trouble
+        self.cubic, self.go_after = cubic, go_after
         rng = self.rng
         robot = Robot(ID, 0.2, rng.choice([0.0, 0.6, 0.8]), rng.choice([0.0, 0.5]), SIZES)
         self.robots = Robots(robot, rng.randint(0, 2**32 - 1))
@@ -346,7 +353,7 @@ class Trial:
         pose = self.pose if base.at is None else tuple(base.at)
         self.pose = pose  # type: ignore[assignment]
         if self.course is None or self.course.plan.epoch != self.epoch or self._luck(0.2):
-            self.course = make_plan(self.rng, self.epoch, 0, 0, pose, 0.0, self.most_points)  # type: ignore[arg-type]
+            self.course = make_plan(self.rng, self.epoch, 0, 0, pose, 0.0, self.cubic)  # type: ignore[arg-type]
             if self._luck(0.3):
                 base.at = [
                     pose[0] + self.rng.gauss(0, 0.01), pose[1] + self.rng.gauss(0, 0.01),
@@ -381,7 +388,7 @@ class Trial:
         if not -900_000 < begin < 900_000:
             return
         self.revision = max(self.revision, agent.holds) + 1
-        plan = (self.epoch, self.revision, round(1000 * begin), pose, speed, self.most_points)
+        plan = (self.epoch, self.revision, round(1000 * begin), pose, speed, self.cubic)
         following = make_plan(self.rng, *plan)
         message = msgspec.structs.replace(following.plan, boot=self.boot, number=4)
         self._hear("plan", encode(message))
@@ -393,7 +400,7 @@ class Trial:
             self.mute_until_ns = self.now_ns + rng.randint(0, 4 * SECOND)
         if self.now_ns < self.mute_until_ns:
             return
-        if self.phase == HOLD and tick > 60 and rng.random() < 0.3:
+        if self.phase == HOLD and tick > self.go_after and rng.random() < 0.3:
             self.phase = GO
             self.start_ns = self.now_ns + self.offset_ns + rng.randint(0, SECOND)
         elif self._luck(0.004):
