@@ -20,7 +20,7 @@ from benchmarks.agent import agent
 from benchmarks.beyond import beyond
 from benchmarks.curves import curves
 from benchmarks.disturbance import disturbance
-from benchmarks.firmware import comparison, instructions, sizes
+from benchmarks.firmware import c_fleets, comparison, instructions, sizes
 from benchmarks.flood import flood
 from benchmarks.fuzz.running import fuzz_all
 from benchmarks.fuzz.table import MODULES
@@ -71,6 +71,7 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
         "the agent in C on a Cortex-M4F": sizes,
         "instructions on an emulated Cortex-M4F": instructions,
         "both agents on the same events": comparison,
+        "fleets of C agents with 1 to 4 faults": c_fleets,
     },
     "flood": {"a fleet beside a flood": flood},
     "fuzz": {"bad input, 30 s per target": partial(fuzz_all, list(MODULES))},

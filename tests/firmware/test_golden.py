@@ -39,11 +39,13 @@ def test_the_python_agent_answers_as_recorded(name):
     assert_same(name, play(GOLDEN[name]["events"]), rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("name", NAMES)
 def test_the_c_agent_answers_as_recorded(exact_core, name):
     assert_same(name, answers(exact_core, GOLDEN[name]["events"]), rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("name", NAMES)
 def test_the_c_agent_in_float_changes_phase_within_a_moment_and_keeps_its_place(float_core, name):
     events = GOLDEN[name]["events"]

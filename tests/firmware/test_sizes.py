@@ -8,6 +8,8 @@ import pytest
 
 from tests.firmware.building import CORTEX_M4F, FIRMWARE, code_size, objects, state_size
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.fixture(scope="module")
 def files():

@@ -9,6 +9,8 @@ from tests.firmware.streams import Trial
 
 TICKS = 1500
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.mark.parametrize("seed", range(16))
 def test_both_cores_answer_to_the_last_bit_alike_whatever_happens(exact_core, seed):
