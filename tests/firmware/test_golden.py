@@ -74,6 +74,7 @@ def test_the_c_agent_in_float_changes_phase_within_a_moment_and_keeps_its_place(
         ("silence", [IDLE, ARMED, MOVING, DONE]),
         ("redirected", [IDLE, ARMED, MOVING, DONE, MOVING, DONE]),
         ("malformed", [IDLE, ARMED, MOVING]),
+        ("newer", [IDLE, ARMED, MOVING]),
     ],
 )
 def test_the_vectors_show_what_they_are_about(name, phases):

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 import math
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,8 @@ from tests.firmware.streams import ID, PERIOD_NS, SIZES, Robots, Tick, floats
 
 VECTORS = Path(__file__).with_name("robot.json")
 OFFSET_NS = 5 * SECOND
+FUTURE = b"\xca\x3f\x80\x00\x00" + b"\x81\xa1k\x92\x01\xc0"
+"""Two further fields: 1.0 as float32, and {"k": [1, None]}."""
 BEND = [(1.0, 2.0), (1.2, 2.0), (1.4, 2.0), (1.6, 2.1), (1.7, 2.3), (1.7, 2.5)]
 BACK = [(1.7, 2.5), (1.7, 2.7), (1.6, 2.9), (1.4, 3.0)]
 
@@ -61,6 +64,7 @@ class Scene:
         self.phase, self.start_ns = HOLD, 0
         self.headroom_ms, self.extra = 1500, {}
         self.offset_ns, self.answers, self.speaks, self.slip = OFFSET_NS, True, True, 1.0
+        self.newer = False
         self.robots.base.at = [*BEND[0], 0.0]
 
     def go(self) -> None:
@@ -76,6 +80,8 @@ class Scene:
 
     def send(self, kind: str, message: Any) -> None:
         payload = message if isinstance(message, bytes) else encode(message)
+        if self.newer and kind != "plan":
+            payload = bytes([payload[0] + 1]) + payload[1:] + FUTURE[:5]
         self.robots.hear(kind, payload)
 
     def tick(self) -> Tick:
@@ -257,6 +263,20 @@ def malformed() -> Scene:
     return scene
 
 
+def newer() -> Scene:
+    """A coordinator of a newer protocol: further fields in Plan, Command and Clock, and float32."""
+    scene = Scene()
+    scene.newer = True
+    scene.ticks(5)
+    known = msgspec.msgpack.decode(encode(plan(BEND)))[:-1]
+    body = b"\xdc\x00\x15" + b"".join(map(msgspec.msgpack.encode, known)) + FUTURE
+    scene.send("plan", body + b"\xce" + zlib.crc32(body).to_bytes(4, "big"))
+    scene.ticks(45)
+    scene.go()
+    scene.ticks(60)
+    return scene
+
+
 def wrapping() -> Scene:
     """Sequences end at 2^32 - 1, and the next coordinator begins anew with a higher term."""
     scene = Scene(begin_ns=17 * 10**17)
@@ -282,7 +302,7 @@ def _long(value: Any) -> bytes:
 
 SCENES: tuple[Callable[[], Scene], ...] = (
     arrives, authority, stop, freeze, pushed, driver_fails, late, clock_jumps, no_time, silence,
-    redirected, malformed, wrapping,
+    redirected, malformed, newer, wrapping,
 )  # fmt: skip
 
 
