@@ -20,6 +20,7 @@ from benchmarks.agent import agent
 from benchmarks.beyond import beyond
 from benchmarks.curves import curves
 from benchmarks.disturbance import disturbance
+from benchmarks.firmware import c_fleets, comparison, instructions, sizes
 from benchmarks.flood import flood
 from benchmarks.fuzz.running import fuzz_all
 from benchmarks.fuzz.table import MODULES
@@ -66,6 +67,12 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "beyond": {"beyond every budget": beyond},
     "replays": {"logs of faulty runs, replayed": replays},
     "agent": {"one tick of the robot's core": agent},
+    "firmware": {
+        "the agent in C on a Cortex-M4F": sizes,
+        "instructions on an emulated Cortex-M4F": instructions,
+        "both agents on the same events": comparison,
+        "fleets of C agents with 1 to 4 faults": c_fleets,
+    },
     "flood": {"a fleet beside a flood": flood},
     "fuzz": {"bad input, 30 s per target": partial(fuzz_all, list(MODULES))},
     "locks": {"arming a fleet without and with keys": arming},

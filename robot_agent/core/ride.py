@@ -189,9 +189,10 @@ class Ride:
     def rests_where(self, coming: "Ride") -> bool:
         """Return whether a robot that has stopped stands where another course begins, at rest."""
         mine = self.follower
-        if not coming.begins_at_rest() or not mine.off < inf:
+        x, y, heading = mine.pose()  # Not finite for a robot that never set out.
+        if not coming.begins_at_rest() or not mine.off < inf or not x < inf:
             return False
-        return coming.stands_at_start(*mine.pose())[1] == NO_FAULT
+        return coming.stands_at_start(x, y, heading)[1] == NO_FAULT
 
     def begins_at_rest(self) -> bool:
         """Return whether the robot may rest where this course begins.

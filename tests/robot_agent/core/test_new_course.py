@@ -341,3 +341,11 @@ def test_a_robot_pushed_away_from_where_its_next_course_begins_stays_there():
     run.body.place(x, y + 0.1, heading)
     go_on(run, 2.0)
     assert (run.agent.phase, run.agent.revision) == (FROZEN, 0)
+
+
+def test_a_robot_that_froze_before_it_set_out_takes_no_course_from_where_it_stands():
+    run = armed_run(LINE, motion_along(Curve(*LINE).length, SPEED, ACCEL), body=body())
+    run.command(FREEZE)
+    assert run.agent.phase == FROZEN
+    give_line(run, begin=2.0, x=1.0, v0=0.0)
+    assert (run.agent.phase, run.agent.holds) == (FROZEN, 0)

@@ -1,0 +1,144 @@
+/* Sizes, the number type, and the state of an agent.  Change sizes by macros, leave the state alone.
+
+   State in bytes at the default sizes: see firmware/README.md. */
+
+#ifndef SPLINEFLEET_STATE_H
+#define SPLINEFLEET_STATE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* The number type: float, or double where SF_DOUBLE is defined (bit for bit the Python agent). */
+#ifdef SF_DOUBLE
+typedef double sf_real;
+#else
+typedef float sf_real;
+#endif
+
+#ifndef SF_POINTS
+#define SF_POINTS 64 /* control points of a course */
+#endif
+#ifndef SF_STOPS
+#define SF_STOPS 16 /* stops of a course */
+#endif
+#ifndef SF_SPEEDS
+#define SF_SPEEDS 96 /* speed knots of a course; a stop may add one more */
+#endif
+#ifndef SF_BYTES
+#define SF_BYTES 1400 /* longest Plan message, the length of the receive buffer */
+#endif
+#ifndef SF_CELLS
+#ifdef SF_DOUBLE
+#define SF_CELLS (16 * SF_POINTS) /* cells of the arc-length table: what the Python agent has */
+#else
+#define SF_CELLS 192 /* cells of the arc-length table, at least SF_POINTS */
+#endif
+#endif
+#ifndef SF_WORK
+#define SF_WORK 24 /* work per tick on reading a Plan, in units of 50 instructions; 0: all at once */
+#endif
+
+#define SF_DEGREE 7 /* the highest degree on the wire */
+#define SF_LEGS (SF_SPEEDS + SF_STOPS)
+
+typedef struct {
+    sf_real begin, end, x[SF_DEGREE + 1], y[SF_DEGREE + 1], w[SF_DEGREE + 1];
+} sf_piece;
+
+/* Large arrays stand last in every struct: short offsets make short code. */
+
+typedef struct {
+    sf_real x, y, dx, dy, length;
+    sf_real cell_begin, cell_end, cell_size, cell_u0, cell_u1, cell_m0, cell_m1;
+    uint16_t count, span, cells;
+    uint8_t degree, piece;
+    bool plain;
+    sf_piece pieces[2];
+    sf_real knots[SF_POINTS + SF_DEGREE + 1];
+    sf_real hx[SF_POINTS], hy[SF_POINTS], hw[SF_POINTS];
+    sf_real table_u[SF_CELLS + 1], table_s[SF_CELLS + 1];
+    float table_slope[SF_CELLS + 1];
+} sf_curve;
+
+typedef struct {
+    sf_real length, finish, most_v;
+    sf_real leg_from, leg_to, begin, end, s0, s1, v0, half_rate;
+    uint16_t legs, leg;
+    sf_real t0[SF_LEGS], t1[SF_LEGS], s[SF_LEGS + 1], v[SF_LEGS + 1];
+} sf_timeline;
+
+typedef struct {
+    sf_real s, lateral, beyond, off, heading_error;
+    sf_real x, y, heading, tangent_s, tx, ty, still_at, bend_travel, bend;
+} sf_follower;
+
+/* One course and the robot on it.  Times are seconds of plan time after origin_ms. */
+typedef struct {
+    sf_follower follower;
+    int64_t clock_error_ns, stamp_ms, told_ms, rests_ms, origin_ms;
+    int32_t begin_ms, late;
+    sf_real track, speed, curvature, distance, brake, period, catch_up, slack, limit;
+    sf_real brake_speed, brake_from, rest_from, rest_x, rest_y, stuck_from, stuck_s;
+    sf_real pace, pace_time, pace_s, authority, granted, watch, time, begin, until;
+    sf_real rate, reaction, foresight;
+    bool halted, holds, may_turn;
+    sf_timeline timeline;
+    sf_curve curve;
+} sf_course;
+
+typedef struct {
+    int64_t offset_ns, low_ns, high_ns, at_ns, middle_ns, asked_ns, since_ns, followed_ns, period_ns;
+    uint32_t good, asked;
+    bool slewing, compares;
+} sf_clock;
+
+typedef struct {
+    int64_t term, boot, sequence, heard_ns;
+    uint32_t epoch, run;
+    uint8_t phase;
+} sf_leader;
+
+typedef struct {
+    uint32_t epoch, revision;
+    sf_real s;
+    int16_t off, turn, beyond;
+    bool tell;
+} sf_rest;
+
+/* A Plan message that is being read. */
+typedef struct {
+    const uint8_t *bytes;
+    const uint8_t *packed[6]; /* points, knots, weights, speeds, profile, stops; counts of each */
+    uint16_t counts[6], length;
+    uint16_t at, stop, span, part;
+    uint32_t crc, epoch, boot, number, revision, brake_mmps2;
+    uint16_t track_mm, clock_ms, parts;
+    int32_t begin_ms;
+    sf_real time, previous;
+    uint8_t stage, degree, course;
+    bool next; /* of the epoch that the robot drives in */
+} sf_plan;
+
+typedef struct {
+    sf_real drive_speed, drive_curvature, drive_distance, drive_turn;
+    uint8_t phase, fault;
+    bool finished, refused;
+    uint32_t epoch, number, revision, next_number, holds;
+    const void *robot; /* the sf_robot */
+    sf_course *ride, *coming;
+    sf_plan plan;
+    sf_clock clock;
+    sf_leader leader;
+    sf_rest rest;
+    int64_t late_tick_ns, ticked_ns, start_ns, reported_ns, hello_ns, report_stamp_ms;
+    int64_t newest_term, newest_boot, newest_sequence;
+    sf_real unsure, passed, x, y, heading;
+    uint32_t spent_epoch, report_sequence, hellos, report_late;
+    uint32_t reported_epoch, reported_revision, reported_holds;
+    uint8_t reported_phase, reported_fault;
+    bool report_rest, has_pose;
+    sf_course courses[2];
+} sf_agent;
+
+#endif

@@ -1,0 +1,406 @@
+/* The state machine of one robot: robot_agent/core/agent.py, transitions.py, leader.py and
+   resting_place.py, whose rules these are.
+
+   A robot moves only in the epoch of the plan it holds, after GO, only along that plan, never ahead
+   of it, never beyond its authority; it brakes in time for that place. */
+
+#include "core.h"
+
+#define LATE_TICK (50 * MILLISECOND)
+#define CLOCK_PATIENCE R(3)
+#define HOLD_OUT R(0.05)
+
+enum {
+    READY, NOT_READY, TOLD_TO_GO, TOLD_TO_FREEZE, NEW_EPOCH, TROUBLE, AT_REST, ARRIVED, LEFT_PATH,
+    NEW_COURSE, EVENTS
+};
+
+/* [phase][event] -> phase + 1; 0 leaves it unchanged. */
+static const uint8_t TRANSITIONS[6][EVENTS] = {
+    [SF_IDLE] = {[READY] = SF_ARMED + 1, [NEW_EPOCH] = SF_IDLE + 1},
+    [SF_ARMED] = {[NOT_READY] = SF_IDLE + 1, [TOLD_TO_GO] = SF_MOVING + 1,
+                  [TOLD_TO_FREEZE] = SF_FROZEN + 1, [TROUBLE] = SF_FROZEN + 1,
+                  [NEW_EPOCH] = SF_IDLE + 1},
+    [SF_MOVING] = {[TOLD_TO_FREEZE] = SF_BRAKING + 1, [TROUBLE] = SF_BRAKING + 1,
+                   [NEW_EPOCH] = SF_BRAKING + 1, [ARRIVED] = SF_DONE + 1,
+                   [LEFT_PATH] = SF_BRAKING + 1},
+    [SF_BRAKING] = {[AT_REST] = SF_FROZEN + 1, [ARRIVED] = SF_DONE + 1},
+    [SF_FROZEN] = {[NEW_EPOCH] = SF_IDLE + 1, [NEW_COURSE] = SF_MOVING + 1},
+    [SF_DONE] = {[NEW_EPOCH] = SF_IDLE + 1, [NEW_COURSE] = SF_MOVING + 1,
+                 [LEFT_PATH] = SF_FROZEN + 1},
+};
+
+const sf_robot *sf_robot_of(const sf_agent *agent) { return (const sf_robot *)agent->robot; }
+
+void sf_init(sf_agent *agent, const sf_robot *robot) {
+    uint8_t *bytes = (uint8_t *)agent;
+    for (size_t i = 0; i < sizeof *agent; i++) bytes[i] = 0;
+    agent->robot = robot;
+    agent->ride = agent->coming = NULL;
+    agent->ticked_ns = SF_UNKNOWN;
+    agent->leader.term = agent->leader.boot = agent->leader.sequence = -1;
+    agent->leader.heard_ns = SF_NEVER;
+    agent->newest_term = agent->newest_boot = agent->newest_sequence = -1;
+    agent->reported_ns = agent->hello_ns = SF_NEVER;
+    agent->late_tick_ns = 2 * robot->period_ns > LATE_TICK ? 2 * robot->period_ns : LATE_TICK;
+    sf_clock_begin(&agent->clock);
+}
+
+static bool before_motion(const sf_agent *agent) {
+    return agent->phase == SF_IDLE || agent->phase == SF_ARMED;
+}
+
+static bool on_its_way(uint8_t phase) { return phase == SF_MOVING || phase == SF_BRAKING; }
+
+bool sf_has_driven(const sf_agent *agent) { return agent->spent_epoch > 0; }
+
+static bool knows_time(const sf_agent *agent, const sf_course *ride, int64_t now_ns) {
+    return sf_clock_within(&agent->clock, ride->clock_error_ns, now_ns);
+}
+
+/* Stand, and store the place of rest until the robot moves, even if the plan is dropped. */
+static void rest(sf_agent *agent, bool tell) {
+    sf_rest *rest = &agent->rest;
+    sf_stand(agent->ride);
+    rest->epoch = agent->epoch;
+    rest->revision = agent->revision;
+    rest->s = agent->ride->follower.s;
+    rest->tell = tell;
+    sf_offset(&agent->ride->follower, &rest->off, &rest->turn, &rest->beyond);
+}
+
+static void apply(sf_agent *agent, int event, int64_t now_ns) {
+    uint8_t entry = TRANSITIONS[agent->phase][event];
+    if (entry == 0) return;
+    uint8_t after = agent->phase = (uint8_t)(entry - 1);
+    if (event == NEW_EPOCH && after == SF_IDLE) {
+        agent->ride = agent->coming = NULL;
+        agent->epoch = 0;
+        agent->fault = SF_NO_FAULT;
+        agent->rest.tell = false;
+        sf_clock_start_over(&agent->clock, now_ns);
+    } else if (after == SF_BRAKING && agent->ride) {
+        sf_begin_to_brake(agent->ride);
+    } else if ((after == SF_FROZEN || after == SF_DONE) && agent->ride) {
+        rest(agent, after == SF_FROZEN);
+        if (after == SF_FROZEN) { /* Where a course begins that has not begun, it does not stand. */
+            agent->coming = NULL;
+            agent->holds = agent->revision;
+            agent->next_number = agent->number;
+        }
+    } else if (after == SF_MOVING) {
+        agent->fault = SF_NO_FAULT;
+        agent->rest.epoch = 0;
+        agent->rest.tell = false;
+    }
+    if (after == SF_MOVING || after == SF_FROZEN) agent->spent_epoch = agent->epoch;
+}
+
+/* Brake, and record the fault if none is recorded yet; at the goal the only one is OFF_PATH. */
+static void fail(sf_agent *agent, uint8_t fault, int64_t now_ns) {
+    bool left = fault == SF_OFF_PATH;
+    if (agent->fault == SF_NO_FAULT && (agent->phase != SF_DONE || left)) agent->fault = fault;
+    apply(agent, left ? LEFT_PATH : TROUBLE, now_ns);
+}
+
+/* Arm again with the time, unless the robot does without it. */
+static void disarm(sf_agent *agent, int64_t now_ns) {
+    if (agent->phase == SF_ARMED && agent->unsure <= CLOCK_PATIENCE) apply(agent, NOT_READY, now_ns);
+}
+
+static void lose_clock(sf_agent *agent, int64_t now_ns) {
+    sf_clock_start_over(&agent->clock, now_ns);
+    disarm(agent, now_ns);
+}
+
+static bool is_silent(const sf_leader *leader, int64_t now_ns, int64_t patience_ns) {
+    return sf_difference(now_ns, leader->heard_ns) > patience_ns;
+}
+
+/* Whether a Command is to be obeyed: the highest (term, boot) leads. */
+static bool counts(const sf_agent *agent, const sf_command *command, int64_t now_ns) {
+    const sf_leader *leader = &agent->leader;
+    if (!before_motion(agent) && command->run != leader->run) return false;
+    if (command->term == leader->term && command->boot == leader->boot)
+        return command->sequence > leader->sequence;
+    if (command->term > leader->term) return true;
+    if (command->term == leader->term && command->boot > leader->boot) return true;
+    return before_motion(agent) && is_silent(leader, now_ns, COORDINATOR_TIMEOUT);
+}
+
+bool sf_hear_command(sf_agent *agent, const sf_command *command, int64_t now_ns) {
+    sf_leader *leader = &agent->leader;
+    uint32_t epoch = command->epoch;
+    uint8_t phase = command->phase;
+    bool still = before_motion(agent);
+    if (!counts(agent, command, now_ns)) return false;
+    leader->run = command->run;
+    if (epoch != leader->epoch && !agent->ride) agent->fault = SF_NO_FAULT;
+    bool another = (leader->boot != -1 && leader->boot != command->boot) ||
+                   (leader->term != -1 && leader->term != command->term);
+    leader->term = command->term;
+    leader->boot = command->boot;
+    leader->sequence = command->sequence;
+    leader->epoch = epoch;
+    leader->phase = phase;
+    leader->heard_ns = now_ns;
+    if (another) {
+        sf_clock_start_over(&agent->clock, now_ns);
+        if (still) apply(agent, NEW_EPOCH, now_ns);
+    } else if (sf_is_said_in_future(&agent->clock, command->said_ns, now_ns)) {
+        lose_clock(agent, now_ns);
+    }
+    if (phase == FREEZE || phase == OVER) {
+        apply(agent, TOLD_TO_FREEZE, now_ns);
+        agent->finished = phase == OVER && agent->phase != SF_BRAKING;
+    } else if (epoch > agent->epoch && agent->ride) {
+        apply(agent, NEW_EPOCH, now_ns);
+    } else if (epoch == agent->epoch && agent->ride) {
+        agent->ride->halted = phase == STOP;
+        if (phase == GO) {
+            sf_grant(agent->ride, command->authority_ms);
+            if (agent->coming) sf_grant(agent->coming, command->next_authority_ms);
+            agent->start_ns = command->start_ns;
+            apply(agent, TOLD_TO_GO, now_ns);
+        }
+    }
+    if (command->wanted && agent->rest.epoch > 0) agent->rest.tell = true;
+    return true;
+}
+
+void sf_hear_clock(sf_agent *agent, int64_t sent, int64_t received, int64_t answered, int64_t now) {
+    if (!sf_clock_add(&agent->clock, sent, received, answered, now)) lose_clock(agent, now);
+}
+
+static bool takes_courses(const sf_agent *agent, const sf_plan *plan) {
+    uint8_t phase = agent->phase;
+    bool may = phase == SF_MOVING || phase == SF_DONE || phase == SF_FROZEN;
+    return may && agent->ride && plan->epoch == agent->epoch;
+}
+
+static bool is_of_leader(const sf_agent *agent, const sf_plan *plan) {
+    return plan->boot == agent->leader.boot && plan->epoch == agent->leader.epoch;
+}
+
+bool sf_takes_plan(sf_agent *agent, sf_plan *plan) {
+    sf_leader *leader = &agent->leader;
+    if (leader->boot < 0) {
+        leader->boot = plan->boot;
+        leader->epoch = plan->epoch;
+    }
+    if (!is_of_leader(agent, plan)) return false;
+    plan->next = takes_courses(agent, plan);
+    if (plan->next) return plan->revision > agent->holds && !agent->coming;
+    if (!before_motion(agent)) return false;
+    if (plan->epoch <= agent->epoch || plan->epoch <= agent->spent_epoch) return false;
+    agent->phase = SF_IDLE;
+    agent->ride = NULL;
+    agent->epoch = 0;
+    agent->fault = SF_NO_FAULT;
+    agent->unsure = R(0);
+    return true;
+}
+
+/* Hold a newer course, if the robot stands at its beginning, or is on its way there. */
+static void hear_course(sf_agent *agent, const sf_plan *plan, sf_course *coming) {
+    sf_course *ride = agent->ride;
+    if (!takes_courses(agent, plan)) return;
+    bool fits = agent->phase == SF_FROZEN ? sf_rests_where(ride, coming)
+                                          : sf_leads_into(ride, coming, agent->phase == SF_DONE);
+    if (!fits) return;
+    sf_end_with(ride, coming);
+    agent->coming = coming;
+    agent->next_number = plan->number;
+    agent->holds = plan->revision;
+}
+
+void sf_plan_taken(sf_agent *agent, sf_course *course, bool valid) {
+    const sf_plan *plan = &agent->plan;
+    if (!is_of_leader(agent, plan)) return; /* It was while the robot began to read it. */
+    if (plan->next) {
+        if (valid) hear_course(agent, plan, course);
+        return;
+    }
+    if (agent->phase != SF_IDLE || agent->ride) return;
+    if (!valid) {
+        agent->fault = SF_BAD_PLAN;
+        return;
+    }
+    agent->ride = course;
+    agent->epoch = plan->epoch;
+    agent->number = agent->next_number = plan->number;
+    agent->revision = agent->holds = plan->revision;
+}
+
+void sf_driver_failed(sf_agent *agent, int64_t now_ns) { fail(agent, SF_DRIVER_ERROR, now_ns); }
+
+/* The plan time that it is now; without a known time, `passed` after the one driven by last. */
+static sf_real plan_time(const sf_agent *agent, const sf_course *ride, int64_t now_ns, sf_real passed) {
+    if (!knows_time(agent, ride, now_ns)) return ride->time + passed;
+    int64_t plan_ns = sf_difference(sf_sum(now_ns, agent->clock.offset_ns), agent->start_ns);
+    return sf_seconds_of_ns(sf_difference(plan_ns, ride->origin_ms * MILLISECOND));
+}
+
+/* The same in whole ms after the plan's start. */
+static int64_t plan_time_ms(const sf_agent *agent, const sf_course *ride, int64_t now_ns) {
+#ifndef SF_DOUBLE
+    if (knows_time(agent, ride, now_ns)) {
+        int64_t time_ns = sf_sum(now_ns, agent->clock.offset_ns);
+        return sf_difference(time_ns, agent->start_ns) / MILLISECOND;
+    }
+#endif
+    return ride->origin_ms + sf_whole(R(1000) * plan_time(agent, ride, now_ns, R(0)));
+}
+
+static void try_to_arm(sf_agent *agent, sf_course *ride, int64_t now_ns) {
+    bool stands = sf_stands_at_start(ride, agent->x, agent->y, agent->heading, &agent->fault,
+                                     &agent->drive_turn);
+    if (!stands) return;
+    agent->unsure += agent->passed;
+    if (sf_clock_within(&agent->clock, ride->clock_error_ns - CLOCK_RESERVE, now_ns)) {
+        agent->unsure = R(0);
+        apply(agent, READY, now_ns);
+    } else if (agent->unsure > CLOCK_PATIENCE) {
+        apply(agent, READY, now_ns);
+    } else {
+        agent->fault = SF_CLOCK_UNSURE;
+    }
+}
+
+static void drive(sf_agent *agent, sf_course *ride, int64_t now_ns) {
+    sf_real x = agent->x, y = agent->y, heading = agent->heading;
+    sf_locate(ride, x, y, heading);
+    if (agent->phase == SF_MOVING) {
+        if (ride->may_turn) agent->drive_turn = sf_turn_before_start(ride, x, y, heading);
+        sf_real now = plan_time(agent, ride, now_ns, agent->passed);
+        uint8_t fault = sf_trouble(ride);
+        if (fault != SF_NO_FAULT) fail(agent, fault, now_ns);
+        else if (sf_arrived(ride)) apply(agent, ARRIVED, now_ns);
+        else sf_keep_to_plan(ride, now);
+    }
+    if (agent->phase == SF_BRAKING) {
+        sf_keep_braking(ride);
+        if (sf_rests(ride, x, y)) apply(agent, sf_at_goal(ride) ? ARRIVED : AT_REST, now_ns);
+    }
+    agent->drive_speed = ride->speed;
+    agent->drive_distance = ride->distance;
+    agent->drive_curvature = ride->curvature;
+}
+
+/* Leave the course for the newer one, and return that. */
+static sf_course *change(sf_agent *agent, int64_t now_ns) {
+    sf_course *coming = agent->coming;
+    sf_follow(coming, agent->ride);
+    agent->ride = coming;
+    agent->coming = NULL;
+    agent->number = agent->next_number;
+    agent->revision = agent->holds;
+    apply(agent, NEW_COURSE, now_ns);
+    return coming;
+}
+
+/* The course to drive now: the newer one, once it has begun. */
+static sf_course *on_course(sf_agent *agent, int64_t now_ns) {
+    sf_course *ride = agent->ride, *coming = agent->coming;
+    if (agent->phase == SF_FROZEN) {
+        if (agent->leader.phase != GO) return ride;
+        sf_locate(ride, agent->x, agent->y, agent->heading);
+        if (!sf_rests_where(ride, coming)) return ride;
+        bool begun = !knows_time(agent, coming, now_ns) ||
+                     plan_time(agent, coming, now_ns, R(0)) >= coming->begin;
+        return begun ? change(agent, now_ns) : ride;
+    }
+    if (before_motion(agent)) return ride;
+    sf_locate(ride, agent->x, agent->y, agent->heading);
+    sf_real now = plan_time(agent, ride, now_ns, R(0));
+    /* At its goal no plan time passes for a robot that does not know the time. */
+    if (agent->phase == SF_DONE && !knows_time(agent, ride, now_ns)) now = SF_INF;
+    return sf_is_over(ride, now) ? change(agent, now_ns) : ride;
+}
+
+void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real heading) {
+    sf_read_plan(agent, SF_WORK);
+    sf_course *ride = agent->ride;
+    uint8_t phase = agent->phase;
+    int64_t passed_ns = sf_difference(now_ns, agent->ticked_ns);
+    agent->ticked_ns = now_ns;
+    if (passed_ns > agent->late_tick_ns) sf_clock_doubt(&agent->clock, now_ns); /* It hung. */
+    sf_real passed = passed_ns > 0 ? sf_seconds_of_ns(passed_ns) : R(0);
+    agent->passed = passed < HOLD_OUT ? passed : HOLD_OUT;
+    agent->has_pose = x == x;
+    agent->x = agent->has_pose ? x : R(0);
+    agent->y = agent->has_pose ? y : R(0);
+    agent->heading = agent->has_pose ? heading : R(0);
+    sf_clock_follow(&agent->clock, now_ns, on_its_way(phase));
+    agent->drive_speed = agent->drive_curvature = agent->drive_distance = agent->drive_turn = R(0);
+    if (!ride) return;
+    if (phase == SF_ARMED && !knows_time(agent, ride, now_ns)) disarm(agent, now_ns);
+    if (agent->coming) {
+        ride = on_course(agent, now_ns);
+        phase = agent->phase;
+    }
+    if (agent->phase == SF_IDLE) {
+        try_to_arm(agent, ride, now_ns);
+    } else if (on_its_way(phase)) {
+        drive(agent, ride, now_ns);
+    } else if (phase == SF_DONE) {
+        sf_locate(ride, agent->x, agent->y, agent->heading);
+        if (sf_has_left_goal(ride)) fail(agent, SF_OFF_PATH, now_ns);
+    }
+}
+
+bool sf_report_due(sf_agent *agent, int64_t now_ns) {
+    bool same = agent->reported_epoch == agent->epoch && agent->reported_phase == agent->phase &&
+                agent->reported_fault == agent->fault &&
+                agent->reported_revision == agent->revision && agent->reported_holds == agent->holds;
+    if (sf_difference(now_ns, agent->reported_ns) < REPORT_PERIOD && same) return false;
+    agent->reported_epoch = agent->epoch;
+    agent->reported_phase = agent->phase;
+    agent->reported_fault = agent->fault;
+    agent->reported_revision = agent->revision;
+    agent->reported_holds = agent->holds;
+    agent->reported_ns = now_ns;
+    agent->report_sequence++;
+    agent->report_rest = agent->rest.tell && agent->rest.epoch > 0;
+    agent->rest.tell = false;
+    agent->report_stamp_ms = SF_UNSAID;
+    agent->report_late = 0;
+    sf_course *ride = agent->ride;
+    if (ride && (agent->phase == SF_MOVING || agent->phase == SF_DONE)) {
+        sf_reckon(ride, plan_time_ms(agent, ride, now_ns));
+        agent->report_stamp_ms = ride->stamp_ms;
+        if (agent->phase == SF_MOVING) agent->report_late = (uint32_t)ride->late;
+    }
+    return true;
+}
+
+bool sf_hello_due(sf_agent *agent, int64_t now_ns) {
+    if (agent->ride || sf_difference(now_ns, agent->hello_ns) < HELLO_PERIOD) return false;
+    agent->hello_ns = now_ns;
+    agent->hellos++;
+    return true;
+}
+
+bool sf_clock_due(sf_agent *agent, int64_t now_ns) {
+    int64_t error_ns = agent->ride ? agent->ride->clock_error_ns : CLOCK_ERROR;
+    bool moving = on_its_way(agent->phase);
+    return sf_clock_asks(&agent->clock, now_ns, error_ns - CLOCK_RESERVE, moving);
+}
+
+bool sf_may_leave(const sf_agent *agent, int64_t now_ns) {
+    bool left = agent->phase == SF_DONE && is_silent(&agent->leader, now_ns, LEAVE_TIMEOUT);
+    return left || agent->finished || agent->refused;
+}
+
+bool sf_start_pose(sf_agent *agent, sf_real *x, sf_real *y, sf_real *heading) {
+    if (!agent->ride) return false;
+    sf_start_of(agent->ride, x, y, heading);
+    return true;
+}
+
+sf_real sf_place_on_path(const sf_agent *agent) { return agent->ride ? agent->ride->follower.s : R(0); }
+
+bool sf_coordinator_time(const sf_agent *agent, int64_t now_ns, int64_t *time_ns) {
+    *time_ns = sf_sum(now_ns, agent->clock.offset_ns);
+    return agent->clock.good > 0;
+}

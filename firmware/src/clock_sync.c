@@ -1,0 +1,115 @@
+/* An estimate of the coordinator's clock, with a bound on its error: robot_agent/core/clock_sync.py.
+
+   One exchange has four stamps; the offset lies between t3 - t4 and t2 - t1, whatever the delays.
+   It lies in the intersection of several such intervals, each widened by drift as it ages. */
+
+#include "core.h"
+
+#define DRIFT_PPM 100
+#define SLEW_SHARE 50
+#define LONGEST_DELAY (10 * SECOND)
+#define FAR_APART ((int64_t)9000000000000)
+
+static int64_t drift(int64_t passed_ns) { return 1 + sf_floor_ratio(passed_ns, 1000000 / DRIFT_PPM); }
+
+static int64_t middle(int64_t low, int64_t high) { return (low >> 1) + (high >> 1) + (low & high & 1); }
+
+void sf_clock_begin(sf_clock *clock) {
+    *clock = (sf_clock){.low_ns = -SF_UNKNOWN,
+                        .high_ns = SF_UNKNOWN,
+                        .asked_ns = -SF_UNKNOWN,
+                        .since_ns = -SF_UNKNOWN,
+                        .period_ns = CLOCK_PERIOD_FAST};
+}
+
+static void doubt(sf_clock *clock, int64_t now_ns) {
+    clock->since_ns = now_ns;
+    clock->asked_ns = -SF_UNKNOWN;
+    clock->good = clock->asked = 0;
+    clock->period_ns = CLOCK_PERIOD_FAST;
+}
+
+void sf_clock_start_over(sf_clock *clock, int64_t now_ns) {
+    doubt(clock, now_ns);
+    clock->compares = clock->slewing = false;
+}
+
+void sf_clock_doubt(sf_clock *clock, int64_t now_ns) {
+    if (clock->good == 0) return;
+    doubt(clock, now_ns);
+    clock->compares = true;
+}
+
+static int64_t widened_low(const sf_clock *clock, int64_t now_ns) {
+    return sf_difference(clock->low_ns, drift(sf_difference(now_ns, clock->at_ns)));
+}
+
+static int64_t widened_high(const sf_clock *clock, int64_t now_ns) {
+    return sf_sum(clock->high_ns, drift(sf_difference(now_ns, clock->at_ns)));
+}
+
+bool sf_clock_add(sf_clock *clock, int64_t sent, int64_t received, int64_t answered, int64_t now) {
+    if (sent < clock->since_ns || answered < received) return true;
+    int64_t passed = sf_difference(now, sent);
+    if (passed < 0 || passed > LONGEST_DELAY) return true;
+    int64_t low = sf_difference(sf_difference(answered, now), drift(passed));
+    int64_t high = sf_sum(sf_difference(received, sent), drift(passed));
+    int64_t old_low = widened_low(clock, now), old_high = widened_high(clock, now);
+    bool known = clock->good > 0 || clock->compares;
+    if (low > high || (known && (low > old_high || high < old_low))) return false;
+    if (clock->good > 0) {
+        if (old_low > low) low = old_low;
+        if (old_high < high) high = old_high;
+    }
+    clock->low_ns = low;
+    clock->high_ns = high;
+    clock->at_ns = now;
+    clock->middle_ns = middle(low, high);
+    clock->compares = false;
+    if (clock->good < UINT32_MAX) clock->good++;
+    if (!clock->slewing) clock->offset_ns = clock->middle_ns;
+    return true;
+}
+
+bool sf_is_said_in_future(const sf_clock *clock, int64_t said_ns, int64_t now_ns) {
+    return clock->good > 0 && sf_difference(said_ns, now_ns) > widened_high(clock, now_ns);
+}
+
+void sf_clock_follow(sf_clock *clock, int64_t now_ns, bool slewing) {
+    int64_t before_ns = clock->followed_ns;
+    clock->followed_ns = now_ns;
+    clock->slewing = slewing;
+    int64_t left = sf_difference(clock->middle_ns, clock->offset_ns);
+    if (left == 0 || clock->good == 0) return;
+    int64_t most = slewing ? sf_floor_ratio(sf_difference(now_ns, before_ns), SLEW_SHARE) : 0;
+    if (slewing && (left > most || left < -most))
+        clock->offset_ns = sf_sum(clock->offset_ns, left > 0 ? most : -most);
+    else
+        clock->offset_ns = clock->middle_ns;
+}
+
+bool sf_clock_asks(sf_clock *clock, int64_t now_ns, int64_t enough_ns, bool moving) {
+    int64_t passed = sf_difference(now_ns, clock->asked_ns);
+    if (passed < clock->period_ns) return false;
+    bool enough = moving || clock->good >= CLOCK_SAMPLES;
+    bool rarely = enough && sf_clock_within(clock, enough_ns, now_ns);
+    if (rarely && passed < CLOCK_PERIOD) return false;
+    clock->asked_ns = now_ns;
+    clock->asked = rarely ? 0 : clock->asked + (clock->asked < UINT32_MAX);
+    int64_t period = CLOCK_PERIOD_FAST * (int64_t)(1 + clock->asked / CLOCK_SAMPLES);
+    clock->period_ns = period < CLOCK_PERIOD ? period : CLOCK_PERIOD;
+    return true;
+}
+
+bool sf_clock_within(const sf_clock *clock, int64_t limit_ns, int64_t now_ns) {
+    if (clock->good == 0) return false;
+    int64_t above = sf_difference(clock->high_ns, clock->offset_ns);
+    int64_t below = sf_difference(clock->offset_ns, clock->low_ns);
+    int64_t room = sf_difference(limit_ns, above > below ? above : below);
+    int64_t passed = sf_difference(now_ns, clock->at_ns);
+    if (room < -FAR_APART) room = -FAR_APART;
+    if (room > FAR_APART) room = FAR_APART;
+    if (passed < -1000 * FAR_APART) passed = -1000 * FAR_APART;
+    if (passed > 1000 * FAR_APART) passed = 1000 * FAR_APART;
+    return passed * DRIFT_PPM < room * 1000000;
+}

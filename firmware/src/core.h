@@ -1,0 +1,162 @@
+/* What the parts of the core share.  Not for the program around it. */
+
+#ifndef SPLINEFLEET_CORE_H
+#define SPLINEFLEET_CORE_H
+
+#include "splinefleet.h"
+
+/* Of the C library, declared here because a freestanding compiler has no math.h. */
+#ifdef SF_DOUBLE
+double sqrt(double), sin(double), cos(double), atan2(double, double);
+#define SF_SQRT sqrt
+#define SF_SIN sin
+#define SF_COS cos
+#define SF_ATAN2 atan2
+#else
+float sqrtf(float), sinf(float), cosf(float), atan2f(float, float);
+#define SF_SQRT sqrtf
+#define SF_SIN sinf
+#define SF_COS cosf
+#define SF_ATAN2 atan2f
+#endif
+
+/* For small functions with many callers: compilers copy them into each, even with -Os. */
+#if defined(__GNUC__)
+#define SHARED __attribute__((noinline))
+#else
+#define SHARED
+#endif
+
+#define R(number) ((sf_real)(number))
+#define SF_INF ((sf_real)(1.0f / 0.0f))
+
+#define MILLISECOND ((int64_t)1000000)
+#define SECOND ((int64_t)1000000000)
+#define COMMAND_PERIOD (100 * MILLISECOND)
+#define REPORT_PERIOD (200 * MILLISECOND)
+#define HELLO_PERIOD (200 * MILLISECOND)
+#define COORDINATOR_TIMEOUT (2 * SECOND)
+#define LEAVE_TIMEOUT (10 * SECOND)
+#define CLOCK_ERROR (10 * MILLISECOND)
+#define CLOCK_RESERVE (2 * MILLISECOND)
+#define CLOCK_PERIOD_FAST (40 * MILLISECOND)
+#define CLOCK_PERIOD (2 * SECOND)
+#define CLOCK_SAMPLES 8
+#define LATE_STEP_MS 50
+
+#define SF_UNKNOWN ((int64_t)1 << 62)
+#define SF_NEVER (-SF_UNKNOWN)
+#define SF_UNSAID (-SF_UNKNOWN) /* no authority, no stamp [ms] */
+
+enum { HOLD, GO, FREEZE, OVER, STOP }; /* the phase in a Command */
+
+/* numbers.c */
+sf_real sf_abs(sf_real value);
+sf_real sf_least(sf_real a, sf_real b);
+sf_real sf_most(sf_real a, sf_real b);
+int64_t sf_sum(int64_t a, int64_t b);        /* saturates */
+int64_t sf_difference(int64_t a, int64_t b); /* saturates */
+int64_t sf_floor_ratio(int64_t a, int64_t b);
+int64_t sf_whole(sf_real value);     /* towards 0; saturates */
+int64_t sf_floor(sf_real value);     /* saturates */
+int64_t sf_nearest(sf_real value);   /* half to even */
+sf_real sf_seconds_of_ns(int64_t ns);
+sf_real sf_seconds_of_ms(int64_t ms);
+
+/* curve.c */
+bool sf_curve_begin(sf_curve *curve); /* checks what was filled in: degree, count, knots, hw */
+void sf_measure_begin(sf_plan *plan, sf_curve *curve);
+bool sf_measure_cell(sf_plan *plan, sf_curve *curve); /* false once the curve is measured */
+void sf_curve_place(sf_curve *curve, sf_real s);
+
+/* timeline.c */
+bool sf_timeline_leg(sf_timeline *line, sf_real time, sf_real s1, sf_real v1);
+sf_real sf_s_at(sf_timeline *line, sf_real time);
+sf_real sf_v_at(sf_timeline *line, sf_real time);
+sf_real sf_time_at(const sf_timeline *line, sf_real s);
+sf_real sf_rest_until(sf_timeline *line, sf_real time);
+
+/* steering.c: the curve of a follower is that of its course */
+void sf_follower_begin(sf_course *course);
+void sf_start_of(sf_course *course, sf_real *x, sf_real *y, sf_real *heading);
+sf_real sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real *turn);
+sf_real sf_misplacement(sf_course *course, sf_real x, sf_real y, sf_real heading);
+sf_real sf_turn_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, sf_real *turn);
+void sf_locate(sf_course *course, sf_real x, sf_real y, sf_real heading);
+void sf_find(sf_course *course);
+void sf_offset(const sf_follower *follower, int16_t *off, int16_t *turn, int16_t *beyond);
+sf_real sf_curvature(sf_course *course, sf_real travel);
+
+/* ride.c */
+bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf_real period);
+sf_real sf_time_of_ms(const sf_course *course, int64_t plan_ms);
+void sf_grant(sf_course *course, int64_t authority_ms);
+bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal);
+bool sf_rests_where(const sf_course *course, sf_course *coming);
+void sf_end_with(sf_course *course, sf_course *coming);
+bool sf_is_over(sf_course *course, sf_real now);
+void sf_follow(sf_course *course, const sf_course *before);
+sf_real sf_turn_before_start(sf_course *course, sf_real x, sf_real y, sf_real heading);
+void sf_reckon(sf_course *course, int64_t now_ms);
+bool sf_stands_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, uint8_t *fault,
+                        sf_real *turn);
+uint8_t sf_trouble(const sf_course *course);
+bool sf_arrived(const sf_course *course);
+bool sf_at_goal(const sf_course *course);
+bool sf_has_left_goal(const sf_course *course);
+void sf_keep_to_plan(sf_course *course, sf_real now);
+void sf_begin_to_brake(sf_course *course);
+void sf_keep_braking(sf_course *course);
+bool sf_rests(sf_course *course, sf_real x, sf_real y);
+void sf_stand(sf_course *course);
+
+/* clock_sync.c */
+void sf_clock_begin(sf_clock *clock);
+void sf_clock_start_over(sf_clock *clock, int64_t now_ns);
+void sf_clock_doubt(sf_clock *clock, int64_t now_ns);
+bool sf_clock_add(sf_clock *clock, int64_t sent, int64_t received, int64_t answered, int64_t now);
+bool sf_is_said_in_future(const sf_clock *clock, int64_t said_ns, int64_t now_ns);
+void sf_clock_follow(sf_clock *clock, int64_t now_ns, bool slewing);
+bool sf_clock_asks(sf_clock *clock, int64_t now_ns, int64_t enough_ns, bool moving);
+bool sf_clock_within(const sf_clock *clock, int64_t limit_ns, int64_t now_ns);
+
+/* agent.c */
+typedef struct {
+    int64_t start_ns, said_ns, authority_ms, next_authority_ms;
+    uint32_t boot, term, sequence, epoch, run;
+    uint8_t phase;
+    bool wanted;
+} sf_command;
+
+bool sf_hear_command(sf_agent *agent, const sf_command *command, int64_t now_ns);
+void sf_hear_clock(sf_agent *agent, int64_t sent, int64_t received, int64_t answered, int64_t now);
+bool sf_takes_plan(sf_agent *agent, sf_plan *plan);
+void sf_plan_taken(sf_agent *agent, sf_course *course, bool valid);
+bool sf_hello_due(sf_agent *agent, int64_t now_ns);
+bool sf_clock_due(sf_agent *agent, int64_t now_ns);
+bool sf_report_due(sf_agent *agent, int64_t now_ns);
+bool sf_has_driven(const sf_agent *agent);
+const sf_robot *sf_robot_of(const sf_agent *agent);
+
+/* plan.c */
+bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length); /* keeps `bytes` */
+void sf_read_plan(sf_agent *agent, int work); /* goes on with the Plan that is being read */
+
+/* reader.c */
+typedef struct {
+    const uint8_t *at, *end;
+    uint32_t left; /* elements of the message's array that have not been read */
+    bool bad;
+} sf_reader;
+
+void sf_open(sf_reader *reader, const uint8_t *bytes, size_t length);
+int64_t sf_get_int(sf_reader *reader, int64_t least, int64_t most);
+uint32_t sf_get_counter(sf_reader *reader);
+uint32_t sf_get_array(sf_reader *reader);
+const uint8_t *sf_get_bytes(sf_reader *reader, uint32_t *length);
+const uint8_t *sf_get_text(sf_reader *reader, uint32_t *length);
+bool sf_get_nil(sf_reader *reader);
+bool sf_close(sf_reader *reader); /* skips further fields; whether all was well */
+bool sf_is_id(const uint8_t *text, uint32_t length);
+
+#endif

@@ -1,0 +1,205 @@
+/* The curve by arc length, a rational B-spline: protocol/curve.py.
+
+   Nothing is allocated; a curve is measured cell by cell, so that a tick can do a part of it. */
+
+#include "core.h"
+
+#define MOST_CELLS 2048
+#define CELLS_PER_SPAN 16
+#define LEAST_CELLS_PER_SPAN 5
+
+static const sf_real GAUSS[5][2] = {
+    {R(-0.9061798459386640), R(0.2369268850561891)},
+    {R(-0.5384693101056831), R(0.4786286704993665)},
+    {R(0.0), R(0.5688888888888889)},
+    {R(0.5384693101056831), R(0.4786286704993665)},
+    {R(0.9061798459386640), R(0.2369268850561891)},
+};
+
+bool sf_curve_begin(sf_curve *curve) {
+    const sf_real *knots = curve->knots;
+    unsigned degree = curve->degree, count = curve->count, last = count + degree;
+    if (count <= degree || knots[0] != R(0) || !(knots[last] > R(0))) return false;
+    for (unsigned i = 0; i < last; i++)
+        if (!(knots[i] <= knots[i + 1])) return false;
+    for (unsigned i = 1; i < count; i++)
+        if (!(knots[i] < knots[i + degree])) return false;
+    curve->plain = degree == 3;
+    for (unsigned i = 0; i < count; i++) {
+        if (!(curve->hw[i] > R(0))) return false;
+        if (curve->hw[i] != R(1)) curve->plain = false;
+    }
+    curve->span = (uint16_t)degree;
+    curve->cells = 0;
+    curve->piece = 0;
+    curve->x = curve->y = curve->dx = curve->dy = R(0);
+    curve->cell_begin = curve->cell_end = SF_INF;
+    for (int i = 0; i < 2; i++) curve->pieces[i].begin = curve->pieces[i].end = SF_INF;
+    return true;
+}
+
+/* Expand one coordinate of the span in powers of u minus the span's first knot: De Boor's algorithm
+   on polynomials instead of numbers. */
+SHARED static void expand(const sf_curve *curve, const sf_real *points, sf_real *powers) {
+    int degree = curve->degree, span = curve->span, first = span - degree;
+    const sf_real *knots = curve->knots;
+    sf_real rows[SF_DEGREE + 1][SF_DEGREE + 1];
+    for (int i = 0; i <= degree; i++) rows[i][0] = points[first + i];
+    for (int level = 1; level <= degree; level++) {
+        for (int i = degree; i >= level; i--) {
+            sf_real low = knots[first + i], width = knots[span + 1 + i - level] - low;
+            sf_real part = (knots[span] - low) / width, above = R(0);
+            sf_real *row = rows[i];
+            const sf_real *before = rows[i - 1];
+            for (int power = level - 1; power >= 0; power--) {
+                sf_real apart = row[power] - before[power];
+                row[power + 1] = above + apart / width;
+                above = before[power] + part * apart;
+            }
+            row[0] = above;
+        }
+    }
+    for (int power = 0; power <= degree; power++) powers[power] = rows[degree][power];
+}
+
+/* The polynomials at u, from the two that are kept or newly expanded into the older one. */
+static sf_piece *piece_at(sf_curve *curve, sf_real u) {
+    sf_piece *piece = &curve->pieces[curve->piece];
+    if (piece->begin <= u && u < piece->end) return piece;
+    curve->piece ^= 1;
+    piece = &curve->pieces[curve->piece];
+    if (piece->begin <= u && u < piece->end) return piece;
+    unsigned span = curve->span, last = curve->count - 1u;
+    while (span < last && u >= curve->knots[span + 1]) span++;
+    while (span > curve->degree && u < curve->knots[span]) span--;
+    curve->span = (uint16_t)span;
+    expand(curve, curve->hx, piece->x);
+    expand(curve, curve->hy, piece->y);
+    if (!curve->plain) expand(curve, curve->hw, piece->w);
+    piece->begin = curve->knots[span];
+    piece->end = span < last ? curve->knots[span + 1] : SF_INF;
+    return piece;
+}
+
+SHARED static void evaluate(sf_curve *curve, sf_real u) {
+    sf_real last = curve->knots[curve->count + curve->degree];
+    u = sf_least(sf_most(u, R(0)), last);
+    const sf_piece *piece = piece_at(curve, u);
+    sf_real t = u - piece->begin;
+    if (curve->plain) {
+        const sf_real *p = piece->x;
+        sf_real cubic = p[3] * t, square = cubic + p[2], slope = square * t + p[1];
+        curve->x = slope * t + p[0];
+        curve->dx = (cubic + square) * t + slope;
+        p = piece->y;
+        cubic = p[3] * t, square = cubic + p[2], slope = square * t + p[1];
+        curve->y = slope * t + p[0];
+        curve->dy = (cubic + square) * t + slope;
+        return;
+    }
+    sf_real x = R(0), y = R(0), w = R(0), dx = R(0), dy = R(0), dw = R(0);
+    for (int i = curve->degree; i >= 0; i--) {
+        dx = dx * t + x;
+        dy = dy * t + y;
+        dw = dw * t + w;
+        x = x * t + piece->x[i];
+        y = y * t + piece->y[i];
+        w = w * t + piece->w[i];
+    }
+    curve->x = x = x / w;
+    curve->y = y = y / w;
+    curve->dx = (dx - dw * x) / w;
+    curve->dy = (dy - dw * y) / w;
+}
+
+static void find_cell(sf_curve *curve, sf_real s) {
+    const sf_real *table = curve->table_s;
+    unsigned cell = 0, end = curve->cells, last = end - 1u;
+    while (end - cell > 1) {
+        unsigned middle = (cell + end) / 2;
+        if (s >= table[middle]) cell = middle;
+        else end = middle;
+    }
+    sf_real size = table[cell + 1] - table[cell];
+    curve->cell_size = size;
+    curve->cell_u0 = curve->table_u[cell];
+    curve->cell_u1 = curve->table_u[cell + 1];
+    curve->cell_m0 = (sf_real)curve->table_slope[cell] * size;
+    curve->cell_m1 = (sf_real)curve->table_slope[cell + 1] * size;
+    curve->cell_begin = table[cell];
+    curve->cell_end = cell < last ? table[cell + 1] : SF_INF;
+}
+
+void sf_curve_place(sf_curve *curve, sf_real s) {
+    if (s < R(0)) s = R(0);
+    else if (s > curve->length) s = curve->length;
+    if (!(curve->cell_begin <= s && s < curve->cell_end)) find_cell(curve, s);
+    sf_real part = (s - curve->cell_begin) / curve->cell_size, rest = R(1) - part;
+    sf_real value = rest * rest * ((R(1) + R(2) * part) * curve->cell_u0 + part * curve->cell_m0);
+    sf_real more = (R(3) - R(2) * part) * curve->cell_u1 - rest * curve->cell_m1;
+    evaluate(curve, value + part * part * more);
+}
+
+SHARED static sf_real speed(sf_curve *curve, sf_real u) {
+    const sf_piece *piece = &curve->pieces[curve->piece];
+    sf_real dx, dy;
+    if (curve->plain && piece->begin <= u && u < piece->end) {
+        sf_real t = u - piece->begin;
+        const sf_real *p = piece->x;
+        sf_real cubic = p[3] * t, square = cubic + p[2], slope = square * t + p[1];
+        dx = (cubic + square) * t + slope;
+        p = piece->y;
+        cubic = p[3] * t, square = cubic + p[2], slope = square * t + p[1];
+        dy = (cubic + square) * t + slope;
+    } else {
+        evaluate(curve, u);
+        dx = curve->dx;
+        dy = curve->dy;
+    }
+    return SF_SQRT(dx * dx + dy * dy);
+}
+
+void sf_measure_begin(sf_plan *plan, sf_curve *curve) {
+    unsigned spans = 0;
+    for (unsigned i = 0; i < curve->count + curve->degree; i++)
+        spans += curve->knots[i] < curve->knots[i + 1];
+    unsigned parts = MOST_CELLS / spans;
+    if (parts < LEAST_CELLS_PER_SPAN) parts = LEAST_CELLS_PER_SPAN;
+    if (parts > CELLS_PER_SPAN) parts = CELLS_PER_SPAN;
+    if (parts > SF_CELLS / spans) parts = SF_CELLS / spans;
+    plan->parts = (uint16_t)parts;
+    plan->span = 0;
+    plan->part = 0;
+    plan->previous = R(0);
+    curve->table_u[0] = curve->table_s[0] = R(0);
+    curve->table_slope[0] = (float)(R(1) / sf_most(speed(curve, R(0)), R(1e-9)));
+}
+
+bool sf_measure_cell(sf_plan *plan, sf_curve *curve) {
+    unsigned knots = curve->count + curve->degree + 1u;
+    while (plan->span < knots && !(curve->knots[plan->span] > plan->previous)) plan->span++;
+    if (plan->span == knots) {
+        curve->length = curve->table_s[curve->cells];
+        return false;
+    }
+    sf_real knot = curve->knots[plan->span], step = (knot - plan->previous) / (sf_real)plan->parts;
+    sf_real u0 = plan->previous + (sf_real)plan->part * step;
+    bool last = plan->part + 1u >= plan->parts;
+    sf_real u1 = last ? knot : u0 + step, size = R(0);
+    for (int i = 0; i < 5; i++)
+        size += GAUSS[i][1] * speed(curve, R(0.5) * (u0 + u1) + R(0.5) * (u1 - u0) * GAUSS[i][0]);
+    size *= R(0.5) * (u1 - u0);
+    if (size > R(0)) {
+        unsigned cell = curve->cells;
+        curve->table_u[cell + 1] = u1;
+        curve->table_s[cell + 1] = curve->table_s[cell] + size;
+        curve->table_slope[cell + 1] = (float)(R(1) / sf_most(speed(curve, u1), R(1e-9)));
+        curve->cells++;
+    }
+    plan->part++;
+    if (last) {
+        plan->part = 0;
+        plan->previous = knot;
+    }
+    return true;
+}

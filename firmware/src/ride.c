@@ -1,0 +1,340 @@
+/* A course being driven: where the robot is, how late, how fast to drive: robot_agent/core/ride.py.
+
+   Plan times are seconds after origin_ms.  With double that is 0; with float it is the beginning of
+   the course, so that a plan time keeps its precision however long the fleet has been driving. */
+
+#include "core.h"
+
+#define ARRIVAL_SLACK R(1e-3)
+#define LATE_SHARE R(0.2)
+#define ARRIVAL_SHARE R(0.8)
+#define TURN_SHARE R(0.9)
+#define GRACE R(0.25)
+#define ARRIVAL_PATIENCE R(0.2)
+#define HOLD_OUT R(0.05)
+#define REST_TIME R(0.1)
+#define REST_SLACK R(3e-3)
+#define PACE_TIME R(0.1)
+#define CATCH_UP_RATE R(10)
+#define QUICK_CATCH_UP_RATE R(25)
+#define QUICK_CATCH_UP_SHARE R(0.5)
+#define CATCH_UP_BRAKE R(0.15)
+#define REACTION_TICKS R(3)
+#define MOST_HURRY R(1.1)
+#define MOST_LATE 65535
+#define MOST_STAMP ((int64_t)INT32_MAX)
+#define SPARE_SPEED R(1.05)
+#define JOINT_GAP R(3e-3)
+#define JOINT_TURN R(0.02)
+#define JOINT_SPEED R(0.02)
+
+#ifdef SF_DOUBLE
+#define LONGEST_WATCH SF_INF
+#define TIME_ERROR R(0)
+#else
+#define LONGEST_WATCH R(256) /* Ticks are added up; beyond this float would lose parts of them. */
+#define TIME_ERROR R(5e-7)   /* the share by which a plan time may be rounded up */
+#endif
+
+sf_real sf_time_of_ms(const sf_course *course, int64_t plan_ms) {
+    return sf_seconds_of_ms(sf_difference(plan_ms, course->origin_ms));
+}
+
+bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf_real period) {
+    const sf_timeline *line = &course->timeline;
+    if (!(course->curve.length > R(0)) || !(course->curve.length < R(1e6))) return false;
+    if (sf_abs(line->length - course->curve.length) > ARRIVAL_SLACK) return false;
+    sf_follower_begin(course);
+    course->clock_error_ns = plan->clock_ms * MILLISECOND;
+    course->stamp_ms = SF_UNSAID;
+    course->late = 0;
+    course->track = R(plan->track_mm) / R(1000);
+    course->speed = course->curvature = course->distance = R(0);
+    course->brake = plan->brake_mmps2 ? R(plan->brake_mmps2) / R(1000) : SF_INF;
+    course->period = period;
+    course->catch_up = CATCH_UP_RATE;
+    if (course->brake == SF_INF) {
+        sf_real quick = sf_least(QUICK_CATCH_UP_RATE, QUICK_CATCH_UP_SHARE / period);
+        course->catch_up = sf_most(CATCH_UP_RATE, quick);
+    }
+    course->slack = sf_most(ARRIVAL_SLACK, LATE_SHARE * course->track);
+    course->limit = max_speed > R(0) ? max_speed : SPARE_SPEED * line->most_v;
+    course->brake_speed = course->rest_x = course->rest_y = R(0);
+    course->brake_from = course->stuck_s = course->pace_time = -SF_INF;
+    course->rest_from = course->pace = SF_INF;
+    course->stuck_from = course->pace_s = course->watch = R(0);
+    course->told_ms = 0;
+    course->authority = sf_time_of_ms(course, 0);
+    course->granted = sf_s_at(&course->timeline, course->authority);
+    course->halted = course->holds = course->may_turn = false;
+    course->time = course->begin;
+    course->rests_ms = INT64_MAX;
+    course->until = SF_INF;
+    course->rate = sf_least(sf_most(course->limit / line->most_v, R(1)), MOST_HURRY);
+    course->reaction = REACTION_TICKS * period;
+    course->foresight = HOLD_OUT + course->reaction + course->limit / course->brake;
+    return true;
+}
+
+static void limit_authority(sf_course *course) {
+    int64_t told = course->told_ms, rests = course->rests_ms;
+    course->authority = sf_time_of_ms(course, told < rests ? told : rests);
+    course->granted = sf_s_at(&course->timeline, course->authority);
+}
+
+void sf_grant(sf_course *course, int64_t authority_ms) {
+    if (authority_ms <= course->told_ms) return;
+    course->told_ms = authority_ms;
+    limit_authority(course);
+}
+
+/* A robot that starts and stops at once may rest where a course begins with any speed. */
+static bool begins_at_rest(sf_course *course) {
+    return sf_v_at(&course->timeline, course->begin) == R(0) || course->brake == SF_INF;
+}
+
+/* Whether the robot has reported that it passed the place where another course begins. */
+static bool has_told_beyond(const sf_course *course, int32_t begin_ms) {
+    int64_t passed_ms = course->stamp_ms - LATE_STEP_MS * (int64_t)course->late;
+#ifdef SF_DOUBLE
+    return (double)passed_ms > 1000.0 * (begin_ms / 1000.0);
+#else
+    return passed_ms > begin_ms;
+#endif
+}
+
+bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
+    sf_timeline *line = &course->timeline;
+    sf_real begin = sf_time_of_ms(course, coming->begin_ms), s = sf_s_at(line, begin), turn;
+    bool rests = begins_at_rest(coming);
+    if (at_goal) s = line->length;
+    if (sf_joint(course, s, coming, &turn) > JOINT_GAP) return false;
+    bool ends = at_goal || begin >= line->finish || course->told_ms <= coming->begin_ms;
+    if (rests && ends) return true;
+    if (course->time > begin || has_told_beyond(course, coming->begin_ms)) return false;
+    sf_real speed = sf_v_at(line, begin);
+    if (rests && speed == R(0)) return true;
+    sf_real differ = sf_abs(speed - sf_v_at(&coming->timeline, coming->begin));
+    return differ <= JOINT_SPEED && sf_abs(turn) <= JOINT_TURN;
+}
+
+bool sf_rests_where(const sf_course *course, sf_course *coming) {
+    const sf_follower *mine = &course->follower;
+    uint8_t fault;
+    sf_real turn;
+    if (!begins_at_rest(coming) || !(mine->off < SF_INF) || !(mine->x < SF_INF)) return false;
+    sf_stands_at_start(coming, mine->x, mine->y, mine->heading, &fault, &turn);
+    return fault == SF_NO_FAULT;
+}
+
+void sf_end_with(sf_course *course, sf_course *coming) {
+    course->until = sf_time_of_ms(course, coming->begin_ms);
+    course->rests_ms = begins_at_rest(coming) ? coming->begin_ms : INT64_MAX;
+    limit_authority(course);
+}
+
+bool sf_is_over(sf_course *course, sf_real now) {
+    sf_real until = course->until;
+    if (now < until || course->time < sf_least(until, course->timeline.finish)) return false;
+    sf_real left = sf_s_at(&course->timeline, until) - course->follower.s;
+    if (left <= sf_most(ARRIVAL_SLACK, course->speed * course->period)) return true;
+    bool stuck = course->watch - course->stuck_from >= REST_TIME;
+    return stuck && left <= ARRIVAL_SHARE * course->track;
+}
+
+void sf_follow(sf_course *course, const sf_course *before) {
+    course->halted = before->halted;
+    course->holds = false;
+    limit_authority(course);
+    course->may_turn = begins_at_rest(course);
+    course->watch = course->pace_time = before->watch;
+    course->speed = before->speed;
+    course->pace = before->pace;
+    course->brake_speed = before->brake_speed;
+    course->brake_from = before->brake_from;
+}
+
+sf_real sf_turn_before_start(sf_course *course, sf_real x, sf_real y, sf_real heading) {
+    uint8_t fault;
+    sf_real turn;
+    if (course->halted || !course->may_turn) return R(0);
+    bool stands = sf_stands_at_start(course, x, y, heading, &fault, &turn);
+    course->may_turn = !stands && course->follower.s <= course->track;
+    return course->may_turn ? turn : R(0);
+}
+
+void sf_reckon(sf_course *course, int64_t now_ms) {
+    sf_timeline *line = &course->timeline;
+    sf_real bearable = course->track - course->follower.off;
+    sf_real reached = course->follower.s + sf_least(course->slack, bearable);
+    course->stamp_ms = now_ms;
+    course->late = 0;
+    if (reached < sf_s_at(line, sf_time_of_ms(course, now_ms)) || now_ms > MOST_STAMP) {
+        sf_real passed = sf_time_at(line, sf_most(reached, R(0)));
+        passed -= TIME_ERROR * sf_abs(passed);
+        int64_t passed_ms = course->origin_ms + sf_floor(R(1000) * passed);
+        int64_t late = -sf_floor_ratio(passed_ms - now_ms, LATE_STEP_MS);
+        course->late = late > MOST_LATE ? MOST_LATE : late > 0 ? (int32_t)late : 0;
+        if (late > MOST_LATE || now_ms > MOST_STAMP) {
+            course->stamp_ms = passed_ms;
+            course->late = 0;
+        }
+    }
+    if (course->stamp_ms < -MOST_STAMP) course->stamp_ms = -MOST_STAMP;
+}
+
+/* Whether the robot is more than GRACE behind a plan time. */
+static bool lags(sf_course *course, sf_real time) {
+    sf_real bearable = sf_least(course->track - course->follower.off, course->slack);
+    return !(course->follower.s >= sf_s_at(&course->timeline, time - GRACE) - bearable);
+}
+
+bool sf_stands_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, uint8_t *fault,
+                        sf_real *turn) {
+    sf_real enough = TURN_SHARE * course->track, angle;
+    *fault = SF_NO_FAULT;
+    *turn = R(0);
+    if (sf_misplacement(course, x, y, heading) <= enough) return true;
+    if (sf_turn_at_start(course, x, y, heading, &angle) <= enough) *turn = angle;
+    else *fault = SF_OFF_PATH;
+    return false;
+}
+
+uint8_t sf_trouble(const sf_course *course) {
+    sf_real beyond = course->follower.s - course->granted, off = course->follower.off;
+    if (beyond > R(0)) off += beyond;
+    return off <= course->track ? SF_NO_FAULT : SF_OFF_PATH;
+}
+
+bool sf_arrived(const sf_course *course) {
+    const sf_follower *follower = &course->follower;
+    sf_real over = course->time - course->timeline.finish;
+    if (over < R(0)) return false;
+    sf_real left = course->timeline.length - follower->s;
+    if (over >= ARRIVAL_PATIENCE && course->watch - course->stuck_from >= REST_TIME)
+        return left <= ARRIVAL_SHARE * course->track && !sf_has_left_goal(course);
+    return left <= ARRIVAL_SLACK && follower->off <= course->slack;
+}
+
+bool sf_at_goal(const sf_course *course) {
+    sf_real left = course->timeline.length - course->follower.s;
+    return left <= ARRIVAL_SLACK && course->follower.off <= course->track;
+}
+
+bool sf_has_left_goal(const sf_course *course) {
+    sf_real moved = sf_abs(course->timeline.length - course->follower.s);
+    return !(course->follower.off + moved <= course->track);
+}
+
+/* Let one period pass on the watch, the time that the ticks have taken, whatever clocks do. */
+static void pass_period(sf_course *course) {
+    course->watch += course->period;
+    if (!(course->watch > LONGEST_WATCH)) return;
+    sf_real passed = course->watch;
+    course->watch = R(0);
+    course->stuck_from -= passed;
+    course->pace_time -= passed;
+    course->brake_from -= passed;
+    course->rest_from -= passed;
+}
+
+static void brake_on(sf_course *course) {
+    sf_real passed = course->watch - course->brake_from;
+    sf_real fell = passed > R(0) ? course->brake * passed : R(0);
+    course->speed = sf_most(course->brake_speed - fell, R(0));
+    sf_real later = course->time + passed + HOLD_OUT;
+    later = sf_least(sf_least(later, course->authority), course->until);
+    sf_real room = sf_s_at(&course->timeline, later) - course->follower.s;
+    course->distance = sf_most(sf_least(room, course->speed * HOLD_OUT), R(0));
+    course->curvature = sf_curvature(course, course->speed * course->period);
+}
+
+/* The plan time by which a robot drives that lags behind now: it runs as fast as the robot's
+   greatest speed allows, ends waits at once, and stands still while the robot does not follow. */
+static sf_real advanced(sf_course *course, sf_real now) {
+    if (lags(course, course->time)) return course->time;
+    sf_real time = sf_rest_until(&course->timeline, course->time);
+    return sf_least(time + course->rate * course->period, now);
+}
+
+/* The room that is left, at most to where the authority ends; limits the speed. */
+static sf_real within_authority(sf_course *course, sf_real room) {
+    sf_real left = course->granted - course->follower.s, most;
+    if (left < R(0)) left = R(0);
+    if (course->brake == SF_INF) {
+        most = left / course->reaction;
+    } else {
+        sf_real lost = course->brake * course->reaction;
+        most = SF_SQRT(lost * lost + R(2) * course->brake * left) - lost;
+    }
+    if (course->speed > most) course->speed = most;
+    return room < left ? room : left;
+}
+
+void sf_keep_to_plan(sf_course *course, sf_real now) {
+    sf_timeline *line = &course->timeline;
+    sf_real s = course->follower.s, period = course->period;
+    pass_period(course);
+    sf_real watch = course->watch;
+    if (!(sf_abs(s - course->stuck_s) <= REST_SLACK)) {
+        course->stuck_from = watch;
+        course->stuck_s = s;
+    }
+    sf_real passed = watch - course->pace_time;
+    if (passed >= PACE_TIME) {
+        course->pace = passed < R(1) ? (s - course->pace_s) / passed : SF_INF;
+        course->pace_time = watch;
+        course->pace_s = s;
+    }
+    if (course->halted || now < course->time) {
+        if (!course->holds) {
+            sf_begin_to_brake(course);
+            course->brake_from -= period;
+        }
+        course->holds = true;
+        if (s > sf_s_at(line, course->time)) course->time = sf_time_at(line, s);
+        brake_on(course);
+        return;
+    }
+    course->holds = false;
+    sf_real time = course->time = lags(course, now) ? advanced(course, now) : now;
+    sf_real planned = sf_s_at(line, time), speed = (sf_s_at(line, time + period) - planned) / period;
+    sf_real lag = planned - s, more = lag * course->catch_up;
+    if (lag > R(0)) more = sf_least(more, SF_SQRT(R(2) * CATCH_UP_BRAKE * course->brake * lag));
+    speed += more;
+    if (speed < R(0)) speed = R(0);
+    else if (speed > course->limit) speed = course->limit;
+    course->speed = speed;
+    sf_real room = sf_s_at(line, time + HOLD_OUT) - s;
+    if (course->authority < time + course->foresight) room = within_authority(course, room);
+    course->distance = room > R(0) ? room : R(0);
+    course->curvature = sf_curvature(course, course->speed * period);
+}
+
+void sf_begin_to_brake(sf_course *course) {
+    bool stuck = course->watch - course->stuck_from >= REST_TIME;
+    sf_real seen = sf_most(course->pace, R(0)) + R(2) * PACE_TIME * course->brake;
+    course->brake_speed = stuck ? R(0) : sf_least(course->speed, seen);
+    course->brake_from = course->watch;
+    course->rest_from = SF_INF;
+}
+
+void sf_keep_braking(sf_course *course) {
+    pass_period(course);
+    brake_on(course);
+}
+
+bool sf_rests(sf_course *course, sf_real x, sf_real y) {
+    bool moved = !(sf_abs(x - course->rest_x) + sf_abs(y - course->rest_y) <= REST_SLACK);
+    if (course->speed > R(0) || moved || course->rest_from == SF_INF) {
+        course->rest_from = course->watch;
+        course->rest_x = x;
+        course->rest_y = y;
+    }
+    return course->watch - course->rest_from >= REST_TIME;
+}
+
+void sf_stand(sf_course *course) {
+    sf_find(course);
+    course->speed = course->curvature = course->distance = R(0);
+}

@@ -1,0 +1,51 @@
+"""The C core against the Python core: the same events, the same answers."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.firmware.building import answers
+from tests.firmware.streams import Trial
+
+TICKS = 1500
+
+pytestmark = pytest.mark.processes
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_both_cores_answer_to_the_last_bit_alike_whatever_happens(exact_core, seed):
+    stream = Trial(seed).stream(TICKS)
+    ticks = answers(exact_core, stream.lines)
+    assert len(ticks) == len(stream.ticks)
+    for number, (told, expected) in enumerate(zip(ticks, stream.ticks, strict=True)):
+        assert told == expected, f"tick {number}"
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_core_in_float_has_the_same_phases_and_places_to_a_millimetre(float_core, seed):
+    stream = Trial(seed, trouble=0.0).stream(2 * TICKS)
+    ticks = answers(float_core, stream.lines)
+    assert [tick.phase for tick in ticks] == [tick.phase for tick in stream.ticks]
+    for told, expected in zip(ticks, stream.ticks, strict=True):
+        assert told.place == pytest.approx(expected.place, abs=1e-3)
+        assert told.speed == pytest.approx(expected.speed, abs=0.1)
+        assert [kind for kind, _ in told.sent] == [kind for kind, _ in expected.sent]
+
+
+def test_the_streams_reach_every_phase_and_newer_courses():
+    ticks = [tick for seed in range(16) for tick in Trial(seed).stream(TICKS).ticks]
+    assert {tick.phase for tick in ticks} == set(range(6))
+    assert {tick.fault for tick in ticks} >= {0, 1, 2, 3}
+    assert max(tick.revision for tick in ticks) > 1
+    assert {kind for tick in ticks for kind, _ in tick.sent} == {"hello", "clock", "report"}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_robot_that_reads_its_plan_over_several_ticks_drives_like_the_others(robot_core, seed):
+    stream = Trial(seed, trouble=0.0, courses=False, go_after=300).stream(TICKS)
+    ticks = answers(robot_core, stream.lines)
+    reading = sum(tick.reads for tick in ticks)
+    assert 5 < reading < 250
+    for told, expected in list(zip(ticks, stream.ticks, strict=True))[300:]:
+        assert (told.phase, told.fault) == (expected.phase, expected.fault)
+        assert told.place == pytest.approx(expected.place, abs=1e-3)
