@@ -20,7 +20,11 @@ load_quickly()
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function of arrays and numbers on first use; cache the machine code on disk."""
+    """Compile a function of arrays and numbers on first use; cache the machine code on disk.
+
+    With numba's compilation switched off (NUMBA_DISABLE_JIT=1) it stays as it is.
+    """
     kernel = numba.njit(nogil=True, error_model="numpy")(function)
-    keep(kernel)
+    if kernel is not function:
+        keep(kernel)
     return cast(Callable[P, R], kernel)

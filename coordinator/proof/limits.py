@@ -32,7 +32,8 @@ def limit_failures(driven: Driven, limits: Limits) -> list[str]:
     """Return a sentence for each limit that a motion exceeds by more than the factors above allow.
 
     Nothing is sampled: speed and acceleration are computed per leg, and bends are proven at all
-    places of the curve (limit_kernels.py).
+    places of the curve (limit_kernels.py).  A robot keeps to its authority by braking as its
+    message says, which must not be more than it can.
     """
     line, failures = driven.timeline, []
     v0, v1 = np.array(line.v0), np.array(line.v1)
@@ -45,6 +46,12 @@ def limit_failures(driven: Driven, limits: Limits) -> list[str]:
             failures.append(f"{driven.id} changes speed faster than {limits.max_accel} m/s^2")
         if v0[0] > 1e-6 or v1[-1] > 1e-6:
             failures.append(f"{driven.id} does not begin and end at rest")
+        told = driven.plan.brake_mmps2
+        if not 0 < told <= max(1000.0 * limits.max_accel, 1.0):
+            failures.append(
+                f"{driven.id} is told to brake at {told / 1000.0:g} m/s^2 (0 is at once), "
+                f"can brake at {limits.max_accel:g} m/s^2"
+            )
     return failures + _bend_failures(driven, limits)
 
 

@@ -33,6 +33,7 @@ from coordinator.proof.separation_kernels import (
     finer_pairs,
     near_pairs,
 )
+from coordinator.scenario.margin import RESOLUTION
 
 _COARSE: Final = 2e-2
 _FINER: Final = (1e-3, 5e-5)
@@ -54,12 +55,11 @@ _MOST_BLOCKS: Final = 2000
 class Closest:
     """The least slack and the distance there [m], both robots (indices), when [s] and where [m].
 
-    certain: the true least slack lies between this and `slack`.  It is at most margin.RESOLUTION
-    below `slack`, unless places by arc length are uncertain by more than micrometres.
+    The true least slack is never below `slack` by more than margin.RESOLUTION.  It is above it by
+    more than that only where places by arc length are uncertain.
     """
 
     slack: float
-    certain: float
     distance: float
     a: int
     b: int
@@ -172,10 +172,10 @@ class Separation:
             a, b = robots[row].tolist()
             p, q = rows[candidates.pairs[row]]
             x, y = 0.5 * (_place(p, t_a[row]) + _place(q, t_b[row]))
-            slack, least = float(high[row]), float(certain[group[row]])
+            slack = float(min(high[row], certain[group[row]] + RESOLUTION))
             distance = slack + float(keep[a] + keep[b])
             when = (float(t_a[row]), float(t_b[row]))
-            closest.append(Closest(slack, least, distance, a, b, *when, float(x), float(y)))
+            closest.append(Closest(slack, distance, a, b, *when, float(x), float(y)))
         return closest
 
 

@@ -27,7 +27,7 @@ from coordinator.plan.wire import Driven
 from coordinator.proof.limits import limit_failures
 from coordinator.proof.motion_pieces import Part
 from coordinator.proof.separation import Closest, Separation
-from coordinator.scenario.margin import RESOLUTION, TOLERANCE, beside_solid, between_robots
+from coordinator.scenario.margin import TOLERANCE, beside_solid, between_robots
 
 _PLACE: Final = 0.05
 """Step [m] in which the place where a path comes too near to something solid is located."""
@@ -154,9 +154,6 @@ def prove_separation(
     failures = []
     if tightest.slack < -TOLERANCE:
         failures = _say_failing(fleet.below(keep, -TOLERANCE), driven, keep)
-    elif tightest.certain < -TOLERANCE - RESOLUTION:
-        unsure = tightest.slack - tightest.certain
-        failures = [f"places are uncertain by {unsure:.4f} m where {text}"]
     return Apart(round(nearest.distance, 6), round(tightest.slack, 6), text, failures)
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from coordinator.fleet.log_records import LINK_GONE, LINK_UP
 from coordinator.fleet.member import STRIKES
-from coordinator.fleet.phases import ARM_PATIENCE
+from coordinator.fleet.phases import ARM_PATIENCE, RESUME_PATIENCE
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Command, Plan, Report, Rest
@@ -295,6 +295,43 @@ def test_nobody_is_called_lost_who_had_no_time_to_be_heard_since_the_coordinator
     for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
         floor.tick()
     assert floor.fleet.members["R1"].lost
+
+
+def test_a_robot_armed_with_the_plan_of_another_epoch_does_not_let_the_fleet_set_out():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    floor.report("R1", ARMED, epoch=2)
+    floor.report("R3", ARMED, epoch=1)
+    floor.tick()
+    assert floor.commands[-1].phase == HOLD
+    floor.report("R3", ARMED, epoch=2)
+    floor.tick()
+    assert floor.commands[-1].phase == GO
+
+
+def test_robots_have_time_to_be_heard_by_a_coordinator_that_took_over():
+    floor = Floor().go()
+    heard_ns = floor.now
+    floor.now += 20 * SECOND
+    floor.fleet.take_over(78, heard_ns, floor.now)
+    until = floor.now + RESUME_PATIENCE + REPORT_TIMEOUT
+    while floor.now < until - COMMAND_PERIOD:
+        floor.tick()
+        assert not any(member.lost for member in floor.fleet.members.values())
+    while floor.now < until + 2 * COMMAND_PERIOD:
+        floor.tick()
+    assert all(member.lost for member in floor.fleet.members.values())
+
+
+def test_a_coordinator_that_takes_over_a_frozen_fleet_gives_nobody_up_at_once():
+    floor = frozen_but("R2")
+    heard_ns = floor.now
+    floor.now += 60 * SECOND
+    floor.fleet.take_over(78, heard_ns, floor.now)
+    until = floor.now + RESUME_PATIENCE
+    while floor.now < until - COMMAND_PERIOD:
+        floor.tick()
+        assert not floor.fleet.members["R1"].lost
 
 
 def test_a_robot_that_lost_its_plan_before_it_set_out_is_sent_it_again():

@@ -167,3 +167,14 @@ def test_a_length_that_is_out_is_told_with_its_size_and_place():
         assert math.hypot(x, y) == pytest.approx(0.3, abs=0.01)
         assert abs(math.atan2(y, x) - (2.0 / 0.3 - 2.0 * math.pi)) < 0.2
         del vars(curve)["_table"], vars(curve)["length"]
+
+
+def test_a_message_is_not_read_without_a_check_of_its_length(document, monkeypatch):
+    def refuse(_curve, _chain):
+        raise ValueError("the length is out")
+
+    robot = document.robots[0]
+    payload = pack(document, robot, 0)
+    monkeypatch.setattr(wire, "_check_length", refuse)
+    with pytest.raises(ValueError, match="the length is out"):
+        unpack(payload, robot.radius)

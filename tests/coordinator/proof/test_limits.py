@@ -73,6 +73,19 @@ def test_corners_where_spans_meet_are_refused(name):
     curve = nurbs(degree, knots, points)
     length = curve.length
     line = Timeline([0.0, 0.5, length - 0.5, length], [0.0, 0.8, 0.8, 0.0], [], [])
-    driven = SimpleNamespace(id="A", curve=curve, timeline=line)
+    plan = SimpleNamespace(brake_mmps2=1_000)
+    driven = SimpleNamespace(id="A", curve=curve, timeline=line, plan=plan)
     limits = Limits(max_speed=1.0, max_accel=1.0, max_lateral_accel=1.0)
     assert any("corner" in said for said in limit_failures(driven, limits))
+
+
+@pytest.mark.parametrize(
+    ("told", "is_kept"), [(0, False), (999, True), (1_000, True), (1_001, False)]
+)
+def test_a_robot_may_not_be_told_to_brake_harder_than_it_can(told, is_kept):
+    curve = nurbs(1, [0, 0, 1, 1], [(0, 0), (4, 0)])
+    line = Timeline([0.0, 1.0, 3.0, 4.0], [0.0, 0.8, 0.8, 0.0], [], [])
+    plan = SimpleNamespace(brake_mmps2=told)
+    driven = SimpleNamespace(id="A", curve=curve, timeline=line, plan=plan)
+    failures = limit_failures(driven, Limits(max_speed=1.0, max_accel=1.0))
+    assert any("brake" in said for said in failures) is not is_kept

@@ -250,8 +250,9 @@ def test_all_terms_that_are_not_the_scenarios_are_told(real):
 
 def test_limits_that_the_file_does_not_tell_leave_a_robot_without_a_brake(real):
     scenario, document = real
-    (failure,) = prove_document(changed(document, 0, limits=None), scenario).failures
-    assert "limits.max_accel is none" in failure
+    first, second = prove_document(changed(document, 0, limits=None), scenario).failures
+    assert "limits.max_accel is none" in first
+    assert "is told to brake at 0 m/s^2 (0 is at once)" in second
 
 
 def test_wider_turns_than_the_scenario_asks_for_are_no_failure(real):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
@@ -204,3 +205,16 @@ def test_a_robot_that_cannot_learn_the_time_arms_after_a_while_and_drives_within
     run.authority = 10**6
     run.until(run.now + 20 * SECOND)
     assert run.agent.phase == DONE
+
+
+def test_a_better_offset_moves_the_clock_of_a_robot_under_way_little_by_little():
+    run = driven_run(PATH, MOTION, 1.5)
+    agent, own = run.agent, run.own(run.now)
+    agent.hear_clock(own - 3 * MS, run.now - 3 * MS, run.now - 3 * MS, own)
+    offsets = [agent.clock.offset_ns]
+    for tick in range(1, 31):
+        agent.tick(own + 10 * MS * tick, *run.body.pose())
+        offsets.append(agent.clock.offset_ns)
+    steps = [abs(b - a) for a, b in itertools.pairwise(offsets)]
+    assert abs(offsets[-1] - offsets[0]) > MS
+    assert max(steps) <= 10 * MS // 50
