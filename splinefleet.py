@@ -35,6 +35,7 @@ _COMMANDS: Final = (
     "coordinator.cli.operator_commands",
     "sim.cli.run_commands",
     "coordinator.cli.info_commands",
+    "coordinator.cli.conformance_command",
     "coordinator.cli.view_commands",
     "sim.cli.replay_commands",
     "coordinator.cli.log_commands",

@@ -1,17 +1,20 @@
-"""Makes messages.txt: the bytes of one message of each type and of each optional field.
+"""Makes messages.txt, the bytes of one message of each type and of each optional field.
 
-Run as `python -m tests.golden.make_messages`.  The bytes are made by the few lines of msgpack
-below, from the field order of the protocol's table, and share nothing with protocol/codec.py:
-a test holds the codec to the file.  A byte that changes here breaks robots in the field.
+Run as `python -m tests.golden.make_messages`; it also renews the examples of docs/protocol.md.
+The bytes are made by the few lines of msgpack below, from the field order of the protocol's table,
+and share nothing with protocol/codec.py: a test holds the codec to the file.  A byte that changes
+here breaks robots in the field.
 """
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 from pathlib import Path
 
 FILE = Path(__file__).with_name("messages.txt")
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "protocol.md"
 
 _INTEGERS = (
     (0, 0x7F, None, "B"),
@@ -33,11 +36,24 @@ STOPS = struct.pack("<fq", 1.5, 8_400_000_000)
 KNOTS = struct.pack("<f", 3.0)
 WEIGHTS = struct.pack("<4f", 1.0, 0.75, 0.75, 1.0)
 
+EXAMPLE = {
+    "points": struct.pack("<10f", 0.0, 0.0, 0.75, 0.0, 1.5, 0.75, 2.25, 1.5, 3.0, 1.5),
+    "knots": struct.pack("<2f", 1.0, 2.0),
+    "weights": b"",
+    "speeds": SPEEDS,
+    "profile": struct.pack(
+        "<fBfBfBfBfBfB", 0, 0, 0.25, 1, 1.25, 1, 1.75, 1, 3.21654320, 1, 3.46654320, 0
+    ),
+    "stops": STOPS,
+}
+"""The plan of docs/protocol.md: along an S of 3.467 m, with a stop of 4.4 s on the way."""
+
 MESSAGES: dict[str, tuple[str, list]] = {
     "hello": (
         "hello",
         [1, 2, 4_294_967_295, 0.15, 0.5, 0.5, None, 1, 60, 20, 1_200],
     ),
+    "hello_of_version_3": ("hello", [1, 3, 77, 0.15, 0.5, 0.5, None, 1, 64, 16, 1_600]),
     "hello_that_states_no_limits": ("hello", [1, 2, 7, 0.0, 0.0, 0.0, None, 0, 0, 0, 0]),
     "hello_of_a_robot_that_came_back": (
         "hello",
@@ -89,6 +105,10 @@ MESSAGES: dict[str, tuple[str, list]] = {
             PROFILE,
             b"",
         ],
+    ),
+    "plan_of_the_page": (
+        "plan",
+        [2, 1, 5, "R1", 3, 0, 0, 5 * 10**8, 20, 500, 10, 3, *EXAMPLE.values()],
     ),
     "refusal": ("plan", [6, 77, "R9 stands in no scenario"]),
     "command_hold": ("command", [3, 5, 1, 1, 1, 0, 0, 1, 0, [], 0, 65_535, [], 5]),
@@ -148,6 +168,27 @@ MESSAGES: dict[str, tuple[str, list]] = {
 }
 """Name to (kind of key, tag and fields)."""
 
+EXAMPLES = (
+    "hello_of_version_3",
+    "plan_of_the_page",
+    "refusal",
+    "command_go",
+    "report",
+    "report_of_a_frozen_robot",
+    "clock_question",
+    "clock_answer",
+    "admit",
+    "order",
+    "cancel",
+    "tell",
+    "order_state",
+    "block",
+    "unblock",
+    "join",
+    "leave",
+)
+"""The messages that docs/protocol.md shows, in its order."""
+
 FIELDS = {
     1: "version boot radius_m max_speed_mps max_accel_mps2 place sequence points stops bytes",
     2: "epoch boot robot number revision begin_ms tau_ns track_mm brake_mmps2 clock_ms degree "
@@ -168,6 +209,16 @@ FIELDS = {
 }
 """Tag to the names of the fields in their order."""
 
+LAYOUT = {
+    "points": "<ff",
+    "knots": "<f",
+    "weights": "<f",
+    "speeds": "<f",
+    "profile": "<fB",
+    "stops": "<fq",
+}
+"""The packed fields of a Plan and what they repeat."""
+
 
 def pack(value: object) -> bytes:
     """Return msgpack in its shortest form, floats as float64."""
@@ -185,10 +236,13 @@ def pack(value: object) -> bytes:
     if isinstance(value, str):
         return bytes([0xA0 + len(value)]) + value.encode()
     if isinstance(value, list):
-        count = len(value)
-        head = bytes([0x90 + count]) if count < 16 else b"\xdc" + struct.pack(">H", count)
-        return head + b"".join(map(pack, value))
+        return head(len(value)) + b"".join(map(pack, value))
     raise TypeError(type(value))
+
+
+def head(count: int) -> bytes:
+    """Return the head of an array."""
+    return bytes([0x90 + count]) if count < 16 else b"\xdc" + struct.pack(">H", count)
 
 
 def fields(name: str) -> list:
@@ -207,11 +261,60 @@ def payload(name: str) -> bytes:
     return (sealed if fields(name)[0] == 2 else pack)(fields(name))
 
 
+def rows(name: str) -> list[str]:
+    """Return the example of docs/protocol.md: a row for each element, its bytes and its meaning."""
+    tag, *values = fields(name)
+    count = 1 + len(values) + (tag == 2)
+    shown = [(head(count), f"array of {count}"), (pack(tag), f"tag {tag}")]
+    for field, value in zip(FIELDS[tag].split(), values, strict=True):
+        shown += rows_of(f"{field}: ", value, LAYOUT.get(field, "") if tag == 2 else "")
+    if tag == 2:
+        whole = payload(name)
+        shown.append((whole[-5:], f"the seal: CRC-32 of the {len(whole) - 5} bytes above"))
+    return [f"{part.hex():<24} {meaning}" for part, meaning in shown]
+
+
+def rows_of(said: str, value: object, layout: str) -> list[tuple[bytes, str]]:
+    """Return the bytes and the meaning of a value, and of each of its parts."""
+    if isinstance(value, list):
+        parts = [row for part in value for row in rows_of("", part, "")]
+        return [(head(len(value)), f"{said}array of {len(value)}"), *indented(parts)]
+    if isinstance(value, bytes):
+        parts = [
+            (struct.pack(layout, *part), ", ".join(map(number, part)))
+            for part in struct.iter_unpack(layout, value)
+        ]
+        return [(pack(value)[:2], f"{said}{len(value)} bytes"), *indented(parts)]
+    words = "null" if value is None else "true" if value is True else str(value) or '""'
+    return [(pack(value), said + words)]
+
+
+def indented(parts: list[tuple[bytes, str]]) -> list[tuple[bytes, str]]:
+    """Return rows with their meaning moved to the right."""
+    return [(part, f"  {meaning}") for part, meaning in parts]
+
+
+def number(value: float) -> str:
+    """Return how an example states a packed number."""
+    return f"{value:.7g}" if isinstance(value, float) else str(value)
+
+
 def text() -> str:
     """Return the lines of the golden file: name, kind of key, bytes in hexadecimal."""
     rows = [f"{name} {kind} {payload(name).hex()}" for name, (kind, _) in MESSAGES.items()]
     return "\n".join(rows) + "\n"
 
 
+def page(before: str) -> str:
+    """Return docs/protocol.md with the examples as they are now."""
+    names = iter(EXAMPLES)
+
+    def example(_: re.Match[str]) -> str:
+        return "\n".join(["```", *rows(next(names)), "```"])
+
+    return re.sub(r"```\n(?:9|dc)[^`]*```", example, before)
+
+
 if __name__ == "__main__":
     FILE.write_text(text())
+    PAGE.write_text(page(PAGE.read_text()))
