@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
+from pathlib import Path
 from random import Random
 from typing import Final, NamedTuple
 
 from msgspec.structs import replace
 
-from benchmarks.campaign import in_turn, options, record
+from benchmarks.campaign import WORKERS, in_turn, options, record
 from benchmarks.table import Row
 from coordinator.base.errors import PlanError
 from coordinator.plan.document import PlanDocument
@@ -139,10 +140,12 @@ def _planned(
     raise AssertionError(f"no {kind} of {robots} robots has a plan")
 
 
-def beyond(count: int = 20, from_seed: int = 0) -> list[Row]:
+def beyond(
+    count: int = 20, from_seed: int = 0, jobs: int = WORKERS, kept: Path | None = None
+) -> list[Row]:
     """Return a row for each way, over `count` seeds, and one for each seed that went wrong."""
     numbers = range(from_seed * len(WAYS), (from_seed + count) * len(WAYS))
-    found = in_turn(measure, numbers)
+    found = in_turn(measure, numbers, jobs, kept)
     rows: list[Row] = []
     for index, way in enumerate(WAYS):
         runs = [run for run in found[index :: len(WAYS)] if run is not None]
@@ -168,4 +171,5 @@ def beyond(count: int = 20, from_seed: int = 0) -> list[Row]:
 
 if __name__ == "__main__":
     asked = options(__doc__, 500, 0)
-    record("beyond", {"beyond every budget": beyond(asked.count, asked.from_seed)})
+    rows = beyond(asked.count, asked.from_seed, asked.jobs, asked.kept)
+    record("beyond", {"beyond every budget": rows})

@@ -17,10 +17,11 @@ import itertools
 import math
 import statistics
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from random import Random
 from typing import Final, NamedTuple
 
-from benchmarks.campaign import in_turn, options, record
+from benchmarks.campaign import WORKERS, in_turn, options, record
 from benchmarks.table import Row
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.wire import drive
@@ -115,10 +116,12 @@ def measure(number: int) -> Result:
     )
 
 
-def disturbance(count: int = 1, from_seed: int = 0) -> list[Row]:
+def disturbance(
+    count: int = 1, from_seed: int = 0, jobs: int = WORKERS, kept: Path | None = None
+) -> list[Row]:
     """Return a row for each cell, over `count` seeds."""
     numbers = range(from_seed * len(CELLS), (from_seed + count) * len(CELLS))
-    found = in_turn(measure, numbers)
+    found = in_turn(measure, numbers, jobs, kept)
     return [_row(cell, found[index :: len(CELLS)]) for index, cell in enumerate(CELLS)]
 
 
@@ -235,7 +238,5 @@ def _allstop(lines: Mapping[str, Timeline], stops: Mapping[str, Spans], silences
 
 if __name__ == "__main__":
     asked = options(__doc__, 5, 0)
-    record(
-        "disturbance",
-        {"robots stopped, Commands lost": disturbance(asked.count, asked.from_seed)},
-    )
+    rows = disturbance(asked.count, asked.from_seed, asked.jobs, asked.kept)
+    record("disturbance", {"robots stopped, Commands lost": rows})

@@ -5,13 +5,12 @@ cancellations, closed places, robots that join, and faults.  A run is good if no
 no robot touches anything solid, and the fleet ends with every order done, cancelled or refused with
 a reason.
 
-`python -m benchmarks.order_campaign --count 2000` runs seeds and prints a table.  Decides: what is
-drawn.  Must not know: how courses are found.
+`python -m benchmarks.order_campaign --count 2000 --kept FILE` runs seeds and prints a table.
+Decides: what is drawn.  Must not know: how courses are found.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections import Counter
 from itertools import combinations
@@ -22,7 +21,7 @@ from typing import Final, NamedTuple
 
 from msgspec.structs import replace
 
-from benchmarks.campaign import in_turn, record
+from benchmarks.campaign import in_turn, parser_of, record
 from benchmarks.table import Row
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import Link, Scenario
@@ -69,7 +68,7 @@ class Result(NamedTuple):
 
     seed: int
     problems: tuple[str, ...]
-    orders: Counter[str]
+    orders: dict[str, int]
     freezes: int
     faults: tuple[str, ...]
 
@@ -214,14 +213,12 @@ def _judged(
 
 def main() -> None:
     """Run seeds and print what was wrong."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=100)
-    parser.add_argument("--from-seed", type=int, default=0)
-    asked = parser.parse_args()
-    results = in_turn(run_seed, range(asked.from_seed, asked.from_seed + asked.count))
+    asked = parser_of(__doc__, 100).parse_args()
+    seeds = range(asked.from_seed, asked.from_seed + asked.count)
+    results = in_turn(run_seed, seeds, asked.jobs, asked.kept)
     states: Counter[str] = Counter()
     for one in results:
-        states += one.orders
+        states.update(one.orders)
     bad = [one for one in results if one.problems]
     total: Row = {
         "runs": len(results),

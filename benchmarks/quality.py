@@ -11,13 +11,14 @@ import math
 import time
 from collections.abc import Iterator
 from functools import partial
+from pathlib import Path
 from random import Random
 from statistics import mean, median
 from typing import Final, NamedTuple
 
 from msgspec.structs import replace
 
-from benchmarks.campaign import in_turn, options, record
+from benchmarks.campaign import WORKERS, in_turn, options, record
 from benchmarks.table import Row
 from coordinator.base.errors import InputError, PlanError
 from coordinator.plan.document import PlanDocument
@@ -120,10 +121,16 @@ def measure(seed: int, effort: int = EFFORT) -> Found | str:
     return Found(seed, name, robots, ours, best.delay, best.proven, *took)
 
 
-def quality(count: int = COUNT, from_seed: int = 0, effort: int = EFFORT) -> list[Row]:
+def quality(
+    count: int = COUNT,
+    from_seed: int = 0,
+    effort: int = EFFORT,
+    jobs: int = WORKERS,
+    kept: Path | None = None,
+) -> list[Row]:
     """Return our delays and the optimum: for all scenarios, by number of robots, and the worst."""
     seeds = range(from_seed, from_seed + count)
-    answers = in_turn(partial(measure, effort=effort), seeds)
+    answers = in_turn(partial(measure, effort=effort), seeds, jobs, kept)
     found = [answer for answer in answers if isinstance(answer, Found)]
     rows = [_summary("all", found)]
     for robots in sorted({one.robots for one in found}):
@@ -157,7 +164,8 @@ def _summary(what: str, found: list[Found]) -> Row:
 def main() -> None:
     """Measure the scenarios that the command line names."""
     chosen = options(__doc__, COUNT, EFFORT)
-    record("quality", {TITLE: quality(chosen.count, chosen.from_seed, chosen.effort)})
+    rows = quality(chosen.count, chosen.from_seed, chosen.effort, chosen.jobs, chosen.kept)
+    record("quality", {TITLE: rows})
 
 
 if __name__ == "__main__":

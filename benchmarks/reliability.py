@@ -8,18 +8,16 @@ is made of.
 
 from __future__ import annotations
 
-import argparse
 import functools
 import math
 import statistics
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from functools import partial
-from multiprocessing import get_context
+from pathlib import Path
 from random import Random
-from typing import Final, NamedTuple, TypeVar
+from typing import Final, NamedTuple
 
-from benchmarks.campaign import record
+from benchmarks.campaign import WORKERS, in_turn, parser_of, record
 from benchmarks.table import ROOT, Row
 from coordinator.plan.document import PlanDocument
 from coordinator.scenario.model import Scenario
@@ -33,7 +31,6 @@ from sim.world.fault_text import Fault
 from sim.world.virtual_fleet import World
 
 COUNT: Final = 500
-JOBS: Final = 2
 MOST_ROBOTS: Final = 8
 FLOORS: Final = 4
 MADE: Final = 5
@@ -43,8 +40,6 @@ SWEEPS: Final = (("paper_five", 0.1), ("17 robots", 0.5))
 """The floors on which every robot dies at every moment, and the step [s] between the moments."""
 LARGE: Final = (("100 open", 100), ("100 warehouse", 100))
 """The floors on which random robots die at random moments, and how many deaths."""
-
-Answered = TypeVar("Answered")
 
 
 class Death(NamedTuple):
@@ -88,10 +83,12 @@ def outcome(seed: int) -> Outcome:
     return attempt(floor(floor_of(seed)), seed, Wish())
 
 
-def campaigns(count: int = COUNT, from_seed: int = 0, jobs: int = JOBS) -> list[Row]:
+def campaigns(
+    count: int = COUNT, from_seed: int = 0, jobs: int = WORKERS, kept: Path | None = None
+) -> list[Row]:
     """Return the results of `count` seeds, per floor and in all, and each violation by its seed."""
     seeds = range(from_seed, from_seed + count)
-    found = _in_turn(outcome, seeds, jobs)
+    found = in_turn(outcome, seeds, jobs, kept)
     groups: dict[str, list[Outcome]] = {}
     for seed, one in zip(seeds, found, strict=True):
         name = floor_of(seed)
@@ -106,14 +103,14 @@ def campaigns(count: int = COUNT, from_seed: int = 0, jobs: int = JOBS) -> list[
     return rows
 
 
-def sweep(jobs: int = JOBS) -> dict[str, list[Row]]:
+def sweep(jobs: int = WORKERS, kept: Path | None = None) -> dict[str, list[Row]]:
     """Return tables of how many robots a dead one holds, per floor."""
     tables = {}
     for name, step in SWEEPS:
-        deaths = _in_turn(partial(_death, name), _moments(name, step), jobs)
+        deaths = in_turn(partial(_death, name), _moments(name, step), jobs, kept)
         tables[f"{name}: every robot dies every {step} s, {len(deaths)} runs"] = _held(deaths)
     for name, count in LARGE:
-        deaths = _in_turn(partial(_death, name), _random_moments(name, count), jobs)
+        deaths = in_turn(partial(_death, name), _random_moments(name, count), jobs, kept)
         tables[f"{name}: random deaths, {count} runs"] = _held(deaths)
     return tables
 
@@ -202,30 +199,17 @@ def _row(name: str, answer: Answer) -> Row:
     return row
 
 
-Asked = TypeVar("Asked")
-
-
-def _in_turn(
-    measure: Callable[[Asked], Answered], asked: Sequence[Asked], jobs: int
-) -> list[Answered]:
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        return list(pool.map(measure, asked, chunksize=2))
-
-
 def main() -> None:
     """Run the campaigns, or with --sweep the sweep."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=COUNT)
-    parser.add_argument("--from-seed", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=JOBS)
+    parser = parser_of(__doc__, COUNT)
     parser.add_argument(
         "--sweep", action="store_true", help="kill each robot at every moment instead"
     )
     chosen = parser.parse_args()
     if chosen.sweep:
-        record("reliability-sweep", sweep(chosen.jobs))
+        record("reliability-sweep", sweep(chosen.jobs, chosen.kept))
     else:
-        rows = campaigns(chosen.count, chosen.from_seed, chosen.jobs)
+        rows = campaigns(chosen.count, chosen.from_seed, chosen.jobs, chosen.kept)
         title = f"{chosen.count} runs with 1 to 4 faults from seed {chosen.from_seed}"
         record("reliability", {title: rows})
 

@@ -10,13 +10,14 @@ import math
 import time
 from collections.abc import Iterator
 from functools import partial
+from pathlib import Path
 from random import Random
 from statistics import median
 from typing import Final, Literal, NamedTuple
 
 from msgspec.structs import replace
 
-from benchmarks.campaign import in_turn, options, record
+from benchmarks.campaign import WORKERS, in_turn, options, record
 from benchmarks.table import Row
 from coordinator.base.errors import InputError, PlanError
 from coordinator.paths.path_planner import Pathfinder
@@ -137,10 +138,16 @@ def _refused(scenario: Scenario, error: PlanError) -> Ending:
     return "place crossed" if crossed else "for nothing"
 
 
-def safety(count: int = COUNT, from_seed: int = 0, effort: int = DEFAULT_EFFORT) -> list[Row]:
+def safety(
+    count: int = COUNT,
+    from_seed: int = 0,
+    effort: int = DEFAULT_EFFORT,
+    jobs: int = WORKERS,
+    kept: Path | None = None,
+) -> list[Row]:
     """Return the endings per kind and in all, and a row for each scenario to look at."""
     seeds = range(from_seed, from_seed + count)
-    found = in_turn(partial(outcome, effort=effort), seeds)
+    found = in_turn(partial(outcome, effort=effort), seeds, jobs, kept)
     kinds = list(dict.fromkeys(one.kind for one in found))
     rows = [_row(kind, [one for one in found if one.kind == kind]) for kind in kinds]
     rows.append(_row("all", found))
@@ -172,7 +179,7 @@ def _row(kind: str, found: list[Outcome]) -> Row:
 def main() -> None:
     """Run the campaign that the command line names."""
     chosen = options(__doc__, COUNT, DEFAULT_EFFORT)
-    rows = safety(chosen.count, chosen.from_seed, chosen.effort)
+    rows = safety(chosen.count, chosen.from_seed, chosen.effort, chosen.jobs, chosen.kept)
     record("safety", {f"{chosen.count} scenarios from seed {chosen.from_seed}": rows})
 
 

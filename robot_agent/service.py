@@ -166,7 +166,7 @@ class RobotService:
         self.refusal: str | None = None
         self.inbox = Inbox(robot.id)
         self.last_error = ""
-        self.heard_ns = self._quiet_until_ns = -(2**62)
+        self.heard_ns = self.quiet_until_ns = -(2**62)
         self._hellos = 0
         self._phase, self._arrived = HOLD, False
         self._is_asked = False
@@ -189,7 +189,7 @@ class RobotService:
         self._speak(now_ns)
         agent = self.agent
         if agent.phase in _AT_REST:
-            self._quiet_until_ns = agent.quiet_until(now_ns)
+            self.quiet_until_ns = agent.quiet_until(now_ns)
         return self.refusal is None and not agent.may_leave(now_ns)
 
     def rest(self, now_ns: int) -> bool:
@@ -200,8 +200,8 @@ class RobotService:
         agent = self.agent
         if self.inbox.waits:
             self._hear(now_ns)
-            self._quiet_until_ns = agent.quiet_until(now_ns)
-        if now_ns >= self._quiet_until_ns or not agent.skip(now_ns):
+            self.quiet_until_ns = agent.quiet_until(now_ns)
+        if now_ns >= self.quiet_until_ns or not agent.skip(now_ns):
             return False
         pose = self._driver.pose()
         if pose is not None and not agent.stays(now_ns, *pose):

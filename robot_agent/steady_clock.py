@@ -35,3 +35,8 @@ class SteadyClock:
             now_ns = before_ns
         self._read_ns = now_ns
         return now_ns + self._added_ns
+
+    def read_before(self, now_ns: int) -> int:
+        """Take in that the clock showed a time since it was last set; return it as `__call__`."""
+        self._read_ns = max(self._read_ns, now_ns)
+        return now_ns + self._added_ns

@@ -282,9 +282,24 @@ class Agent:
         """Let a tick of a robot that rests pass; False if the tick is late."""
         if now_ns - self._ticked_ns > self._late_tick_ns:
             return False
+        self.skip_all(now_ns)
+        return True
+
+    def skip_all(self, now_ns: int) -> None:
+        """Let all ticks of a robot that rests pass that came by now, none of them late."""
         self._ticked_ns = now_ns
         self.clock.follow(now_ns, False)
-        return True
+
+    def is_safe_at_rest(self, x: float, y: float, heading: float, error: float) -> bool:
+        """Return whether `stays` can only return True for a robot that rests at this pose.
+
+        `error` [m]: how far beside it the robot may seem to be.
+        """
+        ride = self.ride
+        if self.phase != DONE or ride is None:
+            return self.phase == FROZEN
+        ride.follower.locate(x, y, heading)
+        return ride.from_goal() + 2.0 * error <= ride.track
 
     def stays(self, now_ns: int, x: float, y: float, heading: float) -> bool:
         """Return whether a robot that rests is where it was; at its goal it may be pushed off."""

@@ -308,8 +308,11 @@ class Ride:
 
     def has_left_goal(self) -> bool:
         """Return whether the robot was pushed off its goal."""
-        moved = abs(self._timeline.length - self.follower.s)
-        return not self.follower.off + moved <= self.track
+        return not self.from_goal() <= self.track
+
+    def from_goal(self) -> float:
+        """Return how far [m] the robot is from its goal: off its path and along it."""
+        return self.follower.off + abs(self._timeline.length - self.follower.s)
 
     def keep_to_plan(self, now: float) -> None:
         """Command the plan's mean speed until the next tick, plus a share of the lag to catch up.

@@ -14,6 +14,12 @@ from robot_agent.driver import Driver, Pose
 TURN_RATE = 2.0
 """How quickly a body turns on the spot [rad/s]."""
 
+_MOST_SIGMAS = math.sqrt(2.0 * 53.0 * math.log(2.0))
+"""A random error is at most so many standard deviations: random numbers have 53 bits."""
+
+_BITS_PER_POSE = 128
+"""How many random bits the two numbers in `pose` take from the generator."""
+
 SLEW_SHARE = 1.25
 """How much harder the motors can accelerate than plans ask them to."""
 
@@ -43,7 +49,8 @@ class SimulatedBody(Driver):
         self._accel = max_accel * SLEW_SHARE
         self._gain = wheel_gain
         self._noise = noise
-        self._chance = random.Random(seed).random
+        dice = random.Random(seed)
+        self._chance, self._bits = dice.random, dice.getrandbits
         self._clock = clock
         self._now_ns: int | None = None
         self._powered_ns = 0
@@ -60,6 +67,16 @@ class SimulatedBody(Driver):
         """Return the body's pose without noise."""
         x = self.x
         return None if math.isnan(x) else (x, self.y, self.heading)
+
+    @property
+    def most_noise(self) -> float:
+        """The greatest error [m] that a measured position can have."""
+        return self._noise * _MOST_SIGMAS
+
+    def skip_poses(self, count: int) -> None:
+        """Take in that `pose` was not called so many times; later random errors stay the same."""
+        if self._noise and self.x == self.x:
+            self._bits(_BITS_PER_POSE * count)
 
     def pose(self) -> Pose | None:
         """Return the measured pose."""

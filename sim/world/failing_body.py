@@ -50,7 +50,8 @@ class FailingBody(SimulatedBody):
 
     def is_at_rest(self) -> bool:
         """Return whether the body stays where it is and works, as long as it is not driven."""
-        moves = self.speed or self._wanted or self._turn or self._slide_left
+        driven = self._powered_ns and (self._wanted or self._turn)
+        moves = self.speed or driven or self._slide_left
         return not (moves or self._failing)
 
     def turn(self, angle_rad: float) -> None:

@@ -20,9 +20,12 @@ class RobotClock:
 
     def __call__(self) -> int:
         """Return what the clock shows."""
+        return self.at(self._truth())
+
+    def at(self, now_ns: int) -> int:
+        """Return what the clock shows at a true time since it was last set, stopped or started."""
         if self._stopped_ns is not None:
             return self._stopped_ns
-        now_ns = self._truth()
         return now_ns + self._offset_ns + (now_ns - self._began_ns) * self._drift_ppm // 1_000_000
 
     def set(self, by_ns: int) -> None:

@@ -87,6 +87,7 @@ class Strikes:
         robot, network, name = self._robots[fault.robot], self._network, fault.robot
         if robot.dead:
             return
+        robot.wake(self._agenda.now_ns)
         if fault.kind == "kill":
             robot.dead = True
             network.drop(name)
@@ -133,7 +134,14 @@ class Strikes:
         begin()
         if over_ns < math.inf:
             due_ns = math.ceil(over_ns)
-            self._agenda.once(due_ns, lambda: None if self._is_under(*what) else end())
+            self._agenda.once(due_ns, partial(self._end, what, end))
+
+    def _end(self, what: tuple[str, str], end: Callable[[], None]) -> None:
+        if self._is_under(*what):
+            return
+        if what[1]:
+            self._robots[what[1]].wake(self._agenda.now_ns)
+        end()
 
     def _is_under(self, kind: str, robot: str) -> bool:
         return self._agenda.now_ns < self._until.get((kind, robot), 0.0)

@@ -173,6 +173,7 @@ class World:
         end_ns = agenda.now_ns + round(seconds * SECOND)
         while agenda.now_ns < end_ns and not coordinator.driver.mission.fleet.is_finished:
             self.step()
+        self._wake_all()
 
     def go_on(self, seconds: float) -> None:
         """Let `seconds` pass, whether or not the fleet is finished."""
@@ -180,6 +181,11 @@ class World:
         end_ns = agenda.now_ns + round(seconds * SECOND)
         while agenda.now_ns < end_ns:
             self.step()
+        self._wake_all()
+
+    def _wake_all(self) -> None:
+        for robot in self.robots.values():
+            robot.wake(self.agenda.now_ns)
 
     def step(self) -> None:
         """Jump to the next event: a delivery, a tick, a fault or the end of one."""
@@ -190,7 +196,7 @@ class World:
         if due_ns > agenda.now_ns:
             agenda.now_ns = due_ns
         network.advance(agenda.now_ns)
-        if not self._strikes.coordinator_hangs:
+        if self.coordinator.has_arrivals and not self._strikes.coordinator_hangs:
             self.coordinator.take_arrivals()
         agenda.happen()
 
@@ -207,6 +213,7 @@ class World:
     def renew(self, name: str, boot: int, place: Pose | None) -> None:
         """Start a robot's program again, with its body and its estimated pose at `place`."""
         robot = self.robots[name]
+        robot.wake(self.now_ns)
         if not robot.dead:
             self._network.drop(name)
         robot.dead = robot.hung = False
@@ -224,6 +231,7 @@ class World:
 
     def blackboxes(self) -> dict[str, BlackBox]:
         """Return every robot's black box."""
+        self._wake_all()
         return {name: robot.blackbox() for name, robot in self.robots.items()}
 
     def _inhabitant(
@@ -252,7 +260,14 @@ class World:
         own_clock = RobotClock(truth, ahead_ns, drift_ppm)
         clock = SteadyClock(own_clock)
         service = self._service(name, radius, body, boot, clock)
-        return Inhabitant(service, body, own_clock, clock, row_period_ns=self._row_period_ns)
+        return Inhabitant(
+            service,
+            body,
+            own_clock,
+            clock,
+            self._period_ns,
+            row_period_ns=self._row_period_ns,
+        )
 
     def _service(
         self, name: str, radius: float, body: FailingBody, boot: int, clock: Callable[[], int]
@@ -273,11 +288,8 @@ class World:
 
         def tick() -> int:
             now_ns, began_ns = agenda.now_ns, self.began_ns
-            has_begun = began_ns and now_ns >= began_ns
             for robot in robots:
-                robot.tick()
-                if has_begun:
-                    robot.note(now_ns, began_ns)
+                robot.tick(now_ns, began_ns)
             return now_ns + period_ns
 
         return tick

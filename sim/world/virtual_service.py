@@ -140,11 +140,14 @@ class VirtualService:
         is_plan = isinstance(job.wanted, Request)
         return self._planning_ns if is_plan else self._planning_ns // _COURSES_PER_PLAN
 
+    @property
+    def has_arrivals(self) -> bool:
+        """Whether messages have arrived that the driver has not heard."""
+        return not self.driver.intake.is_empty()
+
     def take_arrivals(self) -> None:
         """Pass the messages that have arrived to the driver."""
         driver = self.driver
-        if driver.intake.is_empty():
-            return
         now_ns = self._clock()
         while (arrival := driver.intake.take(now_ns)) is not None:
             driver.hear(arrival, now_ns)

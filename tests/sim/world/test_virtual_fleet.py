@@ -12,11 +12,11 @@ from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import parse_scenario
 from protocol.phases import DONE, GO, OVER, PHASE_NAMES
 from protocol.timing import CLOCK_ERROR, MILLISECOND, SECOND
-from robot_agent.core.agent import Agent
 from sim.campaigns.truth import arrived, touches
 from sim.floors.generator import generate
 from sim.judging.judge import judge_boxes
 from sim.world.fault_text import Fault
+from sim.world.inhabitant import Inhabitant
 from sim.world.memory_transport import MemoryNetwork
 from sim.world.virtual_fleet import NO_FLAWS, USUAL_FLAWS, World
 
@@ -144,29 +144,54 @@ def test_the_same_seed_gives_the_same_run(scenario, document):
 
 
 @pytest.mark.parametrize("flaws", [NO_FLAWS, USUAL_FLAWS])
-def test_skipped_ticks_change_nothing(scenario, document, monkeypatch, flaws):
+@pytest.mark.parametrize("row_ms", [0, 70])
+def test_robots_that_sleep_do_say_and_record_the_same(
+    scenario, document, monkeypatch, flaws, row_ms
+):
     """Robots rest at their goals while one is pushed, one's base fails and one's clock is set."""
+    sent, send = [], MemoryNetwork.send
+    monkeypatch.setattr(
+        MemoryNetwork, "send", lambda *told: sent.append((told[0].now_ns, *told[1:])) or send(*told)
+    )
 
     def seen():
+        sent.clear()
         faults = [
+            Fault("kill", "R3", 22.0),
             Fault("driver-error", "R1", 14.0),
-            Fault("clock-jump", "R2", 15.0, -0.5),
+            Fault("clock-jump", "R2", 15.003, -0.5),
             Fault("hang", "R3", 16.0, 0.5),
+            Fault("clock-pause", "R1", 18.001, 1.0),
+            Fault("clock-jump", "R1", 18.5, 1.0),
             Fault("stall", "R3", 5.0, 2.0),
         ]
-        world = struck(scenario, document, *faults, seed=2, flaws=flaws)
+        network = MemoryNetwork(2, loss=0.05, delay_ns=(0, 5 * MILLISECOND))
+        world = World(
+            scenario, document, network, seed=2, faults=faults, flaws=flaws,
+            row_period_ns=row_ms * MILLISECOND or 1, stays=True,
+        )  # fmt: skip
+        world.run(25.0)
         push(world.robots["R2"].body, 0.001, 0.0)
-        world.go_on(1.0)
+        world.run(1.0)
         clocks = [vars(robot.service.agent.clock) for robot in world.robots.values()]
-        return {name: robot.rows for name, robot in world.robots.items()}, clocks
+        rows = {name: robot.rows for name, robot in world.robots.items()}
+        if flaws is not NO_FLAWS:
+            rows = {name: changes(some) for name, some in rows.items()}
+        return rows, clocks, list(sent)
 
-    skipped = []
-    skip = Agent.skip
-    monkeypatch.setattr(Agent, "skip", lambda *told: skipped.append(told[1]) or skip(*told))
-    with_skips = seen()
-    assert len(skipped) > 100
-    monkeypatch.setattr(Agent, "quiet_until", lambda _, now_ns: now_ns)
-    assert seen() == with_skips
+    worked, work = [], Inhabitant._work
+    monkeypatch.setattr(Inhabitant, "_work", lambda *told: worked.append(told) or work(*told))
+    asleep, busy = seen(), len(worked)
+    monkeypatch.setattr(Inhabitant, "_sleep", lambda *_: None)
+    assert seen() == asleep
+    assert busy < 0.7 * (len(worked) - busy)
+
+
+def changes(rows):
+    """Return a black box's rows, without s, whose place or phase differ from the one before."""
+    told = [(t, *place, phase) for t, *place, _, phase, _ in rows]
+    pairs = zip([None, *told], told, strict=False)
+    return [row for before, row in pairs if before is None or before[1:] != row[1:]]
 
 
 @pytest.mark.parametrize("seed", range(4))
