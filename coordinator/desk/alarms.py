@@ -15,7 +15,7 @@ from coordinator.desk.answers import Alarm, RobotState
 from protocol.messages import OrderState
 
 _LOST: Final = (
-    "Go and look where it stands. If it stands free, restart it and admit it; or carry it "
+    "Go and look where it stands. Restart it there and admit it, or carry it away and take it out."
 )
 _FAULTS: Final = {
     "off its path": "Clear its way; a fleet that takes orders sends it on by itself.",

@@ -73,6 +73,12 @@ class Desk {
     byId("end-mission").hidden = fleet.phase === "over";
   }
 
+  /** Whether the coordinator is heard, and a robot that was is not any more. */
+  isUnheard(name) {
+    const robot = this.robots.get(name);
+    return Boolean(this.fleet && this.fleet.is_heard && robot && robot.age !== null && !robot.is_heard);
+  }
+
   forget(names) {
     for (const name of names) this.robots.delete(name);
   }

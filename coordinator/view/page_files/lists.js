@@ -88,13 +88,14 @@ class RobotList {
 
   tell(found, reasons, orders) {
     this.rows.forEach((row, index) => {
-      const robot = found[index], does = said(robot, this.bodies, reasons[index]);
+      const robot = found[index], unheard = desk.isUnheard(this.bodies[index].id);
+      const does = unheard ? "not heard" : said(robot, this.bodies, reasons[index]);
       const text = orders.has(index) ? `${does} · ${orders.get(index)}` : does;
       if (row.state.textContent !== text) row.state.textContent = text;
       const speed = robot && robot.v > 0.005 ? `${robot.v.toFixed(2)} m/s` : "";
       if (row.speed.textContent !== speed) row.speed.textContent = speed;
       row.bar.style.width = robot ? `${(100 * robot.s / robot.length).toFixed(1)}%` : "0";
-      row.button.dataset.state = robot ? robot.state : reasons[index];
+      row.button.dataset.state = unheard ? "unheard" : robot ? robot.state : reasons[index];
     });
     this.sift();
   }
