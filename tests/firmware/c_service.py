@@ -40,6 +40,7 @@ class CService:
         self.robot, self._transport, self._driver, self._fleet = robot, transport, driver, fleet
         self._clock = clock
         self.quiet_until_ns = 0  # Every tick is the C agent's.
+        self.inbox = SimpleNamespace(waits=False)
         follower = SimpleNamespace(s=0.0)
         self.agent = SimpleNamespace(
             phase=0, ride=SimpleNamespace(follower=follower), clock=SimpleNamespace(good=0)
