@@ -12,9 +12,9 @@ from typing import Final
 import msgspec
 
 from coordinator.desk.answers import FleetAnswer, RobotState
+from coordinator.desk.differences import difference
 from coordinator.desk.line import Line
 from coordinator.findings.info_fields import OrderSummary
-from coordinator.view.page import scene_json
 
 _PERIOD_S: Final = 0.25
 """Interval [s] at which something is sent even if nothing is new: who gets nothing for several
@@ -23,12 +23,17 @@ periods knows that the desk has ended."""
 
 async def events(line: Line, *, with_scenes: bool = False) -> AsyncIterator[tuple[str, str]]:
     """Yield (event, JSON in one line) without end; ("", "") keeps the connection alive."""
-    seen, news = -1, _News()
+    seen, news, shown = -1, _News(), None
     while True:
         fresh = await line.changed(seen, _PERIOD_S)
         is_new, seen = line.version != seen, line.version
         if with_scenes and is_new:
-            yield "scene", scene_json(line.scene())
+            scene = line.scene_json()
+            if shown is None:
+                yield "scene", _line(scene)
+            elif (told := difference(shown, scene)) is not None:
+                yield "change", _line(told)
+            shown = scene
         if with_scenes:
             for one in _times(line, word=not is_new):
                 yield one

@@ -14,7 +14,10 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Final, TypeVar
 
+import msgspec
+
 from coordinator.desk.answers import FleetAnswer
+from coordinator.desk.differences import Json
 from coordinator.desk.known_fleet import KnownFleet
 from coordinator.view.live_course import LiveCourse
 from coordinator.view.scene import Scene
@@ -47,6 +50,7 @@ class Line:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting = 0
         self._version = 0
+        self._drawn: tuple[int, Json] = (-1, None)
         self._news = asyncio.Event()
         self._answers: set[asyncio.Queue[Message]] = set()
 
@@ -66,6 +70,12 @@ class Line:
     def scene(self) -> Scene:
         """Return the scene of what is known now."""
         return self._course.scene()
+
+    def scene_json(self) -> Json:
+        """Return the scene as a value of JSON, made once for everything that is known."""
+        if self._drawn[0] != self._version:
+            self._drawn = (self._version, msgspec.json.decode(msgspec.json.encode(self.scene())))
+        return self._drawn[1]
 
     def times(self) -> tuple[object, object, object]:
         """Return the fleet's time, the age of the last Command, and how far late robots are."""

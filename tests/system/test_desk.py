@@ -33,7 +33,7 @@ def test_a_fleet_is_commanded_over_http_and_the_log_says_by_whom(tmp_path):
     with ExitStack() as stack:
         options = ("--listen", endpoint, "--log", log, "--stay", "--page", "127.0.0.1:0", "--json")
         coordinator = stack.enter_context(started("coordinator", tmp_path / "two.toml", *options))
-        address = json.loads(line_with(coordinator, "http://"))["address"]
+        address = json.loads(line_with(coordinator, "http://", 60.0))["address"]
         for robot in ("R1", "R2"):
             stack.enter_context(started("agent", robot, "--connect", endpoint))
 
@@ -64,7 +64,7 @@ def test_a_desk_ends_with_its_coordinator_even_if_that_is_killed(tmp_path):
     with ExitStack() as stack:
         options = ("--listen", free_endpoint(), "--page", "127.0.0.1:0", "--json")
         coordinator = stack.enter_context(started("coordinator", tmp_path / "two.toml", *options))
-        address = json.loads(line_with(coordinator, "http://"))["address"]
+        address = json.loads(line_with(coordinator, "http://", 60.0))["address"]
         assert ask(address, "api/fleet")[0] == 200
         os.kill(coordinator.pid, signal.SIGKILL)
 

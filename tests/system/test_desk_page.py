@@ -34,7 +34,7 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
         tab = stack.enter_context(browser(tmp_path / "profile"))
         options = ("--listen", endpoint, "--page", "127.0.0.1:0", "--json", "--stay")
         coordinator = stack.enter_context(started("coordinator", tmp_path / "two.toml", *options))
-        address = json.loads(line_with(coordinator, "http://"))["address"]
+        address = json.loads(line_with(coordinator, "http://", 60.0))["address"]
         agents = {
             robot: stack.enter_context(started("agent", robot, "--connect", endpoint))
             for robot in ("R1", "R2")

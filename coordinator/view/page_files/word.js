@@ -8,6 +8,22 @@ const AFTERWARDS = 1;
 /** The page's server counts as ended when it has sent nothing for this long [s]. */
 const PATIENCE = 2;
 
+/** What a difference (coordinator/desk/differences.py) makes of a value, which stays as it is. */
+function changed(old, difference) {
+  if (difference === null) return old;
+  const [kind, first, second, tail] = difference;
+  if (kind === "=") return first;
+  if (kind === "{") {
+    const made = { ...old };
+    for (const key of second) delete made[key];
+    for (const [key, one] of Object.entries(first)) made[key] = changed(old[key], one);
+    return made;
+  }
+  const items = old.slice(first);
+  for (const [index, one] of Object.entries(second)) items[index] = changed(items[index], one);
+  return items.concat(tail);
+}
+
 class Word {
   /**
    * `scene` gets every new scene, `late` how far late robots have come, `fleet` what is new of the
@@ -26,13 +42,19 @@ class Word {
     this.alive = performance.now();
   }
 
+  show(scene) {
+    this.scene = scene;
+    this.told.scene({ ...scene });
+  }
+
   listen() {
     const source = new EventSource("api/events?scenes=1");
     const hear = (name, take) => source.addEventListener(name, (event) => {
       this.alive = performance.now();
       take(JSON.parse(event.data));
     });
-    hear("scene", this.told.scene);
+    hear("scene", (scene) => this.show(scene));
+    hear("change", (difference) => this.show(changed(this.scene, difference)));
     for (const name of ["late", "fleet", "gone"]) hear(name, this.told[name]);
     hear("clock", ({ now, speed }) => {
       const first = this.clock === null;
