@@ -7,6 +7,8 @@ Must not know: how requests travel (web.py), who may send them (rights.py).
 from __future__ import annotations
 
 import os
+from functools import partial
+from itertools import count
 from typing import Final, TypeVar
 
 from coordinator.base.errors import InputError
@@ -48,6 +50,9 @@ _SETTLES_S: Final = 1.0
 
 _ADMIT_S: Final = 20.0
 
+_SAYS_END: Final = 7
+"""The end is said until so many Commands have been heard, which is about three times."""
+
 
 class Refused(Exception):  # noqa: N818 - it is an outcome
     """A request that is not done: an HTTP status, and why."""
@@ -87,7 +92,7 @@ class Commands:
         given = body.message(self._line.boot, f"order-{os.urandom(4).hex()}", self._by(by))
         state = await self._asked_order(given, given.id)
         if state.state == WAITING and not (given.release_ms or given.after):
-            begun = lambda one: _state_of(one, given.id, but=WAITING)  # noqa: E731
+            begun = partial(_state_of, name=given.id, but=WAITING)
             state = await self._line.await_answer(begun, _SETTLES_S) or state
         if state.state == REFUSED:
             raise Refused(409, state.reason)
@@ -96,7 +101,7 @@ class Commands:
     async def cancel(self, name: str, by: str) -> OrderSummary:
         """Take an order back."""
         asked = Cancel(self._line.boot, _name(name, "order"), self._by(by))
-        over = lambda one: _state_of(one, name, within=OVER)  # noqa: E731
+        over = partial(_state_of, name=name, within=OVER)
         state = _answered(await self._line.ask(keys.order, asked, over, PATIENCE_S))
         if state.state == REFUSED:
             raise Refused(404, state.reason)
@@ -113,8 +118,17 @@ class Commands:
         return await self._tell(GO_ON, (phases.GO, phases.OVER), by)
 
     async def end(self, by: str) -> Phase:
-        """Tell the fleet to end when all rest; the answer does not wait until it has ended."""
-        return await self._tell(END, tuple(range(len(phases.COMMAND_NAMES))), by)
+        """Tell the fleet to end when all rest; the answer does not wait until it has ended.
+
+        Nothing on the wire answers it before that, so it is said several times.
+        """
+        asked, heard = Tell(self._line.boot, END, self._by(by)), count(1)
+
+        def often(message: Message) -> int | None:
+            is_one = isinstance(message, Command) and next(heard) >= _SAYS_END
+            return message.phase if is_one and isinstance(message, Command) else None
+
+        return self._phase(await self._line.ask(keys.tell, asked, often, PATIENCE_S))
 
     async def admit(self, robot: str, by: str) -> Told:
         """Let a robot that has come back take part again."""
@@ -126,7 +140,7 @@ class Commands:
             asking.hear(message)
             return asking.answer or None
 
-        key = lambda fleet: keys.admit(fleet, robot)  # noqa: E731
+        key = partial(keys.admit, robot=robot)
         answer = await self._line.ask(key, asked, heard, _ADMIT_S)
         if answer is None:
             raise Refused(504, f"{robot} is not in the fleet yet; is it back, and does it rest?")
@@ -201,12 +215,15 @@ class Commands:
         if phase is None and command is not None and self._line.is_heard():
             name = phases.COMMAND_NAMES[command.phase].lower()
             raise Refused(409, f"the fleet is still at {name}")
-        phase = _answered(phase)
-        return Phase(self._line.known.fleet or "", phases.COMMAND_NAMES[phase].lower())
+        return self._phase(phase)
+
+    def _phase(self, phase: int | None) -> Phase:
+        name = phases.COMMAND_NAMES[_answered(phase)]
+        return Phase(self._line.known.fleet or "", name.lower())
 
     async def _asked_order(self, message: Operators, name: str) -> OrderState:
         key = keys.order if isinstance(message, Order) else keys.roster
-        fits = lambda one: _state_of(one, name)  # noqa: E731
+        fits = partial(_state_of, name=name)
         return _answered(await self._line.ask(key, message, fits, PATIENCE_S))
 
     def _by(self, who: str) -> str:

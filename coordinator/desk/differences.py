@@ -1,7 +1,10 @@
 """What has changed between two values of JSON, as a small value of JSON.
 
-A page shows a scene of hundreds of kilobytes, of which little changes at a time.  Decides: how a
-difference is written; true and 1 are taken to be the same.  Must not know: what the values are.
+A page shows a scene of hundreds of kilobytes, of which little changes at a time.  It makes the new
+value of the old one (view/page_files/word.js, `changed`).
+
+Decides: how a difference is written; true and 1 are taken to be the same.  Must not know: what the
+values are.
 
 A difference is null (nothing changed), ["=", value] (another value), ["{", {key: difference},
 [keys that go]] for objects, or ["[", dropped, {index: difference}, tail] for lists: so many items
@@ -28,24 +31,6 @@ def difference(old: Json, new: Json) -> Difference:
     if isinstance(old, list) and isinstance(new, list):
         return _of_lists(old, new)
     return ["=", new]
-
-
-def changed(old: Json, by: Difference) -> Json:
-    """Return the value that a difference makes of `old`; `old` stays as it is."""
-    if by is None:
-        return old
-    kind, *rest = by
-    if kind == "=":
-        return rest[0]
-    if kind == "{":
-        changes, removed = rest
-        kept = {key: value for key, value in old.items() if key not in removed}
-        return kept | {key: changed(old.get(key), one) for key, one in changes.items()}
-    dropped, changes, tail = rest
-    items = list(old[dropped:])
-    for index, one in changes.items():
-        items[int(index)] = changed(items[int(index)], one)
-    return items + tail
 
 
 def _of_objects(old: dict[str, Json], new: dict[str, Json]) -> Difference:

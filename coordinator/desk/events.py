@@ -13,8 +13,8 @@ import msgspec
 
 from coordinator.desk.answers import FleetAnswer, RobotState
 from coordinator.desk.differences import difference
+from coordinator.desk.known_fleet import KnownFleet
 from coordinator.desk.line import Line
-from coordinator.findings.info_fields import OrderSummary
 
 _PERIOD_S: Final = 0.25
 """Interval [s] at which something is sent even if nothing is new: who gets nothing for several
@@ -37,7 +37,7 @@ async def events(line: Line, *, with_scenes: bool = False) -> AsyncIterator[tupl
         if with_scenes:
             for one in _times(line, word=not is_new):
                 yield one
-        for one in news.of(line.fleet(), line.known.summaries()):
+        for one in news.of(line.fleet(), line.known):
             yield one
         if not with_scenes:
             yield "", ""
@@ -60,10 +60,10 @@ class _News:
 
     def __init__(self) -> None:
         self._robots: dict[str, RobotState] = {}
-        self._orders: dict[str, OrderSummary] = {}
+        self._orders = 0
         self._fleet: FleetAnswer | None = None
 
-    def of(self, fleet: FleetAnswer, orders: list[OrderSummary]) -> Iterator[tuple[str, str]]:
+    def of(self, fleet: FleetAnswer, known: KnownFleet) -> Iterator[tuple[str, str]]:
         """Yield the fleet if anything about it is new, with the robots that are; new orders."""
         still = {one.id: msgspec.structs.replace(one, age=None) for one in fleet.robots}
         robots = [one for one in fleet.robots if self._robots.get(one.id) != still[one.id]]
@@ -73,10 +73,9 @@ class _News:
         if gone := sorted(self._robots.keys() - still.keys()):
             yield "gone", _line(gone)
         self._robots, self._fleet = still, rest
+        orders, self._orders = known.changed_orders(self._orders), known.order_changes
         for one in orders:
-            if self._orders.get(one.id) != one:
-                self._orders[one.id] = one
-                yield "order", _line(one)
+            yield "order", _line(one)
 
 
 def _line(data: object) -> str:

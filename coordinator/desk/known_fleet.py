@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from itertools import islice
 from typing import Final
 
 from coordinator.desk.alarms import Alarms
@@ -49,6 +50,9 @@ class KnownFleet:
         self.fleet = fleet
         self._wall_s = wall_s
         self.orders: dict[str, OrderState] = {}
+        """What was said last of each order; the one that changed last is the last one."""
+
+        self.order_changes = 0
         self.blocks: dict[str, Block] = {}
         self.alarms = Alarms()
         self.heard: Counter[str] = Counter()
@@ -118,6 +122,11 @@ class KnownFleet:
             alarms=self.alarms.now(),
         )
 
+    def changed_orders(self, seen: int) -> list[OrderSummary]:
+        """Return the orders that have changed since there were so many changes of orders."""
+        last = islice(reversed(self.orders.values()), self.order_changes - seen)
+        return [OrderSummary.of(state) for state in last][::-1]
+
     def summaries(self) -> list[OrderSummary]:
         """Return all orders, in the order in which they became known."""
         found = [OrderSummary.of(state) for state in self.orders.values()]
@@ -153,8 +162,9 @@ class KnownFleet:
     def _take_order(self, state: OrderState, now: float) -> None:
         if state.released_ms is None:
             return  # There is no such order.
-        before = self.orders.get(state.id)
+        before = self.orders.pop(state.id, None)
         self.orders[state.id] = state
+        self.order_changes += before != state
         is_news = before is None or before.state != state.state
         if is_news and state.state == REFUSED and not state.id.startswith(OWN):
             self.alarms.refused(state, now + self._wall_s)

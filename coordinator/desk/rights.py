@@ -14,8 +14,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from protocol.badge import badge_of
-
-LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+from protocol.endpoint import Endpoint
 
 
 class Right(IntEnum):
@@ -51,7 +50,8 @@ def is_foreign(headers: Mapping[str, str], *, is_local: bool) -> bool:
     that resolves to this machine shows in the Host.
     """
     host = headers.get("host", "")
-    if is_local and host.rpartition(":")[0] not in LOOPBACK:
+    name, _, _ = host.rpartition(":")
+    if is_local and not Endpoint("tcp", name.strip("[]"), 0).is_loopback:
         return True
     origin = headers.get("origin")
     return origin is not None and origin.partition("//")[2] != host

@@ -36,7 +36,7 @@ from coordinator.desk.events import events
 from coordinator.desk.line import Line
 from coordinator.desk.metrics import CONTENT_TYPE, Metrics
 from coordinator.desk.openapi import openapi
-from coordinator.desk.rights import LOOPBACK, Party, Right, is_foreign, party_of
+from coordinator.desk.rights import Party, Right, is_foreign, party_of
 from protocol.key_files import KeyFiles
 
 _MOST_BYTES: Final = 100_000
@@ -160,7 +160,7 @@ class Desk:
 
 @contextmanager
 def served(
-    app: Starlette, host: str = LOOPBACK[0], port: int = 0, files: KeyFiles | None = None
+    app: Starlette, host: str = "127.0.0.1", port: int = 0, files: KeyFiles | None = None
 ) -> Iterator[str]:
     """Serve an app and yield its address; port 0 takes a free one.
 

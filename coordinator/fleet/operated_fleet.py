@@ -80,7 +80,7 @@ class OperatedFleet(FleetState):
                 return [self._refusal(message.id, f"there is no order {message.id}")]
         elif known is None and message.id.startswith(OWN):
             return [self._refusal(message.id, OWN_IN_WORDS)]
-        elif (later := self.orders.put_off(order_of(message), now_ms)) is not None:
+        elif not self.is_ending and (later := self.orders.put_off(order_of(message), now_ms)):
             return [self._order_state(later)]
         else:
             task = self.orders.give(order_of(message), now_ms)

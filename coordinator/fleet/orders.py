@@ -282,8 +282,9 @@ class OrderBook:
             why = f"there is no order {order.after} to come after"
             return OrderState(order.id, REFUSED, order.robot, reason=why)
         known = self._later.setdefault(order.id, order)
-        when = f"{known.after} is over" if known.after else f"{known.release:g} s after the start"
-        return OrderState(known.id, WAITING, known.robot, reason=f"is not looked at before {when}")
+        when = f"until {known.release:g} s after the first GO"
+        why = f"waits for {known.after} to end" if known.after else f"waits {when}"
+        return OrderState(known.id, WAITING, known.robot, reason=why)
 
     def go_around(self, robot: str, goal: Pose, what: str, now_ms: int) -> None:
         """Let the order that a robot does, or is to do next, be looked for from where it is now.

@@ -20,6 +20,7 @@ from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import from_json, to_json
 from coordinator.security.key_store import KeyStore
 from coordinator.service.tapped_link import PipeLink, TappedLink
+from protocol.endpoint import Endpoint
 from protocol.key_files import KeyFiles, read_key_files
 from protocol.transport import Transport
 
@@ -27,31 +28,31 @@ _STARTS_S: Final = 30.0
 
 
 class DeskPlace(NamedTuple):
-    """Where a desk is served: host, port, and the fleet's folder of keys, if it has one."""
+    """Where a desk is served; with `files`, over TLS to who shows a certificate in `valid`."""
 
     host: str
     port: int
-    keys: Path | None = None
-
-    @property
-    def is_local(self) -> bool:
-        """Whether only this machine reaches it."""
-        return self.host in ("127.0.0.1", "localhost", "::1")
+    files: KeyFiles | None = None
+    valid: frozenset[str] = frozenset()
 
 
 def desk_place(page: str, keys: Path | None) -> DeskPlace:
     """Return the place that --page HOST:PORT names.
 
-    Raises InputError if it is malformed, or open to strangers.
+    This machine needs no keys.  Raises InputError if the place is malformed or open to strangers,
+    InputError or TransportError if the keys are not usable.
     """
     host, colon, port = page.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not (colon and host and port.isdecimal() and int(port) <= 65_535):
         raise InputError([f"--page: {page[:60]} is not HOST:PORT"])
-    place = DeskPlace(host, int(port), keys)
-    if keys is None and not place.is_local:
+    if Endpoint("tcp", host, int(port)).is_loopback:
+        return DeskPlace(host, int(port))
+    if keys is None:
         raise InputError([f"--page: {host} is open to strangers; give --keys, or use 127.0.0.1"])
-    return place
+    badges = KeyStore(keys).register().valid(datetime.datetime.now(datetime.UTC))
+    valid = frozenset(one.common_name for one in badges)
+    return DeskPlace(host, int(port), read_key_files(keys, "coordinator"), valid)
 
 
 @contextmanager
@@ -101,26 +102,16 @@ def _run(connection: Connection, told: Connection, plan: bytes, place: DeskPlace
     link = PipeLink(connection, ended.set)
     document = from_json(plan)
     line = Line(link, LiveCourse(document.scenario, document), "page")
-    files, valid = None, frozenset[str]()
-    if place.keys is not None and not place.is_local:
-        files, valid = _keys(place.keys)
     desk = Desk(
         line,
         lambda may: page_of(line.scene(), live=True, may_command=may),
         may_command=True,
-        is_local=files is None,
-        valid=valid,
+        is_local=place.files is None,
+        valid=place.valid,
     )
     try:
-        with served(desk.app(), place.host, place.port, files) as address:
+        with served(desk.app(), place.host, place.port, place.files) as address:
             told.send(address)
             ended.wait()
     except InputError as error:
         told.send(InputError([f"--page: {problem}" for problem in error.problems]))
-
-
-def _keys(folder: Path) -> tuple[KeyFiles, frozenset[str]]:
-    """Return the coordinator's own keys, and the common names that may connect."""
-    now = datetime.datetime.now(datetime.UTC)
-    badges = KeyStore(folder).register().valid(now)
-    return read_key_files(folder, "coordinator"), frozenset(one.common_name for one in badges)

@@ -150,9 +150,9 @@ def test_an_operators_order_that_comes_later_waits_and_says_for_what():
     told = [book.put_off(one, 1_000) for one in (first, second, first)]
     assert [one.state for one in told] == [WAITING] * 3
     assert [one.reason for one in told] == [
-        "is not looked at before 9 s after the start",
-        "is not looked at before a is over",
-        "is not looked at before 9 s after the start",
+        "waits until 9 s after the first GO",
+        "waits for a to end",
+        "waits until 9 s after the first GO",
     ]
     lost = book.put_off(Order(id="c", goal=(2.0, 1.0), after="nobody"), 1_000)
     assert (lost.state, lost.reason) == (REFUSED, "there is no order nobody to come after")

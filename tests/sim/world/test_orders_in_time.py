@@ -208,6 +208,22 @@ def test_orders_are_redirected_cancelled_refused_and_the_fleet_stops_goes_on_and
     assert nobody_touches(world)
 
 
+def test_an_order_for_later_waits_and_is_refused_by_a_fleet_that_ends():
+    world = a_world(hall(), stays=True)
+    say = operator(world)
+    world.run(12.0)
+    say(Said(9, "last", (8.0, 3.0), robot="R1"))
+    say(Said(9, "next", (1.0, 3.5), robot="R1", after="last"))
+    world.run(2.0)
+    assert states(world) == {"last": UNDER_WAY}
+    say(Tell(9, END))
+    world.run(1.0)
+    say(Said(9, "never", (1.0, 6.0), after="next"))
+    world.run(60.0)
+    done = {"last": ORDER_DONE, "next": ORDER_DONE, "never": REFUSED}
+    assert (states(world), world.fleet.is_finished) == (done, True)
+
+
 def test_what_a_lost_robot_had_in_hand_goes_to_another_unless_it_was_named():
     orders = (
         Order(id="any", goal=(8.5, 6.5)),
