@@ -120,13 +120,16 @@ class Commands:
     async def end(self, by: str) -> Phase:
         """Tell the fleet to end when all rest; the answer does not wait until it has ended.
 
-        Nothing on the wire answers it before that, so it is said several times.
+        Nothing on the wire answers it before that, so it is said several times.  A fleet that rests
+        ends at once, and the desk with it.
         """
         asked, heard = Tell(self._line.boot, END, self._by(by)), count(1)
 
         def often(message: Message) -> int | None:
-            is_one = isinstance(message, Command) and next(heard) >= _SAYS_END
-            return message.phase if is_one and isinstance(message, Command) else None
+            if not isinstance(message, Command):
+                return None
+            is_said = message.phase == phases.OVER or next(heard) >= _SAYS_END
+            return message.phase if is_said else None
 
         return self._phase(await self._line.ask(keys.tell, asked, often, PATIENCE_S))
 

@@ -85,7 +85,7 @@ def test_an_operator_may_name_robots_of_the_fleet_alone(both):
     options = ["--connect", both.endpoint, "--keys", own, "--fleet", YARD, "--wait", "1.5"]
     for robot in ("RX", "Y1"):
         done = splinefleet("admit", robot, *options)
-        assert f"no new epoch with {robot} within 1.5 s" in only_line(done, code=1)
+        assert f"no course for {robot} within 1.5 s" in only_line(done, code=1)
 
 
 def test_a_robot_can_not_pose_as_another_or_the_coordinator_and_reads_no_plan_but_its_own(both):
