@@ -13,6 +13,7 @@ from coordinator.log.log_file import read_log
 from protocol.codec import decode
 from protocol.messages import Command, Plan
 from protocol.phases import GO
+from tests.oracle_differences import changed
 from tests.system.fleet_tools import free_endpoint, line_with, splinefleet, started, wait_for
 
 COUNT = 12
@@ -37,9 +38,10 @@ class Scenes:
                 line = raw.decode().strip()
                 if line.startswith("event: "):
                     event = line.removeprefix("event: ")
-                elif line.startswith("data: ") and event == "scene":
+                elif line.startswith("data: ") and event in ("scene", "change"):
+                    told = json.loads(line.removeprefix("data: "))
                     with self.changed:
-                        self.newest = json.loads(line.removeprefix("data: "))
+                        self.newest = told if event == "scene" else changed(self.newest, told)
                         self.changed.notify_all()
 
     def wait(self, state, seconds):

@@ -6,30 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coordinator.desk.differences import difference
+from tests.oracle_differences import changed
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers(2, 5) | st.sampled_from(["a", "b"]),
     lambda inner: st.lists(inner, max_size=5) | st.dictionaries(st.sampled_from("abc"), inner),
     max_leaves=20,
 )
-
-
-def changed(old, by):
-    """The value that a difference makes of another one, which stays as it is."""
-    if by is None:
-        return old
-    kind, *rest = by
-    if kind == "=":
-        return rest[0]
-    if kind == "{":
-        changes, removed = rest
-        kept = {key: value for key, value in old.items() if key not in removed}
-        return kept | {key: changed(old.get(key), one) for key, one in changes.items()}
-    dropped, changes, tail = rest
-    items = list(old[dropped:])
-    for index, one in changes.items():
-        items[int(index)] = changed(items[int(index)], one)
-    return items + tail
 
 
 @given(VALUES, VALUES)
