@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import msgspec
 
+from protocol.phases import DONE, PHASE_NAMES
+
 
 class Alarm(msgspec.Struct, frozen=True, kw_only=True):
     """An alarm; `since` counts seconds since 1970, `todo` says what a person can do about it."""
@@ -37,6 +39,11 @@ class RobotState(msgspec.Struct, frozen=True, kw_only=True):
     order: str = ""
     next: list[str] = []
     held_by: str = ""
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the robot rests at its goal and has nothing to do."""
+        return self.is_heard and self.phase == PHASE_NAMES[DONE] and not (self.order or self.next)
 
 
 class FleetAnswer(msgspec.Struct, frozen=True, kw_only=True):
@@ -76,6 +83,32 @@ class Place(msgspec.Struct, frozen=True):
 
     id: str
     polygon: tuple[tuple[float, float], ...]
+
+
+class PreviewRest(msgspec.Struct, frozen=True):
+    """A rest on the way, at a place [m] and for `seconds`; robot: for whom, "" if for nobody."""
+
+    robot: str
+    place: tuple[float, float]
+    seconds: float
+
+
+class PreviewAnswer(msgspec.Struct, frozen=True, kw_only=True):
+    """What an order would come to, as far as the desk knows; nothing is reserved.
+
+    robot: who would do it.  way: the points [m] of its path, empty if there is none; then, or if
+    somebody rests in the way, reason says so and the times are null.  begins, arrives, done [s]:
+    from now on.  alone [s]: how long it would take with nobody else on the floor.
+    """
+
+    robot: str
+    way: list[tuple[float, float]]
+    begins: float | None
+    arrives: float | None
+    done: float | None
+    alone: float | None
+    waits: list[PreviewRest]
+    reason: str = ""
 
 
 class Problem(msgspec.Struct, frozen=True):

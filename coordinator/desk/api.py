@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from coordinator.desk.answers import FleetAnswer, Phase, Place, Told
+from coordinator.desk.answers import FleetAnswer, Phase, Place, PreviewAnswer, Told
 from coordinator.desk.bodies import BlockBody, JoinBody, NoBody, OrderBody
 from coordinator.desk.commands import Commands
 from coordinator.desk.rights import Right
@@ -78,6 +78,15 @@ ENDPOINTS: Final = (
         lambda commands, _, body, by: commands.give_order(body, by),
         OrderBody,
         status=201,
+        statuses=_ASKED,
+    ),
+    Endpoint(
+        "POST",
+        "/api/preview",
+        "Ask what an order would come to, without giving it",
+        PreviewAnswer,
+        lambda commands, _, body, __: commands.preview(body),
+        OrderBody,
         statuses=_ASKED,
     ),
     Endpoint(

@@ -25,13 +25,14 @@ from protocol.messages import (
     UNDER_WAY,
     Block,
     Command,
+    Join,
     Message,
     OrderState,
     Plan,
     Report,
     Unblock,
 )
-from protocol.phases import COMMAND_NAMES, NO_FAULT, PHASE_NAMES, fault_name
+from protocol.phases import COMMAND_NAMES, GO, NO_FAULT, PHASE_NAMES, fault_name
 from protocol.timing import LATE_STEP_MS, REPORT_TIMEOUT, SECOND
 
 _SILENCE: Final = REPORT_TIMEOUT / SECOND
@@ -60,6 +61,12 @@ class KnownFleet:
 
         self.faults: Counter[str] = Counter()
         """Faults that robots have reported, by name."""
+
+        self.plans: dict[str, Plan] = {}
+        """The newest course of each robot."""
+
+        self.joined: dict[str, Join] = {}
+        """What was said of robots that have joined."""
 
         self._robots: dict[str, tuple[Report, float] | None] = {}
         self._left: set[str] = set()
@@ -92,6 +99,9 @@ class KnownFleet:
         elif isinstance(message, Plan):
             self._left.discard(name)
             self._robots.setdefault(name, None)
+            self._take_plan(message)
+        elif isinstance(message, Join):
+            self.joined[message.robot] = message
         return message
 
     def is_heard(self, now: float) -> bool:
@@ -105,7 +115,7 @@ class KnownFleet:
 
     def answer(self, now: float, held: Mapping[str, str]) -> FleetAnswer:
         """Return the fleet as it is known now; `held`: who is held, and by whom."""
-        robots = [self._robot(name, now, held) for name in sorted(self._robots)]
+        robots = self.robots(now, held)
         is_heard = self.is_heard(now) or self._command is None
         self.alarms.look(is_heard, robots, now + self._wall_s)
         command = self.command
@@ -121,6 +131,18 @@ class KnownFleet:
             blocks=sorted(self.blocks),
             alarms=self.alarms.now(),
         )
+
+    def robots(self, now: float, held: Mapping[str, str] | None = None) -> list[RobotState]:
+        """Return the state of each robot; `held` as in `answer`."""
+        return [self._robot(name, now, held or {}) for name in sorted(self._robots)]
+
+    def plan_time(self, now: float) -> float:
+        """Return the plan time [s] now; it stands unless the fleet drives, and is 0 before GO."""
+        if self._command is None or not self._command[0].start_ns:
+            return 0.0
+        command, heard = self._command
+        passed = now - heard if command.phase == GO else 0.0
+        return (command.said_ns - command.start_ns) / SECOND + passed
 
     def changed_orders(self, seen: int) -> list[OrderSummary]:
         """Return the orders that have changed since there were so many changes of orders."""
@@ -151,6 +173,11 @@ class KnownFleet:
             held_by=held.get(name, ""),
         )
 
+    def _take_plan(self, plan: Plan) -> None:
+        mine = self.plans.get(plan.robot)
+        if mine is None or (mine.epoch, mine.revision) <= (plan.epoch, plan.revision):
+            self.plans[plan.robot] = plan
+
     def _take_report(self, report: Report, robot: str, now: float) -> None:
         if robot in self._left:
             return
@@ -171,4 +198,5 @@ class KnownFleet:
         if is_news and state.state == ORDER_DONE and state.id == f"{LEAVE}{state.robot}":
             self._left.add(state.robot)
             self._robots.pop(state.robot, None)
+            self.plans.pop(state.robot, None)
             self.alarms.forget(state.robot)

@@ -45,6 +45,7 @@ class Line:
         self.dropped: Counter[str] = Counter()
         self.boot = int.from_bytes(os.urandom(4), "little")
         self.by = by
+        self.floor = course.floor
         self._course = course
         self._transport = transport
         self._loop: asyncio.AbstractEventLoop | None = None

@@ -27,6 +27,8 @@ _SCRIPTS: Final = (
     "lists.js",
     "orders.js",
     "hand.js",
+    "outlook.js",
+    "flow.js",
     "desk.js",
     "word.js",
     "keys.js",

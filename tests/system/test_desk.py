@@ -7,6 +7,8 @@ import urllib.error
 import urllib.request
 from contextlib import ExitStack
 
+import pytest
+
 from coordinator.log.log_file import read_log
 from protocol import keys
 from protocol.codec import decode
@@ -76,3 +78,32 @@ def test_a_desk_ends_with_its_coordinator_even_if_that_is_killed(tmp_path):
             return False
 
         wait_for(is_gone, 10.0)
+
+
+@pytest.mark.parametrize("command", ["run", "simulate"])
+def test_a_run_with_a_page_takes_orders_until_it_is_told_to_end(tmp_path, command):
+    (tmp_path / "two.toml").write_text(TWO_ROBOTS)
+    out = tmp_path / "out"
+    options = (tmp_path / "two.toml", "--page", "127.0.0.1:0", "--out", out)
+    with started(command, *options) as process:
+        told = line_with(process, "http://", 90.0, "stderr")
+        address = told[told.index("http") :].strip()
+        idle = {"R1": "done", "R2": "done"}
+
+        def phases():
+            robots = ask(address, "api/fleet")[1]["robots"]
+            return {one["id"]: one["phase"] for one in robots}
+
+        wait_for(lambda: phases() == idle, 60.0)
+        asked = {"goal": [0.6, 2.0], "robot": "R1"}
+        status, outlook = ask(address, "api/preview", "POST", asked)
+        assert (status, outlook["robot"], outlook["way"][-1]) == (200, "R1", [0.6, 2.0])
+        _, order = ask(address, "api/orders", "POST", asked)
+        assert order["planned_arrival"] - order["accepted"] == pytest.approx(
+            outlook["arrives"], abs=1.5
+        )
+        wait_for(lambda: ask(address, f"api/orders/{order['id']}")[1]["state"] == "done", 60.0)
+        assert ask(address, "api/end", "POST")[0] == 202
+        assert process.wait(60.0) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert [one["state"] for one in summary["orders"]] == ["done"]

@@ -134,6 +134,15 @@ class Motion {
     return points;
   }
 
+  /** Points along the whole course. */
+  points() {
+    if (!this.spots) {
+      const count = Math.ceil(this.length / POINTS);
+      this.spots = Array.from({ length: count + 1 }, (_, i) => this.place(this.length * i / Math.max(count, 1)));
+    }
+    return this.spots;
+  }
+
   /** The wait that a robot is in at a plan time, or undefined. */
   wait(t) {
     const { halt } = this;

@@ -1,13 +1,14 @@
 // The page: time, controls, and what happens when.
 
 const live = document.documentElement.dataset.live === "true";
-const shown = { paths: true, zones: true, waits: true, ghosts: true };
+const shown = { paths: true, zones: true, waits: true, heat: false, ghosts: true };
 const controls = {
   play: byId("play"), shape: byId("play-shape"), slider: byId("slider"), clock: byId("clock"),
   phase: byId("phase"), speed: byId("speed"), follow: byId("follow"),
 };
 const lens = new Lens();
 const tip = new Tip(byId("tip"));
+const flow = new Flow(byId("flow"));
 const ENLARGED = 1.5;
 const TIMELESS = new Set(["+", "=", "-", "0", ".", ">", ",", "<", "Escape"]);
 const PHASES = { hold: "ready", go: "go", stop: "told to stop", freeze: "frozen", arrived: "arrived" };
@@ -49,7 +50,7 @@ const desk = new Desk({
 const orders = new OrderList(byId("orders"), day, chooseToggled, mayCommand ? (id) => desk.cancel(id) : null);
 
 function list() {
-  events = new EventList(byId("events"), byId("ticks"), play, seek, day);
+  events = new EventList(byId("events"), byId("ticks"), play, showMark, day);
 }
 
 /** The time of the day at a time [ms since 1970]; null if it is not known. */
@@ -57,6 +58,13 @@ function day(t) {
   const { scene } = play;
   if (live) return word.day(t);
   return scene.day === null ? null : scene.day + 1000 * t / scene.speed;
+}
+
+/** Show when, and to whom, something happened. */
+function showMark({ t, robot }) {
+  setFollowing(false);
+  seek(t);
+  if (robot !== undefined && robot >= 0 && robot !== focus) chooseToggled(robot);
 }
 
 function hoverOver(index) {
@@ -100,6 +108,7 @@ function chooseToggled(index) {
 function draw() {
   const found = play.scene.robots.map((_, index) => play.robot(index, now));
   floor.draw(now, found, focus, hover, look);
+  if (shown.heat) flow.draw(floor, floor.sheet.pen, look);
   desk.draw(floor, floor.sheet.pen, look);
   diagram.draw(now, found, focus, hover, look);
   if (preview !== null && hover >= 0) {
@@ -124,6 +133,7 @@ function tell(found) {
   const at = day(now);
   byId("day").textContent = at === null ? "" : clockFace(at);
   events.tell(now);
+  flow.look(play, now);
   robots.tell(found, play.scene.robots.map((_, index) => play.why(index, now)), orders.tell(now, found, look));
 }
 
@@ -141,17 +151,6 @@ function frame(time) {
     draw();
   }
   requestAnimationFrame(frame);
-}
-
-function jump(direction) {
-  const times = [play.scene.begin, ...play.scene.marks.map((mark) => mark.t), play.scene.end];
-  const found = direction > 0 ? times.find((t) => t > now + 0.05) : times.findLast((t) => t < now - 0.05);
-  if (found !== undefined) seek(found);
-}
-
-function faster(step) {
-  const { speed } = controls;
-  speed.selectedIndex = Math.min(Math.max(speed.selectedIndex + step, 0), speed.options.length - 1);
 }
 
 function at(event) {

@@ -6,6 +6,10 @@ const NOTHING = {
   rides: [], aside: [], keep_out: [], zones: [], stops: [],
 };
 
+/** Courses that are looked at every POINTS [m] come near each other within NEAR [m] more. */
+const POINTS = 0.2;
+const NEAR = 0.1;
+
 /** The course of several that a robot drives at a time of the plan. */
 const driven = (courses, clock) => courses.findLast((one) => one.since <= clock);
 
@@ -116,6 +120,22 @@ class Play {
     return {
       ...motion.place(s), s, length: motion.length, v, state, lets, wait, held, late, plan, motion, next,
     };
+  }
+
+  /** The robots that one meets on its course at a time, itself among them. */
+  company(index, t) {
+    const { robots, margin } = this.scene, mine = this.robot(index, t)?.motion;
+    const found = new Set([index]);
+    if (!mine) return found;
+    const points = mine.points();
+    robots.forEach(({ radius }, other) => {
+      const his = other === index ? undefined : this.robot(other, t)?.motion;
+      const need = (radius + robots[index].radius + margin + NEAR) ** 2;
+      if (his && his.points().some((a) => points.some((b) => (a.x - b.x) ** 2 + (a.y - b.y) ** 2 < need))) {
+        found.add(other);
+      }
+    });
+    return found;
   }
 
   /** How much later than planned robots that are on time are at a time, because the plan stood. */
