@@ -14,10 +14,8 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Final, TypeVar
 
-import msgspec
-
 from coordinator.desk.answers import FleetAnswer
-from coordinator.desk.differences import Json
+from coordinator.desk.differences import Json, plain
 from coordinator.desk.known_fleet import KnownFleet
 from coordinator.view.live_course import LiveCourse
 from coordinator.view.scene import Scene
@@ -75,7 +73,7 @@ class Line:
     def scene_json(self) -> Json:
         """Return the scene as a value of JSON, made once for everything that is known."""
         if self._drawn[0] != self._version:
-            self._drawn = (self._version, msgspec.json.decode(msgspec.json.encode(self.scene())))
+            self._drawn = (self._version, plain(self.scene()))
         return self._drawn[1]
 
     def times(self) -> tuple[object, object, object]:

@@ -33,6 +33,8 @@ _SCRIPTS: Final = (
     "word.js",
     "keys.js",
     "page.js",
+    "frames.js",
+    "outside.js",
 )
 _COMMENTS: Final = re.compile(r"^[ \t]*(?://[^\n]*|/\*.*?\*/[ \t]*)\n", re.MULTILINE | re.DOTALL)
 _INDENT: Final = re.compile(r"^[ \t]+", re.MULTILINE)

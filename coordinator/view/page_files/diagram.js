@@ -3,14 +3,22 @@
 /** Of more robots than this, only some have a line: the chosen one and those that it meets. */
 const MANY = 20;
 
+/** Lines that are drawn anew because of news alone are so at most once in this time [ms]. */
+const SELDOM = 1000;
+
 class DiagramView {
-  constructor(canvas, play) {
+  constructor(canvas) {
     this.sheet = new Sheet(canvas);
-    this.play = play;
-    this.longest = this.farthest();
     this.background = null;
     this.key = "";
     this.box = { left: 36, top: 18, right: 12, bottom: 26 };
+  }
+
+  /** Show another scene. */
+  show(play) {
+    this.play = play;
+    this.longest = this.farthest();
+    this.meets = "";
   }
 
   /** The greatest distance that a robot drives on a course, without what a freeze left undriven. */
@@ -42,9 +50,11 @@ class DiagramView {
   draw(t, found, focus, hover, look) {
     this.gather(t, found, focus);
     const { end, marks } = this.play.scene, drawn = this.company && [...this.company].join(" ");
-    const key = [focus, look.dark, end, marks.length, this.play.learned, drawn].join();
-    if (this.sheet.resize() || key !== this.key) {
-      this.key = key;
+    const news = [this.play.version, this.play.learned, drawn].join(), seen = [focus, look.dark, end].join();
+    const key = [seen, marks.length, news].join(), time = performance.now();
+    const isSoon = time - this.drawn < SELDOM && key.startsWith(this.seen);
+    if (this.sheet.resize() || key !== this.key && !isSoon) {
+      Object.assign(this, { key, seen, drawn: time });
       this.background = this.lines(focus, look);
     }
     const pen = this.sheet.begin(this.background.canvas), x = this.X(t);

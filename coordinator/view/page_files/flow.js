@@ -29,13 +29,14 @@ function lostTimes(play, t) {
 
 class Flow {
   constructor(text) {
-    Object.assign(this, { text, at: -Infinity, play: null, squares: new Map() });
+    Object.assign(this, { text, at: null, looked: -Infinity, squares: new Map() });
   }
 
-  /** Look at a time; at most once a second, because nobody sees more. */
+  /** Look at a time, at most once a second: it is slow, and nobody sees more. */
   look(play, t) {
-    if (play === this.play && Math.abs(t - this.at) < 1) return;
-    Object.assign(this, { play, at: t });
+    const time = performance.now();
+    if (t === this.at || time - this.looked < 1000) return;
+    Object.assign(this, { at: t, looked: time });
     const lost = lostTimes(play, t), span = Math.min(LATELY, t - play.scene.begin);
     this.squares = new Map();
     for (const { x, y, from, to } of lost) {

@@ -15,18 +15,21 @@ const driven = (courses, clock) => courses.findLast((one) => one.since <= clock)
 
 /** A scene in time: all robots at any second. */
 class Play {
+  static versions = 0;
+
   constructor(scene) {
     this.scene = scene;
     const epochs = scene.epochs.length ? scene.epochs : [NOTHING];
     this.epochs = epochs.map((epoch) => ({
       ...epoch,
-      courses: Map.groupBy(epoch.rides.map((ride) => new Motion(ride)), (one) => one.ride.robot),
+      courses: Map.groupBy(epoch.rides.map((ride) => Motion.of(ride)), (one) => one.ride.robot),
       why: new Map(epoch.aside.map((one) => [one.robot, one.why])),
     }));
     for (const epoch of this.epochs) epoch.planTime = (t) => (epoch.started ? t - epoch.start : -1);
     this.begins = this.epochs.map((epoch) => epoch.begin);
     this.silentFrom = Infinity;
     this.learned = 0;
+    this.version = ++Play.versions;
     this.holds = scene.robots.map((_, index) => scene.held.filter((one) => one.robot === index));
     this.ghosts = new Map(scene.ghosts.map((ghost) => [ghost.robot, ghost]));
   }
