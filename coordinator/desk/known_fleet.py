@@ -5,6 +5,7 @@ Decides: what counts as not heard.  Must not know: links, HTTP; `now` is our clo
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from itertools import islice
@@ -12,6 +13,7 @@ from typing import Final
 
 from coordinator.desk.alarms import Alarms
 from coordinator.desk.answers import FleetAnswer, RobotState
+from coordinator.exchange.vda5050_state import Seen
 from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.orders import LEAVE
 from coordinator.scenario.order_checks import OWN
@@ -33,6 +35,7 @@ from protocol.messages import (
     Unblock,
 )
 from protocol.phases import COMMAND_NAMES, GO, NO_FAULT, PHASE_NAMES, fault_name
+from protocol.plan_parts import unpack_plan
 from protocol.timing import LATE_STEP_MS, REPORT_TIMEOUT, SECOND
 
 _SILENCE: Final = REPORT_TIMEOUT / SECOND
@@ -154,6 +157,26 @@ class KnownFleet:
         found = [OrderSummary.of(state) for state in self.orders.values()]
         return sorted(found, key=lambda one: (one.released or 0.0, one.id))
 
+    def seen(self, name: str, now: float) -> Seen | None:
+        """Return a robot as a VDA 5050 state tells of it; None if it was never heard."""
+        heard = self._robots.get(name)
+        if heard is None:
+            return None
+        report, at = heard
+        mine = [one for one in self.orders.values() if one.robot == name]
+        done = [one for one in mine if one.state == ORDER_DONE]
+        order = next((one for one in mine if one.state == UNDER_WAY), done[-1] if done else None)
+        plan = self.plans.get(name)
+        return Seen(
+            name,
+            report.phase,
+            report.fault,
+            now - at < _SILENCE,
+            "" if order is None else order.id,
+            order is not None and order.state == ORDER_DONE,
+            None if plan is None else _end_of(plan),
+        )
+
     def _robot(self, name: str, now: float, held: Mapping[str, str]) -> RobotState:
         heard = self._robots[name]
         if heard is None:
@@ -200,3 +223,13 @@ class KnownFleet:
             self._robots.pop(state.robot, None)
             self.plans.pop(state.robot, None)
             self.alarms.forget(state.robot)
+
+
+def _end_of(plan: Plan) -> tuple[float, float, float] | None:
+    """Return where a course ends: x, y [m] and heading [rad]; None if the Plan is incomplete."""
+    try:
+        _, _, xs, ys, _ = unpack_plan(plan).path
+    except ValueError:
+        return None
+    dx, dy = xs[-1] - xs[-2], ys[-1] - ys[-2]
+    return xs[-1], ys[-1], math.atan2(dy, dx)

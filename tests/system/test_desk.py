@@ -13,7 +13,23 @@ from coordinator.log.log_file import read_log
 from protocol import keys
 from protocol.codec import decode
 from protocol.messages import Order, Tell
-from tests.system.fleet_tools import TWO_ROBOTS, free_endpoint, line_with, started, wait_for
+from tests.system.fleet_tools import (
+    TWO_ROBOTS,
+    free_endpoint,
+    line_with,
+    splinefleet,
+    started,
+    wait_for,
+)
+
+THEIRS = {
+    "orderId": "theirs-7",
+    "serialNumber": "R2",
+    "nodes": [
+        {"nodeId": "here", "sequenceId": 0, "nodePosition": {"x": 2.0, "y": 3.4}},
+        {"nodeId": "there", "sequenceId": 2, "nodePosition": {"x": 2.0, "y": 2.6}},
+    ],
+}
 
 
 def ask(address, path, method="GET", body=None):
@@ -49,6 +65,12 @@ def test_a_fleet_is_commanded_over_http_and_the_log_says_by_whom(tmp_path):
         assert ask(address, "api/freeze", "POST")[1]["phase"] == "stop"
         assert ask(address, "api/resume", "POST")[1]["phase"] == "go"
         wait_for(lambda: ask(address, f"api/orders/{order['id']}")[1]["state"] == "done", 60.0)
+        (tmp_path / "theirs.json").write_text(json.dumps(THEIRS))
+        options = ("--vda5050", tmp_path / "theirs.json", "--connect", endpoint, "--wait")
+        assert splinefleet("order", *options).returncode == 0
+        state = ask(address, "api/vda5050/R2")[1]
+        assert (state["orderId"], state["driving"], state["nodeStates"]) == ("theirs-7", False, [])
+        assert state["agvPosition"]["x"] == pytest.approx(2.0, abs=1e-4)
         assert ask(address, "api/end", "POST")[0] == 202
         assert coordinator.wait(30.0) == 0
     records = read_log(log).records
@@ -58,7 +80,7 @@ def test_a_fleet_is_commanded_over_http_and_the_log_says_by_whom(tmp_path):
         if (place := keys.split(record.key)) is not None
         and isinstance(message := decode(place[1], record.payload), Order | Tell)
     ]
-    assert {one.by for one in told} == {"page"}
+    assert {one.by for one in told if getattr(one, "id", "") != "theirs-7"} == {"page"}
 
 
 def test_a_desk_ends_with_its_coordinator_even_if_that_is_killed(tmp_path):

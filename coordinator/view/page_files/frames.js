@@ -17,7 +17,7 @@ function frame(time) {
     stale = false;
     draw();
   }
-  if (following && time - touched > PATIENCE * 1000) sleeps = setTimeout(wake, many() ? 180 : 40);
+  if (following && time - touched > PATIENCE * 1000) sleeps = setTimeout(wake, many() ? 250 : 40);
   else requestAnimationFrame(frame);
 }
 
