@@ -11,7 +11,10 @@ from protocol.phases import DONE, PHASE_NAMES
 
 
 class Alarm(msgspec.Struct, frozen=True, kw_only=True):
-    """An alarm; `since` counts seconds since 1970, `todo` says what a person can do about it."""
+    """An alarm; `since` counts seconds since 1970, `todo` says what a person can do about it.
+
+    is_lasting: it is not over by itself.
+    """
 
     id: str
     since: float
@@ -20,6 +23,7 @@ class Alarm(msgspec.Struct, frozen=True, kw_only=True):
     robot: str = ""
     order: str = ""
     is_acknowledged: bool = False
+    is_lasting: bool = False
 
 
 class RobotState(msgspec.Struct, frozen=True, kw_only=True):
@@ -27,7 +31,8 @@ class RobotState(msgspec.Struct, frozen=True, kw_only=True):
 
     phase: "" before its first report.  late [s].  age [s]: how long ago it was heard; null if
     never.  order: the one that it does.  next: those that wait for it by name.  held_by: the robot
-    behind which it has to slow down or stand.
+    behind which it has to slow down or stand.  reach: of a robot that is not heard, the place [m]
+    on its course that it has not passed.
     """
 
     id: str
@@ -39,11 +44,17 @@ class RobotState(msgspec.Struct, frozen=True, kw_only=True):
     order: str = ""
     next: list[str] = []
     held_by: str = ""
+    reach: tuple[float, float] | None = None
+
+    @property
+    def rests(self) -> bool:
+        """Whether the robot is at the end of its course."""
+        return self.is_heard and self.phase == PHASE_NAMES[DONE]
 
     @property
     def is_free(self) -> bool:
-        """Whether the robot rests at its goal and has nothing to do."""
-        return self.is_heard and self.phase == PHASE_NAMES[DONE] and not (self.order or self.next)
+        """Whether the robot rests and has nothing to do."""
+        return self.rests and not (self.order or self.next)
 
 
 class FleetAnswer(msgspec.Struct, frozen=True, kw_only=True):

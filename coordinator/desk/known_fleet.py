@@ -16,15 +16,17 @@ from coordinator.desk.answers import FleetAnswer, RobotState
 from coordinator.exchange.vda5050_state import Seen
 from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.orders import LEAVE
+from coordinator.plan.wire import unpack
 from coordinator.scenario.order_checks import OWN
 from protocol import keys
-from protocol.codec import decode
+from protocol.codec import decode, encode
 from protocol.messages import (
     CANCELLED,
     ORDER_DONE,
     ORDER_STATES,
     REFUSED,
     UNDER_WAY,
+    WAITING,
     Block,
     Command,
     Join,
@@ -40,6 +42,9 @@ from protocol.timing import LATE_STEP_MS, REPORT_TIMEOUT, SECOND
 
 _SILENCE: Final = REPORT_TIMEOUT / SECOND
 """Who has said nothing for so long [s] is not heard."""
+
+_LONG: Final = 60.0
+"""An order that waits for longer than this [s] although robots are free needs a person."""
 
 OVER: Final = (ORDER_DONE, CANCELLED, REFUSED)
 
@@ -67,6 +72,15 @@ class KnownFleet:
 
         self.plans: dict[str, Plan] = {}
         """The newest course of each robot."""
+
+        self._driven: dict[str, dict[int, Plan]] = {}
+        """The newest courses of each robot by revision: it drives one of them."""
+
+        self._reached: dict[str, tuple[int, tuple[float, float] | None]] = {}
+        """By robot: where its course is at a plan time [ms]."""
+
+        self._waits: dict[str, float] = {}
+        """Since when orders wait."""
 
         self.joined: dict[str, Join] = {}
         """What was said of robots that have joined."""
@@ -120,7 +134,7 @@ class KnownFleet:
         """Return the fleet as it is known now; `held`: who is held, and by whom."""
         robots = self.robots(now, held)
         is_heard = self.is_heard(now) or self._command is None
-        self.alarms.look(is_heard, robots, now + self._wall_s)
+        self.alarms.look(is_heard, robots, self._waiting_long(now), now + self._wall_s)
         command = self.command
         states = Counter(ORDER_STATES[one.state] for one in self.orders.values())
         return FleetAnswer(
@@ -194,9 +208,30 @@ class KnownFleet:
             order=doing,
             next=[one.id for one in mine if one.state not in (*OVER, UNDER_WAY)],
             held_by=held.get(name, ""),
+            reach=None if now - at < _SILENCE else self._reach(name, report),
         )
 
+    def _reach(self, name: str, report: Report) -> tuple[float, float] | None:
+        """Return the place [m] at which a robot's authority ends on the course that it drives."""
+        plan = self._driven.get(name, {}).get(report.revision)
+        command = self.command
+        until_ms = None if command is None or plan is None else command.authority_of(plan.number)
+        if plan is None or until_ms is None or plan.epoch != report.epoch:
+            return None
+        if self._reached.get(name, (0, None))[0] != until_ms:
+            self._reached[name] = (until_ms, _place_at(plan, 0.001 * until_ms))
+        return self._reached[name][1]
+
+    def _waiting_long(self, now: float) -> list[OrderState]:
+        """Return the orders that have waited for longer than _LONG."""
+        since = {name: at for name, at in self._waits.items() if now - at > _LONG}
+        return [self.orders[name] for name in since if self.orders[name].state == WAITING]
+
     def _take_plan(self, plan: Plan) -> None:
+        courses = self._driven.setdefault(plan.robot, {})
+        courses[plan.revision] = plan
+        for old in [revision for revision in courses if revision < plan.revision - 1]:
+            del courses[old]
         mine = self.plans.get(plan.robot)
         if mine is None or (mine.epoch, mine.revision) <= (plan.epoch, plan.revision):
             self.plans[plan.robot] = plan
@@ -212,6 +247,10 @@ class KnownFleet:
     def _take_order(self, state: OrderState, now: float) -> None:
         if state.released_ms is None:
             return  # There is no such order.
+        if state.state == WAITING:
+            self._waits.setdefault(state.id, now)
+        else:
+            self._waits.pop(state.id, None)
         before = self.orders.pop(state.id, None)
         self.orders[state.id] = state
         self.order_changes += before != state
@@ -223,6 +262,16 @@ class KnownFleet:
             self._robots.pop(state.robot, None)
             self.plans.pop(state.robot, None)
             self.alarms.forget(state.robot)
+
+
+def _place_at(plan: Plan, time: float) -> tuple[float, float] | None:
+    """Return the place [m] of a course at a plan time [s]; None if a robot would refuse it."""
+    try:
+        driven = unpack(encode(plan), 0.0)
+    except (ValueError, OverflowError):
+        return None
+    x, y = driven.curve.at_arc([driven.timeline.s_at(time)])[0].tolist()
+    return x, y
 
 
 def _end_of(plan: Plan) -> tuple[float, float, float] | None:

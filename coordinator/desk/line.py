@@ -86,6 +86,12 @@ class Line:
         """Return the fleet as it is known now."""
         return self.known.answer(time.monotonic(), self._course.held_now())
 
+    def log_failed(self, text: str) -> None:
+        """Take in, from any thread, that the coordinator cannot write its log any more."""
+        if self._loop is not None and not self._loop.is_closed():
+            wall_s = time.time()
+            self._loop.call_soon_threadsafe(self.known.alarms.log_failed, text, wall_s)
+
     def is_heard(self) -> bool:
         """Return whether the coordinator is heard now."""
         return self.known.is_heard(time.monotonic())

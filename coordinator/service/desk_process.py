@@ -99,7 +99,7 @@ def _run(connection: Connection, told: Connection, plan: bytes, place: DeskPlace
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     ended = threading.Event()
-    link = PipeLink(connection, ended.set)
+    link = PipeLink(connection, ended.set, lambda text: line.log_failed(text))
     document = from_json(plan)
     line = Line(link, LiveCourse(document.scenario, document), "page")
     desk = Desk(

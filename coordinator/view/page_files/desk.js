@@ -21,7 +21,7 @@ const ALIKE = 3;
 
 /** Alarms in groups that say the same and ask for the same. */
 function grouped(alarms) {
-  const what = ({ robot, text, todo, is_acknowledged: seen }) => [text.replace(robot, ""), todo, seen].join();
+  const what = ({ id, order, todo, is_acknowledged: seen }) => [order && id, todo, seen].join();
   return [...Map.groupBy(alarms, what).values()].flatMap((group) =>
     (group.length > ALIKE ? [group] : group.map((one) => [one])));
 }
@@ -30,7 +30,7 @@ function inWords([first, ...others]) {
   if (!others.length) return first.text;
   const names = [first, ...others.slice(0, ALIKE - 1)].map(({ robot }) => robot).join(", ");
   const all = `${names} and ${others.length + 1 - ALIKE} more`;
-  return first.text.replace(`${first.robot} is`, `${all} are`).replace(`${first.robot} stands`, `${all} stand`)
+  return first.text.replace(/;.*/, "").replace(`${first.robot} is`, `${all} are`).replace(`${first.robot} stands`, `${all} stand`)
     .replace(first.robot, all);
 }
 
