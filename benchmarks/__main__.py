@@ -19,6 +19,7 @@ from benchmarks.against_paper import against_paper
 from benchmarks.agent import agent
 from benchmarks.beyond import beyond
 from benchmarks.curves import curves
+from benchmarks.desk import desk
 from benchmarks.disturbance import disturbance
 from benchmarks.firmware import c_fleets, comparison, instructions, sizes
 from benchmarks.flood import flood
@@ -74,6 +75,7 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
         "fleets of C agents with 1 to 4 faults": c_fleets,
     },
     "flood": {"a fleet beside a flood": flood},
+    "desk": {"a fleet whose desk is asked much, and nonsense": desk},
     "fuzz": {"bad input, 30 s per target": partial(fuzz_all, list(MODULES))},
     "locks": {"arming a fleet without and with keys": arming},
     "recording": {

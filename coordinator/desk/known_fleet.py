@@ -245,7 +245,7 @@ class KnownFleet:
         self._robots[robot] = (report, now)
 
     def _take_order(self, state: OrderState, now: float) -> None:
-        if state.released_ms is None:
+        if state.released_ms is None and state.state == REFUSED:
             return  # There is no such order.
         if state.state == WAITING:
             self._waits.setdefault(state.id, now)

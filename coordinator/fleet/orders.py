@@ -274,6 +274,10 @@ class OrderBook:
             self.end(task, REFUSED, f"there is no robot {order.robot} in this fleet")
         return task
 
+    def has(self, order_id: str) -> bool:
+        """Return whether there is such an order, known or put off."""
+        return order_id in self.tasks or order_id in self._later
+
     def put_off(self, order: Order, now_ms: int) -> OrderState | None:
         """Keep an order until it becomes known; return its state, None if it is known now."""
         if order.id in self.tasks or self._is_known(order, now_ms):

@@ -331,7 +331,7 @@ class MissionDriver:
         for message in messages:
             self._record(message.key, message.payload, now_ns)
             name = message.key.removeprefix(self._orders_key)
-            if name != message.key and name in self.fleet.orders.tasks:
+            if name != message.key and self.fleet.orders.has(name):
                 self._order_states[message.key] = message.payload
         if is_new_epoch:
             self.checkpoint(now_ns)

@@ -153,3 +153,12 @@ def test_a_log_that_fails_calls_a_person_until_the_coordinator_is_started_again(
     assert alarm.text.startswith("no space left")
     assert known.alarms.acknowledge("log")
     assert known.answer(0.1, {}).alarms[0].is_acknowledged
+
+
+def test_an_order_that_is_put_off_is_known_and_one_that_does_not_exist_is_not():
+    known = fleet_of(
+        COMMAND,
+        state("later", WAITING, "", released=None, reason="waits until 60 s after the first GO"),
+        state("none", REFUSED, "", released=None, reason="there is no order none"),
+    )
+    assert [(one.id, one.state) for one in known.summaries()] == [("later", "waiting")]

@@ -166,6 +166,19 @@ def test_a_name_of_32_characters_joins_and_leaves():
         assert decode(keys.split(key)[1], payload) is not None
 
 
+def test_an_order_for_later_is_told_to_whoever_asks():
+    world = a_hall()
+    say = operator(world)
+    world.run(2.0)
+    say(Said(9, "later", (3.0, 5.0), robot="R1", release_ms=3_600_000))
+    world.run(1.0)
+    told = [key.rpartition("/")[2] for key, _ in world.coordinator.driver.orders_again()]
+    assert told == ["later"]
+    say(Cancel(9, "later"))
+    world.run(1.0)
+    assert states(world) == {"later": CANCELLED}
+
+
 def test_robots_join_and_leave_a_fleet_with_a_demand_which_is_for_its_own_robots():
     places = ((1.0, 1.0), (11.0, 1.0), (11.0, 5.0), (3.0, 5.0))
     robots = idle("R1", (1.0, 3.0)), idle("R2", (6.0, 1.0))
