@@ -47,6 +47,9 @@ _LOOK_S: Final = 0.01
 
 _MOST_CONNECTIONS: Final = 500
 
+_QUIET: Final = ("asyncio", "uvicorn.error")
+"""They warn of every browser that has left, and of every request that is no HTTP."""
+
 _HEADERS: Final = {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff"}
 
 
@@ -183,7 +186,8 @@ def served(
             "ssl_ca_certs": str(files.authority),
             "ssl_cert_reqs": ssl.CERT_REQUIRED,
         }
-    logging.getLogger("asyncio").setLevel(logging.ERROR)  # It warns of a browser that has left.
+    for name in _QUIET:
+        logging.getLogger(name).setLevel(logging.ERROR)
     config = uvicorn.Config(
         app,
         http=_Connection,
@@ -211,7 +215,16 @@ def served(
 
 
 class _Connection(H11Protocol):
-    """A connection that tells the app the common name of the other side's certificate."""
+    """A connection that tells the app the common name of the other side's certificate.
+
+    What is no HTTP is answered with 400, and counted in `answers` of the app's state.
+    """
+
+    def send_400_response(self, msg: str) -> None:
+        answers = getattr(self.config.app, "answers", None)
+        if answers is not None:
+            answers[400] += 1
+        super().send_400_response(msg)
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
@@ -255,6 +268,7 @@ def _app(
     )
     if answers is not None:
         inner.add_middleware(_Counted, answers=answers)
+        inner.answers = answers  # type: ignore[attr-defined]
     return inner
 
 

@@ -327,3 +327,21 @@ def test_a_preview_needs_a_floor(desk):
         409,
         "the floor is not known to this desk: give it the plan",
     )
+
+
+def test_what_is_no_http_is_answered_and_counted(desk, capfd):
+    _, address = desk
+    host, port = address.removeprefix("http://").rstrip("/").split(":")
+
+    def counted():
+        with urllib.request.urlopen(address + "metrics", timeout=20.0) as answer:
+            text = answer.read().decode()
+        found = [line for line in text.splitlines() if 'status="400"' in line]
+        return float(found[0].split()[-1]) if found else 0.0
+
+    before = counted()
+    with socket.create_connection((host, int(port)), 5.0) as link:
+        link.sendall(b"\x00\x01 nonsense\r\n\r\n")
+        assert link.recv(100).startswith(b"HTTP/1.1 400")
+    assert counted() == before + 1.0
+    assert capfd.readouterr().err == ""
