@@ -9,6 +9,7 @@ robot counts as held or stuck.  Must not know: phases, when a Command is sent.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
@@ -252,6 +253,20 @@ class Grants:
         line, rule = sent.course.driven.timeline, self._rule
         passed, told = (float(one[sent.slot]) / 1000.0 for one in (rule.progress, rule.told))
         return line.s_at(passed) >= line.s_at(told) - ROOM
+
+    def arrival_ms(self, robot: str, now_ms: int) -> int | None:
+        """Return the plan time [ms] when a robot will be at the end of the course in force.
+
+        It is as late then as it is known to be at `now_ms`.  None if it may still be held on the
+        way: not all of the course is granted to it, or nothing more ever is.
+        """
+        mine = self._courses[robot]
+        if mine.now.course is None or robot in self.given_up:
+            return None
+        finish_ms = math.ceil(1000.0 * mine.now.course.driven.timeline.finish)
+        if self._rule.granted[mine.now.slot] < finish_ms:
+            return None
+        return finish_ms + round(1000.0 * self.late(now_ms).get(robot, 0.0))
 
     def halt(self, robot: str) -> int:
         """Grant a robot no more on its course than it may have been told; return that [ms].

@@ -179,6 +179,12 @@ class Member:
         """Whether the robot is at the goal of its newest course."""
         return self.phase == DONE and self.driven == self.revision
 
+    def has_driven(self, epoch: int, revision: int) -> bool:
+        """Return whether the robot is at the end of a course, or has left it for the next one."""
+        if self.phase == DONE and self.driven == revision:
+            return True
+        return self.epoch == epoch and self.driven > revision
+
     def lacks_course(self, epoch: int) -> bool:
         """Return whether the robot has set out, and lacks its newest course."""
         has_old = self.epoch == epoch and self.phase in (MOVING, DONE, FROZEN)

@@ -205,9 +205,8 @@ class Obstructions:
             fleet.incidents.append(Incident(now_ns, "fault", member.id, text))
             fleet.go_around(member, now_ns)
             member.withdraw_course()
-            task = fleet.orders.of_robot(member.id)
-            fleet.orders.put_back(member.id)
-            if task is not None:
+            for task in fleet.orders.all_of(member.id)[-1:]:
+                fleet.orders.let_wait(task)
                 task.cannot.add(member.id)
                 if task.order.robot:
                     fleet.orders.end(task, REFUSED, text)

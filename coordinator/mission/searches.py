@@ -55,7 +55,10 @@ class Asked:
     commits: int
     closed: dict[str, Ring]
     leaves: bool
-    """Whether the robot leaves its course for this one, instead of resting at its goal."""
+    """Whether the robot leaves its course for this one, instead of driving to its goal."""
+
+    follows: bool
+    """Whether the robot had not arrived at its goal yet, where this course begins."""
 
 
 class Searches:
@@ -145,8 +148,9 @@ class Searches:
         now_ns: int,
         *,
         leaves: bool = False,
+        follows: bool = False,
     ) -> CourseRequest:
-        """Look for a robot's next course, from where it rests, or from where it can leave its own.
+        """Look for a robot's next course: from where it rests, or will rest, or can leave its own.
 
         `way`: the radius and path of the robot for which it makes room.
         """
@@ -162,6 +166,10 @@ class Searches:
         if leaves and rest is None:
             soon_ms, begin_ms = begin_ms, fleet.grants.halt(robot)
             delay = max(self._braking(robot), (soon_ms - begin_ms) / 1000.0)
+        if follows:
+            arrival_ms = fleet.grants.arrival_ms(robot, fleet.times.plan_ms(now_ns))
+            assert arrival_ms is not None
+            begin_ms = max(begin_ms, arrival_ms)
         number, revision = fleet.grants.reserve(), mine.newest.revision + 1
         request = CourseRequest(self.serial, task.order.id, robot, number, revision, begin_ms)
         if rest is not None:
@@ -183,6 +191,7 @@ class Searches:
             self.commits,
             self._obstructions.closed,
             leaves,
+            follows,
         )
         return request
 
@@ -209,6 +218,7 @@ class Searches:
             self.commits,
             self._obstructions.closed,
             leaves=False,
+            follows=False,
         )
         return request
 
