@@ -42,6 +42,14 @@ this."""
 _NOBODY_MOVES_MS: Final = 20_000
 """Orders for which nothing is found for so long while nobody moves are refused."""
 
+_LATE: Final = 4.0
+"""A robot that is later than this [s] and holds others may get its times anew."""
+
+_HELD_MS: Final = 1_000
+"""Others have to be held for so long before."""
+
+_RENEW_MS: Final = 15_000
+"""A robot gets its times anew, or is looked at for that, no more often than after this."""
 
 _JOIN_PATIENCE: Final = 60 * SECOND
 """How long a robot that joins has to be heard for the first time."""
@@ -77,6 +85,9 @@ class Dispatcher:
         self._no_room: dict[str, object] = {}
         """By robot: the state of the fleet when no place was found for it to make room at."""
 
+        self._renewed: dict[str, int] = {}
+        """By late robot: when [ms] new times were last looked for."""
+
         self._moved_ms = 0
         self._mark = (0, 0)
         """When a robot last got on, and how many courses there were, at _moved_ms."""
@@ -92,6 +103,7 @@ class Dispatcher:
         self.searches.begin()
         self._tried.clear()
         self._no_room.clear()
+        self._renewed.clear()
         return PlainDispatcher(
             [plain.plain(robot) for robot in self.robots.values()],
             self.searches.serial,
@@ -122,6 +134,7 @@ class Dispatcher:
         self.searches.begin()
         self.obstructions.begin(make_site)
         self._tried.clear()
+        self._renewed.clear()
 
     def look(self, now_ns: int) -> list[CourseRequest]:
         """Let orders become known and done, and return the courses that are to be looked for."""
@@ -151,7 +164,26 @@ class Dispatcher:
         for task, robot in self._assigned(tasks, free, now_ns):
             found.append(self._ask(task, robot, now_ns, follows=robot not in idle))
         urgent = [task for task in tasks if task.is_urgent and self._leaves_for(task, now_ns)]
-        return found + [self._ask(task, task.robot, now_ns, leaves=True) for task in urgent]
+        found += [self._ask(task, task.robot, now_ns, leaves=True) for task in urgent]
+        return found + self._renewals(now_ns, now_ms)
+
+    def _renewals(self, now_ns: int, now_ms: int) -> list[CourseRequest]:
+        """Look for courses with new times for robots that are late for long and hold others."""
+        grants, plan_ms = self._fleet.grants, self._fleet.times.plan_ms(now_ns)
+        held, late, found = grants.held(), grants.late(plan_ms), []
+        holders = {one.by for one in held if plan_ms - one.since_ms >= _HELD_MS}
+        for name in sorted(holders - {one.robot for one in held}):
+            task = self._fleet.orders.of_robot(name)
+            if task is None or task.makes_room or task.order.via or late.get(name, 0.0) < _LATE:
+                continue
+            is_due = now_ms - self._renewed.get(name, -_RENEW_MS) >= _RENEW_MS
+            if not (is_due and grants.gets_on(name, plan_ms) and self._may_leave(name, now_ns)):
+                continue
+            until = self.searches.worth_until(name, now_ns)
+            if until > 0.0:
+                self._renewed[name] = now_ms
+                found.append(self.searches.ask(task, name, None, now_ns, leaves=True, until=until))
+        return found
 
     def _has_driven(self, robot: str, revision: int) -> bool:
         return self._fleet.members[robot].has_driven(self._fleet.epoch, revision)
@@ -219,10 +251,15 @@ class Dispatcher:
         can_go = is_same if asked.leaves else request.robot in idle
         can_go |= asked.follows and is_same and request.robot in self._arriving(now_ns)
         can_go |= task.joins is not None
-        if task.state != WAITING or fleet.phase != GO or not can_go:
+        renews = asked.until < math.inf
+        does = fleet.orders.of_robot(request.robot)
+        is_wanted = task is does if renews else task.state == WAITING
+        if not is_wanted or fleet.phase != GO or not can_go:
             return None
         now_ms = fleet.since_go_ms(now_ns)
         proposal = answer.proposal
+        if renews and (proposal is None or proposal.course.driven.timeline.finish > asked.until):
+            return None
         if proposal is None:
             self._not_found(task, asked, answer, idle, now_ms)
             return None
@@ -242,6 +279,9 @@ class Dispatcher:
         if task.makes_room:
             task.order = replace(task.order, goal=proposal.course.goal)
             text = f"{request.robot} {task.reason}"
+            fleet.incidents.append(Incident(now_ns, "order", request.robot, text))
+        elif renews:
+            text = f"{request.robot} gets new times for {task.order.id}: others go first"
             fleet.incidents.append(Incident(now_ns, "order", request.robot, text))
         task.state, task.robot, task.reason = UNDER_WAY, request.robot, ""
         task.revision = request.revision
@@ -317,8 +357,8 @@ class Dispatcher:
         ]
 
     def _arriving(self, now_ns: int) -> list[str]:
-        """Return the robots that will soon be idle: nothing holds them up before their goals."""
-        fleet, now_ms = self._fleet, self._fleet.times.plan_ms(now_ns)
+        """Return the robots that will be idle in a moment: nothing holds them up any more."""
+        fleet = self._fleet
         stay = {one.robot for one in fleet.orders.under_way() if one.order.dwell > 0.0}
         stay |= {one.robot for one in fleet.orders.waiting() if one.is_urgent}
         return [
@@ -331,7 +371,7 @@ class Dispatcher:
             and not (member.lost or member.is_silent(now_ns))
             and (mine := fleet.grants.of(member.id)) is not None
             and mine.next is None
-            and fleet.grants.arrival_ms(member.id, now_ms) is not None
+            and self.searches.is_time_for(member.id, now_ns)
         ]
 
     def _is_due(self, task: Task, state: object, now_ms: int) -> bool:

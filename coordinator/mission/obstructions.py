@@ -215,7 +215,9 @@ class Obstructions:
         """Take in which robots have stopped on their courses: they go on on others, if they may."""
         fleet = self._fleet
         for member in fleet.members.planned:
-            if self.rest_of(member.id) is None or member.id in fleet.grants.given_up:
+            known = member.id in fleet.grants.given_up
+            known &= not member.has_dropped_course(fleet.epoch)
+            if known or self.rest_of(member.id) is None:
                 continue
             fleet.go_around(member, now_ns)
             if member.lacks_course(fleet.epoch):

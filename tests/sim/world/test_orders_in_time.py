@@ -472,7 +472,7 @@ def test_a_robot_that_dwells_gets_its_next_course_after_that():
 
 
 def test_an_order_without_a_robot_goes_to_one_that_will_be_there_first_though_it_still_drives():
-    near = {"robot": "", "goal": (8.0, 2.0), "release": 11.0}
+    near = {"robot": "", "goal": (8.0, 2.0), "release": 11.2}
     world = a_world(chain({}, near, {"release": 40.0}))
     first, second = until_sent_on(world)
     assert (first.order.id, second.order.id) == ("c0", "c1")
@@ -553,4 +553,50 @@ def test_a_coordinator_that_goes_on_knows_both_courses_and_both_orders(tmp_path)
     log = read_log(logs.paths[-1])
     assert check_log(log).difference == ""
     assert prove_log(log, before=logs_before(log)).holds
+    assert nobody_touches(world)
+
+
+def crossing(**fields):
+    """R1 is to pass a crossing before R2, each for its order, after 20 s of driving."""
+    robots = [idle("R1", (1.0, 3.0)), idle("R2", (17.0, 22.0))]
+    orders = (
+        Order(id="along", goal=(23.0, 3.0), robot="R1", **fields),
+        Order(id="across", goal=(17.0, 1.0), robot="R2"),
+    )
+    return a_scenario(robots, (24.0, 24.0), orders=orders)
+
+
+def test_a_robot_that_is_late_for_long_lets_another_go_first_that_waits_for_it(tmp_path):
+    logs = RunLogs(tmp_path)
+    world = a_world(crossing(), logs=logs, faults=["stall:R1@3:14"])
+    world.run(90.0)
+    logs.close()
+    along, across = (world.fleet.orders.tasks[name] for name in ("along", "across"))
+    told = "R1 gets new times for along: others go first"
+    assert [one.text for one in world.fleet.incidents].count(told) == 1
+    assert across.arrived_ms < 36_000  # 40.2 s if it waits for R1.
+    assert along.arrived_ms < 47_500  # 43.9 s without stopping for R2.
+    assert states(world) == {"along": ORDER_DONE, "across": ORDER_DONE}
+    assert freezes(world) == 0
+    assert_sound(world, logs)
+
+
+@pytest.mark.parametrize(("seconds", "via"), [(3.0, ()), (9.0, ()), (14.0, ((20.0, 3.0),))])
+def test_a_late_robot_keeps_its_course_where_little_is_won_or_places_were_passed(seconds, via):
+    world = a_world(crossing(via=via), faults=[f"stall:R1@3:{seconds}"])
+    world.run(90.0)
+    assert world.fleet.grants.of("R1").now.revision == 1
+    assert states(world) == {"along": ORDER_DONE, "across": ORDER_DONE}
+    assert nobody_touches(world)
+
+
+def test_a_redirected_robot_that_is_late_is_planned_with_the_times_that_it_has():
+    world = a_world(crossing(), faults=["stall:R1@3:8"])
+    say = operator(world)
+    world.run(14.0)
+    say(Said(9, "now", (8.0, 20.0), robot="R1", now=True))
+    world.run(90.0)
+    now = world.fleet.orders.tasks["now"]
+    assert now.state == ORDER_DONE
+    assert now.arrived_ms - now.planned_arrival_ms < 1_500
     assert nobody_touches(world)
