@@ -138,7 +138,11 @@ class KnownFleet:
             return RobotState(id=name)
         report, at = heard
         mine = [one for one in self.orders.values() if one.robot == name]
-        doing = next((one.id for one in mine if one.state == UNDER_WAY), "")
+        going = [one for one in mine if one.state == UNDER_WAY]
+        going.sort(
+            key=lambda one: one.planned_arrival_ms or 0
+        )  # Two, once it knows its next course.
+        waiting = [one for one in mine if one.state not in (*OVER, UNDER_WAY)]
         return RobotState(
             id=name,
             phase=PHASE_NAMES[report.phase] if report.phase < len(PHASE_NAMES) else "",
@@ -146,8 +150,8 @@ class KnownFleet:
             late=report.late * LATE_STEP_MS / 1000.0,
             age=round(now - at, 3),
             is_heard=now - at < _SILENCE,
-            order=doing,
-            next=[one.id for one in mine if one.state not in (*OVER, UNDER_WAY)],
+            order=going[0].id if going else "",
+            next=[one.id for one in [*going[1:], *waiting]],
             held_by=held.get(name, ""),
         )
 
