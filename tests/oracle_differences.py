@@ -12,8 +12,10 @@ def changed(old, by):
         changes, removed = rest
         kept = {key: value for key, value in old.items() if key not in removed}
         return kept | {key: changed(old.get(key), one) for key, one in changes.items()}
-    dropped, changes, tail = rest
-    items = list(old[dropped:])
+    gone, changes, come = rest
+    items = [item for index, item in enumerate(old) if index not in gone]
     for index, one in changes.items():
         items[int(index)] = changed(items[int(index)], one)
-    return items + tail
+    for index, one in come:
+        items.insert(index, one)
+    return items

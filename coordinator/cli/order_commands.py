@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import os
 import time
-from typing import Annotated, Final
+from pathlib import Path
+from typing import Annotated, Final, NamedTuple
 
 import msgspec
 import typer
@@ -16,7 +17,7 @@ from coordinator.base.console import answer_json, answers, tell
 from coordinator.cli.fleet_line import Connect, FleetName, Patience, fleet_line
 from coordinator.cli.plan_commands import Json, within
 from coordinator.service.key_option import Keys
-from protocol import keys as places
+from protocol import keys as keys_of
 from protocol.messages import (
     CANCELLED,
     END,
@@ -58,16 +59,20 @@ def numbers_of(text: str, counts: tuple[int, ...], option: str) -> tuple[float, 
 
 def name_of(text: str, option: str) -> str:
     """Return a name; typer.BadParameter if it cannot be one."""
-    if not places.NAME.fullmatch(text):
-        what = f"{text[:60]!r} is not {places.NAME_IN_WORDS}"
+    if not keys_of.NAME.fullmatch(text):
+        what = f"{text[:60]!r} is not {keys_of.NAME_IN_WORDS}"
         raise typer.BadParameter(what, param_hint=option)
     return text
 
 
 @commands.command(rich_help_panel="Operate")
 def order(
-    to: Annotated[str, typer.Option(help="X,Y or X,Y,HEADING in m and rad.")],
     connect: Connect,
+    to: Annotated[str | None, typer.Option(help="X,Y or X,Y,HEADING in m and rad.")] = None,
+    vda5050: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A VDA 5050 order: its robot, released nodes and wait."),
+    ] = None,
     fleet: FleetName = None,
     robot: Annotated[
         str | None, typer.Option(help="Which robot; by default the coordinator chooses.")
@@ -105,21 +110,19 @@ def order(
 
     Example: splinefleet order --connect tcp/127.0.0.1:7447 --to 9,5 --robot R1 --wait
     """
-    goal = numbers_of(to, (2, 3), "--to")
-    passed = [numbers_of(one, (2,), "--via") for one in via or ()]
-    if len(passed) > MOST_VIAS:
-        raise typer.BadParameter(f"more than {MOST_VIAS} places", param_hint="--via")
-    name = name_of(order_id, "--id") if order_id is not None else f"order-{os.urandom(4).hex()}"
-    whose = name_of(robot, "--robot") if robot is not None else ""
+    wanted = _wanted(to, via or [], dwell, vda5050)
+    name = name_of(order_id or wanted.id, "--id")
+    whose = robot or wanted.robot
+    whose = name_of(whose, "--robot") if whose else ""
     state: OrderState | None = None
     with fleet_line(connect, fleet, 86_400.0 if wait else patience, keys) as line:
         given = Order(
             boot=line.boot,
             id=name,
-            goal=goal,
+            goal=wanted.goal,
             robot=whose,
-            via=tuple((x, y) for x, y in passed),
-            dwell_ms=round(1000.0 * dwell),
+            via=wanted.via,
+            dwell_ms=round(1000.0 * wanted.dwell),
             priority=priority,
             now=now,
         )
@@ -127,7 +130,7 @@ def order(
 
         def say(known: str) -> None:
             if state is None:
-                line.put(places.order(known), given)
+                line.put(keys_of.order(known), given)
 
         for message in line.messages(say):
             if isinstance(message, OrderState) and message.id == name:
@@ -143,6 +146,49 @@ def order(
             if isinstance(message, Command) and message.phase == OVER and state is not None:
                 break
     _conclude(name, state, as_json, patience)
+
+
+class _Wanted(NamedTuple):
+    """Where a robot is wanted, as options or a file say: places [m], and how long it stays [s]."""
+
+    id: str
+    robot: str
+    goal: tuple[float, ...]
+    via: tuple[tuple[float, float], ...]
+    dwell: float
+
+
+def _wanted(to: str | None, via: list[str], dwell: float, file: Path | None) -> _Wanted:
+    if (to is None) == (file is None):
+        raise typer.BadParameter("give a place, or --vda5050 FILE", param_hint="--to")
+    if file is not None:
+        if via or dwell:
+            what = "stands in the file, with --vda5050"
+            raise typer.BadParameter(what, param_hint="--via, --dwell")
+        return _read_wanted(file)
+    goal = numbers_of(to or "", (2, 3), "--to")
+    places = [numbers_of(one, (2,), "--via") for one in via]
+    if len(places) > MOST_VIAS:
+        raise typer.BadParameter(f"more than {MOST_VIAS} places", param_hint="--via")
+    name = f"order-{os.urandom(4).hex()}"
+    return _Wanted(name, "", goal, tuple((x, y) for x, y in places), dwell)
+
+
+def _read_wanted(file: Path) -> _Wanted:
+    """Return what a VDA 5050 order wants; raise InputError with all that is wrong with it."""
+    from coordinator.base.errors import InputError
+    from coordinator.exchange.vda5050_wishes import read_wished
+
+    problems: list[str] = []
+    try:
+        found = read_wished(file.read_bytes(), str(file), problems)
+    except OSError as error:
+        raise InputError([f"{file}: {error.strerror}"]) from None
+    if found is None:
+        raise InputError(problems)
+    if found.later:
+        tell(f"{found.later} nodes are not released yet, and are left out")
+    return _Wanted(*found[:-1])
 
 
 def _conclude(name: str, state: OrderState | None, as_json: bool, patience: float) -> None:
@@ -214,7 +260,7 @@ def cancel(
         return answer.state in (ORDER_DONE, CANCELLED, REFUSED)
 
     with fleet_line(connect, fleet, patience, keys) as line:
-        state = line.ask_until(places.order, Cancel(line.boot, name), is_over)
+        state = line.ask_until(keys_of.order, Cancel(line.boot, name), is_over)
     if not isinstance(state, OrderState):
         tell(f"no coordinator has answered within {patience:g} s", "red")
         raise typer.Exit(1)
@@ -236,7 +282,7 @@ def _tell_fleet(
     with fleet_line(connect, fleet, patience, keys) as line:
 
         def say(known: str) -> None:
-            line.put(places.tell(known), Tell(line.boot, what))
+            line.put(keys_of.tell(known), Tell(line.boot, what))
 
         for message in line.messages(say):
             if isinstance(message, Command):

@@ -121,6 +121,13 @@ Speed = Annotated[
         help="Speed of the fleet's clock, 0.01 to 1000; 1 is real time, 2 twice as fast.",
     ),
 ]
+Page = Annotated[
+    str | None,
+    typer.Option(
+        metavar="HOST:PORT", help="Serve the operator's page there; port 0 takes a free one."
+    ),
+]
+
 Effort = Annotated[
     int,
     typer.Option(
@@ -329,12 +336,7 @@ def coordinator(
     stay: Annotated[
         bool, typer.Option("--stay", help="Wait for orders until the fleet is told to end.")
     ] = False,
-    page: Annotated[
-        str | None,
-        typer.Option(
-            metavar="HOST:PORT", help="Serve the operator's page there; port 0 takes a free one."
-        ),
-    ] = None,
+    page: Page = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print events as JSON lines.")] = False,
 ) -> None:
     """Run only the coordinator; robots connect to it, or it and the robots to a router.

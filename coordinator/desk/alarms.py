@@ -6,7 +6,7 @@ looks.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import msgspec
@@ -25,6 +25,10 @@ _FAULTS: Final = {
 }
 
 
+_LOG: Final = "log"
+_LOG_TODO: Final = "Free its disk, and start the coordinator again with --resume and its log."
+
+
 class Alarms:
     """The alarms of one fleet: each stands until it is over or, if it cannot be, acknowledged."""
 
@@ -40,7 +44,7 @@ class Alarms:
         alarm = self._now.get(name)
         if alarm is None:
             return False
-        if alarm.order:
+        if alarm.is_lasting and name != _LOG:
             del self._now[name]
         else:
             self._now[name] = msgspec.structs.replace(alarm, is_acknowledged=True)
@@ -52,24 +56,61 @@ class Alarms:
         todo = "Give another goal, or another robot."
         name = f"refused-{state.id}"
         self._now[name] = Alarm(
-            id=name, since=now, text=text, todo=todo, robot=state.robot, order=state.id
+            id=name,
+            since=now,
+            text=text,
+            todo=todo,
+            robot=state.robot,
+            order=state.id,
+            is_lasting=True,
         )
 
     def forget(self, robot: str) -> None:
         """Forget what is about a robot."""
         self._now = {name: one for name, one in self._now.items() if one.robot != robot}
 
-    def look(self, is_heard: bool, robots: Iterable[RobotState], now: float) -> None:
-        """Find out what needs a person now; while no coordinator is heard, that alone does."""
+    def log_failed(self, text: str, now: float) -> None:
+        """Take in that the coordinator cannot write its log any more."""
+        self._now[_LOG] = Alarm(id=_LOG, since=now, text=text, todo=_LOG_TODO, is_lasting=True)
+
+    def look(
+        self,
+        is_heard: bool,
+        robots: Sequence[RobotState],
+        waiting: Iterable[OrderState],
+        now: float,
+    ) -> None:
+        """Find out what needs a person now; while no coordinator is heard, that alone does.
+
+        `waiting`: orders that wait, and have waited for long.
+        """
         found = [] if is_heard else [_unheard(now)]
         if is_heard:
             found = [alarm for one in robots if (alarm := _about(one, now)) is not None]
-        lasting = {one.id: one for one in self._now.values() if one.order}
+            idle = {one.id for one in robots if one.rests and not one.order}
+            could = [one for one in waiting if (one.robot in idle if one.robot else idle)]
+            found += [_stuck(one, now) for one in could]
+        lasting = {one.id: one for one in self._now.values() if one.is_lasting}
         for one in found:
             before = self._now.get(one.id)
-            is_same = before is not None and before.text == one.text
-            lasting[one.id] = before if before is not None and is_same else one
+            if before is not None and before.todo == one.todo:
+                one = msgspec.structs.replace(
+                    one, since=before.since, is_acknowledged=before.is_acknowledged
+                )
+            lasting[one.id] = one
         self._now = lasting
+
+
+def _stuck(order: OrderState, now: float) -> Alarm:
+    who = f"{order.robot} is" if order.robot else "robots are"
+    return Alarm(
+        id=f"waits-{order.id}",
+        since=now,
+        text=f"order {order.id} waits although {who} free: {order.reason or 'no way is found'}",
+        todo="Clear its way, or take it back.",
+        robot=order.robot,
+        order=order.id,
+    )
 
 
 def _unheard(now: float) -> Alarm:
@@ -87,6 +128,9 @@ def _about(robot: RobotState, now: float) -> Alarm | None:
         return None
     if not robot.is_heard:
         text = f"{robot.id} is not heard"
+        if robot.reach is not None:
+            x, y = robot.reach
+            text += f"; it stands on its way, no farther than ({x:.1f}, {y:.1f})"
         return Alarm(
             id=f"lost-{robot.id}", since=now - robot.age, text=text, todo=_LOST, robot=robot.id
         )

@@ -7,9 +7,14 @@ from __future__ import annotations
 
 import msgspec
 
+from protocol.phases import DONE, PHASE_NAMES
+
 
 class Alarm(msgspec.Struct, frozen=True, kw_only=True):
-    """An alarm; `since` counts seconds since 1970, `todo` says what a person can do about it."""
+    """An alarm; `since` counts seconds since 1970, `todo` says what a person can do about it.
+
+    is_lasting: it is not over by itself.
+    """
 
     id: str
     since: float
@@ -18,6 +23,7 @@ class Alarm(msgspec.Struct, frozen=True, kw_only=True):
     robot: str = ""
     order: str = ""
     is_acknowledged: bool = False
+    is_lasting: bool = False
 
 
 class RobotState(msgspec.Struct, frozen=True, kw_only=True):
@@ -25,7 +31,8 @@ class RobotState(msgspec.Struct, frozen=True, kw_only=True):
 
     phase: "" before its first report.  late [s].  age [s]: how long ago it was heard; null if
     never.  order: the one that it does.  next: those that wait for it by name.  held_by: the robot
-    behind which it has to slow down or stand.
+    behind which it has to slow down or stand.  reach: of a robot that is not heard, the place [m]
+    on its course that it has not passed.
     """
 
     id: str
@@ -37,6 +44,17 @@ class RobotState(msgspec.Struct, frozen=True, kw_only=True):
     order: str = ""
     next: list[str] = []
     held_by: str = ""
+    reach: tuple[float, float] | None = None
+
+    @property
+    def rests(self) -> bool:
+        """Whether the robot is at the end of its course."""
+        return self.is_heard and self.phase == PHASE_NAMES[DONE]
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the robot rests and has nothing to do."""
+        return self.rests and not (self.order or self.next)
 
 
 class FleetAnswer(msgspec.Struct, frozen=True, kw_only=True):
@@ -76,6 +94,32 @@ class Place(msgspec.Struct, frozen=True):
 
     id: str
     polygon: tuple[tuple[float, float], ...]
+
+
+class PreviewRest(msgspec.Struct, frozen=True):
+    """A rest on the way, at a place [m] and for `seconds`; robot: for whom, "" if for nobody."""
+
+    robot: str
+    place: tuple[float, float]
+    seconds: float
+
+
+class PreviewAnswer(msgspec.Struct, frozen=True, kw_only=True):
+    """What an order would come to, as far as the desk knows; nothing is reserved.
+
+    robot: who would do it.  way: the points [m] of its path, empty if there is none; then, or if
+    somebody rests in the way, reason says so and the times are null.  begins, arrives, done [s]:
+    from now on.  alone [s]: how long it would take with nobody else on the floor.
+    """
+
+    robot: str
+    way: list[tuple[float, float]]
+    begins: float | None
+    arrives: float | None
+    done: float | None
+    alone: float | None
+    waits: list[PreviewRest]
+    reason: str = ""
 
 
 class Problem(msgspec.Struct, frozen=True):

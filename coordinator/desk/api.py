@@ -10,10 +10,11 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from coordinator.desk.answers import FleetAnswer, Phase, Place, Told
+from coordinator.desk.answers import FleetAnswer, Phase, Place, PreviewAnswer, Told
 from coordinator.desk.bodies import BlockBody, JoinBody, NoBody, OrderBody
 from coordinator.desk.commands import Commands
 from coordinator.desk.rights import Right
+from coordinator.exchange.vda5050_state import State
 from coordinator.findings.info_fields import OrderSummary
 
 Handler = Callable[[Commands, str, Any, str], Awaitable[object]]
@@ -78,6 +79,15 @@ ENDPOINTS: Final = (
         lambda commands, _, body, by: commands.give_order(body, by),
         OrderBody,
         status=201,
+        statuses=_ASKED,
+    ),
+    Endpoint(
+        "POST",
+        "/api/preview",
+        "Ask what an order would come to, without giving it",
+        PreviewAnswer,
+        lambda commands, _, body, __: commands.preview(body),
+        OrderBody,
         statuses=_ASKED,
     ),
     Endpoint(
@@ -164,6 +174,23 @@ ENDPOINTS: Final = (
         Place,
         lambda commands, name, _, by: commands.unblock(name, by),
         statuses=(404, *_ASKED),
+    ),
+    Endpoint(
+        "GET",
+        "/api/vda5050",
+        "VDA 5050 state messages of all robots",
+        list[State],
+        lambda commands, *_: _now(commands.states()),
+        right=Right.LOOK,
+    ),
+    Endpoint(
+        "GET",
+        "/api/vda5050/{name}",
+        "The VDA 5050 state message of one robot",
+        State,
+        lambda commands, name, *_: _now(commands.states(name)[0]),
+        right=Right.LOOK,
+        statuses=(404,),
     ),
     Endpoint(
         "POST",

@@ -7,15 +7,19 @@ Must not know: how requests travel (web.py), who may send them (rights.py).
 from __future__ import annotations
 
 import os
+import time
+from datetime import UTC, datetime
 from functools import partial
 from itertools import count
 from typing import Final, TypeVar
 
 from coordinator.base.errors import InputError
-from coordinator.desk.answers import FleetAnswer, Phase, Place, Told
+from coordinator.desk.answers import FleetAnswer, Phase, Place, PreviewAnswer, Told
 from coordinator.desk.bodies import BlockBody, JoinBody, OrderBody, read_name
 from coordinator.desk.known_fleet import OVER
 from coordinator.desk.line import Line
+from coordinator.desk.previews import Previews
+from coordinator.exchange.vda5050_state import State, state_of
 from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.admit_outcome import Asking
 from coordinator.fleet.orders import JOIN, LEAVE
@@ -71,6 +75,8 @@ class Commands:
 
     def __init__(self, line: Line) -> None:
         self._line = line
+        self.previews = Previews(line.floor)
+        self._states_asked = 0
 
     def fleet(self) -> FleetAnswer:
         """Return the fleet as it is known."""
@@ -97,6 +103,18 @@ class Commands:
         if state.state == REFUSED:
             raise Refused(409, state.reason)
         return OrderSummary.of(state)
+
+    async def preview(self, body: OrderBody) -> PreviewAnswer:
+        """Return what an order would come to if it were given now."""
+        if not self.previews.are_possible:
+            raise Refused(409, "the floor is not known to this desk: give it the plan")
+        try:
+            found = await self.previews.make(self._line.known, body, time.monotonic())
+        except KeyError:
+            raise Refused(409, f"{body.robot} has no course that this desk has heard") from None
+        if found is None:
+            raise Refused(504, "the process that makes previews has ended; ask again")
+        return found
 
     async def cancel(self, name: str, by: str) -> OrderSummary:
         """Take an order back."""
@@ -198,6 +216,19 @@ class Commands:
 
         _answered(await self._line.ask(keys.block, asked, opened, PATIENCE_S))
         return Place(name, was.polygon)
+
+    def states(self, name: str = "") -> list[State]:
+        """Return VDA 5050 states of all robots that were heard, or of one."""
+        known, now = self._line.known, time.monotonic()
+        names = [name] if name else [one.id for one in known.robots(now)]
+        seen = [one for one in (known.seen(robot, now) for robot in names) if one is not None]
+        if name and not seen:
+            raise Refused(404, f"no robot {name} was heard")
+        self._states_asked += 1
+        stamp = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        paused = known.command is not None and known.command.phase in (phases.STOP, phases.FREEZE)
+        fleet = known.fleet or ""
+        return [state_of(one, fleet, self._states_asked, stamp, paused=paused) for one in seen]
 
     def acknowledge(self, name: str) -> None:
         """Mark an alarm as seen."""

@@ -5,37 +5,46 @@ Decides: what counts as not heard.  Must not know: links, HTTP; `now` is our clo
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import islice
 from typing import Final
 
 from coordinator.desk.alarms import Alarms
 from coordinator.desk.answers import FleetAnswer, RobotState
+from coordinator.exchange.vda5050_state import Seen
 from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.orders import LEAVE
+from coordinator.plan.wire import unpack
 from coordinator.scenario.order_checks import OWN
 from protocol import keys
-from protocol.codec import decode
+from protocol.codec import decode, encode
 from protocol.messages import (
     CANCELLED,
     ORDER_DONE,
     ORDER_STATES,
     REFUSED,
     UNDER_WAY,
+    WAITING,
     Block,
     Command,
+    Join,
     Message,
     OrderState,
     Plan,
     Report,
     Unblock,
 )
-from protocol.phases import COMMAND_NAMES, NO_FAULT, PHASE_NAMES, fault_name
+from protocol.phases import COMMAND_NAMES, GO, NO_FAULT, PHASE_NAMES, fault_name
+from protocol.plan_parts import unpack_plan
 from protocol.timing import LATE_STEP_MS, REPORT_TIMEOUT, SECOND
 
 _SILENCE: Final = REPORT_TIMEOUT / SECOND
 """Who has said nothing for so long [s] is not heard."""
+
+_LONG: Final = 60.0
+"""An order that waits for longer than this [s] although robots are free needs a person."""
 
 OVER: Final = (ORDER_DONE, CANCELLED, REFUSED)
 
@@ -60,6 +69,21 @@ class KnownFleet:
 
         self.faults: Counter[str] = Counter()
         """Faults that robots have reported, by name."""
+
+        self.plans: dict[str, Plan] = {}
+        """The newest course of each robot."""
+
+        self._driven: dict[str, dict[int, Plan]] = {}
+        """The newest courses of each robot by revision: it drives one of them."""
+
+        self._reached: dict[str, tuple[int, tuple[float, float] | None]] = {}
+        """By robot: where its course is at a plan time [ms]."""
+
+        self._waits: dict[str, float] = {}
+        """Since when orders wait."""
+
+        self.joined: dict[str, Join] = {}
+        """What was said of robots that have joined."""
 
         self._robots: dict[str, tuple[Report, float] | None] = {}
         self._left: set[str] = set()
@@ -92,6 +116,9 @@ class KnownFleet:
         elif isinstance(message, Plan):
             self._left.discard(name)
             self._robots.setdefault(name, None)
+            self._take_plan(message)
+        elif isinstance(message, Join):
+            self.joined[message.robot] = message
         return message
 
     def is_heard(self, now: float) -> bool:
@@ -105,9 +132,9 @@ class KnownFleet:
 
     def answer(self, now: float, held: Mapping[str, str]) -> FleetAnswer:
         """Return the fleet as it is known now; `held`: who is held, and by whom."""
-        robots = [self._robot(name, now, held) for name in sorted(self._robots)]
+        robots = self.robots(now, held)
         is_heard = self.is_heard(now) or self._command is None
-        self.alarms.look(is_heard, robots, now + self._wall_s)
+        self.alarms.look(is_heard, robots, self._waiting_long(now), now + self._wall_s)
         command = self.command
         states = Counter(ORDER_STATES[one.state] for one in self.orders.values())
         return FleetAnswer(
@@ -122,6 +149,18 @@ class KnownFleet:
             alarms=self.alarms.now(),
         )
 
+    def robots(self, now: float, held: Mapping[str, str] | None = None) -> list[RobotState]:
+        """Return the state of each robot; `held` as in `answer`."""
+        return [self._robot(name, now, held or {}) for name in sorted(self._robots)]
+
+    def plan_time(self, now: float) -> float:
+        """Return the plan time [s] now; it stands unless the fleet drives, and is 0 before GO."""
+        if self._command is None or not self._command[0].start_ns:
+            return 0.0
+        command, heard = self._command
+        passed = now - heard if command.phase == GO else 0.0
+        return (command.said_ns - command.start_ns) / SECOND + passed
+
     def changed_orders(self, seen: int) -> list[OrderSummary]:
         """Return the orders that have changed since there were so many changes of orders."""
         last = islice(reversed(self.orders.values()), self.order_changes - seen)
@@ -132,16 +171,35 @@ class KnownFleet:
         found = [OrderSummary.of(state) for state in self.orders.values()]
         return sorted(found, key=lambda one: (one.released or 0.0, one.id))
 
+    def seen(self, name: str, now: float) -> Seen | None:
+        """Return a robot as a VDA 5050 state tells of it; None if it was never heard."""
+        heard = self._robots.get(name)
+        if heard is None:
+            return None
+        report, at = heard
+        mine = [one for one in self.orders.values() if one.robot == name]
+        done = [one for one in mine if one.state == ORDER_DONE]
+        going = _under_way(mine)
+        order, plan = next(iter(going or done[-1:]), None), self.plans.get(name)
+        if len(going) > 1:
+            plan = self._driven.get(name, {}).get(report.revision, plan)
+        return Seen(
+            name,
+            report.phase,
+            report.fault,
+            now - at < _SILENCE,
+            "" if order is None else order.id,
+            order is not None and order.state == ORDER_DONE,
+            None if plan is None else _end_of(plan),
+        )
+
     def _robot(self, name: str, now: float, held: Mapping[str, str]) -> RobotState:
         heard = self._robots[name]
         if heard is None:
             return RobotState(id=name)
         report, at = heard
         mine = [one for one in self.orders.values() if one.robot == name]
-        going = [one for one in mine if one.state == UNDER_WAY]
-        going.sort(
-            key=lambda one: one.planned_arrival_ms or 0
-        )  # Two, once it knows its next course.
+        going = _under_way(mine)
         waiting = [one for one in mine if one.state not in (*OVER, UNDER_WAY)]
         return RobotState(
             id=name,
@@ -153,7 +211,33 @@ class KnownFleet:
             order=going[0].id if going else "",
             next=[one.id for one in [*going[1:], *waiting]],
             held_by=held.get(name, ""),
+            reach=None if now - at < _SILENCE else self._reach(name, report),
         )
+
+    def _reach(self, name: str, report: Report) -> tuple[float, float] | None:
+        """Return the place [m] at which a robot's authority ends on the course that it drives."""
+        plan = self._driven.get(name, {}).get(report.revision)
+        command = self.command
+        until_ms = None if command is None or plan is None else command.authority_of(plan.number)
+        if plan is None or until_ms is None or plan.epoch != report.epoch:
+            return None
+        if self._reached.get(name, (0, None))[0] != until_ms:
+            self._reached[name] = (until_ms, _place_at(plan, 0.001 * until_ms))
+        return self._reached[name][1]
+
+    def _waiting_long(self, now: float) -> list[OrderState]:
+        """Return the orders that have waited for longer than _LONG."""
+        since = {name: at for name, at in self._waits.items() if now - at > _LONG}
+        return [self.orders[name] for name in since if self.orders[name].state == WAITING]
+
+    def _take_plan(self, plan: Plan) -> None:
+        courses = self._driven.setdefault(plan.robot, {})
+        courses[plan.revision] = plan
+        for old in [revision for revision in courses if revision < plan.revision - 1]:
+            del courses[old]
+        mine = self.plans.get(plan.robot)
+        if mine is None or (mine.epoch, mine.revision) <= (plan.epoch, plan.revision):
+            self.plans[plan.robot] = plan
 
     def _take_report(self, report: Report, robot: str, now: float) -> None:
         if robot in self._left:
@@ -166,6 +250,10 @@ class KnownFleet:
     def _take_order(self, state: OrderState, now: float) -> None:
         if state.released_ms is None:
             return  # There is no such order.
+        if state.state == WAITING:
+            self._waits.setdefault(state.id, now)
+        else:
+            self._waits.pop(state.id, None)
         before = self.orders.pop(state.id, None)
         self.orders[state.id] = state
         self.order_changes += before != state
@@ -175,4 +263,31 @@ class KnownFleet:
         if is_news and state.state == ORDER_DONE and state.id == f"{LEAVE}{state.robot}":
             self._left.add(state.robot)
             self._robots.pop(state.robot, None)
+            self.plans.pop(state.robot, None)
             self.alarms.forget(state.robot)
+
+
+def _under_way(orders: Iterable[OrderState]) -> list[OrderState]:
+    """Return a robot's orders under way, in order: two, once it has its next course."""
+    found = [one for one in orders if one.state == UNDER_WAY]
+    return sorted(found, key=lambda one: one.planned_arrival_ms or 0)
+
+
+def _place_at(plan: Plan, time: float) -> tuple[float, float] | None:
+    """Return the place [m] of a course at a plan time [s]; None if a robot would refuse it."""
+    try:
+        driven = unpack(encode(plan), 0.0)
+    except (ValueError, OverflowError):
+        return None
+    x, y = driven.curve.at_arc([driven.timeline.s_at(time)])[0].tolist()
+    return x, y
+
+
+def _end_of(plan: Plan) -> tuple[float, float, float] | None:
+    """Return where a course ends: x, y [m] and heading [rad]; None if the Plan is incomplete."""
+    try:
+        _, _, xs, ys, _ = unpack_plan(plan).path
+    except ValueError:
+        return None
+    dx, dy = xs[-1] - xs[-2], ys[-1] - ys[-2]
+    return xs[-1], ys[-1], math.atan2(dy, dx)

@@ -14,10 +14,8 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Final, TypeVar
 
-import msgspec
-
 from coordinator.desk.answers import FleetAnswer
-from coordinator.desk.differences import Json
+from coordinator.desk.differences import Json, plain
 from coordinator.desk.known_fleet import KnownFleet
 from coordinator.view.live_course import LiveCourse
 from coordinator.view.scene import Scene
@@ -45,6 +43,7 @@ class Line:
         self.dropped: Counter[str] = Counter()
         self.boot = int.from_bytes(os.urandom(4), "little")
         self.by = by
+        self.floor = course.floor
         self._course = course
         self._transport = transport
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -74,7 +73,7 @@ class Line:
     def scene_json(self) -> Json:
         """Return the scene as a value of JSON, made once for everything that is known."""
         if self._drawn[0] != self._version:
-            self._drawn = (self._version, msgspec.json.decode(msgspec.json.encode(self.scene())))
+            self._drawn = (self._version, plain(self.scene()))
         return self._drawn[1]
 
     def times(self) -> tuple[object, object, object]:
@@ -86,6 +85,12 @@ class Line:
     def fleet(self) -> FleetAnswer:
         """Return the fleet as it is known now."""
         return self.known.answer(time.monotonic(), self._course.held_now())
+
+    def log_failed(self, text: str) -> None:
+        """Take in, from any thread, that the coordinator cannot write its log any more."""
+        if self._loop is not None and not self._loop.is_closed():
+            wall_s = time.time()
+            self._loop.call_soon_threadsafe(self.known.alarms.log_failed, text, wall_s)
 
     def is_heard(self) -> bool:
         """Return whether the coordinator is heard now."""

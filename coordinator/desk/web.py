@@ -7,6 +7,7 @@ Decides: what each path answers, and that bodies are short.  Must not know: what
 from __future__ import annotations
 
 import asyncio
+import logging
 import socket
 import ssl
 import threading
@@ -91,7 +92,9 @@ class Desk:
         @asynccontextmanager
         async def lives(_: Starlette) -> AsyncIterator[None]:
             self._line.listen()
+            self._commands.previews.start()
             yield
+            self._commands.previews.stop()
 
         routes = [
             Route("/", self._looks(self._show)),
@@ -180,6 +183,7 @@ def served(
             "ssl_ca_certs": str(files.authority),
             "ssl_cert_reqs": ssl.CERT_REQUIRED,
         }
+    logging.getLogger("asyncio").setLevel(logging.ERROR)  # It warns of a browser that has left.
     config = uvicorn.Config(
         app,
         http=_Connection,

@@ -89,7 +89,7 @@ def read_order(text: bytes, file: str, problems: list[str]) -> Ordered | None:
             found.note("order", f"{show(order)} is not an object")
             order = {}
     if not found.problems:
-        robot = _robot_name(order, found)
+        robot = robot_name(order, found)
         parts, speed = _parts(order, found)
         deviation = read_nodes(order, found)
     problems += found.problems
@@ -152,7 +152,7 @@ def _robot(order: Ordered, assumed: Assumed, known: Mapping[str, Robot]) -> Robo
     )
 
 
-def _robot_name(order: Mapping[str, Any], found: Finder) -> str:
+def robot_name(order: Mapping[str, Any], found: Finder) -> str:
     """Return the serial number as a robot's id; a dash replaces characters that ids cannot have."""
     name = order.get("serialNumber")
     if not isinstance(name, str) or not name:

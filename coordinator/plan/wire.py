@@ -74,6 +74,12 @@ class Driven:
         line = self.timeline
         return np.array([line.t0, line.t1, line.s0, line.s1, line.v0, line.v1])
 
+    @cached_property
+    def rests(self) -> list[tuple[float, float, float]]:
+        """Where the robot rests on its way: s [m], and when it comes there and goes on [s]."""
+        _, _, stop_s, departs, _ = unpack_plan(self.plan).motion
+        return list(zip(stop_s, self.timeline.arrivals, departs, strict=True))
+
 
 @dataclass(frozen=True)
 class PackedPlan:

@@ -58,7 +58,7 @@ def desk_place(page: str, keys: Path | None) -> DeskPlace:
 @contextmanager
 def with_desk(
     link: Transport, document: PlanDocument, place: DeskPlace
-) -> Iterator[tuple[Transport, str]]:
+) -> Iterator[tuple[TappedLink, str]]:
     """Start the desk of a coordinator's link; yield the link to use in its place, and its address.
 
     `document`: the plan with the floor and the first epoch.
@@ -68,7 +68,7 @@ def with_desk(
     context = get_context("spawn")
     ours, theirs = context.Pipe()
     answer, told = context.Pipe(duplex=False)
-    desk = context.Process(target=_run, args=(theirs, told, to_json(document), place), daemon=True)
+    desk = context.Process(target=_run, args=(theirs, told, to_json(document), place))
     desk.start()
     theirs.close()
     told.close()
@@ -99,7 +99,7 @@ def _run(connection: Connection, told: Connection, plan: bytes, place: DeskPlace
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     ended = threading.Event()
-    link = PipeLink(connection, ended.set)
+    link = PipeLink(connection, ended.set, lambda text: line.log_failed(text))
     document = from_json(plan)
     line = Line(link, LiveCourse(document.scenario, document), "page")
     desk = Desk(

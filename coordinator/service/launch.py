@@ -65,6 +65,7 @@ class Coordinator:
         self._events = events
         self._stays = stays
         self._told = 0
+        self._log_failed: Callable[[str], None] = lambda _: None
         self._roll_call = RollCall()
         self._aside_news = AsideNews()
         self._before, self._began_ns = b"", 0
@@ -125,6 +126,7 @@ class Coordinator:
             if desk is not None:
                 served = with_desk(link, document, desk)
                 transport, address = stack.enter_context(served)
+                self._log_failed = transport.tell_log_failed
                 self._say("page", address=address, text=f"the page is at {address}")
             recorder = self._recorder(log, document, boot, resume, log_size)
             try:
@@ -260,6 +262,8 @@ class Coordinator:
     def _tell_incidents(self, fleet: Fleet) -> None:
         """Report the incidents since the last call."""
         for incident in fleet.incidents[self._told :]:
+            if incident.kind == "log":
+                self._log_failed(incident.text)
             order, facts = incident.order, {}
             text = incident.text
             if order is not None:

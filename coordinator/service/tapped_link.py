@@ -26,7 +26,7 @@ _MOST_WAITING: Final = 5_000
 
 _END: Final = b""
 
-_Kind = Literal["put", "ask"]
+_Kind = Literal["put", "ask", "log"]
 _Frame = tuple[_Kind, str, bytes, int | None]
 _frames: Final = msgspec.msgpack.Decoder(_Frame)
 
@@ -78,6 +78,11 @@ class TappedLink(Transport):
         """Watch keys of the link."""
         self._inner.watch_alive(key_expression, handler)
 
+    def tell_log_failed(self, text: str) -> None:
+        """Tell the other process that the log cannot be written any more; no message says so."""
+        with contextlib.suppress(queue.Full):
+            self._waiting.put_nowait(_frame("log", text, b"", None))
+
     def close(self) -> None:
         """End the link, and the pipe."""
         self._inner.close()
@@ -112,11 +117,20 @@ class TappedLink(Transport):
 
 
 class PipeLink(Transport):
-    """The other process's end of the pipe; `ended` is called when the coordinator has closed it."""
+    """The other process's end of the pipe; `ended` is called when the coordinator has closed it.
 
-    def __init__(self, connection: Connection, ended: Callable[[], None]) -> None:
+    `log_failed` is called with the reason when its log cannot be written any more.
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        ended: Callable[[], None],
+        log_failed: Callable[[str], None] = lambda _: None,
+    ) -> None:
         self._connection = connection
         self._ended = ended
+        self._log_failed = log_failed
         self._lock = threading.Lock()
         self._handlers: list[tuple[list[str], Handler]] = []
         threading.Thread(target=self._read, daemon=True).start()
@@ -148,7 +162,10 @@ class PipeLink(Transport):
             self._connection.send_bytes(_frame(kind, key, payload, None))
 
     def _read(self) -> None:
-        for _, key, payload, sent_ns in _frames_of(self._connection):
+        for kind, key, payload, sent_ns in _frames_of(self._connection):
+            if kind == "log":
+                self._log_failed(key)
+                continue
             parts = key.split("/")
             for expression, handler in list(self._handlers):
                 if keys.fits(expression, parts):

@@ -84,7 +84,9 @@ class LiveCourse:
         self._headroom = 0.0
         self._lacks_orders = False
         self._asked = 0.0
-        self._floor = document
+        self.floor = document
+        """The plan that was known before anything was heard, with the floor."""
+
         self._said = SaidPlans(self._course.plans, document)
         self._explained: dict[int, int] = {}
         self.unheard = UnheardPlans(0 if document is None else document.epoch)
@@ -129,7 +131,7 @@ class LiveCourse:
         plans = self._course.plans
         for epoch in set(self._course.starts) & set(plans):
             count = len(plans[epoch].robots)
-            if plans[epoch] is not self._floor and self._explained.get(epoch) != count:
+            if plans[epoch] is not self.floor and self._explained.get(epoch) != count:
                 plans[epoch] = with_reasons(plans[epoch])
                 self._explained[epoch] = count
 

@@ -27,10 +27,14 @@ _SCRIPTS: Final = (
     "lists.js",
     "orders.js",
     "hand.js",
+    "outlook.js",
+    "flow.js",
     "desk.js",
     "word.js",
     "keys.js",
     "page.js",
+    "frames.js",
+    "outside.js",
 )
 _COMMENTS: Final = re.compile(r"^[ \t]*(?://[^\n]*|/\*.*?\*/[ \t]*)\n", re.MULTILINE | re.DOTALL)
 _INDENT: Final = re.compile(r"^[ \t]+", re.MULTILINE)

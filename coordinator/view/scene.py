@@ -142,11 +142,15 @@ class Epoch(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Mark(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that happened; kind: "go", "freeze", "over", "fault" or "late"."""
+    """Something that happened; kind: "go", "freeze", "over", "fault" or "late".
+
+    robot: the one that it happened to; -1 if it happened to the fleet.
+    """
 
     t: float
     kind: str
     text: str
+    robot: int = -1
 
 
 Step = tuple[float, int, int, float | None, str]

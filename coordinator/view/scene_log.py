@@ -310,7 +310,7 @@ def scene_of_course(course: Course) -> Scene:
     end = (course.last - zero) * _NS
     begin = 0.0 if course.begin is None else max((course.begin - zero) * _NS, 0.0)
     over = [number for number, one in enumerate(epochs) if one.begin <= begin][-1:]
-    marks, held = _marks(course, epochs, zero, list(index)), _held(course, zero, index)
+    marks, held = _marks(course, epochs, zero, index), _held(course, zero, index)
     scene = scene_from(documents, epochs[sum(over) :], "log", max(end, begin + 1.0), others)
     return msgspec.structs.replace(
         scene,
@@ -455,9 +455,13 @@ def _stop_marks(course: Course, zero: int) -> Iterator[Mark]:
 
 
 def _marks(
-    course: Course, epochs: Sequence[Epoch], zero: int, names: Sequence[str]
+    course: Course, epochs: Sequence[Epoch], zero: int, index: Mapping[str, int]
 ) -> Iterator[Mark]:
     """Yield what happened, in order of time; a fault comes before the freeze that it caused."""
+
+    def number_of(robot: str) -> int:
+        return index.get(robot, -1)
+
     marks = [
         Mark(t=epoch.start, kind="go", text=f"epoch {epoch.epoch}: {_count(epoch)} robots go")
         for epoch in epochs
@@ -466,7 +470,7 @@ def _marks(
     marks += _stop_marks(course, zero)
     arrived = {epoch.epoch for epoch in epochs if epoch.arrived}
     done = course.said.done()
-    left = ", ".join(name for name in names if name not in done)
+    left = ", ".join(name for name in index if name not in done)
     for number, at in course.frozen.items():
         kind, text = "freeze", "all robots must freeze"
         if number in arrived:
@@ -474,7 +478,12 @@ def _marks(
             kind, text = "over", f"all robots on their way have arrived{without}"
         marks.append(Mark(t=round((at - zero) * _NS, 3), kind=kind, text=text))
     marks += [
-        Mark(t=round((at - zero) * _NS, 3), kind="fault", text=f"{fault.robot} {fault.fault}")
+        Mark(
+            t=round((at - zero) * _NS, 3),
+            kind="fault",
+            text=f"{fault.robot} {fault.fault}",
+            robot=number_of(fault.robot),
+        )
         for at, fault in course.faults
         if fault.kind != "freeze"
     ]
@@ -483,6 +492,7 @@ def _marks(
             t=round((hold.since_ns - zero) * _NS, 3),
             kind="late",
             text=f"{hold.robot} is held by {hold.by}",
+            robot=number_of(hold.robot),
         )
         for hold in course.held
         if (course.last if hold.until_ns is None else hold.until_ns) - hold.since_ns >= _LONG

@@ -175,19 +175,22 @@ def run_one(
 
 
 def run_world(
-    world: World, document: PlanDocument, watch: Callable[[], None] = lambda: None
+    world: World,
+    document: PlanDocument,
+    watch: Callable[[], None] = lambda: None,
+    step: float = LOOK,
 ) -> tuple[bool, int]:
     """Run a world to its end; return whether the fleet reached OVER, and since when [ns].
 
     The time of the last phase change counts, because a coordinator that hangs ends later than that.
-    `watch` is called every LOOK seconds of virtual time.  A world in which orders are still done
+    `watch` is called every `step` seconds of virtual time.  A world in which orders are still done
     goes on; one in which nothing more becomes of them does not.
     """
     finish = max(robot.finish_time for robot in document.robots)
     longest = round((_PATIENCE + 3.0 * finish * (1 + len(world.faults))) * SECOND)
     end_ns, done = world.now_ns + longest, 0
     while world.now_ns < end_ns and not world.fleet.is_finished:
-        world.run(LOOK)
+        world.run(step)
         watch()
         orders = world.fleet.orders
         if orders.done != done or orders.is_quiet:

@@ -17,12 +17,14 @@ from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import to_json
 from coordinator.scenario.model import Scenario
 from coordinator.scenario_files.scenario_reader import scenario_to_json
+from coordinator.service.desk_process import DeskPlace, with_desk
 from coordinator.service.planning import check_is_driven, plan_here
 from protocol.timing import SECOND
 from sim.campaigns.campaign import run_world
 from sim.judging.blackbox import blackbox_text
 from sim.processes.local_fleet import TROUBLE
 from sim.processes.run_folder import clear_folder, write_later_plans
+from sim.world.desk_window import DESK, STEP_S, DeskWindow
 from sim.world.fault_script import write_fault
 from sim.world.fault_text import Fault
 from sim.world.memory_transport import MemoryNetwork
@@ -52,11 +54,15 @@ def simulate_run(
     seed: int,
     box_rate: float | None,
     effort: int,
+    desk: DeskPlace | None = None,
+    speed: float = 1.0,
 ) -> bool:
     """Run a planned fleet on its scenario's link; return whether every robot has arrived.
 
     Logs, later plans and black boxes go into `folder`, also when the run is interrupted.  The boxes
-    have `box_rate` rows per second, or one per tick.
+    have `box_rate` rows per second, or one per tick.  With a desk the fleet stays until it is told
+    to end, and `speed` of its seconds pass in one of this machine's.  Raises InputError if the desk
+    cannot be served there.
     """
     network = MemoryNetwork(
         seed, loss=scenario.link.loss, delay_ns=(0, round(scenario.link.delay * SECOND))
@@ -72,15 +78,40 @@ def simulate_run(
             row_period_ns=1 if box_rate is None else round(SECOND / box_rate),
             effort=effort,
             logs=logs,
+            stays=desk is not None,
         )
         teller = _Teller(world)
         try:
-            over, _ = run_world(world, document, teller.tell_news)
+            if desk is None:
+                over, _ = run_world(world, document, teller.tell_news)
+            else:
+                over = _run_before_people(world, document, network, desk, speed, teller)
         finally:
             _write_boxes(folder, world)
     write_later_plans(folder)
     teller.tell_end(over)
     return over and world.fleet.members.has_arrived
+
+
+def _run_before_people(
+    world: World,
+    document: PlanDocument,
+    network: MemoryNetwork,
+    place: DeskPlace,
+    speed: float,
+    teller: _Teller,
+) -> bool:
+    """Run a world that a desk looks at; return whether the fleet reached OVER."""
+    with with_desk(network.session(DESK), document, place) as (link, address):
+        tell(f"the page is at {address}")
+        window = DeskWindow(world, link, speed)
+
+        def watch() -> None:
+            teller.tell_news()
+            window.keep_pace()
+
+        over, _ = run_world(world, document, watch, STEP_S)
+        return over
 
 
 def _write_boxes(folder: Path, world: World) -> None:

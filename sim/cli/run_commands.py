@@ -14,7 +14,7 @@ from typing import Annotated, cast, get_args
 import typer
 
 from coordinator.base.console import answer_json, answers, tell, write_file
-from coordinator.cli.plan_commands import Effort, Json, within, writable
+from coordinator.cli.plan_commands import Effort, Json, Page, within, writable
 from coordinator.service.key_option import Keys
 from sim.floors.layout import Kind, Size
 from sim.world.fault_script import fault_help as script_help
@@ -130,6 +130,7 @@ def run(
         ),
     ] = None,
     keys: Keys = None,
+    page: Page = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -148,7 +149,14 @@ def run(
     folder = out or _new_folder(asked.name)
     place = RunFolder(folder, asked.name, force=force)
     fleet = LocalFleet(
-        asked, folder, speed=speed, effort=effort, faults=faults, router=connect, keys=keys
+        asked,
+        folder,
+        speed=speed,
+        effort=effort,
+        faults=faults,
+        router=connect,
+        keys=keys,
+        page=page,
     )
     try:
         outcome = fleet.run()
@@ -186,19 +194,31 @@ def simulate(
         ),
     ] = None,
     effort: Effort = 20,
+    page: Page = None,
+    speed: Annotated[
+        float,
+        typer.Option(
+            callback=within(0.1, 20.0),
+            help="With --page: speed of the fleet's clock; 1 is real time.",
+        ),
+    ] = 1.0,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Run a fleet in virtual time, in one process: the files of `run`, the same for the same seed.
 
+    With --page it keeps pace with the clock, and takes orders until it is told to end.
+
     Example: splinefleet simulate examples/paper_five.toml --fault kill:R3@8 --seed 2
     """
     from coordinator.scenario_files.scenario_reader import read_scenario
+    from coordinator.service.desk_process import desk_place
     from sim.campaigns.simulation import plan_run, simulate_run
     from sim.processes.conclusion import conclude
     from sim.processes.run_folder import RunFolder
     from sim.world.fault_script import read_faults
 
+    desk = None if page is None else desk_place(page, None)
     asked = read_scenario(scenario)
     faults = read_faults(fault or [], [robot.id for robot in asked.robots])
     folder = out or _new_folder(asked.name)
@@ -210,7 +230,15 @@ def simulate(
         raise
     try:
         arrived = simulate_run(
-            folder, asked, document, faults, seed=seed, box_rate=box_rate, effort=effort
+            folder,
+            asked,
+            document,
+            faults,
+            seed=seed,
+            box_rate=box_rate,
+            effort=effort,
+            desk=desk,
+            speed=speed,
         )
     except KeyboardInterrupt:
         tell(f"interrupted; {folder} holds what was recorded")

@@ -38,7 +38,7 @@ Event = dict[str, Any]
 
 _GOODBYE_S: Final = 5.0
 TROUBLE: Final = ("aside", "back", "fault", "late", "refused", "stays", "timeout", "warning")
-"""Kinds of a coordinator's events that are shown at once to whoever started the run."""
+"""What went wrong: kinds of a coordinator's events that whoever started the run is told at once."""
 
 
 class Outcome(msgspec.Struct):
@@ -56,7 +56,8 @@ class LocalFleet:
     whose network is to be cut connects through a relay.  The first coordinator writes run.mcap; one
     that is started again resumes from the previous log and writes run-2.mcap, and so on.  If
     `router` is an endpoint, all programs connect to it; otherwise the coordinator listens on a free
-    port.
+    port.  With a `page`, HOST:PORT, the operator's page is served there, and the fleet takes orders
+    until it is told to end.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class LocalFleet:
         faults: list[Fault],
         router: str | None = None,
         keys: Path | None = None,
+        page: str | None = None,
     ) -> None:
         self.scenario = scenario
         self.folder = folder
@@ -76,6 +78,7 @@ class LocalFleet:
         self.faults = list(faults)
         self._programs = Programs(folder, scenario.name, speed, effort, keys)
         self.endpoint = router or self._programs.endpoint(free_port())
+        self._desk = () if page is None else (f"--page={page}", "--stay")
         self._meet = f"--{'connect' if router else 'listen'}={self.endpoint}"
         place = endpoint_of(self.endpoint, locked=keys is not None)
         self._host, self._port = place.host, place.port
@@ -129,9 +132,8 @@ class LocalFleet:
         return self.folder / "faults" / f"{robot}.txt"
 
     def _start_coordinator(self, *options: str) -> Process:
-        process = self._start(
-            self._programs.coordinator(self._meet, *options), stdout=subprocess.PIPE
-        )
+        options = (self._meet, *options, *self._desk)
+        process = self._start(self._programs.coordinator(*options), stdout=subprocess.PIPE)
         threading.Thread(target=self._read_events, args=(process,), daemon=True).start()
         return process
 
@@ -268,7 +270,7 @@ class LocalFleet:
 
 
 def _tell_trouble(event: Event) -> None:
-    if event["event"] in (*TROUBLE, "order", "order state"):
+    if event["event"] in (*TROUBLE, "order", "order state", "page"):
         tell_now(str(event["text"]))
 
 

@@ -84,15 +84,15 @@ def wait_for(state, seconds=20.0):
     raise AssertionError(f"not reached within {seconds} s: {state.__doc__ or state}")
 
 
-def line_with(process, text, seconds=20.0):
-    """Read the process's stdout up to a line that holds the text and return that line.
+def line_with(process, text, seconds=20.0, stream="stdout"):
+    """Read the process's stdout (or stderr) up to a line that holds the text; return that line.
 
     A process that says nothing of it within the deadline is killed.
     """
     late = threading.Timer(seconds, process.kill)
     late.start()
     try:
-        for line in process.stdout:
+        for line in getattr(process, stream):
             if text in line:
                 return line
     finally:

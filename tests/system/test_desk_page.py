@@ -16,6 +16,7 @@ pytestmark = pytest.mark.skipif(
 ANSWER = "document.getElementById('answer').textContent"
 ALARMS = "document.getElementById('alarms').innerText"
 ORDERS = "document.getElementById('orders').innerText"
+OUTLOOK = "document.getElementById('outlook').textContent"
 PHASE = "document.getElementById('phase').textContent"
 SPOT = """(() => {
   const { left, top, width, height } = document.getElementById('floor').getBoundingClientRect();
@@ -50,6 +51,7 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
             tab.point(x, y, kind)
         assert tab.run("document.getElementById('order-place').value") == "2.00, 2.00"
         assert tab.run("document.getElementById('order-robot').value") == "R1"
+        tab.wait(f"{OUTLOOK}.startsWith('R1 would be there in')", 60.0)
         click(tab, "order-send")
         tab.wait(f"{ANSWER}.endsWith('R1, under way')")
         tab.wait(f"{ORDERS}.includes('R1 arrives')")

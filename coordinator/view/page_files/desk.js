@@ -3,17 +3,35 @@
 const mayCommand = document.documentElement.dataset.command === "true";
 
 /** Ask the desk; return its answer, or null after telling what is wrong. */
-async function ask(method, path, body) {
+async function ask(method, path, body, tell = (problem) => desk.say(problem, true)) {
   const options = { method, headers: { "Content-Type": "application/json" } };
   if (body !== undefined) options.body = JSON.stringify(body);
   try {
     const answer = await fetch(`api/${path}`, options), found = await answer.json();
     if (answer.ok) return found;
-    desk.say((found.problems || [found.error]).join("; "), true);
+    tell((found.problems || [found.error]).join("; "));
   } catch {
-    desk.say("the desk does not answer", true);
+    tell("the desk does not answer");
   }
   return null;
+}
+
+/** More alarms than these that say the same of several robots are one. */
+const ALIKE = 3;
+
+/** Alarms in groups that say the same and ask for the same. */
+function grouped(alarms) {
+  const what = ({ id, order, todo, is_acknowledged: seen }) => [order && id, todo, seen].join();
+  return [...Map.groupBy(alarms, what).values()].flatMap((group) =>
+    (group.length > ALIKE ? [group] : group.map((one) => [one])));
+}
+
+function inWords([first, ...others]) {
+  if (!others.length) return first.text;
+  const names = [first, ...others.slice(0, ALIKE - 1)].map(({ robot }) => robot).join(", ");
+  const all = `${names} and ${others.length + 1 - ALIKE} more`;
+  return first.text.replace(/;.*/, "").replace(`${first.robot} is`, `${all} are`).replace(`${first.robot} stands`, `${all} stand`)
+    .replace(first.robot, all);
 }
 
 class Desk {
@@ -25,6 +43,7 @@ class Desk {
     this.fleet = null;
     this.robots = new Map();
     this.form = byId("order-form");
+    this.outlook = new Outlook(byId("outlook"), () => this.order(), told.changed);
     byId("command").hidden = byId("give").hidden = !mayCommand;
     if (!mayCommand) return;
     byId("space-does").textContent = "STOP: all robots brake at once";
@@ -45,7 +64,11 @@ class Desk {
     byId("order-place").addEventListener("input", () => this.readGoal());
     byId("order-robot").addEventListener("change", () => {
       this.told.choose(this.told.names().indexOf(this.whose()));
+      this.outlook.look();
     });
+    for (const name of ["order-dwell", "order-priority", "order-now"]) {
+      byId(name).addEventListener("input", () => this.outlook.look());
+    }
   }
 
   /** What has been answered, for a while. */
@@ -102,11 +125,13 @@ class Desk {
     this.alarms = key;
     const box = byId("alarms");
     box.hidden = alarms.length === 0;
-    box.firstElementChild.replaceChildren(...alarms.map((alarm) => {
-      const seen = element("button", { type: "button", textContent: "seen" });
+    box.firstElementChild.replaceChildren(...grouped(alarms).map((group) => {
+      const [alarm] = group, seen = element("button", { type: "button", textContent: "seen" });
       seen.hidden = alarm.is_acknowledged || !mayCommand;
-      seen.addEventListener("click", () => ask("POST", `alarms/${alarm.id}/acknowledge`));
-      const show = element("button", { type: "button", className: "about", textContent: alarm.text });
+      seen.addEventListener("click", () => {
+        for (const { id } of group) ask("POST", `alarms/${id}/acknowledge`);
+      });
+      const show = element("button", { type: "button", className: "about", textContent: inWords(group) });
       show.addEventListener("click", () => {
         const index = this.told.names().indexOf(alarm.robot);
         if (index >= 0 && this.told.chosen() !== index) this.told.choose(index);
@@ -137,6 +162,7 @@ class Desk {
     byId("order-robot").value = name;
     byId("robot-acts").hidden = !name;
     byId("robot-name").textContent = name;
+    this.outlook.look();
   }
 
   whose() {
@@ -156,16 +182,22 @@ class Desk {
     const fits = [2, 3].includes(numbers.length) && numbers.every(Number.isFinite);
     this.goal = fits ? numbers : null;
     byId("order-send").disabled = !fits;
+    this.outlook.look();
     this.told.changed();
   }
 
-  async send() {
-    if (this.goal === null) return;
+  /** The order that is chosen; null before a place is. */
+  order() {
     const number = (name) => Number(byId(name).value) || 0;
-    const order = {
+    return this.goal && {
       goal: this.goal, robot: this.whose(), dwell: number("order-dwell"), priority: number("order-priority"),
       now: byId("order-now").checked,
     };
+  }
+
+  async send() {
+    const order = this.order();
+    if (order === null) return;
     const found = await ask("POST", "orders", order);
     if (found === null) return;
     const why = found.reason ? `, ${found.reason}` : "";
@@ -212,6 +244,7 @@ class Desk {
       pen.stroke();
     }
     if (this.goal === null) return;
+    this.outlook.draw(view, pen, look);
     const [x, y] = this.goal, at = [view.X(x), view.Y(y)];
     pen.strokeStyle = look.ink;
     pen.lineWidth = 2;

@@ -1,13 +1,24 @@
 // Distance along the path over time: every robot's line, the epochs, the events, the cursor.
 
+/** Of more robots than this, only some have a line: the chosen one and those that it meets. */
+const MANY = 20;
+
+/** Lines that are drawn anew because of news alone are so at most once in this time [ms]. */
+const SELDOM = 1000;
+
 class DiagramView {
-  constructor(canvas, play) {
+  constructor(canvas) {
     this.sheet = new Sheet(canvas);
-    this.play = play;
-    this.longest = this.farthest();
     this.background = null;
     this.key = "";
     this.box = { left: 36, top: 18, right: 12, bottom: 26 };
+  }
+
+  /** Show another scene. */
+  show(play) {
+    this.play = play;
+    this.longest = this.farthest();
+    this.meets = "";
   }
 
   /** The greatest distance that a robot drives on a course, without what a freeze left undriven. */
@@ -37,9 +48,13 @@ class DiagramView {
   }
 
   draw(t, found, focus, hover, look) {
-    const key = [focus, look.dark, this.play.scene.end, this.play.scene.marks.length, this.play.learned].join();
-    if (this.sheet.resize() || key !== this.key) {
-      this.key = key;
+    this.gather(t, found, focus);
+    const { end, marks } = this.play.scene, drawn = this.company && [...this.company].join(" ");
+    const news = [this.play.version, this.play.learned, drawn].join(), seen = [focus, look.dark, end].join();
+    const key = [seen, marks.length, news].join(), time = performance.now();
+    const isSoon = time - this.drawn < SELDOM && key.startsWith(this.seen);
+    if (this.sheet.resize() || key !== this.key && !isSoon) {
+      Object.assign(this, { key, seen, drawn: time });
       this.background = this.lines(focus, look);
     }
     const pen = this.sheet.begin(this.background.canvas), x = this.X(t);
@@ -50,10 +65,27 @@ class DiagramView {
     pen.lineTo(x, this.sheet.height - this.box.bottom);
     pen.stroke();
     found.forEach((robot, index) => {
-      if (robot && robot.motion) this.dot(pen, x, this.Y(robot.s), index, focus, hover, look);
+      if (robot && robot.motion && this.shows(index)) this.dot(pen, x, this.Y(robot.s), index, focus, hover, look);
     });
     const over = found[hover];
     if (over && over.motion) this.dot(pen, x, this.Y(over.s), hover, focus, hover, look);
+  }
+
+  /** Find out whose lines are drawn: of a large fleet only those that have to do with each other. */
+  gather(t, found, focus) {
+    if (found.length <= MANY) return;
+    const meets = [focus, found[focus]?.motion?.ride.revision, this.play.epochAt(t).epoch].join();
+    if (focus >= 0 && meets !== this.meets) this.company = this.play.company(focus, t);
+    this.meets = meets;
+    if (focus >= 0) return;
+    this.company = new Set();
+    found.forEach((robot, index) => {
+      if (robot && robot.lets >= 0) this.company.add(index).add(robot.lets);
+    });
+  }
+
+  shows(index) {
+    return !this.company || this.company.has(index);
   }
 
   /** The time under the pointer. */
@@ -85,9 +117,12 @@ class DiagramView {
     this.axes(pen, look);
     this.events(pen, look);
     pen.lineJoin = "round";
-    const crowd = this.play.scene.robots.length > CROWD;
+    const crowd = this.shownCount() > MANY;
+    if (this.company && focus < 0) this.hint(pen, look);
     for (const { index, motion, epoch, from, to } of this.play.spans()) {
-      pen.globalAlpha = focus >= 0 && focus !== index ? 0.15 : crowd && focus !== index ? 0.45 : 1;
+      if (!this.shows(index)) continue;
+      const faint = this.company ? 0.5 : 0.15;
+      pen.globalAlpha = focus >= 0 && focus !== index ? faint : crowd && focus !== index ? 0.45 : 1;
       pen.strokeStyle = look.robot(index);
       pen.lineWidth = focus === index ? 2.75 : crowd ? 1 : 1.75;
       this.line(pen, motion, epoch, from, to);
@@ -95,6 +130,19 @@ class DiagramView {
     }
     pen.globalAlpha = 1;
     return sheet;
+  }
+
+  shownCount() {
+    return this.company ? this.company.size : this.play.scene.robots.length;
+  }
+
+  hint(pen, look) {
+    pen.font = look.font(12);
+    pen.fillStyle = look.muted;
+    pen.textAlign = "right";
+    pen.textBaseline = "top";
+    const text = "those that wait, and for whom; choose a robot to see it and those that it meets";
+    pen.fillText(text, this.sheet.width - this.box.right - 4, this.box.top + 4);
   }
 
   /** The line of a robot's motion in an epoch from one time to another. */
@@ -188,7 +236,7 @@ class DiagramView {
     let best = -1, least = 12;
     this.play.scene.robots.forEach((_, index) => {
       const robot = this.play.robot(index, t);
-      if (!robot || !robot.motion) return;
+      if (!robot || !robot.motion || !this.shows(index)) return;
       const away = Math.abs(this.Y(robot.s) - y);
       if (away < least) [best, least] = [index, away];
     });

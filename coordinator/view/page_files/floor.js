@@ -10,8 +10,8 @@ const WAITS = new Set(["waits", "held"]);
 const LEGIBLE = 7.5;
 
 class FloorView extends Ground {
-  constructor(canvas, play, shown, lens) {
-    super(canvas, play, shown, lens);
+  constructor(canvas, shown, lens) {
+    super(canvas, shown, lens);
     this.background = null;
     this.key = "";
     this.spots = [];

@@ -3,14 +3,21 @@
 const CROWD = 40;
 
 class Ground {
-  constructor(canvas, play, shown, lens) {
+  constructor(canvas, shown, lens) {
     this.lens = lens;
     this.sheet = new Sheet(canvas);
-    this.play = play;
     this.shown = shown;
-    this.crowd = play.scene.robots.length > CROWD;
-    this.bounds = this.extent();
+    this.bounds = [];
     this.lightable = [];
+  }
+
+  /** Show another scene. */
+  show(play) {
+    this.play = play;
+    this.crowd = play.scene.robots.length > CROWD;
+    const bounds = this.extent();
+    if (bounds.join() !== this.bounds.join()) this.key = "";
+    this.bounds = bounds;
   }
 
   /** [x0, y0, x1, y1] of the floor, or of all paths when there is none. */

@@ -19,6 +19,17 @@ const KEYS = {
   Escape: () => { if (focus >= 0) chooseToggled(focus); },
 };
 
+function jump(direction) {
+  const times = [play.scene.begin, ...play.scene.marks.map((mark) => mark.t), play.scene.end];
+  const found = direction > 0 ? times.find((t) => t > now + 0.05) : times.findLast((t) => t < now - 0.05);
+  if (found !== undefined) seek(found);
+}
+
+function faster(step) {
+  const { speed } = controls;
+  speed.selectedIndex = Math.min(Math.max(speed.selectedIndex + step, 0), speed.options.length - 1);
+}
+
 function pressed(event) {
   const act = KEYS[event.key], target = event.target;
   if (!act || event.ctrlKey || event.metaKey || event.altKey) return;

@@ -119,19 +119,20 @@ class RobotList {
 
 /** The marks: ticks on the slider, and a list of buttons that jump to each. */
 class EventList {
-  constructor(list, ticks, play, seek, day) {
+  /** `show` is called with the mark that somebody chooses; the newest one stands on top. */
+  constructor(list, ticks, play, show, day) {
     const { marks } = play.scene;
     this.box = byId("events-title").parentElement;
     this.box.hidden = marks.length === 0;
     this.list = list;
     this.times = marks.map((mark) => mark.t);
     this.newest = null;
-    list.replaceChildren(...marks.map((mark) => {
+    list.replaceChildren(...marks.toReversed().map((mark) => {
       const button = element("button", { type: "button" },
         element("span", { className: "number", textContent: moment(mark.t, day) }),
         element("span", { className: `mark ${mark.kind}` }),
         element("span", { textContent: mark.text }));
-      button.addEventListener("click", () => seek(mark.t));
+      button.addEventListener("click", () => show(mark));
       return element("li", {}, button);
     }));
     ticks.replaceChildren(...marks.map((mark) => {
@@ -146,11 +147,12 @@ class EventList {
     const newest = this.times.findLastIndex((time) => time <= t + 0.05);
     if (newest === this.newest) return;
     this.newest = newest;
+    const now = this.times.length - 1 - newest;
     [...this.list.children].forEach((row, index) => {
-      if (index === newest) row.setAttribute("aria-current", "true");
+      if (index === now) row.setAttribute("aria-current", "true");
       else row.removeAttribute("aria-current");
     });
-    const row = this.list.children[Math.max(newest, 0)];
+    const row = this.list.children[Math.min(now, this.times.length - 1)];
     if (!row) return;
     const box = this.box.getBoundingClientRect(), { top, bottom } = row.getBoundingClientRect();
     if (bottom > box.bottom) this.box.scrollTop += bottom - box.bottom + 6;

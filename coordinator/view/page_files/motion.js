@@ -15,6 +15,14 @@ const MOMENT = 0.05;
 
 /** One course of a robot: s(t) from its legs, (x, y) from its polyline; driven from `since` on. */
 class Motion {
+  /** The motions of rides that are drawn; a ride that stays between two scenes keeps its motion. */
+  static known = new WeakMap();
+
+  static of(ride) {
+    if (!Motion.known.has(ride)) Motion.known.set(ride, new Motion(ride));
+    return Motion.known.get(ride);
+  }
+
   constructor(ride) {
     this.ride = ride;
     [this.arcs, this.xs, this.ys] = ride.path;
@@ -132,6 +140,15 @@ class Motion {
     }
     points.push(this.place(to));
     return points;
+  }
+
+  /** Points along the whole course. */
+  points() {
+    if (!this.spots) {
+      const count = Math.ceil(this.length / POINTS);
+      this.spots = Array.from({ length: count + 1 }, (_, i) => this.place(this.length * i / Math.max(count, 1)));
+    }
+    return this.spots;
   }
 
   /** The wait that a robot is in at a plan time, or undefined. */

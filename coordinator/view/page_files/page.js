@@ -1,36 +1,41 @@
 // The page: time, controls, and what happens when.
 
 const live = document.documentElement.dataset.live === "true";
-const shown = { paths: true, zones: true, waits: true, ghosts: true };
+const shown = { paths: true, zones: true, waits: true, heat: false, ghosts: true };
 const controls = {
   play: byId("play"), shape: byId("play-shape"), slider: byId("slider"), clock: byId("clock"),
   phase: byId("phase"), speed: byId("speed"), follow: byId("follow"),
 };
 const lens = new Lens();
 const tip = new Tip(byId("tip"));
+const flow = new Flow(byId("flow"));
 const ENLARGED = 1.5;
 const TIMELESS = new Set(["+", "=", "-", "0", ".", ">", ",", "<", "Escape"]);
 const PHASES = { hold: "ready", go: "go", stop: "told to stop", freeze: "frozen", arrived: "arrived" };
 
 let look = new Look();
-let play, floor, diagram, robots, events;
+const floor = new FloorView(byId("floor"), shown, lens);
+const diagram = new DiagramView(byId("diagram"));
+let play, robots, events, eventsKey;
 let now = 0, running = false, focus = -1, hover = -1, stale = true;
 let pointer = null, preview = null;
-let before = 0, listed = -Infinity, following = live, names = null;
+let listed = -Infinity, following = live, names = null;
 
 function load(scene) {
   const first = !play;
   play = new Play(scene);
-  floor = new FloorView(byId("floor"), play, shown, lens);
-  diagram = new DiagramView(byId("diagram"), play);
+  floor.show(play);
+  diagram.show(play);
   const found = scene.robots.map((robot) => robot.id).join();
-  if (found !== names) robots = new RobotList(byId("robots"), play, chooseToggled, hoverOver);
+  if (found !== names) {
+    robots = new RobotList(byId("robots"), play, chooseToggled, hoverOver);
+    robots.paint(look);
+    robots.choose(focus);
+  }
   names = found;
   desk.offer(scene.robots.map((robot) => robot.id));
   orders.show(play);
   describe(scene, live && isUnheard());
-  robots.paint(look);
-  robots.choose(focus);
   byId("ghosts-label").hidden = scene.ghosts.length === 0;
   byId("floor").parentElement.style.setProperty("--aspect", Math.min(Math.max(floor.aspect, 0.6), 2.4));
   setEnd(scene.end);
@@ -49,7 +54,10 @@ const desk = new Desk({
 const orders = new OrderList(byId("orders"), day, chooseToggled, mayCommand ? (id) => desk.cancel(id) : null);
 
 function list() {
-  events = new EventList(byId("events"), byId("ticks"), play, seek, day);
+  const key = JSON.stringify([play.scene.marks, play.scene.begin]);
+  if (events && key === eventsKey) return;
+  eventsKey = key;
+  events = new EventList(byId("events"), byId("ticks"), play, showMark, day);
 }
 
 /** The time of the day at a time [ms since 1970]; null if it is not known. */
@@ -57,6 +65,13 @@ function day(t) {
   const { scene } = play;
   if (live) return word.day(t);
   return scene.day === null ? null : scene.day + 1000 * t / scene.speed;
+}
+
+/** Show when, and to whom, something happened. */
+function showMark({ t, robot }) {
+  setFollowing(false);
+  seek(t);
+  if (robot !== undefined && robot >= 0 && robot !== focus) chooseToggled(robot);
 }
 
 function hoverOver(index) {
@@ -100,6 +115,7 @@ function chooseToggled(index) {
 function draw() {
   const found = play.scene.robots.map((_, index) => play.robot(index, now));
   floor.draw(now, found, focus, hover, look);
+  if (shown.heat) flow.draw(floor, floor.sheet.pen, look);
   desk.draw(floor, floor.sheet.pen, look);
   diagram.draw(now, found, focus, hover, look);
   if (preview !== null && hover >= 0) {
@@ -110,12 +126,13 @@ function draw() {
   tell(found);
 }
 
-/** Update texts only ten times a second: nobody reads faster, and texts cost more than drawing. */
+/** Update texts of a moving page seldom: nobody reads faster, and texts cost more than drawing. */
 function tell(found) {
-  const time = performance.now();
+  const time = performance.now(), isSoon = time - listed < (many() ? 500 : 100);
+  if (following && isSoon) return;
   controls.slider.value = now;
   controls.clock.textContent = `${now.toFixed(1)} s`;
-  if (running && time - listed < 100) return;
+  if (running && isSoon) return;
   listed = time;
   const epoch = play.epochAt(now), phase = play.unheardAt(now) ? "no word" : PHASES[play.phaseAt(now)];
   const text = play.epochs.length > 1 || play.scene.source === "log" ? `epoch ${epoch.epoch}, ${phase}` : "";
@@ -124,34 +141,8 @@ function tell(found) {
   const at = day(now);
   byId("day").textContent = at === null ? "" : clockFace(at);
   events.tell(now);
+  flow.look(play, now);
   robots.tell(found, play.scene.robots.map((_, index) => play.why(index, now)), orders.tell(now, found, look));
-}
-
-function frame(time) {
-  const passed = Math.min((time - before) / 1000, 0.25);
-  before = time;
-  if (live) word.look();
-  if (following) followLive();
-  else if (running) {
-    seek(now + passed * Number(controls.speed.value));
-    if (now >= play.scene.end) setRunning(false);
-  }
-  if (stale) {
-    stale = false;
-    draw();
-  }
-  requestAnimationFrame(frame);
-}
-
-function jump(direction) {
-  const times = [play.scene.begin, ...play.scene.marks.map((mark) => mark.t), play.scene.end];
-  const found = direction > 0 ? times.find((t) => t > now + 0.05) : times.findLast((t) => t < now - 0.05);
-  if (found !== undefined) seek(found);
-}
-
-function faster(step) {
-  const { speed } = controls;
-  speed.selectedIndex = Math.min(Math.max(speed.selectedIndex + step, 0), speed.options.length - 1);
 }
 
 function at(event) {
@@ -285,15 +276,3 @@ byId("zoom-all").addEventListener("click", seeAll);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
 controls.follow.hidden = !live;
 if (live) word.listen();
-requestAnimationFrame(frame);
-
-window.splinefleet = {
-  at: (t) => play.at(t),
-  seek: (t) => { setFollowing(false); seek(t); },
-  draw,
-  choose: chooseToggled,
-  get seen() { return { factor: lens.factor, ...floor.placeAt() }; },
-  get time() { return now; },
-  get running() { return running; },
-  get end() { return play.scene.end; },
-};

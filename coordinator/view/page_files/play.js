@@ -6,23 +6,30 @@ const NOTHING = {
   rides: [], aside: [], keep_out: [], zones: [], stops: [],
 };
 
+/** Courses that are looked at every POINTS [m] come near each other within NEAR [m] more. */
+const POINTS = 0.2;
+const NEAR = 0.1;
+
 /** The course of several that a robot drives at a time of the plan. */
 const driven = (courses, clock) => courses.findLast((one) => one.since <= clock);
 
 /** A scene in time: all robots at any second. */
 class Play {
+  static versions = 0;
+
   constructor(scene) {
     this.scene = scene;
     const epochs = scene.epochs.length ? scene.epochs : [NOTHING];
     this.epochs = epochs.map((epoch) => ({
       ...epoch,
-      courses: Map.groupBy(epoch.rides.map((ride) => new Motion(ride)), (one) => one.ride.robot),
+      courses: Map.groupBy(epoch.rides.map((ride) => Motion.of(ride)), (one) => one.ride.robot),
       why: new Map(epoch.aside.map((one) => [one.robot, one.why])),
     }));
     for (const epoch of this.epochs) epoch.planTime = (t) => (epoch.started ? t - epoch.start : -1);
     this.begins = this.epochs.map((epoch) => epoch.begin);
     this.silentFrom = Infinity;
     this.learned = 0;
+    this.version = ++Play.versions;
     this.holds = scene.robots.map((_, index) => scene.held.filter((one) => one.robot === index));
     this.ghosts = new Map(scene.ghosts.map((ghost) => [ghost.robot, ghost]));
   }
@@ -116,6 +123,22 @@ class Play {
     return {
       ...motion.place(s), s, length: motion.length, v, state, lets, wait, held, late, plan, motion, next,
     };
+  }
+
+  /** The robots that one meets on its course at a time, itself among them. */
+  company(index, t) {
+    const { robots, margin } = this.scene, mine = this.robot(index, t)?.motion;
+    const found = new Set([index]);
+    if (!mine) return found;
+    const points = mine.points();
+    robots.forEach(({ radius }, other) => {
+      const his = other === index ? undefined : this.robot(other, t)?.motion;
+      const need = (radius + robots[index].radius + margin + NEAR) ** 2;
+      if (his && his.points().some((a) => points.some((b) => (a.x - b.x) ** 2 + (a.y - b.y) ** 2 < need))) {
+        found.add(other);
+      }
+    });
+    return found;
   }
 
   /** How much later than planned robots that are on time are at a time, because the plan stood. */

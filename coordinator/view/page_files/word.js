@@ -11,7 +11,7 @@ const PATIENCE = 2;
 /** What a difference (coordinator/desk/differences.py) makes of a value, which stays as it is. */
 function changed(old, difference) {
   if (difference === null) return old;
-  const [kind, first, second, tail] = difference;
+  const [kind, first, second, come] = difference;
   if (kind === "=") return first;
   if (kind === "{") {
     const made = { ...old };
@@ -19,9 +19,10 @@ function changed(old, difference) {
     for (const [key, one] of Object.entries(first)) made[key] = changed(old[key], one);
     return made;
   }
-  const items = old.slice(first);
+  const gone = new Set(first), items = old.filter((_, index) => !gone.has(index));
   for (const [index, one] of Object.entries(second)) items[index] = changed(items[index], one);
-  return items.concat(tail);
+  for (const [index, one] of come) items.splice(index, 0, one);
+  return items;
 }
 
 class Word {

@@ -30,7 +30,20 @@ def test_a_list_that_moves_on_tells_what_left_and_what_came(items, data):
     new = [*items[drop:], [10**9, 1, 2, 3, 4, 5, 6, 7]]
     told = difference(items, new)
     assert changed(items, told) == new
-    assert told == ["[", drop, {}, new[-1:]]
+    assert told == ["[", list(range(drop)), {}, [[len(new) - 1, new[-1]]]]
+
+
+@given(st.lists(st.integers(0, 99), unique=True, max_size=30), st.data())
+def test_items_that_go_and_come_anywhere_leave_the_others_untold(numbers, data):
+    old = [{"n": n, "long": "x" * 200} for n in numbers]
+    goes = data.draw(st.sets(st.sampled_from(numbers))) if numbers else set()
+    new = [item for item in old if item["n"] not in goes]
+    at = data.draw(st.integers(0, len(new)))
+    new.insert(at, {"n": 100, "long": "y"})
+    told = difference(old, new)
+    assert changed(old, told) == new
+    if len(goes) < len(old):
+        assert "xxx" not in json.dumps(told)
 
 
 def test_nothing_new_is_nothing_and_only_what_is_new_is_told():

@@ -1,13 +1,18 @@
 """What the desk knows of a fleet from its messages, and what calls a person."""
 
+import msgspec
 import pytest
 
 from coordinator.desk.known_fleet import KnownFleet
+from coordinator.planning.planner import plan_fleet
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, WAITING, Block, OrderState, Unblock
 from protocol.phases import CLOCK_UNSURE, DONE, DRIVER_ERROR, FROZEN, IDLE, MOVING
 from tests.coordinator.desk.fake_fleet import FLEET, a_command, a_report
+from tests.scenarios import a_robot, a_scenario
+
+CROSSED = [a_robot("R1", (1.0, 4.0), (9.0, 4.0)), a_robot("R2", (5.0, 1.0), (5.0, 7.0))]
 
 
 def fleet_of(*heard, at=0.0, known=None):
@@ -55,6 +60,7 @@ def test_of_two_orders_under_way_a_robot_does_the_one_with_the_earlier_arrival()
     )
     (robot,) = known.answer(0.0, {}).robots
     assert (robot.order, robot.next) == ("now", ["then", "later"])
+    assert known.seen("R1", 0.0).order == "now"
 
 
 def test_who_is_silent_for_a_second_is_not_heard_and_calls_a_person_until_it_is_heard_again():
@@ -124,3 +130,38 @@ def test_bad_bytes_and_other_fleets_change_nothing():
     assert known.hear(keys.report("other", "R1"), encode(a_report()), 0.0) is None
     assert known.hear("elsewhere", b"", 0.0) is None
     assert (known.heard["bad"], known.answer(0.0, {}).robots) == (1, [])
+
+
+def test_a_robot_that_is_lost_is_said_to_stand_where_its_authority_ends_at_most():
+    (driven, *_) = plan_fleet(a_scenario(CROSSED), effort=0).driven
+    plan = driven.plan
+    command = msgspec.structs.replace(a_command(), held=((plan.number, 2_000),))
+    known = fleet_of((keys.plan(FLEET, plan.robot), plan), (keys.command(FLEET), command))
+    fleet_of(report(plan.robot, phase=MOVING), known=known)
+    fleet_of((keys.command(FLEET), command), known=known, at=2.0)
+    (robot,) = known.answer(2.0, {}).robots
+    place = driven.curve.at_arc([driven.timeline.s_at(2.0)])[0]
+    assert robot.reach == pytest.approx(tuple(place))
+    (alarm,) = known.alarms.now()
+    assert alarm.text.endswith(f"no farther than ({place[0]:.1f}, {place[1]:.1f})")
+
+
+def test_an_order_that_waits_for_long_although_its_robot_is_free_calls_a_person():
+    known = fleet_of(COMMAND, report("R1"), state("a", WAITING, reason="R2 rests in the way"))
+    for at in (30.0, 59.0):
+        fleet_of(COMMAND, report("R1"), known=known, at=at)
+        assert known.answer(at, {}).alarms == []
+    fleet_of(COMMAND, report("R1"), known=known, at=61.0)
+    (alarm,) = known.answer(61.0, {}).alarms
+    assert alarm.text == "order a waits although R1 is free: R2 rests in the way"
+    fleet_of(COMMAND, report("R1", phase=MOVING), state("b", UNDER_WAY), known=known, at=62.0)
+    assert known.answer(62.0, {}).alarms == []
+
+
+def test_a_log_that_fails_calls_a_person_until_the_coordinator_is_started_again():
+    known = fleet_of(COMMAND, report("R1"))
+    known.alarms.log_failed("no space left; no robot is sent on its way any more", 1_000.0)
+    (alarm,) = known.answer(0.0, {}).alarms
+    assert alarm.text.startswith("no space left")
+    assert known.alarms.acknowledge("log")
+    assert known.answer(0.1, {}).alarms[0].is_acknowledged

@@ -307,3 +307,23 @@ def test_an_admit_names_who_asks(desk):
     fleet, address = desk
     assert ask(address, "api/robots/R1/admit", "POST")[1]["error"] == "R1 has arrived already"
     assert next(one for one in fleet.said if isinstance(one, Admit)).by == "page"
+
+
+def test_vda_5050_states_are_told_of_all_robots_and_of_one(desk):
+    fleet, address = desk
+    fleet.tell(keys.report(FLEET, "R1"), a_report())
+    status, states = ask(address, "api/vda5050")
+    assert (status, [one["serialNumber"] for one in states]) == (200, ["R1"])
+    status, state = ask(address, "api/vda5050/R1")
+    assert (status, state["driving"], state["errors"]) == (200, False, [])
+    assert state["headerId"] > states[0]["headerId"]
+    assert ask(address, "api/vda5050/R7")[0] == 404
+
+
+def test_a_preview_needs_a_floor(desk):
+    _, address = desk
+    status, told = ask(address, "api/preview", "POST", {"goal": [1.0, 2.0]})
+    assert (status, told["error"]) == (
+        409,
+        "the floor is not known to this desk: give it the plan",
+    )

@@ -1,0 +1,62 @@
+// What the order that is being chosen would come to: its way, its arrival, for whom its robot would wait.
+
+/** A chosen order is looked at again after so long [ms]: the fleet drives on. */
+const LOOK_AGAIN = 3000;
+const LOOK_SOON = 150;
+
+class Outlook {
+  /** `order` returns the order that is chosen, or null; `changed` is called when the floor looks otherwise. */
+  constructor(box, order, changed) {
+    Object.assign(this, { box, order, changed, found: null, asked: 0 });
+  }
+
+  /** The order that is chosen is another one. */
+  look(soon = LOOK_SOON) {
+    clearTimeout(this.due);
+    const asked = ++this.asked, order = this.order();
+    if (order === null) return this.show(null);
+    this.due = setTimeout(async () => {
+      const found = document.hidden ? this.found : await ask("POST", "preview", order, () => null);
+      if (asked !== this.asked) return;
+      this.show(found);
+      this.look(LOOK_AGAIN);
+    }, soon);
+    return null;
+  }
+
+  show(found) {
+    this.found = found;
+    this.box.textContent = found ? this.words(found) : "";
+    this.box.classList.toggle("fails", Boolean(found && found.reason));
+    this.changed();
+  }
+
+  words({ robot, begins, arrives, alone, waits, reason }) {
+    if (reason) return robot ? `${robot}: ${reason}` : reason;
+    const sets = begins > 1 ? `sets out in ${begins.toFixed(0)} s, ` : "";
+    const rests = waits.map((one) =>
+      `${one.seconds.toFixed(1)} s${one.robot ? ` for ${one.robot}` : ""}`);
+    const waiting = rests.length ? `; waits ${rests.join(", ")}` : "; nobody has to wait";
+    return `${robot} ${sets}would be there in ${arrives.toFixed(0)} s (${alone.toFixed(0)} s alone)${waiting}`;
+  }
+
+  /** Draw the way, and where the robot would wait. */
+  draw(view, pen, look) {
+    if (!this.found || this.found.way.length < 2) return;
+    pen.strokeStyle = look.ink;
+    pen.lineWidth = 2;
+    pen.setLineDash([7, 5]);
+    pen.beginPath();
+    for (const [x, y] of this.found.way) pen.lineTo(view.X(x), view.Y(y));
+    pen.stroke();
+    pen.setLineDash([]);
+    pen.fillStyle = look.amber;
+    for (const { place: [x, y], seconds } of this.found.waits) {
+      if (seconds < 0.5) continue;
+      pen.beginPath();
+      pen.arc(view.X(x), view.Y(y), 6, 0, 7);
+      pen.fill();
+      pen.stroke();
+    }
+  }
+}
