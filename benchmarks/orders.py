@@ -1,6 +1,7 @@
 """A day's work in virtual time: robots that get one order after another, to free docks.
 
-A robot's next order becomes known when its last one is done.  Printed are how long orders take
+A robot's next order becomes known when its last one is done; with `--queued` all orders are known
+from the start, and a robot drives between two docks of its own.  Printed are how long orders take
 beyond driving alone, how long a course is looked for (CPU of planning and proof), and how many
 robots stand.  `--cobra` runs the experiment of Cap, Vokrinek and Kleiner (2015) on floors of the
 same kind: robots of their sizes at 1 m/s that start and stop at once, tau 0.3 s and "auto"; the
@@ -28,7 +29,7 @@ from benchmarks.table import Row
 from coordinator.fleet.log_records import CourseRequest
 from coordinator.planning.course_search import Answer
 from coordinator.planning.planner import plan_scenario
-from coordinator.scenario.model import Demand, Scenario
+from coordinator.scenario.model import Demand, Order, Scenario
 from protocol.messages import ORDER_DONE
 from protocol.phases import FREEZE, MOVING
 from protocol.timing import MILLISECOND, SECOND
@@ -57,6 +58,18 @@ def day(kind: str, robots: int, seed: int, per_robot: int = ORDERS) -> Scenario:
     demand = Demand(places=docks, per_robot=per_robot, first_within=30.0, seed=seed)
     idle = tuple(replace(one, goal=one.start, via=()) for one in made.robots)
     return replace(made, robots=idle, demand=demand)
+
+
+def queued_day(kind: str, robots: int, seed: int) -> Scenario:
+    """Return a floor with idle robots of ORDERS orders each, between two docks of its own."""
+    made = day(kind, robots, seed)
+    docks = {one.id: (one.goal, one.start) for one in generate(FLOORS[kind], robots, seed).robots}
+    orders = tuple(
+        Order(id=f"{name}-{count}", goal=docks[name][count % 2], robot=name)
+        for count in range(ORDERS)
+        for name in docks
+    )
+    return replace(made, demand=None, orders=orders)
 
 
 class _Timed:
@@ -102,7 +115,11 @@ def run(scenario: Scenario, name: str, *, boxes: bool = True) -> Row:
     cpu = time.process_time() - began
     tasks = [one for one in fleet.orders.tasks.values() if not one.makes_room]
     over = [one for one in tasks if one.state == ORDER_DONE]
-    extra = [(one.arrived_ms or 0) - one.released_ms - (one.alone_ms or 0) for one in over]
+    extra, free_ms = list[int](), dict[str, int]()
+    for one in sorted(over, key=lambda one: one.arrived_ms or 0):
+        since_ms = max(one.released_ms, free_ms.get(one.robot, 0))
+        free_ms[one.robot] = one.arrived_ms or 0
+        extra.append(free_ms[one.robot] - since_ms - (one.alone_ms or 0))
     minutes = (world.now_ns - world.began_ns) / SECOND / 60.0
     search = np.percentile(timed.seconds, [50, 99]) * 1000.0 if timed.seconds else (0.0, 0.0)
     return {
@@ -146,9 +163,13 @@ def cobra() -> list[Row]:
     return rows
 
 
-def orders(floors: Sequence[str] = tuple(FLOORS), most: int = 50) -> list[Row]:
+def orders(
+    floors: Sequence[str] = tuple(FLOORS),
+    most: int = 50,
+    made: Callable[[str, int, int], Scenario] = day,
+) -> list[Row]:
     """Return rows of a day's work on these floors, with up to so many robots."""
-    return [run(day(kind, n, 1), kind) for kind in floors for n in SIZES if n <= most]
+    return [run(made(kind, n, 1), kind) for kind in floors for n in SIZES if n <= most]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -157,6 +178,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--most", type=int, default=50, help="most robots")
     parser.add_argument("--floor", choices=tuple(FLOORS), help="one floor alone")
     parser.add_argument("--long", type=int, default=0, help="so many orders with 50 robots")
+    parser.add_argument("--queued", action="store_true", help="orders known from the start")
     parser.add_argument("--cobra", action="store_true")
     asked = parser.parse_args(arguments)
     if asked.cobra:
@@ -167,6 +189,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         record("orders_long", {f"{asked.long} orders": [run(scenario, "open", boxes=False)]})
         return
     floors = [asked.floor] if asked.floor else list(FLOORS)
+    if asked.queued:
+        rows = orders(floors, asked.most, queued_day)
+        record("orders_queued", {"four orders a robot, known from the start": rows})
+        return
     record("orders", {"a day's work: four orders a robot": orders(floors, asked.most)})
 
 

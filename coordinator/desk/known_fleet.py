@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import islice
 from typing import Final
 
@@ -179,8 +179,10 @@ class KnownFleet:
         report, at = heard
         mine = [one for one in self.orders.values() if one.robot == name]
         done = [one for one in mine if one.state == ORDER_DONE]
-        order = next((one for one in mine if one.state == UNDER_WAY), done[-1] if done else None)
-        plan = self.plans.get(name)
+        going = _under_way(mine)
+        order, plan = next(iter(going or done[-1:]), None), self.plans.get(name)
+        if len(going) > 1:
+            plan = self._driven.get(name, {}).get(report.revision, plan)
         return Seen(
             name,
             report.phase,
@@ -197,7 +199,8 @@ class KnownFleet:
             return RobotState(id=name)
         report, at = heard
         mine = [one for one in self.orders.values() if one.robot == name]
-        doing = next((one.id for one in mine if one.state == UNDER_WAY), "")
+        going = _under_way(mine)
+        waiting = [one for one in mine if one.state not in (*OVER, UNDER_WAY)]
         return RobotState(
             id=name,
             phase=PHASE_NAMES[report.phase] if report.phase < len(PHASE_NAMES) else "",
@@ -205,8 +208,8 @@ class KnownFleet:
             late=report.late * LATE_STEP_MS / 1000.0,
             age=round(now - at, 3),
             is_heard=now - at < _SILENCE,
-            order=doing,
-            next=[one.id for one in mine if one.state not in (*OVER, UNDER_WAY)],
+            order=going[0].id if going else "",
+            next=[one.id for one in [*going[1:], *waiting]],
             held_by=held.get(name, ""),
             reach=None if now - at < _SILENCE else self._reach(name, report),
         )
@@ -262,6 +265,12 @@ class KnownFleet:
             self._robots.pop(state.robot, None)
             self.plans.pop(state.robot, None)
             self.alarms.forget(state.robot)
+
+
+def _under_way(orders: Iterable[OrderState]) -> list[OrderState]:
+    """Return a robot's orders under way, in order: two, once it has its next course."""
+    found = [one for one in orders if one.state == UNDER_WAY]
+    return sorted(found, key=lambda one: one.planned_arrival_ms or 0)
 
 
 def _place_at(plan: Plan, time: float) -> tuple[float, float] | None:

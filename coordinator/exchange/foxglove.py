@@ -216,14 +216,14 @@ def _frames(story: Story, step: float, progress: Progress) -> Iterator[Told]:
     if count > _MOST_FRAMES:
         raise InputError([f"--step: {step:g} s makes {count:,} frames; at most {_MOST_FRAMES:,}"])
     times = np.append(story.first + step * np.arange(count), story.last)
-    poses = {name: _poses(legs, times) for name, legs in story.of_robots().items()}
+    poses = {name: poses_of(legs, times) for name, legs in story.of_robots().items()}
     for number, t in enumerate(progress(times.tolist(), "placing robots")):
         now = _stamp(story, t)
         transforms = [_transform(now, name, pose[number]) for name, pose in poses.items()]
         yield Told(t, "/tf", FrameTransforms(transforms=transforms))
 
 
-def _poses(legs: Sequence[Leg], times: Array) -> Array:
+def poses_of(legs: Sequence[Leg], times: Array) -> Array:
     """Return a robot's x, y [m] and heading [rad] at times, (n, 3).
 
     Between its legs the robot is at rest.

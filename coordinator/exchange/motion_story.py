@@ -10,8 +10,10 @@ Times of a story are seconds since the GO of its first epoch, as in black boxes 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 from pathlib import Path
 from typing import Final
 
@@ -40,30 +42,36 @@ _UNKNOWN_RADIUS: Final = 0.15
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """One course that a robot drove, and how; the time zero of its epoch is `start` [s]."""
+    """One course that a robot drove, and how; the time zero of its epoch is `start` [s].
+
+    `since`: the time of the plan at which the robot began it.  `ends`: the plan time at which it
+    changed to its next course, infinite if it did not.
+    """
 
     epoch: int
     driven: Driven
     start: float
     driving: Driving = field(default_factory=lambda: Driving(Progress()))
+    since: float = 0.0
+    ends: float = math.inf
 
     @property
     def begin(self) -> float:
-        """The time [s] at which the course began."""
-        return self.start + 0.001 * self.driven.plan.begin_ms
+        """The time [s] at which the robot began the course."""
+        return self.start + self.since
 
     @property
     def end(self) -> float:
-        """The time [s] at which the robot came to rest."""
+        """The time [s] at which the robot came to rest, or to its next course."""
         line, (progress, brake, rate) = self.driven.timeline, self.driving
         slowing = line.v_at(brake) / rate if brake < line.finish and rate > 0.0 else 0.0
-        return self.start + progress.when(min(brake, line.finish) + slowing)
+        return self.start + progress.when(min(min(brake, line.finish) + slowing, self.ends))
 
     def sample(self, times: Array) -> Array:
         """Return x, y [m], heading [rad], s [m], v [m/s] at times of the story, (m, 5)."""
         line = self.driven.timeline
         progress, brake, rate = self.driving
-        passed = progress.at(times - self.start)
+        passed = np.minimum(progress.at(times - self.start), self.ends)
         by_plan = np.minimum(passed, brake)
         s = np.array([line.s_at(t) for t in by_plan.tolist()])
         v = np.array([line.v_at(t) for t in by_plan.tolist()])
@@ -207,7 +215,7 @@ class _Heard:
     def _hear_command(self, command: Command, log_ns: int) -> None:
         if command.phase == phases.GO:
             self.turns.setdefault(command.epoch, _Turn(command.start_ns))
-            self.said.begin(command.epoch, command.start_ns + self.lag_ns)
+            self.said.begin(command, self.lag_ns)
         elif command.phase == phases.FREEZE and command.epoch in self.turns:
             turn = self.turns[command.epoch]
             turn.frozen_ns = log_ns if turn.frozen_ns is None else turn.frozen_ns
@@ -238,21 +246,27 @@ def _legs(
     In a frozen epoch, a robot's leg ends where the robot reported that it rests.  Without such a
     report, it ends where the plan has the robot at the time at which it was last heard.
     """
-    legs = []
-    for epoch, turn in sorted(heard.turns.items()):
-        start_ns = turn.start_ns + lag_ns
-        for robot, one in driven.get(epoch, {}).items():
-            words, rate = heard.said.of(epoch, robot), one.plan.brake_mmps2 / 1000.0
-            driving = words.driving(one.timeline, rate, start_ns, turn.frozen_ns)
-            legs.append(Leg(epoch, one, (start_ns - zero_ns) / 1e9, driving))
+    courses = {
+        (epoch, robot, 0): one
+        for epoch in heard.turns
+        for robot, one in driven.get(epoch, {}).items()
+    }
     for (epoch, robot, revision), payload in heard.courses.items():
-        words = heard.said.of(epoch, robot, revision)
-        if epoch not in heard.turns or words.last_ns is None:
-            continue  # The robot has never driven it.
-        turn = heard.turns[epoch]
+        if epoch in heard.turns and heard.said.of(epoch, robot, revision).last_ns is not None:
+            radius = heard.radii.get(robot, _UNKNOWN_RADIUS)
+            courses[epoch, robot, revision] = unpack(payload, radius)
+    legs: list[Leg] = []
+    ends: dict[tuple[int, str], float] = {}
+    for (epoch, robot, revision), one in sorted(courses.items(), key=itemgetter(0), reverse=True):
+        turn, words = heard.turns[epoch], heard.said.of(epoch, robot, revision)
         start_ns = turn.start_ns + lag_ns
-        one = unpack(payload, heard.radii.get(robot, _UNKNOWN_RADIUS))
-        rate = one.plan.brake_mmps2 / 1000.0
-        driving = words.driving(one.timeline, rate, start_ns, turn.frozen_ns)
-        legs.append(Leg(epoch, one, (start_ns - zero_ns) / 1e9, driving))
+        driving = words.driving(
+            one.timeline, one.plan.brake_mmps2 / 1000.0, start_ns, turn.frozen_ns
+        )
+        begin = 0.001 * one.plan.begin_ms
+        since = words.since(one.timeline, begin) if begin > 0.0 else None
+        since = begin if since is None else since
+        until = ends.get((epoch, robot), math.inf)
+        legs.append(Leg(epoch, one, (start_ns - zero_ns) / 1e9, driving, since, until))
+        ends[epoch, robot] = begin
     return sorted(legs, key=lambda leg: leg.begin)

@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from coordinator.findings.progress import Knot, Progress
-from protocol.messages import Report
+from protocol.messages import Command, Report
 from protocol.phases import BRAKING, DONE, FROZEN, IDLE, MOVING
 from protocol.timeline import Timeline
 from protocol.timing import LATE_STEP_MS, MILLISECOND, SECOND
@@ -25,6 +25,9 @@ _HALVINGS: Final = 60
 
 _SILENT: Final = SECOND
 """A robot on its way that was not heard for this long [ns] is shown at rest."""
+
+_SOON: Final = 0.3
+"""A robot reports so soon [s] that it has begun a course."""
 
 _SUDDEN: Final = 0.5
 """A robot that comes to rest within this share of its braking time was stopped at once."""
@@ -60,15 +63,18 @@ class Words:
         self.progress = Progress()
         self.first: Knot | None = None
 
-    def take(self, report: Report, now_ns: int, paused: float = 0.0) -> bool:
+    def take(self, report: Report, now_ns: int, paused: float = 0.0, granted: float = 0.0) -> bool:
         """Record phase and progress; return whether the robot has begun to stop, or to move again.
 
         `paused`: for how long [s] the plan's time had stood when the robot made the report.
+        `granted`: the plan time [s] up to which it might drive when that stood last.  A robot that
+        drove on unheard may be there, and waits for the plan's time: it does not report how early
+        it is.
         """
         phase = report.phase
         if report.stamp_ms is not None:
             t, late = report.stamp_ms / 1000.0, report.late * LATE_STEP_MS / 1000.0
-            self.progress.take(t + paused, late + paused)
+            self.progress.take(t + paused, late + paused, 0.0 if report.late else granted)
             self.first = self.first or (t + paused, t - late)
         again = phase == MOVING and self.stopping_ns is not None
         fresh = self.stopping_ns is None and phase in (BRAKING, FROZEN)
@@ -110,6 +116,18 @@ class Words:
         last_ns = frozen_ns if self.last_ns is None else min(self.last_ns, frozen_ns)
         return Driving(progress, passed_at(last_ns))
 
+    def since(self, line: Timeline, begin: float) -> float | None:
+        """Return since when [s] the robot drives a further course; None if it does not.
+
+        A robot that had left the course's beginning when it was heard first is taken to have begun
+        on time.
+        """
+        if self.last_ns is None:
+            return None
+        if self.first is None or self.first[1] > max(begin, line.t0[0]) + _SOON:
+            return begin
+        return max(self.first[0], begin)
+
     def silent_since(self, now_ns: int) -> int | None:
         """Return when a robot on its way was last heard, if that is too long ago; else None."""
         drives = self.phase in (MOVING, BRAKING)
@@ -133,13 +151,22 @@ class Said:
         """By epoch and robot: the newest course that it drove."""
 
         self._last_ns: dict[str, int] = {}
-        self._starts: dict[int, list[int]] = {}
+        self._starts: dict[int, list[tuple[int, float]]] = {}
+        """By epoch: the times zero, and the plan time up to which robots might drive before."""
 
-    def begin(self, epoch: int, start_ns: int) -> None:
-        """Record the time zero that a GO states; it is put off while plan time stands."""
-        starts = self._starts.setdefault(epoch, [])
-        if start_ns not in starts[-1:]:
-            starts.append(start_ns)
+        self._granted: dict[int, float] = {}
+
+    def begin(self, command: Command, lag_ns: int = 0) -> None:
+        """Record the time zero that a GO states; it is put off while plan time stands.
+
+        `lag_ns`: how much later the listener's clock is than the coordinator's.
+        """
+        epoch, start_ns = command.epoch, command.start_ns + lag_ns
+        starts, granted = self._starts.setdefault(epoch, []), self._granted.get(epoch, 0.0)
+        if not starts or start_ns != starts[-1][0]:
+            starts.append((start_ns, granted))
+        now_ms = (command.said_ns - command.start_ns) // MILLISECOND
+        self._granted[epoch] = max(granted, (now_ms + command.headroom_ms) / 1000.0)
 
     def take(self, report: Report, robot: str, now_ns: int) -> bool:
         """Record a report; return whether the robot drives, or stands, otherwise than before."""
@@ -147,7 +174,7 @@ class Said:
         newest = self._newest.get((report.epoch, robot), -1)
         self._newest[report.epoch, robot] = max(newest, report.revision)
         driving = self.of(report.epoch, robot, report.revision)
-        fresh = driving.take(report, now_ns, self._paused(report, now_ns))
+        fresh = driving.take(report, now_ns, *self._paused(report, now_ns))
         fresh |= report.revision > max(newest, 0)
         if report.rest is None:
             return fresh
@@ -156,16 +183,18 @@ class Said:
         words.rest = report.rest.s_m if words.rest is None else words.rest
         return fresh
 
-    def _paused(self, report: Report, now_ns: int) -> float:
-        """Return for how long [s] plan time had stood, by the start that a robot's stamp fits best.
+    def _paused(self, report: Report, now_ns: int) -> tuple[float, float]:
+        """Return for how long [s] plan time had stood, and what was granted until it did.
 
-        A robot states the time by the newest start that it has heard.
+        It is told by the start that a robot's stamp fits best: a robot states the time by the
+        newest start that it has heard.
         """
         starts = self._starts.get(report.epoch, [])
         if len(starts) < 2 or report.stamp_ms is None:
-            return 0.0
+            return 0.0, 0.0
         made_ns = now_ns - report.stamp_ms * MILLISECOND
-        return (min(starts, key=lambda start: abs(made_ns - start)) - starts[0]) / SECOND
+        start_ns, granted = min(starts, key=lambda start: abs(made_ns - start[0]))
+        return (start_ns - starts[0][0]) / SECOND, granted
 
     def of(self, epoch: int, robot: str, revision: int = 0) -> Words:
         """Return what a robot reported of one of its courses, by default of an epoch's first."""

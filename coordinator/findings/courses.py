@@ -71,7 +71,7 @@ class Courses:
             if message.phase == phases.GO:
                 start_ns = message.start_ns + self._lag_ns
                 self._starts.setdefault(message.epoch, (start_ns - self._zero_ns) / 1e9)
-                self._said.begin(message.epoch, start_ns)
+                self._said.begin(message, self._lag_ns)
             elif message.phase == phases.FREEZE and self._starts:
                 self._frozen.setdefault(max(self._starts), record.log_ns)
         elif isinstance(message, Plan):

@@ -39,8 +39,12 @@ class Progress:
         """Whether the robot was late when it was last heard."""
         return bool(self.knots) and self.knots[-1][1] < self.knots[-1][0]
 
-    def take(self, t: float, late: float) -> None:
-        """Take in a report made at a time of the plan: how late the robot was [s]."""
+    def take(self, t: float, late: float, granted: float = 0.0) -> None:
+        """Take in a report made at a time of the plan: how late the robot was [s], at most.
+
+        `granted`: the plan time [s] up to which it may have driven while it was not heard, if it
+        may be further than it says.
+        """
         if self.knots and t <= self.knots[-1][0]:
             return
         was_late = self.is_late
@@ -49,9 +53,10 @@ class Progress:
                 self.knots.append((self._before, self._before))
             if t - self._before > _UNHEARD:
                 before, passed = self.knots[-1]
-                stood = before + max(t - late - passed, 0.0)
+                driven = min(granted, passed + self._rate() * (t - before))
+                stood = before + max(max(t - late, driven) - passed, 0.0)
                 if before < stood < t:
-                    self._add(stood, t - late)
+                    self._add(stood, max(t - late, driven))
             self._add(t, t - late)
         elif was_late:
             self._add(t, t)

@@ -256,7 +256,11 @@ class Fleet(OperatedFleet):
         """Return the courses that robots do not hold yet, to be sent again."""
         if self.phase != GO:
             return []
-        lacking = [one for one in self.members.values() if one.lacks_course(self.epoch)]
+        lacking = [
+            one
+            for one in self.members.values()
+            if one.lacks_course(self.epoch) and not one.has_dropped_course(self.epoch)
+        ]
         return [plan for member in lacking for plan in self._send_plan(member, now_ns)]
 
     def _hear_gone(self, robot: str, now_ns: int) -> list[Outgoing]:

@@ -9,6 +9,7 @@ robot counts as held or stuck.  Must not know: phases, when a Command is sent.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
@@ -253,15 +254,45 @@ class Grants:
         passed, told = (float(one[sent.slot]) / 1000.0 for one in (rule.progress, rule.told))
         return line.s_at(passed) >= line.s_at(told) - ROOM
 
+    def arrival_ms(self, robot: str, now_ms: int) -> int | None:
+        """Return the plan time [ms] when a robot will be at the end of the course in force.
+
+        It is as late then as it is known to be at `now_ms`.  None if it may still be held on the
+        way: not all of the course is granted to it, or nothing more ever is.
+        """
+        mine = self._courses[robot]
+        if mine.now.course is None or robot in self.given_up:
+            return None
+        finish_ms = math.ceil(1000.0 * mine.now.course.driven.timeline.finish)
+        if self._rule.granted[mine.now.slot] < finish_ms:
+            return None
+        return finish_ms + round(1000.0 * self.late(now_ms).get(robot, 0.0))
+
+    def waited_for_ms(self, robot: str) -> list[float]:
+        """Return which plan times [ms] the robots that one holds wait for it to pass."""
+        slot, stairs = self._courses[robot].now.slot, self._staircases.all
+        pairs = [
+            (pair, behind)
+            for behind, (by, _) in self._held.items()
+            if by == slot
+            for pair in np.flatnonzero((stairs.behind == behind) & (stairs.ahead == by)).tolist()
+        ]
+        ends = self._rule.granted + self.headroom_ms
+        return [stairs.need_at(pair, float(ends[behind])) for pair, behind in pairs]
+
     def halt(self, robot: str) -> int:
         """Grant a robot no more on its course than it may have been told; return that [ms].
 
         It comes to rest there, at the latest: what it may have been told is granted to it.
         """
-        sent = self._courses[robot].now
-        told_ms = max(int(self._rule.told[sent.slot]), sent.begin_ms)
-        self._rule.most[sent.slot] = told_ms
+        told_ms = self.told_ms(robot)
+        self._rule.most[self._courses[robot].now.slot] = told_ms
         return told_ms
+
+    def told_ms(self, robot: str) -> int:
+        """Return how far [ms] a robot may have been told to drive on the course in force."""
+        sent = self._courses[robot].now
+        return max(int(self._rule.told[sent.slot]), sent.begin_ms)
 
     def go_on(self, robot: str) -> None:
         """Grant again on a robot's course what is safe, unless it was given up or has left."""
@@ -461,6 +492,10 @@ class Grants:
         late = (now_ms - self._got_on_ms > STUCK_MS) & ~self._done & (self._numbers >= 0)
         late[[one.next.slot for one in self._courses.values() if one.next is not None]] = False
         return [self._name(slot) for slot in np.flatnonzero(late).tolist()]
+
+    def gets_on(self, robot: str, now_ms: int) -> bool:
+        """Return whether a robot has got on within the last second, or could not."""
+        return now_ms - int(self._got_on_ms[self._courses[robot].now.slot]) <= ROOM_MS
 
     def late(self, now_ms: int) -> dict[str, float]:
         """Return how late [s] robots are at a plan time [ms], those that are by LATE_MS or more."""

@@ -87,6 +87,8 @@ class Member:
     plan_sent_ns: int | None = None
     course_since_ns: int = 0
     """When it was first to be sent its newest course."""
+    frozen_ns: int = 0
+    """When it was first heard to have frozen, after it last drove or rested at a goal."""
     course_before: tuple[bytes, int] = (b"", 0)
     """The course before the newest one: its message and its revision."""
     done_ns: int | None = None
@@ -184,10 +186,24 @@ class Member:
         """Whether the robot is at the goal of its newest course."""
         return self.phase == DONE and self.driven == self.revision
 
+    def has_driven(self, epoch: int, revision: int) -> bool:
+        """Return whether the robot is at the end of a course, or has left it for the next one."""
+        if self.phase == DONE and self.driven == revision:
+            return True
+        return self.epoch == epoch and self.driven > revision
+
     def lacks_course(self, epoch: int) -> bool:
         """Return whether the robot has set out, and lacks its newest course."""
         has_old = self.epoch == epoch and self.phase in (MOVING, DONE, FROZEN)
         return self.planned and has_old and self.holds < self.revision
+
+    def has_dropped_course(self, epoch: int) -> bool:
+        """Return whether the robot has stopped before it began its newest course.
+
+        It must not get that again: its next one is from where it has stopped.
+        """
+        is_older = self.course_since_ns < self.frozen_ns
+        return self.phase == FROZEN and is_older and self.lacks_course(epoch)
 
     def refuses_course(self, epoch: int, now_ns: int) -> bool:
         """Return whether the robot is heard, and has not taken its newest course for long."""
@@ -216,6 +232,8 @@ class Member:
         self.sequence, self.lost, self.gone = report.sequence, False, False
         if self.phase == DONE and report.phase == FROZEN:
             self.finished, self.done_ns = False, None  # It was pushed off its goal.
+        if self.phase != FROZEN and report.phase == FROZEN:
+            self.frozen_ns = now_ns
         self.epoch, self.phase, self.fault = report.epoch, report.phase, report.fault
         self.driven, self.holds = report.revision, report.holds
         if report.rest is not None and report.rest.epoch >= self.sent_epoch:

@@ -7,7 +7,7 @@ courses, messages, clocks; times are in ms since the first GO.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from random import Random
 from typing import Any, Final
@@ -38,7 +38,8 @@ class Task:
     """An order and what has become of it; times in ms since the first GO, None if not known.
 
     `robot`: who does it, "" until one is chosen.  `makes_room`: the coordinator's own order, for a
-    robot that is in the way.  `is_urgent`: its robot leaves what it does for it.
+    robot that is in the way.  `revision`: the course by which it is done.  `is_urgent`: its robot
+    leaves what it does for it, as soon as it drives the course `leaves` or a later one.
     """
 
     order: Order
@@ -52,6 +53,8 @@ class Task:
     reason: str = ""
     makes_room: bool = False
     is_urgent: bool = False
+    revision: int = 0
+    leaves: int = 0
     cannot: set[str] = field(default_factory=set)
     """Robots that have no way to the goal, even alone."""
 
@@ -337,37 +340,57 @@ class OrderBook:
         return task
 
     def _leave(self, task: Task, now_ms: int) -> None:
-        """Let a robot leave a cancelled order for its next one, or for a place to rest."""
+        """Let a robot leave a cancelled order for its next one, or for a place to rest.
+
+        It goes on as it was told if it has a course for its next order already.
+        """
+        if any(one.revision > task.revision for one in self.all_of(task.robot)):
+            return
         others = [one for one in self.waiting() if one.robot == task.robot]
         if others:
-            others[0].is_urgent = True
+            urgent = others[0]
         else:
-            room = self.room_for(task.robot, task.order.goal, task.order.id, now_ms)
-            room.reason, room.is_urgent = f"leaves {task.order.id}", True
+            urgent = self.room_for(task.robot, task.order.goal, task.order.id, now_ms)
+            urgent.reason = f"leaves {task.order.id}"
+        urgent.is_urgent, urgent.leaves = True, task.revision
 
     def put_back(self, robot: str) -> None:
-        """Let the order that a robot does wait again: the robot is sent elsewhere.
+        """Let the orders that a robot does wait again: the robot is sent elsewhere."""
+        for task in self.all_of(robot):
+            self.let_wait(task)
 
-        One that was joining has joined.
-        """
-        task = self.of_robot(robot)
-        if task is not None and task.joins is not None:
+    def let_wait(self, task: Task) -> None:
+        """Let an order wait again; a robot that was joining by it has joined."""
+        if task.joins is not None:
             self.end(task, ORDER_DONE)
-        elif task is not None:
+        else:
             task.state, task.accepted_ms = WAITING, None
             task.planned_arrival_ms = task.arrived_ms = None
             task.robot = task.order.robot
 
+    def begin_epoch(self, robots: Collection[str]) -> None:
+        """Take in that robots have first courses again: to the goals that they were sent to last.
+
+        `robots`: those that have one; the orders that others did wait again.
+        """
+        for task in self.under_way():
+            if task.robot not in robots or task is not self.all_of(task.robot)[-1]:
+                self.let_wait(task)
+        for task in self._open.values():
+            task.revision = task.leaves = 0
+
     def of_robot(self, robot: str) -> Task | None:
         """Return the order that a robot does now."""
-        return next(
-            (one for one in self._open.values() if one.robot == robot and one.state == UNDER_WAY),
-            None,
-        )
+        return next(iter(self.all_of(robot)), None)
+
+    def all_of(self, robot: str) -> list[Task]:
+        """Return the order that a robot does now, and the next one if it has a course for it."""
+        return [one for one in self.under_way() if one.robot == robot]
 
     def under_way(self) -> list[Task]:
-        """Return the orders that robots do now."""
-        return [one for one in self._open.values() if one.state == UNDER_WAY]
+        """Return the orders for which robots have courses, in the order of each robot's courses."""
+        found = [one for one in self._open.values() if one.state == UNDER_WAY]
+        return sorted(found, key=lambda one: one.revision)
 
     def waiting(self) -> list[Task]:
         """Return the orders that wait, in the order in which they are to be served."""
@@ -377,16 +400,16 @@ class OrderBook:
     def look(
         self,
         now_ms: int,
-        has_arrived: Callable[[str], bool],
+        has_arrived: Callable[[str, int], bool],
         is_free: Callable[[str, Pose], bool],
     ) -> None:
         """Let time pass: orders are done, and others become known.
 
-        `has_arrived`: whether a robot is at the goal of its newest course; `is_free`: whether a
-        place is one that no other robot holds or is bound for.
+        `has_arrived`: whether a robot has come to the end of its course of a revision; `is_free`:
+        whether a place is one that no other robot holds or is bound for.
         """
         for task in self.under_way():
-            if task.arrived_ms is None and has_arrived(task.robot):
+            if task.arrived_ms is None and has_arrived(task.robot, task.revision):
                 task.arrived_ms = now_ms
             dwell_ms = round(1000.0 * task.order.dwell)
             if task.arrived_ms is not None and now_ms >= task.arrived_ms + dwell_ms:

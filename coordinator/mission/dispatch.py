@@ -42,6 +42,14 @@ this."""
 _NOBODY_MOVES_MS: Final = 20_000
 """Orders for which nothing is found for so long while nobody moves are refused."""
 
+_LATE: Final = 4.0
+"""A robot that is later than this [s] and holds others may get its times anew."""
+
+_HELD_MS: Final = 1_000
+"""Others have to be held for so long before."""
+
+_RENEW_MS: Final = 15_000
+"""A robot gets its times anew, or is looked at for that, no more often than after this."""
 
 _JOIN_PATIENCE: Final = 60 * SECOND
 """How long a robot that joins has to be heard for the first time."""
@@ -77,6 +85,9 @@ class Dispatcher:
         self._no_room: dict[str, object] = {}
         """By robot: the state of the fleet when no place was found for it to make room at."""
 
+        self._renewed: dict[str, int] = {}
+        """By late robot: when [ms] new times were last looked for."""
+
         self._moved_ms = 0
         self._mark = (0, 0)
         """When a robot last got on, and how many courses there were, at _moved_ms."""
@@ -92,6 +103,7 @@ class Dispatcher:
         self.searches.begin()
         self._tried.clear()
         self._no_room.clear()
+        self._renewed.clear()
         return PlainDispatcher(
             [plain.plain(robot) for robot in self.robots.values()],
             self.searches.serial,
@@ -122,6 +134,7 @@ class Dispatcher:
         self.searches.begin()
         self.obstructions.begin(make_site)
         self._tried.clear()
+        self._renewed.clear()
 
     def look(self, now_ns: int) -> list[CourseRequest]:
         """Let orders become known and done, and return the courses that are to be looked for."""
@@ -129,7 +142,7 @@ class Dispatcher:
         if not fleet.has_gone or not book.is_used:
             return []
         now_ms = fleet.since_go_ms(now_ns)
-        book.look(now_ms, lambda robot: fleet.members[robot].has_arrived, self._is_free)
+        book.look(now_ms, self._has_driven, self._is_free)
         if fleet.phase != GO or self.obstructions.site is None or fleet.superseded:
             self._moved_ms = now_ms
             return []
@@ -147,9 +160,39 @@ class Dispatcher:
         joins = [task for task in tasks if task.joins is not None]
         tasks = [task for task in tasks if task.joins is None]
         found = [self._ask_join(task, task.joins, now_ns) for task in joins if task.joins]
-        found += [self._ask(task, robot, now_ns) for task, robot in self._assigned(tasks, idle)]
-        urgent = [task for task in tasks if task.is_urgent and self._may_leave(task.robot, now_ns)]
-        return found + [self._ask(task, task.robot, now_ns, leaves=True) for task in urgent]
+        free = [*idle, *self._arriving(now_ns)] if tasks else idle
+        for task, robot in self._assigned(tasks, free, now_ns):
+            found.append(self._ask(task, robot, now_ns, follows=robot not in idle))
+        urgent = [task for task in tasks if task.is_urgent and self._leaves_for(task, now_ns)]
+        found += [self._ask(task, task.robot, now_ns, leaves=True) for task in urgent]
+        return found + self._renewals(now_ns, now_ms)
+
+    def _renewals(self, now_ns: int, now_ms: int) -> list[CourseRequest]:
+        """Look for courses with new times for robots that are late for long and hold others."""
+        grants, plan_ms = self._fleet.grants, self._fleet.times.plan_ms(now_ns)
+        held, late, found = grants.held(), grants.late(plan_ms), []
+        holders = {one.by for one in held if plan_ms - one.since_ms >= _HELD_MS}
+        for name in sorted(holders - {one.robot for one in held}):
+            task = self._fleet.orders.of_robot(name)
+            if task is None or task.makes_room or task.order.via or late.get(name, 0.0) < _LATE:
+                continue
+            is_due = now_ms - self._renewed.get(name, -_RENEW_MS) >= _RENEW_MS
+            if not (is_due and grants.gets_on(name, plan_ms) and self._may_leave(name, now_ns)):
+                continue
+            until = self.searches.worth_until(name, now_ns)
+            if until > 0.0:
+                self._renewed[name] = now_ms
+                found.append(self.searches.ask(task, name, None, now_ns, leaves=True, until=until))
+        return found
+
+    def _has_driven(self, robot: str, revision: int) -> bool:
+        return self._fleet.members[robot].has_driven(self._fleet.epoch, revision)
+
+    def _leaves_for(self, task: Task, now_ns: int) -> bool:
+        """Return whether a robot is to leave its course for an urgent order now."""
+        mine = self._fleet.grants.of(task.robot)
+        is_on = mine is not None and mine.now.revision >= task.leaves
+        return is_on and self._may_leave(task.robot, now_ns)
 
     def _what_keeps(self, robot: str) -> str:
         """Return in words why a robot that does no order is not idle."""
@@ -176,7 +219,7 @@ class Dispatcher:
     def _say_who_is_busy(self, idle: list[str]) -> None:
         """State the reason for which orders wait that were not looked for yet."""
         book = self._fleet.orders
-        does = {one.robot: one.order.id for one in book.under_way()}
+        does = {one.robot: one.order.id for one in reversed(book.under_way())}
         for task in book.waiting():
             robot = task.order.robot
             if task.makes_room or task.joins is not None:
@@ -206,11 +249,17 @@ class Dispatcher:
         mine = fleet.grants.of(request.robot)
         is_same = mine is not None and mine.newest.revision == request.revision - 1
         can_go = is_same if asked.leaves else request.robot in idle
+        can_go |= asked.follows and is_same and request.robot in self._arriving(now_ns)
         can_go |= task.joins is not None
-        if task.state != WAITING or fleet.phase != GO or not can_go:
+        renews = asked.until < math.inf
+        does = fleet.orders.of_robot(request.robot)
+        is_wanted = task is does if renews else task.state == WAITING
+        if not is_wanted or fleet.phase != GO or not can_go:
             return None
         now_ms = fleet.since_go_ms(now_ns)
         proposal = answer.proposal
+        if renews and (proposal is None or proposal.course.driven.timeline.finish > asked.until):
+            return None
         if proposal is None:
             self._not_found(task, asked, answer, idle, now_ms)
             return None
@@ -231,13 +280,18 @@ class Dispatcher:
             task.is_urgent = False
             self._not_found(task, asked, answer, idle, now_ms)
             return asked.wish.robot
-        fleet.orders.put_back(request.robot)
+        if asked.leaves:
+            fleet.orders.put_back(request.robot)
         self._ways.pop(task.order.id, None)
         if task.makes_room:
             task.order = replace(task.order, goal=proposal.course.goal)
             text = f"{request.robot} {task.reason}"
             fleet.incidents.append(Incident(now_ns, "order", request.robot, text))
+        elif renews:
+            text = f"{request.robot} gets new times for {task.order.id}: others go first"
+            fleet.incidents.append(Incident(now_ns, "order", request.robot, text))
         task.state, task.robot, task.reason = UNDER_WAY, request.robot, ""
+        task.revision = request.revision
         task.is_urgent = False  # Otherwise two such orders would take turns for ever.
         task.accepted_ms = now_ms
         task.alone_ms = round(1000.0 * answer.alone)
@@ -274,7 +328,8 @@ class Dispatcher:
             return
         self._tried[task.order.id] = (state, now_ms)
         by = ", ".join(dict.fromkeys(answer.blockers))
-        task.reason = f"waits for {by}" if by else f"{robot} {answer.reason}"
+        if not asked.follows:  # Until it has arrived, its order waits for that.
+            task.reason = f"waits for {by}" if by else f"{robot} {answer.reason}"
         if not task.order.robot:
             task.robot = ""
         waiting = {one.robot for one in book.waiting() if one.makes_room}
@@ -285,9 +340,11 @@ class Dispatcher:
                 room = book.room_for(name, self.searches.place(name)[0], task.order.id, now_ms)
                 self._ways[room.order.id] = (asked.wish.robot.radius, answer.way)
 
-    def _ask(self, task: Task, robot: str, now_ns: int, *, leaves: bool = False) -> CourseRequest:
+    def _ask(
+        self, task: Task, robot: str, now_ns: int, *, leaves: bool = False, follows: bool = False
+    ) -> CourseRequest:
         way = self._ways.get(task.order.id)
-        return self.searches.ask(task, robot, way, now_ns, leaves=leaves)
+        return self.searches.ask(task, robot, way, now_ns, leaves=leaves, follows=follows)
 
     def _ask_join(self, task: Task, robot: Robot, now_ns: int) -> CourseRequest:
         self.robots[robot.id] = robot
@@ -307,14 +364,34 @@ class Dispatcher:
             and not mine.is_changing(member.holds)
         ]
 
+    def _arriving(self, now_ns: int) -> list[str]:
+        """Return the robots that will be idle in a moment: nothing holds them up any more."""
+        fleet = self._fleet
+        stay = {one.robot for one in fleet.orders.under_way() if one.order.dwell > 0.0}
+        stay |= {one.robot for one in fleet.orders.waiting() if one.is_urgent}
+        return [
+            member.id
+            for member in fleet.members.planned
+            if member.phase == MOVING
+            and member.epoch == fleet.epoch
+            and member.driven == member.revision
+            and member.id not in stay
+            and not (member.lost or member.is_silent(now_ns))
+            and (mine := fleet.grants.of(member.id)) is not None
+            and mine.next is None
+            and self.searches.is_time_for(member.id, now_ns)
+        ]
+
     def _is_due(self, task: Task, state: object, now_ms: int) -> bool:
         tried = self._tried.get(task.order.id)
         return tried is None or tried[0] != state or now_ms - tried[1] >= _AGAIN_MS
 
-    def _assigned(self, tasks: list[Task], idle: list[str]) -> list[tuple[Task, str]]:
-        """Return which orders idle robots get now: those that they are named in, then others."""
-        free = dict.fromkeys(idle)
-        free = {name: None for name in free if not self.searches.has(name)}
+    def _assigned(self, tasks: list[Task], ready: list[str], now_ns: int) -> list[tuple[Task, str]]:
+        """Return which orders robots get that are idle, or will be soon.
+
+        First those that name them, then others.
+        """
+        free = {name: None for name in ready if not self.searches.has(name)}
         pairs = []
         for task in tasks:
             if task.order.robot in free:
@@ -324,7 +401,9 @@ class Dispatcher:
         names = [name for name in free if name not in named]
         others = [task for task in tasks if not task.order.robot]
         if others and names:
-            cost = np.array([[self._time_to(name, task) for name in names] for task in others])
+            cost = np.array(
+                [[self._time_to(name, task, now_ns) for name in names] for task in others]
+            )
             for row, column in zip(*linear_sum_assignment(cost), strict=True):
                 if cost[row, column] < _NEVER:
                     pairs.append((others[row], names[column]))
@@ -340,12 +419,18 @@ class Dispatcher:
         task.robot = task.order.robot
         return bool(task.order.robot) or self._fleet.members.keys() <= task.cannot
 
-    def _time_to(self, robot: str, task: Task) -> float:
-        """Return how long [s] a robot would take straight to an order's goal; _NEVER: it cannot."""
+    def _time_to(self, robot: str, task: Task, now_ns: int) -> float:
+        """Return how long [s] a robot would take straight to an order's goal; _NEVER: it cannot.
+
+        It sets out when it has arrived at its own.
+        """
         if robot in task.cannot:
             return _NEVER
         place, _ = self.searches.place(robot)
-        return math.dist(place, task.order.goal[:2]) / self.robots[robot].max_speed
+        now_ms = self._fleet.times.plan_ms(now_ns)
+        left_ms = max((self._fleet.grants.arrival_ms(robot, now_ms) or now_ms) - now_ms, 0)
+        far = math.dist(place, task.order.goal[:2])
+        return 0.001 * left_ms + far / self.robots[robot].max_speed
 
     def _is_free(self, robot: str, place: Pose) -> bool:
         """Return whether a robot could rest at a place where no other one is or is bound for."""

@@ -182,9 +182,7 @@ class Mission:
         for one in self.site.aside:
             self.fleet.members[one.robot.id].finished |= one.why == "arrived"
         drives = set() if recovery.plan is None else set(recovery.plan.messages)
-        for task in self.fleet.orders.under_way():
-            if task.robot not in drives:
-                self.fleet.orders.put_back(task.robot)
+        self.fleet.orders.begin_epoch(drives)
         if recovery.plan is None:
             self.begin(None)
             return self.fleet.adopt(request.epoch, {}, now_ns, NOBODY)

@@ -217,9 +217,8 @@ class Obstructions:
             fleet.incidents.append(Incident(now_ns, "fault", member.id, text))
             fleet.go_around(member, now_ns)
             member.withdraw_course()
-            task = fleet.orders.of_robot(member.id)
-            fleet.orders.put_back(member.id)
-            if task is not None:
+            for task in fleet.orders.all_of(member.id)[-1:]:
+                fleet.orders.let_wait(task)
                 task.cannot.add(member.id)
                 if task.order.robot:
                     fleet.orders.end(task, REFUSED, text)
@@ -228,7 +227,9 @@ class Obstructions:
         """Take in which robots have stopped on their courses: they go on on others, if they may."""
         fleet = self._fleet
         for member in fleet.members.planned:
-            if self.rest_of(member.id) is None or member.id in fleet.grants.given_up:
+            known = member.id in fleet.grants.given_up
+            known &= not member.has_dropped_course(fleet.epoch)
+            if known or self.rest_of(member.id) is None:
                 continue
             fleet.go_around(member, now_ns)
             if member.lacks_course(fleet.epoch):

@@ -32,11 +32,20 @@ from coordinator.scenario.model import Point, Pose, Robot
 _LEAD_MS: Final = 300
 """How long before a course begins it is asked for: enough to find it and to tell the robot."""
 
+_TICK_MS: Final = 100
+"""How often it is looked whether it is time to ask."""
+
 _STANDOFF: Final = 0.01
 """How much more than the margin [m] courses found side by side have to be apart."""
 
 _SETTLES: Final = 0.3
 """A robot that has braked settles in this time [s]."""
+
+_MOST_LOST: Final = 4.0
+"""A late robot that lets others go first may lose so much [s]: it has to stop, and set out anew."""
+
+_WORTH: Final = 1.0
+"""So much more [s] than it loses the others have to win together."""
 
 _SAME: Final = 0.01
 """Places nearer to each other than this [m] are one place."""
@@ -55,7 +64,13 @@ class Asked:
     commits: int
     closed: dict[str, Ring]
     leaves: bool
-    """Whether the robot leaves its course for this one, instead of resting at its goal."""
+    """Whether the robot leaves its course for this one, instead of driving to its goal."""
+
+    follows: bool
+    """Whether the robot had not arrived at its goal yet, where this course begins."""
+
+    until: float
+    """The plan time [s] by which the course has to arrive, for it to be worth while."""
 
     yields: bool = False
     """Whether the robot rests where it is if nothing is found: it waits for one that cannot go on
@@ -150,23 +165,27 @@ class Searches:
         now_ns: int,
         *,
         leaves: bool = False,
+        follows: bool = False,
+        until: float = math.inf,
     ) -> CourseRequest:
-        """Look for a robot's next course, from where it rests, or from where it can leave its own.
+        """Look for a robot's next course: from where it rests, or will rest, or can leave its own.
 
         `way`: the radius and path of the robot for which it makes room.
         """
         fleet = self._fleet
-        whole = self._obstructions.site
-        terms_tau = 0.0 if whole is None else whole.terms.tau
         mine = fleet.grants.of(robot)
         assert mine is not None
         self.serial += 1
-        wait_ms = max(fleet.grants.headroom_ms - round(1000.0 * terms_tau), 0)
-        begin_ms = fleet.times.plan_ms(now_ns) + _LEAD_MS + wait_ms
+        begin_ms = self._soon_ms(now_ns)
         delay, rest = 0.0, self._obstructions.rest_of(robot) if leaves else None
         if leaves and rest is None:
             soon_ms, begin_ms = begin_ms, fleet.grants.halt(robot)
-            delay = max(self._braking(robot), (soon_ms - begin_ms) / 1000.0)
+            behind = fleet.grants.late(fleet.times.plan_ms(now_ns)).get(robot, 0.0)
+            delay = max(behind + self._braking(robot), (soon_ms - begin_ms) / 1000.0)
+        if follows:
+            arrival_ms = fleet.grants.arrival_ms(robot, fleet.times.plan_ms(now_ns))
+            assert arrival_ms is not None
+            begin_ms = max(begin_ms, arrival_ms)
         number, revision = fleet.grants.reserve(), mine.newest.revision + 1
         request = CourseRequest(self.serial, task.order.id, robot, number, revision, begin_ms)
         if rest is not None:
@@ -188,9 +207,45 @@ class Searches:
             self.commits,
             self._obstructions.closed,
             leaves,
+            follows,
+            until,
             yields=leaves and robot in self._obstructions.held_up(),
         )
         return request
+
+    def _soon_ms(self, now_ns: int) -> int:
+        """Return the plan time [ms] at which a course that is asked for now can begin."""
+        whole, fleet = self._obstructions.site, self._fleet
+        tau_ms = 0 if whole is None else round(1000.0 * whole.terms.tau)
+        wait_ms = max(fleet.grants.headroom_ms - tau_ms, 0)
+        return fleet.times.plan_ms(now_ns) + _LEAD_MS + wait_ms
+
+    def is_time_for(self, robot: str, now_ns: int) -> bool:
+        """Return whether to look for the course that a robot drives after the one in force.
+
+        It is not held up any more, and a later search would let it stand.  An earlier one would
+        hold up others: until it begins its next course, it may be at the end of this one for ever.
+        """
+        arrival_ms = self._fleet.grants.arrival_ms(robot, self._fleet.times.plan_ms(now_ns))
+        return arrival_ms is not None and arrival_ms <= self._soon_ms(now_ns) + _TICK_MS
+
+    def worth_until(self, robot: str, now_ns: int) -> float:
+        """Return by when [s] a late robot has to arrive on a new course, so that it is worth while.
+
+        It then loses no more than _MOST_LOST, and less by _WORTH than what the robots that it holds
+        win: those are free when it begins the new course, where its authority ends, instead of
+        where they wait for it to be.  0 if that cannot be.
+        """
+        grants, now_ms = self._fleet.grants, self._fleet.times.plan_ms(now_ns)
+        mine, late = grants.of(robot), grants.late(now_ms)
+        assert mine is not None
+        assert mine.now.course is not None
+        free = 0.001 * grants.told_ms(robot) + self._braking(robot) + 0.001 * _LEAD_MS
+        won = sum(max(0.001 * need - free, 0.0) for need in grants.waited_for_ms(robot))
+        if won < _WORTH:
+            return 0.0
+        arrives = mine.now.course.driven.timeline.finish + late.get(robot, 0.0)
+        return arrives + min(won - _WORTH, _MOST_LOST)
 
     def _braking(self, robot: str) -> float:
         """Return how much later [s] a robot that leaves its course is where its authority ends.
@@ -215,6 +270,8 @@ class Searches:
             self.commits,
             self._obstructions.closed,
             leaves=False,
+            follows=False,
+            until=math.inf,
         )
         return request
 

@@ -95,7 +95,7 @@ class FleetTable:
             title += f" · {max(fleet.since_go_ms(now_ns), 0) / 1000.0:.1f} s"
         columns = ("robot", "phase", "order", "progress by the clock", "%", "next stop")
         table = plain_table(*columns, title=title)
-        does = {task.robot: task.order.id for task in fleet.orders.under_way()}
+        does = {task.robot: task.order.id for task in reversed(fleet.orders.under_way())}
         held = {one.robot: one for one in fleet.held()} if fleet.phase == GO else {}
         for member in fleet.members.values():
             line = self._line(fleet, member.id)

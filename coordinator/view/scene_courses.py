@@ -6,7 +6,7 @@ course was found.  Times are on the coordinator's clock.
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
@@ -17,9 +17,6 @@ from coordinator.view.scene_plan import ride_of
 from protocol.codec import encode
 from protocol.messages import Plan
 from protocol.plan_parts import unpack_plan
-
-_SOON: Final = 0.3
-"""A robot reports so soon [s] that it has begun a course."""
 
 
 class SentCourse(NamedTuple):
@@ -35,17 +32,8 @@ class SentCourse(NamedTuple):
         return 0.001 * self.driven.plan.begin_ms
 
     def since(self, words: Words) -> float | None:
-        """Return since when [s] the robot drives it, by its reports; None if it does not.
-
-        A robot that had left the course's beginning when it was heard first is taken to have begun
-        on time.
-        """
-        if words.last_ns is None:
-            return None
-        leaves = max(self.begin, self.ride.legs[0][0]) + _SOON
-        if words.first is None or words.first[1] > leaves:
-            return self.begin
-        return max(words.first[0], self.begin)
+        """Return since when [s] the robot drives it, by its reports; None if it does not."""
+        return words.since(self.driven.timeline, self.begin)
 
 
 class SentCourses:

@@ -148,7 +148,7 @@ class Course:
         self.begins.setdefault(command.epoch, now_ns)
         if command.phase == GO:
             self.starts.setdefault(command.epoch, command.start_ns)
-            self.said.begin(command.epoch, command.start_ns)
+            self.said.begin(command)
         elif command.phase == OVER and self.over is None:
             self.over = now_ns
 

@@ -13,6 +13,7 @@ ORDERS = (
     Order(id="a", goal=(8.0, 3.0), robot="R1", dwell=1.0),
     Order(id="b", goal=(1.0, 3.0), robot="R3", release=3.0, via=((5.0, 5.0),)),
     Order(id="c", goal=(8.0, 1.0), after="a"),
+    Order(id="f", goal=(3.0, 1.0), robot="R3", release=4.0),  # gets its course before b is done
 )
 STOPPED_S = 4.0
 AWAY_S = 3.0

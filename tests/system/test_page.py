@@ -306,6 +306,7 @@ def test_robots_are_drawn_on_the_course_that_they_drive_and_orders_are_told(tab,
             ],
             arrived=15.0,
         ),
+        Order(id="next", steps=[(13.0, 1, 0, 30.0, "")]),
         Order(id="off", steps=[(5.0, 4, -1, None, "there is no way")]),
     ]
     rides = [first, *epoch.rides[1:], further, never]
@@ -337,10 +338,16 @@ def test_robots_are_drawn_on_the_course_that_they_drive_and_orders_are_told(tab,
     assert told(12.0)[1][0] == "fetch R1 arrives 12:00:04 · 14.0 s"
     assert tab.run("document.getElementById('day').textContent") == "12:00:02"
     assert "· fetch" in tab.run("document.querySelector('#robots li').innerText")
+    told(14.0)
+    assert "· fetch" in tab.run("document.querySelector('#robots li').innerText")
     assert told(15.5)[1][0] == "fetch R1 is at the goal, 1.0 s late 12:00:04 · 14.0 s"
     assert told(17.0) == (
-        "Orders: 1 done, 1 refused",
-        ["fetch R1 was there, 1.0 s late 12:00:05 · 15.0 s", off],
+        "Orders: 1 under way, 1 done, 1 refused",
+        [
+            "next R1 arrives 12:00:20 · 30.0 s",
+            "fetch R1 was there, 1.0 s late 12:00:05 · 15.0 s",
+            off,
+        ],
     )
     assert tab.errors == []
 

@@ -60,7 +60,8 @@ class OrderList {
       row.item.hidden = !one;
       if (one) this.fill(row, one, robots[one.robot], t, look);
     });
-    return new Map(listed.filter((one) => one.state === UNDER_WAY).map((one) => [one.robot, one.id]));
+    const going = listed.filter((one) => one.state === UNDER_WAY).reverse(); // The first one stands, of two.
+    return new Map(going.map((one) => [one.robot, one.id]));
   }
 
   row() {

@@ -51,6 +51,18 @@ def test_a_robot_is_what_it_reported_last_with_its_orders_and_who_holds_it():
     assert answer.orders == counts
 
 
+def test_of_two_orders_under_way_a_robot_does_the_one_with_the_earlier_arrival():
+    known = fleet_of(
+        report("R1", phase=MOVING),
+        state("then", UNDER_WAY, planned_arrival_ms=9_000),
+        state("now", UNDER_WAY, planned_arrival_ms=5_000),
+        state("later", WAITING),
+    )
+    (robot,) = known.answer(0.0, {}).robots
+    assert (robot.order, robot.next) == ("now", ["then", "later"])
+    assert known.seen("R1", 0.0).order == "now"
+
+
 def test_who_is_silent_for_a_second_is_not_heard_and_calls_a_person_until_it_is_heard_again():
     known = fleet_of(COMMAND, report("R1"))
     fleet_of(COMMAND, known=known, at=2.0)

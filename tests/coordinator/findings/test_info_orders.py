@@ -36,7 +36,7 @@ def test_planned_and_late_are_those_of_the_last_course_of_each_robot(day):
     assert set(told["robots"]) == set(boxes)
     for robot in told["robots"].values():
         assert robot["late"] == pytest.approx(robot["arrived"] - robot["planned_finish"])
-    for order, name in {"c": "R1", "b": "R3", "e": "R4"}.items():
+    for order, name in {"c": "R1", "f": "R3", "e": "R4"}.items():
         robot, one = told["robots"][name], states[order]
         assert robot["planned_finish"] == pytest.approx(one["planned_arrival"], abs=0.01), order
         assert robot["arrived"] == pytest.approx(one["arrived"], abs=0.11)

@@ -81,6 +81,16 @@ def test_a_robot_that_has_caught_up_is_on_time_again():
     assert progress.at(np.array([0.5, 4.5, 9.0])) == pytest.approx([0.5, 4.5, 9.0])
 
 
+def test_a_robot_that_drove_on_unheard_while_the_plan_stood_waits_where_its_authority_ended():
+    """After 3 s in which plan time stood it reports 9.7, as it does not say how early it is."""
+    progress = Progress()
+    for t, late in ((9.0, 0.0), (10.0, 0.0), (12.7, 3.0), (13.7, 3.0), (14.7, 3.2)):
+        progress.take(t, late, 11.0 if late == 3.0 else 0.0)
+    assert progress.at(np.array([10.5, 11.0, 12.0, 13.7, 14.7])) == pytest.approx(
+        [10.5, 11.0, 11.0, 11.0, 11.5]
+    )
+
+
 @pytest.fixture(scope="module")
 def stalled(tmp_path_factory):
     """A run in which robots stall for seconds: its log, the black boxes, who stalled."""

@@ -13,7 +13,7 @@ ROBOTS = ("R1", "R2")
 
 
 def look(book, now_ms, arrived=(), taken=()):
-    book.look(now_ms, lambda robot: robot in arrived, lambda _, place: place not in taken)
+    book.look(now_ms, lambda robot, _: robot in arrived, lambda _, place: place not in taken)
 
 
 def begin(book, order_id, robot, now_ms):

@@ -1,8 +1,12 @@
 """Robots on their further courses: the page has them where they truly were."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
+from coordinator.exchange.foxglove import poses_of
+from coordinator.exchange.motion_story import story_of_log
 from coordinator.view.live_course import LiveCourse
 from coordinator.view.scene_log import scene_of_logs
 from protocol import keys
@@ -53,6 +57,29 @@ def test_the_page_of_a_day_has_robots_where_they_truly_were(day):
         ("freeze", "told to stop"),
         ("go", "told to go on"),
     ]
+
+
+def test_a_robot_that_got_its_next_course_on_its_way_is_drawn_from_course_to_course(day):
+    """It was told of it before it was there, and drives it once it is."""
+    logs, _ = day
+    scene = scene_of_logs([(str(n), log) for n, log in enumerate(logs)])
+    index = [body.id for body in scene.robots].index("R3")
+    *_, before, after = [ride for ride in scene.epochs[0].rides if ride.robot == index]
+    assert before.ends == pytest.approx(before.legs[-1][1], abs=1e-3)
+    assert after.told + 0.5 < after.since
+    states = {order.id: order.steps for order in scene.orders if order.id in ("b", "f")}
+    under_way = {name: steps[-2][0] for name, steps in states.items()}
+    assert under_way["f"] < states["b"][-1][0] <= after.since + 0.3
+
+
+def test_the_export_of_a_day_has_robots_where_they_truly_were(day):
+    (_, log), boxes = day
+    story = story_of_log(log)
+    for name, legs in story.of_robots().items():
+        assert all(one.end <= other.begin + 0.25 for one, other in pairwise(legs)), name
+        times = np.arange(max(boxes[name].t[0], legs[0].begin), boxes[name].t[-1], 0.1)
+        off = np.hypot(*(poses_of(legs, times)[:, :2] - boxes[name].at(times)).T)
+        assert off.max() < 0.2, (name, times[np.argmax(off)])
 
 
 def heard(logs, skip=()):

@@ -595,3 +595,177 @@ def test_a_listener_is_told_of_both_courses_that_a_robot_may_be_driving():
     answers = world.coordinator.driver.plans_again(world.now_ns + 2 * 10**9)
     told = [decode("plan", payload) for key, payload in answers if key.endswith("/R1")]
     assert [one.revision for one in told] == [1]
+
+
+def chain(*fields):
+    """Three orders for R1 in a hall, one after the other."""
+    goals = ((8.0, 3.0), (2.0, 5.0), (7.0, 6.0))
+    known = dict(enumerate(fields))
+    orders = [
+        Order(**{"id": f"c{k}", "goal": goal, "robot": "R1", **known.get(k, {})})
+        for k, goal in enumerate(goals)
+    ]
+    return replace(hall(), orders=tuple(orders))
+
+
+def until_sent_on(world):
+    """Let time pass until R1 has a course for its next order, and still drives to its goal."""
+    for _ in range(600):
+        world.run(0.1)
+        both = world.fleet.orders.all_of("R1")
+        if len(both) == 2:
+            return both
+    raise AssertionError("R1 was not sent on")
+
+
+def test_a_robot_gets_its_next_course_before_it_arrives_and_does_not_stand_between(tmp_path):
+    logs = RunLogs(tmp_path)
+    world = a_world(chain(), logs=logs)
+    first, second = until_sent_on(world)
+    assert (first.order.id, second.order.id) == ("c0", "c1")
+    world.run(120.0)
+    logs.close()
+    assert set(states(world).values()) == {ORDER_DONE}
+    assert second.arrived_ms - first.arrived_ms <= second.alone_ms + 150
+    texts = [one.text for one in world.fleet.incidents]
+    assert texts.count("R1 is done") == 2  # At its start, and at the last goal.
+    assert_sound(world, logs)
+
+
+def test_a_robot_that_dwells_gets_its_next_course_after_that():
+    world = a_world(chain({"dwell": 3.0}))
+    world.run(120.0)
+    first, second = (world.fleet.orders.tasks[name] for name in ("c0", "c1"))
+    assert second.accepted_ms >= first.arrived_ms + 3_000
+    assert set(states(world).values()) == {ORDER_DONE}
+
+
+def test_an_order_without_a_robot_goes_to_one_that_will_be_there_first_though_it_still_drives():
+    near = {"robot": "", "goal": (8.0, 2.0), "release": 11.2}
+    world = a_world(chain({}, near, {"release": 40.0}))
+    first, second = until_sent_on(world)
+    assert (first.order.id, second.order.id) == ("c0", "c1")
+    world.run(120.0)
+    assert set(states(world).values()) == {ORDER_DONE}
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_an_order_is_cancelled_while_its_robot_has_courses_for_two(tmp_path, which):
+    logs = RunLogs(tmp_path)
+    world = a_world(chain(), logs=logs)
+    until_sent_on(world)
+    operator(world)(Cancel(9, f"c{which}"))
+    world.run(120.0)
+    logs.close()
+    wanted = {f"c{k}": CANCELLED if k == which else ORDER_DONE for k in range(3)}
+    assert states(world) == wanted
+    assert world.fleet.is_finished
+    assert_sound(world, logs)
+
+
+def test_a_redirected_robot_that_was_sent_on_already_leaves_its_next_course(tmp_path):
+    logs = RunLogs(tmp_path)
+    world = a_world(chain(), logs=logs)
+    until_sent_on(world)
+    operator(world)(Said(9, "now", (5.0, 1.0), robot="R1", now=True))
+    world.run(150.0)
+    logs.close()
+    tasks = world.fleet.orders.tasks
+    assert set(states(world).values()) == {ORDER_DONE}
+    arrived = [tasks[name].arrived_ms for name in ("c0", "now", "c1")]
+    assert arrived == sorted(arrived)
+    assert_sound(world, logs)
+
+
+@pytest.mark.parametrize("robot", ["R1", ""])
+def test_what_a_robot_was_sent_on_for_waits_again_when_it_dies(tmp_path, robot):
+    logs = RunLogs(tmp_path)
+    world = a_world(chain({}, {"robot": robot}), logs=logs)
+    until_sent_on(world)
+    world.strike(parse_faults(["kill:R1@0"], ["R1", "R2", "R3"])[0])
+    world.run(200.0)
+    logs.close()
+    found = states(world)
+    assert found["c1"] == (REFUSED if robot else ORDER_DONE)
+    assert world.fleet.is_finished
+    assert freezes(world) == 0
+    assert_sound(world, logs)
+
+
+@pytest.mark.parametrize("stalls", [False, True])
+def test_a_robot_that_fails_between_two_courses_does_both_orders_later(tmp_path, stalls):
+    logs = RunLogs(tmp_path)
+    world = a_world(chain(), logs=logs)
+    until_sent_on(world)
+    if stalls:
+        world.strike(parse_faults(["stall:R1@0:18"], ["R1", "R2", "R3"])[0])
+    else:
+        world.robots["R1"].service.agent.hear_driver_error(world.now_ns)
+    world.run(250.0)
+    logs.close()
+    assert set(states(world).values()) == {ORDER_DONE}
+    assert freezes(world) == 0
+    assert_sound(world, logs)
+
+
+def test_a_coordinator_that_goes_on_knows_both_courses_and_both_orders(tmp_path):
+    logs = RunLogs(tmp_path)
+    world = a_world(chain(), logs=logs)
+    until_sent_on(world)
+    at = (world.now_ns - world.began_ns) / 1e9
+    logs.close()
+    logs = RunLogs(tmp_path)
+    world = a_world(chain(), logs=logs, faults=[f"coordinator-restart@{at:.2f}:3"])
+    world.run(150.0)
+    logs.close()
+    assert states(world) == {f"c{k}": ORDER_DONE for k in range(3)}
+    log = read_log(logs.paths[-1])
+    assert check_log(log).difference == ""
+    assert prove_log(log, before=logs_before(log)).holds
+    assert nobody_touches(world)
+
+
+def crossing(**fields):
+    """R1 is to pass a crossing before R2, each for its order, after 20 s of driving."""
+    robots = [idle("R1", (1.0, 3.0)), idle("R2", (17.0, 22.0))]
+    orders = (
+        Order(id="along", goal=(23.0, 3.0), robot="R1", **fields),
+        Order(id="across", goal=(17.0, 1.0), robot="R2"),
+    )
+    return a_scenario(robots, (24.0, 24.0), orders=orders)
+
+
+def test_a_robot_that_is_late_for_long_lets_another_go_first_that_waits_for_it(tmp_path):
+    logs = RunLogs(tmp_path)
+    world = a_world(crossing(), logs=logs, faults=["stall:R1@3:14"])
+    world.run(90.0)
+    logs.close()
+    along, across = (world.fleet.orders.tasks[name] for name in ("along", "across"))
+    told = "R1 gets new times for along: others go first"
+    assert [one.text for one in world.fleet.incidents].count(told) == 1
+    assert across.arrived_ms < 36_000  # 40.2 s if it waits for R1.
+    assert along.arrived_ms < 47_500  # 43.9 s without stopping for R2.
+    assert states(world) == {"along": ORDER_DONE, "across": ORDER_DONE}
+    assert freezes(world) == 0
+    assert_sound(world, logs)
+
+
+@pytest.mark.parametrize(("seconds", "via"), [(3.0, ()), (9.0, ()), (14.0, ((20.0, 3.0),))])
+def test_a_late_robot_keeps_its_course_where_little_is_won_or_places_were_passed(seconds, via):
+    world = a_world(crossing(via=via), faults=[f"stall:R1@3:{seconds}"])
+    world.run(90.0)
+    assert world.fleet.grants.of("R1").now.revision == 1
+    assert states(world) == {"along": ORDER_DONE, "across": ORDER_DONE}
+    assert nobody_touches(world)
+
+
+def test_a_redirected_robot_that_is_late_is_planned_with_the_times_that_it_has():
+    world = a_world(crossing(), faults=["stall:R1@3:8"])
+    say = operator(world)
+    world.run(14.0)
+    say(Said(9, "now", (8.0, 20.0), robot="R1", now=True))
+    world.run(90.0)
+    now = world.fleet.orders.tasks["now"]
+    assert now.state == ORDER_DONE
+    assert now.arrived_ms - now.planned_arrival_ms < 1_500
+    assert nobody_touches(world)
