@@ -55,6 +55,9 @@ class Task:
     is_urgent: bool = False
     revision: int = 0
     leaves: int = 0
+    rooms: int = 0
+    """How often others made room for it."""
+
     cannot: set[str] = field(default_factory=set)
     """Robots that have no way to the goal, even alone."""
 

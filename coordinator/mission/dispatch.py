@@ -42,6 +42,9 @@ this."""
 _NOBODY_MOVES_MS: Final = 20_000
 """Orders for which nothing is found for so long while nobody moves are refused."""
 
+_MOST_ROOMS: Final = 20
+"""Robots that have made room for an order so often take turns in its way, maybe for ever."""
+
 _LATE: Final = 4.0
 """A robot that is later than this [s] and holds others may get its times anew."""
 
@@ -332,6 +335,10 @@ class Dispatcher:
             task.reason = f"waits for {by}" if by else f"{robot} {answer.reason}"
         if not task.order.robot:
             task.robot = ""
+        if task.rooms >= _MOST_ROOMS:
+            why = f"others made room {task.rooms} times, and {by or 'somebody'} is in the way again"
+            book.end(task, REFUSED, f"{robot} has no way: {why}")
+            return
         waiting = {one.robot for one in book.waiting() if one.makes_room}
         for name in answer.blockers:
             own = [one for one in book.waiting() if one.robot == name]
@@ -339,6 +346,7 @@ class Dispatcher:
             if is_idle and answer.way is not None and all(o.order.id in self._tried for o in own):
                 room = book.room_for(name, self.searches.place(name)[0], task.order.id, now_ms)
                 self._ways[room.order.id] = (asked.wish.robot.radius, answer.way)
+                task.rooms += 1
 
     def _ask(
         self, task: Task, robot: str, now_ns: int, *, leaves: bool = False, follows: bool = False

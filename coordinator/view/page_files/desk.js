@@ -30,8 +30,8 @@ function inWords([first, ...others]) {
   if (!others.length) return first.text;
   const names = [first, ...others.slice(0, ALIKE - 1)].map(({ robot }) => robot).join(", ");
   const all = `${names} and ${others.length + 1 - ALIKE} more`;
-  return first.text.replace(/;.*/, "").replace(`${first.robot} is`, `${all} are`).replace(`${first.robot} stands`, `${all} stand`)
-    .replace(first.robot, all);
+  const text = first.text.replace(/;.*/, ""), { robot } = first;
+  return text.replace(`${robot} is`, `${all} are`).replace(`${robot} stands`, `${all} stand`).replace(robot, all);
 }
 
 class Desk {

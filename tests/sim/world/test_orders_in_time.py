@@ -6,6 +6,7 @@ from msgspec.structs import replace
 
 from coordinator.findings.log_proof import prove_log
 from coordinator.log.log_file import logs_before, read_log
+from coordinator.mission import dispatch
 from coordinator.mission.obstructions import Obstructions
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import Demand, Order
@@ -150,14 +151,30 @@ def test_a_course_among_others_that_were_left_out_of_its_search_is_not_proven(tm
     assert any(one.startswith("course 1 of R1 in epoch 1: ") for one in epoch.failures)
 
 
-def test_a_robot_in_the_way_makes_room_and_two_that_swap_places_do_so():
-    floor = replace(
+def a_lane():
+    """A hall of two rooms with a lane between them."""
+    return replace(
         hall().workspace,
         obstacles=(
             ((3.0, 0.0), (7.0, 0.0), (7.0, 3.0), (3.0, 3.0)),
             ((3.0, 4.0), (7.0, 4.0), (7.0, 8.0), (3.0, 8.0)),
         ),
     )
+
+
+def test_an_order_for_which_others_make_room_again_and_again_is_refused(monkeypatch):
+    monkeypatch.setattr(dispatch, "_MOST_ROOMS", 0)
+    robots = [idle("R1", (1.0, 3.5)), idle("R2", (5.0, 3.5), home=(9.0, 1.0))]
+    order = Order(id="through", goal=(9.0, 3.5), robot="R1")
+    world = a_world(replace(a_scenario(robots), workspace=a_lane(), orders=(order,)))
+    world.run(60.0)
+    assert world.fleet.is_finished
+    task = world.fleet.orders.tasks["through"]
+    assert task.state == REFUSED
+    assert task.reason == ("R1 has no way: others made room 0 times, and R2 is in the way again")
+
+
+def test_a_robot_in_the_way_makes_room_and_two_that_swap_places_do_so():
     robots = [
         idle("R1", (1.0, 3.5)),
         idle("R2", (5.0, 3.5), home=(9.0, 1.0)),
@@ -167,7 +184,7 @@ def test_a_robot_in_the_way_makes_room_and_two_that_swap_places_do_so():
         Order(id="through", goal=(9.0, 3.5), robot="R1"),
         Order(id="there", goal=(1.0, 3.5), robot="R3", release=0.5),
     )
-    scenario = replace(a_scenario(robots), workspace=floor, orders=orders)
+    scenario = replace(a_scenario(robots), workspace=a_lane(), orders=orders)
     world = a_world(scenario)
     world.run(300.0)
     assert world.fleet.is_finished
