@@ -166,6 +166,10 @@ class Pathfinder:
             min_turn_radius=robot.min_turn_radius,
         )
 
+    def space(self, robot: Robot) -> Space:
+        """Return the space of a robot that is alone on the floor."""
+        return self._space(robot, NO_DISCS)
+
     def _spare(self, index: int, place: Array) -> float:
         """Return by how much [m] a place is farther than needed from solids and others' places."""
         reach = float(self._radii[index]) + self.scenario.margin

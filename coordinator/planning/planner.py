@@ -26,16 +26,19 @@ from coordinator.plan.document import Limits, PlanDocument, Reason
 from coordinator.plan.drafting import draft_plan
 from coordinator.plan.shares_of_tau import BRAKING_SHARE, LEAST_TAU, resolve_tau, shares_of
 from coordinator.plan.wire import PackedPlan
+from coordinator.planning.several_legs import can_make_room, find_legs, first_motions
 from coordinator.proof.verify import prove_messages
 from coordinator.scenario.model import Scenario
 from coordinator.schedule import paper_policy
 from coordinator.schedule.detours import blocking_pairs, lanes, refuges
 from coordinator.schedule.junctions import FEW, Junctions
+from coordinator.schedule.neighbourhood_search import Improvement
 from coordinator.schedule.precedence import ring_of, stuck_pairs
 from coordinator.schedule.priority_order import Deadlock, find_schedule
 from coordinator.schedule.refusals import pair_error, ring_error
 from coordinator.schedule.rerouting import latest_robots, quicker_by, with_reasons
 from coordinator.schedule.staircase_making import with_staircases
+from coordinator.schedule.timetable import Motions
 from coordinator.schedule.track import Track
 from coordinator.schedule.wait_owners import with_owners
 from coordinator.schedule.wait_reasons import explain_waits, unkept_priorities
@@ -51,6 +54,10 @@ TAU_PAD = 0.002
 """The schedule adds NEED_PAD [m] to every need and TAU_PAD [s] to tau, to allow for rounding to
 the wire.  Where robots stand too near each other for that, less is added
 (ground/tight_places.py)."""
+
+_PATIENCE = 60
+"""After this many searches for detours, robots are made to make room for each other, if that is
+possible; if it is not, the search for detours goes on."""
 
 _EFFORT_PER_WAY = 5
 _WAYS = 2
@@ -169,6 +176,8 @@ class _Stages:
         self.notes: list[str] = []
         self.junctions: Junctions
         self._crossings: CrossingSearch
+        self._searched = 0
+        self._cannot_make_room = not can_make_room(scenario)
 
     def find_paths(self) -> None:
         """Find every robot's path as if it were alone on the floor."""
@@ -199,8 +208,16 @@ class _Stages:
                     improved = self._improved(result, priorities, effort)
                     return with_owners(self.junctions, improved)
                 pairs = blocking_pairs(self.junctions, result)
-            solved = [self._reroute(pair, rerouted) for pair in pairs]
-            if not any(solved):
+            solved = False
+            for pair in pairs:
+                motions = self._several_legs(priorities) if self._searched > _PATIENCE else None
+                if motions is not None:
+                    return motions
+                solved |= self._reroute(pair, rerouted)
+            if not solved:
+                motions = self._several_legs(priorities)
+                if motions is not None:
+                    return motions
                 ring = ring_of(self.junctions)
                 if len(ring) > 2 and self._block_each_other(ring):
                     raise ring_error(scenario, self.junctions, ring)
@@ -208,6 +225,26 @@ class _Stages:
                     if self._block_each_other(pair):
                         raise pair_error(scenario, self.junctions, pair)
                 raise pair_error(scenario, self.junctions, pairs[0], among_others=True)
+
+    def _several_legs(self, priorities: list[int]) -> list[Motion] | None:
+        """Return motions in which robots make room for each other; None if none are found."""
+        if self._cannot_make_room:
+            return None
+        self._cannot_make_room = True
+        legs = find_legs(self.scenario, self.pathfinder)
+        if legs is None:
+            return None
+        self.paths = [one.path for one in legs]
+        self.notes = ["robots make room for each other: they rest on their ways and go on"]
+        self.find_zones()
+        first = first_motions(legs, self.tracks, self.tau + TAU_PAD)
+        table = Motions(self.junctions.lengths())
+        for index, motion in enumerate(first):
+            table.put(index, motion)
+        order = sorted(range(len(first)), key=lambda index: first[index].finish)
+        improvement = Improvement(self.junctions, table, order, priorities)
+        improvement.settle()
+        return with_owners(self.junctions, table.all())
 
     def _improved(self, motions: list[Motion], priorities: list[int], effort: int) -> list[Motion]:
         """Give robots detours where these are quicker; then schedule a small fleet once more."""
@@ -292,9 +329,11 @@ class _Stages:
         for discs in lanes(self.scenario, mover, other, theirs):
             with suppress(PlanError):
                 if len(discs):
+                    self._searched += 1
                     yield finder.path(mover, discs), "keeps beside"
         for refuge in refuges(self.scenario, finder.floor, mover, other, theirs):
             with suppress(PlanError):
+                self._searched += 1
                 yield finder.path(mover, refuge=refuge), "steps aside from"
 
     def _pass_each_other(self, mover: int, other: int, path: Nurbs) -> bool:

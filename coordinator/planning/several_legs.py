@@ -1,0 +1,164 @@
+"""Paths and motions of several legs: robots make room for each other, rest there, and go on.
+
+The search over places (coordinator/places/) gives moves in turn.  Each robot drives its moves as
+one smooth path with rests where it may have to wait.  In the first schedule a robot leaves a rest
+when all robots that have to be first have driven past; the usual search then improves on it.
+
+Decides: the path along a robot's moves, and the first schedule.  Must not know: how moves are
+searched, the proof.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import shapely
+
+from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.motion.velocity_profile import Motion, Wait
+from coordinator.paths.path_planner import Pathfinder
+from coordinator.paths.smoothing import smooth_near
+from coordinator.paths.spline_fit import lengths_along
+from coordinator.places.move_kernels import SOLVED, Indices
+from coordinator.places.moves import find_moves
+from coordinator.places.place_graph import ROOM, Graph, place_graph
+from coordinator.scenario.model import Robot, Scenario
+from coordinator.schedule.track import Track
+
+_CUT: Final = 0.4 * ROOM
+"""Corners are cut by at most this much [m], so that two robots do not use up the edges' room."""
+
+_AFTER: Final = 0.001
+"""A robot leaves a rest this much later [s] than tau after others have passed."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A robot's move: its place in the turn of all moves, its way (n, 2) [m], who goes before.
+
+    `after`: for each robot that has to be first, its last leg (by number) that has to be.
+    """
+
+    turn: int
+    way: Array
+    after: dict[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Legs:
+    """A robot's path, and where [m] on it each of its legs ends; `rests`: where it may wait."""
+
+    path: Nurbs
+    legs: list[Leg]
+    ends: list[float]
+    rests: list[int]
+
+
+def can_make_room(scenario: Scenario) -> bool:
+    """Return whether the robots of a scenario may all drive from place to place as they like."""
+    return all(
+        robot.path is None
+        and not robot.via
+        and len(robot.start) == len(robot.goal) == 2
+        and robot.min_turn_radius == 0.0
+        for robot in scenario.robots
+    )
+
+
+def find_legs(scenario: Scenario, finder: Pathfinder) -> list[Legs] | None:
+    """Return paths of several legs for all robots, or None if no moves are found."""
+    radii = [robot.radius for robot in scenario.robots]
+    graph = place_graph(scenario, finder.floor, radii)
+    outcome, moves = find_moves(graph)
+    if outcome != SOLVED:
+        return None
+    return [
+        _along(robot, finder, index, legs)
+        for index, (robot, legs) in enumerate(
+            zip(scenario.robots, _in_turn(graph, moves), strict=True)
+        )
+    ]
+
+
+def first_motions(all_legs: Sequence[Legs], tracks: Sequence[Track], tau: float) -> list[Motion]:
+    """Return motions in which each robot waits until those that go before it have passed."""
+    shapes = [
+        Motion(track.limits, [Wait(legs.ends[rest - 1], 0.0, -1) for rest in legs.rests])
+        for legs, track in zip(all_legs, tracks, strict=True)
+    ]
+    passed: list[list[float]] = [[] for _ in all_legs]
+    waits: list[list[Wait]] = [[] for _ in all_legs]
+    late = [0.0] * len(all_legs)
+    turns = sorted(
+        (leg.turn, robot, number)
+        for robot, legs in enumerate(all_legs)
+        for number, leg in enumerate(legs.legs)
+    )
+    for _, robot, number in turns:
+        legs, shape = all_legs[robot], shapes[robot]
+        before = passed[robot][-1] if number else 0.0
+        free = max(
+            (passed[other][last] for other, last in legs.legs[number].after.items()), default=-tau
+        )
+        depart = max(before, free + tau + _AFTER)
+        if number == 0 or number in legs.rests:
+            s = legs.ends[number - 1] if number else 0.0
+            waits[robot].append(Wait(s, depart, -1))
+            late[robot] = depart - _departure(shape, s)
+        passed[robot].append(float(shape.reached(np.array([legs.ends[number]]))[0]) + late[robot])
+    return [Motion(track.limits, w) for track, w in zip(tracks, waits, strict=True)]
+
+
+def _departure(shape: Motion, s: float) -> float:
+    """Return when [s] a robot leaves a place [m] where it rests; 0 at its start."""
+    return float(shape.left(np.array([s]))[0]) if s > 0.0 else shape.start_time
+
+
+def _in_turn(graph: Graph, moves: Indices) -> list[list[Leg]]:
+    """Return each robot's legs, with those legs of others that have to be driven before."""
+    ways = [graph.ways[edge] for edge in moves[:, 1].tolist()]
+    robots, need = moves[:, 0].tolist(), graph.team.need
+    lines = shapely.linestrings(
+        np.concatenate(ways) if ways else np.empty((0, 2)),
+        indices=np.repeat(np.arange(len(ways)), [len(way) for way in ways]),
+    )
+    tree = shapely.STRtree(lines)
+    one, other = tree.query(lines, predicate="dwithin", distance=float(need.max()))
+    kinds = graph.team.kind[moves[:, 0]]
+    chosen = (other < one) & (moves[one, 0] != moves[other, 0])
+    one, other = one[chosen], other[chosen]
+    near = shapely.distance(lines[one], lines[other]) < need[kinds[one], kinds[other]]
+    before: list[list[int]] = [[] for _ in ways]
+    for late, early in zip(one[near].tolist(), other[near].tolist(), strict=True):
+        before[late].append(early)
+    found: list[list[Leg]] = [[] for _ in graph.team.start]
+    numbers: list[int] = []
+    known: list[dict[int, int]] = [{} for _ in graph.team.start]
+    for turn, robot in enumerate(robots):
+        after: dict[int, int] = {}
+        for early in before[turn]:
+            other_robot, number = robots[early], numbers[early]
+            if number > known[robot].get(other_robot, -1):
+                known[robot][other_robot] = after[other_robot] = number
+        numbers.append(len(found[robot]))
+        found[robot].append(Leg(turn, ways[turn], after))
+    return found
+
+
+def _along(robot: Robot, finder: Pathfinder, index: int, legs: list[Leg]) -> Legs:
+    """Return the path along a robot's legs; a robot without legs keeps its place."""
+    if not legs:
+        return Legs(finder.path(index), [], [], [])
+    rests = [number for number, leg in enumerate(legs) if number and leg.after]
+    vertices = np.concatenate([legs[0].way[:1], *(leg.way[1:] for leg in legs)])
+    last = np.cumsum([len(leg.way) - 1 for leg in legs])
+    exact = np.zeros(len(vertices), dtype=np.bool_)
+    exact[[0, -1, *(int(last[rest - 1]) for rest in rests)]] = True
+    found = smooth_near(vertices, exact, finder.space(robot), _CUT)
+    at_rest = found.curve.arc_at(found.at[found.exact])
+    along = lengths_along(vertices)
+    ends = np.interp(along[last], along[exact], at_rest)
+    return Legs(found.curve, legs, ends.tolist(), rests)
