@@ -578,12 +578,19 @@ def largest_part(edges: Edges, team: Team, occupant: Indices) -> Flags:
 
 @compiled
 def places_near(
-    ways: Array, ways_from: Indices, places: Array, reach: float, room: float
+    ways: Array,
+    ways_from: Indices,
+    origin: Indices,
+    to: Indices,
+    places: Array,
+    spare: Array,
+    reach: float,
 ) -> tuple[Indices, Indices, Array]:
     """Return near_first, near and gap (see Edges) of edges along ways, within `reach` [m].
 
-    Edge e leads along the line ways[ways_from[e] : ways_from[e + 1]]; places (V, 2) [m].  At its
-    ends an edge is exact: places that are nearest to these are `room` [m] farther away.
+    Edge e leads along the line ways[ways_from[e] : ways_from[e + 1]]; places (V, 2) [m].  Where a
+    place is nearest to an end of the edge it counts as farther away, by the smaller `spare` [m] of
+    the two places (V,).
     """
     count = len(ways_from) - 1
     first = np.zeros(count + 1, np.int64)
@@ -602,11 +609,10 @@ def places_near(
             for k in range(len(way) - 1):
                 leg = point_gap(x, y, way[k, 0], way[k, 1], way[k + 1, 0], way[k + 1, 1])
                 gap = min(gap, leg)
-            tip = min(
-                math.hypot(x - way[0, 0], y - way[0, 1]),
-                math.hypot(x - way[-1, 0], y - way[-1, 1]),
-            )
-            gap += room if gap > tip - 1e-9 else 0.0
+            for tip, w in ((way[0], origin[e]), (way[-1], to[e])):
+                if gap > math.hypot(x - tip[0], y - tip[1]) - 1e-9:
+                    gap += min(spare[v], spare[w])
+                    break
             if gap < reach:
                 near.append(v)
                 gaps.append(gap)

@@ -27,6 +27,10 @@ from coordinator.scenario.model import Scenario
 ROOM: Final = 0.02
 """Edges keep this much more [m] from robots at rest, since curves round the corners of edges."""
 
+_LESS_AT_ENDS: Final = 0.008
+"""By how much less [m] where a robot is at one of the places: it comes there exactly.  Starts and
+goals may lie as near to each other as is allowed."""
+
 _TOUCH: Final = 0.0005
 """Edges keep this much more [m] from solid things, for float32 and chords."""
 
@@ -62,9 +66,9 @@ def place_graph(scenario: Scenario, floor: GrownFloor, radii: Sequence[float]) -
     need = kinds[:, None] + kinds[None, :] + margin + ROOM
     ends = np.array([place[:2] for robot in robots for place in (robot.start, robot.goal)])
     keep = kinds + margin
-    spare = floor.distance(ends) - np.repeat(keep[kind], 2)
+    slack = floor.distance(ends) - np.repeat(keep[kind], 2)
     spaces = [
-        _space(floor, reach, float(spare.reshape(-1, 2)[kind == k].min()))
+        _space(floor, reach, float(slack.reshape(-1, 2)[kind == k].min()))
         for k, reach in enumerate(keep.tolist())
     ]
     ends, whose = np.unique(ends, axis=0, return_inverse=True)
@@ -73,19 +77,21 @@ def place_graph(scenario: Scenario, floor: GrownFloor, radii: Sequence[float]) -
     pairs, ways = _connected(places, spaces, spacing)
     order = np.lexsort((pairs[:, 1], pairs[:, 0]))
     pairs, ways = pairs[order], [ways[k] for k in order.tolist()]
+    spare = np.where(np.arange(len(places)) < len(ends), ROOM, _LESS_AT_ENDS)
     flat, begins = np.concatenate(ways), np.cumsum([0, *map(len, ways)])
     legs = np.array([float(np.hypot(*np.diff(way, axis=0).T).sum()) for way in ways])
     first = np.searchsorted(pairs[:, 0], np.arange(len(places) + 1))
+    origin, to = pairs.T.copy()
     edges = Edges(
         first,
-        pairs[:, 1].copy(),
+        to,
         legs + _PER_MOVE,
-        *places_near(flat, begins, places, float(need.max()), ROOM),
-        pairs[:, 0].copy(),
+        *places_near(flat, begins, origin, to, places, spare, float(need.max())),
+        origin,
         np.lexsort((pairs[:, 0], pairs[:, 1])),
     )
     fits = np.array([[bool(space.keeping(w[:-1], w[1:]).all()) for w in ways] for space in spaces])
-    starts, goals = whose.reshape(-1, 2).T.astype(np.int64)
+    starts, goals = whose.reshape(-1, 2).T.astype(np.int64, order="C")
     nothing = np.zeros(len(ways))
     left = np.array(
         [costs_to(goals[i : i + 1], edges, fits[k], nothing) for i, k in enumerate(kind)]

@@ -26,7 +26,6 @@ from coordinator.plan.document import Limits, PlanDocument, Reason
 from coordinator.plan.drafting import draft_plan
 from coordinator.plan.shares_of_tau import BRAKING_SHARE, LEAST_TAU, resolve_tau, shares_of
 from coordinator.plan.wire import PackedPlan
-from coordinator.planning.several_legs import can_make_room, find_legs, first_motions
 from coordinator.proof.verify import prove_messages
 from coordinator.scenario.model import Scenario
 from coordinator.schedule import paper_policy
@@ -177,7 +176,7 @@ class _Stages:
         self.junctions: Junctions
         self._crossings: CrossingSearch
         self._searched = 0
-        self._cannot_make_room = not can_make_room(scenario)
+        self._cannot_make_room = False
 
     def find_paths(self) -> None:
         """Find every robot's path as if it were alone on the floor."""
@@ -228,10 +227,15 @@ class _Stages:
 
     def _several_legs(self, priorities: list[int]) -> list[Motion] | None:
         """Return motions in which robots make room for each other; None if none are found."""
-        if self._cannot_make_room:
+        # The search over places is seldom needed, and importing it takes as long as a small plan.
+        from coordinator.planning.several_legs import can_make_room, find_legs, first_motions
+
+        if self._cannot_make_room or not can_make_room(self.scenario):
             return None
         self._cannot_make_room = True
-        legs = find_legs(self.scenario, self.pathfinder)
+        legs = None
+        with suppress(PlanError):
+            legs = find_legs(self.scenario, self.pathfinder)
         if legs is None:
             return None
         self.paths = [one.path for one in legs]

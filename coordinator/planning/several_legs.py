@@ -69,7 +69,10 @@ def can_make_room(scenario: Scenario) -> bool:
 
 
 def find_legs(scenario: Scenario, finder: Pathfinder) -> list[Legs] | None:
-    """Return paths of several legs for all robots, or None if no moves are found."""
+    """Return paths of several legs for all robots, or None if no moves are found.
+
+    Raises PlanError if a robot has no room to drive its moves.
+    """
     radii = [robot.radius for robot in scenario.robots]
     graph = place_graph(scenario, finder.floor, radii)
     outcome, moves = find_moves(graph)
