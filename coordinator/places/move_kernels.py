@@ -461,7 +461,10 @@ def rerouted(
     for k in range(len(others) + 1):
         heap = [(0.0, 0)]
         heap.pop()
-        heap.extend([(cost[edges.origin[e]] + edges.cost[e], e) for e in fresh])
+        for e in fresh:
+            further = cost[edges.origin[e]] + edges.cost[e]
+            if further < cost[edges.to[e]] - 1e-9:
+                heap.append((further, e))
         heapq.heapify(heap)
         while heap:
             further, e = heapq.heappop(heap)

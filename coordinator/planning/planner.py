@@ -55,8 +55,10 @@ the wire.  Where robots stand too near each other for that, less is added
 (ground/tight_places.py)."""
 
 _PATIENCE = 60
+_PER_DEADLOCK = 12
 """After this many searches for detours, robots are made to make room for each other, if that is
-possible; if it is not, the search for detours goes on."""
+possible; if it is not, the search for detours goes on.  A search for orders that finds none counts
+as _PER_DEADLOCK of these."""
 
 _EFFORT_PER_WAY = 5
 _WAYS = 2
@@ -206,6 +208,7 @@ class _Stages:
                 if not isinstance(result, Deadlock):
                     improved = self._improved(result, priorities, effort)
                     return with_owners(self.junctions, improved)
+                self._searched += _PER_DEADLOCK
                 pairs = blocking_pairs(self.junctions, result)
             solved = False
             for pair in pairs:

@@ -88,36 +88,30 @@ def find_legs(scenario: Scenario, finder: Pathfinder) -> list[Legs] | None:
 
 def first_motions(all_legs: Sequence[Legs], tracks: Sequence[Track], tau: float) -> list[Motion]:
     """Return motions in which each robot waits until those that go before it have passed."""
-    shapes = [
-        Motion(track.limits, [Wait(legs.ends[rest - 1], 0.0, -1) for rest in legs.rests])
-        for legs, track in zip(all_legs, tracks, strict=True)
-    ]
     passed: list[list[float]] = [[] for _ in all_legs]
     waits: list[list[Wait]] = [[] for _ in all_legs]
-    late = [0.0] * len(all_legs)
     turns = sorted(
         (leg.turn, robot, number)
         for robot, legs in enumerate(all_legs)
         for number, leg in enumerate(legs.legs)
     )
     for _, robot, number in turns:
-        legs, shape = all_legs[robot], shapes[robot]
-        before = passed[robot][-1] if number else 0.0
+        legs, limits = all_legs[robot], tracks[robot].limits
+        if number and number not in legs.rests:
+            continue
         free = max(
             (passed[other][last] for other, last in legs.legs[number].after.items()), default=-tau
         )
-        depart = max(before, free + tau + _AFTER)
-        if number == 0 or number in legs.rests:
-            s = legs.ends[number - 1] if number else 0.0
-            waits[robot].append(Wait(s, depart, -1))
-            late[robot] = depart - _departure(shape, s)
-        passed[robot].append(float(shape.reached(np.array([legs.ends[number]]))[0]) + late[robot])
+        depart, s = free + tau + _AFTER, legs.ends[number - 1] if number else 0.0
+        # A robot that does not wait here may come here sooner than one that stops later on.
+        soonest = float(Motion(limits, waits[robot]).reached(np.array([s]))[0])
+        if soonest < depart:
+            waits[robot].append(Wait(s, max(depart, *passed[robot][-1:], 0.0), -1))
+        onward = next((rest for rest in legs.rests if rest > number), len(legs.legs))
+        ends = legs.ends[number:onward]
+        stop = [Wait(ends[-1], 0.0, -1)] if onward < len(legs.legs) else []
+        passed[robot] += Motion(limits, [*waits[robot], *stop]).reached(np.array(ends)).tolist()
     return [Motion(track.limits, w) for track, w in zip(tracks, waits, strict=True)]
-
-
-def _departure(shape: Motion, s: float) -> float:
-    """Return when [s] a robot leaves a place [m] where it rests; 0 at its start."""
-    return float(shape.left(np.array([s]))[0]) if s > 0.0 else shape.start_time
 
 
 def _in_turn(graph: Graph, moves: Indices) -> list[list[Leg]]:
