@@ -22,14 +22,18 @@ from coordinator.motion.velocity_profile import Motion, Wait
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.paths.smoothing import smooth_near
 from coordinator.paths.spline_fit import lengths_along
-from coordinator.places.move_kernels import SOLVED, Indices
+from coordinator.places.move_kernels import SOLVED
 from coordinator.places.moves import find_moves
-from coordinator.places.place_graph import ROOM, Graph, place_graph
+from coordinator.places.place_graph import ROOM, place_graph
+from coordinator.places.shortcuts import Moves, straightened
 from coordinator.scenario.model import Robot, Scenario
 from coordinator.schedule.track import Track
 
 _CUT: Final = 0.4 * ROOM
 """Corners are cut by at most this much [m], so that two robots do not use up the edges' room."""
+
+_STEP: Final = 0.05
+"""Where a robot is out of another one's way is looked for in such steps [m]."""
 
 _AFTER: Final = 0.001
 """A robot leaves a rest this much later [s] than tau after others have passed."""
@@ -39,12 +43,13 @@ _AFTER: Final = 0.001
 class Leg:
     """A robot's move: its place in the turn of all moves, its way (n, 2) [m], who goes before.
 
-    `after`: for each robot that has to be first, its last leg (by number) that has to be.
+    `after`: for each robot that has to be first, its last leg (by number) that has to be, and how
+    far [m] along it this robot is out of the way.
     """
 
     turn: int
     way: Array
-    after: dict[int, int]
+    after: dict[int, tuple[int, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +60,10 @@ class Legs:
     legs: list[Leg]
     ends: list[float]
     rests: list[int]
+
+    def begin(self, number: int) -> float:
+        """Return where [m] a leg begins."""
+        return self.ends[number - 1] if number else 0.0
 
 
 def can_make_room(scenario: Scenario) -> bool:
@@ -75,20 +84,31 @@ def find_legs(scenario: Scenario, finder: Pathfinder) -> list[Legs] | None:
     """
     radii = [robot.radius for robot in scenario.robots]
     graph = place_graph(scenario, finder.floor, radii)
-    outcome, moves = find_moves(graph)
+    outcome, found = find_moves(graph)
     if outcome != SOLVED:
         return None
+    kind, need = graph.team.kind, graph.team.need
+    moves = Moves(
+        found[:, 0].tolist(),
+        [graph.ways[edge] for edge in found[:, 1].tolist()],
+        graph.places[graph.team.start],
+        need[kind[:, None], kind[None, :]],
+    )
+    spaces = [finder.space(robot) for robot in scenario.robots]
+
+    def is_clear(robot: int, start: Array, end: Array) -> bool:
+        return bool(spaces[robot].keeping(start[None], end[None])[0])
+
+    moves = straightened(moves, is_clear)
     return [
         _along(robot, finder, index, legs)
-        for index, (robot, legs) in enumerate(
-            zip(scenario.robots, _in_turn(graph, moves), strict=True)
-        )
+        for index, (robot, legs) in enumerate(zip(scenario.robots, _in_turn(moves), strict=True))
     ]
 
 
 def first_motions(all_legs: Sequence[Legs], tracks: Sequence[Track], tau: float) -> list[Motion]:
     """Return motions in which each robot waits until those that go before it have passed."""
-    passed: list[list[float]] = [[] for _ in all_legs]
+    driven: list[list[Motion]] = [[] for _ in all_legs]
     waits: list[list[Wait]] = [[] for _ in all_legs]
     turns = sorted(
         (leg.turn, robot, number)
@@ -99,50 +119,60 @@ def first_motions(all_legs: Sequence[Legs], tracks: Sequence[Track], tau: float)
         legs, limits = all_legs[robot], tracks[robot].limits
         if number and number not in legs.rests:
             continue
-        free = max(
-            (passed[other][last] for other, last in legs.legs[number].after.items()), default=-tau
-        )
-        depart, s = free + tau + _AFTER, legs.ends[number - 1] if number else 0.0
+        depart = _AFTER
+        for other, (last, along) in legs.legs[number].after.items():
+            theirs = all_legs[other]
+            clear = min(theirs.begin(last) + along, theirs.ends[last])
+            free = float(driven[other][last].reached(np.array([clear]))[0])
+            depart = max(depart, free + tau + _AFTER)
         # A robot that does not wait here may come here sooner than one that stops later on.
-        soonest = float(Motion(limits, waits[robot]).reached(np.array([s]))[0])
-        if soonest < depart:
-            waits[robot].append(Wait(s, max(depart, *passed[robot][-1:], 0.0), -1))
+        s = np.array([legs.begin(number)])
+        if float(Motion(limits, waits[robot]).reached(s)[0]) < depart:
+            here = float(driven[robot][-1].reached(s)[0]) if number else 0.0
+            waits[robot].append(Wait(float(s[0]), max(depart, here), -1))
         onward = next((rest for rest in legs.rests if rest > number), len(legs.legs))
-        ends = legs.ends[number:onward]
-        stop = [Wait(ends[-1], 0.0, -1)] if onward < len(legs.legs) else []
-        passed[robot] += Motion(limits, [*waits[robot], *stop]).reached(np.array(ends)).tolist()
+        stop = [Wait(legs.begin(onward), 0.0, -1)] if onward < len(legs.legs) else []
+        driven[robot] += [Motion(limits, [*waits[robot], *stop])] * (onward - number)
     return [Motion(track.limits, w) for track, w in zip(tracks, waits, strict=True)]
 
 
-def _in_turn(graph: Graph, moves: Indices) -> list[list[Leg]]:
+def _in_turn(moves: Moves) -> list[list[Leg]]:
     """Return each robot's legs, with those legs of others that have to be driven before."""
-    ways = [graph.ways[edge] for edge in moves[:, 1].tolist()]
-    robots, need = moves[:, 0].tolist(), graph.team.need
+    ways, robots = moves.ways, moves.robots
     lines = shapely.linestrings(
         np.concatenate(ways) if ways else np.empty((0, 2)),
         indices=np.repeat(np.arange(len(ways)), [len(way) for way in ways]),
     )
-    tree = shapely.STRtree(lines)
-    one, other = tree.query(lines, predicate="dwithin", distance=float(need.max()))
-    kinds = graph.team.kind[moves[:, 0]]
-    chosen = (other < one) & (moves[one, 0] != moves[other, 0])
+    tree, whose = shapely.STRtree(lines), np.array(robots, dtype=np.int64)
+    one, other = tree.query(lines, predicate="dwithin", distance=float(moves.need.max()))
+    chosen = (other < one) & (whose[one] != whose[other])
     one, other = one[chosen], other[chosen]
-    near = shapely.distance(lines[one], lines[other]) < need[kinds[one], kinds[other]]
+    near = shapely.distance(lines[one], lines[other]) < moves.need[whose[one], whose[other]]
     before: list[list[int]] = [[] for _ in ways]
     for late, early in zip(one[near].tolist(), other[near].tolist(), strict=True):
         before[late].append(early)
-    found: list[list[Leg]] = [[] for _ in graph.team.start]
+    found: list[list[Leg]] = [[] for _ in moves.starts]
     numbers: list[int] = []
-    known: list[dict[int, int]] = [{} for _ in graph.team.start]
+    known: list[dict[int, tuple[int, float]]] = [{} for _ in moves.starts]
     for turn, robot in enumerate(robots):
-        after: dict[int, int] = {}
+        after: dict[int, tuple[int, float]] = {}
         for early in before[turn]:
-            other_robot, number = robots[early], numbers[early]
-            if number > known[robot].get(other_robot, -1):
-                known[robot][other_robot] = after[other_robot] = number
+            first, number = robots[early], numbers[early]
+            so_far = known[robot].get(first, (-1, 0.0))
+            if number >= so_far[0]:
+                clear = _clear_at(lines[early], lines[turn], float(moves.need[robot, first]))
+                if (number, clear) > so_far:
+                    known[robot][first] = after[first] = number, clear
         numbers.append(len(found[robot]))
         found[robot].append(Leg(turn, ways[turn], after))
     return found
+
+
+def _clear_at(line: shapely.Geometry, other: shapely.Geometry, need: float) -> float:
+    """Return how far [m] along a line one keeps the need [m] from another line until its end."""
+    at = np.arange(0.0, float(shapely.length(line)), _STEP)
+    near = shapely.distance(shapely.line_interpolate_point(line, at), other) < need + 0.5 * _STEP
+    return float(at[near][-1] + 2.0 * _STEP) if near.any() else 0.0
 
 
 def _along(robot: Robot, finder: Pathfinder, index: int, legs: list[Leg]) -> Legs:
