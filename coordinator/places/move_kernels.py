@@ -441,6 +441,14 @@ def _joined(node: int, parent: Indices, moves: Indices, moves_from: Indices) -> 
 
 
 @compiled
+def _offer(e: int, cost: Array, edges: Edges, heap: list[tuple[float, int]]) -> None:
+    """Append an edge to a heap to be, if it leads to a place at less cost."""
+    further = cost[edges.origin[e]] + edges.cost[e]
+    if further < cost[edges.to[e]] - 1e-9:
+        heap.append((further, e))
+
+
+@compiled
 def rerouted(
     robot: int, moves: Indices, edges: Edges, beside_first: Indices, beside: Indices, team: Team
 ) -> Indices:
@@ -457,15 +465,13 @@ def rerouted(
     came = np.full((len(others) + 1, places), -1)
     cost = np.full(places, math.inf)
     cost[team.start[robot]] = 0.0
-    fresh = np.arange(edges.first[team.start[robot]], edges.first[team.start[robot] + 1])
+    heap = [(0.0, 0)]
+    closed = [0]
+    heap.clear()
+    for e in range(edges.first[team.start[robot]], edges.first[team.start[robot] + 1]):
+        _offer(e, cost, edges, heap)
+    heapq.heapify(heap)
     for k in range(len(others) + 1):
-        heap = [(0.0, 0)]
-        heap.pop()
-        for e in fresh:
-            further = cost[edges.origin[e]] + edges.cost[e]
-            if further < cost[edges.to[e]] - 1e-9:
-                heap.append((further, e))
-        heapq.heapify(heap)
         while heap:
             further, e = heapq.heappop(heap)
             to = edges.to[e]
@@ -481,15 +487,21 @@ def rerouted(
             break
         other, e = others[k]
         opened = edges.origin[e]
-        # Edges that become clear, and those to places that have to be left.
-        fresh = beside[beside_first[opened] : beside_first[opened + 1]]
+        closed.clear()
         for near in range(edges.near_first[e], edges.near_first[e + 1]):
             v = edges.near[near]
             far = edges.gap[near] >= team.need[team.kind[robot], team.kind[other]]
-            if far or cost[v] == math.inf:
-                continue
-            cost[v] = math.inf
-            fresh = np.append(fresh, edges.back[edges.first[v] : edges.first[v + 1]])
+            if not far and cost[v] < math.inf:
+                cost[v] = math.inf
+                closed.append(v)
+        heap.clear()
+        # Edges that become clear, and those to places that have to be left.
+        for at in range(beside_first[opened], beside_first[opened + 1]):
+            _offer(beside[at], cost, edges, heap)
+        for v in closed:
+            for f in range(edges.first[v], edges.first[v + 1]):
+                _offer(edges.back[f], cost, edges, heap)
+        heapq.heapify(heap)
         occupant[opened] = -1
         occupant[edges.to[e]] = other
     if cost[team.goal[robot]] == math.inf:

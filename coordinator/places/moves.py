@@ -34,14 +34,14 @@ _STEPS: Final = 100_000
 """LaCAM takes this many steps, divided by the number of robots."""
 
 _STAGE_STEPS: Final = 40_000
-_TRIED: Final = 6
-"""The same for each stage, in which up to _TRIED robots are tried."""
+_FAILURES: Final = 40
+"""The same for each robot that is tried in a stage; _FAILURES of these may fail in all."""
 
 _PAST_OTHER: Final = 2.0
 _PAST_BOUND: Final = 20.0
 """What it costs to choose a way past another robot, and past one at its goal."""
 
-_STATES: Final = 300_000_000
+_STATES: Final = 100_000_000
 _PASSES: Final = 3
 """The robots' moves are taken back and found again _PASSES times, while the number of states of
 these searches is below _STATES."""
@@ -74,14 +74,15 @@ def _one_after_the_other(graph: Graph) -> tuple[int, Indices]:
     steps = _STAGE_STEPS // count
     found = [np.empty((0, 2), np.int64)]
     at, bound = team.start.copy(), np.zeros(count, np.bool_)
-    pending = filling_order(edges, team).tolist()
+    pending, failures = filling_order(edges, team).tolist(), 0
     while pending:
-        for robot in pending[:_TRIED]:
+        for robot in pending[: _FAILURES - failures]:
             bound[robot] = True
             outcome, moves = some_moves(edges, _stage(graph, robot, at, bound), steps)
             if outcome == SOLVED:
                 break
             bound[robot] = False
+            failures += 1
         else:
             return GAVE_UP, moves
         pending.remove(robot)

@@ -55,10 +55,16 @@ the wire.  Where robots stand too near each other for that, less is added
 (ground/tight_places.py)."""
 
 _PATIENCE = 60
-_PER_DEADLOCK = 12
-"""After this many searches for detours, robots are made to make room for each other, if that is
-possible; if it is not, the search for detours goes on.  A search for orders that finds none counts
-as _PER_DEADLOCK of these."""
+_PATIENCE_PER_FLEET = 3000
+_PER_DEADLOCK = 25
+"""After _PATIENCE searches for detours, or _PATIENCE_PER_FLEET divided by the number of robots if
+that is less, robots are made to make room for each other, if that is possible.  A search for orders
+that finds none counts as _PER_DEADLOCK searches."""
+
+_MOST_SEARCHES = 120
+_MOST_SEARCHES_PER_FLEET = 24_000
+"""If robots cannot make room, the search for detours goes on for so many searches, and so many
+divided by the number of robots: the more there are, the longer each search takes."""
 
 _EFFORT_PER_WAY = 5
 _WAYS = 2
@@ -201,6 +207,9 @@ class _Stages:
             return paper_policy.schedule(scenario, self.paths, limits, self.tau)
         priorities = [robot.priority for robot in scenario.robots]
         rerouted: set[tuple[int, int]] = set()
+        count = max(len(priorities), 1)
+        patience = min(_PATIENCE, _PATIENCE_PER_FLEET // count)
+        most = _MOST_SEARCHES + _MOST_SEARCHES_PER_FLEET // count
         while True:
             pairs = stuck_pairs(self.junctions)
             if not pairs:
@@ -212,21 +221,27 @@ class _Stages:
                 pairs = blocking_pairs(self.junctions, result)
             solved = False
             for pair in pairs:
-                motions = self._several_legs(priorities) if self._searched > _PATIENCE else None
+                motions = self._several_legs(priorities) if self._searched > patience else None
                 if motions is not None:
                     return motions
+                if self._searched > most:
+                    break
                 solved |= self._reroute(pair, rerouted)
             if not solved:
                 motions = self._several_legs(priorities)
                 if motions is not None:
                     return motions
-                ring = ring_of(self.junctions)
-                if len(ring) > 2 and self._block_each_other(ring):
-                    raise ring_error(scenario, self.junctions, ring)
-                for pair in pairs:
-                    if self._block_each_other(pair):
-                        raise pair_error(scenario, self.junctions, pair)
-                raise pair_error(scenario, self.junctions, pairs[0], among_others=True)
+                raise self._refusal(pairs)
+
+    def _refusal(self, pairs: list[tuple[int, int]]) -> PlanError:
+        """Return the error for a fleet in which these pairs block each other."""
+        ring = ring_of(self.junctions)
+        if len(ring) > 2 and self._block_each_other(ring):
+            return ring_error(self.scenario, self.junctions, ring)
+        for pair in pairs:
+            if self._block_each_other(pair):
+                return pair_error(self.scenario, self.junctions, pair)
+        return pair_error(self.scenario, self.junctions, pairs[0], among_others=True)
 
     def _several_legs(self, priorities: list[int]) -> list[Motion] | None:
         """Return motions in which robots make room for each other; None if none are found."""
