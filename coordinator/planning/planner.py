@@ -66,6 +66,9 @@ _MOST_SEARCHES_PER_FLEET = 24_000
 """If robots cannot make room, the search for detours goes on for so many searches, and so many
 divided by the number of robots: the more there are, the longer each search takes."""
 
+_MOST_AGAIN = 5_000_000
+"""The effort for improving the first schedule of robots that make room, about 2 s."""
+
 _EFFORT_PER_WAY = 5
 _WAYS = 2
 _MOST_BESIDE_TO_SAVE = 1000
@@ -265,7 +268,7 @@ class _Stages:
             table.put(index, motion)
         order = sorted(range(len(first)), key=lambda index: first[index].finish)
         improvement = Improvement(self.junctions, table, order, priorities)
-        improvement.settle()
+        improvement.plan_all_again(_MOST_AGAIN)
         return with_owners(self.junctions, table.all())
 
     def _improved(self, motions: list[Motion], priorities: list[int], effort: int) -> list[Motion]:
