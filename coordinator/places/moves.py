@@ -41,7 +41,7 @@ _PAST_OTHER: Final = 2.0
 _PAST_BOUND: Final = 20.0
 """What it costs to choose a way past another robot, and past one at its goal."""
 
-_STATES: Final = 100_000_000
+_STATES: Final = 300_000_000
 _PASSES: Final = 3
 """The robots' moves are taken back and found again _PASSES times, while the number of states of
 these searches is below _STATES."""
