@@ -23,6 +23,7 @@ from coordinator.ground.distance_kernels import entered, nearest_of
 from coordinator.ground.enclosure import NoWayError, explain
 from coordinator.ground.free_space import DISC_TOLERANCE, NO_DISCS, Space
 from coordinator.ground.grown_floor import GrownFloor
+from coordinator.ground.rough_grid import RoughGrid
 from coordinator.motion.cornering import Handling
 from coordinator.paths.end_heading_choice import COMFORTABLE, Leads, choices
 from coordinator.paths.end_headings import check_headings
@@ -58,6 +59,9 @@ the path avoids it."""
 
 _NEAR: Final = 1.015
 """The centre of a disc to avoid is at least this many of its radii from the robot's own places."""
+
+_FAILED: Final = 5
+"""After this many searches without a way, a coarse grid is asked first whether there is none."""
 
 _PART: Final = 50
 """The least number of robots in a task for an executor: each task computes its own ground."""
@@ -95,6 +99,8 @@ class Pathfinder:
         self._starts = np.array([robot.start[:2] for robot in scenario.robots])
         self._goals = np.array([robot.goal[:2] for robot in scenario.robots])
         self._radii = np.array([robot.radius for robot in scenario.robots])
+        self._failed = 0
+        self._grids: dict[float, RoughGrid] = {}
 
     def path(self, index: int, detours: Array = NO_DISCS, refuge: Point | None = None) -> Nurbs:
         """Return robot `index`'s path; it avoids other robots' starts and goals if possible.
@@ -165,6 +171,10 @@ class Pathfinder:
             lateral=robot.max_lateral_accel,
             min_turn_radius=robot.min_turn_radius,
         )
+
+    def space(self, robot: Robot) -> Space:
+        """Return the space of a robot that is alone on the floor."""
+        return self._space(robot, NO_DISCS)
 
     def _spare(self, index: int, place: Array) -> float:
         """Return by how much [m] a place is farther than needed from solids and others' places."""
@@ -262,13 +272,25 @@ class Pathfinder:
         vertices, exact = [anchors[0]], [True]
         for i, (start, goal) in enumerate(pairwise(anchors)):
             led_here = i < led[0] or i >= led[1]
-            way = np.stack((start, goal)) if led_here else space.shortest_way(start, goal)
+            way = np.stack((start, goal)) if led_here else self._way(space, start, goal)
             if way is None:
                 raise NoWayError(space, start, goal)
             vertices += list(way[1:])
             exact += [False] * (len(way) - 2) + [any(goal is point for point in via)]
         exact[-1] = True
         return np.array(vertices), np.array(exact)
+
+    def _way(self, space: Space, start: Array, goal: Array) -> Array | None:
+        """Return the shortest way (n, 2) in a space; None when there is none."""
+        reach = math.floor(1e3 * space.ground.reach) / 1e3
+        if self._failed >= _FAILED:
+            if reach not in self._grids:
+                self._grids[reach] = RoughGrid(self.floor, reach)
+            if self._grids[reach].parts(start, goal, space.discs):
+                return None
+        way = space.shortest_way(start, goal)
+        self._failed += way is None
+        return way
 
 
 @contextmanager

@@ -32,6 +32,8 @@ _PUSH_SHARE: Final = 0.006
 """Moving all corners outwards may lengthen the way by at most this share."""
 _LONGEST: Final = 1.02
 """A curve longer than this many times its polygon is made again without moving corners."""
+_SHARE: Final = 0.45
+"""The greatest share of a leg over which `smooth_near` rounds the corner at its end."""
 _SPENT_PER_CORNER: Final = (0.02, 0.1, 0.5, 2.0)
 """How much longer [m] a way may become for one corner less, tried in turn, if it has too many."""
 _SPEEDS_PER_PATH: Final = 0.5
@@ -65,6 +67,25 @@ def smooth(
     return found
 
 
+def smooth_near(polygon: Array, exact: Flags, space: Space, cut: float) -> Fit:
+    """Return the cubic curve along a polygon (n, 2) [m] that cuts its corners by at most `cut` [m].
+
+    exact (n,): vertices that the curve passes exactly.  Raises PlanError if a turn has no room.
+    """
+    straight = False, False
+    polygon, exact = _without_straight(polygon, exact, straight)
+    blunted, passed = blunt(polygon, exact, space, False, 0.0)
+    if blunted is not polygon:
+        polygon, exact = _without_straight(blunted, passed, straight)
+    legs = np.diff(polygon, axis=0)
+    sizes = np.hypot(legs[:, 0], legs[:, 1])
+    # A corner that turns by theta, rounded over d, is cut by d / 3 * sin(theta / 2).
+    halves = 0.5 * np.hypot(*np.diff(legs / sizes[:, None], axis=0).T)
+    room = _SHARE * np.minimum(sizes[:-1], sizes[1:])
+    wide = np.minimum(3.0 * cut / np.maximum(halves, 1e-9), room)
+    return _clear(polygon, exact, space, np.concatenate(([0.0], wide, [0.0])))
+
+
 def _fits(curve: Nurbs, handling: Handling) -> bool:
     """Return whether a message has room for a curve and, if bends are slow, for its speeds."""
     speeds = 0.0 if math.isinf(handling.lateral) else _SPEEDS_PER_PATH
@@ -95,7 +116,11 @@ def _smoothed(
 
 def _rounded(polygon: Array, exact: Flags, space: Space, handling: Handling) -> Fit:
     """Round the corners of a polygon, less widely where the curve is not proven clear otherwise."""
-    wide = widths(polygon, exact, handling.numbers(), space.solid)
+    return _clear(polygon, exact, space, widths(polygon, exact, handling.numbers(), space.solid))
+
+
+def _clear(polygon: Array, exact: Flags, space: Space, wide: Array) -> Fit:
+    """Round corners over half-widths (n,) [m], or narrower ones where the curve is not clear."""
     while True:
         found = fit(polygon, exact, wide)
         hit = space.obstructed(found.curve)

@@ -31,11 +31,13 @@ from coordinator.scenario.model import Scenario
 from coordinator.schedule import paper_policy
 from coordinator.schedule.detours import blocking_pairs, lanes, refuges
 from coordinator.schedule.junctions import FEW, Junctions
+from coordinator.schedule.neighbourhood_search import Improvement
 from coordinator.schedule.precedence import ring_of, stuck_pairs
 from coordinator.schedule.priority_order import Deadlock, find_schedule
 from coordinator.schedule.refusals import pair_error, ring_error
 from coordinator.schedule.rerouting import latest_robots, quicker_by, with_reasons
 from coordinator.schedule.staircase_making import with_staircases
+from coordinator.schedule.timetable import Motions
 from coordinator.schedule.track import Track
 from coordinator.schedule.wait_owners import with_owners
 from coordinator.schedule.wait_reasons import explain_waits, unkept_priorities
@@ -51,6 +53,21 @@ TAU_PAD = 0.002
 """The schedule adds NEED_PAD [m] to every need and TAU_PAD [s] to tau, to allow for rounding to
 the wire.  Where robots stand too near each other for that, less is added
 (ground/tight_places.py)."""
+
+_PATIENCE = 60
+_PATIENCE_PER_FLEET = 3000
+_PER_DEADLOCK = 25
+"""After _PATIENCE searches for detours, or _PATIENCE_PER_FLEET divided by the number of robots if
+that is less, robots are made to make room for each other, if that is possible.  A search for orders
+that finds none counts as _PER_DEADLOCK searches."""
+
+_MOST_SEARCHES = 120
+_MOST_SEARCHES_PER_FLEET = 24_000
+"""If robots cannot make room, the search for detours goes on for so many searches, and so many
+divided by the number of robots: the more there are, the longer each search takes."""
+
+_MOST_AGAIN = 5_000_000
+"""The effort for improving the first schedule of robots that make room, about 2 s."""
 
 _EFFORT_PER_WAY = 5
 _WAYS = 2
@@ -169,6 +186,8 @@ class _Stages:
         self.notes: list[str] = []
         self.junctions: Junctions
         self._crossings: CrossingSearch
+        self._searched = 0
+        self._cannot_make_room = False
 
     def find_paths(self) -> None:
         """Find every robot's path as if it were alone on the floor."""
@@ -191,6 +210,9 @@ class _Stages:
             return paper_policy.schedule(scenario, self.paths, limits, self.tau)
         priorities = [robot.priority for robot in scenario.robots]
         rerouted: set[tuple[int, int]] = set()
+        count = max(len(priorities), 1)
+        patience = min(_PATIENCE, _PATIENCE_PER_FLEET // count)
+        most = _MOST_SEARCHES + _MOST_SEARCHES_PER_FLEET // count
         while True:
             pairs = stuck_pairs(self.junctions)
             if not pairs:
@@ -198,16 +220,56 @@ class _Stages:
                 if not isinstance(result, Deadlock):
                     improved = self._improved(result, priorities, effort)
                     return with_owners(self.junctions, improved)
+                self._searched += _PER_DEADLOCK
                 pairs = blocking_pairs(self.junctions, result)
-            solved = [self._reroute(pair, rerouted) for pair in pairs]
-            if not any(solved):
-                ring = ring_of(self.junctions)
-                if len(ring) > 2 and self._block_each_other(ring):
-                    raise ring_error(scenario, self.junctions, ring)
-                for pair in pairs:
-                    if self._block_each_other(pair):
-                        raise pair_error(scenario, self.junctions, pair)
-                raise pair_error(scenario, self.junctions, pairs[0], among_others=True)
+            solved = False
+            for pair in pairs:
+                motions = self._several_legs(priorities) if self._searched > patience else None
+                if motions is not None:
+                    return motions
+                if self._searched > most:
+                    break
+                solved |= self._reroute(pair, rerouted)
+            if not solved:
+                motions = self._several_legs(priorities)
+                if motions is not None:
+                    return motions
+                raise self._refusal(pairs)
+
+    def _refusal(self, pairs: list[tuple[int, int]]) -> PlanError:
+        """Return the error for a fleet in which these pairs block each other."""
+        ring = ring_of(self.junctions)
+        if len(ring) > 2 and self._block_each_other(ring):
+            return ring_error(self.scenario, self.junctions, ring)
+        for pair in pairs:
+            if self._block_each_other(pair):
+                return pair_error(self.scenario, self.junctions, pair)
+        return pair_error(self.scenario, self.junctions, pairs[0], among_others=True)
+
+    def _several_legs(self, priorities: list[int]) -> list[Motion] | None:
+        """Return motions in which robots make room for each other; None if none are found."""
+        # The search over places is seldom needed, and importing it takes as long as a small plan.
+        from coordinator.planning.several_legs import can_make_room, find_legs, first_motions
+
+        if self._cannot_make_room or not can_make_room(self.scenario):
+            return None
+        self._cannot_make_room = True
+        legs = None
+        with suppress(PlanError):
+            legs = find_legs(self.scenario, self.pathfinder)
+        if legs is None:
+            return None
+        self.paths = [one.path for one in legs]
+        self.notes = ["robots make room for each other: they rest on their ways and go on"]
+        self.find_zones()
+        first = first_motions(legs, self.tracks, self.tau + TAU_PAD)
+        table = Motions(self.junctions.lengths())
+        for index, motion in enumerate(first):
+            table.put(index, motion)
+        order = sorted(range(len(first)), key=lambda index: first[index].finish)
+        improvement = Improvement(self.junctions, table, order, priorities)
+        improvement.plan_all_again(_MOST_AGAIN)
+        return with_owners(self.junctions, table.all())
 
     def _improved(self, motions: list[Motion], priorities: list[int], effort: int) -> list[Motion]:
         """Give robots detours where these are quicker; then schedule a small fleet once more."""
@@ -292,9 +354,11 @@ class _Stages:
         for discs in lanes(self.scenario, mover, other, theirs):
             with suppress(PlanError):
                 if len(discs):
+                    self._searched += 1
                     yield finder.path(mover, discs), "keeps beside"
         for refuge in refuges(self.scenario, finder.floor, mover, other, theirs):
             with suppress(PlanError):
+                self._searched += 1
                 yield finder.path(mover, refuge=refuge), "steps aside from"
 
     def _pass_each_other(self, mover: int, other: int, path: Nurbs) -> bool:

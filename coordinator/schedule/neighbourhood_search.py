@@ -102,6 +102,20 @@ class Improvement:
             if not behind:
                 return
 
+    def plan_all_again(self, most: int) -> None:
+        """Plan all robots again, who arrives first ahead of others, up to _SETTLING times.
+
+        `most` bounds the effort: the sum of the cells times the stations of all approaches.
+        """
+        for _ in range(_SETTLING):
+            finish = [motion.finish for motion in self.motions.all()]
+            for index in sorted(range(len(finish)), key=finish.__getitem__):
+                approach = self.junctions.approach(index)
+                most -= len(approach.rows.cell) * len(approach.ride.stations)
+                if most < 0:
+                    return
+                self._plan_again(index)
+
     def _plan_again(self, index: int) -> None:
         """Give a robot its earliest motion among all others, if that is no later."""
         old, serial = self.motions.found[index], int(self.motions.table.serial[index])

@@ -61,12 +61,21 @@ class Deadlock:
 def place_in_order(junctions: Junctions, order: Sequence[int]) -> Motions | Deadlock:
     """Find motions for the robots in this order; return the deadlock if a robot has none."""
     motions = Motions(junctions.lengths())
-    for place, index in enumerate(order):
+    return _place(junctions, motions, order, 0) or motions
+
+
+def _place(
+    junctions: Junctions, motions: Motions, order: Sequence[int], begin: int
+) -> Deadlock | None:
+    """Find motions for the robots from order[begin] on; those before keep theirs."""
+    for index in order[begin:]:
+        motions.put(index, None)
+    for place, index in enumerate(order[begin:], begin):
         motion = earliest_motion(junctions, motions, index)
         if motion is None:
             return Deadlock(index, tuple(order[:place]))
         motions.put(index, motion)
-    return motions
+    return None
 
 
 def find_schedule(
@@ -110,17 +119,18 @@ def _first_that_works(
     """Try orders until one works; in each new order the last loser moves ahead of its blockers."""
     tried: set[Order] = set()
     first = trial = tuple(order)
-    result = place_in_order(junctions, trial)
+    motions = Motions(junctions.lengths())
+    result = _place(junctions, motions, trial, 0)
     for _ in range(_TRIES * len(first)):
-        if isinstance(result, Motions):
-            return trial, result
+        if result is None:
+            return trial, motions
         tried.add(trial)
-        trial = _promoted(trial, result.loser, tried, junctions)
+        before, trial = trial, _promoted(trial, result.loser, tried, junctions)
         if trial in tried:
             break
-        result = place_in_order(junctions, trial)
-    if isinstance(result, Motions):
-        return trial, result
+        result = _place(junctions, motions, trial, _shared(before, trial))
+    if result is None:
+        return trial, motions
     if len(first) <= _EXHAUSTIVE:
         for trial in itertools.permutations(first):
             if trial not in tried:
@@ -128,6 +138,11 @@ def _first_that_works(
                 if isinstance(other, Motions):
                     return trial, other
     return result
+
+
+def _shared(one: Order, other: Order) -> int:
+    """Return how many robots two orders begin with in the same way."""
+    return next(k for k, (a, b) in enumerate(zip(one, other, strict=True)) if a != b)
 
 
 def _zone_by_zone(junctions: Junctions, order: Sequence[int]) -> tuple[Order, Motions] | None:

@@ -46,7 +46,10 @@ class BlockedError(PlanError):
         blames = places[-1].on_way_of if places else robots[-1]
         where = (places[-1].x, places[-1].y) if places else None
         helps = _OTHER_PATH if is_given else _WIDER
-        super().__init__(_said(robots, how, places), blames=blames, place=where, helps=helps)
+        said = _said(robots, how, places)
+        if how in ("either order", "ring") and not is_given:
+            said = f"on the ways that were found, {said}"
+        super().__init__(said, blames=blames, place=where, helps=helps)
         self.robots = tuple(robots)
         self.how = how
         self.places = tuple(places)

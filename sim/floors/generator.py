@@ -12,11 +12,12 @@ from typing import Final, NamedTuple
 
 from coordinator.base.errors import InputError
 from coordinator.scenario.checks import FARTHEST
-from coordinator.scenario.model import Robot, Scenario
+from coordinator.scenario.model import Point, Pose, Robot, Scenario
 from coordinator.scenario_files.scenario_reader import MOST_ROBOTS
 from sim.floors.cells import grid, maze, rooms
 from sim.floors.corridors import corridors
-from sim.floors.layout import MARGIN, Kind, Layout, Size, Wish
+from sim.floors.crowded import aisles, bays, dense, doorway, puzzle
+from sim.floors.layout import MARGIN, Kind, Layout, Size, Trip, Wish
 from sim.floors.placing import Places
 from sim.floors.polygons import polygons
 from sim.floors.rings import circle, ring
@@ -37,6 +38,14 @@ KINDS: Final[dict[Kind, Callable[[Wish, Random], Layout]]] = {
     "open": empty,
     "cross-town": cross_town,
 }
+CROWDED: Final[dict[Kind, Callable[[Wish, Random], Layout]]] = {
+    "aisles": aisles,
+    "bays": bays,
+    "doorway": doorway,
+    "dense": dense,
+    "puzzle": puzzle,
+}
+"""Kinds on which robots have to make room for each other."""
 OBSTACLES: Final[dict[Kind, str]] = {
     "polygons": "polygons",
     "warehouse": "shelves",
@@ -79,10 +88,11 @@ def generate(
 ) -> Scenario:
     """Return a scenario that passes all checks.
 
-    Each robot has a way to its goal that avoids the starts and goals of all others.  The kind
-    chooses `size` [m] and the number of `obstacles` unless they are given.  `headings` adds
-    headings at starts and goals, `vias` that many via points per robot; `mixed` robots differ in
-    radius, speed and acceleration.  Raises InputError when the floor has no room for all this.
+    Each robot has a way to its goal that avoids the starts and goals of all others, except on
+    CROWDED kinds, which have neither headings nor via points.  The kind chooses `size` [m] and the
+    number of `obstacles` unless they are given.  `headings` adds headings at starts and goals,
+    `vias` that many via points per robot; `mixed` robots differ in radius, speed and acceleration.
+    Raises InputError when the floor has no room for all this.
     """
     if not 1 <= robots <= MOST_ROBOTS:
         raise InputError([f"--robots: must be 1 to {MOST_ROBOTS}, not {robots}"])
@@ -92,18 +102,24 @@ def generate(
     if obstacles is not None and kind not in OBSTACLES:
         counted = ", ".join(f"{kind} ({what})" for kind, what in OBSTACLES.items())
         raise InputError([f"--obstacles: can be chosen for {counted}, not for {kind}"])
+    if kind in CROWDED and (headings or vias):
+        raise InputError([f"--{'headings' if headings else 'vias'}: {kind} has none"])
     dice = Random(f"{kind}-{seed}")
     bodies = [_body(dice, mixed) for _ in range(robots)]
     wish = Wish(robots, max(body.radius for body in bodies), size, obstacles)
-    layout = KINDS[kind](wish, dice)
+    layout = (CROWDED if kind in CROWDED else KINDS)[kind](wish, dice)
     side = max(max(corner) for corner in layout.floor.boundary)
     if side > MOST_SIDE:
         most = f"at most {MOST_SIDE:g} m are allowed"
         raise InputError([f"--robots: {robots} need a floor {side:g} m long for {kind}, {most}"])
-    places = Places(layout, wish, dice)
+    places = None if kind in CROWDED else Places(layout, wish, dice)
     made = []
     for index, body in enumerate(bodies):
-        start, via, goal = places.way(index, vias, headings)
+        if places is None:
+            way = _seats(layout.trips[index], dice)
+        else:
+            way = places.way(index, vias, headings)
+        start, via, goal = way
         made.append(
             Robot(
                 id=f"R{index + 1}",
@@ -119,6 +135,11 @@ def generate(
     return Scenario(
         name=f"{kind}-{robots}-{seed}", workspace=layout.floor, robots=tuple(made), margin=MARGIN
     )
+
+
+def _seats(trip: Trip, dice: Random) -> tuple[Pose, tuple[Point, ...], Pose]:
+    """Return start, via points and goal of a robot on a crowded floor."""
+    return trip.starts.draw(dice), (), trip.goals.draw(dice)
 
 
 def _body(dice: Random, mixed: bool) -> _Body:

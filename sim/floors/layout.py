@@ -28,6 +28,11 @@ Kind = Literal[
     "circle",
     "open",
     "cross-town",
+    "aisles",
+    "bays",
+    "doorway",
+    "dense",
+    "puzzle",
 ]
 Ring = tuple[Point, ...]
 Size = tuple[float, float]

@@ -261,6 +261,7 @@ def test_an_idle_robot_in_the_only_way_is_named_with_its_place():
     with pytest.raises(PlanError) as caught:
         plan_scenario(a_scenario([drives, idle], obstacles=walls))
     assert str(caught.value).startswith(
-        "R1 and R2 block each other whoever goes first: R2's place (5.00, 4.00) lies on R1's way;"
+        "on the ways that were found, R1 and R2 block each other whoever goes first: R2's place "
+        "(5.00, 4.00) lies on R1's way;"
     )
     assert caught.value.blames == "R1"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
+from msgspec.structs import replace
 
 from coordinator.base.errors import PlanError
 from coordinator.plan.plan_file import to_json
@@ -46,6 +47,15 @@ def test_a_ring_turns_by_one_place_with_everybody_waiting_half_way(count, spacin
     assert closest(tracks(to_json(plan)), plan.tau, plan.margin).slack >= -1e-6
 
 
-def test_a_ring_as_dense_as_its_robots_is_told_as_such():
+def test_robots_of_a_ring_as_dense_as_they_are_step_aside():
+    plan = plan_scenario(ring(5, 0.5))
+    assert plan.proof is not None
+    assert plan.proof.holds
+    assert closest(tracks(to_json(plan)), plan.tau, plan.margin).slack >= -1e-6
+
+
+def test_a_dense_ring_of_robots_that_cannot_step_aside_is_told_as_such():
+    dense = ring(5, 0.5)
+    robots = tuple(replace(robot, min_turn_radius=0.05) for robot in dense.robots)
     with pytest.raises(PlanError, match="block each other in a ring"):
-        plan_scenario(ring(5, 0.5))
+        plan_scenario(replace(dense, robots=robots))

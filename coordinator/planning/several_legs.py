@@ -1,0 +1,191 @@
+"""Paths and motions of several legs: robots make room for each other, rest there, and go on.
+
+The search over places (coordinator/places/) gives moves in turn.  Each robot drives its moves as
+one smooth path with rests where it may have to wait.  In the first schedule a robot leaves a rest
+when all robots that have to be first have driven past; the usual search then improves on it.
+
+Decides: the path along a robot's moves, and the first schedule.  Must not know: how moves are
+searched, the proof.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import shapely
+
+from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.motion.velocity_profile import Motion, Wait
+from coordinator.paths.path_planner import Pathfinder
+from coordinator.paths.smoothing import smooth_near
+from coordinator.paths.spline_fit import lengths_along
+from coordinator.places.move_kernels import SOLVED
+from coordinator.places.moves import find_moves
+from coordinator.places.place_graph import ROOM, place_graph
+from coordinator.places.shortcuts import Moves, straightened
+from coordinator.scenario.model import Robot, Scenario
+from coordinator.schedule.track import Track
+
+_CUT: Final = 0.4 * ROOM
+"""Corners are cut by at most this much [m], so that two robots do not use up the edges' room."""
+
+_STEP: Final = 0.05
+"""Where a robot is out of another one's way is looked for in such steps [m]."""
+
+_AFTER: Final = 0.001
+"""A robot leaves a rest this much later [s] than tau after others have passed."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A robot's move: its place in the turn of all moves, its way (n, 2) [m], who goes before.
+
+    `after`: for each robot that has to be first, its last leg (by number) that has to be, and how
+    far [m] along it this robot is out of the way.
+    """
+
+    turn: int
+    way: Array
+    after: dict[int, tuple[int, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Legs:
+    """A robot's path, and where [m] on it each of its legs ends; `rests`: where it may wait."""
+
+    path: Nurbs
+    legs: list[Leg]
+    ends: list[float]
+    rests: list[int]
+
+    def begin(self, number: int) -> float:
+        """Return where [m] a leg begins."""
+        return self.ends[number - 1] if number else 0.0
+
+
+def can_make_room(scenario: Scenario) -> bool:
+    """Return whether the robots of a scenario may all drive from place to place as they like."""
+    return all(
+        robot.path is None
+        and not robot.via
+        and len(robot.start) == len(robot.goal) == 2
+        and robot.min_turn_radius == 0.0
+        for robot in scenario.robots
+    )
+
+
+def find_legs(scenario: Scenario, finder: Pathfinder) -> list[Legs] | None:
+    """Return paths of several legs for all robots, or None if no moves are found.
+
+    Raises PlanError if a robot has no room to drive its moves.
+    """
+    radii = [robot.radius for robot in scenario.robots]
+    graph = place_graph(scenario, finder.floor, radii)
+    outcome, found = find_moves(graph)
+    if outcome != SOLVED:
+        return None
+    kind, need = graph.team.kind, graph.team.need
+    moves = Moves(
+        found[:, 0].tolist(),
+        [graph.ways[edge] for edge in found[:, 1].tolist()],
+        graph.places[graph.team.start],
+        need[kind[:, None], kind[None, :]],
+    )
+    spaces = [finder.space(robot) for robot in scenario.robots]
+
+    def is_clear(robot: int, start: Array, end: Array) -> bool:
+        return bool(spaces[robot].keeping(start[None], end[None])[0])
+
+    moves = straightened(moves, is_clear)
+    return [
+        _along(robot, finder, index, legs)
+        for index, (robot, legs) in enumerate(zip(scenario.robots, _in_turn(moves), strict=True))
+    ]
+
+
+def first_motions(all_legs: Sequence[Legs], tracks: Sequence[Track], tau: float) -> list[Motion]:
+    """Return motions in which each robot waits until those that go before it have passed."""
+    driven: list[list[Motion]] = [[] for _ in all_legs]
+    waits: list[list[Wait]] = [[] for _ in all_legs]
+    turns = sorted(
+        (leg.turn, robot, number)
+        for robot, legs in enumerate(all_legs)
+        for number, leg in enumerate(legs.legs)
+    )
+    for _, robot, number in turns:
+        legs, limits = all_legs[robot], tracks[robot].limits
+        if number and number not in legs.rests:
+            continue
+        depart = _AFTER
+        for other, (last, along) in legs.legs[number].after.items():
+            theirs = all_legs[other]
+            clear = min(theirs.begin(last) + along, theirs.ends[last])
+            free = float(driven[other][last].reached(np.array([clear]))[0])
+            depart = max(depart, free + tau + _AFTER)
+        # A robot that does not wait here may come here sooner than one that stops later on.
+        s = np.array([legs.begin(number)])
+        if float(Motion(limits, waits[robot]).reached(s)[0]) < depart:
+            here = float(driven[robot][-1].reached(s)[0]) if number else 0.0
+            waits[robot].append(Wait(float(s[0]), max(depart, here), -1))
+        onward = next((rest for rest in legs.rests if rest > number), len(legs.legs))
+        stop = [Wait(legs.begin(onward), 0.0, -1)] if onward < len(legs.legs) else []
+        driven[robot] += [Motion(limits, [*waits[robot], *stop])] * (onward - number)
+    return [Motion(track.limits, w) for track, w in zip(tracks, waits, strict=True)]
+
+
+def _in_turn(moves: Moves) -> list[list[Leg]]:
+    """Return each robot's legs, with those legs of others that have to be driven before."""
+    ways, robots = moves.ways, moves.robots
+    lines = shapely.linestrings(
+        np.concatenate(ways) if ways else np.empty((0, 2)),
+        indices=np.repeat(np.arange(len(ways)), [len(way) for way in ways]),
+    )
+    tree, whose = shapely.STRtree(lines), np.array(robots, dtype=np.int64)
+    one, other = tree.query(lines, predicate="dwithin", distance=float(moves.need.max()))
+    chosen = (other < one) & (whose[one] != whose[other])
+    one, other = one[chosen], other[chosen]
+    near = shapely.distance(lines[one], lines[other]) < moves.need[whose[one], whose[other]]
+    before: list[list[int]] = [[] for _ in ways]
+    for late, early in zip(one[near].tolist(), other[near].tolist(), strict=True):
+        before[late].append(early)
+    found: list[list[Leg]] = [[] for _ in moves.starts]
+    numbers: list[int] = []
+    known: list[dict[int, tuple[int, float]]] = [{} for _ in moves.starts]
+    for turn, robot in enumerate(robots):
+        after: dict[int, tuple[int, float]] = {}
+        for early in before[turn]:
+            first, number = robots[early], numbers[early]
+            so_far = known[robot].get(first, (-1, 0.0))
+            if number >= so_far[0]:
+                clear = _clear_at(lines[early], lines[turn], float(moves.need[robot, first]))
+                if (number, clear) > so_far:
+                    known[robot][first] = after[first] = number, clear
+        numbers.append(len(found[robot]))
+        found[robot].append(Leg(turn, ways[turn], after))
+    return found
+
+
+def _clear_at(line: shapely.Geometry, other: shapely.Geometry, need: float) -> float:
+    """Return how far [m] along a line one keeps the need [m] from another line until its end."""
+    at = np.arange(0.0, float(shapely.length(line)), _STEP)
+    near = shapely.distance(shapely.line_interpolate_point(line, at), other) < need + 0.5 * _STEP
+    return float(at[near][-1] + 2.0 * _STEP) if near.any() else 0.0
+
+
+def _along(robot: Robot, finder: Pathfinder, index: int, legs: list[Leg]) -> Legs:
+    """Return the path along a robot's legs; a robot without legs keeps its place."""
+    if not legs:
+        return Legs(finder.path(index), [], [], [])
+    rests = [number for number, leg in enumerate(legs) if number and leg.after]
+    vertices = np.concatenate([legs[0].way[:1], *(leg.way[1:] for leg in legs)])
+    last = np.cumsum([len(leg.way) - 1 for leg in legs])
+    exact = np.zeros(len(vertices), dtype=np.bool_)
+    exact[[0, -1, *(int(last[rest - 1]) for rest in rests)]] = True
+    found = smooth_near(vertices, exact, finder.space(robot), _CUT)
+    at_rest = found.curve.arc_at(found.at[found.exact])
+    along = lengths_along(vertices)
+    ends = np.interp(along[last], along[exact], at_rest)
+    return Legs(found.curve, legs, ends.tolist(), rests)

@@ -1,0 +1,42 @@
+"""Robots that make room for each other, in plans judged by the proof and a dense sampler."""
+
+import pytest
+
+from coordinator.plan.plan_file import to_json
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario.model import Robot, Scenario, Workspace
+from sim.floors.generator import generate
+from tests.oracles import complaints
+
+TEE = Workspace(
+    boundary=((-3.0, -3.0), (3.0, -3.0), (3.0, 0.7), (-3.0, 0.7)),
+    obstacles=(
+        ((-3.0, -3.0), (-0.35, -3.0), (-0.35, 0.0), (-3.0, 0.0)),
+        ((0.35, -3.0), (3.0, -3.0), (3.0, 0.0), (0.35, 0.0)),
+    ),
+)
+
+
+def robot(name, start, goal):
+    return Robot(
+        id=name, start=start, goal=goal, radius=0.2,
+        max_speed=0.8, max_accel=0.8, max_lateral_accel=0.8,
+    )  # fmt: skip
+
+
+def test_three_robots_exchange_their_places_at_a_junction():
+    places = [(-2.5, 0.35), (2.5, 0.35), (0.0, -2.6)]
+    robots = [robot(f"R{k}", places[k], places[(k + 1) % 3]) for k in range(3)]
+    scenario = Scenario(name="tee", workspace=TEE, robots=tuple(robots), margin=0.05)
+    plan = plan_scenario(scenario)
+    assert plan.proof.holds
+    assert complaints(to_json(plan), scenario) == []
+
+
+@pytest.mark.parametrize(("kind", "robots"), [("bays", 3), ("puzzle", 8)])
+def test_robots_that_are_in_each_others_way_make_room(kind, robots):
+    scenario = generate(kind, robots, 0)
+    plan = plan_scenario(scenario)
+    assert plan.proof.holds
+    assert complaints(to_json(plan), scenario) == []
+    assert any("make room" in note for note in plan.notes)
