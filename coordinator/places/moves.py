@@ -47,23 +47,26 @@ _PASSES: Final = 3
 these searches is below _STATES."""
 
 
-def find_moves(graph: Graph) -> tuple[int, Indices]:
-    """Return an outcome (move_kernels.py) and the moves in turn, (m, 2): robot and edge."""
+def find_moves(graph: Graph, few: int = _FEW) -> tuple[int, Indices]:
+    """Return an outcome (move_kernels.py) and the moves in turn, (m, 2): robot and edge.
+
+    Up to `few` robots get the least costly moves.
+    """
     edges, team = graph.edges, graph.team
     count = len(team.start)
     if not np.isfinite(team.left[np.arange(count), team.start]).all():
         return NONE, np.empty((0, 2), np.int64)
-    if count <= _FEW:
+    if count <= few:
         outcome, moves = least_moves(edges, team, _ARRANGEMENTS)
         if outcome != GAVE_UP:
             return outcome, moves
     outcome, moves = some_moves(edges, team, _STEPS // count)
     if outcome == GAVE_UP:
-        outcome, moves = _one_after_the_other(graph)
+        outcome, moves = one_after_the_other(graph)
     return outcome, _shortened(graph, moves) if outcome == SOLVED else moves
 
 
-def _one_after_the_other(graph: Graph) -> tuple[int, Indices]:
+def one_after_the_other(graph: Graph) -> tuple[int, Indices]:
     """Find moves in stages, each of which brings one more robot to its goal for good.
 
     In a stage the robots that are in its way move out of it first, those nearest to its goal ahead

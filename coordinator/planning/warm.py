@@ -18,6 +18,9 @@ from typing import Final
 
 import numpy as np
 
+from coordinator.ground.free_space import NO_DISCS
+from coordinator.ground.grown_floor import GrownFloor
+from coordinator.ground.rough_grid import RoughGrid
 from coordinator.paths.path_planner import Pathfinder, find_paths
 from coordinator.plan.staircases import NO_STAIRCASES
 from coordinator.planning.planner import plan_scenario
@@ -33,10 +36,12 @@ def load_kernels() -> None:
 
 
 def compile_rest() -> None:
-    """Compile the kernels that few plans need: headings, maps."""
+    """Compile the kernels that few plans need: headings, maps, robots that make room."""
     turning = _robot("E", (2.0, 3.0, 2.0), (8.0, 3.0, 2.0))
     plan_scenario(_scenario((turning, _robot("F", (5.0, 1.0), (5.0, 5.0))), ()))
     _compile_maps()
+    _compile_ground()
+    _compile_places()
 
 
 def _compile_all() -> None:
@@ -48,6 +53,7 @@ def _compile_paths() -> None:
     """Compile the kernels that find paths and those that read maps."""
     find_paths(Pathfinder(_floor_with_a_wall()), None)
     _compile_maps()
+    _compile_ground()
 
 
 def _compile_schedules() -> None:
@@ -76,6 +82,27 @@ def _compile_authority() -> None:
     authority.renew(NO_STAIRCASES)
 
 
+def _compile_ground() -> None:
+    """Compile the kernel that finds places closed."""
+    floor = _floor_with_a_wall()
+    grid = RoughGrid(GrownFloor(floor.workspace.boundary, floor.workspace.obstacles), 0.2)
+    grid.parts(np.array([1.0, 1.0]), np.array([9.0, 1.0]), NO_DISCS)
+
+
+def _compile_places() -> None:
+    """Compile the kernels of robots that make room, which few plans load."""
+    from coordinator.places.moves import find_moves, one_after_the_other
+    from coordinator.places.place_graph import place_graph
+
+    floor = _floor_with_a_wall()
+    workspace = floor.workspace
+    grown = GrownFloor(workspace.boundary, workspace.obstacles)
+    graph = place_graph(floor, grown, [robot.radius for robot in floor.robots])
+    for few in (len(floor.robots), 0):
+        find_moves(graph, few)
+    one_after_the_other(graph)
+
+
 def _compile_maps() -> None:
     from coordinator.curves.knots import insert_knot
     from coordinator.curves.nurbs import nurbs
@@ -88,6 +115,7 @@ def _compile_maps() -> None:
 PARTS: Final[dict[str, Callable[[], None]]] = {
     "schedules": _compile_schedules,
     "paths": _compile_paths,
+    "places": _compile_places,
 }
 """Parts that processes can compile in parallel; `compile_rest` compiles the remaining kernels."""
 

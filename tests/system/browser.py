@@ -167,8 +167,8 @@ class Tab:
 
 
 @contextlib.contextmanager
-def browser(folder):
-    """Start a browser that keeps its things in a folder, and end it."""
+def browser(folder, kind=Tab):
+    """Start a browser that keeps its things in a folder, and end it; `kind`: that of its tab."""
     down, up = os.pipe(), os.pipe()
 
     def connect():
@@ -189,7 +189,7 @@ def browser(folder):
     os.close(down[0])
     os.close(up[1])
     try:
-        yield Tab(up[0], down[1])
+        yield kind(up[0], down[1])
     finally:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)

@@ -134,7 +134,7 @@ def test_robots_are_brought_to_their_goals_one_after_the_other():
     joined += [(0, 6), (6, 12), (5, 11), (11, 17)]
     starts, goals = [1, 2, 3, 7, 8, 9, 13, 14], [9, 8, 7, 3, 2, 14, 1, 13]
     graph = graph_of(joined, starts, goals)
-    outcome, moves = searches._one_after_the_other(graph)
+    outcome, moves = searches.one_after_the_other(graph)
     assert outcome == SOLVED
     drive(graph, moves)
     short = searches._shortened(graph, moves)
