@@ -16,7 +16,6 @@ from coordinator.view.scene import Ride, Wait
 from coordinator.view.scene_plan import ride_of
 from protocol.codec import encode
 from protocol.messages import Plan
-from protocol.plan_parts import unpack_plan
 
 
 class SentCourse(NamedTuple):
@@ -76,10 +75,9 @@ class SentCourses:
 
 def _waits(one: Driven) -> list[Wait]:
     """Return where the robot rests on its way, the time before it sets out included."""
-    _, _, stop_s, departs, _ = unpack_plan(one.plan).motion
     begin = 0.001 * one.plan.begin_ms
     return [
         Wait(s=round(s, 4), since=round(max(arrive, begin), 4), until=round(depart, 4))
-        for s, arrive, depart in zip(stop_s, one.timeline.arrivals, departs, strict=True)
+        for s, arrive, depart in one.rests
         if depart > max(arrive, begin)
     ]
