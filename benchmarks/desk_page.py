@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -103,10 +104,9 @@ def _address(process: Process) -> str:
     """Return the address of the page that a process serves; its other output is thrown away."""
     assert process.stdout is not None
     for line in process.stdout:
-        if "http://" in line:
-            found = line[line.index("http://") :].split()[0].rstrip('",')
+        if found := re.search(r"http://[0-9.:]+/", line):
             threading.Thread(target=process.stdout.read, daemon=True).start()
-            return found
+            return found[0]
     raise RuntimeError("no page is served")
 
 
