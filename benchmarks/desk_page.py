@@ -161,7 +161,8 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
         fleet.agents[first] = fleet.start(first)
         time.sleep(3.0)
         tab.run(f"document.getElementById('order-robot').value = '{first}'")
-        act("admit", _press("admit"), "/takes part again|in the fleet|drives|rests/.test(text)", 30)
+        answered = f"document.getElementById('answer').textContent.includes('{first} ')"
+        act("admit", _press("admit"), answered, 30.0)
     act(
         "end",
         "window.confirm = () => true; " + _press("end-mission"),
