@@ -1,10 +1,10 @@
-# make demo | quick | test | setup | bench | docs | lock.  Everything is installed from the lock into .venv.
+# make demo | quick | test | soak | setup | bench | docs | lock.  Everything is installed from the lock into .venv.
 PYTHON ?= python3
 BIN := .venv/bin
 BESIDE := --numprocesses auto --dist worksteal --ignore tests/system
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: demo quick test setup check bench docs lock clean
+.PHONY: demo quick test soak setup check bench docs lock clean
 
 demo: setup
 	$(BIN)/splinefleet run examples/paper_five.toml
@@ -15,10 +15,15 @@ setup: .venv/runtime.stamp
 quick: .venv/dev.stamp check
 	$(BIN)/python -m pytest $(BESIDE) --quick
 
-# Everything.  Whole fleets drive in real time: two at once, with nothing else beside them.
+# Every test, each seventh seed of the sweeps.  Whole fleets drive in real time: two at once, with
+# nothing else beside them.
 test: .venv/dev.stamp check
-	$(BIN)/python -m pytest $(BESIDE)
+	$(BIN)/python -m pytest $(BESIDE) --every 7
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile tests/system
+
+# What takes longer than a change can wait: all seeds of the sweeps.
+soak: .venv/dev.stamp
+	$(BIN)/python -m pytest $(BESIDE)
 
 check: .venv/dev.stamp
 	$(BIN)/ruff check .

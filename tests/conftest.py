@@ -1,4 +1,4 @@
-"""The option of the inner loop: `pytest --quick`, as `make quick` runs it."""
+"""Options that say how much of the sweeps is run: `--quick` (make quick), `--every` (make test)."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="a tenth of each seed sweep, and no tests that start processes",
     )
+    parser.addoption(
+        "--every", type=int, default=1, metavar="N", help="each N-th seed of each seed sweep"
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    if config.getoption("quick"):
-        sweeps.set_step(sweeps.QUICK_STEP)
+    sweeps.set_step(sweeps.QUICK_STEP if config.getoption("quick") else config.getoption("every"))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

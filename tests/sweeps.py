@@ -1,4 +1,4 @@
-"""Sweeps: tests that are run for many seeds, a tenth of them with `--quick`."""
+"""Sweeps: tests that are run for many seeds: all, each N-th, or a tenth of them (conftest.py)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def set_step(step: int) -> None:
 
 
 def seeds(count: int) -> range:
-    """Return the seeds of a sweep: 0 to count - 1, with `--quick` each eleventh."""
+    """Return the seeds of a sweep: 0 to count - 1, or each so many-th of them."""
     return range(0, count, _step)
 
 

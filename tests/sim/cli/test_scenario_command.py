@@ -8,7 +8,7 @@ from coordinator.base.errors import InputError
 from coordinator.scenario.checks import find_problems
 from coordinator.scenario_files.scenario_reader import parse_scenario, scenario_to_json
 from sim.cli.run_commands import commands
-from sim.floors.generator import KINDS, generate
+from sim.floors.generator import CROWDED, KINDS, generate
 from sim.floors.layout import Kind
 
 
@@ -47,7 +47,7 @@ def test_an_unknown_kind_is_answered_in_one_line_with_the_nearest_and_the_list(n
     line = problem_of(name)
     assert f"{name!r} is not a kind of floor, the nearest one is " in line
     assert name == "fly" or f"the nearest one is {nearest}; " in line
-    assert line.endswith(f"the kinds are {', '.join(KINDS)}")
+    assert line.endswith(f"the kinds are {', '.join([*KINDS, *CROWDED])}")
 
 
 @pytest.mark.parametrize("name", ["hall", "hall.yaml", "hall.toml.txt"])
@@ -95,4 +95,4 @@ def test_too_many_robots_are_told_how_many_fit_and_those_do():
 
 
 def test_the_kinds_of_the_command_are_those_of_the_generator():
-    assert tuple(KINDS) == Kind.__args__
+    assert (*KINDS, *CROWDED) == Kind.__args__
