@@ -35,6 +35,10 @@ _SURE: Final = 2.0
 _ASK_ORDERS: Final = 60.0
 """Interval [s] at which the coordinator is asked what has become of the orders."""
 
+_ASK_AGAIN: Final = 0.7
+_SETTLES: Final = 1.0
+"""Who misses Commands asks for orders every _ASK_AGAIN [s], at last _SETTLES after a miss."""
+
 _KEPT: Final = 600 * SECOND
 """For how long [ns] the page of a running fleet can be set back."""
 
@@ -84,6 +88,10 @@ class LiveCourse:
         self._headroom = 0.0
         self._lacks_orders = False
         self._asked = 0.0
+        self._sequence = (0, 0)
+        self._gap: float | None = None
+        """When Commands were missed last; until asked once more, states of orders may be, too."""
+
         self.floor = document
         """The plan that was known before anything was heard, with the floor."""
 
@@ -108,12 +116,17 @@ class LiveCourse:
     def asks_orders(self, now: float) -> bool:
         """Return whether to ask what has become of the orders; if so, record that it was asked.
 
-        A message about an order is sent once: what was missed is asked for after a silence, and
-        now and then.
+        A message about an order is sent once: what was missed is asked for after a silence, when
+        Commands were missed and a while after the last such time, and now and then.
         """
-        if self.fleet is None or not (self._lacks_orders or now - self._asked > _ASK_ORDERS):
+        is_due = self._lacks_orders or now - self._asked > _ASK_ORDERS
+        if self._gap is not None and now - self._asked > _ASK_AGAIN:
+            is_due = True
+        if self.fleet is None or not is_due:
             return False
         self._lacks_orders, self._asked = False, now
+        if self._gap is not None and now - self._gap > _SETTLES:
+            self._gap = None
         return True
 
     def scene(self) -> Scene:
@@ -177,6 +190,9 @@ class LiveCourse:
             if self._word is None or now - self._word[0] > _SURE:
                 self._lacks_orders = True
             self._word = (now, message.phase)
+            before, self._sequence = self._sequence, (message.boot, message.sequence)
+            if before[0] == message.boot and message.sequence > before[1] + 1:
+                self._gap = now
             self._headroom = max(message.headroom_ms / 1000.0, 0.0)
             course.take_command(message, self._now_ns(now))
             held = self._take_held(message, now)
