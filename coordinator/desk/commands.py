@@ -49,7 +49,7 @@ from protocol.messages import (
 PATIENCE_S: Final = 5.0
 """So long an answer is waited for."""
 
-_SETTLES_S: Final = 0.3
+_SETTLES_S: Final = 1.0
 """So long a waiting order is given to be begun or refused, so that its first answer says more."""
 
 _ADMIT_S: Final = 20.0

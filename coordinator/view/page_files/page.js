@@ -16,7 +16,7 @@ const PHASES = { hold: "ready", go: "go", stop: "told to stop", freeze: "frozen"
 let look = new Look();
 const floor = new FloorView(byId("floor"), shown, lens);
 const diagram = new DiagramView(byId("diagram"));
-let play, robots, events, eventsKey;
+let play, robots, events, eventsKey, axis;
 let now = 0, running = false, focus = -1, hover = -1, stale = true;
 let pointer = null, preview = null;
 let listed = -Infinity, following = live, names = null;
@@ -38,7 +38,7 @@ function load(scene) {
   describe(scene, live && isUnheard());
   byId("ghosts-label").hidden = scene.ghosts.length === 0;
   byId("floor").parentElement.style.setProperty("--aspect", Math.min(Math.max(floor.aspect, 0.6), 2.4));
-  setEnd(scene.end);
+  setEnd(live ? roundedUp(scene.end) : scene.end);
   presume();
   now = first ? scene.begin : Math.max(now, scene.begin);
   listed = -Infinity;
@@ -79,9 +79,14 @@ function hoverOver(index) {
   stale = true;
 }
 
+/** The end of a running fleet's time axis: it stays for a while, since drawing it anew is slow. */
+const roundedUp = (t) => Math.ceil(t / 10) * 10;
+
 function setEnd(end) {
   play.scene.end = end;
-  const { begin } = play.scene;
+  const { begin } = play.scene, key = [begin, end].join();
+  if (key === axis) return;
+  axis = key;
   Object.assign(controls.slider, { min: begin, max: end });
   byId("ticks").style.setProperty("--end", end - begin);
   byId("end").textContent = `of ${end.toFixed(1)} s`;
@@ -243,7 +248,7 @@ const isUnheard = () => Boolean(word.silence && word.silence.kind !== "over");
 function followLive() {
   const t = word.time(play.known);
   if (t === null) return;
-  if (t > play.scene.end) setEnd(Math.ceil(t / 10) * 10);
+  if (t > play.scene.end) setEnd(roundedUp(t));
   seek(t);
 }
 
