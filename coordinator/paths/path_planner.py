@@ -176,6 +176,11 @@ class Pathfinder:
         """Return the space of a robot that is alone on the floor."""
         return self._space(robot, NO_DISCS)
 
+    def space_among_places(self, index: int) -> Space:
+        """Return the space of a robot that keeps off all other robots' starts and goals."""
+        robot = self.scenario.robots[index]
+        return self._space(robot, next(self._places(robot, index)))
+
     def _spare(self, index: int, place: Array) -> float:
         """Return by how much [m] a place is farther than needed from solids and others' places."""
         reach = float(self._radii[index]) + self.scenario.margin

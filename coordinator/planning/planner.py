@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
+from dataclasses import dataclass
 from itertools import islice, pairwise
 
 import numpy as np
@@ -30,6 +31,7 @@ from coordinator.proof.verify import prove_messages
 from coordinator.scenario.model import Scenario
 from coordinator.schedule import paper_policy
 from coordinator.schedule.detours import blocking_pairs, lanes, refuges
+from coordinator.schedule.given_motions import meeting, place_again, placed
 from coordinator.schedule.junctions import FEW, Junctions
 from coordinator.schedule.neighbourhood_search import Improvement
 from coordinator.schedule.precedence import ring_of, stuck_pairs
@@ -76,6 +78,20 @@ _MOST_WAYS = 60
 """Limits on detours that save waiting: one robot is tried per _EFFORT_PER_WAY of effort, with up to
 _WAYS detours, each around at most _MOST_BESIDE_TO_SAVE places.  Fleets of more than _MOST_WAYS
 robots get none, because finding their conflicts again takes long."""
+
+_MOST_BOTH = 24
+_WORTH = 0.5
+_WORTH_SHARE = 0.005
+"""Fleets of up to _MOST_BOTH robots are planned both ways, with paths that look at nobody and with
+paths found in space and time; the latter have to be better by _WORTH [s] of all arrivals, and by
+_WORTH_SHARE of them."""
+
+_FLOW_ROBOTS = 15
+_FLOW_ROUNDS = 0.5
+_FLOW_REPAIRS = 3
+"""For how many robots per unit of effort ways in space and time are searched, since that takes
+longer than linear time; rounds of that search per unit of effort; and how often robots get other
+ways if they turn out to meet others on exact zones."""
 
 Timer = Callable[[], float]
 
@@ -172,6 +188,22 @@ def _arrivals(motions: Sequence[Motion]) -> float:
     return sum(motion.finish for motion in motions)
 
 
+@dataclass(frozen=True, eq=False)
+class _Flow:
+    """Paths and motions that were found together, with the tracks and zones of these paths."""
+
+    paths: list[Nurbs]
+    tracks: list[Track]
+    junctions: Junctions
+    motions: list[Motion]
+
+
+def _is_better(flow: _Flow, motions: Sequence[Motion]) -> bool:
+    """Return whether ways that look at others are worth their bends."""
+    was = _arrivals(motions)
+    return _arrivals(flow.motions) < was - max(_WORTH, _WORTH_SHARE * was)
+
+
 class _Stages:
     """The stages of one planning run, and the data that each stage leaves for the next."""
 
@@ -200,15 +232,71 @@ class _Stages:
         self._crossings = self._look_for_crossings()
 
     def schedule(self, effort: int) -> list[Motion]:
-        """Return the robots' motions; reroute robots until some order works.
-
-        Raises PlanError when no detour helps.
-        """
+        """Return the robots' motions; raises PlanError when none are found."""
         scenario = self.scenario
         if scenario.policy == "paper":
             limits = [track.limits for track in self.tracks]
             return paper_policy.schedule(scenario, self.paths, limits, self.tau)
         priorities = [robot.priority for robot in scenario.robots]
+        flow = self._in_flow(priorities, effort)
+        if flow is not None and len(priorities) > _MOST_BOTH:
+            return self._adopt(flow)
+        try:
+            motions = self._in_order(priorities, effort)
+        except PlanError:
+            if flow is None:
+                raise
+            return self._adopt(flow)
+        return motions if flow is None or not _is_better(flow, motions) else self._adopt(flow)
+
+    def _in_flow(self, priorities: list[int], effort: int) -> _Flow | None:
+        """Return ways and motions that look at who comes when; None if none are found."""
+        # A fleet in which nobody waits needs none, and a small plan should not pay for the import.
+        from coordinator.bends.flow_search import FlowSearch
+
+        if effort < _EFFORT_PER_WAY or not FEW < len(priorities) <= _FLOW_ROBOTS * effort:
+            return None
+        search = FlowSearch(self.pathfinder, self.paths, self.tracks, self._track, self.tau)
+        courses = search.run(0 if any(priorities) else int(_FLOW_ROUNDS * effort))
+        if courses is None:
+            return None
+        junctions = self._meet([one.track for one in courses])
+        motions = placed(junctions, [one.motion for one in courses])
+        for _ in range(_FLOW_REPAIRS):
+            met = meeting(junctions, motions)
+            if not met:
+                break
+            courses = search.place_again(met)
+            for index in met:
+                junctions = junctions.with_track(index, courses[index].track)
+            motions = placed(junctions, [one.motion for one in courses])
+        if not place_again(junctions, motions, meeting(junctions, motions)):
+            return None
+        paths, tracks = [one.path for one in courses], [one.track for one in courses]
+        order = sorted(range(len(courses)), key=lambda index: courses[index].motion.finish)
+        Improvement(junctions, motions, order, priorities).settle()
+        return _Flow(paths, tracks, junctions, motions.all())
+
+    def _adopt(self, flow: _Flow) -> list[Motion]:
+        """Make these paths the plan's and return their motions, with the owners of their waits."""
+        aside = sum(a is not b for a, b in zip(flow.paths, self.paths, strict=True))
+        slower = sum(
+            motion.limits is not track.limits
+            for motion, track in zip(flow.motions, flow.tracks, strict=True)
+        )
+        if aside:
+            self.notes.append(
+                f"{aside} robots leave their shortest ways so that others can pass, {slower} drive "
+                "more slowly on parts of them"
+            )
+        self.paths, self.tracks, self.junctions = flow.paths, flow.tracks, flow.junctions
+        return with_owners(flow.junctions, flow.motions, all_waits=True)
+
+    def _in_order(self, priorities: list[int], effort: int) -> list[Motion]:
+        """Return motions on the paths that look at nobody; reroute robots until some order works.
+
+        Raises PlanError when no detour helps.
+        """
         rerouted: set[tuple[int, int]] = set()
         count = max(len(priorities), 1)
         patience = min(_PATIENCE, _PATIENCE_PER_FLEET // count)

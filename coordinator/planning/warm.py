@@ -18,14 +18,20 @@ from typing import Final
 
 import numpy as np
 
+from coordinator.curves.chords import chords_of
+from coordinator.curves.nurbs import Nurbs
 from coordinator.ground.free_space import NO_DISCS
 from coordinator.ground.grown_floor import GrownFloor
 from coordinator.ground.rough_grid import RoughGrid
+from coordinator.motion.velocity_profile import limits_on
 from coordinator.paths.path_planner import Pathfinder, find_paths
 from coordinator.plan.staircases import NO_STAIRCASES
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import GivenPath, Point, Pose, Robot, Scenario, Workspace
 from coordinator.schedule.authority import Authority
+from coordinator.schedule.given_motions import meeting, placed
+from coordinator.schedule.junctions import Junctions
+from coordinator.schedule.track import Track
 
 
 @functools.cache
@@ -33,6 +39,7 @@ def load_kernels() -> None:
     """Compile or load the kernels of planning, by planning a scenario that uses all of them."""
     plan_scenario(_floor_with_a_wall())
     _compile_authority()
+    _compile_bends()
 
 
 def compile_rest() -> None:
@@ -103,6 +110,26 @@ def _compile_places() -> None:
     one_after_the_other(graph)
 
 
+def _compile_bends() -> None:
+    """Compile the kernels of ways in space and time, which small fleets do not need."""
+    from coordinator.bends.flow_search import FlowSearch
+
+    robots = _robot("A", (1.0, 1.0), (9.0, 1.0)), _robot("B", (9.0, 1.1), (1.0, 1.1))
+    finder = Pathfinder(_scenario(robots, ()))
+
+    def track_of(index: int, path: Nurbs) -> Track:
+        robot = robots[index]
+        limits = limits_on(path, robot.max_speed, robot.max_accel, robot.max_lateral_accel)
+        return Track(limits, chords_of(path, 1e-3))
+
+    paths = find_paths(finder)
+    tracks = [track_of(index, path) for index, path in enumerate(paths)]
+    courses = FlowSearch(finder, paths, tracks, track_of, 0.5).run(1)
+    if courses is not None:
+        junctions = Junctions([one.track for one in courses], [0.2, 0.2], 0.05, 0.5)
+        meeting(junctions, placed(junctions, [one.motion for one in courses]))
+
+
 def _compile_maps() -> None:
     from coordinator.curves.knots import insert_knot
     from coordinator.curves.nurbs import nurbs
@@ -116,6 +143,7 @@ PARTS: Final[dict[str, Callable[[], None]]] = {
     "schedules": _compile_schedules,
     "paths": _compile_paths,
     "places": _compile_places,
+    "bends": _compile_bends,
 }
 """Parts that processes can compile in parallel; `compile_rest` compiles the remaining kernels."""
 

@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs import Array
@@ -191,3 +192,24 @@ def _comes_after(passage: Passage, table: Timetable, cell: float, tau: float) ->
         if arrives < leaves + tau - 1e-9:
             return False
     return True
+
+
+@compiled
+def meetings(
+    rows: Rows, known: Known, table: Timetable, robot: int, cell: float
+) -> npt.NDArray[np.bool_]:
+    """Return in which of its zones (zones,) a robot is in a cell when the other one forbids it.
+
+    `known` must be up to date for mode BOTH; `cell` [m]: the length of cells.
+    """
+    met = np.zeros(len(rows.other), np.bool_)
+    for z in range(len(rows.other)):
+        to = since = 0
+        for r in range(rows.first[z], rows.first[z + 1]):
+            low = rows.cell[r] * cell
+            comes, to = first_at(table, robot, max(low, rows.enters[z]), to)
+            goes, since = last_at(table, robot, low + cell, since)
+            if comes < known.end[r] - 1e-9 and known.begin[r] + 1e-9 < goes:
+                met[z] = True
+                break
+    return met

@@ -27,8 +27,13 @@ _MOST: Final = 0.5
 """A zone that forbids this share of a wait explains it."""
 
 
-def with_owners(junctions: Junctions, motions: Sequence[Motion]) -> list[Motion]:
+def with_owners(
+    junctions: Junctions, motions: Sequence[Motion], all_waits: bool = False
+) -> list[Motion]:
     """Return the same motions, each wait with the robot and the zone that force it.
+
+    By default a wait without an owner is a rest that no robot forces; with `all_waits` its owner
+    is not known yet.
 
     That is the first zone ahead which forbids half of the wait or more, since for a zone farther
     ahead the robot could wait farther ahead.  If there is none, it is the zone that forbids most.
@@ -37,14 +42,16 @@ def with_owners(junctions: Junctions, motions: Sequence[Motion]) -> list[Motion]
     for index, motion in enumerate(motions):
         table.put(index, motion)
     return [
-        _owned(junctions, table, index, motion)
-        if any(wait.owner >= 0 for wait in motion.waits)
+        _owned(junctions, table, index, motion, all_waits)
+        if any(all_waits or wait.owner >= 0 for wait in motion.waits)
         else motion
         for index, motion in enumerate(motions)
     ]
 
 
-def _owned(junctions: Junctions, table: Motions, index: int, motion: Motion) -> Motion:
+def _owned(
+    junctions: Junctions, table: Motions, index: int, motion: Motion, all_waits: bool
+) -> Motion:
     """Return a robot's motion, its waits with the robot and zone that forbid earlier departures."""
     track, (rows, known) = junctions.tracks[index], junctions.rows_of(index)
     mine = junctions.zones_of(index)
@@ -62,7 +69,7 @@ def _owned(junctions: Junctions, table: Motions, index: int, motion: Motion) -> 
     for p, (wait, arrival) in enumerate(zip(motion.waits, arrivals, strict=True), not at_start):
         count = closed_departures(ride, forbidden, p, p + 1, found)
         k = -1
-        if wait.owner >= 0 and wait.depart > arrival:
+        if (all_waits or wait.owner >= 0) and wait.depart > arrival:
             closed = np.column_stack((found.begins, found.ends))[:count].clip(arrival, wait.depart)
             k = _forcing(closed, found.owners[:count], span, _MOST * (wait.depart - arrival))
         waits.append(wait if k < 0 else replace(wait, owner=int(rows.other[k]), zone=int(mine[k])))

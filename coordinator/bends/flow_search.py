@@ -1,0 +1,327 @@
+"""Ways that look at who comes when: robots give way aside, drive more slowly, or wait.
+
+Robots are placed one after another, each on the earliest way in space and time among those that are
+placed; then some are taken out and put back in another order (large neighbourhood search, Shaw
+1998; Li et al. 2022), by counted rounds.  What others forbid is looked up at samples here; the
+schedule on exact conflict zones, and the proof, come after.
+
+Decides: the path of each robot, and a first motion on it.  Must not know: zones, plans on the wire.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from coordinator.base.errors import PlanError
+from coordinator.bends.meshes import Meshes
+from coordinator.bends.traffic_kernels import Traffic, first_meeting, gathered, least_delay
+from coordinator.bends.way_kernels import Trip, earliest_way, pulled_taut
+from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.motion.slowing import Slow, slowed
+from coordinator.motion.velocity_profile import Motion, Wait
+from coordinator.paths.path_planner import Pathfinder
+from coordinator.paths.smoothing import smooth
+from coordinator.scenario.model import Robot
+from coordinator.schedule.track import Track
+
+_STEP: Final = 0.15
+"""Distance [m] between a robot's samples."""
+
+_PADS: Final = ((0.25, 0.04), (0.5, 0.09))
+"""What a way keeps beyond tau [s] and the need [m]: its curve and its times differ a little from
+those of the mesh.  If the curve meets others, the next pair is tried."""
+
+_SLACK: Final = np.array((0.08, 0.012))
+"""What motions keep beyond tau [s] and the need [m], since samples have gaps."""
+
+_WORTH: Final = 0.3
+"""A detour has to be quicker than waiting at the start by this much [s]."""
+
+_MOST_STATES: Final = 20_000
+_LARGEST: Final = 4
+_LATE: Final = 0.2
+_TRIES: Final = 8
+"""How often a robot that has found no motion is put back together with others in its way."""
+
+_MISSING: Final = 100.0
+"""What a robot without a motion counts as delay [s]."""
+
+
+TrackOf = Callable[[int, Nurbs], Track]
+"""Returns the track of a robot, by its number, on a path."""
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A robot's path with its track, its motion, and samples (n, 5) of that."""
+
+    path: Nurbs
+    track: Track
+    motion: Motion
+    samples: Array
+
+
+class FlowSearch:
+    """A search for the ways of a whole fleet."""
+
+    def __init__(
+        self,
+        finder: Pathfinder,
+        paths: Sequence[Nurbs],
+        tracks: Sequence[Track],
+        track_of: TrackOf,
+        tau: float,
+    ) -> None:
+        scenario = finder.scenario
+        self.robots, self.margin, self.tau = scenario.robots, scenario.margin, tau
+        self._finder, self._track_of = finder, track_of
+        self._speed = [scenario.planned_speed(robot) for robot in self.robots]
+        self._spaces = {
+            index: finder.space_among_places(index)
+            for index, robot in enumerate(self.robots)
+            if may_bend(robot)
+        }
+        self._meshes = Meshes(finder, self._spaces)
+        self._straight = [
+            self._timed(index, path, track, [])
+            for index, (path, track) in enumerate(zip(paths, tracks, strict=True))
+        ]
+        self.alone = [course.motion.finish for course in self._straight]
+        self.courses: list[Course | None] = [None] * len(paths)
+        self._standing = [self._at_start(robot) for robot in self.robots]
+        self._traffic: Traffic | None = None
+        points = np.concatenate([course.samples[:, :2] for course in self._straight])
+        widest = 2.0 * max(robot.radius for robot in self.robots) + self.margin
+        self._size = widest + max(pad for _, pad in _PADS) + 0.02
+        corners = np.array([*scenario.workspace.boundary, *points])
+        self._low = corners.min(axis=0) - 1.0
+        self._counts = (np.ceil((corners.max(axis=0) + 1.0 - self._low) / self._size)).astype(int)
+        self._slack = _SLACK.copy()
+        self.random = random.Random(len(paths))
+
+    def run(self, rounds: int) -> list[Course] | None:
+        """Place all robots, then improve by `rounds`; None if a robot finds no motion.
+
+        Robots of higher priority are placed first.  Of equal ones those with the shortest way come
+        first: they are soon out of the way of all others.
+        """
+        order = sorted(
+            range(len(self.robots)),
+            key=lambda index: (-self.robots[index].priority, self.alone[index]),
+        )
+        for index in order:
+            self._place(index, math.inf)
+        for index in order:
+            for _ in range(_TRIES):
+                if self.courses[index] is None:
+                    self._try(self._neighbourhood([index]))
+        for _ in range(rounds):
+            late = [index for index in order if self._delay(index) > _LATE]
+            if not late:
+                break
+            self._try(self._neighbourhood(late))
+        return self._found()
+
+    def place_again(self, chosen: Collection[int]) -> list[Course]:
+        """Place robots once more that met others in spite of all, with twice the slack.
+
+        A robot that finds no other course keeps the one that it has.
+        """
+        self._slack *= 2.0
+        before = {index: self.courses[index] for index in chosen}
+        for index in chosen:
+            self._put(index, None)
+        for index in sorted(chosen, key=lambda index: self.alone[index]):
+            if not self._place(index, math.inf):
+                self._put(index, before[index])
+        return [course for course in self.courses if course is not None]
+
+    def _found(self) -> list[Course] | None:
+        found = [course for course in self.courses if course is not None]
+        return found if len(found) == len(self.courses) else None
+
+    def _delay(self, index: int) -> float:
+        course = self.courses[index]
+        return _MISSING if course is None else course.motion.finish - self.alone[index]
+
+    def _neighbourhood(self, late: list[int]) -> list[int]:
+        """Return robots to take out: a late one and some of those that it meets."""
+        seed = self.random.choices(late, [self._delay(index) for index in late])[0]
+        own = self._straight[seed].samples
+        traffic = self._gathered()
+        near = sorted(_met(own, traffic, self._size) - {seed})
+        return [seed, *self.random.sample(near, min(len(near), self.random.randint(0, _LARGEST)))]
+
+    def _try(self, chosen: list[int]) -> None:
+        """Put robots back in this order; undo it if they arrive no earlier in total."""
+        if self.random.random() < 0.3:
+            self.random.shuffle(chosen)
+        before = [self.courses[index] for index in chosen]
+        was = sum(self._delay(index) for index in chosen)
+        for index in chosen:
+            self._put(index, None)
+        now = 0.0
+        for index in chosen:
+            if not self._place(index, self.alone[index] + was - now):
+                break
+            now += self._delay(index)
+            if now >= was - 1e-6:
+                break
+        else:
+            return
+        for index, course in zip(chosen, before, strict=True):
+            self._put(index, course)
+
+    def _put(self, index: int, course: Course | None) -> None:
+        self.courses[index], self._traffic = course, None
+
+    def _gathered(self) -> Traffic:
+        """Return the samples of all robots; those that are not placed stand at their starts."""
+        if self._traffic is None:
+            parts = [
+                standing if course is None else course.samples
+                for course, standing in zip(self.courses, self._standing, strict=True)
+            ]
+            owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+            x, y = self._low.tolist()
+            columns, rows = self._counts.tolist()
+            self._traffic = gathered(np.concatenate(parts), owner, x, y, self._size, columns, rows)
+        return self._traffic
+
+    def _place(self, index: int, latest: float) -> bool:
+        """Give a robot its earliest course before `latest` [s]; return whether there is one."""
+        traffic, straight = self._gathered(), self._straight[index]
+        delay = least_delay(straight.samples, traffic, index, *self._kept(index))
+        found: Course | None = None
+        if self.alone[index] + delay < latest:
+            found, latest = straight, self.alone[index] + delay
+            if delay > 0.0:
+                found = self._timed(index, straight.path, straight.track, [Wait(0.0, delay, -1)])
+        if delay > _WORTH and index in self._spaces:
+            found = self._bent(index, traffic, latest - _WORTH) or found
+        if found is not None:
+            self._put(index, found)
+        return found is not None
+
+    def _bent(self, index: int, traffic: Traffic, latest: float) -> Course | None:
+        """Return a robot's course on the earliest way in space and time; None if there is none."""
+        robot = self.robots[index]
+        start, goal = np.array(robot.start[:2]), np.array(robot.goal[:2])
+        ends = self._meshes.ends(index, start, goal)
+        if ends is None:
+            return None
+        speed, reach = self._speed[index], robot.radius + self.margin
+        ramp = 0.5 * speed / self._straight[index].motion.limits.ramp
+        for tau_pad, need_pad in _PADS:
+            trip = Trip(
+                index,
+                ends.enters,
+                ends.leaves,
+                start,
+                goal,
+                ends.left,
+                speed,
+                ramp,
+                reach + need_pad,
+                self.tau + tau_pad,
+            )
+            mesh = self._meshes.of(index)
+            way, when = earliest_way(mesh, trip, traffic, latest - ramp, _MOST_STATES)
+            if not len(way):
+                return None
+            one, other = np.triu_indices(len(way), 1)
+            sight = np.zeros((len(way), len(way)), dtype=np.bool_)
+            sight[one, other] = self._spaces[index].keeping(way[one], way[other])
+            kept, times = pulled_taut(way, when, sight, trip, traffic)
+            course = self._driven(index, way[kept], times, ramp)
+            if course is None or course.motion.finish >= latest:
+                continue
+            if first_meeting(course.samples, traffic, index, *self._kept(index)) < 0:
+                return course
+        return None
+
+    def _kept(self, index: int) -> tuple[float, float]:
+        """Return how far [m] a robot keeps from others' radii, and for how long [s]."""
+        tau, need = self._slack.tolist()
+        return self.robots[index].radius + self.margin + need, self.tau + tau
+
+    def _driven(self, index: int, way: Array, times: Array, ramp: float) -> Course | None:
+        """Return the course along a polygon (n, 2) with times (n, 2) [s]; None if none is clear."""
+        exact = np.zeros(len(way), dtype=np.bool_)
+        exact[[0, -1]] = True
+        handling = self._finder.handling(self.robots[index])
+        with suppress(PlanError):
+            path = smooth(way, exact, self._spaces[index], handling).curve
+            legs = np.hypot(*np.diff(way, axis=0).T)
+            along = np.append(0.0, np.cumsum(legs))
+            along *= path.length / along[-1]
+            lasts = np.maximum(times[1:, 0] - times[:-1, 1], 1e-9)
+            slow = [
+                Slow(float(begin), float(end), float(far / time))
+                for begin, end, far, time in zip(along, along[1:], legs, lasts, strict=False)
+                if far / time < 0.999 * self._speed[index]
+            ]
+            rests = np.flatnonzero(times[1:-1, 1] > times[1:-1, 0] + 1e-6) + 1
+            waits = [Wait(float(along[k]), float(times[k, 1] - ramp), -1) for k in rests]
+            if times[0, 1] > ramp + 1e-6:
+                waits.insert(0, Wait(0.0, float(times[0, 1] - ramp), -1))
+            return self._timed(index, path, self._track_of(index, path), waits, slow)
+        return None
+
+    def _timed(
+        self,
+        index: int,
+        path: Nurbs,
+        track: Track,
+        waits: list[Wait],
+        slow: Sequence[Slow] = (),
+    ) -> Course:
+        """Return the course with these waits [s] and slow stretches on a path."""
+        motion = Motion(slowed(track.limits, slow), waits)
+        return Course(path, track, motion, _sampled(path, motion, self.robots[index].radius))
+
+    def _at_start(self, robot: Robot) -> Array:
+        """Return the sample (1, 5) of a robot that has yet to be placed."""
+        return np.array([[*robot.start[:2], -math.inf, 0.0, robot.radius]])
+
+
+def may_bend(robot: Robot) -> bool:
+    """Return whether a robot may take another way than its shortest one."""
+    return (
+        robot.path is None
+        and not robot.is_idle
+        and not robot.via
+        and len(robot.start) == len(robot.goal) == 2
+    )
+
+
+def _sampled(path: Nurbs, motion: Motion, radius: float) -> Array:
+    """Return samples (n, 5) of a motion: traffic_kernels.X and so on."""
+    count = max(int(path.length / _STEP), 1)
+    borders = np.linspace(0.0, path.length, count + 1)
+    places = np.concatenate(([0.0], 0.5 * (borders[1:] + borders[:-1]), [path.length]))
+    inner = borders[1:-1]
+    leaves = motion.start_time
+    begin = np.concatenate(([-math.inf, leaves], motion.reached(inner), [motion.finish]))
+    end = np.concatenate(([leaves], motion.left(inner), [motion.finish, math.inf]))
+    points = path.at_arc(places)
+    return np.column_stack((points, begin, end, np.full(len(places), radius)))
+
+
+def _met(own: Array, traffic: Traffic, size: float) -> set[int]:
+    """Return the robots whose samples lie in the cells of one's own samples."""
+    column = ((own[:, 0] - traffic.x) / size).astype(int)
+    row = ((own[:, 1] - traffic.y) / size).astype(int)
+    cells = np.unique(row * traffic.columns + column)
+    return {
+        int(one)
+        for cell in cells.tolist()
+        for one in traffic.owner[traffic.first[cell] : traffic.first[cell + 1]]
+    }

@@ -1,0 +1,95 @@
+"""Compiled: the moves between the cells of a mesh over a floor, and the distances along them.
+
+Decides: which moves other robots' starts and goals close.  Must not know: times.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from coordinator.base.compiled import compiled
+from coordinator.curves.nurbs import Array
+
+Codes = npt.NDArray[np.int32]
+
+_FORTH: Final = np.array([(1, 0), (0, 1), (1, 1), (-1, 1), (2, 1), (1, 2), (-1, 2), (-2, 1)])
+MOVES: Final = np.concatenate((_FORTH, -_FORTH))
+"""Columns and rows of the sixteen moves from a cell; move k + 8 is opposite to move k."""
+
+HALF: Final = 8
+"""The number of moves without their opposites."""
+
+OPEN: Final = -1
+CLOSED: Final = -2
+"""Codes of moves; other codes are the number of the robot whose start or goal closes the move."""
+
+
+class Mesh(NamedTuple):
+    """Cells of a side of `size` [m]; the middle of the first one is (x, y) [m].
+
+    codes (cells, 16): for each cell, row by row, which of MOVES are open.
+    """
+
+    codes: Codes
+    x: float
+    y: float
+    size: float
+    columns: int
+    rows: int
+
+
+@compiled
+def close_near(mesh: Mesh, places: Array, needs: Array) -> None:
+    """Close the moves that come nearer to places (n, 2) [m] than needs (n,) [m].
+
+    Place n is that of robot n, which may go there itself.
+    """
+    codes, size = mesh.codes, mesh.size
+    for n in range(len(places)):
+        reach = needs[n] + 2.5 * size
+        low = max(int((places[n, 0] - reach - mesh.x) / size), 0)
+        high = min(int((places[n, 0] + reach - mesh.x) / size) + 1, mesh.columns - 1)
+        bottom = max(int((places[n, 1] - reach - mesh.y) / size), 0)
+        top = min(int((places[n, 1] + reach - mesh.y) / size) + 1, mesh.rows - 1)
+        for row in range(bottom, top + 1):
+            for column in range(low, high + 1):
+                cell = row * mesh.columns + column
+                x = mesh.x + column * size - places[n, 0]
+                y = mesh.y + row * size - places[n, 1]
+                for k in range(2 * HALF):
+                    if codes[cell, k] == CLOSED or codes[cell, k] == n:
+                        continue
+                    dx, dy = MOVES[k, 0] * size, MOVES[k, 1] * size
+                    part = min(max(-(x * dx + y * dy) / (dx * dx + dy * dy), 0.0), 1.0)
+                    if math.hypot(x + part * dx, y + part * dy) < needs[n]:
+                        codes[cell, k] = n if codes[cell, k] == OPEN else CLOSED
+
+
+@compiled
+def distances(mesh: Mesh, robot: int, goal: int) -> Array:
+    """Return how far [m] each cell (cells,) is from cell `goal` along a robot's moves.
+
+    Infinite where no moves lead to it.
+    """
+    found = np.full(mesh.columns * mesh.rows, math.inf)
+    found[goal] = 0.0
+    heap = [(0.0, goal)]
+    while len(heap) > 0:
+        far, cell = heapq.heappop(heap)
+        if far > found[cell]:
+            continue
+        for k in range(2 * HALF):
+            if mesh.codes[cell, k] != OPEN and mesh.codes[cell, k] != robot:
+                continue
+            dx, dy = MOVES[k]
+            to = cell + dy * mesh.columns + dx
+            there = far + mesh.size * math.sqrt(dx * dx + dy * dy)
+            if there < found[to] - 1e-9:
+                found[to] = there
+                heapq.heappush(heap, (there, to))
+    return found

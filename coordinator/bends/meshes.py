@@ -1,0 +1,115 @@
+"""The mesh of a floor for robots of one radius, and where each robot enters and leaves it.
+
+Decides: how fine the mesh is, and which of its moves are clear.  Must not know: times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from coordinator.bends.mesh_kernels import CLOSED, HALF, MOVES, OPEN, Mesh, close_near, distances
+from coordinator.curves.nurbs import Array
+from coordinator.ground.free_space import Space
+from coordinator.paths.path_planner import Pathfinder
+
+_PITCH: Final = 0.9
+"""Size of the cells, as a multiple of the need of two robots."""
+
+_MOST_CELLS: Final = 40_000
+"""Greatest number of cells; on larger floors they are larger."""
+
+_PLACE_ROOM: Final = 0.02
+"""How much farther off [m] than needed ways pass other robots' starts and goals."""
+
+_NEAR: Final = 2.0
+"""A robot enters the mesh at a cell at most this many cell sizes away."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """The cells where a robot enters and leaves its mesh, and all cells' distances [m] from it."""
+
+    enters: int
+    leaves: int
+    left: Array
+
+
+class Meshes:
+    """The meshes of a fleet, one for each radius, made when they are asked for."""
+
+    def __init__(self, finder: Pathfinder, spaces: dict[int, Space]) -> None:
+        self._finder, self._spaces = finder, spaces
+        self._meshes: dict[float, Mesh] = {}
+        self._ends: dict[int, Ends | None] = {}
+
+    def of(self, index: int) -> Mesh:
+        """Return the mesh of a robot."""
+        radius = self._finder.scenario.robots[index].radius
+        if radius not in self._meshes:
+            self._meshes[radius] = self._make(index)
+        return self._meshes[radius]
+
+    def ends(self, index: int, start: Array, goal: Array) -> Ends | None:
+        """Return where a robot enters and leaves its mesh; None if it cannot."""
+        if index not in self._ends:
+            mesh = self.of(index)
+            enters, leaves = (self._cell(index, mesh, place) for place in (start, goal))
+            found = None
+            if enters >= 0 and leaves >= 0:
+                left = distances(mesh, index, leaves)
+                found = Ends(enters, leaves, left) if np.isfinite(left[enters]) else None
+            self._ends[index] = found
+        return self._ends[index]
+
+    def _cell(self, index: int, mesh: Mesh, place: Array) -> int:
+        """Return the nearest cell that a straight line joins with a place (2,); -1 if none."""
+        steps = np.arange(-2, 3)
+        at = np.round((place - (mesh.x, mesh.y)) / mesh.size).astype(int)
+        columns, rows = (np.array(np.meshgrid(steps, steps)) + at[:, None, None]).reshape(2, -1)
+        inside = (columns >= 0) & (rows >= 0) & (columns < mesh.columns) & (rows < mesh.rows)
+        cells = rows[inside] * mesh.columns + columns[inside]
+        middles = np.column_stack((columns[inside], rows[inside])) * mesh.size + (mesh.x, mesh.y)
+        codes = mesh.codes[cells]
+        usable = ((codes == OPEN) | (codes == index)).any(axis=1)
+        far = np.hypot(*(middles - place).T)
+        for k in np.flatnonzero(usable)[np.argsort(far[usable], kind="stable")].tolist():
+            if far[k] > _NEAR * mesh.size:
+                break
+            if self._spaces[index].keeping(place[None], middles[k][None])[0]:
+                return int(cells[k])
+        return -1
+
+    def _make(self, index: int) -> Mesh:
+        """Return the mesh for robots as wide as this one."""
+        scenario = self._finder.scenario
+        robot, robots = scenario.robots[index], scenario.robots
+        corners = np.array(scenario.workspace.boundary)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        reach = robot.radius + scenario.margin
+        size = _PITCH * (2.0 * robot.radius + scenario.margin)
+        size = max(size, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
+        columns, rows = np.maximum(np.ceil((high - low) / size).astype(int), 1).tolist()
+        x, y = (low + 0.5 * ((high - low) - size * (np.array((columns, rows)) - 1))).tolist()
+        row, column = np.divmod(np.arange(columns * rows), columns)
+        middles = np.column_stack((x + size * column, y + size * row))
+        room = self._finder.floor.distance(middles) - reach
+        codes = np.full((columns * rows, 2 * HALF), CLOSED, dtype=np.int32)
+        space = self._finder.space(robot)
+        for k in range(HALF):
+            dx, dy = MOVES[k].tolist()
+            ok = (column + dx >= 0) & (column + dx < columns) & (row + dy < rows)
+            begin = np.flatnonzero(ok & (room > 0.0))
+            end = begin + dy * columns + dx
+            begin, end = begin[room[end] > 0.0], end[room[end] > 0.0]
+            unsure = room[begin] + room[end] <= size * np.hypot(dx, dy) + 1e-6
+            clear = ~unsure
+            clear[unsure] = space.keeping(middles[begin[unsure]], middles[end[unsure]])
+            codes[begin[clear], k] = codes[end[clear], k + HALF] = OPEN
+        mesh = Mesh(codes, x, y, size, columns, rows)
+        needs = np.array([other.radius for other in robots]) + reach + _PLACE_ROOM
+        for places in ([one.start[:2] for one in robots], [one.goal[:2] for one in robots]):
+            close_near(mesh, np.array(places), needs)
+        return mesh

@@ -1,0 +1,159 @@
+"""Compiled: where robots are and when, and which times they forbid to others.
+
+Decides: how moving robots are kept as samples on a grid.  Must not know: how ways are searched.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from coordinator.base.compiled import compiled
+from coordinator.curves.nurbs import Array
+from coordinator.curves.nurbs_kernels import Indices
+
+X, Y, BEGIN, END, RADIUS = range(5)
+"""Columns of samples: a place [m], from when to when a robot is near it [s], its radius [m]."""
+
+
+MOST: Final = 128
+"""Greatest number of separate times in which others forbid a place."""
+
+_MOST_DELAYS: Final = 2048
+"""Greatest number of separate times in which others forbid a departure."""
+
+
+class Traffic(NamedTuple):
+    """Samples (n, 5) of robots `owner` (n,), by cells of a grid.
+
+    The samples of cell c are samples[first[c] : first[c + 1]].  The grid's lower left corner is
+    (x, y) [m]; its cells have a side of `size` [m].
+    """
+
+    samples: Array
+    owner: Indices
+    first: Indices
+    x: float
+    y: float
+    size: float
+    columns: int
+    rows: int
+
+
+@compiled
+def gathered(
+    samples: Array, owner: Indices, x: float, y: float, size: float, columns: int, rows: int
+) -> Traffic:
+    """Return samples sorted by the cells of a grid."""
+    count = len(samples)
+    cell = np.empty(count, np.int64)
+    first = np.zeros(columns * rows + 1, np.int64)
+    for k in range(count):
+        column = min(max(int((samples[k, X] - x) / size), 0), columns - 1)
+        row = min(max(int((samples[k, Y] - y) / size), 0), rows - 1)
+        cell[k] = row * columns + column
+        first[cell[k] + 1] += 1
+    for c in range(columns * rows):
+        first[c + 1] += first[c]
+    at = first[:-1].copy()
+    ordered, whose = np.empty_like(samples), np.empty(count, np.int64)
+    for k in range(count):
+        place = at[cell[k]]
+        at[cell[k]] += 1
+        ordered[place], whose[place] = samples[k], owner[k]
+    return Traffic(ordered, whose, first, x, y, size, columns, rows)
+
+
+@compiled
+def forbidden_at(
+    traffic: Traffic, without: int, x: float, y: float, reach: float, tau: float, out: Array
+) -> int:
+    """Enter the times at which others forbid a place into out (m, 2) [s]; return how many.
+
+    Others forbid it while they are nearer than their radius and `reach` [m], and `tau` [s] before
+    and after.  The times are in order and do not overlap; if there are more than m, the last one
+    has no end.  Robot `without` forbids nothing.
+    """
+    column = int((x - traffic.x) / traffic.size)
+    row = int((y - traffic.y) / traffic.size)
+    n = 0
+    for r in range(max(row - 1, 0), min(row + 2, traffic.rows)):
+        for c in range(max(column - 1, 0), min(column + 2, traffic.columns)):
+            cell = r * traffic.columns + c
+            for k in range(traffic.first[cell], traffic.first[cell + 1]):
+                if traffic.owner[k] == without:
+                    continue
+                dx, dy = traffic.samples[k, X] - x, traffic.samples[k, Y] - y
+                need = reach + traffic.samples[k, RADIUS]
+                if dx * dx + dy * dy >= need * need:
+                    continue
+                n = entered(out, n, traffic.samples[k, BEGIN] - tau, traffic.samples[k, END] + tau)
+    return n
+
+
+@compiled
+def entered(out: Array, n: int, begin: float, end: float) -> int:
+    """Enter an interval among n that are in order and apart; return how many there are then."""
+    low = n
+    while low > 0 and out[low - 1, 1] >= begin:
+        low -= 1
+    high = low
+    while high < n and out[high, 0] <= end:
+        begin, end = min(begin, out[high, 0]), max(end, out[high, 1])
+        high += 1
+    if high == low:
+        if n == len(out):
+            if low == n:
+                out[n - 1, 1] = math.inf
+                return n
+            out[n - 2, 1] = math.inf
+            n -= 1
+        for k in range(n, low, -1):
+            out[k] = out[k - 1]
+        n += 1
+    else:
+        gone = high - low - 1
+        if gone > 0:
+            for k in range(high, n):
+                out[k - gone] = out[k]
+            n -= gone
+    out[low, 0], out[low, 1] = begin, end
+    return n
+
+
+@compiled
+def first_meeting(own: Array, traffic: Traffic, robot: int, reach: float, tau: float) -> int:
+    """Return the first of a robot's samples (n, 5) that others forbid; -1 if there is none."""
+    times = np.empty((MOST, 2))
+    for k in range(len(own)):
+        count = forbidden_at(traffic, robot, own[k, X], own[k, Y], reach, tau, times)
+        for i in range(count):
+            if times[i, 0] < own[k, END] and own[k, BEGIN] < times[i, 1]:
+                return k
+    return -1
+
+
+@compiled
+def least_delay(own: Array, traffic: Traffic, robot: int, reach: float, tau: float) -> float:
+    """Return by how much later [s] a robot has to leave its start so that others allow its motion.
+
+    own (n, 5): the samples of its motion without a delay, those of the start and the goal at the
+    ends.  Infinite if no delay will do.
+    """
+    times, closed = np.empty((MOST, 2)), np.empty((_MOST_DELAYS, 2))
+    n, latest = 0, math.inf
+    for k in range(len(own)):
+        count = forbidden_at(traffic, robot, own[k, X], own[k, Y], reach, tau, times)
+        for i in range(count):
+            begin, end = times[i, 0] - own[k, END], times[i, 1] - own[k, BEGIN]
+            if own[k, BEGIN] == -math.inf:
+                latest = min(latest, begin)
+            elif end > 0.0:
+                n = entered(closed, n, begin, end)
+    delay = 0.0
+    for i in range(n):
+        if closed[i, 0] < delay:
+            delay = max(delay, closed[i, 1])
+    return delay if delay <= latest else math.inf
