@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from coordinator.base.errors import PlanError
 from coordinator.bends.meshes import Meshes
@@ -240,11 +241,13 @@ class FlowSearch:
             sight = np.zeros((len(way), len(way)), dtype=np.bool_)
             sight[one, other] = self._spaces[index].keeping(way[one], way[other])
             kept, times = pulled_taut(way, when, sight, trip, traffic)
-            course = self._driven(index, way[kept], times, ramp)
-            if course is None or course.motion.finish >= latest:
-                continue
-            if first_meeting(course.samples, traffic, index, *self._kept(index)) < 0:
-                return course
+            # A rest on the way is driven through slowly if others allow that.
+            for through in (True, False) if _rests(times).any() else (False,):
+                course = self._driven(index, way[kept], times, ramp, through)
+                if course is None or course.motion.finish >= latest:
+                    continue
+                if first_meeting(course.samples, traffic, index, *self._kept(index)) < 0:
+                    return course
         return None
 
     def _kept(self, index: int) -> tuple[float, float]:
@@ -252,8 +255,17 @@ class FlowSearch:
         tau, need = self._slack.tolist()
         return self.robots[index].radius + self.margin + need, self.tau + tau
 
-    def _driven(self, index: int, way: Array, times: Array, ramp: float) -> Course | None:
-        """Return the course along a polygon (n, 2) with times (n, 2) [s]; None if none is clear."""
+    def _driven(
+        self, index: int, way: Array, times: Array, ramp: float, through: bool
+    ) -> Course | None:
+        """Return the course along a polygon (n, 2) with times (n, 2) [s]; None if none is clear.
+
+        With `through`, the robot comes to a vertex when it would leave it, and does not rest there.
+        """
+        rests = _rests(times)
+        if through:
+            times = times.copy()
+            times[rests, 0] = times[rests, 1]
         exact = np.zeros(len(way), dtype=np.bool_)
         exact[[0, -1]] = True
         handling = self._finder.handling(self.robots[index])
@@ -268,8 +280,8 @@ class FlowSearch:
                 for begin, end, far, time in zip(along, along[1:], legs, lasts, strict=False)
                 if far / time < 0.999 * self._speed[index]
             ]
-            rests = np.flatnonzero(times[1:-1, 1] > times[1:-1, 0] + 1e-6) + 1
-            waits = [Wait(float(along[k]), float(times[k, 1] - ramp), -1) for k in rests]
+            resting = [] if through else np.flatnonzero(rests).tolist()
+            waits = [Wait(float(along[k]), float(times[k, 1] - ramp), -1) for k in resting]
             if times[0, 1] > ramp + 1e-6:
                 waits.insert(0, Wait(0.0, float(times[0, 1] - ramp), -1))
             return self._timed(index, path, self._track_of(index, path), waits, slow)
@@ -300,6 +312,13 @@ def may_bend(robot: Robot) -> bool:
         and not robot.via
         and len(robot.start) == len(robot.goal) == 2
     )
+
+
+def _rests(times: Array) -> npt.NDArray[np.bool_]:
+    """Return where on its way (n,) a robot rests that comes and goes at times (n, 2) [s]."""
+    found: npt.NDArray[np.bool_] = times[:, 1] > times[:, 0] + 1e-6
+    found[0] = False
+    return found
 
 
 def _sampled(path: Nurbs, motion: Motion, radius: float) -> Array:

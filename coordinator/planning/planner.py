@@ -190,12 +190,16 @@ def _arrivals(motions: Sequence[Motion]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Flow:
-    """Paths and motions that were found together, with the tracks and zones of these paths."""
+    """Paths and motions that were found together, with the tracks and zones of these paths.
+
+    aside: how many of the paths are not the shortest ones.
+    """
 
     paths: list[Nurbs]
     tracks: list[Track]
     junctions: Junctions
     motions: list[Motion]
+    aside: int
 
 
 def _is_better(flow: _Flow, motions: Sequence[Motion]) -> bool:
@@ -239,15 +243,14 @@ class _Stages:
             return paper_policy.schedule(scenario, self.paths, limits, self.tau)
         priorities = [robot.priority for robot in scenario.robots]
         flow = self._in_flow(priorities, effort)
-        if flow is not None and len(priorities) > _MOST_BOTH:
-            return self._adopt(flow)
-        try:
-            motions = self._in_order(priorities, effort)
-        except PlanError:
-            if flow is None:
-                raise
-            return self._adopt(flow)
-        return motions if flow is None or not _is_better(flow, motions) else self._adopt(flow)
+        if flow is None:
+            return self._in_order(priorities, effort)
+        if len(priorities) <= _MOST_BOTH:
+            with suppress(PlanError):
+                motions = self._in_order(priorities, effort)
+                if not _is_better(flow, motions):
+                    return motions
+        return self._adopt(flow)
 
     def _in_flow(self, priorities: list[int], effort: int) -> _Flow | None:
         """Return ways and motions that look at who comes when; None if none are found."""
@@ -274,21 +277,23 @@ class _Stages:
             return None
         paths, tracks = [one.path for one in courses], [one.track for one in courses]
         order = sorted(range(len(courses)), key=lambda index: courses[index].motion.finish)
-        Improvement(junctions, motions, order, priorities).settle()
-        return _Flow(paths, tracks, junctions, motions.all())
+        improvement = Improvement(junctions, motions, order, priorities)
+        improvement.settle()
+        owned = with_owners(junctions, motions.all(), all_waits=True)
+        improvement.plan_again([i for i in order if any(wait.owner < 0 for wait in owned[i].waits)])
+        aside = sum(a is not b for a, b in zip(paths, self.paths, strict=True))
+        return _Flow(paths, tracks, junctions, motions.all(), aside)
 
     def _adopt(self, flow: _Flow) -> list[Motion]:
         """Make these paths the plan's and return their motions, with the owners of their waits."""
-        aside = sum(a is not b for a, b in zip(flow.paths, self.paths, strict=True))
         slower = sum(
             motion.limits is not track.limits
             for motion, track in zip(flow.motions, flow.tracks, strict=True)
         )
-        if aside:
-            self.notes.append(
-                f"{aside} robots leave their shortest ways so that others can pass, {slower} drive "
-                "more slowly on parts of them"
-            )
+        self.notes = [
+            f"robots that leave their shortest ways so that others can pass: {flow.aside}; "
+            f"that drive more slowly than they could: {slower}"
+        ]
         self.paths, self.tracks, self.junctions = flow.paths, flow.tracks, flow.junctions
         return with_owners(flow.junctions, flow.motions, all_waits=True)
 

@@ -116,6 +116,11 @@ class Improvement:
                     return
                 self._plan_again(index)
 
+    def plan_again(self, chosen: Sequence[int]) -> None:
+        """Plan some robots again, one after the other."""
+        for index in chosen:
+            self._plan_again(index)
+
     def _plan_again(self, index: int) -> None:
         """Give a robot its earliest motion among all others, if that is no later."""
         old, serial = self.motions.found[index], int(self.motions.table.serial[index])
