@@ -12,28 +12,19 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Collection, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from coordinator.base.errors import PlanError
+from coordinator.bends.courses import Course, CourseMaker, TrackOf, may_bend
 from coordinator.bends.meshes import Meshes
 from coordinator.bends.traffic_kernels import Traffic, first_meeting, gathered, least_delay
 from coordinator.bends.way_kernels import Trip, earliest_way, pulled_taut
 from coordinator.curves.nurbs import Array, Nurbs
-from coordinator.motion.slowing import Slow, slowed
-from coordinator.motion.velocity_profile import Motion, Wait
 from coordinator.paths.path_planner import Pathfinder
-from coordinator.paths.smoothing import smooth
 from coordinator.scenario.model import Robot
 from coordinator.schedule.track import Track
-
-_STEP: Final = 0.15
-"""Distance [m] between a robot's samples."""
 
 _PADS: Final = ((0.25, 0.04), (0.5, 0.09))
 """What a way keeps beyond tau [s] and the need [m]: its curve and its times differ a little from
@@ -55,20 +46,6 @@ _MISSING: Final = 100.0
 """What a robot without a motion counts as delay [s]."""
 
 
-TrackOf = Callable[[int, Nurbs], Track]
-"""Returns the track of a robot, by its number, on a path."""
-
-
-@dataclass(frozen=True, eq=False)
-class Course:
-    """A robot's path with its track, its motion, and samples (n, 5) of that."""
-
-    path: Nurbs
-    track: Track
-    motion: Motion
-    samples: Array
-
-
 class FlowSearch:
     """A search for the ways of a whole fleet."""
 
@@ -82,16 +59,15 @@ class FlowSearch:
     ) -> None:
         scenario = finder.scenario
         self.robots, self.margin, self.tau = scenario.robots, scenario.margin, tau
-        self._finder, self._track_of = finder, track_of
-        self._speed = [scenario.planned_speed(robot) for robot in self.robots]
         self._spaces = {
             index: finder.space_among_places(index)
             for index, robot in enumerate(self.robots)
             if may_bend(robot)
         }
+        self._maker = CourseMaker(finder, self._spaces, track_of)
         self._meshes = Meshes(finder, self._spaces)
         self._straight = [
-            self._timed(index, path, track, [])
+            self._maker.shortest(index, path, track)
             for index, (path, track) in enumerate(zip(paths, tracks, strict=True))
         ]
         self.alone = [course.motion.finish for course in self._straight]
@@ -204,7 +180,7 @@ class FlowSearch:
         if self.alone[index] + delay < latest:
             found, latest = straight, self.alone[index] + delay
             if delay > 0.0:
-                found = self._timed(index, straight.path, straight.track, [Wait(0.0, delay, -1)])
+                found = self._maker.later(index, straight, delay)
         if delay > _WORTH and index in self._spaces:
             found = self._bent(index, traffic, latest - _WORTH) or found
         if found is not None:
@@ -218,8 +194,8 @@ class FlowSearch:
         ends = self._meshes.ends(index, start, goal)
         if ends is None:
             return None
-        speed, reach = self._speed[index], robot.radius + self.margin
-        ramp = 0.5 * speed / self._straight[index].motion.limits.ramp
+        speed, reach = self._maker.speed(index), robot.radius + self.margin
+        ramp = self._maker.ramp(index)
         for tau_pad, need_pad in _PADS:
             trip = Trip(
                 index,
@@ -241,10 +217,8 @@ class FlowSearch:
             sight = np.zeros((len(way), len(way)), dtype=np.bool_)
             sight[one, other] = self._spaces[index].keeping(way[one], way[other])
             kept, times = pulled_taut(way, when, sight, trip, traffic)
-            # A rest on the way is driven through slowly if others allow that.
-            for through in (True, False) if _rests(times).any() else (False,):
-                course = self._driven(index, way[kept], times, ramp, through)
-                if course is None or course.motion.finish >= latest:
+            for course in self._maker.along(index, way[kept], times):
+                if course.motion.finish >= latest:
                     continue
                 if first_meeting(course.samples, traffic, index, *self._kept(index)) < 0:
                     return course
@@ -255,83 +229,9 @@ class FlowSearch:
         tau, need = self._slack.tolist()
         return self.robots[index].radius + self.margin + need, self.tau + tau
 
-    def _driven(
-        self, index: int, way: Array, times: Array, ramp: float, through: bool
-    ) -> Course | None:
-        """Return the course along a polygon (n, 2) with times (n, 2) [s]; None if none is clear.
-
-        With `through`, the robot comes to a vertex when it would leave it, and does not rest there.
-        """
-        rests = _rests(times)
-        if through:
-            times = times.copy()
-            times[rests, 0] = times[rests, 1]
-        exact = np.zeros(len(way), dtype=np.bool_)
-        exact[[0, -1]] = True
-        handling = self._finder.handling(self.robots[index])
-        with suppress(PlanError):
-            path = smooth(way, exact, self._spaces[index], handling).curve
-            legs = np.hypot(*np.diff(way, axis=0).T)
-            along = np.append(0.0, np.cumsum(legs))
-            along *= path.length / along[-1]
-            lasts = np.maximum(times[1:, 0] - times[:-1, 1], 1e-9)
-            slow = [
-                Slow(float(begin), float(end), float(far / time))
-                for begin, end, far, time in zip(along, along[1:], legs, lasts, strict=False)
-                if far / time < 0.999 * self._speed[index]
-            ]
-            resting = [] if through else np.flatnonzero(rests).tolist()
-            waits = [Wait(float(along[k]), float(times[k, 1] - ramp), -1) for k in resting]
-            if times[0, 1] > ramp + 1e-6:
-                waits.insert(0, Wait(0.0, float(times[0, 1] - ramp), -1))
-            return self._timed(index, path, self._track_of(index, path), waits, slow)
-        return None
-
-    def _timed(
-        self,
-        index: int,
-        path: Nurbs,
-        track: Track,
-        waits: list[Wait],
-        slow: Sequence[Slow] = (),
-    ) -> Course:
-        """Return the course with these waits [s] and slow stretches on a path."""
-        motion = Motion(slowed(track.limits, slow), waits)
-        return Course(path, track, motion, _sampled(path, motion, self.robots[index].radius))
-
     def _at_start(self, robot: Robot) -> Array:
         """Return the sample (1, 5) of a robot that has yet to be placed."""
         return np.array([[*robot.start[:2], -math.inf, 0.0, robot.radius]])
-
-
-def may_bend(robot: Robot) -> bool:
-    """Return whether a robot may take another way than its shortest one."""
-    return (
-        robot.path is None
-        and not robot.is_idle
-        and not robot.via
-        and len(robot.start) == len(robot.goal) == 2
-    )
-
-
-def _rests(times: Array) -> npt.NDArray[np.bool_]:
-    """Return where on its way (n,) a robot rests that comes and goes at times (n, 2) [s]."""
-    found: npt.NDArray[np.bool_] = times[:, 1] > times[:, 0] + 1e-6
-    found[0] = False
-    return found
-
-
-def _sampled(path: Nurbs, motion: Motion, radius: float) -> Array:
-    """Return samples (n, 5) of a motion: traffic_kernels.X and so on."""
-    count = max(int(path.length / _STEP), 1)
-    borders = np.linspace(0.0, path.length, count + 1)
-    places = np.concatenate(([0.0], 0.5 * (borders[1:] + borders[:-1]), [path.length]))
-    inner = borders[1:-1]
-    leaves = motion.start_time
-    begin = np.concatenate(([-math.inf, leaves], motion.reached(inner), [motion.finish]))
-    end = np.concatenate(([leaves], motion.left(inner), [motion.finish, math.inf]))
-    points = path.at_arc(places)
-    return np.column_stack((points, begin, end, np.full(len(places), radius)))
 
 
 def _met(own: Array, traffic: Traffic, size: float) -> set[int]:

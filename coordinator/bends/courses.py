@@ -1,0 +1,143 @@
+"""A robot's course along a way in space and time: its curve, its speeds, and samples of both.
+
+Decides: how the vertices and times of a way become a path and a motion.  Must not know: other
+robots, how ways are searched.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from coordinator.base.errors import PlanError
+from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.ground.free_space import Space
+from coordinator.motion.slowing import Slow, slowed
+from coordinator.motion.velocity_profile import Motion, Wait
+from coordinator.paths.path_planner import Pathfinder
+from coordinator.paths.smoothing import smooth
+from coordinator.scenario.model import Robot
+from coordinator.schedule.track import Track
+
+_STEP: Final = 0.15
+"""Distance [m] between a robot's samples."""
+
+_FULL: Final = 0.999
+"""Legs at this share of the planned speed or more are driven at full speed."""
+
+_SOON: Final = 1e-6
+
+TrackOf = Callable[[int, Nurbs], Track]
+"""Returns the track of a robot, by its number, on a path."""
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A robot's path with its track, its motion, and samples (n, 5) of that."""
+
+    path: Nurbs
+    track: Track
+    motion: Motion
+    samples: Array
+
+
+class CourseMaker:
+    """Makes the courses of a fleet; `spaces`: where the robots may drive that may bend."""
+
+    def __init__(self, finder: Pathfinder, spaces: Mapping[int, Space], track_of: TrackOf) -> None:
+        self._finder, self._spaces, self._track_of = finder, spaces, track_of
+        self._robots = finder.scenario.robots
+        self._ramps: dict[int, float] = {}
+
+    def speed(self, index: int) -> float:
+        """Return a robot's planned speed [m/s]."""
+        return self._finder.scenario.planned_speed(self._robots[index])
+
+    def ramp(self, index: int) -> float:
+        """Return the time [s] that speeding up from rest costs a robot, and so does braking."""
+        return self._ramps[index]
+
+    def shortest(self, index: int, path: Nurbs, track: Track) -> Course:
+        """Return the course along a robot's shortest way, without a wait."""
+        self._ramps[index] = 0.5 * self.speed(index) / track.limits.ramp
+        return self._timed(index, path, track, [], [])
+
+    def later(self, index: int, course: Course, delay: float) -> Course:
+        """Return a course without waits that leaves its start later by `delay` [s]."""
+        waits = [Wait(0.0, delay, -1)]
+        return self._timed(index, course.path, course.track, waits, [])
+
+    def along(self, index: int, way: Array, times: Array) -> Iterator[Course]:
+        """Yield courses along a polygon (n, 2) [m] whose vertices have times (n, 2) [s].
+
+        times: when the robot comes and when it goes, at speeds that change at once.  If it rests on
+        the way, the first course has it come later, slowly, and go on without a rest.  There are
+        none without a clear curve.
+        """
+        exact = np.zeros(len(way), dtype=np.bool_)
+        exact[[0, -1]] = True
+        try:
+            path = smooth(
+                way, exact, self._spaces[index], self._finder.handling(self._robots[index])
+            ).curve
+        except PlanError:
+            return
+        track = self._track_of(index, path)
+        legs = np.hypot(*np.diff(way, axis=0).T)
+        along = np.append(0.0, np.cumsum(legs))
+        along *= path.length / along[-1]
+        rests = times[:, 1] > times[:, 0] + _SOON
+        rests[0] = False
+        leaves = float(times[0, 1]) - self.ramp(index)
+        start = [Wait(0.0, leaves, -1)] if leaves > _SOON else []
+        if rests.any():
+            through = times.copy()
+            through[rests, 0] = through[rests, 1]
+            yield self._timed(index, path, track, start, self._slow(index, along, legs, through))
+        waits = [
+            Wait(float(along[k]), float(times[k, 1]) - self.ramp(index), -1)
+            for k in np.flatnonzero(rests)
+        ]
+        slow = self._slow(index, along, legs, times)
+        yield self._timed(index, path, track, [*start, *waits], slow)
+
+    def _slow(self, index: int, along: Array, legs: Array, times: Array) -> list[Slow]:
+        """Return the legs (n,) [m] that are driven slowly, by where they lie on the path."""
+        speeds = legs / np.maximum(times[1:, 0] - times[:-1, 1], 1e-9)
+        return [
+            Slow(float(along[k]), float(along[k + 1]), float(speeds[k]))
+            for k in np.flatnonzero(speeds < _FULL * self.speed(index))
+        ]
+
+    def _timed(
+        self, index: int, path: Nurbs, track: Track, waits: list[Wait], slow: Sequence[Slow]
+    ) -> Course:
+        motion = Motion(slowed(track.limits, slow), waits)
+        return Course(path, track, motion, _sampled(path, motion, self._robots[index].radius))
+
+
+def may_bend(robot: Robot) -> bool:
+    """Return whether a robot may take another way than its shortest one."""
+    return (
+        robot.path is None
+        and not robot.is_idle
+        and not robot.via
+        and len(robot.start) == len(robot.goal) == 2
+    )
+
+
+def _sampled(path: Nurbs, motion: Motion, radius: float) -> Array:
+    """Return samples (n, 5) of a motion; their columns are X to RADIUS of traffic_kernels."""
+    count = max(int(path.length / _STEP), 1)
+    borders = np.linspace(0.0, path.length, count + 1)
+    places = np.concatenate(([0.0], 0.5 * (borders[1:] + borders[:-1]), [path.length]))
+    inner = borders[1:-1]
+    leaves = motion.start_time
+    begin = np.concatenate(([-math.inf, leaves], motion.reached(inner), [motion.finish]))
+    end = np.concatenate(([leaves], motion.left(inner), [motion.finish, math.inf]))
+    points = path.at_arc(places)
+    return np.column_stack((points, begin, end, np.full(len(places), radius)))
