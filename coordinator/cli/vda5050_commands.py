@@ -1,4 +1,4 @@
-"""The VDA 5050 commands: import, and the part of export that writes orders.
+"""The VDA 5050 commands: their import, and the part of export that writes orders.
 
 Decides: their options, files and exit codes.  Heavy modules are imported when a command needs them.
 """
@@ -15,6 +15,7 @@ import typer
 
 from coordinator.base.console import tell, write_file
 from coordinator.base.errors import InputError
+from coordinator.cli.import_commands import imports, write_scenario
 from coordinator.cli.plan_commands import make_folder, newest_plan, within, writable
 from coordinator.exchange.vda5050 import Version
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from coordinator.exchange.vda5050_reading import Ordered
 
 commands = typer.Typer()
-imports = typer.Typer(no_args_is_help=True, help="Make a scenario from files of other tools.")
 commands.add_typer(imports, name="import", rich_help_panel="Plan")
 
 
@@ -64,22 +64,19 @@ def import_vda5050(
     Example: splinefleet import vda5050 orders/*.json --like hall.toml -o theirs.toml
     """
     from coordinator.exchange.vda5050_reading import Assumed, scenario_of
-    from coordinator.scenario_files.scenario_reader import read_scenario, scenario_to_json
-    from coordinator.scenario_files.toml_writer import scenario_to_toml
+    from coordinator.scenario_files.scenario_reader import default_name, read_scenario
 
     asked = None if like is None else read_scenario(like)
     found = _read_all(orders)
-    made = scenario_of(found, _name(output), Assumed(radius, max_speed, rounding), asked)
+    made = scenario_of(
+        found, default_name(str(output)), Assumed(radius, max_speed, rounding), asked
+    )
     for robot in made.robots:
         if robot.path is not None and robot.path.rounding > 0.0:
             tell(
                 f"{robot.id}: the path has corners; they are cut by up to {robot.path.rounding:g} m"
             )
-    if output.suffix.lower() == ".json":
-        write_file(output, scenario_to_json(made))
-    else:
-        write_file(output, scenario_to_toml(made, "Paths from VDA 5050 orders"))
-    tell(f"wrote {output}")
+    write_scenario(made, output, "Paths from VDA 5050 orders")
 
 
 def _read_all(files: list[Path]) -> list[Ordered]:
@@ -105,12 +102,6 @@ def _read_all(files: list[Path]) -> list[Ordered]:
     if problems:
         raise InputError(problems)
     return [order for _, order in found]
-
-
-def _name(output: Path) -> str:
-    from coordinator.scenario_files.scenario_reader import default_name
-
-    return default_name(str(output))
 
 
 def write_orders(source: Path, folder: Path, version: Version) -> None:

@@ -36,6 +36,23 @@ def read_movingai_map(path: Path, options: MapOptions) -> FloorMap:
 
     Raises InputError with every problem, as `FILE: line, column: what is wrong`.
     """
+    grid = read_movingai_grid(path, 1.0 if options.cell is None else options.cell)
+    return floor_map_of(path, grid, options.map_error or 0.0)
+
+
+def floor_map_of(path: Path, grid: Grid, map_error: float) -> FloorMap:
+    """Return the cells of a .map file as polygons that are grown by up to `map_error` [m]."""
+    height, width = grid.occupied.shape
+    try:
+        obstacles, growth = grid.obstacles(map_error)
+    except TooManyCornersError as error:
+        raise fail(path, [str(error)]) from None
+    what = f"{width} x {height} cells of {grid.cell:g} m"
+    return FloorMap(grid.boundary(), obstacles, describe(path, what, obstacles, growth))
+
+
+def read_movingai_grid(path: Path, cell: float) -> Grid:
+    """Read the cells of a .map file, which are `cell` [m] wide; raises as read_movingai_map."""
     lines = read_bytes(path, 2 * MOST_CELLS).replace(b"\r\n", b"\n").split(b"\n")
     problems: list[str] = []
     height, width = _sizes(lines, problems)
@@ -43,19 +60,12 @@ def read_movingai_map(path: Path, options: MapOptions) -> FloorMap:
         raise fail(path, problems)
     rows = lines[4 : 4 + height]
     problems += _row_faults(rows, lines[4 + height :], height, width)
-    cell = 1.0 if options.cell is None else options.cell
     if max(height, width) * cell > FARTHEST:
         reach = f"{max(height, width) * cell:g} m wide with cells of {cell:g} m"
         problems.append(f"the map is {reach}, at most {FARTHEST:g} m are allowed")
     if problems:
         raise fail(path, problems)
-    grid = Grid(_cells(rows, height, width), cell)
-    try:
-        obstacles, growth = grid.obstacles(options.map_error or 0.0)
-    except TooManyCornersError as error:
-        raise fail(path, [str(error)]) from None
-    what = f"{width} x {height} cells of {cell:g} m"
-    return FloorMap(grid.boundary(), obstacles, describe(path, what, obstacles, growth))
+    return Grid(_cells(rows, height, width), cell)
 
 
 def _sizes(lines: list[bytes], problems: list[str]) -> tuple[int, int]:
