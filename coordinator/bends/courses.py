@@ -7,7 +7,7 @@ robots, how ways are searched.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -46,10 +46,10 @@ class Course:
 
 
 class CourseMaker:
-    """Makes the courses of a fleet; `spaces`: where the robots may drive that may bend."""
+    """Makes the courses of a fleet."""
 
-    def __init__(self, finder: Pathfinder, spaces: Mapping[int, Space], track_of: TrackOf) -> None:
-        self._finder, self._spaces, self._track_of = finder, spaces, track_of
+    def __init__(self, finder: Pathfinder, track_of: TrackOf) -> None:
+        self._finder, self._track_of = finder, track_of
         self._robots = finder.scenario.robots
         self._ramps: dict[int, float] = {}
 
@@ -71,8 +71,8 @@ class CourseMaker:
         waits = [Wait(0.0, delay, -1)]
         return self._timed(index, course.path, course.track, waits, [])
 
-    def along(self, index: int, way: Array, times: Array) -> Iterator[Course]:
-        """Yield courses along a polygon (n, 2) [m] whose vertices have times (n, 2) [s].
+    def along(self, index: int, space: Space, way: Array, times: Array) -> Iterator[Course]:
+        """Yield courses along a polygon (n, 2) [m] in a space, its times (n, 2) [s] given.
 
         times: when the robot comes and when it goes, at speeds that change at once.  If it rests on
         the way, the first course has it come later, slowly, and go on without a rest.  There are
@@ -81,9 +81,7 @@ class CourseMaker:
         exact = np.zeros(len(way), dtype=np.bool_)
         exact[[0, -1]] = True
         try:
-            path = smooth(
-                way, exact, self._spaces[index], self._finder.handling(self._robots[index])
-            ).curve
+            path = smooth(way, exact, space, self._finder.handling(self._robots[index])).curve
         except PlanError:
             return
         track = self._track_of(index, path)

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from coordinator.bends.courses import Course, CourseMaker, TrackOf, may_bend
-from coordinator.bends.meshes import Meshes
+from coordinator.bends.meshes import Ends, Meshes
 from coordinator.bends.traffic_kernels import Traffic, first_meeting, gathered, least_delay
 from coordinator.bends.way_kernels import Trip, earliest_way, pulled_taut
 from coordinator.curves.nurbs import Array, Nurbs
@@ -59,13 +59,11 @@ class FlowSearch:
     ) -> None:
         scenario = finder.scenario
         self.robots, self.margin, self.tau = scenario.robots, scenario.margin, tau
-        self._spaces = {
-            index: finder.space_among_places(index)
-            for index, robot in enumerate(self.robots)
-            if may_bend(robot)
-        }
-        self._maker = CourseMaker(finder, self._spaces, track_of)
-        self._meshes = Meshes(finder, self._spaces)
+        bending = [index for index, robot in enumerate(self.robots) if may_bend(robot)]
+        among = {index: finder.space_among_places(index) for index in bending}
+        alone = {index: finder.space(self.robots[index]) for index in bending}
+        self._meshes = Meshes(finder, among, True), Meshes(finder, alone, False)
+        self._maker = CourseMaker(finder, track_of)
         self._straight = [
             self._maker.shortest(index, path, track)
             for index, (path, track) in enumerate(zip(paths, tracks, strict=True))
@@ -181,43 +179,46 @@ class FlowSearch:
             found, latest = straight, self.alone[index] + delay
             if delay > 0.0:
                 found = self._maker.later(index, straight, delay)
-        if delay > _WORTH and index in self._spaces:
+        if delay > _WORTH and may_bend(self.robots[index]):
             found = self._bent(index, traffic, latest - _WORTH) or found
         if found is not None:
             self._put(index, found)
         return found is not None
 
     def _bent(self, index: int, traffic: Traffic, latest: float) -> Course | None:
-        """Return a robot's course on the earliest way in space and time; None if there is none."""
-        robot = self.robots[index]
-        start, goal = np.array(robot.start[:2]), np.array(robot.goal[:2])
-        ends = self._meshes.ends(index, start, goal)
-        if ends is None:
-            return None
-        speed, reach = self._maker.speed(index), robot.radius + self.margin
-        ramp = self._maker.ramp(index)
+        """Return a robot's course on the earliest way in space and time; None if there is none.
+
+        It keeps off other robots' starts and goals, unless these close all ways.
+        """
+        for meshes in self._meshes:
+            ends = meshes.ends(index)
+            if ends is not None:
+                return self._bent_on(meshes, ends, index, traffic, latest)
+        return None
+
+    def _bent_on(
+        self, meshes: Meshes, ends: Ends, index: int, traffic: Traffic, latest: float
+    ) -> Course | None:
+        """Do what `_bent` does, on the meshes that the robot enters and leaves at `ends`."""
+        space, mesh = meshes.spaces[index], meshes.of(index)
+        ramp, reach = self._maker.ramp(index), self.robots[index].radius + self.margin
         for tau_pad, need_pad in _PADS:
             trip = Trip(
                 index,
-                ends.enters,
-                ends.leaves,
-                start,
-                goal,
-                ends.left,
-                speed,
+                *ends,
+                self._maker.speed(index),
                 ramp,
                 reach + need_pad,
                 self.tau + tau_pad,
             )
-            mesh = self._meshes.of(index)
             way, when = earliest_way(mesh, trip, traffic, latest - ramp, _MOST_STATES)
             if not len(way):
                 return None
             one, other = np.triu_indices(len(way), 1)
             sight = np.zeros((len(way), len(way)), dtype=np.bool_)
-            sight[one, other] = self._spaces[index].keeping(way[one], way[other])
+            sight[one, other] = space.keeping(way[one], way[other])
             kept, times = pulled_taut(way, when, sight, trip, traffic)
-            for course in self._maker.along(index, way[kept], times):
+            for course in self._maker.along(index, space, way[kept], times):
                 if course.motion.finish >= latest:
                     continue
                 if first_meeting(course.samples, traffic, index, *self._kept(index)) < 0:

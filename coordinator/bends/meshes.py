@@ -5,8 +5,8 @@ Decides: how fine the mesh is, and which of its moves are clear.  Must not know:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Mapping
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -28,20 +28,28 @@ _NEAR: Final = 2.0
 """A robot enters the mesh at a cell at most this many cell sizes away."""
 
 
-@dataclass(frozen=True, eq=False)
-class Ends:
-    """The cells where a robot enters and leaves its mesh, and all cells' distances [m] from it."""
+class Ends(NamedTuple):
+    """The cells where a robot enters and leaves its mesh, its start and goal (2,) [m].
+
+    left (cells,) [m]: the distances of all cells from the one where it leaves.
+    """
 
     enters: int
     leaves: int
+    start: Array
+    goal: Array
     left: Array
 
 
 class Meshes:
-    """The meshes of a fleet, one for each radius, made when they are asked for."""
+    """The meshes of a fleet, one for each radius, made when they are asked for.
 
-    def __init__(self, finder: Pathfinder, spaces: dict[int, Space]) -> None:
-        self._finder, self._spaces = finder, spaces
+    spaces: where the robots that may bend may drive.  If the fleet `keeps_off`, no move comes near
+    other robots' starts and goals.
+    """
+
+    def __init__(self, finder: Pathfinder, spaces: Mapping[int, Space], keeps_off: bool) -> None:
+        self._finder, self.spaces, self._keeps_off = finder, spaces, keeps_off
         self._meshes: dict[float, Mesh] = {}
         self._ends: dict[int, Ends | None] = {}
 
@@ -52,15 +60,18 @@ class Meshes:
             self._meshes[radius] = self._make(index)
         return self._meshes[radius]
 
-    def ends(self, index: int, start: Array, goal: Array) -> Ends | None:
-        """Return where a robot enters and leaves its mesh; None if it cannot."""
+    def ends(self, index: int) -> Ends | None:
+        """Return where a robot enters and leaves its mesh; None if no moves join both."""
         if index not in self._ends:
-            mesh = self.of(index)
+            mesh, robot = self.of(index), self._finder.scenario.robots[index]
+            start, goal = np.array(robot.start[:2]), np.array(robot.goal[:2])
             enters, leaves = (self._cell(index, mesh, place) for place in (start, goal))
             found = None
             if enters >= 0 and leaves >= 0:
                 left = distances(mesh, index, leaves)
-                found = Ends(enters, leaves, left) if np.isfinite(left[enters]) else None
+                found = (
+                    Ends(enters, leaves, start, goal, left) if np.isfinite(left[enters]) else None
+                )
             self._ends[index] = found
         return self._ends[index]
 
@@ -78,7 +89,7 @@ class Meshes:
         for k in np.flatnonzero(usable)[np.argsort(far[usable], kind="stable")].tolist():
             if far[k] > _NEAR * mesh.size:
                 break
-            if self._spaces[index].keeping(place[None], middles[k][None])[0]:
+            if self.spaces[index].keeping(place[None], middles[k][None])[0]:
                 return int(cells[k])
         return -1
 
@@ -109,6 +120,8 @@ class Meshes:
             clear[unsure] = space.keeping(middles[begin[unsure]], middles[end[unsure]])
             codes[begin[clear], k] = codes[end[clear], k + HALF] = OPEN
         mesh = Mesh(codes, x, y, size, columns, rows)
+        if not self._keeps_off:
+            return mesh
         needs = np.array([other.radius for other in robots]) + reach + _PLACE_ROOM
         for places in ([one.start[:2] for one in robots], [one.goal[:2] for one in robots]):
             close_near(mesh, np.array(places), needs)

@@ -162,7 +162,7 @@ def test_moves_of_a_mesh_are_clear_of_obstacles_and_of_other_robots_places():
     )
     finder = Pathfinder(scenario)
     spaces = {index: finder.space_among_places(index) for index in range(2)}
-    meshes = Meshes(finder, spaces)
+    meshes = Meshes(finder, spaces, keeps_off=True)
     mesh = meshes.of(0)
     solid = shapely.Polygon(wall).buffer(0.249)
     discs = [shapely.Point(place).buffer(0.449) for place in ((2.0, 8.0), (8.0, 1.5))]
@@ -177,12 +177,33 @@ def test_moves_of_a_mesh_are_clear_of_obstacles_and_of_other_robots_places():
     assert opened > 1000
 
 
+def test_where_anothers_place_closes_the_only_way_a_robot_passes_it_in_time():
+    scenario = floor(
+        [
+            robot("A", (1.0, 5.0), (7.0, 5.0)),
+            robot("B", (4.0, 5.0), (9.0, 5.0)),
+        ],
+        [
+            ((0.0, 5.4), (10.0, 5.4), (10.0, 6.0), (0.0, 6.0)),
+            ((0.0, 4.0), (10.0, 4.0), (10.0, 4.6), (0.0, 4.6)),
+        ],
+    )
+    finder = Pathfinder(scenario)
+    among = {index: finder.space_among_places(index) for index in range(2)}
+    alone = {index: finder.space(scenario.robots[index]) for index in range(2)}
+    assert Meshes(finder, among, keeps_off=True).ends(0) is None
+    assert Meshes(finder, alone, keeps_off=False).ends(0) is not None
+    _, courses = searched(scenario)
+    keeps_clear(scenario, courses)
+
+
 def test_distances_on_a_mesh_are_those_of_dijkstra():
     scenario = floor([robot("A", (1.0, 5.0), (9.0, 5.0)), robot("B", (2.0, 8.0), (8.0, 1.5))])
     finder = Pathfinder(scenario)
-    meshes = Meshes(finder, {index: finder.space_among_places(index) for index in range(2)})
+    spaces = {index: finder.space_among_places(index) for index in range(2)}
+    meshes = Meshes(finder, spaces, keeps_off=True)
     mesh = meshes.of(0)
-    ends = meshes.ends(0, np.array((1.0, 5.0)), np.array((9.0, 5.0)))
+    ends = meshes.ends(0)
     cells, moves = np.nonzero((mesh.codes == OPEN) | (mesh.codes == 0))
     to = cells + MOVES[moves, 1] * mesh.columns + MOVES[moves, 0]
     far = mesh.size * np.hypot(*MOVES[moves].T)
