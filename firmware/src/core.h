@@ -7,13 +7,15 @@
 
 /* Of the C library, declared here because a freestanding compiler has no math.h. */
 #ifdef SF_DOUBLE
-double sqrt(double), sin(double), cos(double), atan2(double, double);
+double fabs(double), sqrt(double), sin(double), cos(double), atan2(double, double);
+#define sf_abs fabs /* one instruction */
 #define SF_SQRT sqrt
 #define SF_SIN sin
 #define SF_COS cos
 #define SF_ATAN2 atan2
 #else
-float sqrtf(float), sinf(float), cosf(float), atan2f(float, float);
+float fabsf(float), sqrtf(float), sinf(float), cosf(float), atan2f(float, float);
+#define sf_abs fabsf
 #define SF_SQRT sqrtf
 #define SF_SIN sinf
 #define SF_COS cosf
@@ -51,7 +53,6 @@ float sqrtf(float), sinf(float), cosf(float), atan2f(float, float);
 enum { HOLD, GO, FREEZE, OVER, STOP }; /* the phase in a Command */
 
 /* numbers.c */
-sf_real sf_abs(sf_real value);
 sf_real sf_least(sf_real a, sf_real b);
 sf_real sf_most(sf_real a, sf_real b);
 int64_t sf_sum(int64_t a, int64_t b);        /* saturates */

@@ -2,7 +2,6 @@
 
 #include "core.h"
 
-sf_real sf_abs(sf_real value) { return value < R(0) ? -value : value; }
 sf_real sf_least(sf_real a, sf_real b) { return b < a ? b : a; }
 sf_real sf_most(sf_real a, sf_real b) { return b > a ? b : a; }
 

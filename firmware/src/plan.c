@@ -119,25 +119,25 @@ static void read_point(const sf_plan *plan, sf_curve *curve, unsigned i) {
 static bool add_knot(sf_timeline *line, unsigned at, sf_real s, sf_real v, bool sorted) {
     if (at > SF_LEGS) return false;
     for (; sorted && at > 0; at--) {
-        if (line->s[at - 1] < s || (line->s[at - 1] == s && line->v[at - 1] <= v)) break;
-        line->s[at] = line->s[at - 1];
-        line->v[at] = line->v[at - 1];
+        if (line->knots[at - 1].s < s || (line->knots[at - 1].s == s && line->knots[at - 1].v <= v)) break;
+        line->knots[at].s = line->knots[at - 1].s;
+        line->knots[at].v = line->knots[at - 1].v;
     }
-    line->s[at] = s;
-    line->v[at] = v;
+    line->knots[at].s = s;
+    line->knots[at].v = v;
     return true;
 }
 
 /* The checks of a Timeline, all but those of its stops. */
 static bool is_profile(sf_timeline *line, unsigned count) {
-    if (count < 2 || line->s[0] != R(0)) return false;
+    if (count < 2 || line->knots[0].s != R(0)) return false;
     line->most_v = R(0);
     for (unsigned i = 0; i < count; i++) {
-        if (!(line->v[i] >= R(0)) || !(line->v[i] < R(1e3))) return false;
-        if (i && (!(line->s[i] > line->s[i - 1]) || !(line->v[i] + line->v[i - 1] > R(0)))) return false;
-        line->most_v = sf_most(line->most_v, line->v[i]);
+        if (!(line->knots[i].v >= R(0)) || !(line->knots[i].v < R(1e3))) return false;
+        if (i && (!(line->knots[i].s > line->knots[i - 1].s) || !(line->knots[i].v + line->knots[i - 1].v > R(0)))) return false;
+        line->most_v = sf_most(line->most_v, line->knots[i].v);
     }
-    line->length = line->s[count - 1];
+    line->length = line->knots[count - 1].s;
     line->legs = line->leg = 0;
     line->leg_from = line->leg_to = SF_INF;
     return true;
@@ -160,8 +160,8 @@ static bool are_stops(const sf_plan *plan, const sf_timeline *line) {
 static bool add_legs(sf_plan *plan, sf_course *course) {
     sf_timeline *line = &course->timeline;
     unsigned first = line->legs, count = plan->at;
-    sf_real s = line->s[first], v = line->v[first], time = plan->time;
-    sf_real end_s = line->s[first + 1], end_v = line->v[first + 1];
+    sf_real s = line->knots[first].s, v = line->knots[first].v, time = plan->time;
+    sf_real end_s = line->knots[first + 1].s, end_v = line->knots[first + 1].v;
     sf_real slope = (end_v * end_v - v * v) / (end_s - s);
     for (; plan->stop < plan->counts[PACKED_STOPS]; plan->stop++) {
         const uint8_t *stop = plan->packed[PACKED_STOPS] + 12 * plan->stop;
@@ -171,11 +171,11 @@ static bool add_legs(sf_plan *plan, sf_course *course) {
             sf_real next_v = SF_SQRT(sf_most(v * v + slope * (stop_s - s), R(0)));
             if (count > SF_LEGS) return false;
             for (unsigned i = count++; i > line->legs + 1u; i--) {
-                line->s[i] = line->s[i - 1];
-                line->v[i] = line->v[i - 1];
+                line->knots[i].s = line->knots[i - 1].s;
+                line->knots[i].v = line->knots[i - 1].v;
             }
-            line->s[line->legs + 1] = stop_s;
-            line->v[line->legs + 1] = next_v;
+            line->knots[line->legs + 1].s = stop_s;
+            line->knots[line->legs + 1].v = next_v;
             if (!sf_timeline_leg(line, time, stop_s, next_v)) return false;
             time = line->finish;
             s = stop_s;
