@@ -152,12 +152,16 @@ typedef struct {
 
 void sf_open(sf_reader *reader, const uint8_t *bytes, size_t length);
 int64_t sf_get_int(sf_reader *reader, int64_t least, int64_t most);
+uint32_t sf_get_small(sf_reader *reader, uint32_t least, uint32_t most);
 uint32_t sf_get_counter(sf_reader *reader);
+int32_t sf_get_ms(sf_reader *reader);
+int64_t sf_get_stamp(sf_reader *reader);
 uint32_t sf_get_array(sf_reader *reader);
 const uint8_t *sf_get_bytes(sf_reader *reader, uint32_t *length);
 const uint8_t *sf_get_text(sf_reader *reader, uint32_t *length);
 bool sf_get_nil(sf_reader *reader);
 bool sf_close(sf_reader *reader); /* skips further fields; whether all was well */
 bool sf_is_id(const uint8_t *text, uint32_t length);
+bool sf_is_named(const char *id, const uint8_t *text, uint32_t length); /* whether it is this id */
 
 #endif

@@ -48,24 +48,22 @@ static uint32_t crc(uint32_t state, uint8_t byte) {
 /* Read the fields, and check what has to hold for the message to be acceptable. */
 static bool read_fields(sf_agent *agent) {
     sf_plan *plan = &agent->plan;
-    const char *id = sf_robot_of(agent)->id;
     sf_reader reader;
     sf_open(&reader, plan->bytes, plan->length);
-    sf_get_int(&reader, 2, 2);
+    sf_get_small(&reader, 2, 2);
     plan->epoch = sf_get_counter(&reader);
     plan->boot = sf_get_counter(&reader);
-    uint32_t length, i = 0;
+    uint32_t length;
     const uint8_t *robot = sf_get_text(&reader, &length);
-    while (i < length && id[i] == (char)robot[i]) i++;
-    if (i < length || id[i] || length == 0) return false;
+    if (length == 0 || !sf_is_named(sf_robot_of(agent)->id, robot, length)) return false;
     plan->number = sf_get_counter(&reader);
     plan->revision = sf_get_counter(&reader);
-    plan->begin_ms = (int32_t)sf_get_int(&reader, INT32_MIN, INT32_MAX);
+    plan->begin_ms = sf_get_ms(&reader);
     sf_get_int(&reader, 0, 1000000000000);
-    plan->track_mm = (uint16_t)sf_get_int(&reader, 0, 65535);
+    plan->track_mm = (uint16_t)sf_get_small(&reader, 0, 65535);
     plan->brake_mmps2 = sf_get_counter(&reader);
-    plan->clock_ms = (uint16_t)sf_get_int(&reader, 1, 65535);
-    plan->degree = (uint8_t)sf_get_int(&reader, 1, SF_DEGREE);
+    plan->clock_ms = (uint16_t)sf_get_small(&reader, 1, 65535);
+    plan->degree = (uint8_t)sf_get_small(&reader, 1, SF_DEGREE);
     for (int field = 0; field < FIELDS_PACKED; field++) {
         plan->packed[field] = sf_get_bytes(&reader, &length);
         if (length > MOST_PACKED || length % SIZES[field][0]) return false;

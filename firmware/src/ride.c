@@ -36,7 +36,7 @@
 #define TIME_ERROR R(5e-7)   /* the share by which a plan time may be rounded up */
 #endif
 
-sf_real sf_time_of_ms(const sf_course *course, int64_t plan_ms) {
+SHARED sf_real sf_time_of_ms(const sf_course *course, int64_t plan_ms) {
     return sf_seconds_of_ms(sf_difference(plan_ms, course->origin_ms));
 }
 
@@ -76,7 +76,7 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
     return true;
 }
 
-static void limit_authority(sf_course *course) {
+SHARED static void limit_authority(sf_course *course) {
     int64_t told = course->told_ms, rests = course->rests_ms;
     course->authority = sf_time_of_ms(course, told < rests ? told : rests);
     course->granted = sf_s_at(&course->timeline, course->authority);
@@ -89,7 +89,7 @@ void sf_grant(sf_course *course, int64_t authority_ms) {
 }
 
 /* A robot that starts and stops at once may rest where a course begins with any speed. */
-static bool begins_at_rest(sf_course *course) {
+SHARED static bool begins_at_rest(sf_course *course) {
     return sf_v_at(&course->timeline, course->begin) == R(0) || course->brake == SF_INF;
 }
 
@@ -184,7 +184,7 @@ void sf_reckon(sf_course *course, int64_t now_ms) {
 }
 
 /* Whether the robot is more than GRACE behind a plan time. */
-static bool lags(sf_course *course, sf_real time) {
+SHARED static bool lags(sf_course *course, sf_real time) {
     sf_real bearable = sf_least(course->track - course->follower.off, course->slack);
     return !(course->follower.s >= sf_s_at(&course->timeline, time - GRACE) - bearable);
 }
@@ -221,7 +221,7 @@ bool sf_at_goal(const sf_course *course) {
     return left <= ARRIVAL_SLACK && course->follower.off <= course->track;
 }
 
-bool sf_has_left_goal(const sf_course *course) {
+SHARED bool sf_has_left_goal(const sf_course *course) {
     sf_real moved = sf_abs(course->timeline.length - course->follower.s);
     return !(course->follower.off + moved <= course->track);
 }
@@ -311,7 +311,7 @@ void sf_keep_to_plan(sf_course *course, sf_real now) {
     course->curvature = sf_curvature(course, course->speed * period);
 }
 
-void sf_begin_to_brake(sf_course *course) {
+SHARED void sf_begin_to_brake(sf_course *course) {
     bool stuck = course->watch - course->stuck_from >= REST_TIME;
     sf_real seen = sf_most(course->pace, R(0)) + R(2) * PACE_TIME * course->brake;
     course->brake_speed = stuck ? R(0) : sf_least(course->speed, seen);
