@@ -117,7 +117,8 @@ static void read_point(const sf_plan *plan, sf_curve *curve, unsigned i) {
 static bool add_knot(sf_timeline *line, unsigned at, sf_real s, sf_real v, bool sorted) {
     if (at > SF_LEGS) return false;
     for (; sorted && at > 0; at--) {
-        if (line->knots[at - 1].s < s || (line->knots[at - 1].s == s && line->knots[at - 1].v <= v)) break;
+        sf_real before = line->knots[at - 1].s;
+        if (before < s || (before == s && line->knots[at - 1].v <= v)) break;
         line->knots[at].s = line->knots[at - 1].s;
         line->knots[at].v = line->knots[at - 1].v;
     }
@@ -132,7 +133,8 @@ static bool is_profile(sf_timeline *line, unsigned count) {
     line->most_v = R(0);
     for (unsigned i = 0; i < count; i++) {
         if (!(line->knots[i].v >= R(0)) || !(line->knots[i].v < R(1e3))) return false;
-        if (i && (!(line->knots[i].s > line->knots[i - 1].s) || !(line->knots[i].v + line->knots[i - 1].v > R(0)))) return false;
+        if (i && !(line->knots[i].s > line->knots[i - 1].s)) return false;
+        if (i && !(line->knots[i].v + line->knots[i - 1].v > R(0))) return false;
         line->most_v = sf_most(line->most_v, line->knots[i].v);
     }
     line->length = line->knots[count - 1].s;

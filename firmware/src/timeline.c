@@ -46,8 +46,8 @@ sf_real sf_v_at(sf_timeline *line, sf_real time) {
     unsigned leg = find(line, time);
     sf_real passed = time - line->knots[leg].t0;
     if (passed < R(0) || time >= line->knots[leg].t1) return R(0);
-    sf_real rate = (line->knots[leg + 1].v - line->knots[leg].v) / (line->knots[leg].t1 - line->knots[leg].t0);
-    return line->knots[leg].v + rate * passed;
+    const sf_knot *knot = &line->knots[leg];
+    return knot->v + (knot[1].v - knot->v) / (knot->t1 - knot->t0) * passed;
 }
 
 sf_real sf_time_at(const sf_timeline *line, sf_real s) {
