@@ -46,6 +46,17 @@ typedef struct {
     sf_real begin, end, x[SF_DEGREE + 1], y[SF_DEGREE + 1], w[SF_DEGREE + 1];
 } sf_piece;
 
+/* A place on the curve: parameter, arc length, and du/ds there. */
+typedef struct {
+    sf_real u, s;
+    float slope;
+} sf_cell;
+
+/* A speed knot, and from when to when the leg lasts that it begins. */
+typedef struct {
+    sf_real s, v, t0, t1;
+} sf_knot;
+
 /* Large arrays stand last in every struct: short offsets make short code. */
 
 typedef struct {
@@ -57,15 +68,14 @@ typedef struct {
     sf_piece pieces[2];
     sf_real knots[SF_POINTS + SF_DEGREE + 1];
     sf_real hx[SF_POINTS], hy[SF_POINTS], hw[SF_POINTS];
-    sf_real table_u[SF_CELLS + 1], table_s[SF_CELLS + 1];
-    float table_slope[SF_CELLS + 1];
+    sf_cell table[SF_CELLS + 1];
 } sf_curve;
 
 typedef struct {
     sf_real length, finish, most_v;
     sf_real leg_from, leg_to, begin, end, s0, s1, v0, half_rate;
     uint16_t legs, leg;
-    sf_real t0[SF_LEGS], t1[SF_LEGS], s[SF_LEGS + 1], v[SF_LEGS + 1];
+    sf_knot knots[SF_LEGS + 1];
 } sf_timeline;
 
 typedef struct {

@@ -7,13 +7,15 @@
 
 /* Of the C library, declared here because a freestanding compiler has no math.h. */
 #ifdef SF_DOUBLE
-double sqrt(double), sin(double), cos(double), atan2(double, double);
+double fabs(double), sqrt(double), sin(double), cos(double), atan2(double, double);
+#define sf_abs fabs /* one instruction */
 #define SF_SQRT sqrt
 #define SF_SIN sin
 #define SF_COS cos
 #define SF_ATAN2 atan2
 #else
-float sqrtf(float), sinf(float), cosf(float), atan2f(float, float);
+float fabsf(float), sqrtf(float), sinf(float), cosf(float), atan2f(float, float);
+#define sf_abs fabsf
 #define SF_SQRT sqrtf
 #define SF_SIN sinf
 #define SF_COS cosf
@@ -51,7 +53,6 @@ float sqrtf(float), sinf(float), cosf(float), atan2f(float, float);
 enum { HOLD, GO, FREEZE, OVER, STOP }; /* the phase in a Command */
 
 /* numbers.c */
-sf_real sf_abs(sf_real value);
 sf_real sf_least(sf_real a, sf_real b);
 sf_real sf_most(sf_real a, sf_real b);
 int64_t sf_sum(int64_t a, int64_t b);        /* saturates */
@@ -151,12 +152,16 @@ typedef struct {
 
 void sf_open(sf_reader *reader, const uint8_t *bytes, size_t length);
 int64_t sf_get_int(sf_reader *reader, int64_t least, int64_t most);
+uint32_t sf_get_small(sf_reader *reader, uint32_t least, uint32_t most);
 uint32_t sf_get_counter(sf_reader *reader);
+int32_t sf_get_ms(sf_reader *reader);
+int64_t sf_get_stamp(sf_reader *reader);
 uint32_t sf_get_array(sf_reader *reader);
 const uint8_t *sf_get_bytes(sf_reader *reader, uint32_t *length);
 const uint8_t *sf_get_text(sf_reader *reader, uint32_t *length);
 bool sf_get_nil(sf_reader *reader);
 bool sf_close(sf_reader *reader); /* skips further fields; whether all was well */
 bool sf_is_id(const uint8_t *text, uint32_t length);
+bool sf_is_named(const char *id, const uint8_t *text, uint32_t length); /* whether it is this id */
 
 #endif

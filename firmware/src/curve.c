@@ -81,20 +81,21 @@ static sf_piece *piece_at(sf_curve *curve, sf_real u) {
     return piece;
 }
 
+/* The value of a cubic at t; returns its derivative. */
+SHARED static sf_real cubic_at(const sf_real *p, sf_real t, sf_real *value) {
+    sf_real cubic = p[3] * t, square = cubic + p[2], slope = square * t + p[1];
+    *value = slope * t + p[0];
+    return (cubic + square) * t + slope;
+}
+
 SHARED static void evaluate(sf_curve *curve, sf_real u) {
     sf_real last = curve->knots[curve->count + curve->degree];
     u = sf_least(sf_most(u, R(0)), last);
     const sf_piece *piece = piece_at(curve, u);
     sf_real t = u - piece->begin;
     if (curve->plain) {
-        const sf_real *p = piece->x;
-        sf_real cubic = p[3] * t, square = cubic + p[2], slope = square * t + p[1];
-        curve->x = slope * t + p[0];
-        curve->dx = (cubic + square) * t + slope;
-        p = piece->y;
-        cubic = p[3] * t, square = cubic + p[2], slope = square * t + p[1];
-        curve->y = slope * t + p[0];
-        curve->dy = (cubic + square) * t + slope;
+        curve->dx = cubic_at(piece->x, t, &curve->x);
+        curve->dy = cubic_at(piece->y, t, &curve->y);
         return;
     }
     sf_real x = R(0), y = R(0), w = R(0), dx = R(0), dy = R(0), dw = R(0);
@@ -113,21 +114,21 @@ SHARED static void evaluate(sf_curve *curve, sf_real u) {
 }
 
 static void find_cell(sf_curve *curve, sf_real s) {
-    const sf_real *table = curve->table_s;
+    const sf_cell *table = curve->table;
     unsigned cell = 0, end = curve->cells, last = end - 1u;
     while (end - cell > 1) {
         unsigned middle = (cell + end) / 2;
-        if (s >= table[middle]) cell = middle;
+        if (s >= table[middle].s) cell = middle;
         else end = middle;
     }
-    sf_real size = table[cell + 1] - table[cell];
+    sf_real size = table[cell + 1].s - table[cell].s;
     curve->cell_size = size;
-    curve->cell_u0 = curve->table_u[cell];
-    curve->cell_u1 = curve->table_u[cell + 1];
-    curve->cell_m0 = (sf_real)curve->table_slope[cell] * size;
-    curve->cell_m1 = (sf_real)curve->table_slope[cell + 1] * size;
-    curve->cell_begin = table[cell];
-    curve->cell_end = cell < last ? table[cell + 1] : SF_INF;
+    curve->cell_u0 = curve->table[cell].u;
+    curve->cell_u1 = curve->table[cell + 1].u;
+    curve->cell_m0 = (sf_real)curve->table[cell].slope * size;
+    curve->cell_m1 = (sf_real)curve->table[cell + 1].slope * size;
+    curve->cell_begin = table[cell].s;
+    curve->cell_end = cell < last ? table[cell + 1].s : SF_INF;
 }
 
 void sf_curve_place(sf_curve *curve, sf_real s) {
@@ -141,22 +142,8 @@ void sf_curve_place(sf_curve *curve, sf_real s) {
 }
 
 SHARED static sf_real speed(sf_curve *curve, sf_real u) {
-    const sf_piece *piece = &curve->pieces[curve->piece];
-    sf_real dx, dy;
-    if (curve->plain && piece->begin <= u && u < piece->end) {
-        sf_real t = u - piece->begin;
-        const sf_real *p = piece->x;
-        sf_real cubic = p[3] * t, square = cubic + p[2], slope = square * t + p[1];
-        dx = (cubic + square) * t + slope;
-        p = piece->y;
-        cubic = p[3] * t, square = cubic + p[2], slope = square * t + p[1];
-        dy = (cubic + square) * t + slope;
-    } else {
-        evaluate(curve, u);
-        dx = curve->dx;
-        dy = curve->dy;
-    }
-    return SF_SQRT(dx * dx + dy * dy);
+    evaluate(curve, u);
+    return SF_SQRT(curve->dx * curve->dx + curve->dy * curve->dy);
 }
 
 void sf_measure_begin(sf_plan *plan, sf_curve *curve) {
@@ -171,15 +158,15 @@ void sf_measure_begin(sf_plan *plan, sf_curve *curve) {
     plan->span = 0;
     plan->part = 0;
     plan->previous = R(0);
-    curve->table_u[0] = curve->table_s[0] = R(0);
-    curve->table_slope[0] = (float)(R(1) / sf_most(speed(curve, R(0)), R(1e-9)));
+    curve->table[0].u = curve->table[0].s = R(0);
+    curve->table[0].slope = (float)(R(1) / sf_most(speed(curve, R(0)), R(1e-9)));
 }
 
 bool sf_measure_cell(sf_plan *plan, sf_curve *curve) {
     unsigned knots = curve->count + curve->degree + 1u;
     while (plan->span < knots && !(curve->knots[plan->span] > plan->previous)) plan->span++;
     if (plan->span == knots) {
-        curve->length = curve->table_s[curve->cells];
+        curve->length = curve->table[curve->cells].s;
         return false;
     }
     sf_real knot = curve->knots[plan->span], step = (knot - plan->previous) / (sf_real)plan->parts;
@@ -191,9 +178,9 @@ bool sf_measure_cell(sf_plan *plan, sf_curve *curve) {
     size *= R(0.5) * (u1 - u0);
     if (size > R(0)) {
         unsigned cell = curve->cells;
-        curve->table_u[cell + 1] = u1;
-        curve->table_s[cell + 1] = curve->table_s[cell] + size;
-        curve->table_slope[cell + 1] = (float)(R(1) / sf_most(speed(curve, u1), R(1e-9)));
+        curve->table[cell + 1].u = u1;
+        curve->table[cell + 1].s = curve->table[cell].s + size;
+        curve->table[cell + 1].slope = (float)(R(1) / sf_most(speed(curve, u1), R(1e-9)));
         curve->cells++;
     }
     plan->part++;

@@ -13,25 +13,19 @@ enum { HELLO = 1, PLAN = 2, COMMAND = 3, REPORT = 4, CLOCK = 5, REFUSAL = 6 };
 
 /* ---- reading ---- */
 
-static bool is_mine(const char *id, const uint8_t *text, uint32_t length) {
-    uint32_t i = 0;
-    while (i < length && id[i] == (char)text[i]) i++;
-    return i == length && id[i] == 0;
-}
-
 static bool hear_command(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
     sf_command command = {.authority_ms = SF_UNSAID, .next_authority_ms = SF_UNSAID};
     uint32_t first = 0, last = UINT32_MAX;
     int64_t headroom_ms = 0;
-    sf_get_int(reader, COMMAND, COMMAND);
+    sf_get_small(reader, COMMAND, COMMAND);
     command.boot = sf_get_counter(reader);
     command.term = sf_get_counter(reader);
     command.sequence = sf_get_counter(reader);
     command.epoch = sf_get_counter(reader);
-    command.phase = (uint8_t)sf_get_int(reader, 0, 4);
-    command.start_ns = sf_get_int(reader, -SF_UNKNOWN, SF_UNKNOWN);
-    command.said_ns = sf_get_int(reader, -SF_UNKNOWN, SF_UNKNOWN);
-    if (reader->left) headroom_ms = sf_get_int(reader, INT32_MIN, INT32_MAX);
+    command.phase = (uint8_t)sf_get_small(reader, 0, 4);
+    command.start_ns = sf_get_stamp(reader);
+    command.said_ns = sf_get_stamp(reader);
+    if (reader->left) headroom_ms = sf_get_ms(reader);
     uint32_t held = reader->left ? sf_get_array(reader) : 0;
     if (held > MOST_HELD) return false;
     uint32_t left = reader->left;
@@ -40,7 +34,7 @@ static bool hear_command(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
         if (sf_get_array(reader) != 2) return false;
         reader->left = 2;
         uint32_t number = sf_get_counter(reader);
-        int64_t time_ms = sf_get_int(reader, INT32_MIN, INT32_MAX);
+        int64_t time_ms = sf_get_ms(reader);
         if (number == agent->number && command.authority_ms == SF_UNSAID)
             command.authority_ms = time_ms;
         if (number == agent->next_number && command.next_authority_ms == SF_UNSAID)
@@ -57,7 +51,7 @@ static bool hear_command(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
         reader->left = 1;
         const uint8_t *text = sf_get_text(reader, &length);
         if (!sf_is_id(text, length)) return false;
-        command.wanted = command.wanted || is_mine(sf_robot_of(agent)->id, text, length);
+        command.wanted = command.wanted || sf_is_named(sf_robot_of(agent)->id, text, length);
     }
     reader->left = left;
     if (reader->left) command.run = sf_get_counter(reader);
@@ -81,7 +75,7 @@ static bool hear_command(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
 
 static bool hear_refusal(sf_agent *agent, sf_reader *reader) {
     uint32_t length, characters = 0;
-    sf_get_int(reader, REFUSAL, REFUSAL);
+    sf_get_small(reader, REFUSAL, REFUSAL);
     uint32_t boot = sf_get_counter(reader);
     const uint8_t *reason = sf_get_text(reader, &length);
     for (uint32_t i = 0; i < length; i++) characters += (reason[i] & 0xC0) != 0x80;
@@ -93,12 +87,12 @@ static bool hear_refusal(sf_agent *agent, sf_reader *reader) {
 static bool hear_clock(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
     int64_t stamps[2] = {0, 0};
     bool answered = true;
-    sf_get_int(reader, CLOCK, CLOCK);
+    sf_get_small(reader, CLOCK, CLOCK);
     uint32_t boot = sf_get_counter(reader);
-    int64_t sent_ns = sf_get_int(reader, -SF_UNKNOWN, SF_UNKNOWN);
+    int64_t sent_ns = sf_get_stamp(reader);
     for (int i = 0; i < 2; i++) {
         if (reader->left == 0 || sf_get_nil(reader)) answered = false;
-        else stamps[i] = sf_get_int(reader, -SF_UNKNOWN, SF_UNKNOWN);
+        else stamps[i] = sf_get_stamp(reader);
     }
     if (!sf_close(reader)) return false;
     if (answered && boot == sf_robot_of(agent)->boot)
@@ -115,7 +109,7 @@ bool sf_hear(sf_agent *agent, int kind, const uint8_t *bytes, size_t length, int
     case SF_COMMAND: return hear_command(agent, &reader, now_ns);
     case SF_CLOCK: return hear_clock(agent, &reader, now_ns);
     case SF_PLAN:
-        if (sf_get_int(&tag, PLAN, REFUSAL) == REFUSAL) return hear_refusal(agent, &reader);
+        if (sf_get_small(&tag, PLAN, REFUSAL) == REFUSAL) return hear_refusal(agent, &reader);
         return !tag.bad && sf_hear_plan(agent, bytes, length);
     default: return false;
     }

@@ -2,7 +2,6 @@
 
 #include "core.h"
 
-sf_real sf_abs(sf_real value) { return value < R(0) ? -value : value; }
 sf_real sf_least(sf_real a, sf_real b) { return b < a ? b : a; }
 sf_real sf_most(sf_real a, sf_real b) { return b > a ? b : a; }
 
@@ -31,13 +30,13 @@ typedef int32_t whole; /* Conversions to 64 bits take double arithmetic in some 
 #define LARGEST 2.1e9f
 #endif
 
-int64_t sf_whole(sf_real value) {
+SHARED int64_t sf_whole(sf_real value) {
     if (!(value > -LARGEST)) return (int64_t)-LARGEST;
     if (value > LARGEST) return (int64_t)LARGEST;
     return (whole)value;
 }
 
-int64_t sf_floor(sf_real value) {
+SHARED int64_t sf_floor(sf_real value) {
     int64_t number = sf_whole(value);
     return (sf_real)number > value ? number - 1 : number;
 }

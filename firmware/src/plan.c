@@ -48,24 +48,22 @@ static uint32_t crc(uint32_t state, uint8_t byte) {
 /* Read the fields, and check what has to hold for the message to be acceptable. */
 static bool read_fields(sf_agent *agent) {
     sf_plan *plan = &agent->plan;
-    const char *id = sf_robot_of(agent)->id;
     sf_reader reader;
     sf_open(&reader, plan->bytes, plan->length);
-    sf_get_int(&reader, 2, 2);
+    sf_get_small(&reader, 2, 2);
     plan->epoch = sf_get_counter(&reader);
     plan->boot = sf_get_counter(&reader);
-    uint32_t length, i = 0;
+    uint32_t length;
     const uint8_t *robot = sf_get_text(&reader, &length);
-    while (i < length && id[i] == (char)robot[i]) i++;
-    if (i < length || id[i] || length == 0) return false;
+    if (length == 0 || !sf_is_named(sf_robot_of(agent)->id, robot, length)) return false;
     plan->number = sf_get_counter(&reader);
     plan->revision = sf_get_counter(&reader);
-    plan->begin_ms = (int32_t)sf_get_int(&reader, INT32_MIN, INT32_MAX);
+    plan->begin_ms = sf_get_ms(&reader);
     sf_get_int(&reader, 0, 1000000000000);
-    plan->track_mm = (uint16_t)sf_get_int(&reader, 0, 65535);
+    plan->track_mm = (uint16_t)sf_get_small(&reader, 0, 65535);
     plan->brake_mmps2 = sf_get_counter(&reader);
-    plan->clock_ms = (uint16_t)sf_get_int(&reader, 1, 65535);
-    plan->degree = (uint8_t)sf_get_int(&reader, 1, SF_DEGREE);
+    plan->clock_ms = (uint16_t)sf_get_small(&reader, 1, 65535);
+    plan->degree = (uint8_t)sf_get_small(&reader, 1, SF_DEGREE);
     for (int field = 0; field < FIELDS_PACKED; field++) {
         plan->packed[field] = sf_get_bytes(&reader, &length);
         if (length > MOST_PACKED || length % SIZES[field][0]) return false;
@@ -119,25 +117,27 @@ static void read_point(const sf_plan *plan, sf_curve *curve, unsigned i) {
 static bool add_knot(sf_timeline *line, unsigned at, sf_real s, sf_real v, bool sorted) {
     if (at > SF_LEGS) return false;
     for (; sorted && at > 0; at--) {
-        if (line->s[at - 1] < s || (line->s[at - 1] == s && line->v[at - 1] <= v)) break;
-        line->s[at] = line->s[at - 1];
-        line->v[at] = line->v[at - 1];
+        sf_real before = line->knots[at - 1].s;
+        if (before < s || (before == s && line->knots[at - 1].v <= v)) break;
+        line->knots[at].s = line->knots[at - 1].s;
+        line->knots[at].v = line->knots[at - 1].v;
     }
-    line->s[at] = s;
-    line->v[at] = v;
+    line->knots[at].s = s;
+    line->knots[at].v = v;
     return true;
 }
 
 /* The checks of a Timeline, all but those of its stops. */
 static bool is_profile(sf_timeline *line, unsigned count) {
-    if (count < 2 || line->s[0] != R(0)) return false;
+    if (count < 2 || line->knots[0].s != R(0)) return false;
     line->most_v = R(0);
     for (unsigned i = 0; i < count; i++) {
-        if (!(line->v[i] >= R(0)) || !(line->v[i] < R(1e3))) return false;
-        if (i && (!(line->s[i] > line->s[i - 1]) || !(line->v[i] + line->v[i - 1] > R(0)))) return false;
-        line->most_v = sf_most(line->most_v, line->v[i]);
+        if (!(line->knots[i].v >= R(0)) || !(line->knots[i].v < R(1e3))) return false;
+        if (i && !(line->knots[i].s > line->knots[i - 1].s)) return false;
+        if (i && !(line->knots[i].v + line->knots[i - 1].v > R(0))) return false;
+        line->most_v = sf_most(line->most_v, line->knots[i].v);
     }
-    line->length = line->s[count - 1];
+    line->length = line->knots[count - 1].s;
     line->legs = line->leg = 0;
     line->leg_from = line->leg_to = SF_INF;
     return true;
@@ -160,8 +160,8 @@ static bool are_stops(const sf_plan *plan, const sf_timeline *line) {
 static bool add_legs(sf_plan *plan, sf_course *course) {
     sf_timeline *line = &course->timeline;
     unsigned first = line->legs, count = plan->at;
-    sf_real s = line->s[first], v = line->v[first], time = plan->time;
-    sf_real end_s = line->s[first + 1], end_v = line->v[first + 1];
+    sf_real s = line->knots[first].s, v = line->knots[first].v, time = plan->time;
+    sf_real end_s = line->knots[first + 1].s, end_v = line->knots[first + 1].v;
     sf_real slope = (end_v * end_v - v * v) / (end_s - s);
     for (; plan->stop < plan->counts[PACKED_STOPS]; plan->stop++) {
         const uint8_t *stop = plan->packed[PACKED_STOPS] + 12 * plan->stop;
@@ -171,11 +171,11 @@ static bool add_legs(sf_plan *plan, sf_course *course) {
             sf_real next_v = SF_SQRT(sf_most(v * v + slope * (stop_s - s), R(0)));
             if (count > SF_LEGS) return false;
             for (unsigned i = count++; i > line->legs + 1u; i--) {
-                line->s[i] = line->s[i - 1];
-                line->v[i] = line->v[i - 1];
+                line->knots[i].s = line->knots[i - 1].s;
+                line->knots[i].v = line->knots[i - 1].v;
             }
-            line->s[line->legs + 1] = stop_s;
-            line->v[line->legs + 1] = next_v;
+            line->knots[line->legs + 1].s = stop_s;
+            line->knots[line->legs + 1].v = next_v;
             if (!sf_timeline_leg(line, time, stop_s, next_v)) return false;
             time = line->finish;
             s = stop_s;

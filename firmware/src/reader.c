@@ -62,7 +62,7 @@ static uint64_t read_head(sf_reader *reader, int *type) {
 }
 
 /* Read the head of the message's next element, which is to be of a type. */
-static uint64_t element(sf_reader *reader, int type) {
+SHARED static uint64_t element(sf_reader *reader, int type) {
     int found;
     uint64_t value = read_head(reader, &found);
     if (found != type || reader->left-- == 0) return fail(reader);
@@ -77,13 +77,23 @@ void sf_open(sf_reader *reader, const uint8_t *bytes, size_t length) {
     reader->left = (uint32_t)element(reader, ARRAY);
 }
 
-int64_t sf_get_int(sf_reader *reader, int64_t least, int64_t most) {
+SHARED int64_t sf_get_int(sf_reader *reader, int64_t least, int64_t most) {
     int64_t value = (int64_t)element(reader, INTEGER);
     if (value < least || value > most) fail(reader);
     return reader->bad ? 0 : value;
 }
 
-uint32_t sf_get_counter(sf_reader *reader) { return (uint32_t)sf_get_int(reader, 0, UINT32_MAX); }
+SHARED uint32_t sf_get_small(sf_reader *reader, uint32_t least, uint32_t most) {
+    return (uint32_t)sf_get_int(reader, least, most);
+}
+
+SHARED uint32_t sf_get_counter(sf_reader *reader) { return sf_get_small(reader, 0, UINT32_MAX); }
+
+SHARED int32_t sf_get_ms(sf_reader *reader) {
+    return (int32_t)sf_get_int(reader, INT32_MIN, INT32_MAX);
+}
+
+SHARED int64_t sf_get_stamp(sf_reader *reader) { return sf_get_int(reader, -SF_UNKNOWN, SF_UNKNOWN); }
 
 uint32_t sf_get_array(sf_reader *reader) { return (uint32_t)element(reader, ARRAY); }
 
@@ -129,4 +139,10 @@ bool sf_is_id(const uint8_t *text, uint32_t length) {
         if (!word && c != '.' && c != '-') return false;
     }
     return true;
+}
+
+bool sf_is_named(const char *id, const uint8_t *text, uint32_t length) {
+    uint32_t i = 0;
+    while (i < length && id[i] == (char)text[i]) i++;
+    return i == length && id[i] == 0;
 }

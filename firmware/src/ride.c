@@ -36,8 +36,17 @@
 #define TIME_ERROR R(5e-7)   /* the share by which a plan time may be rounded up */
 #endif
 
-sf_real sf_time_of_ms(const sf_course *course, int64_t plan_ms) {
+SHARED sf_real sf_time_of_ms(const sf_course *course, int64_t plan_ms) {
     return sf_seconds_of_ms(sf_difference(plan_ms, course->origin_ms));
+}
+
+/* Where the plan has the robot at a time. */
+SHARED static sf_real planned_s(sf_course *course, sf_real time) {
+    return sf_s_at(&course->timeline, time);
+}
+
+SHARED static bool is_stuck(const sf_course *course) {
+    return course->watch - course->stuck_from >= REST_TIME;
 }
 
 bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf_real period) {
@@ -65,7 +74,7 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
     course->stuck_from = course->pace_s = course->watch = R(0);
     course->told_ms = 0;
     course->authority = sf_time_of_ms(course, 0);
-    course->granted = sf_s_at(&course->timeline, course->authority);
+    course->granted = planned_s(course, course->authority);
     course->halted = course->holds = course->may_turn = false;
     course->time = course->begin;
     course->rests_ms = INT64_MAX;
@@ -76,10 +85,10 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
     return true;
 }
 
-static void limit_authority(sf_course *course) {
+SHARED static void limit_authority(sf_course *course) {
     int64_t told = course->told_ms, rests = course->rests_ms;
     course->authority = sf_time_of_ms(course, told < rests ? told : rests);
-    course->granted = sf_s_at(&course->timeline, course->authority);
+    course->granted = planned_s(course, course->authority);
 }
 
 void sf_grant(sf_course *course, int64_t authority_ms) {
@@ -89,7 +98,7 @@ void sf_grant(sf_course *course, int64_t authority_ms) {
 }
 
 /* A robot that starts and stops at once may rest where a course begins with any speed. */
-static bool begins_at_rest(sf_course *course) {
+SHARED static bool begins_at_rest(sf_course *course) {
     return sf_v_at(&course->timeline, course->begin) == R(0) || course->brake == SF_INF;
 }
 
@@ -136,10 +145,9 @@ void sf_end_with(sf_course *course, sf_course *coming) {
 bool sf_is_over(sf_course *course, sf_real now) {
     sf_real until = course->until;
     if (now < until || course->time < sf_least(until, course->timeline.finish)) return false;
-    sf_real left = sf_s_at(&course->timeline, until) - course->follower.s;
+    sf_real left = planned_s(course, until) - course->follower.s;
     if (left <= sf_most(ARRIVAL_SLACK, course->speed * course->period)) return true;
-    bool stuck = course->watch - course->stuck_from >= REST_TIME;
-    return stuck && left <= ARRIVAL_SHARE * course->track;
+    return is_stuck(course) && left <= ARRIVAL_SHARE * course->track;
 }
 
 void sf_follow(sf_course *course, const sf_course *before) {
@@ -184,9 +192,9 @@ void sf_reckon(sf_course *course, int64_t now_ms) {
 }
 
 /* Whether the robot is more than GRACE behind a plan time. */
-static bool lags(sf_course *course, sf_real time) {
+SHARED static bool lags(sf_course *course, sf_real time) {
     sf_real bearable = sf_least(course->track - course->follower.off, course->slack);
-    return !(course->follower.s >= sf_s_at(&course->timeline, time - GRACE) - bearable);
+    return !(course->follower.s >= planned_s(course, time - GRACE) - bearable);
 }
 
 bool sf_stands_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, uint8_t *fault,
@@ -211,7 +219,7 @@ bool sf_arrived(const sf_course *course) {
     sf_real over = course->time - course->timeline.finish;
     if (over < R(0)) return false;
     sf_real left = course->timeline.length - follower->s;
-    if (over >= ARRIVAL_PATIENCE && course->watch - course->stuck_from >= REST_TIME)
+    if (over >= ARRIVAL_PATIENCE && is_stuck(course))
         return left <= ARRIVAL_SHARE * course->track && !sf_has_left_goal(course);
     return left <= ARRIVAL_SLACK && follower->off <= course->slack;
 }
@@ -221,7 +229,7 @@ bool sf_at_goal(const sf_course *course) {
     return left <= ARRIVAL_SLACK && course->follower.off <= course->track;
 }
 
-bool sf_has_left_goal(const sf_course *course) {
+SHARED bool sf_has_left_goal(const sf_course *course) {
     sf_real moved = sf_abs(course->timeline.length - course->follower.s);
     return !(course->follower.off + moved <= course->track);
 }
@@ -244,7 +252,7 @@ static void brake_on(sf_course *course) {
     course->speed = sf_most(course->brake_speed - fell, R(0));
     sf_real later = course->time + passed + HOLD_OUT;
     later = sf_least(sf_least(later, course->authority), course->until);
-    sf_real room = sf_s_at(&course->timeline, later) - course->follower.s;
+    sf_real room = planned_s(course, later) - course->follower.s;
     course->distance = sf_most(sf_least(room, course->speed * HOLD_OUT), R(0));
     course->curvature = sf_curvature(course, course->speed * course->period);
 }
@@ -292,27 +300,27 @@ void sf_keep_to_plan(sf_course *course, sf_real now) {
             course->brake_from -= period;
         }
         course->holds = true;
-        if (s > sf_s_at(line, course->time)) course->time = sf_time_at(line, s);
+        if (s > planned_s(course, course->time)) course->time = sf_time_at(line, s);
         brake_on(course);
         return;
     }
     course->holds = false;
     sf_real time = course->time = lags(course, now) ? advanced(course, now) : now;
-    sf_real planned = sf_s_at(line, time), speed = (sf_s_at(line, time + period) - planned) / period;
+    sf_real planned = planned_s(course, time), speed = (planned_s(course, time + period) - planned) / period;
     sf_real lag = planned - s, more = lag * course->catch_up;
     if (lag > R(0)) more = sf_least(more, SF_SQRT(R(2) * CATCH_UP_BRAKE * course->brake * lag));
     speed += more;
     if (speed < R(0)) speed = R(0);
     else if (speed > course->limit) speed = course->limit;
     course->speed = speed;
-    sf_real room = sf_s_at(line, time + HOLD_OUT) - s;
+    sf_real room = planned_s(course, time + HOLD_OUT) - s;
     if (course->authority < time + course->foresight) room = within_authority(course, room);
     course->distance = room > R(0) ? room : R(0);
     course->curvature = sf_curvature(course, course->speed * period);
 }
 
-void sf_begin_to_brake(sf_course *course) {
-    bool stuck = course->watch - course->stuck_from >= REST_TIME;
+SHARED void sf_begin_to_brake(sf_course *course) {
+    bool stuck = is_stuck(course);
     sf_real seen = sf_most(course->pace, R(0)) + R(2) * PACE_TIME * course->brake;
     course->brake_speed = stuck ? R(0) : sf_least(course->speed, seen);
     course->brake_from = course->watch;

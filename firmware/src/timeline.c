@@ -7,10 +7,10 @@
 
 bool sf_timeline_leg(sf_timeline *line, sf_real time, sf_real s1, sf_real v1) {
     unsigned leg = line->legs;
-    sf_real both = line->v[leg] + v1;
+    sf_real both = line->knots[leg].v + v1;
     if (!(both > R(0))) return false;
-    line->t0[leg] = time;
-    line->t1[leg] = line->finish = time + R(2) * (s1 - line->s[leg]) / both;
+    line->knots[leg].t0 = time;
+    line->knots[leg].t1 = line->finish = time + R(2) * (s1 - line->knots[leg].s) / both;
     line->legs++;
     return true;
 }
@@ -18,19 +18,19 @@ bool sf_timeline_leg(sf_timeline *line, sf_real time, sf_real s1, sf_real v1) {
 SHARED static unsigned find(sf_timeline *line, sf_real time) {
     unsigned leg = line->leg, last = line->legs - 1u;
     if (line->leg_from <= time && time < line->leg_to) return leg;
-    while (leg < last && time >= line->t0[leg + 1]) leg++;
-    while (leg > 0 && time < line->t0[leg]) leg--;
+    while (leg < last && time >= line->knots[leg + 1].t0) leg++;
+    while (leg > 0 && time < line->knots[leg].t0) leg--;
     line->leg = (uint16_t)leg;
-    line->leg_from = leg > 0 ? line->t0[leg] : -SF_INF;
-    line->leg_to = leg < last ? line->t0[leg + 1] : SF_INF;
-    line->begin = line->t0[leg];
-    line->end = line->t1[leg];
-    line->s0 = line->s[leg];
-    line->s1 = line->s[leg + 1];
-    line->v0 = line->v[leg];
+    line->leg_from = leg > 0 ? line->knots[leg].t0 : -SF_INF;
+    line->leg_to = leg < last ? line->knots[leg + 1].t0 : SF_INF;
+    line->begin = line->knots[leg].t0;
+    line->end = line->knots[leg].t1;
+    line->s0 = line->knots[leg].s;
+    line->s1 = line->knots[leg + 1].s;
+    line->v0 = line->knots[leg].v;
     sf_real lasts = line->end - line->begin;
     line->half_rate = R(0);
-    if (line->end > line->begin) line->half_rate = R(0.5) * ((line->v[leg + 1] - line->v0) / lasts);
+    if (line->end > line->begin) line->half_rate = R(0.5) * ((line->knots[leg + 1].v - line->v0) / lasts);
     return leg;
 }
 
@@ -44,28 +44,28 @@ sf_real sf_s_at(sf_timeline *line, sf_real time) {
 
 sf_real sf_v_at(sf_timeline *line, sf_real time) {
     unsigned leg = find(line, time);
-    sf_real passed = time - line->t0[leg];
-    if (passed < R(0) || time >= line->t1[leg]) return R(0);
-    sf_real rate = (line->v[leg + 1] - line->v[leg]) / (line->t1[leg] - line->t0[leg]);
-    return line->v[leg] + rate * passed;
+    sf_real passed = time - line->knots[leg].t0;
+    if (passed < R(0) || time >= line->knots[leg].t1) return R(0);
+    const sf_knot *knot = &line->knots[leg];
+    return knot->v + (knot[1].v - knot->v) / (knot->t1 - knot->t0) * passed;
 }
 
 sf_real sf_time_at(const sf_timeline *line, sf_real s) {
     for (unsigned leg = 0; leg < line->legs; leg++) {
-        if (!(s <= line->s[leg + 1])) continue;
-        sf_real passed = sf_most(s - line->s[leg], R(0));
-        if (!(passed > R(0))) return line->t0[leg];
-        sf_real v0 = line->v[leg], v1 = line->v[leg + 1];
-        sf_real slope = (v1 * v1 - v0 * v0) / (line->s[leg + 1] - line->s[leg]);
+        if (!(s <= line->knots[leg + 1].s)) continue;
+        sf_real passed = sf_most(s - line->knots[leg].s, R(0));
+        if (!(passed > R(0))) return line->knots[leg].t0;
+        sf_real v0 = line->knots[leg].v, v1 = line->knots[leg + 1].v;
+        sf_real slope = (v1 * v1 - v0 * v0) / (line->knots[leg + 1].s - line->knots[leg].s);
         sf_real v = SF_SQRT(sf_most(v0 * v0 + slope * passed, R(0)));
-        return line->t0[leg] + R(2) * passed / (v0 + v);
+        return line->knots[leg].t0 + R(2) * passed / (v0 + v);
     }
     return line->finish;
 }
 
 sf_real sf_rest_until(sf_timeline *line, sf_real time) {
     unsigned leg = find(line, time);
-    if (time < line->t0[leg]) return line->t0[leg];
-    if (time >= line->t1[leg] && leg < line->legs - 1u) return line->t0[leg + 1];
+    if (time < line->knots[leg].t0) return line->knots[leg].t0;
+    if (time >= line->knots[leg].t1 && leg < line->legs - 1u) return line->knots[leg + 1].t0;
     return time;
 }
