@@ -31,7 +31,7 @@ from protocol.transport import Transport
 from robot_agent.blackbox import BlackBox
 from robot_agent.core.agent import Agent
 from robot_agent.core.ride import NOTHING
-from robot_agent.driver import Driver
+from robot_agent.driver import Driver, DriverError
 from robot_agent.inbox import Inbox
 from robot_agent.loop import PERIOD_NS, FixedRateLoop
 from robot_agent.steady_clock import SteadyClock
@@ -296,6 +296,8 @@ class RobotService:
         agent, driver = self.agent, self._driver
         driver.step(now_ns)
         pose = driver.pose()
+        if pose is None and agent.has_driven():
+            raise DriverError("the base has lost its place")
         if pose is None and agent.ride is not None:
             pose = agent.ride.follower.start_pose()
             driver.place(*pose)

@@ -386,6 +386,26 @@ def test_a_broken_driver_stops_the_motors_and_is_reported():
     assert hall.body.speed == 0.0
 
 
+def test_a_base_that_loses_its_place_on_the_way_is_stopped_and_not_placed_at_its_start():
+    hall = Hall()
+    placed: list[tuple[float, float, float]] = []
+
+    def lose_place() -> None:
+        hall.body.pose = lambda: None
+        hall.body.place = lambda *pose: placed.append(pose)
+
+    def find_place() -> None:
+        del hall.body.pose
+
+    hall.reactions[MOVING] = lose_place
+    hall.reactions[BRAKING] = find_place
+    hall.reactions[FROZEN] = raise_interrupt
+    assert hall.run() == 130
+    assert placed == []
+    assert hall.reports()[-1].fault == DRIVER_ERROR
+    assert hall.body.speed == 0.0
+
+
 def test_a_black_box_of_a_robot_that_never_heard_go_has_only_its_header(tmp_path):
     hall = Hall()
     hall.reactions[ARMED] = raise_interrupt
