@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from coordinator.bends.courses import Course, CourseMaker, TrackOf, may_bend
-from coordinator.bends.meshes import Ends, Meshes
+from coordinator.bends.meshes import NARROW, WIDE, Ends, Meshes
 from coordinator.bends.traffic_kernels import Traffic, first_meeting, gathered, least_delay
 from coordinator.bends.way_kernels import Trip, earliest_way, pulled_taut
 from coordinator.curves.nurbs import Array, Nurbs
@@ -62,7 +62,11 @@ class FlowSearch:
         bending = [index for index, robot in enumerate(self.robots) if may_bend(robot)]
         among = {index: finder.space_among_places(index) for index in bending}
         alone = {index: finder.space(self.robots[index]) for index in bending}
-        self._meshes = Meshes(finder, among, True), Meshes(finder, alone, False)
+        self._meshes = (
+            Meshes(finder, among, WIDE, keeps_off=True),
+            Meshes(finder, among, NARROW, keeps_off=True),
+            Meshes(finder, alone, NARROW, keeps_off=False),
+        )
         self._maker = CourseMaker(finder, track_of)
         self._straight = [
             self._maker.shortest(index, path, track)
@@ -188,7 +192,8 @@ class FlowSearch:
     def _bent(self, index: int, traffic: Traffic, latest: float) -> Course | None:
         """Return a robot's course on the earliest way in space and time; None if there is none.
 
-        It keeps off other robots' starts and goals, unless these close all ways.
+        It keeps off other robots' starts and goals, unless these close all ways.  A finer mesh is
+        searched where the wide one has no way for the robot.
         """
         for meshes in self._meshes:
             ends = meshes.ends(index)

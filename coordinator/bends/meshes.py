@@ -15,8 +15,10 @@ from coordinator.curves.nurbs import Array
 from coordinator.ground.free_space import Space
 from coordinator.paths.path_planner import Pathfinder
 
-_PITCH: Final = 0.9
-"""Size of the cells, as a multiple of the need of two robots."""
+WIDE: Final = 0.9
+NARROW: Final = 0.27
+"""Sizes of cells, as multiples of the need of two robots: where there is room, and for passages
+that no wide cell hits."""
 
 _MOST_CELLS: Final = 40_000
 """Greatest number of cells; on larger floors they are larger."""
@@ -44,12 +46,15 @@ class Ends(NamedTuple):
 class Meshes:
     """The meshes of a fleet, one for each radius, made when they are asked for.
 
-    spaces: where the robots that may bend may drive.  If the fleet `keeps_off`, no move comes near
-    other robots' starts and goals.
+    spaces: where the robots that may bend may drive; pitch: WIDE or NARROW.  If the fleet
+    `keeps_off`, no move comes near other robots' starts and goals.
     """
 
-    def __init__(self, finder: Pathfinder, spaces: Mapping[int, Space], keeps_off: bool) -> None:
-        self._finder, self.spaces, self._keeps_off = finder, spaces, keeps_off
+    def __init__(
+        self, finder: Pathfinder, spaces: Mapping[int, Space], pitch: float, keeps_off: bool
+    ) -> None:
+        self._finder, self.spaces = finder, spaces
+        self._pitch, self._keeps_off = pitch, keeps_off
         self._meshes: dict[float, Mesh] = {}
         self._ends: dict[int, Ends | None] = {}
 
@@ -100,7 +105,7 @@ class Meshes:
         corners = np.array(scenario.workspace.boundary)
         low, high = corners.min(axis=0), corners.max(axis=0)
         reach = robot.radius + scenario.margin
-        size = _PITCH * (2.0 * robot.radius + scenario.margin)
+        size = self._pitch * (2.0 * robot.radius + scenario.margin)
         size = max(size, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
         columns, rows = np.maximum(np.ceil((high - low) / size).astype(int), 1).tolist()
         x, y = (low + 0.5 * ((high - low) - size * (np.array((columns, rows)) - 1))).tolist()

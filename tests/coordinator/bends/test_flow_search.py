@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from coordinator.bends.flow_search import FlowSearch
 from coordinator.bends.mesh_kernels import MOVES, OPEN, distances
-from coordinator.bends.meshes import Meshes
+from coordinator.bends.meshes import NARROW, WIDE, Meshes
 from coordinator.curves.chords import chords_of
 from coordinator.motion.velocity_profile import Motion, Wait, limits_on
 from coordinator.paths.path_planner import Pathfinder, find_paths
@@ -162,7 +162,7 @@ def test_moves_of_a_mesh_are_clear_of_obstacles_and_of_other_robots_places():
     )
     finder = Pathfinder(scenario)
     spaces = {index: finder.space_among_places(index) for index in range(2)}
-    meshes = Meshes(finder, spaces, keeps_off=True)
+    meshes = Meshes(finder, spaces, WIDE, keeps_off=True)
     mesh = meshes.of(0)
     solid = shapely.Polygon(wall).buffer(0.249)
     discs = [shapely.Point(place).buffer(0.449) for place in ((2.0, 8.0), (8.0, 1.5))]
@@ -191,8 +191,8 @@ def test_where_anothers_place_closes_the_only_way_a_robot_passes_it_in_time():
     finder = Pathfinder(scenario)
     among = {index: finder.space_among_places(index) for index in range(2)}
     alone = {index: finder.space(scenario.robots[index]) for index in range(2)}
-    assert Meshes(finder, among, keeps_off=True).ends(0) is None
-    assert Meshes(finder, alone, keeps_off=False).ends(0) is not None
+    assert Meshes(finder, among, NARROW, keeps_off=True).ends(0) is None
+    assert Meshes(finder, alone, NARROW, keeps_off=False).ends(0) is not None
     _, courses = searched(scenario)
     keeps_clear(scenario, courses)
 
@@ -201,7 +201,7 @@ def test_distances_on_a_mesh_are_those_of_dijkstra():
     scenario = floor([robot("A", (1.0, 5.0), (9.0, 5.0)), robot("B", (2.0, 8.0), (8.0, 1.5))])
     finder = Pathfinder(scenario)
     spaces = {index: finder.space_among_places(index) for index in range(2)}
-    meshes = Meshes(finder, spaces, keeps_off=True)
+    meshes = Meshes(finder, spaces, WIDE, keeps_off=True)
     mesh = meshes.of(0)
     ends = meshes.ends(0)
     cells, moves = np.nonzero((mesh.codes == OPEN) | (mesh.codes == 0))
