@@ -1,5 +1,7 @@
 """Other ways around for robots that wait long."""
 
+import pytest
+
 from coordinator.plan.plan_file import to_json
 from coordinator.planning.planner import plan_scenario
 from sim.floors.generator import generate
@@ -12,7 +14,7 @@ def late(document):
 
 
 def test_a_robot_goes_around_where_that_is_quicker_than_waiting():
-    scenario = generate("grid", 15, 2)
+    scenario = generate("grid", 8, 3)
     waiting, going = plan_scenario(scenario, effort=4), plan_scenario(scenario, effort=20)
     said = [note for note in going.notes if "goes around" in note]
     assert said
@@ -22,9 +24,17 @@ def test_a_robot_goes_around_where_that_is_quicker_than_waiting():
     assert worst.slack > -1e-3
 
 
-def test_every_wait_has_its_reason_after_others_have_gone_around():
-    document = plan_scenario(generate("open", 12, 3))
-    assert any("goes around" in note for note in document.notes)
+@pytest.mark.parametrize(
+    ("kind", "count", "seed", "said"),
+    [
+        ("warehouse", 8, 8, "goes around"),
+        ("open", 12, 3, "leave their shortest ways"),
+        ("grid", 15, 2, "leave their shortest ways"),
+    ],
+)
+def test_every_wait_has_its_reason_after_others_have_gone_around(kind, count, seed, said):
+    document = plan_scenario(generate(kind, count, seed))
+    assert any(said in note for note in document.notes)
     explained = {(reason.robot, round(reason.s, 3)) for reason in document.waits}
     for robot in document.robots:
         for stop in robot.stops:
