@@ -37,8 +37,16 @@ _WORTH: Final = 0.3
 """A detour has to be quicker than waiting at the start by this much [s]."""
 
 _MOST_STATES: Final = 20_000
+"""How many states the search for one way expands at most."""
+
 _LARGEST: Final = 4
+_SHUFFLED: Final = 0.3
+"""With a late robot up to _LARGEST others are taken out, and this share of times put back in any
+order, else after it."""
+
 _LATE: Final = 0.2
+"""Robots that are delayed by less than this [s] are not taken out for their own sake."""
+
 _TRIES: Final = 8
 """How often a robot that has found no motion is put back together with others in its way."""
 
@@ -140,7 +148,7 @@ class FlowSearch:
 
     def _try(self, chosen: list[int]) -> None:
         """Put robots back in this order; undo it if they arrive no earlier in total."""
-        if self.random.random() < 0.3:
+        if self.random.random() < _SHUFFLED:
             self.random.shuffle(chosen)
         before = [self.courses[index] for index in chosen]
         was = sum(self._delay(index) for index in chosen)

@@ -28,8 +28,8 @@ _LOOK: Final = 0.3
 """Distance [m] between the places looked at on a straight line."""
 
 _HASTE: Final = 1.1
-"""States nearer to the goal are preferred: the way is at most this much longer than the earliest
-one, and is found with half of the states."""
+"""The weight of the time that is left to the goal.  The way takes at most so many times as long as
+the earliest one, and half as many states are expanded as with a weight of 1."""
 
 _SOON: Final = 1e-6
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import islice, pairwise
 
 import numpy as np
@@ -27,11 +26,11 @@ from coordinator.plan.document import Limits, PlanDocument, Reason
 from coordinator.plan.drafting import draft_plan
 from coordinator.plan.shares_of_tau import BRAKING_SHARE, LEAST_TAU, resolve_tau, shares_of
 from coordinator.plan.wire import PackedPlan
+from coordinator.planning.flow import MOST_BOTH, find_flow
 from coordinator.proof.verify import prove_messages
 from coordinator.scenario.model import Scenario
 from coordinator.schedule import paper_policy
 from coordinator.schedule.detours import blocking_pairs, lanes, refuges
-from coordinator.schedule.given_motions import meeting, place_again, placed
 from coordinator.schedule.junctions import FEW, Junctions
 from coordinator.schedule.neighbourhood_search import Improvement
 from coordinator.schedule.precedence import ring_of, stuck_pairs
@@ -78,20 +77,6 @@ _MOST_WAYS = 60
 """Limits on detours that save waiting: one robot is tried per _EFFORT_PER_WAY of effort, with up to
 _WAYS detours, each around at most _MOST_BESIDE_TO_SAVE places.  Fleets of more than _MOST_WAYS
 robots get none, because finding their conflicts again takes long."""
-
-_MOST_BOTH = 24
-_WORTH = 0.5
-_WORTH_SHARE = 0.005
-"""Fleets of up to _MOST_BOTH robots are planned both ways, with paths that look at nobody and with
-paths found in space and time; the latter have to be better by _WORTH [s] of all arrivals, and by
-_WORTH_SHARE of them."""
-
-_FLOW_ROBOTS = 15
-_FLOW_ROUNDS = 0.5
-_FLOW_REPAIRS = 3
-"""For how many robots per unit of effort ways in space and time are searched, since that takes
-longer than linear time; rounds of that search per unit of effort; and how often robots get other
-ways if they turn out to meet others on exact zones."""
 
 Timer = Callable[[], float]
 
@@ -188,26 +173,6 @@ def _arrivals(motions: Sequence[Motion]) -> float:
     return sum(motion.finish for motion in motions)
 
 
-@dataclass(frozen=True, eq=False)
-class _Flow:
-    """Paths and motions that were found together, with the tracks and zones of these paths.
-
-    aside: how many of the paths are not the shortest ones.
-    """
-
-    paths: list[Nurbs]
-    tracks: list[Track]
-    junctions: Junctions
-    motions: list[Motion]
-    aside: int
-
-
-def _is_better(flow: _Flow, motions: Sequence[Motion]) -> bool:
-    """Return whether ways that look at others are worth their bends."""
-    was = _arrivals(motions)
-    return _arrivals(flow.motions) < was - max(_WORTH, _WORTH_SHARE * was)
-
-
 class _Stages:
     """The stages of one planning run, and the data that each stage leaves for the next."""
 
@@ -242,60 +207,19 @@ class _Stages:
             limits = [track.limits for track in self.tracks]
             return paper_policy.schedule(scenario, self.paths, limits, self.tau)
         priorities = [robot.priority for robot in scenario.robots]
-        flow = self._in_flow(priorities, effort)
+        flow = find_flow(
+            self.pathfinder, self.tracks, self.paths, self._track, self._meet, self.tau, effort
+        )
         if flow is None:
             return self._in_order(priorities, effort)
-        if len(priorities) <= _MOST_BOTH:
+        if len(priorities) <= MOST_BOTH:
             with suppress(PlanError):
                 motions = self._in_order(priorities, effort)
-                if not _is_better(flow, motions):
+                if not flow.is_better_than(motions):
                     return motions
-        return self._adopt(flow)
-
-    def _in_flow(self, priorities: list[int], effort: int) -> _Flow | None:
-        """Return ways and motions that look at who comes when; None if none are found."""
-        # A fleet in which nobody waits needs none, and a small plan should not pay for the import.
-        from coordinator.bends.flow_search import FlowSearch
-
-        if effort < _EFFORT_PER_WAY or not FEW < len(priorities) <= _FLOW_ROBOTS * effort:
-            return None
-        search = FlowSearch(self.pathfinder, self.paths, self.tracks, self._track, self.tau)
-        courses = search.run(0 if any(priorities) else int(_FLOW_ROUNDS * effort))
-        if courses is None:
-            return None
-        junctions = self._meet([one.track for one in courses])
-        motions = placed(junctions, [one.motion for one in courses])
-        for _ in range(_FLOW_REPAIRS):
-            met = meeting(junctions, motions)
-            if not met:
-                break
-            courses = search.place_again(met)
-            for index in met:
-                junctions = junctions.with_track(index, courses[index].track)
-            motions = placed(junctions, [one.motion for one in courses])
-        if not place_again(junctions, motions, meeting(junctions, motions)):
-            return None
-        paths, tracks = [one.path for one in courses], [one.track for one in courses]
-        order = sorted(range(len(courses)), key=lambda index: courses[index].motion.finish)
-        improvement = Improvement(junctions, motions, order, priorities)
-        improvement.settle()
-        owned = with_owners(junctions, motions.all(), all_waits=True)
-        improvement.plan_again([i for i in order if any(wait.owner < 0 for wait in owned[i].waits)])
-        aside = sum(a is not b for a, b in zip(paths, self.paths, strict=True))
-        return _Flow(paths, tracks, junctions, motions.all(), aside)
-
-    def _adopt(self, flow: _Flow) -> list[Motion]:
-        """Make these paths the plan's and return their motions, with the owners of their waits."""
-        slower = sum(
-            motion.limits is not track.limits
-            for motion, track in zip(flow.motions, flow.tracks, strict=True)
-        )
-        self.notes = [
-            f"robots that leave their shortest ways so that others can pass: {flow.aside}; "
-            f"that drive more slowly than they could: {slower}"
-        ]
         self.paths, self.tracks, self.junctions = flow.paths, flow.tracks, flow.junctions
-        return with_owners(flow.junctions, flow.motions, all_waits=True)
+        self.notes = [flow.told()]
+        return flow.motions
 
     def _in_order(self, priorities: list[int], effort: int) -> list[Motion]:
         """Return motions on the paths that look at nobody; reroute robots until some order works.
@@ -356,9 +280,7 @@ class _Stages:
         self.notes = ["robots make room for each other: they rest on their ways and go on"]
         self.find_zones()
         first = first_motions(legs, self.tracks, self.tau + TAU_PAD)
-        table = Motions(self.junctions.lengths())
-        for index, motion in enumerate(first):
-            table.put(index, motion)
+        table = Motions(self.junctions.lengths(), first)
         order = sorted(range(len(first)), key=lambda index: first[index].finish)
         improvement = Improvement(self.junctions, table, order, priorities)
         improvement.plan_all_again(_MOST_AGAIN)

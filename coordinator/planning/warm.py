@@ -29,8 +29,9 @@ from coordinator.plan.staircases import NO_STAIRCASES
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import GivenPath, Point, Pose, Robot, Scenario, Workspace
 from coordinator.schedule.authority import Authority
-from coordinator.schedule.given_motions import meeting, placed
+from coordinator.schedule.given_motions import meeting
 from coordinator.schedule.junctions import Junctions
+from coordinator.schedule.timetable import Motions
 from coordinator.schedule.track import Track
 
 
@@ -127,7 +128,8 @@ def _compile_bends() -> None:
     courses = FlowSearch(finder, paths, tracks, track_of, 0.5).run(1)
     if courses is not None:
         junctions = Junctions([one.track for one in courses], [0.2, 0.2], 0.05, 0.5)
-        meeting(junctions, placed(junctions, [one.motion for one in courses]))
+        motions = Motions(junctions.lengths(), [one.motion for one in courses])
+        meeting(junctions, motions, [0, 0])
 
 
 def _compile_maps() -> None:

@@ -9,42 +9,43 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from coordinator.motion.velocity_profile import Motion
 from coordinator.schedule.forbidden_interval_kernels import BOTH, forbid, meetings
 from coordinator.schedule.junctions import Junctions
 from coordinator.schedule.safe_intervals import earliest_motion
 from coordinator.schedule.timetable import Motions
 
 
-def placed(junctions: Junctions, motions: Sequence[Motion]) -> Motions:
-    """Return these motions side by side."""
-    table = Motions(junctions.lengths())
-    for index, motion in enumerate(motions):
-        table.put(index, motion)
-    return table
-
-
-def meeting(junctions: Junctions, motions: Motions) -> set[int]:
-    """Return of any two robots that meet the one that arrives later."""
-    finish = [motion.finish for motion in motions.all()]
+def meeting(junctions: Junctions, motions: Motions, priorities: Sequence[int]) -> set[int]:
+    """Return of any two robots that meet the one of lower priority, or that arrives later."""
+    last = _last_first(motions, priorities)
     return {
-        max(index, other, key=lambda one: (finish[one], one))
-        for index in range(len(finish))
+        min(index, other, key=last.__getitem__)
+        for index in range(len(last))
         for other in _met(junctions, motions, index)
     }
 
 
-def place_again(junctions: Junctions, motions: Motions, chosen: Collection[int]) -> bool:
+def place_again(
+    junctions: Junctions, motions: Motions, chosen: Collection[int], priorities: Sequence[int]
+) -> bool:
     """Give chosen robots their earliest motions among the others; return whether there are some."""
-    finish = [motion.finish for motion in motions.all()]
+    last = _last_first(motions, priorities)
     for index in chosen:
         motions.put(index, None)
-    for index in sorted(chosen, key=lambda one: (finish[one], one)):
+    for index in sorted(chosen, key=last.__getitem__, reverse=True):
         found = earliest_motion(junctions, motions, index)
         if found is None:
             return False
         motions.put(index, found)
     return True
+
+
+def _last_first(motions: Motions, priorities: Sequence[int]) -> list[tuple[int, float, int]]:
+    """Return keys that sort robots by priority and then by arrival, those who give way first."""
+    return [
+        (priority, -motion.finish, -index)
+        for index, (priority, motion) in enumerate(zip(priorities, motions.all(), strict=True))
+    ]
 
 
 def _met(junctions: Junctions, motions: Motions, index: int) -> list[int]:

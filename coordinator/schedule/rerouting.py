@@ -63,9 +63,7 @@ def quicker_by(
 
 def with_reasons(junctions: Junctions, motions: Sequence[Motion]) -> list[Motion]:
     """Return motions, replanned if one of their waits has lost its zone because of a detour."""
-    table = Motions(junctions.lengths())
-    for index, motion in enumerate(motions):
-        table.put(index, motion)
+    table = Motions(junctions.lengths(), motions)
     kept = list(motions)
     for index, motion in enumerate(motions):
         if all(wait.zone >= 0 for wait in motion.waits):

@@ -22,11 +22,13 @@ _SERIALS = itertools.count(1)
 class Motions:
     """One motion per robot, or none yet; lengths (n,) [m] are those of the paths."""
 
-    def __init__(self, lengths: Sequence[float]) -> None:
+    def __init__(self, lengths: Sequence[float], found: Sequence[Motion] = ()) -> None:
         count = len(lengths)
         self.found: list[Motion | None] = [None] * count
         self.placed: npt.NDArray[np.bool_] = np.zeros(count, dtype=np.bool_)
         self.table = _empty(count, _KNOTS, np.array(lengths, dtype=np.float64))
+        for index, motion in enumerate(found):
+            self.put(index, motion)
 
     def put(self, index: int, motion: Motion | None, serial: int | None = None) -> None:
         """Set or remove a robot's motion; `serial`: the number of a motion that is restored."""

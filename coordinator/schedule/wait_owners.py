@@ -32,15 +32,13 @@ def with_owners(
 ) -> list[Motion]:
     """Return the same motions, each wait with the robot and the zone that force it.
 
-    By default a wait without an owner is a rest that no robot forces; with `all_waits` its owner
-    is not known yet.
-
-    That is the first zone ahead which forbids half of the wait or more, since for a zone farther
+    The zone is the first one ahead which forbids half of the wait or more, since for a zone farther
     ahead the robot could wait farther ahead.  If there is none, it is the zone that forbids most.
+
+    By default a wait without an owner stays one, a rest that no robot forces; with `all_waits` its
+    owner is looked for, too.
     """
-    table = Motions(junctions.lengths())
-    for index, motion in enumerate(motions):
-        table.put(index, motion)
+    table = Motions(junctions.lengths(), motions)
     return [
         _owned(junctions, table, index, motion, all_waits)
         if any(all_waits or wait.owner >= 0 for wait in motion.waits)

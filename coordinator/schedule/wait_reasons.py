@@ -40,9 +40,7 @@ def explain_waits(
     ]
     most = min(_MOST, _MOST_PLANNED // len(names)) if tries else 0
     longest = sorted(waits, key=lambda wait: -wait[2])[:most]
-    table = Motions(junctions.lengths())
-    for index, motion in enumerate(motions):
-        table.put(index, motion)
+    table = Motions(junctions.lengths(), motions)
     tried = {wait[:2]: _otherwise(junctions, table, *wait[:2]) for wait in longest}
     reasons = []
     for index, number, lasts in waits:

@@ -19,8 +19,9 @@ from coordinator.curves.chords import chords_of
 from coordinator.motion.velocity_profile import Motion, Wait, limits_on
 from coordinator.paths.path_planner import Pathfinder, find_paths
 from coordinator.scenario.model import Robot, Scenario, Workspace
-from coordinator.schedule.given_motions import meeting, placed
+from coordinator.schedule.given_motions import meeting
 from coordinator.schedule.junctions import Junctions
+from coordinator.schedule.timetable import Motions
 from coordinator.schedule.track import Track
 from sim.floors.generator import generate
 
@@ -144,14 +145,15 @@ def test_the_later_one_of_two_robots_that_meet_on_exact_zones_is_told():
     _, courses = searched(scenario)
     lone = [searched(floor([one]))[1][0] for one in scenario.robots]
 
-    def met(found, late):
+    def met(found, late, priorities=(0, 0)):
         tracks = [course.track for course in found]
         motions = [found[0].motion, Motion(found[1].motion.limits, late or found[1].motion.waits)]
         junctions = Junctions(tracks, [0.2, 0.2], scenario.margin, TAU)
-        return meeting(junctions, placed(junctions, motions))
+        return meeting(junctions, Motions(junctions.lengths(), motions), priorities)
 
     assert met(courses, []) == set()
     assert met(lone, [Wait(0.0, 0.5, -1)]) == {1}
+    assert met(lone, [Wait(0.0, 0.5, -1)], priorities=(0, 1)) == {0}
     assert met(lone, [Wait(0.0, 5.0, -1)]) == set()
 
 

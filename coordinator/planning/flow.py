@@ -1,0 +1,126 @@
+"""Paths and motions that are found together, and made to agree on exact conflict zones.
+
+Decides: for which fleets ways in space and time are searched and how long, who gets another way if
+two motions turn out to meet, and whether the result is worth its bends.  Must not know: how ways
+are searched (coordinator/bends), wire bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from coordinator.curves.nurbs import Nurbs
+from coordinator.motion.velocity_profile import Motion
+from coordinator.paths.path_planner import Pathfinder
+from coordinator.schedule.given_motions import meeting, place_again
+from coordinator.schedule.junctions import FEW, Junctions
+from coordinator.schedule.neighbourhood_search import Improvement
+from coordinator.schedule.timetable import Motions
+from coordinator.schedule.track import Track
+from coordinator.schedule.wait_owners import with_owners
+
+MOST_BOTH: Final = 24
+"""Fleets of up to so many robots are planned on their shortest ways as well."""
+
+_WORTH: Final = 0.5
+_WORTH_SHARE: Final = 0.005
+"""Ways in space and time have to lower the sum of arrivals by _WORTH [s], and by this share."""
+
+_LEAST_EFFORT: Final = 5
+_ROBOTS: Final = 15
+_ROUNDS: Final = 0.5
+"""The least effort; how many robots, and how many rounds of improvement, per unit of effort.  The
+time of the search grows faster than the number of robots."""
+
+_REPAIRS: Final = 3
+"""How often robots get other ways because they meet others on exact zones."""
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """Paths and motions of a fleet, with the tracks and zones of these paths.
+
+    aside: how many of the paths are not the shortest ones.
+    """
+
+    paths: list[Nurbs]
+    tracks: list[Track]
+    junctions: Junctions
+    motions: list[Motion]
+    aside: int
+
+    def is_better_than(self, motions: Sequence[Motion]) -> bool:
+        """Return whether the paths are worth their bends, compared with other motions."""
+        was = sum(motion.finish for motion in motions)
+        now = sum(motion.finish for motion in self.motions)
+        return now < was - max(_WORTH, _WORTH_SHARE * was)
+
+    def told(self) -> str:
+        """Return how many robots bend and slow down, in words."""
+        slower = sum(
+            motion.limits is not track.limits
+            for motion, track in zip(self.motions, self.tracks, strict=True)
+        )
+        return (
+            f"robots that leave their shortest ways so that others can pass: {self.aside}; "
+            f"that drive more slowly than they could: {slower}"
+        )
+
+
+def find_flow(
+    finder: Pathfinder,
+    shortest: Sequence[Track],
+    paths: Sequence[Nurbs],
+    track_of: Callable[[int, Nurbs], Track],
+    meet: Callable[[list[Track]], Junctions],
+    tau: float,
+    effort: int,
+) -> Flow | None:
+    """Return ways in space and time for a fleet whose shortest paths and tracks are given.
+
+    track_of: makes the track of a robot on a path; meet: finds the zones between tracks.  None if
+    the fleet is too small or too large for the effort, or if a robot finds no way.
+    """
+    # Small plans should not pay for the import of kernels that they do not need.
+    from coordinator.bends.flow_search import FlowSearch
+
+    if effort < _LEAST_EFFORT or not FEW < len(paths) <= _ROBOTS * effort:
+        return None
+    priorities = [robot.priority for robot in finder.scenario.robots]
+    search = FlowSearch(finder, paths, shortest, track_of, tau)
+    courses = search.run(int(_ROUNDS * effort) if len(set(priorities)) == 1 else 0)
+    if courses is None:
+        return None
+    junctions = meet([one.track for one in courses])
+    for _ in range(_REPAIRS):
+        motions = Motions(junctions.lengths(), [one.motion for one in courses])
+        met = meeting(junctions, motions, priorities)
+        if not met:
+            break
+        courses = search.place_again(met)
+        for index in met:
+            junctions = junctions.with_track(index, courses[index].track)
+    motions = Motions(junctions.lengths(), [one.motion for one in courses])
+    if not place_again(junctions, motions, meeting(junctions, motions, priorities), priorities):
+        return None
+    _replace_needless_rests(junctions, motions, priorities)
+    return Flow(
+        [one.path for one in courses],
+        [one.track for one in courses],
+        junctions,
+        with_owners(junctions, motions.all(), all_waits=True),
+        sum(one.path is not path for one, path in zip(courses, paths, strict=True)),
+    )
+
+
+def _replace_needless_rests(
+    junctions: Junctions, motions: Motions, priorities: Sequence[int]
+) -> None:
+    """Plan robots again that have a wait which no zone forces."""
+    found = motions.all()
+    order = sorted(range(len(found)), key=lambda one: (-priorities[one], found[one].finish))
+    owned = with_owners(junctions, found, all_waits=True)
+    needless = [one for one in order if any(wait.owner < 0 for wait in owned[one].waits)]
+    Improvement(junctions, motions, order, priorities).plan_again(needless)
