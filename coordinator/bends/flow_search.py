@@ -19,8 +19,9 @@ import numpy as np
 
 from coordinator.bends.courses import Course, CourseMaker, TrackOf, may_bend
 from coordinator.bends.meshes import NARROW, WIDE, Ends, Meshes
+from coordinator.bends.taut_kernels import pulled_taut
 from coordinator.bends.traffic_kernels import Traffic, first_meeting, gathered, least_delay
-from coordinator.bends.way_kernels import Trip, earliest_way, pulled_taut
+from coordinator.bends.way_kernels import Trip, earliest_way
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.scenario.model import Robot

@@ -1,7 +1,7 @@
 """Compiled: the earliest way over a mesh in space and time, among robots that come and go.
 
 Safe-interval path planning (Phillips and Likhachev 2011): a state is a cell and an interval of time
-in which no other robot forbids it.  Then the way is pulled taut where others allow it.
+in which no other robot forbids it.
 
 Decides: past which side of obstacles, before or behind whom, and where to wait.  Must not know:
 curves.
@@ -24,14 +24,15 @@ from coordinator.curves.nurbs_kernels import Indices
 
 Flags = npt.NDArray[np.bool_]
 
-_LOOK: Final = 0.3
+LOOK: Final = 0.3
 """Distance [m] between the places looked at on a straight line."""
 
 _HASTE: Final = 1.1
 """The weight of the time that is left to the goal.  The way takes at most so many times as long as
 the earliest one, and half as many states are expanded as with a weight of 1."""
 
-_SOON: Final = 1e-6
+SOON: Final = 1e-6
+"""Times nearer to each other [s] are the same."""
 
 
 class Trip(NamedTuple):
@@ -148,13 +149,13 @@ def _relax(
     for at in range(move.first, move.last):
         if states.done[at] or states.end[at] <= states.best[here] + move.lasts:
             continue
-        if max(states.best[here] + move.lasts, states.begin[at]) >= states.best[at] - _SOON:
+        if max(states.best[here] + move.lasts, states.begin[at]) >= states.best[at] - SOON:
             return
         if shut < 0:
             cell = states.cell[here]
             shut = _closed(mesh, trip, cell, move.to, move.lasts, traffic, times, closed)
         arrival = _departure(states, here, at, move.lasts, trip.ramp, closed, shut) + move.lasts
-        if arrival >= min(states.end[at], states.best[at] - _SOON):
+        if arrival >= min(states.end[at], states.best[at] - SOON):
             continue
         if arrival + move.left < latest:
             states.best[at], states.parent[at] = arrival, here
@@ -220,7 +221,7 @@ def _closed(
     """
     x0, y0 = (trip.start[0], trip.start[1]) if cell < 0 else _middle(mesh, cell)
     x1, y1 = _middle(mesh, to)
-    pieces = int(math.hypot(x1 - x0, y1 - y0) / _LOOK) + 1
+    pieces = int(math.hypot(x1 - x0, y1 - y0) / LOOK) + 1
     n = 0
     for j in range(1, pieces):
         share = j / pieces
@@ -310,7 +311,7 @@ def _traced(
     when[0, 0], when[0, 1] = 0.0, leave
     kept = 1
     for k in range(1, n):
-        if k < n - 1 and when[k, 1] <= when[k, 0] + _SOON:
+        if k < n - 1 and when[k, 1] <= when[k, 0] + SOON:
             ax, ay = way[k, 0] - way[kept - 1, 0], way[k, 1] - way[kept - 1, 1]
             bx, by = way[k + 1, 0] - way[k, 0], way[k + 1, 1] - way[k, 1]
             if abs(ax * by - ay * bx) < 1e-9 and ax * bx + ay * by > 0.0:
@@ -318,85 +319,3 @@ def _traced(
         way[kept], when[kept] = way[k], when[k]
         kept += 1
     return way[:kept], when[:kept]
-
-
-@compiled
-def pulled_taut(
-    way: Array, when: Array, sight: Flags, trip: Trip, traffic: Traffic
-) -> tuple[Indices, Array]:
-    """Return which vertices of a way (n, 2) are kept, and when the robot comes and goes (m, 2) [s].
-
-    sight (n, n): which vertices a clear straight line joins.  Vertices are left out where nobody is
-    met on the line.  Then the robot drives ahead of these times where others allow it, and more
-    slowly than it can where not.
-    """
-    count = len(way)
-    kept = np.zeros(count, np.int64)
-    n, at = 1, 0
-    while at < count - 1:
-        best = at + 1
-        for to in range(at + 2, count):
-            if when[to - 1, 1] > when[to - 1, 0] + _SOON:
-                break
-            if sight[at, to] and _meets_nobody(
-                way[at], way[to], when[at, 1], when[to, 0], trip, traffic
-            ):
-                best = to
-        kept[n] = at = best
-        n += 1
-    kept = kept[:n]
-    times = np.empty((n, 2))
-    times[0], times[n - 1] = when[0], when[count - 1]
-    bound = 1
-    while True:
-        k = _ahead(way, when, kept, trip, traffic, bound, times)
-        if k == n:
-            return kept, times
-        bound = k + 1
-
-
-@compiled
-def _ahead(
-    way: Array, when: Array, kept: Indices, trip: Trip, traffic: Traffic, bound: int, times: Array
-) -> int:
-    """Enter times at the kept vertices (n, 2) [s] as far as others allow them.
-
-    Times before number `bound` are the planned ones, later ones are as early as possible.  Returns
-    n, or the number of the vertex that the robot cannot come to without meeting others.
-    """
-    n = len(kept)
-    for k in range(1, n):
-        at, to = kept[k - 1], kept[k]
-        times[k] = when[to]
-        if k < bound:
-            continue
-        leave = times[k - 1, 1]
-        far = math.hypot(way[to, 0] - way[at, 0], way[to, 1] - way[at, 1])
-        early = leave + far / trip.speed
-        if _meets_nobody(way[at], way[to], leave, early, trip, traffic):
-            times[k, 0] = early
-        elif leave < when[at, 1] and not _meets_nobody(
-            way[at], way[to], leave, when[to, 0], trip, traffic
-        ):
-            return k
-        if when[to, 1] <= when[to, 0] + _SOON:
-            times[k, 1] = times[k, 0]
-    return n
-
-
-@compiled
-def _meets_nobody(
-    here: Array, there: Array, begin: float, end: float, trip: Trip, traffic: Traffic
-) -> bool:
-    """Return whether others allow a straight line between two places (2,), driven evenly."""
-    times = np.empty((MOST, 2))
-    dx, dy = there[0] - here[0], there[1] - here[1]
-    pieces = int(math.hypot(dx, dy) / _LOOK) + 1
-    for j in range(1, pieces + 1):
-        share = j / pieces
-        x, y, now = here[0] + share * dx, here[1] + share * dy, begin + share * (end - begin)
-        busy = forbidden_at(traffic, trip.robot, x, y, trip.reach, trip.tau, times)
-        for i in range(busy):
-            if times[i, 0] < now < times[i, 1]:
-                return False
-    return True
