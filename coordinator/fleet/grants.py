@@ -118,6 +118,8 @@ class Grants:
         self._numbers[:count] = np.arange(count)
         self._next_number = count
         self._reserved: set[int] = set()
+        """Numbers on which nothing is granted: of courses that are looked for or were withdrawn, and
+        of robots that were taken out."""
         self._limits: dict[str, int] = {}
         """By robot: how far it may drive on the course in force, because of a closed place."""
 
@@ -354,10 +356,14 @@ class Grants:
         return first
 
     def remove(self, robot: str) -> None:
-        """Take out a robot, which is not on the floor any more."""
+        """Take out a robot, which is not on the floor any more.
+
+        Its courses stay named, with nothing granted: it may be there after all, and hear Commands.
+        """
         mine = self._courses.pop(robot, None)
         self._limits.pop(robot, None)
         for one in mine or ():
+            self._reserved.add(one.number)
             self._rule.arrive(one.slot)
             self._rule.barred[one.slot], self._numbers[one.slot] = True, -1
             self._held.pop(one.slot, None)

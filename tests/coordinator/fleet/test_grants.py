@@ -51,6 +51,16 @@ def test_a_robot_that_says_nothing_is_granted_no_more_than_the_slack_and_is_name
     assert stated == (10_900, ((1, 3_000),))
 
 
+def test_a_robot_that_was_taken_out_is_granted_nothing_more_if_it_is_there_after_all():
+    grants = Grants(staircases(), ["R1", "R2"], HEADROOM)
+    state(grants, 2_000)
+    grants.remove("R2")
+    (stated,) = grants.grant(60_000, FAR)
+    said = Command(1, 1, 9, 1, GO, 0, 60_000 * MILLISECOND, *stated)
+    assert said.authority_of(1) == 0
+    assert said.authority_of(0) > 0
+
+
 def test_the_one_behind_is_held_until_the_one_ahead_says_that_it_has_passed():
     grants = Grants(staircases((0, 1, 4_000, 3_000)), ["R1", "R2"], HEADROOM)
     for now in range(0, 6_000, 100):
