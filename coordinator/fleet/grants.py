@@ -118,7 +118,7 @@ class Grants:
         self._numbers[:count] = np.arange(count)
         self._next_number = count
         self._reserved: set[int] = set()
-        """Numbers on which nothing is granted: of courses that are looked for or were withdrawn, and
+        """Numbers on which nothing is granted: of courses looked for or withdrawn, and
         of robots that were taken out."""
         self._limits: dict[str, int] = {}
         """By robot: how far it may drive on the course in force, because of a closed place."""
