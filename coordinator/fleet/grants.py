@@ -427,7 +427,7 @@ class Grants:
         if passed_ms - self._passed_ms[slot] >= _STEPS * LATE_STEP_MS:
             self._passed_ms[slot], self.got_on_ms = passed_ms, max(now_ms, self.got_on_ms)
             self._got_on_ms[slot] = max(now_ms, int(self._got_on_ms[slot]))
-        return report.late == 0 or self._can_be_at(sent, claimed_ms)
+        return self._can_be_at(sent, claimed_ms)
 
     def _can_be_at(self, sent: Sent, claimed_ms: int) -> bool:
         """Return whether a robot can be where its plan has it at a plan time, by what it was told.

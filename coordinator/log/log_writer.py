@@ -11,6 +11,8 @@ Decides: how a log is laid out.  Must not know: threads, clocks, what the messag
 
 from __future__ import annotations
 
+import os
+import stat
 import struct
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -45,6 +47,7 @@ WRITE_ERRORS: Final = (OSError, ValueError, struct.error, McapError, ZstdError)
 """What the methods of a LogWriter raise when the log cannot be written."""
 
 _LAST_STAMP: Final = 2**64 - 1
+_SYNC: Final = getattr(os, "fdatasync", os.fsync)
 
 
 class Attachment(NamedTuple):
@@ -122,6 +125,12 @@ class LogWriter:
         """Write everything so far to the file; this ends a chunk."""
         self._writer.flush()  # type: ignore[no-untyped-call]
 
+    def sync(self) -> None:
+        """Flush, and wait until the disk has it, if this is a file on a disk."""
+        self.flush()
+        if stat.S_ISREG(os.fstat(self._stream.fileno()).st_mode):
+            _SYNC(self._stream.fileno())
+
     def finish(self) -> None:
         """Write the end of the log and close the file."""
         self._writer.finish()  # type: ignore[no-untyped-call]
@@ -138,7 +147,7 @@ class LogWriter:
             self._writer.add_metadata(METADATA_NAME, metadata)
             for attachment in attachments:
                 self.attach(attachment)
-            self.flush()
+            self.sync()
         except BaseException:
             self.abandon()
             raise

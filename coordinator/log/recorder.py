@@ -119,6 +119,9 @@ class Recorder:
     def sync(self) -> bool:
         """Wait, for at most 1 s, until the operating system has everything recorded so far.
 
+        It outlasts the death of this program then.  The disk has it as soon as it can, so that it
+        outlasts a power cut, too; nobody waits for that.
+
         Whatever a robot may act on for long must be in the log before it is sent to the robot.
         Return False if the log cannot be written any more.
         """
@@ -219,6 +222,9 @@ class Recorder:
                 with self._gate:
                     self._held -= item.size
         self._writer.flush()
+        is_awaited = bool(self._unwritten)
         for event in self._unwritten:
             event.set()
         self._unwritten.clear()
+        if is_awaited:
+            self._writer.sync()

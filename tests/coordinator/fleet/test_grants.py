@@ -81,10 +81,11 @@ def test_reports_of_strangers_and_reports_without_a_stamp_say_nothing():
     assert state(grants, 9_000) == (10_000, ((0, 3_000),))
 
 
-def test_a_robot_that_claims_more_than_it_was_told_is_not_believed():
+@pytest.mark.parametrize("late", [0, 1])
+def test_a_robot_that_claims_more_than_it_was_told_is_not_believed(late):
     grants = Grants(staircases(), ["R1"], HEADROOM)
     state(grants, 0)
-    assert not grants.hear("R1", report(60_000, late=1), 0)
+    assert not grants.hear("R1", report(60_000, late), 0)
     assert grants.spans("R1") == [(0, 1_000, 1_000)]
 
 

@@ -1,6 +1,7 @@
 """The recorder, judged by the stock mcap reader."""
 
 import json
+import os
 import random
 import resource
 import threading
@@ -126,6 +127,21 @@ def test_a_message_reaches_the_file_without_a_close(tmp_path, monkeypatch, hurri
         while path.stat().st_size == before and time.monotonic() < deadline:
             threading.Event().wait(0.01)
         assert path.stat().st_size > before
+    finally:
+        log.close()
+
+
+def test_what_somebody_waited_for_is_brought_to_the_disk_at_once(tmp_path, monkeypatch):
+    path, on_disk = tmp_path / "run.mcap", threading.Event()
+    log = open_log(path)
+    try:
+        wanted = path.stat().st_size
+        monkeypatch.setattr(
+            log_writer, "_SYNC", lambda file: os.fstat(file).st_size > wanted and on_disk.set()
+        )
+        log.record(keys.command("f"), b"x", 1)
+        assert log.sync()
+        assert on_disk.wait(5.0)
     finally:
         log.close()
 
