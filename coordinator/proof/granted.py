@@ -81,6 +81,9 @@ class Granted:
         self._ahead: dict[int, int] = {}
         """What Commands granted to numbers of courses that were not known yet."""
 
+        self._left: dict[int, str] = {}
+        """By the number of its course: robots that have left the fleet."""
+
         self._joining: set[str] = set()
         self._names = [*self._robots, *self._robots]
         """The robot of each slot."""
@@ -100,7 +103,9 @@ class Granted:
             if one is not None:
                 self._passed[one.slot], self._at_goal[one.slot] = np.inf, True
                 self._ended.pop(one.slot, None)
-                self._courses = {n: other for n, other in self._courses.items() if other is not one}
+        kept = {n: one for n, one in self._courses.items() if one.robot != robot}
+        self._left.update(dict.fromkeys(self._courses.keys() - kept.keys(), robot))
+        self._courses = kept
 
     def take_plan(self, robot: str, plan: Plan) -> bool:
         """Check that a robot was sent a course that is known, with its own number.
@@ -223,6 +228,12 @@ class Granted:
                         f"Command {command.sequence} of epoch {command.epoch} lets {one.robot} "
                         "drive on, which others go around"
                     )
+        for number, robot in self._left.items():
+            if command.authority_of(number):
+                self.failures.append(
+                    f"Command {command.sequence} of epoch {command.epoch} lets {robot} drive, "
+                    "which has left the fleet"
+                )
         stairs = self._staircases.all
         ahead, behind = self._passed[stairs.ahead], self._granted[stairs.behind]
         for pair in np.flatnonzero(behind - stairs.tau_ms >= ahead).tolist():

@@ -150,6 +150,18 @@ def test_a_step_too_far_is_found(plan):
         assert len(granted.failures) == failures
 
 
+def test_authority_for_a_robot_that_has_left_is_found(plan):
+    robot = plan.document.robots[1].id
+    granted = Granted(plan)
+    granted.leave(robot)
+    granted.take_command(go(1, 100, ((1, 0),)))
+    assert granted.failures == []
+    granted.take_command(go(2, 100))
+    assert granted.failures == [
+        f"Command 2 of epoch 1 lets {robot} drive, which has left the fleet"
+    ]
+
+
 def test_a_report_that_claims_more_than_was_granted_counts_no_further(plan):
     names = [robot.id for robot in plan.document.robots]
     granted = Granted(plan)
