@@ -50,6 +50,7 @@ class FleetLine:
         self._by = by
         self._transport = transport
         self._heard: queue.SimpleQueue[tuple[str, Message]] = queue.SimpleQueue()
+        self._patience = patience
         self._until = time.monotonic() + patience
         for key in (
             places.command(fleet or "*"),
@@ -64,8 +65,11 @@ class FleetLine:
         if place is not None and message is not None:
             self._heard.put((place[0], message))
 
-    def messages(self, say: Callable[[str], None]) -> Iterator[Message]:
-        """Yield the fleet's messages; call `say` with the fleet's name now and then until heard."""
+    def messages(self, say: Callable[[str], None], *, lasts: bool = False) -> Iterator[Message]:
+        """Yield the fleet's messages; call `say` with the fleet's name now and then.
+
+        Ends when the patience is over; if this `lasts`, when nothing was heard for so long.
+        """
         due = 0.0
         while (now := time.monotonic()) < self._until:
             if self.fleet is not None and now >= due:
@@ -79,6 +83,8 @@ class FleetLine:
                 self.fleet = name
             if name == self.fleet:
                 self.is_heard = True
+                if lasts:
+                    self._until = time.monotonic() + self._patience
                 yield message
 
     def ask_until(

@@ -106,7 +106,7 @@ def order(
     """Give an order to a running fleet and print what becomes of it.
 
     A robot's second order waits behind its first.  The exit code is 1 if the order is refused or
-    cancelled, or if no coordinator answers within --patience.
+    cancelled, or if no coordinator is heard for --patience.
 
     Example: splinefleet order --connect tcp/127.0.0.1:7447 --to 9,5 --robot R1 --wait
     """
@@ -115,7 +115,8 @@ def order(
     whose = robot or wanted.robot
     whose = name_of(whose, "--robot") if whose else ""
     state: OrderState | None = None
-    with fleet_line(connect, fleet, 86_400.0 if wait else patience, keys) as line:
+    is_over = False
+    with fleet_line(connect, fleet, patience, keys) as line:
         given = Order(
             boot=line.boot,
             id=name,
@@ -132,10 +133,11 @@ def order(
             if state is None:
                 line.put(keys_of.order(known), given)
 
-        for message in line.messages(say):
+        for message in line.messages(say, lasts=wait):
             if isinstance(message, OrderState) and message.id == name:
                 state = message
-                if state.state in (ORDER_DONE, CANCELLED, REFUSED):
+                is_over = state.state in (ORDER_DONE, CANCELLED, REFUSED)
+                if is_over:
                     break
             settled = state is not None and state.state != WAITING
             is_late = state is not None and time.monotonic() - began > _SETTLES_S
@@ -146,6 +148,9 @@ def order(
             if isinstance(message, Command) and message.phase == OVER and state is not None:
                 break
     _conclude(name, state, as_json, patience)
+    if wait and not is_over:
+        tell("the coordinator has ended, or is not heard any more", "red")
+        raise typer.Exit(1)
 
 
 class _Wanted(NamedTuple):

@@ -16,7 +16,7 @@ from typing import Final, TypeVar
 from coordinator.base.errors import InputError
 from coordinator.desk.answers import FleetAnswer, Phase, Place, PreviewAnswer, Told
 from coordinator.desk.bodies import BlockBody, JoinBody, OrderBody, read_name
-from coordinator.desk.known_fleet import OVER
+from coordinator.desk.known_fleet import ENDED
 from coordinator.desk.line import Line
 from coordinator.desk.previews import Previews
 from coordinator.exchange.vda5050_state import State, state_of
@@ -119,7 +119,7 @@ class Commands:
     async def cancel(self, name: str, by: str) -> OrderSummary:
         """Take an order back."""
         asked = Cancel(self._line.boot, _name(name, "order"), self._by(by))
-        over = partial(_state_of, name=name, within=OVER)
+        over = partial(_state_of, name=name, within=ENDED)
         state = _answered(await self._line.ask(keys.order, asked, over, PATIENCE_S))
         if state.state == REFUSED:
             raise Refused(404, state.reason)

@@ -36,7 +36,7 @@ from protocol.messages import (
     Report,
     Unblock,
 )
-from protocol.phases import COMMAND_NAMES, GO, NO_FAULT, PHASE_NAMES, fault_name
+from protocol.phases import COMMAND_NAMES, GO, NO_FAULT, OVER, PHASE_NAMES, fault_name
 from protocol.plan_parts import unpack_plan
 from protocol.timing import LATE_STEP_MS, REPORT_TIMEOUT, SECOND
 
@@ -46,7 +46,7 @@ _SILENCE: Final = REPORT_TIMEOUT / SECOND
 _LONG: Final = 60.0
 """An order that waits for longer than this [s] although robots are free needs a person."""
 
-OVER: Final = (ORDER_DONE, CANCELLED, REFUSED)
+ENDED: Final = (ORDER_DONE, CANCELLED, REFUSED)
 
 
 class KnownFleet:
@@ -76,8 +76,8 @@ class KnownFleet:
         self._driven: dict[str, dict[int, Plan]] = {}
         """The newest courses of each robot by revision: it drives one of them."""
 
-        self._reached: dict[str, tuple[int, tuple[float, float] | None]] = {}
-        """By robot: where its course is at a plan time [ms]."""
+        self._reached: dict[str, tuple[Plan, int, tuple[float, float] | None]] = {}
+        """By robot: where a course of it is at a plan time [ms]."""
 
         self._waits: dict[str, float] = {}
         """Since when orders wait."""
@@ -90,6 +90,8 @@ class KnownFleet:
         """Robots that were taken out; their programs may go on to speak."""
 
         self._command: tuple[Command, float] | None = None
+        self._granting: dict[int, Command] = {}
+        """By epoch: the newest Command that lets robots drive."""
 
     def hear(self, key: str, payload: bytes, now: float) -> Message | None:
         """Take in a message of the fleet and return it; None if it is none."""
@@ -105,6 +107,8 @@ class KnownFleet:
         self.heard[kind] += 1
         if isinstance(message, Command):
             self._command = (message, now)
+            if message.phase == GO:
+                self._granting[message.epoch] = message
         elif isinstance(message, Report):
             self._take_report(message, name, now)
         elif isinstance(message, OrderState):
@@ -133,9 +137,10 @@ class KnownFleet:
     def answer(self, now: float, held: Mapping[str, str]) -> FleetAnswer:
         """Return the fleet as it is known now; `held`: who is held, and by whom."""
         robots = self.robots(now, held)
-        is_heard = self.is_heard(now) or self._command is None
-        self.alarms.look(is_heard, robots, self._waiting_long(now), now + self._wall_s)
         command = self.command
+        if command is None or command.phase != OVER:
+            is_heard = self.is_heard(now) or command is None
+            self.alarms.look(is_heard, robots, self._waiting_long(now), now + self._wall_s)
         states = Counter(ORDER_STATES[one.state] for one in self.orders.values())
         return FleetAnswer(
             fleet=self.fleet or "",
@@ -200,7 +205,7 @@ class KnownFleet:
         report, at = heard
         mine = [one for one in self.orders.values() if one.robot == name]
         going = _under_way(mine)
-        waiting = [one for one in mine if one.state not in (*OVER, UNDER_WAY)]
+        waiting = [one for one in mine if one.state not in (*ENDED, UNDER_WAY)]
         return RobotState(
             id=name,
             phase=PHASE_NAMES[report.phase] if report.phase < len(PHASE_NAMES) else "",
@@ -217,13 +222,14 @@ class KnownFleet:
     def _reach(self, name: str, report: Report) -> tuple[float, float] | None:
         """Return the place [m] at which a robot's authority ends on the course that it drives."""
         plan = self._driven.get(name, {}).get(report.revision)
-        command = self.command
-        until_ms = None if command is None or plan is None else command.authority_of(plan.number)
-        if plan is None or until_ms is None or plan.epoch != report.epoch:
+        if plan is None or plan.epoch != report.epoch:
             return None
-        if self._reached.get(name, (0, None))[0] != until_ms:
-            self._reached[name] = (until_ms, _place_at(plan, 0.001 * until_ms))
-        return self._reached[name][1]
+        granting = self._granting.get(plan.epoch)
+        until_ms = None if granting is None else granting.authority_of(plan.number)
+        known = self._reached.get(name)
+        if until_ms is not None and (known is None or known[:2] != (plan, until_ms)):
+            known = self._reached[name] = (plan, until_ms, _place_at(plan, 0.001 * until_ms))
+        return known[2] if known is not None and known[0] is plan else None
 
     def _waiting_long(self, now: float) -> list[OrderState]:
         """Return the orders that have waited for longer than _LONG."""

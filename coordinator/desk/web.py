@@ -159,6 +159,8 @@ class Desk:
 
         async def lines() -> AsyncIterator[str]:
             async for event, data in events(self._line, with_scenes=with_scenes):
+                if request.app.state.is_ending:
+                    return
                 yield f"event: {event}\ndata: {data}\n\n" if event else ": still here\n\n"
 
         return StreamingResponse(lines(), media_type="text/event-stream", headers=_HEADERS)
@@ -209,7 +211,7 @@ def served(
         scheme = "http" if files is None else "https"
         yield f"{scheme}://{shown}:{listener.getsockname()[1]}/"
     finally:
-        server.should_exit = True
+        app.state.is_ending = server.should_exit = True
         thread.join()
         listener.close()
 
@@ -266,6 +268,7 @@ def _app(
     inner = Starlette(
         routes=routes, lifespan=lifespan, exception_handlers={HTTPException: problem, 500: problem}
     )
+    inner.state.is_ending = False
     if answers is not None:
         inner.add_middleware(_Counted, answers=answers)
         inner.answers = answers  # type: ignore[attr-defined]

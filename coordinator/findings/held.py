@@ -51,11 +51,16 @@ class Holds:
         """Who is held now."""
         return list(self._now.values())
 
-    def take(self, command: Command, epoch: Granted, now_ns: int) -> None:
-        """Take in a Command; `epoch`: what its epoch's Commands have granted, this one included."""
-        late = epoch.names(late_numbers(command) if command.phase == GO else [])
-        held = {name: by for name in late if (by := epoch.holder(name)) is not None}
-        for name in sorted((self._now.keys() & epoch.spoken_to(command)) - held.keys()):
+    def take(self, command: Command, epoch: Granted | None, now_ns: int) -> None:
+        """Take in a Command; `epoch`: what its epoch's Commands have granted, this one included.
+
+        Nobody is held by a Command other than GO, nor in an epoch that has granted nothing yet.
+        """
+        held, spoken_to = {}, set(self._now)
+        if command.phase == GO and epoch is not None:
+            late, spoken_to = epoch.names(late_numbers(command)), epoch.spoken_to(command)
+            held = {name: by for name in late if (by := epoch.holder(name)) is not None}
+        for name in sorted((self._now.keys() & spoken_to) - held.keys()):
             self.over.append(self._now.pop(name)._replace(until_ns=now_ns))
         for name, by in held.items():
             self._now.setdefault(name, Hold(name, by, now_ns))

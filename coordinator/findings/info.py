@@ -124,6 +124,9 @@ class _Telling:
         self._faults: dict[str, int] = {}
         self._unfit: dict[str, str] = {}
         self._heard: dict[str, tuple[int, int]] = {}
+        self._quiet: set[str] = set()
+        """Robots that have lost their links or fell silent, and were not heard since."""
+
         self._commanded_ns = self._here_ns = 0
         self._sent: list[tuple[str, int, int]] = []
         self._last_arrival_ns: int | None = None
@@ -380,8 +383,9 @@ class _Telling:
         """
         for robot, (heard_ns, phase) in self._heard.items():
             silent_ns = log_ns - max(heard_ns, self._here_ns)
-            known = self._robot(robot).fault is not None
-            if not known and phase in of_phases and silent_ns > REPORT_TIMEOUT:
+            is_known = robot in self._quiet or self._robot(robot).fault is not None
+            if not is_known and phase in of_phases and silent_ns > REPORT_TIMEOUT:
+                self._quiet.add(robot)
                 self._robot(robot).fault = "fell silent"
                 self._tell_fault(log_ns, robot, "fell silent", "silence")
 
@@ -389,7 +393,8 @@ class _Telling:
         """Record the loss of a link while the fleet is under way."""
         if not alive and self._phase is not None and self._phase[1] != phases.OVER:
             told = self._robot(robot)
-            if told.arrived is None:
+            if self._heard.get(robot, (0, phases.IDLE))[1] != phases.DONE:
+                self._quiet.add(robot)
                 told.fault = "lost its link"
                 self._numbers.link_lost(robot, log_ns)
                 self._tell_fault(log_ns, robot, told.fault, "link")
@@ -398,6 +403,9 @@ class _Telling:
         told = self._robot(robot)
         told.reports += 1
         self._heard[robot] = (log_ns, report.phase)
+        if robot in self._quiet:
+            self._quiet.discard(robot)
+            told.fault = None
         if report.rest is not None and report.phase in (phases.MOVING, phases.BRAKING):
             self.summary.positions_on_wire += 1
         if report.fault != self._faults.get(robot, phases.NO_FAULT):

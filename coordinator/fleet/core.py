@@ -33,6 +33,7 @@ from coordinator.fleet.phases import (
     GO_LEAD,
     HELD_PATIENCE,
     RESUME_PATIENCE,
+    RETURN_PATIENCE,
     SILENT_PATIENCE,
 )
 from coordinator.fleet.router_link import RouterLink
@@ -55,7 +56,7 @@ from protocol.phases import (
     OVER,
     fault_name,
 )
-from protocol.timing import MILLISECOND
+from protocol.timing import MILLISECOND, REPORT_TIMEOUT, SECOND
 
 
 class Fleet(OperatedFleet):
@@ -104,10 +105,14 @@ class Fleet(OperatedFleet):
 
     def tick(self, now_ns: int) -> list[Outgoing]:
         """Act on the time and return the Commands; to be called every COMMAND_PERIOD."""
-        passed_ns = now_ns - self._looked_ns
+        passed_ns, was_away = now_ns - self._looked_ns, self._was_away(now_ns)
         self._looked_ns = now_ns
         if passed_ns > AWAY or self._router.is_down:
-            self._excuse(now_ns, passed_ns if self.phase == GO else 0)
+            patience = RETURN_PATIENCE if was_away else 0
+            self._excuse(now_ns + patience, passed_ns if self.phase == GO else 0)
+        if was_away:
+            text = f"the coordinator was away for {passed_ns / SECOND:.1f} s"
+            self._tell(now_ns, "away", "", text)
         if self.phase == HOLD:
             self._muster(now_ns)
         elif self.phase == GO:
@@ -263,10 +268,19 @@ class Fleet(OperatedFleet):
         ]
         return [plan for member in lacking for plan in self._send_plan(member, now_ns)]
 
+    def _was_away(self, now_ns: int) -> bool:
+        """Return whether the coordinator hung for so long that links to it were given up."""
+        return self._looked_ns > 0 and now_ns - self._looked_ns > REPORT_TIMEOUT
+
     def _hear_gone(self, robot: str, now_ns: int) -> list[Outgoing]:
-        """Record that the link to a robot is gone; a robot under way is lost at once."""
+        """Record that the link to a robot is gone; a robot under way is lost at once.
+
+        A coordinator that was away has lost the link itself: then silence alone counts.
+        """
         member = self.members.get(robot)
         if member is None or member.boot is None:
+            return []
+        if self._was_away(now_ns) or now_ns < member.excused_ns:
             return []
         member.gone = True
         member.admission.leave()

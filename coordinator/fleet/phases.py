@@ -32,6 +32,9 @@ ARM_PATIENCE: Final = 10 * SECOND
 RESUME_PATIENCE: Final = 5 * SECOND
 """How long robots have to be heard again after the coordinator resumed or the router came back."""
 
+RETURN_PATIENCE: Final = 2 * SECOND
+"""How long robots have to be heard again after the coordinator was away for over REPORT_TIMEOUT."""
+
 FAREWELLS: Final = 5
 """How many Commands with OVER are sent."""
 

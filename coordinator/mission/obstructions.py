@@ -172,7 +172,7 @@ class Obstructions:
         given_up = fleet.grants.given_up
         self._around = {name: ring for name, ring in self._around.items() if name in given_up}
         for name in sorted(given_up - self._around.keys()):
-            self._around[name] = self._where(name)
+            self._around[name] = self.aside(name).disc()
             self.news.append((around_key(fleet.name), around_record(name)))
         for robot, by in self.held_up().items():
             if self._may_leave(robot, now_ns):
@@ -270,8 +270,13 @@ class Obstructions:
         self._tried[robot] = (state, now_ms)
         book.go_around(robot, mine.now.course.goal, what, now_ms)
 
-    def _where(self, robot: str) -> Ring:
-        """Return the polygon in which a robot stands that is granted nothing more."""
+    def lost(self) -> list[str]:
+        """Return the robots, not heard any more, that others go around."""
+        members = self._fleet.members
+        return [name for name in self._around if name in members and members[name].lost]
+
+    def aside(self, robot: str) -> Aside:
+        """Return where a robot may stand that is granted nothing more."""
         mine = self._fleet.grants.of(robot)
         assert mine is not None
         assert mine.now.course is not None
@@ -280,7 +285,7 @@ class Obstructions:
             places = np.array([self.pose_of(robot, rest)[:2]])
         else:
             places = self._places(robot, mine.now.course.driven)
-        return Aside(self._robots[robot], "lost", places, None).disc()
+        return Aside(self._robots[robot], "lost", places, None)
 
     def _places(self, robot: str, ride: Driven) -> Array:
         """Return the places (n, 2) [m] of its course where a robot may be, as far as is known."""

@@ -226,9 +226,8 @@ class LiveCourse:
             for one in self._course.sent.of(epoch):
                 self._granted[epoch].take_plan(one.driven.id, one.driven.plan)
         granted = self._granted.get(epoch)
-        if granted is None:
-            return False
-        granted.take_command(command)
+        if granted is not None:
+            granted.take_command(command)
         self._holds.take(command, granted, self._now_ns(now))
         before, self._course.held = self._course.held, self._holds.all
         return before != self._course.held

@@ -8,7 +8,7 @@ from coordinator.planning.planner import plan_fleet
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, WAITING, Block, OrderState, Unblock
-from protocol.phases import CLOCK_UNSURE, DONE, DRIVER_ERROR, FROZEN, IDLE, MOVING
+from protocol.phases import CLOCK_UNSURE, DONE, DRIVER_ERROR, FREEZE, FROZEN, IDLE, MOVING, OVER
 from tests.coordinator.desk.fake_fleet import FLEET, a_command, a_report
 from tests.scenarios import a_robot, a_scenario
 
@@ -80,6 +80,11 @@ def test_while_no_coordinator_is_heard_that_alone_calls():
     assert [one.id for one in known.answer(5.0, {}).alarms] == ["coordinator"]
 
 
+def test_a_coordinator_that_has_ended_its_mission_calls_nobody():
+    known = fleet_of(COMMAND, report("R1"), (keys.command(FLEET), a_command(OVER)))
+    assert known.answer(5.0, {}).alarms == []
+
+
 @pytest.mark.parametrize(
     ("phase", "fault", "told"),
     [
@@ -144,6 +149,20 @@ def test_a_robot_that_is_lost_is_said_to_stand_where_its_authority_ends_at_most(
     assert robot.reach == pytest.approx(tuple(place))
     (alarm,) = known.alarms.now()
     assert alarm.text.endswith(f"no farther than ({place[0]:.1f}, {place[1]:.1f})")
+
+
+@pytest.mark.parametrize(
+    "later", [{"epoch": 2, "said_ns": 5 * 10**9}, {"phase": FREEZE, "said_ns": 5 * 10**9}]
+)
+def test_nothing_but_a_go_of_its_epoch_lets_a_lost_robot_drive_on(later):
+    (driven, *_) = plan_fleet(a_scenario(CROSSED), effort=0).driven
+    plan, command = driven.plan, msgspec.structs.replace(a_command(), headroom_ms=2_000)
+    known = fleet_of((keys.plan(FLEET, plan.robot), plan), (keys.command(FLEET), command))
+    fleet_of(report(plan.robot, phase=MOVING), known=known)
+    command = msgspec.structs.replace(command, **later)
+    fleet_of((keys.command(FLEET), command), known=known, at=2.0)
+    place = driven.curve.at_arc([driven.timeline.s_at(2.0)])[0]
+    assert known.answer(2.0, {}).robots[0].reach == pytest.approx(tuple(place))
 
 
 def test_an_order_that_waits_for_long_although_its_robot_is_free_calls_a_person():

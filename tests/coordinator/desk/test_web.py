@@ -231,6 +231,18 @@ def read_events(address, path, count):
     return found
 
 
+def test_a_desk_that_ends_ends_its_streams_without_a_word(caplog):
+    with desk_of(FakeFleet()) as address:
+        host = address.removeprefix("http://").rstrip("/")
+        connection = http.client.HTTPConnection(host, timeout=10.0)
+        connection.request("GET", "/api/events?scenes=1")
+        answer = connection.getresponse()
+        answer.readline()
+    answer.read()
+    connection.close()
+    assert caplog.records == []
+
+
 def test_events_tell_the_fleet_first_and_then_what_is_new(desk):
     fleet, address = desk
     (name, first), *_ = read_events(address, "/api/events", 1)

@@ -1,13 +1,16 @@
 """Who was held, by whom and when, by hand-made Commands and Reports of a plan."""
 
+import msgspec
 import pytest
 
+from coordinator.findings.held import Holds
 from coordinator.findings.info import summarise
 from coordinator.findings.info_table import render
 from coordinator.log.records import Log, Record
 from coordinator.plan.plan_file import to_json
 from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_scenario
+from coordinator.proof.granted import Granted
 from coordinator.schedule.staircase_making import with_staircases
 from protocol import keys
 from protocol.codec import encode
@@ -72,6 +75,23 @@ def test_it_ends_with_a_freeze_and_is_shown_to_people(plan):
     assert freeze == f"the fleet was told to freeze: others were held by {ahead}"
     shown = [str(part) for part in render(summary).renderables]
     assert any(f"{behind} was held by {ahead} from" in text for text in shown)
+
+
+def test_nobody_is_held_from_a_freeze_on_whomever_its_command_speaks_of(plan):
+    behind, ahead, wait = ends(plan)
+    granted, holds = Granted(plan), Holds()
+    for phase, at in ((GO, wait - 1_700), (GO, wait + 500), (FREEZE, wait + 900)):
+        number = list(plan.messages).index(behind)
+        held = ((number, wait),) if at > wait else ()
+        command = Command(BOOT, 1, 1, 1, phase, BEGIN, BEGIN + at * MS, 1_500, held, 9, 9)
+        if phase == GO:
+            command = msgspec.structs.replace(command, first=0)
+            granted.take_command(command)
+            granted.take_report(behind, Report(1, at, 1, MOVING, stamp_ms=wait - 200))
+        holds.take(command, granted, at)
+        assert [one.by for one in holds.now] == ([ahead] if at == wait + 500 else [])
+    holds.take(msgspec.structs.replace(command, phase=GO, epoch=2), None, wait + 1_000)
+    assert [one.until_ns for one in holds.all] == [wait + 900]
 
 
 def test_a_late_robot_that_nobody_is_in_the_way_of_is_held_by_nobody(plan):

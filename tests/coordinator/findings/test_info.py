@@ -438,6 +438,16 @@ def test_the_tables_show_arrivals_stops_and_silence(tmp_path):
     assert "s 1.50 m until 4.50 s for R2" in text.getvalue()
 
 
+def test_a_robot_that_is_lost_heard_again_and_lost_again_is_told_of_twice(tmp_path):
+    one, all_robots = keys.report("f", "R1"), keys.command("f")
+    beats = [(0.1 * k, all_robots, command(k, 1, phases.GO)) for k in range(10, 90)]
+    heard = [(at, one, Report(9, k, 1, phases.MOVING)) for k, at in enumerate((1.0, 4.0))]
+    told = summarise(log_of(tmp_path, sorted([*beats, *heard], key=lambda one: one[0])))
+    assert [one["kind"] for one in told["faults"]] == ["silence", "silence"]
+    told = summarise(log_of(tmp_path, [*beats[:30], *heard, *beats[30:35]]))
+    assert told["robots"]["R1"].get("fault") is None
+
+
 def frozen_run():
     """R1 faults at 3.0 s, FREEZE 3.1 s; R1 rests at 3.9 s, R2 at 4.3 s; the next GO is at 6.5 s."""
     one, two, all_robots = keys.report("f", "R1"), keys.report("f", "R2"), keys.command("f")

@@ -191,7 +191,7 @@ def test_who_is_not_heard_anew_after_the_coordinator_was_away_is_lost_where_it_w
     drive(floor, 2.0, "R1", "R2", "R3")
     known = bounds(floor.fleet, "R2")
     floor.now += 60 * SECOND
-    drive(floor, 3.0, "R1", "R3")
+    drive(floor, 4.0, "R1", "R3")
     assert floor.fleet.members["R2"].lost
     assert bounds(floor.fleet, "R2")[0] == known[0]
     assert known[1] <= bounds(floor.fleet, "R2")[1] <= known[0] + 3.6

@@ -6,7 +6,7 @@ import pytest
 
 from coordinator.fleet.log_records import LINK_GONE, LINK_UP
 from coordinator.fleet.member import STRIKES
-from coordinator.fleet.phases import ARM_PATIENCE, RESUME_PATIENCE
+from coordinator.fleet.phases import ARM_PATIENCE, RESUME_PATIENCE, RETURN_PATIENCE
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Command, Plan, Report, Rest
@@ -292,9 +292,23 @@ def test_nobody_is_called_lost_who_had_no_time_to_be_heard_since_the_coordinator
         floor.report(robot, phase, epoch=1 if phase == FROZEN else 2)
     floor.tick()
     assert floor.commands[-1].phase == (FREEZE if phase == FROZEN else GO)
-    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 2):
+    for _ in range((RETURN_PATIENCE + REPORT_TIMEOUT) // COMMAND_PERIOD + 2):
         floor.tick()
     assert floor.fleet.members["R1"].lost
+
+
+@pytest.mark.parametrize("away", [1, 20])
+def test_links_that_a_coordinator_lost_by_hanging_are_not_counted_as_the_robots(away):
+    floor = Floor()
+    floor.go()
+    floor.now += away * COMMAND_PERIOD
+    floor.fleet.hear("splinefleet/hall/alive/R1", LINK_GONE, floor.now)
+    assert floor.fleet.members["R1"].lost == (away == 1)
+    floor.tick(0)
+    floor.fleet.hear("splinefleet/hall/alive/R2", LINK_GONE, floor.now)
+    assert floor.fleet.members["R2"].lost == (away == 1)
+    away_news = [one.text for one in floor.fleet.incidents if one.kind == "away"]
+    assert away_news == ([] if away == 1 else ["the coordinator was away for 2.0 s"])
 
 
 def test_a_robot_armed_with_the_plan_of_another_epoch_does_not_let_the_fleet_set_out():

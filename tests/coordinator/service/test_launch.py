@@ -26,12 +26,18 @@ def told(monkeypatch):
     return lines
 
 
+PLACE = "It stands at (1.00, 7.00):"
+RESTART = "start its program there (`splinefleet agent R2 --at X Y HEADING ...`)"
+ADMIT = "`splinefleet admit R2 --connect ...`"
+CARRY = "carry it away and `splinefleet leave R2 --connect ...`"
+
+
 @pytest.mark.parametrize(
     ("why", "said"),
     [
-        ("lost", ["it is lost, no longer heard"]),
-        ("unfit", ["it has failed in 3 epochs"]),
-        ("overloaded", ["it cannot hold its course"]),
+        ("lost", [f"it is lost, no longer heard. {PLACE} {RESTART} and {ADMIT}, or {CARRY}"]),
+        ("unfit", [f"it has failed in 3 epochs. {PLACE} see to it, then {ADMIT}"]),
+        ("overloaded", [f"it cannot hold its course. {PLACE} see to it, then {ADMIT}"]),
         ("arrived", []),
         ("closed in", []),
     ],
@@ -44,8 +50,7 @@ def test_a_robot_that_an_epoch_goes_on_without_is_told_once_with_the_reason(told
     mission.site = Site(replace(mission.site.scenario, robots=(one,)), (aside,))
     coordinator._tell_aside(mission)
     coordinator._tell_aside(mission)
-    place = "It stands at (1.00, 7.00): clear it, then `splinefleet admit R2 --connect ...`"
-    assert told == [f"R2 has no part in the next epoch: {reason}. {place}" for reason in said]
+    assert told == [f"R2 has no part in the next epoch: {text}" for text in said]
 
 
 def test_a_robot_that_may_stand_on_a_stretch_is_said_to_stand_between_its_ends():

@@ -7,6 +7,7 @@ from msgspec.structs import replace
 from coordinator.findings.log_proof import prove_log
 from coordinator.log.log_file import logs_before, read_log
 from coordinator.mission import dispatch
+from coordinator.mission.aside_news import AsideNews
 from coordinator.mission.obstructions import Obstructions
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import Demand, Order
@@ -275,8 +276,14 @@ def queue_of_two():
 def test_a_robot_held_by_a_lost_one_is_sent_around_it_and_nobody_else_is_stopped(tmp_path):
     logs = RunLogs(tmp_path)
     world = a_world(queue_of_two(), faults=["kill:R2@6"], logs=logs)
+    news = AsideNews()
+    world.run(25.0)
+    assert [(who, text[:16]) for who, text in news.news(world.mission)] == [
+        ("R2", "R2 stands betwee")
+    ]
     world.run(200.0)
     logs.close()
+    assert news.news(world.mission) == []
     assert world.fleet.is_finished
     found = states(world)
     assert (found["behind"], found["beside"], found["ahead"]) == (ORDER_DONE, ORDER_DONE, REFUSED)
