@@ -296,7 +296,8 @@ class _Telling:
             self._robot(robot).bytes_sent += size
             self._sent.append((robot, record.log_ns, size))
         elif isinstance(message, OrderState):
-            self._orders[message.id] = message
+            if message.released_ms is not None or message.state != REFUSED:  # Else there is none.
+                self._orders[message.id] = message
             return
         elif not isinstance(message, Order | Cancel | Tell | Block | Unblock | Join | Leave):
             self.summary.largest_message_to_robot_bytes = max(

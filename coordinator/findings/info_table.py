@@ -76,6 +76,8 @@ def orders_table(orders: Sequence[OrderSummary]) -> RenderableType:
         "alone s",
         title="orders",
     )
+    for column in table.columns[:3]:  # A name in pieces cannot be copied.
+        column.no_wrap = True
     for one in orders:
         known = (one.released, one.accepted, one.planned_arrival)
         times = (*known, one.arrived, one.late, one.alone)

@@ -207,7 +207,9 @@ class Coordinator:
                 write_file(file, to_json(document))
             except InputError as error:  # Do not stop: robots wait for this plan or drive already.
                 self._say("warning", text=str(error))
-        text = f"epoch {document.epoch}: {len(document.robots)} robots go on"
+        count = len(document.robots)
+        who = "1 robot goes" if count == 1 else f"{count} robots go"
+        text = f"epoch {document.epoch}: {who} on"
         self._say("planned", text=text)
 
     def _recorder(

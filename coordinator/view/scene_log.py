@@ -481,7 +481,7 @@ def _marks(
         Mark(
             t=round((at - zero) * _NS, 3),
             kind="fault",
-            text=f"{fault.robot} {fault.fault}",
+            text=" ".join(dict.fromkeys((fault.robot, *fault.fault.split(" ", 1)))),
             robot=number_of(fault.robot),
         )
         for at, fault in course.faults

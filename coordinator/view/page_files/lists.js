@@ -49,6 +49,9 @@ const TROUBLE = [
   ["lost", "not fit", "no way", "plan not heard", "unheard", "stopped"], ["held"], ["waits"], ["drives"],
 ];
 
+/** What several robots do, where the word for one differs. */
+const DOING = { waits: "waiting", drives: "driving" };
+
 function rank(state) {
   const found = TROUBLE.findIndex((states) => states.includes(state));
   return found < 0 ? TROUBLE.length : found;
@@ -111,7 +114,8 @@ class RobotList {
       if (item.style.order !== String(order)) item.style.order = order;
       item.hidden = !`${this.bodies[index].id} ${row.state.textContent}`.toLowerCase().includes(wanted);
     });
-    const told = [...counts].sort(([a], [b]) => rank(a) - rank(b)).map(([state, count]) => `${count} ${state}`);
+    const told = [...counts].sort(([a], [b]) => rank(a) - rank(b))
+      .map(([state, count]) => `${count} ${DOING[state] ?? state}`);
     const title = `Robots: ${told.join(", ")}`, box = byId("robots-title");
     if (box.textContent !== title) box.textContent = title;
   }
