@@ -58,6 +58,7 @@ from coordinator.fleet.phases import AWAY
 from coordinator.security.denials import denial_of, is_denial_key
 from protocol import codec, keys, phases
 from protocol.messages import (
+    REFUSED,
     Block,
     Cancel,
     Command,

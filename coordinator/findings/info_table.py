@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from textwrap import fill
 
 import msgspec
+from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -78,6 +79,7 @@ def orders_table(orders: Sequence[OrderSummary]) -> RenderableType:
     )
     for column in table.columns[:3]:  # A name in pieces cannot be copied.
         column.no_wrap = True
+    table.box, table.collapse_padding, table.pad_edge = SIMPLE_HEAD, True, False
     for one in orders:
         known = (one.released, one.accepted, one.planned_arrival)
         times = (*known, one.arrived, one.late, one.alone)

@@ -21,7 +21,17 @@ from coordinator.plan import plan_file
 from coordinator.plan.document import Path as PlanPath
 from coordinator.plan.document import PlanDocument, Reason, RobotPlan, Stop
 from protocol import codec, keys, phases, plan_bytes
-from protocol.messages import Clock, Command, Hello, Plan, Refusal, Report, Rest
+from protocol.messages import (
+    REFUSED,
+    Clock,
+    Command,
+    Hello,
+    OrderState,
+    Plan,
+    Refusal,
+    Report,
+    Rest,
+)
 
 SECOND = 1_000_000_000
 BEGIN = 40 * SECOND
@@ -446,6 +456,16 @@ def test_a_robot_that_is_lost_heard_again_and_lost_again_is_told_of_twice(tmp_pa
     assert [one["kind"] for one in told["faults"]] == ["silence", "silence"]
     told = summarise(log_of(tmp_path, [*beats[:30], *heard, *beats[30:35]]))
     assert told["robots"]["R1"].get("fault") is None
+
+
+def test_an_order_that_never_was_is_no_order(tmp_path):
+    told = [
+        OrderState("a", REFUSED, "R1", released_ms=5, reason="no way"),
+        OrderState("b", REFUSED, "", reason="there is no order b"),
+    ]
+    heard = [(2.0 + k, keys.orders("f", one.id), one) for k, one in enumerate(told)]
+    summary = summarise(log_of(tmp_path, [*good_run(), *heard]))
+    assert [one["id"] for one in summary["orders"]] == ["a"]
 
 
 def frozen_run():
