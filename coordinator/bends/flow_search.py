@@ -19,26 +19,19 @@ import numpy as np
 
 from coordinator.bends.courses import Course, CourseMaker, TrackOf, may_bend
 from coordinator.bends.meshes import NARROW, WIDE, Ends, Meshes
-from coordinator.bends.taut_kernels import pulled_taut
 from coordinator.bends.traffic_kernels import Traffic, first_meeting, gathered, least_delay
-from coordinator.bends.way_kernels import Trip, earliest_way
+from coordinator.bends.way_kernels import Trip
+from coordinator.bends.ways import PADS, way_among
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.scenario.model import Robot
 from coordinator.schedule.track import Track
-
-_PADS: Final = ((0.25, 0.04), (0.5, 0.09))
-"""What a way keeps beyond tau [s] and the need [m]: its curve and its times differ a little from
-those of the mesh.  If the curve meets others, the next pair is tried."""
 
 _SLACK: Final = np.array((0.08, 0.012))
 """What motions keep beyond tau [s] and the need [m], since samples have gaps."""
 
 _WORTH: Final = 0.3
 """A detour has to be quicker than waiting at the start by this much [s]."""
-
-_MOST_STATES: Final = 20_000
-"""How many states the search for one way expands at most."""
 
 _LARGEST: Final = 4
 _SHUFFLED: Final = 0.3
@@ -87,7 +80,7 @@ class FlowSearch:
         self._traffic: Traffic | None = None
         points = np.concatenate([course.samples[:, :2] for course in self._straight])
         widest = 2.0 * max(robot.radius for robot in self.robots) + self.margin
-        self._size = widest + max(pad for _, pad in _PADS) + 0.02
+        self._size = widest + max(pad for _, pad in PADS) + 0.02
         corners = np.array([*scenario.workspace.boundary, *points])
         self._low = corners.min(axis=0) - 1.0
         self._counts = (np.ceil((corners.max(axis=0) + 1.0 - self._low) / self._size)).astype(int)
@@ -216,7 +209,7 @@ class FlowSearch:
         """Do what `_bent` does, on the meshes that the robot enters and leaves at `ends`."""
         space, mesh = meshes.spaces[index], meshes.of(index)
         ramp, reach = self._maker.ramp(index), self.robots[index].radius + self.margin
-        for tau_pad, need_pad in _PADS:
+        for tau_pad, need_pad in PADS:
             trip = Trip(
                 index,
                 *ends,
@@ -225,14 +218,10 @@ class FlowSearch:
                 reach + need_pad,
                 self.tau + tau_pad,
             )
-            way, when = earliest_way(mesh, trip, traffic, latest - ramp, _MOST_STATES)
+            way, times = way_among(mesh, trip, space, traffic, latest - ramp)
             if not len(way):
                 return None
-            one, other = np.triu_indices(len(way), 1)
-            sight = np.zeros((len(way), len(way)), dtype=np.bool_)
-            sight[one, other] = space.keeping(way[one], way[other])
-            kept, times = pulled_taut(way, when, sight, trip, traffic)
-            for course in self._maker.along(index, space, way[kept], times):
+            for course in self._maker.along(index, space, way, times):
                 if course.motion.finish >= latest:
                     continue
                 if first_meeting(course.samples, traffic, index, *self._kept(index)) < 0:

@@ -14,6 +14,7 @@ from coordinator.bends.mesh_kernels import CLOSED, HALF, MOVES, OPEN, Mesh, clos
 from coordinator.curves.nurbs import Array
 from coordinator.ground.free_space import Space
 from coordinator.paths.path_planner import Pathfinder
+from coordinator.scenario.model import Robot
 
 WIDE: Final = 0.9
 NARROW: Final = 0.27
@@ -23,7 +24,7 @@ that no wide cell hits."""
 _MOST_CELLS: Final = 40_000
 """Greatest number of cells; on larger floors they are larger."""
 
-_PLACE_ROOM: Final = 0.02
+PLACE_ROOM: Final = 0.02
 """How much farther off [m] than needed ways pass other robots' starts and goals."""
 
 _NEAR: Final = 2.0
@@ -60,74 +61,78 @@ class Meshes:
 
     def of(self, index: int) -> Mesh:
         """Return the mesh of a robot."""
-        radius = self._finder.scenario.robots[index].radius
+        robots = self._finder.scenario.robots
+        radius = robots[index].radius
         if radius not in self._meshes:
-            self._meshes[radius] = self._make(index)
+            mesh = open_mesh(self._finder, robots[index], self._pitch)
+            if self._keeps_off:
+                reach = radius + self._finder.scenario.margin + PLACE_ROOM
+                needs = np.array([other.radius for other in robots]) + reach
+                for places in ([one.start[:2] for one in robots], [one.goal[:2] for one in robots]):
+                    close_near(mesh, np.array(places), needs)
+            self._meshes[radius] = mesh
         return self._meshes[radius]
 
     def ends(self, index: int) -> Ends | None:
         """Return where a robot enters and leaves its mesh; None if no moves join both."""
         if index not in self._ends:
-            mesh, robot = self.of(index), self._finder.scenario.robots[index]
-            start, goal = np.array(robot.start[:2]), np.array(robot.goal[:2])
-            enters, leaves = (self._cell(index, mesh, place) for place in (start, goal))
-            found = None
-            if enters >= 0 and leaves >= 0:
-                left = distances(mesh, index, leaves)
-                found = (
-                    Ends(enters, leaves, start, goal, left) if np.isfinite(left[enters]) else None
-                )
-            self._ends[index] = found
+            robot = self._finder.scenario.robots[index]
+            self._ends[index] = ends_on(self.of(index), index, self.spaces[index], robot)
         return self._ends[index]
 
-    def _cell(self, index: int, mesh: Mesh, place: Array) -> int:
-        """Return the nearest cell that a straight line joins with a place (2,); -1 if none."""
-        steps = np.arange(-2, 3)
-        at = np.round((place - (mesh.x, mesh.y)) / mesh.size).astype(int)
-        columns, rows = (np.array(np.meshgrid(steps, steps)) + at[:, None, None]).reshape(2, -1)
-        inside = (columns >= 0) & (rows >= 0) & (columns < mesh.columns) & (rows < mesh.rows)
-        cells = rows[inside] * mesh.columns + columns[inside]
-        middles = np.column_stack((columns[inside], rows[inside])) * mesh.size + (mesh.x, mesh.y)
-        codes = mesh.codes[cells]
-        usable = ((codes == OPEN) | (codes == index)).any(axis=1)
-        far = np.hypot(*(middles - place).T)
-        for k in np.flatnonzero(usable)[np.argsort(far[usable], kind="stable")].tolist():
-            if far[k] > _NEAR * mesh.size:
-                break
-            if self.spaces[index].keeping(place[None], middles[k][None])[0]:
-                return int(cells[k])
-        return -1
 
-    def _make(self, index: int) -> Mesh:
-        """Return the mesh for robots as wide as this one."""
-        scenario = self._finder.scenario
-        robot, robots = scenario.robots[index], scenario.robots
-        corners = np.array(scenario.workspace.boundary)
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        reach = robot.radius + scenario.margin
-        size = self._pitch * (2.0 * robot.radius + scenario.margin)
-        size = max(size, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
-        columns, rows = np.maximum(np.ceil((high - low) / size).astype(int), 1).tolist()
-        x, y = (low + 0.5 * ((high - low) - size * (np.array((columns, rows)) - 1))).tolist()
-        row, column = np.divmod(np.arange(columns * rows), columns)
-        middles = np.column_stack((x + size * column, y + size * row))
-        room = self._finder.floor.distance(middles) - reach
-        codes = np.full((columns * rows, 2 * HALF), CLOSED, dtype=np.int32)
-        space = self._finder.space(robot)
-        for k in range(HALF):
-            dx, dy = MOVES[k].tolist()
-            ok = (column + dx >= 0) & (column + dx < columns) & (row + dy < rows)
-            begin = np.flatnonzero(ok & (room > 0.0))
-            end = begin + dy * columns + dx
-            begin, end = begin[room[end] > 0.0], end[room[end] > 0.0]
-            unsure = room[begin] + room[end] <= size * np.hypot(dx, dy) + 1e-6
-            clear = ~unsure
-            clear[unsure] = space.keeping(middles[begin[unsure]], middles[end[unsure]])
-            codes[begin[clear], k] = codes[end[clear], k + HALF] = OPEN
-        mesh = Mesh(codes, x, y, size, columns, rows)
-        if not self._keeps_off:
-            return mesh
-        needs = np.array([other.radius for other in robots]) + reach + _PLACE_ROOM
-        for places in ([one.start[:2] for one in robots], [one.goal[:2] for one in robots]):
-            close_near(mesh, np.array(places), needs)
-        return mesh
+def ends_on(mesh: Mesh, index: int, space: Space, robot: Robot) -> Ends | None:
+    """Return where robot number `index` enters and leaves a mesh; None if no moves join both."""
+    start, goal = np.array(robot.start[:2]), np.array(robot.goal[:2])
+    enters, leaves = (_cell(mesh, index, space, place) for place in (start, goal))
+    if enters < 0 or leaves < 0:
+        return None
+    left = distances(mesh, index, leaves)
+    return Ends(enters, leaves, start, goal, left) if np.isfinite(left[enters]) else None
+
+
+def _cell(mesh: Mesh, index: int, space: Space, place: Array) -> int:
+    """Return the nearest cell that a straight line joins with a place (2,); -1 if none."""
+    steps = np.arange(-2, 3)
+    at = np.round((place - (mesh.x, mesh.y)) / mesh.size).astype(int)
+    columns, rows = (np.array(np.meshgrid(steps, steps)) + at[:, None, None]).reshape(2, -1)
+    inside = (columns >= 0) & (rows >= 0) & (columns < mesh.columns) & (rows < mesh.rows)
+    cells = rows[inside] * mesh.columns + columns[inside]
+    middles = np.column_stack((columns[inside], rows[inside])) * mesh.size + (mesh.x, mesh.y)
+    codes = mesh.codes[cells]
+    usable = ((codes == OPEN) | (codes == index)).any(axis=1)
+    far = np.hypot(*(middles - place).T)
+    for k in np.flatnonzero(usable)[np.argsort(far[usable], kind="stable")].tolist():
+        if far[k] > _NEAR * mesh.size:
+            break
+        if space.keeping(place[None], middles[k][None])[0]:
+            return int(cells[k])
+    return -1
+
+
+def open_mesh(finder: Pathfinder, robot: Robot, pitch: float) -> Mesh:
+    """Return the mesh for robots as wide as this one, with all moves that no solid thing closes."""
+    scenario = finder.scenario
+    corners = np.array(scenario.workspace.boundary)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    reach = robot.radius + scenario.margin
+    size = pitch * (2.0 * robot.radius + scenario.margin)
+    size = max(size, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
+    columns, rows = np.maximum(np.ceil((high - low) / size).astype(int), 1).tolist()
+    x, y = (low + 0.5 * ((high - low) - size * (np.array((columns, rows)) - 1))).tolist()
+    row, column = np.divmod(np.arange(columns * rows), columns)
+    middles = np.column_stack((x + size * column, y + size * row))
+    room = finder.floor.distance(middles) - reach
+    codes = np.full((columns * rows, 2 * HALF), CLOSED, dtype=np.int32)
+    space = finder.space(robot)
+    for k in range(HALF):
+        dx, dy = MOVES[k].tolist()
+        ok = (column + dx >= 0) & (column + dx < columns) & (row + dy < rows)
+        begin = np.flatnonzero(ok & (room > 0.0))
+        end = begin + dy * columns + dx
+        begin, end = begin[room[end] > 0.0], end[room[end] > 0.0]
+        unsure = room[begin] + room[end] <= size * np.hypot(dx, dy) + 1e-6
+        clear = ~unsure
+        clear[unsure] = space.keeping(middles[begin[unsure]], middles[end[unsure]])
+        codes[begin[clear], k] = codes[end[clear], k + HALF] = OPEN
+    return Mesh(codes, x, y, size, columns, rows)

@@ -20,6 +20,7 @@ from msgspec.structs import replace as changed
 
 from coordinator.base.errors import PlanError
 from coordinator.base.kept import kept
+from coordinator.bends.among_courses import Bends, Times
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.ground.free_space import NO_DISCS
 from coordinator.ground.grown_floor import GrownFloor
@@ -76,6 +77,7 @@ class Site:
         self.floor = GrownFloor(workspace.boundary, workspace.obstacles)
         solid = Floor(workspace.boundary, workspace.obstacles)
         self.gap, self.room = solid.gap, solid.distance
+        self.bends = Bends()
 
     def with_obstacles(self, rings: Sequence[tuple[Point, ...]]) -> Site:
         """Return the floor with further obstacles, under the same terms."""
@@ -129,6 +131,7 @@ class _Try:
     """
 
     path: Nurbs
+    track: Track
     release: float
     motion: Motion
     junctions: Junctions
@@ -178,7 +181,7 @@ def proposal_of(message: bytes, site: Site, wish: Wish, others: Sequence[Course]
 
 
 def _earliest(site: Site, wish: Wish, others: Sequence[Course]) -> _Try:
-    """Return the path on which the robot arrives first: the shortest one, or a detour."""
+    """Return the path on which the robot arrives first: the shortest, a bent one, or a detour."""
     try:
         best = _try(site, wish, others, NO_DISCS)
     except PlanError:
@@ -196,7 +199,26 @@ def _earliest(site: Site, wish: Wish, others: Sequence[Course]) -> _Try:
         if other.motion.finish > best.motion.finish - _WORTH:
             break
         best = other
-    return best
+    return _bent(site, wish, others, best)
+
+
+def _bent(site: Site, wish: Wish, others: Sequence[Course], best: _Try) -> _Try:
+    """Return a try on a path that gives way aside, if the robot arrives earlier on it."""
+    delay = best.motion.finish - best.release - best.track.alone
+    if delay < _LONG:
+        return best
+    latest = best.motion.finish - _WORTH
+    ramp = 0.5 * site.scenario.planned_speed(wish.robot) / best.track.limits.ramp
+    times = Times(best.release, latest, ramp, site.terms.tau)
+    path = site.bends.path(_finder(site, wish.robot, others), others, wish.late, times)
+    if path is None:
+        return best
+    release = 0.001 * wish.begin_ms + wish.delay + _turning(path, wish)
+    try:
+        other = _motion(site, wish, path, others, release)
+    except PlanError:
+        return best
+    return other if other.motion.finish < latest else best
 
 
 def _try(site: Site, wish: Wish, others: Sequence[Course], discs: Array) -> _Try:
@@ -237,6 +259,11 @@ def _conflict_discs(robot: Robot, found: _Try) -> Array | None:
 
 def _path(site: Site, robot: Robot, others: Sequence[Course], discs: Array = NO_DISCS) -> Nurbs:
     """Return the robot's path, clear of the places where the others will rest, if possible."""
+    return _finder(site, robot, others).path(0, discs)
+
+
+def _finder(site: Site, robot: Robot, others: Sequence[Course]) -> Pathfinder:
+    """Return a search for a robot's path among others that stand where they will rest."""
     stand = tuple(
         Robot(
             id=one.driven.id,
@@ -257,7 +284,7 @@ def _path(site: Site, robot: Robot, others: Sequence[Course], discs: Array = NO_
         margin=site.scenario.margin,
         speed_reserve=site.scenario.speed_reserve,
     )
-    return Pathfinder(scenario, site.floor).path(0, discs)
+    return Pathfinder(scenario, site.floor)
 
 
 def _track(site: Site, robot: Robot, path: Nurbs) -> Track:
@@ -298,7 +325,7 @@ def _motion(site: Site, wish: Wish, path: Nurbs, others: Sequence[Course], relea
     motion = earliest_motion(junctions, motions, 0, departure=departure)
     if motion is None:
         raise PlanError("has no way among the others, whenever it sets out", robot.id)
-    return _Try(path, release, motion, junctions, near)
+    return _Try(path, track, release, motion, junctions, near)
 
 
 def _delays(site: Site, wish: Wish, other: Course) -> list[float]:

@@ -37,7 +37,8 @@ def test_a_rest_names_the_robot_that_has_to_pass_first():
         a_robot("R3", (9.0, 1.0), (9.0, 1.5)),
     ]
     site, fleet, _, _ = a_fleet(robots)
-    found = preview(site, fleet, "R1", (8.0, 4.0), (), at_once=False)
+    # With a heading at its goal it does not give way aside.
+    found = preview(site, fleet, "R1", (8.0, 4.0, 0.0), (), at_once=False)
     assert found.reason == ""
     assert sum(wait.seconds for wait in found.waits) > 1.0
     assert {wait.robot for wait in found.waits if wait.seconds > 0.5} == {"R2"}

@@ -1,0 +1,150 @@
+"""The path of one robot that gives way aside to others whose courses are known.
+
+Decides: how courses become traffic, and the polygon of a path among them.  Must not know: when the
+robot drives on that path, zones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from coordinator.base.errors import PlanError
+from coordinator.base.kept import kept
+from coordinator.bends.courses import may_bend
+from coordinator.bends.mesh_kernels import Mesh, close_near
+from coordinator.bends.meshes import NARROW, PLACE_ROOM, WIDE, ends_on, open_mesh
+from coordinator.bends.traffic_kernels import BEGIN, END, Traffic, gathered
+from coordinator.bends.way_kernels import Trip
+from coordinator.bends.ways import PADS, way_among
+from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.curves.nurbs_kernels import Indices
+from coordinator.paths.path_planner import Pathfinder
+from coordinator.paths.smoothing import smooth
+from coordinator.plan.course import Course
+
+_STEP: Final = 0.15
+"""Distance [m] between the samples of a course."""
+
+_GAP: Final = 0.02
+"""How much wider [m] than needed the cells are in which samples are looked up."""
+
+
+class Times(NamedTuple):
+    """When a robot may leave its start, and has to arrive [s of plan time].
+
+    ramp [s]: what speeding up costs it; tau [s]: for how long others keep off where it passes.
+    """
+
+    leaves: float
+    latest: float
+    ramp: float
+    tau: float
+
+
+class Bends:
+    """The meshes of one floor, for the paths of single robots."""
+
+    def __init__(self) -> None:
+        self._meshes: dict[tuple[float, float], Mesh] = {}
+
+    def path(
+        self,
+        finder: Pathfinder,
+        others: Sequence[Course],
+        late: Mapping[str, float],
+        times: Times,
+    ) -> Nurbs | None:
+        """Return a path for the first robot of a scenario, on which it should arrive earliest.
+
+        The robots after it stand where `others` rest.  `late`: how late [s] others may be.  None if
+        there is no path among them on which it arrives in time.
+        """
+        robot = finder.scenario.robots[0]
+        if not may_bend(robot):
+            return None
+        (pad, room), ramp = PADS[0], times.ramp
+        reach, own = robot.radius + finder.scenario.margin + room, len(others)
+        space = finder.space_among_places(0)
+        for pitch in (WIDE, NARROW):
+            mesh = self._mesh(finder, pitch)
+            ends = ends_on(mesh, own, space, robot)
+            if ends is not None:
+                break
+        else:
+            return None
+        speed, tau = finder.scenario.planned_speed(robot), times.tau + pad
+        trip = Trip(own, *ends, speed, ramp, reach, tau)
+        traffic = _traffic(others, late, times.leaves, tau, reach)
+        way, _ = way_among(mesh, trip, space, traffic, times.latest - times.leaves - ramp)
+        if not len(way):
+            return None
+        exact = np.zeros(len(way), dtype=np.bool_)
+        exact[[0, -1]] = True
+        try:
+            return smooth(way, exact, space, finder.handling(robot)).curve
+        except PlanError:
+            return None
+
+    def _mesh(self, finder: Pathfinder, pitch: float) -> Mesh:
+        """Return the mesh of a scenario's first robot, which keeps off where the others stand."""
+        robot, *stand = finder.scenario.robots
+        key = (robot.radius, pitch)
+        if key not in self._meshes:
+            self._meshes[key] = open_mesh(finder, robot, pitch)
+        base = self._meshes[key]
+        mesh = base._replace(codes=base.codes.copy())
+        if stand:
+            reach = robot.radius + finder.scenario.margin + PLACE_ROOM
+            needs = np.array([one.radius for one in stand]) + reach
+            close_near(mesh, np.array([one.start[:2] for one in stand]), needs)
+        return mesh
+
+
+def _traffic(
+    others: Sequence[Course], late: Mapping[str, float], zero: float, tau: float, reach: float
+) -> Traffic:
+    """Return the samples of courses from plan time `zero` [s] on, which counts as 0."""
+    parts = [_samples(one) for one in others]
+    owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    samples = np.concatenate([*parts, np.empty((0, 5))])
+    delays = np.array([late.get(one.driven.id, 0.0) for one in others])
+    samples[:, BEGIN] -= zero
+    samples[:, END] += delays[owner] - zero
+    is_ahead = samples[:, END] + tau > 0.0
+    samples, owner = samples[is_ahead], owner[is_ahead]
+    size = reach + max((one.driven.radius for one in others), default=0.0) + _GAP
+    places = samples[:, :2] if len(samples) else np.zeros((1, 2))
+    low = places.min(axis=0) - size
+    columns, rows = np.ceil((places.max(axis=0) + size - low) / size).astype(int).tolist()
+    return gathered(samples, owner, float(low[0]), float(low[1]), size, columns, rows)
+
+
+@kept
+def _samples(course: Course) -> Array:
+    """Return samples (n, 5) of a course; their columns are X to RADIUS of traffic_kernels."""
+    driven = course.driven
+    length = driven.curve.length
+    borders = np.linspace(0.0, length, max(int(length / _STEP), 1) + 1)
+    places = np.concatenate(([0.0], 0.5 * (borders[1:] + borders[:-1]), [length]))
+    legs, finish = driven.legs, driven.timeline.finish
+    _, _, s0, s1, _, _ = legs
+    goes = np.searchsorted(s0, borders[:-1], side="right") - 1
+    comes = np.minimum(np.searchsorted(s1, borders[1:-1], side="left"), len(s0) - 1)
+    left, reached = _time_on(legs, goes, borders[:-1]), _time_on(legs, comes, borders[1:-1])
+    begin = np.concatenate(([course.since, left[0]], reached, [finish]))
+    end = np.concatenate((left, [finish, course.until]))
+    points = driven.curve.at_arc(places)
+    return np.column_stack((points, begin, end, np.full(len(places), driven.radius)))
+
+
+def _time_on(legs: Array, leg: Indices, s: Array) -> Array:
+    """Return when [s] arc lengths (n,) [m] are passed on these legs (n,) of a motion."""
+    t0, t1, s0, _, v0, v1 = legs[:, leg]
+    passed = s - s0
+    rate = (v1 - v0) / np.maximum(t1 - t0, 1e-12)
+    pace = v0 + np.sqrt(np.maximum(v0 * v0 + 2.0 * rate * passed, 0.0))
+    found: Array = np.clip(t0 + 2.0 * passed / np.maximum(pace, 1e-9), t0, t1)
+    return found

@@ -1,0 +1,62 @@
+"""Courses as traffic, held against their own timelines, and paths that give way aside to them."""
+
+import math
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from coordinator.bends.among_courses import Bends, _samples
+from coordinator.plan.course import Course
+from coordinator.planning import course_proposal
+from coordinator.planning.course_proposal import Site, Wish, propose
+from coordinator.planning.planner import plan_fleet
+from sim.floors.generator import generate
+from tests.coordinator.planning.test_course_proposal import assert_keeps_apart
+from tests.scenarios import a_robot, a_scenario
+
+HALL = a_scenario(
+    [a_robot("R1", (1.0, 4.0), (1.5, 4.0)), a_robot("R2", (9.0, 4.0), (2.6, 4.0))], tau=0.6
+)
+
+
+def courses_of(scenario, since=0.0):
+    plan = plan_fleet(scenario, effort=0)
+    return plan, [Course(one, since) for one in plan.driven]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_samples_cover_a_course_at_all_times_and_are_near_it(seed):
+    for course in courses_of(generate("warehouse", 8, seed), since=1.0)[1]:
+        x, y, begin, end, radius = _samples(course).T
+        assert (begin[0], end[-1]) == (course.since, math.inf)
+        assert (begin[1:] <= end[:-1] + 1e-9).all()
+        assert (radius == course.driven.radius).all()
+        for time in np.linspace(course.since, course.driven.timeline.finish + 2.0, 300):
+            s = course.driven.timeline.s_at(time)
+            place = course.driven.curve.at_arc([s])[0]
+            is_there = (begin <= time + 1e-6) & (time - 1e-6 <= end)
+            apart = np.hypot(x - place[0], y - place[1])[is_there]
+            assert apart.size
+            assert apart.max() <= 0.16
+
+
+def wished(plan, courses, robots, **changes):
+    """R1 is wanted on the other side of R2, which comes towards it on the straight line."""
+    mine = courses[0]
+    robot = replace(robots[0], start=mine.goal, goal=(9.0, 4.0), **changes)
+    begin = math.ceil(1000.0 * mine.driven.timeline.finish) + 200
+    return Site(HALL, plan.document), Wish(robot, 0.0, 0, 1, begin)
+
+
+def test_a_robot_gives_way_aside_where_waiting_takes_longer(monkeypatch):
+    plan, courses = courses_of(HALL)
+    site, wish = wished(plan, courses, HALL.robots)
+    bent = propose(site, wish, courses[1:])
+    assert_keeps_apart(bent, courses[1:], site.terms.tau, site.terms.margin)
+    monkeypatch.setattr(Bends, "path", lambda *_: None)
+    monkeypatch.setattr(course_proposal, "_DETOURS", 0)
+    waits = propose(site, wish, courses[1:])
+    times = [one.course.driven.timeline.finish for one in (bent, waits)]
+    assert times[0] < times[1] - 2.0
+    assert bent.course.driven.curve.length > waits.course.driven.curve.length
