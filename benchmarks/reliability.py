@@ -22,7 +22,6 @@ from benchmarks.table import ROOT, Row
 from coordinator.plan.document import PlanDocument
 from coordinator.scenario.model import Scenario
 from coordinator.scenario_files.scenario_reader import read_scenario
-from protocol.phases import FREEZE
 from sim.campaigns.answer import Answer, add_up
 from sim.campaigns.campaign import LINKS, Outcome, Wish, plan_for, run_one
 from sim.campaigns.pool import attempt
@@ -45,14 +44,14 @@ LARGE: Final = (("100 open", 100), ("100 warehouse", 100))
 class Death(NamedTuple):
     """A robot's death on a floor: who was under way, who was held by it, and what was wrong.
 
-    `froze`: whether the fleet was planned anew before the others had arrived.
+    `around`: whether others were sent around it.
     """
 
     robot: str
     time: float
     under_way: int
     held: int
-    froze: bool
+    around: bool
     violations: tuple[str, ...]
 
 
@@ -139,20 +138,17 @@ def _death(name: str, moment: tuple[str, float]) -> Death:
     scenario, document = _planned(name)
     robot, time = moment
     under_way = sum(one.finish_time > time for one in document.robots) - 1
-    held, froze = set[str](), False
+    held, around = set[str](), False
 
     def look(world: World) -> None:
-        nonlocal froze
-        fleet = world.fleet
-        if fleet.phase == FREEZE:
-            arrived = sum(one.finished for one in fleet.members.values())
-            froze = froze or arrived < len(document.robots) - 1
-        elif world.struck and not froze:
-            held.update(one.robot for one in fleet.held())
+        nonlocal around
+        around = around or robot in world.fleet.grants.given_up
+        if world.struck and not around:
+            held.update(one.robot for one in world.fleet.held())
 
     faults = [Fault("kill", robot, time)]
     found = run_one(scenario, document, round(1000.0 * time), faults, watch=look)
-    return Death(robot, time, under_way, len(held - {robot}), froze, found.violations)
+    return Death(robot, time, under_way, len(held - {robot}), around, found.violations)
 
 
 def _held(deaths: Sequence[Death]) -> list[Row]:
@@ -166,7 +162,7 @@ def _held(deaths: Sequence[Death]) -> list[Row]:
         {"what": "robots held by it, mean", "deaths": _mean(deaths, "held")},
         {"what": "robots held by it, 95 %", "deaths": held[math.ceil(0.95 * len(held)) - 1]},
         {"what": "runs in which nobody was held", "deaths": held.count(0)},
-        {"what": "runs planned anew for others", "deaths": sum(death.froze for death in deaths)},
+        {"what": "runs with others sent around", "deaths": sum(death.around for death in deaths)},
         {"what": "violations", "deaths": sum(bool(one.violations) for one in deaths)},
     ]
     rows += [
@@ -192,10 +188,9 @@ def _row(name: str, answer: Answer) -> Row:
         "expected": answer.expected,
         "closed in": answer.excused.get("closed in", 0),
     }
-    for measure in ("freeze", "share"):
-        if measure in answer.latency:
-            row[f"{measure} 99 %"] = answer.latency[measure].p99
-            row[f"{measure} worst"] = answer.latency[measure].worst
+    if "around" in answer.latency:
+        row["around 99 %"] = answer.latency["around"].p99
+        row["around worst"] = answer.latency["around"].worst
     return row
 
 

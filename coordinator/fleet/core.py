@@ -2,11 +2,11 @@
 
 The phase is HOLD until every robot that has a part in the epoch is armed; then it is GO, with a
 common start time.  In GO, a robot that is late, silent or has stopped holds those that would drive
-into it, and nobody else (grants.py).  If it holds others for long, or if nobody else is left to
-drive, the phase turns to FREEZE.  A frozen fleet that rests gets a new plan (`adopt`), and the next
-epoch begins in HOLD.  When all robots have arrived, the phase is OVER.  Every tick sends a Command
-that states the phase, so a lost message changes nothing.  An event that is not listed for a phase
-changes nothing either.
+into it, and nobody else (grants.py).  If it holds others for long, it is given up, and others go
+around it.  When nobody gets on any more, the phase is OVER.  FREEZE is for a fleet whose floor has
+changed: when it rests it gets a new plan (`adopt`), and the next epoch begins in HOLD.  Every tick
+sends a Command that states the phase, so a lost message changes nothing.  An event that is not
+listed for a phase changes nothing either.
 
 The same inputs give the same bytes; replay relies on it.
 
@@ -54,6 +54,7 @@ from protocol.phases import (
     IDLE,
     NO_FAULT,
     OVER,
+    STOP,
     fault_name,
 )
 from protocol.timing import MILLISECOND, REPORT_TIMEOUT, SECOND
@@ -170,11 +171,7 @@ class Fleet(OperatedFleet):
         if robot not in self.members and self.has_gone and not self.is_ending:
             self._door.tell_stranger(robot, now_ns)  # It says hello until an operator takes it in.
             return []
-        member = self.members.get(robot)
-        is_awaited = member is not None and member.admission.is_awaited
         answer = self._door.hear(robot, hello, begun, now_ns)
-        if is_awaited and member is not None and not member.admission.is_awaited:
-            self._take_back(member, now_ns)
         if answer is None or isinstance(answer, Outgoing):
             return [answer] if answer else []
         return self._send_plan(answer, now_ns)
@@ -192,7 +189,7 @@ class Fleet(OperatedFleet):
         answer = self._door.admit(robot, admit.boot, now_ns)
         if not answer or isinstance(answer, Outgoing):
             return [answer] if answer else []
-        if self.phase == GO and member is not None and self._course_goal(robot) is not None:
+        if self.phase in (GO, STOP) and member is not None and self._has_course(robot):
             if robot not in self.grants.given_up:
                 self.go_around(member, now_ns)
             self.orders.put_back(robot)
@@ -200,17 +197,10 @@ class Fleet(OperatedFleet):
             self._turn("admitted", now_ns)
         return self._commands(now_ns)
 
-    def _course_goal(self, robot: str) -> tuple[float, float] | None:
-        """Return where a robot's course leads [m]; None if it has none in this epoch."""
+    def _has_course(self, robot: str) -> bool:
+        """Return whether a robot has a course in this epoch, which can be given up."""
         mine = self.grants.of(robot)
-        return None if mine is None or mine.now.course is None else mine.now.course.goal
-
-    def _take_back(self, member: Member, now_ns: int) -> None:
-        """Let a robot that has come back, and has stated its place, be sent on from there."""
-        goal = self._course_goal(member.id)
-        if self.phase == GO and goal is not None:
-            now_ms = self.since_go_ms(now_ns)
-            self.orders.go_around(member.id, goal, "where it stood", now_ms)
+        return mine is not None and mine.now.course is not None
 
     def _hear_report(self, robot: str, report: Report, now_ns: int) -> list[Outgoing]:
         member = self.members.get(robot)
@@ -322,71 +312,38 @@ class Fleet(OperatedFleet):
             self._give_up(that_do_not_arm(planned, self.epoch, self._changed_ns, now_ns), now_ns)
 
     def _watch(self, now_ns: int) -> None:
-        """Look for robots that have stopped, and end the drive if nobody is on the way any more.
+        """Give up robots that are lost or do not get on, and hold others: those go around them.
 
-        Robots that hold others for longer than HELD_PATIENCE, or SILENT_PATIENCE, are given up, and
-        so are those that alone are left.
+        That is done after HELD_PATIENCE, or SILENT_PATIENCE.  The fleet ends when no order is open
+        and nobody is on the way, or nobody has got on for SILENT_PATIENCE.  It is planned once more
+        for those that had no part in the plan for a changed floor.
         """
         self._look_at_admissions(FREEZE_PATIENCE, now_ns)
-        moving = [m for m in self.members.planned if not m.has_arrived]
+        moving = [m for m in self.members.values() if m.is_on_floor and not m.has_arrived]
         if not moving and self.orders.is_open_or_stays:
             self._waits_since_ns = None
             return
         if not moving:
-            self._turn("all done" if self.members.has_arrived else "some can go on", now_ns)
+            left = any(not (m.planned or m.finished) for m in self.members.values())
+            self._turn("some can go on" if left else "all done", now_ns)
             return
         if self._router.is_down:
             self._waits_since_ns = None
             return
         self._lose_silent(moving, now_ns)
-        if self.orders.is_used:
-            self._watch_among_orders(moving, now_ns)
-            return
-        new = {member.id for member in moving if member.is_new}
-        stuck = set(self.grants.stuck(self.times.plan_ms(now_ns))) - new
-        stopped = [m for m in moving if m.lost or m.has_stopped(self.epoch) or m.id in stuck]
-        waits = stopped and self.grants.behind([member.id for member in stopped])
-        if not waits and len(stopped) < len(moving):
+        failing = self._failing(moving, now_ns)
+        rests_ms = self.times.plan_ms(now_ns) - self.grants.got_on_ms
+        ends = rests_ms > SILENT_PATIENCE // MILLISECOND and not self.orders.is_open_or_stays
+        if not failing and not ends:
             self._waits_since_ns = None
-            return
-        if self._waits_since_ns is None:
-            self._waits_since_ns = now_ns
-        if all(m.lost and not m.gone for m in moving) and self._router.may_be_silent(
-            self._waits_since_ns, now_ns
-        ):
-            return
-        are_silent = all(member.lost and not member.gone for member in stopped)
-        if now_ns - self._waits_since_ns > (SILENT_PATIENCE if are_silent else HELD_PATIENCE):
-            self._waits_since_ns = None
-            for member in stopped:
-                if member.id in stuck and not member.lost and not member.has_stopped(self.epoch):
-                    member.strike(self.epoch)
-                    self._tell(now_ns, "fault", member.id, f"{member.id} does not get on")
-            self._turn("robot failed", now_ns)
-
-    def _watch_among_orders(self, moving: list[Member], now_ns: int) -> None:
-        """Give up robots that are lost or do not get on, and hold others: those go around them.
-
-        The fleet ends when no order is open and nobody has got on for SILENT_PATIENCE.
-        """
-        grants, plan_ms = self.grants, self.times.plan_ms(now_ns)
-        stuck = set(grants.stuck(plan_ms)) - {member.id for member in moving if member.is_new}
-        failing = [
-            member
-            for member in moving
-            if member.id not in grants.given_up
-            and (member.id in stuck or (member.lost and grants.behind([member.id])))
-        ]
-        if not failing:
-            self._waits_since_ns = None
-            rests = plan_ms - grants.got_on_ms > SILENT_PATIENCE // MILLISECOND
-            if rests and not self.orders.is_open_or_stays:
-                self._turn("all done", now_ns)
             return
         if self._waits_since_ns is None:
             self._waits_since_ns = now_ns
         since_ns, are_cut = self._waits_since_ns, all(m.lost and not m.gone for m in moving)
         if are_cut and self._router.may_be_silent(since_ns, now_ns):
+            return
+        if not failing:
+            self._turn("all done", now_ns)
             return
         are_silent = all(member.lost and not member.gone for member in failing)
         if now_ns - since_ns > (SILENT_PATIENCE if are_silent else HELD_PATIENCE):
@@ -396,6 +353,23 @@ class Fleet(OperatedFleet):
                     member.strike(self.epoch)
                     self._tell(now_ns, "fault", member.id, f"{member.id} does not get on")
                 self.go_around(member, now_ns)
+
+    def _failing(self, moving: list[Member], now_ns: int) -> list[Member]:
+        """Return the robots that are lost and hold others, or that do not get on.
+
+        One that is lost and holds nobody is in nobody's way, unless orders may lead others there.
+        """
+        grants, are_orders = self.grants, self.orders.is_open_or_stays
+        stuck = set(grants.stuck(self.times.plan_ms(now_ns)))
+        return [
+            one
+            for one in moving
+            if one.id not in grants.given_up
+            and (
+                (one.id in stuck and not one.is_new and (are_orders or not one.lost))
+                or (one.lost and grants.behind([one.id]))
+            )
+        ]
 
     def _lose_silent(self, moving: list[Member], now_ns: int) -> None:
         for member in moving:

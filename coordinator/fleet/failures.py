@@ -1,4 +1,4 @@
-"""Robots that fail while a fleet arms or moves: they are silent, have stopped, or do not get on.
+"""Robots that fail while a fleet arms: they are silent, or do not arm.
 
 Decides: what makes a robot fail, whether it is lost or the fault is its own, and what shows that a
 robot heard the GO.  Must not know: what the fleet then does.

@@ -35,6 +35,10 @@ ROOM: Final = 0.1
 LATE_MS: Final = 1_500
 """A robot that is known to be behind its course by this much is late, and not only its reports."""
 
+_STANDS: Final = 0.02
+"""A robot no farther than this [m] from where its authority ends, as far as is known, stands there.
+"""
+
 _STEPS: Final = 2
 """A robot gets on when its known progress has grown by this many steps of lateness."""
 
@@ -252,9 +256,8 @@ class Grants:
         sent = self._courses[robot].now
         if sent.course is None:
             return False
-        line, rule = sent.course.driven.timeline, self._rule
-        passed, told = (float(one[sent.slot]) / 1000.0 for one in (rule.progress, rule.told))
-        return line.s_at(passed) >= line.s_at(told) - ROOM
+        line, passed_ms = sent.course.driven.timeline, int(self._rule.progress[sent.slot])
+        return line.s_at(passed_ms / 1000.0) >= line.s_at(self._end_ms(robot) / 1000.0) - ROOM
 
     def arrival_ms(self, robot: str, now_ms: int) -> int | None:
         """Return the plan time [ms] when a robot will be at the end of the course in force.
@@ -283,13 +286,38 @@ class Grants:
         return [stairs.need_at(pair, float(ends[behind])) for pair, behind in pairs]
 
     def halt(self, robot: str) -> int:
-        """Grant a robot no more on its course than it may have been told; return that [ms].
+        """Grant a robot nothing more on its course; return where it then comes to rest [ms]."""
+        end_ms = self._end_ms(robot)
+        self._rule.most[self._courses[robot].now.slot] = end_ms
+        return end_ms
 
-        It comes to rest there, at the latest: what it may have been told is granted to it.
+    def _end_ms(self, robot: str) -> int:
+        """Return where [ms] a robot comes to rest on the course in force with what it was told.
+
+        After a log was gone on from, more may have been told than is known.  A robot that stands
+        where that ends was not, as it seems.  If it was, it takes no course that begins there.
         """
-        told_ms = self.told_ms(robot)
-        self._rule.most[self._courses[robot].now.slot] = told_ms
-        return told_ms
+        told_ms, known_ms = self.told_ms(robot), self._known_ms(robot)
+        sent = self._courses[robot].now
+        if sent.course is None or known_ms >= told_ms:
+            return told_ms
+        line, passed_ms = sent.course.driven.timeline, int(self._rule.progress[sent.slot])
+        left = abs(line.s_at(known_ms / 1000.0) - line.s_at(passed_ms / 1000.0))
+        return min(max(known_ms, passed_ms), told_ms) if left <= _STANDS else told_ms
+
+    def _known_ms(self, robot: str) -> int:
+        """Return how far [ms] a robot is known to have been told to drive."""
+        sent = self._courses[robot].now
+        return max(int(self._rule.granted[sent.slot]), sent.begin_ms)
+
+    def may_have_more(self, robot: str) -> bool:
+        """Return whether a robot stands where its authority seems to end, and may have more."""
+        return self._end_ms(robot) < self.told_ms(robot)
+
+    def is_end_known(self, robot: str) -> bool:
+        """Return whether it is known where a robot's authority ends, or seems to be."""
+        is_exact = self._known_ms(robot) >= self.told_ms(robot)
+        return is_exact or self.may_have_more(robot)
 
     def told_ms(self, robot: str) -> int:
         """Return how far [ms] a robot may have been told to drive on the course in force."""
@@ -323,9 +351,11 @@ class Grants:
         slots = [slot, *(self._slot(one) for one in near)]
         self._staircases.put(slot, staircases, slots)
         self._rule.open(slot, min(passed_ms, begin_ms), begin_ms)
-        if not self._rule.renew(self._staircases.all):
+        fits = self._rule.allows(self._staircases.of(slot))
+        if not fits:
             self._staircases.put(slot, NO_STAIRCASES, ())
-            self._rule.renew(self._staircases.all)
+        self._rule.renew(self._staircases.all)
+        if not fits:
             return False
         self.release(number)
         sent = Sent(slot, number, plan.revision, begin_ms, course)
@@ -518,8 +548,12 @@ class Grants:
         self.got_on_ms += lost_ms
 
     def lose_sight(self, until_ms: int) -> None:
-        """Take in that robots may have been told more, up to a plan time, than is known."""
-        self._rule.may_have_told(np.flatnonzero(self._numbers >= 0), until_ms)
+        """Take in that robots may have been told more, up to a plan time, than is known.
+
+        Those that were given up were not.
+        """
+        names = np.array([name in self.given_up for name in self._names], bool)
+        self._rule.may_have_told(np.flatnonzero((self._numbers >= 0) & ~names), until_ms)
 
     def spans(self, robot: str) -> list[Span]:
         """Return the parts of its courses on which a robot is: known to have passed, told."""

@@ -287,6 +287,11 @@ class Member:
         return self.phase in (BRAKING, FROZEN) or (self.phase != MOVING and self.fault != 0)
 
     @property
+    def is_on_floor(self) -> bool:
+        """Whether the robot has a part in this epoch, or is to get one where it came back."""
+        return self.planned or self.came_back_to is not None
+
+    @property
     def came_back_to(self) -> tuple[float, float, float] | None:
         """The pose [m, m, rad] from which a robot that has come back has not set out yet."""
         return None if self.rest is None else self.rest.place

@@ -13,9 +13,10 @@ from random import Random
 from typing import Any, Final
 
 import msgspec
+from msgspec.structs import replace
 
 from coordinator.scenario import plain
-from coordinator.scenario.model import Demand, Order, Pose, Robot
+from coordinator.scenario.model import Demand, Order, Point, Pose, Robot
 from coordinator.scenario.order_checks import OWN
 from protocol import messages as protocol_messages
 from protocol.messages import (
@@ -38,7 +39,8 @@ class Task:
     """An order and what has become of it; times in ms since the first GO, None if not known.
 
     `robot`: who does it, "" until one is chosen.  `makes_room`: the coordinator's own order, for a
-    robot that is in the way.  `revision`: the course by which it is done.  `is_urgent`: its robot
+    robot that is in the way; it then goes back to `returns_to`, by an order that `is_return`, once
+    no other order is open.  `revision`: the course by which it is done.  `is_urgent`: its robot
     leaves what it does for it, as soon as it drives the course `leaves` or a later one.
     """
 
@@ -61,6 +63,8 @@ class Task:
     cannot: set[str] = field(default_factory=set)
     """Robots that have no way to the goal, even alone."""
 
+    returns_to: Pose | None = None
+    is_return: bool = False
     joins: Robot | None = None
     """The robot that joins the fleet by this order, at the order's goal."""
 
@@ -137,11 +141,12 @@ class PlainBook(msgspec.Struct, frozen=True):
 
 
 def _task_of(fields: dict[str, Any]) -> Task:
-    joins = fields["joins"]
+    joins, place = fields["joins"], fields.get("returns_to")
     known = {
         "order": plain.order_of(fields["order"]),
         "cannot": set(fields["cannot"]),
         "joins": None if joins is None else plain.robot_of(joins),
+        "returns_to": None if place is None else tuple(place),
     }
     return Task(**{**fields, **known})
 
@@ -228,8 +233,9 @@ class OrderBook:
 
     @property
     def is_used(self) -> bool:
-        """Whether the fleet has had orders, has some, or may get some."""
-        return self.stays or bool(self.tasks or self._later or self._demand)
+        """Whether the fleet has orders beside the coordinator's own, had some, or may get some."""
+        given = any(not name.startswith(OWN) for name in self.tasks)
+        return given or self.stays or bool(self._later or self._demand)
 
     @property
     def is_open(self) -> bool:
@@ -296,20 +302,34 @@ class OrderBook:
         why = f"waits for {known.after} to end" if known.after else f"waits {when}"
         return OrderState(known.id, WAITING, known.robot, reason=why)
 
-    def go_around(self, robot: str, goal: Pose, what: str, now_ms: int) -> None:
+    def go_around(
+        self, robot: str, course: tuple[int, Pose, tuple[Point, ...]], what: str, now_ms: int
+    ) -> None:
         """Let the order that a robot does, or is to do next, be looked for from where it is now.
 
-        A robot without an order, which is on its way to `goal`, gets one of the coordinator's own.
+        `course`: the revision of the course in force, where it leads, and the places that it has
+        yet to pass on it.  A robot without an order gets one of the coordinator's own for these.
         """
+        revision, goal, via = course
         task = self.of_robot(robot)
+        does = task is not None
         self.put_back(robot)
         if task is None:
             task = next((one for one in self.waiting() if one.order.robot == robot), None)
         if task is None or task.is_over:
             self._made_room += 1
-            order = Order(id=f"{_WAY}{self._made_room}", robot=robot, goal=goal)
+            order = Order(id=f"{_WAY}{self._made_room}", robot=robot, goal=goal, via=via)
             task = self.give(order, now_ms)
+        elif does or task.revision == revision > 0:
+            task.order = replace(task.order, via=via)
         task.robot, task.is_urgent, task.reason = robot, True, f"goes around {what}"
+
+    def _return(self, robot: str, goal: Pose, now_ms: int) -> None:
+        """Let a robot that has made room go back, once nobody else has an order."""
+        if not any(one.is_return and one.robot == robot for one in self._open.values()):
+            self._made_room += 1
+            order = Order(id=f"{_WAY}{self._made_room}", robot=robot, goal=goal)
+            self.give(order, now_ms).is_return = True
 
     def room_for(self, robot: str, goal: Pose, whose: str, now_ms: int) -> Task:
         """Return a new order of the coordinator's own: a robot makes room for another order."""
@@ -396,8 +416,13 @@ class OrderBook:
         return sorted(found, key=lambda one: one.revision)
 
     def waiting(self) -> list[Task]:
-        """Return the orders that wait, in the order in which they are to be served."""
-        found = [one for one in self._open.values() if one.state == WAITING]
+        """Return the orders that wait and may be served, in the order in which they are to be."""
+        is_over = all(one.is_return for one in self._open.values())
+        found = [
+            one
+            for one in self._open.values()
+            if one.state == WAITING and (is_over or not one.is_return)
+        ]
         return sorted(found, key=lambda one: (not one.makes_room, -one.order.priority))
 
     def look(
@@ -417,6 +442,8 @@ class OrderBook:
             dwell_ms = round(1000.0 * task.order.dwell)
             if task.arrived_ms is not None and now_ms >= task.arrived_ms + dwell_ms:
                 self.end(task, ORDER_DONE)
+                if task.returns_to is not None:
+                    self._return(task.robot, task.returns_to, now_ms)
         for order in list(self._later.values()):
             if self._is_known(order, now_ms):
                 del self._later[order.id]
@@ -454,6 +481,15 @@ class OrderBook:
             goal = dice.choice(places)
             order = Order(id=f"{robot}-{count + 1}", robot=robot, goal=goal, dwell=demand.dwell)
             self.give(order, now_ms)
+
+    def refuse_stuck(self, reason: Callable[[Task], str]) -> None:
+        """Refuse all orders because nobody gets on; robots that made room may still go back."""
+        stuck = [one for one in self._open.values() if not one.is_return]
+        if not stuck or len(stuck) == len(self._open):
+            self.refuse_all(reason)
+        for task in stuck:
+            if not task.is_over:
+                self.end(task, REFUSED, reason(task))
 
     def refuse_all(self, reason: Callable[[Task], str]) -> None:
         """Refuse all orders that are open or that would become known by themselves."""

@@ -17,7 +17,7 @@ AWAY: Final = 2 * COMMAND_PERIOD
 """A coordinator that has not looked at the time for longer than this was away: it heard nobody."""
 
 HELD_PATIENCE: Final = 5 * SECOND
-"""How long robots that have stopped may hold others before a new plan is made around them."""
+"""How long a robot that is lost or does not get on may hold others before those go around it."""
 
 SILENT_PATIENCE: Final = 10 * SECOND
 """The same for robots that are silent although no link is known to be gone: they may be heard
@@ -55,7 +55,6 @@ TRANSITIONS: Final[dict[tuple[int, Event], int]] = {
     (HOLD, "all armed"): GO,
     (HOLD, "robot failed"): FREEZE,
     (HOLD, "admitted"): FREEZE,
-    (GO, "robot failed"): FREEZE,
     (GO, "all done"): OVER,
     (GO, "some can go on"): FREEZE,
     (GO, "admitted"): FREEZE,
@@ -64,7 +63,6 @@ TRANSITIONS: Final[dict[tuple[int, Event], int]] = {
     (STOP, "floor changed"): FREEZE,
     (GO, "told to stop"): STOP,
     (STOP, "told to go on"): GO,
-    (STOP, "admitted"): FREEZE,
     (FREEZE, "planned"): HOLD,
     (FREEZE, "none can go"): OVER,
 }

@@ -104,7 +104,7 @@ class FleetState:
         self._first_go_ns = 0
         self._looked_ns = self._stopped_ns = 0
         self._waits_since_ns: int | None = None
-        """Since when robots that have stopped hold others, or are the only ones left."""
+        """Since when robots that are lost or do not get on hold others."""
         self._router = RouterLink()
         self._patient_until_ns = 0
         self.is_resumed = self.superseded = False
@@ -278,7 +278,7 @@ class FleetState:
         self._tell(now_ns, "fault", member.id, f"others go around {member.id}")
 
     def _give_up(self, failing: list[Failing], now_ns: int) -> None:
-        """Freeze the fleet because of these robots."""
+        """Freeze a fleet that arms on a changed floor: it is planned anew without these robots."""
         for member, what, lost, strike in failing:
             member.lost |= lost
             if strike:

@@ -77,7 +77,9 @@ class Dispatcher:
     def __init__(self, fleet: Fleet, robots: Iterable[Robot]) -> None:
         self._fleet = fleet
         self.robots = {robot.id: robot for robot in robots}
-        """All robots of the fleet by name, as the scenario and operators give them."""
+        """All robots of the fleet by name, as the scenario and operators give them.
+
+        Goals and places to pass are those of their newest courses, but for making room."""
 
         self.obstructions = Obstructions(fleet, self.robots, self._may_leave)
         self.searches = Searches(fleet, self.robots, self.obstructions)
@@ -142,11 +144,11 @@ class Dispatcher:
     def look(self, now_ns: int) -> list[CourseRequest]:
         """Let orders become known and done, and return the courses that are to be looked for."""
         fleet, book = self._fleet, self._fleet.orders
-        if not fleet.has_gone or not book.is_used:
+        if not fleet.has_gone:
             return []
         now_ms = fleet.since_go_ms(now_ns)
         book.look(now_ms, self._has_driven, self._is_free)
-        if fleet.phase != GO or self.obstructions.site is None or fleet.superseded:
+        if fleet.phase != GO or not self.obstructions.has_site or fleet.superseded:
             self._moved_ms = now_ms
             return []
         self.obstructions.look(now_ns, now_ms)
@@ -194,8 +196,11 @@ class Dispatcher:
     def _leaves_for(self, task: Task, now_ns: int) -> bool:
         """Return whether a robot is to leave its course for an urgent order now."""
         mine = self._fleet.grants.of(task.robot)
-        is_on = mine is not None and mine.now.revision >= task.leaves
-        return is_on and self._may_leave(task.robot, now_ns)
+        if mine is None or mine.now.revision < task.leaves:
+            return False
+        at_rest = self.obstructions.rest_of(task.robot) is not None
+        is_known = at_rest or self._fleet.grants.is_end_known(task.robot)
+        return is_known and self._may_leave(task.robot, now_ns)
 
     def _what_keeps(self, robot: str) -> str:
         """Return in words why a robot that does no order is not idle."""
@@ -242,6 +247,9 @@ class Dispatcher:
         robot = self._commit(request, asked, answer, now_ns)
         if robot is None and asked.leaves:
             self._fleet.grants.go_on(request.robot)
+        if robot is not None and asked.ways is None:
+            known = self.robots[request.robot]
+            self.robots[request.robot] = replace(known, goal=robot.goal, via=robot.via)
         return robot
 
     def _commit(
@@ -264,7 +272,7 @@ class Dispatcher:
         if renews and (proposal is None or proposal.course.driven.timeline.finish > asked.until):
             return None
         if proposal is None:
-            self._not_found(task, asked, answer, idle, now_ms)
+            self._not_found(task, asked, answer, idle, now_ns)
             return None
         if self.searches.has_come_near(asked, proposal.course):
             return None
@@ -281,7 +289,7 @@ class Dispatcher:
         if answer.reason:  # It has no way, and rests where it is.
             member.take_course(plan, request.revision, now_ns)
             task.is_urgent = False
-            self._not_found(task, asked, answer, idle, now_ms)
+            self._not_found(task, asked, answer, idle, now_ns)
             return asked.wish.robot
         if asked.leaves:
             fleet.orders.put_back(request.robot)
@@ -308,10 +316,17 @@ class Dispatcher:
         return replace(asked.wish.robot, goal=task.order.goal)
 
     def _not_found(
-        self, task: Task, asked: Asked, answer: Answer, idle: list[str], now_ms: int
+        self, task: Task, asked: Asked, answer: Answer, idle: list[str], now_ns: int
     ) -> None:
-        """Refuse an order for ever, or let it wait; let idle robots make room for it."""
-        book, robot = self._fleet.orders, asked.wish.robot.id
+        """Refuse an order for ever, or let it wait; let idle robots make room for it.
+
+        A robot that waits for one that cannot go on, and finds no way, cannot go on either: others
+        go around it, and wait for it no longer.
+        """
+        fleet, robot = self._fleet, asked.wish.robot.id
+        book, now_ms = fleet.orders, fleet.since_go_ms(now_ns)
+        if asked.yields and not asked.stays and answer.proposal is None:
+            fleet.go_around(fleet.members[robot], now_ns)
         if task.joins is not None:
             rest = "rest" if len(answer.blockers) > 1 else "rests"
             near = f"{', '.join(answer.blockers)} {rest} too near" if answer.blockers else ""
@@ -323,7 +338,7 @@ class Dispatcher:
         if task.makes_room:
             self._no_room[robot] = state
         is_closed = math.isinf(answer.alone) and self._nobody_else(task, robot)
-        if is_closed and task.order.robot and self.obstructions.goes_around(robot):
+        if is_closed and task.order.robot and asked.goes_around:
             is_closed = False  # Who closes its way may go on again.
         if task.makes_room or is_closed:
             book.end(task, REFUSED, f"{robot} {answer.reason}")
@@ -345,6 +360,7 @@ class Dispatcher:
             is_idle = name in idle and name not in waiting and self._no_room.get(name) != state
             if is_idle and answer.way is not None and all(o.order.id in self._tried for o in own):
                 room = book.room_for(name, self.searches.place(name)[0], task.order.id, now_ms)
+                room.returns_to = None if book.is_used else self.robots[name].goal
                 self._ways[room.order.id] = (asked.wish.robot.radius, answer.way)
                 task.rooms += 1
 
@@ -459,4 +475,5 @@ class Dispatcher:
         if mark != self._mark or dwells or book.stays or not (under_way or book.waiting()):
             self._mark, self._moved_ms = mark, now_ms
         elif now_ms - self._moved_ms > _NOBODY_MOVES_MS:
-            book.refuse_all(lambda task: task.reason or "no robot can do it")
+            self._moved_ms = now_ms
+            book.refuse_stuck(lambda task: task.reason or "no robot can do it")

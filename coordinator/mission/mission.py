@@ -179,6 +179,7 @@ class Mission:
             if member.id in recovery.doubted:
                 member.rest = None
         self.site = recovery.site
+        self.dispatcher.robots.update((robot.id, robot) for robot in self.site.scenario.robots)
         for one in self.site.aside:
             self.fleet.members[one.robot.id].finished |= one.why == "arrived"
         drives = set() if recovery.plan is None else set(recovery.plan.messages)

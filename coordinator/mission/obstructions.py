@@ -10,7 +10,7 @@ courses are found, which order comes next.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final
 
 import msgspec
@@ -24,17 +24,31 @@ from coordinator.fleet.log_records import around_key, around_record
 from coordinator.fleet.member import Member
 from coordinator.fleet.phases import SILENT_PATIENCE
 from coordinator.fleet.rest_places import Standing
-from coordinator.mission.replanning_input import Aside, on_path, resting_pose, stretch
+from coordinator.mission.replanning_input import (
+    SAME,
+    TURNING,
+    Aside,
+    on_path,
+    resting_pose,
+    stretch,
+    via_ahead,
+)
 from coordinator.plan.wire import Driven
 from coordinator.planning.course_proposal import Site
-from coordinator.scenario.model import Point, Robot
+from coordinator.scenario.model import Point, Pose, Robot
 from coordinator.schedule.authority import EVER
 from protocol.messages import REFUSED
+from protocol.phases import MOVING
 
 Ring = tuple[Point, ...]
 
 _STEP: Final = 0.05
 """Distance [m] between places of a course that are compared with a closed place."""
+
+_ROOM: Final = 0.006
+"""So much more room [m] than the margin robots that stand get from others that are sent past them.
+
+They may set out from there: on their staircases others keep STANDOFF more than the margin away."""
 
 _AGAIN_MS: Final = 20_000
 """A robot that found no way around what is in its way looks again after this."""
@@ -55,6 +69,7 @@ class PlainObstructions(msgspec.Struct, frozen=True):
 class Obstructions:
     """What is in the way on one fleet's floor in one epoch.
 
+    `robots`: the fleet's, each with the goal and the places to pass of its newest course for them.
     `may_leave`: whether a robot can be sent on another course, at a time [ns].
     """
 
@@ -88,6 +103,8 @@ class Obstructions:
         """By robot and revision: the closed places for which the robot was dealt with."""
 
         self._sites: dict[tuple[Ring, ...], Site] = {}
+        self._left_out: set[tuple[str, Point]] = set()
+        """By robot: the places that people were told it does not pass."""
 
     def begin(self, make_site: Callable[[], Site] | None) -> None:
         """Begin an epoch; `make_site` prepares its floor when it is needed, None: nobody drives."""
@@ -123,6 +140,11 @@ class Obstructions:
         return self._make_site is not None
 
     @property
+    def around(self) -> dict[str, Ring]:
+        """By robot that others go around: where it may stand."""
+        return dict(self._around)
+
+    @property
     def closed(self) -> dict[str, Ring]:
         """The places that are closed."""
         return dict(self._closed)
@@ -130,12 +152,16 @@ class Obstructions:
     def site_for(self, robot: str, place: Point) -> Site:
         """Return the floor as it is for a robot at a place [m]: what is in the way is solid.
 
-        A robot that is inside of a closed place may leave it.
+        A robot that is inside of a closed place may leave it, and one that is held by another
+        starts as near to that as it stands.
         """
         whole = self.site
         assert whole is not None
         reach, here = self._robots[robot].radius + whole.terms.margin, shapely.Point(place)
-        rings = [ring for name, ring in self._around.items() if name != robot]
+        rings = []
+        for ring in (ring for name, ring in self._around.items() if name != robot):
+            wide = shapely.buffer(shapely.Polygon(ring), _ROOM)
+            rings.append(ring if shapely.dwithin(wide, here, reach) else _ring_of(wide))
         rings += [
             ring
             for ring in self._closed.values()
@@ -187,6 +213,38 @@ class Obstructions:
         grants = self._fleet.grants
         behind = set(grants.behind(self._around)) if self._around else set()
         return {robot: by for robot, by, _ in grants.held() if robot in behind}
+
+    def passable(self, robot: str, via: Sequence[Point], now_ns: int) -> tuple[Point, ...]:
+        """Return the places that a robot can pass: none on which others stand that go no farther.
+
+        People are told which ones are left out.
+        """
+        whole = self.site
+        assert whole is not None
+        room, left = self._robots[robot].radius + whole.terms.margin + TURNING, []
+        for place in via:
+            here = shapely.Point(place)
+            by = [
+                name
+                for name, ring in self._around.items()
+                if name != robot
+                and not self._may_go_on(name)
+                and shapely.dwithin(shapely.Polygon(ring), here, room)
+            ]
+            if not by:
+                left.append(place)
+            elif (robot, place) not in self._left_out:
+                self._left_out.add((robot, place))
+                x, y = place
+                text = f"{robot} does not pass ({x:.2f}, {y:.2f}): {by[0]} stands there"
+                self._fleet.incidents.append(Incident(now_ns, "stays", "", text))
+        return tuple(left)
+
+    def _may_go_on(self, robot: str) -> bool:
+        """Return whether a robot that was given up gets another course as soon as there is one."""
+        member = self._fleet.members[robot]
+        is_stuck = member.phase == MOVING and not self._fleet.grants.is_at_end(robot)
+        return member.is_fit and not (member.lost or is_stuck)
 
     def goes_around(self, robot: str) -> bool:
         """Return whether others that may go on again are solid for a robot."""
@@ -268,7 +326,14 @@ class Obstructions:
         if tried == state and now_ms - since_ms < _AGAIN_MS:
             return
         self._tried[robot] = (state, now_ms)
-        book.go_around(robot, mine.now.course.goal, what, now_ms)
+        (span, *_) = self._fleet.spans(robot)
+        ride, one = mine.now.course.driven, self._robots[robot]
+        goal: Pose = mine.now.course.goal
+        via: tuple[Point, ...] = ()
+        if math.dist(goal, one.goal[:2]) <= SAME:
+            passed = ride.timeline.s_at(span.since_ms / 1000.0)
+            goal, via = one.goal, via_ahead(ride, one.via, passed)
+        book.go_around(robot, (mine.now.revision, goal, via), what, now_ms)
 
     def lost(self) -> list[str]:
         """Return the robots, not heard any more, that others go around."""
@@ -358,3 +423,9 @@ class Obstructions:
         fleet.grants.limit(member.id, min(before_ms, fleet.grants.limit_of(member.id)))
         if self._may_leave(member.id, now_ns):
             self._go_around(member.id, name, now_ms)
+
+
+def _ring_of(polygon: shapely.Polygon) -> Ring:
+    """Return the corners of a polygon's outline."""
+    corners = shapely.get_coordinates(polygon.exterior)[:-1]
+    return tuple((float(x), float(y)) for x, y in corners)

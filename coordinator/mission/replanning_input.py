@@ -52,7 +52,7 @@ goal.  The margin covers this error, too."""
 _PER_TURN: Final = 0.037
 """How far [m] a robot deviates from its path per radian that its start is turned from the path."""
 
-_TURNING: Final = 0.1
+TURNING: Final = 0.1
 """Free space [m] that a via point needs beyond a robot's reach, because paths turn there."""
 
 _THERE: Final = 1e-3
@@ -61,7 +61,7 @@ _THERE: Final = 1e-3
 A robot that is short of its goal by no more than it may be off its path counts as arrived, too:
 the rest of the path is too short to drive."""
 
-_SAME: Final = 0.012
+SAME: Final = 0.012
 """A course that ends no farther from a robot's goal than this [m] leads there."""
 
 
@@ -190,7 +190,7 @@ def passable(site: Site) -> tuple[Site, list[str]]:
     said: list[str] = []
     robots = []
     for robot in site.scenario.robots:
-        room = robot.radius + site.scenario.margin + _TURNING
+        room = robot.radius + site.scenario.margin + TURNING
         left = []
         for place in robot.via:
             here = shapely.Point(place)
@@ -230,7 +230,7 @@ def _stands(
     if standing.state != "rests":
         return Aside(robot, standing.state, np.array([pose[:2]]), pose)
     end = ride.curve.points[-1]
-    if math.dist(end, robot.goal[:2]) > _SAME:  # It has been sent elsewhere since.
+    if math.dist(end, robot.goal[:2]) > SAME:  # It has been sent elsewhere since.
         return replace(robot, start=pose, path=None)
     if _is_on_path(standing, margin, max(ride.curve.length - s - _THERE, 0.0)):
         return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
@@ -238,7 +238,7 @@ def _stands(
     if robot.path is not None and _is_on_path(standing, margin):
         u = float(ride.curve.parameter_at([s])[0])
         path = path_of(piece(ride.curve, u, float(ride.curve.knots[-1])))
-    return replace(robot, start=pose, via=_ahead(ride, robot.via, s), path=path)
+    return replace(robot, start=pose, via=via_ahead(ride, robot.via, s), path=path)
 
 
 def _comes_back(robot: Robot, standing: Standing, place: Pose, margin: float) -> Robot | Aside:
@@ -308,7 +308,7 @@ def on_path(margin: float) -> float:
     return min(_ON_PATH * track, track - _TOLD)
 
 
-def _ahead(ride: Driven, via: Sequence[Point], s: float) -> tuple[Point, ...]:
+def via_ahead(ride: Driven, via: Sequence[Point], s: float) -> tuple[Point, ...]:
     """Return the via points that a robot has yet to pass, in order."""
     if not via:
         return ()

@@ -25,9 +25,17 @@ from coordinator.fleet.orders import Task
 from coordinator.mission.obstructions import Obstructions, Ring
 from coordinator.plan.course import Course
 from coordinator.planning.course_proposal import Site, Wish, proposal_of
-from coordinator.planning.course_search import Answer, make_room, search, search_or_rest, stand
+from coordinator.planning.course_search import (
+    Answer,
+    make_room,
+    rest,
+    search,
+    search_or_rest,
+    stand,
+)
 from coordinator.proof.course_proof import that_may_meet
 from coordinator.scenario.model import Point, Pose, Robot
+from coordinator.scenario.order_checks import OWN
 
 _LEAD_MS: Final = 300
 """How long before a course begins it is asked for: enough to find it and to tell the robot."""
@@ -75,6 +83,12 @@ class Asked:
     yields: bool = False
     """Whether the robot rests where it is if nothing is found: it waits for one that cannot go on
     before it has left its course."""
+
+    goes_around: bool = False
+    """Whether others that may go on again were solid for it."""
+
+    stays: bool = False
+    """Whether the robot first rests where it is: then it is known that it stands there."""
 
 
 class Searches:
@@ -139,7 +153,7 @@ class Searches:
         if request.revision == 0:
             return partial(stand, asked.site, asked.wish, asked.others)
         if asked.ways is None:
-            look = search_or_rest if asked.yields else search
+            look = rest if asked.stays else search_or_rest if asked.yields else search
             return partial(look, asked.site, asked.wish, asked.others)
         closed = tuple(asked.closed.values())
         return partial(make_room, asked.site, asked.wish, asked.others, asked.ways, closed)
@@ -177,8 +191,9 @@ class Searches:
         assert mine is not None
         self.serial += 1
         begin_ms = self._soon_ms(now_ns)
-        delay, rest = 0.0, self._obstructions.rest_of(robot) if leaves else None
-        if leaves and rest is None:
+        delay, at_rest = 0.0, self._obstructions.rest_of(robot) if leaves else None
+        stays = leaves and at_rest is None and fleet.grants.may_have_more(robot)
+        if leaves and at_rest is None:
             soon_ms, begin_ms = begin_ms, fleet.grants.halt(robot)
             behind = fleet.grants.late(fleet.times.plan_ms(now_ns)).get(robot, 0.0)
             delay = max(behind + self._braking(robot), (soon_ms - begin_ms) / 1000.0)
@@ -188,13 +203,16 @@ class Searches:
             begin_ms = max(begin_ms, arrival_ms)
         number, revision = fleet.grants.reserve(), mine.newest.revision + 1
         request = CourseRequest(self.serial, task.order.id, robot, number, revision, begin_ms)
-        if rest is not None:
-            x, y, heading = self._obstructions.pose_of(robot, rest)
+        if at_rest is not None:
+            x, y, heading = self._obstructions.pose_of(robot, at_rest)
         else:
             (x, y), heading = self.place(robot, begin_ms if leaves else None)
         is_car = self._robots[robot].min_turn_radius > 0.0
         start: Pose = (x, y, heading) if is_car else (x, y)
-        goal, via = _apart((x, y), task.order.via, task.order.goal)
+        via = task.order.via
+        if task.order.id.startswith(OWN):
+            via = self._obstructions.passable(robot, via, now_ns)
+        goal, via = _apart((x, y), via, task.order.goal)
         wanted = replace(self._robots[robot], start=start, goal=goal, via=via, path=None)
         others = [one for one in fleet.grants.possible() if one.driven.id != robot]
         late = fleet.grants.late(fleet.times.plan_ms(now_ns))
@@ -210,6 +228,8 @@ class Searches:
             follows,
             until,
             yields=leaves and robot in self._obstructions.held_up(),
+            goes_around=self._obstructions.goes_around(robot),
+            stays=stays,
         )
         return request
 

@@ -33,6 +33,12 @@ class CourseStaircases:
         rows = _Rows.of(mine, index[mine.ahead], index[mine.behind])
         return rows.those((rows.ahead >= 0) & (rows.behind >= 0)).sorted(mine.tau_ms)
 
+    def of(self, course: int) -> Staircases:
+        """Return the staircases between a course and all others."""
+        mine = self._all
+        rows = _Rows.of(mine, mine.ahead, mine.behind)
+        return rows.those((rows.ahead == course) | (rows.behind == course)).sorted(mine.tau_ms)
+
     def put(self, course: int, found: Staircases, courses: Sequence[int]) -> None:
         """Replace all staircases of a course by others; their index k is courses[k].
 

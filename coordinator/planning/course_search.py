@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -68,10 +67,16 @@ def search_or_rest(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
     Such an answer has a reason beside its course.
     """
     found = search(site, wish, others)
-    if found.proposal is None:
-        with suppress(PlanError):
-            return replace(found, proposal=propose(site, wish.to(wish.robot.start), others))
-    return found
+    return found if found.proposal else replace(found, proposal=rest(site, wish, others).proposal)
+
+
+def rest(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
+    """Look for a course to rest where the robot is."""
+    try:
+        proposal = propose(site, wish.to(wish.robot.start), others)
+    except PlanError as error:
+        return Answer(None, 0.0, error.sentence)
+    return Answer(proposal, 0.0, "stays where it is until it says that it does")
 
 
 def stand(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:

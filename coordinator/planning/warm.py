@@ -87,7 +87,7 @@ def _compile_authority() -> None:
     authority = Authority(NO_STAIRCASES, 2)
     authority.grant(0, 0, 0)
     authority.holder_of(0)
-    authority.renew(NO_STAIRCASES)
+    authority.allows(NO_STAIRCASES)
 
 
 def _compile_ground() -> None:

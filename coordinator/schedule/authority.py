@@ -76,16 +76,13 @@ class Authority:
         self.barred = np.append(self.barred, np.ones(courses, bool))
         self.most = np.append(self.most, np.full(courses, EVER))
 
-    def renew(self, staircases: Staircases) -> bool:
-        """Grant by other staircases from now on, unless one forbids what was told already.
+    def allows(self, staircases: Staircases) -> bool:
+        """Return whether what was told already is within these staircases."""
+        return not breaks(_table_of(staircases, len(self.told)), self.progress, self.told)
 
-        Returns whether that is so.
-        """
-        table = _table_of(staircases, len(self.told))
-        if breaks(table, self.progress, self.told):
-            return False
-        self._table = table
-        return True
+    def renew(self, staircases: Staircases) -> None:
+        """Grant by other staircases from now on."""
+        self._table = _table_of(staircases, len(self.told))
 
     def know(self, course: int, progress_ms: int) -> None:
         """Take in that a course was driven up to a plan time; never more than was told."""

@@ -16,8 +16,7 @@ from rich.table import Table
 from sim.campaigns.campaign import Outcome
 
 _MEASURES: Final = {
-    "freeze": "death to FREEZE, s",
-    "resume": "FREEZE to the next GO, s",
+    "around": "death to others going around, s",
 }
 
 _REASONS: Final = {

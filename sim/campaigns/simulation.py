@@ -23,7 +23,7 @@ from protocol.timing import SECOND
 from sim.campaigns.campaign import run_world
 from sim.judging.blackbox import blackbox_text
 from sim.processes.local_fleet import TROUBLE
-from sim.processes.run_folder import clear_folder, write_later_plans
+from sim.processes.run_folder import clear_folder
 from sim.world.desk_window import DESK, STEP_S, DeskWindow
 from sim.world.fault_script import write_fault
 from sim.world.fault_text import Fault
@@ -88,7 +88,6 @@ def simulate_run(
                 over = _run_before_people(world, document, network, desk, speed, teller)
         finally:
             _write_boxes(folder, world)
-    write_later_plans(folder)
     teller.tell_end(over)
     return over and world.fleet.members.has_arrived
 

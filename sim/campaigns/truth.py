@@ -9,7 +9,7 @@ Must not know: how faults are chosen.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import Final
 
@@ -17,9 +17,9 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from coordinator.mission.replanning_input import Site
+from coordinator.mission.replanning_input import Aside
 from coordinator.plan.document import PlanDocument
-from coordinator.scenario.model import Workspace
+from coordinator.scenario.model import Point
 from protocol.phases import DONE
 from protocol.timing import SECOND
 from sim.floors.free_space import free_space
@@ -149,7 +149,7 @@ def arrived(world: World, document: PlanDocument, boxes: Mapping[str, BlackBox])
 
 def excused(world: World, over_ns: int) -> dict[str, str]:
     """Return the robots that cannot be expected to reach their goals, and why."""
-    closed = _closed_in(world.mission.site)
+    closed = _closed_in(world)
     failed = {one.fault.robot for one in world.struck if one.fault.kind in _OWN}
     why = dict.fromkeys(closed, "closed in")
     for name, member in world.fleet.members.items():
@@ -166,19 +166,42 @@ def excused(world: World, over_ns: int) -> dict[str, str]:
     return {name: reason for name, reason in why.items() if name in world.robots}
 
 
-def _closed_in(site: Site) -> list[str]:
-    """Return the robots that the fleet left standing as closed in and that truly have no way out.
+def _closed_in(world: World) -> list[str]:
+    """Return the robots that are not at their goals and truly have no way there.
 
-    Other robots aside count as solid wherever they may stand; via points are disregarded.
+    Robots that others go around count as solid wherever they may stand, and those at their goals
+    where they are; via points are disregarded.
     """
+    site, members, around = world.mission.site, world.fleet.members, dict(_around(world))
+    robots = [*site.scenario.robots, *(one.robot for one in site.aside)]
+    goals = {robot.id: robot.goal[:2] for robot in robots}
     closed = []
-    for one in site.aside:
-        if one.why == "closed in" and one.pose is not None:
-            discs = tuple(other.disc() for other in site.aside if other is not one)
-            floor = site.scenario.workspace
-            around: Workspace = replace(floor, obstacles=floor.obstacles + discs)
-            reach = one.robot.radius + site.scenario.margin + _SPARE
-            here, there = free_space(around, reach).at(np.array([one.pose[:2], one.robot.goal[:2]]))
-            if here != there or here < 0:
-                closed.append(one.robot.id)
+    for one in robots:
+        if one.id not in world.robots or members[one.id].finished:
+            continue
+        solid = tuple(ring for name, ring in around.items() if name != one.id)
+        floor = replace(
+            site.scenario.workspace, obstacles=site.scenario.workspace.obstacles + solid
+        )
+        reach, place = one.radius + site.scenario.margin + _SPARE, _place(world, one.id)
+        here, there = free_space(floor, reach).at(np.array([place, goals[one.id]]))
+        if here != there or here < 0:
+            closed.append(one.id)
     return closed
+
+
+def _around(world: World) -> Iterator[tuple[str, tuple[Point, ...]]]:
+    """Yield what is solid for others of the robots that go no farther."""
+    yield from world.mission.dispatcher.obstructions.around.items()
+    site = world.mission.site
+    for robot in (*site.scenario.robots, *(one.robot for one in site.aside)):
+        member = world.fleet.members.get(robot.id)
+        if member is not None and member.finished and robot.id in world.robots:
+            here = np.array([_place(world, robot.id)])
+            yield robot.id, Aside(robot, "arrived", here, None).disc()
+
+
+def _place(world: World, robot: str) -> Point:
+    """Return where a robot truly is [m]."""
+    body = world.robots[robot].body
+    return body.x, body.y

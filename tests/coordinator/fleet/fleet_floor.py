@@ -11,12 +11,11 @@ from coordinator.fleet.epoch_times import EpochTimes
 from coordinator.fleet.events import Part
 from coordinator.fleet.grants import Grants
 from coordinator.fleet.member import Member
-from coordinator.fleet.phases import HELD_PATIENCE
 from coordinator.plan.staircases import NO_STAIRCASES, Staircases
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import PROTOCOL_VERSION, Command, Hello, Report, Rest
-from protocol.phases import ARMED, BRAKING, DONE, FREEZE, FROZEN, GO, MOVING
+from protocol.phases import ARMED, DONE, FREEZE, FROZEN, MOVING
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
 
 NAMES = ("R1", "R2", "R3")
@@ -100,15 +99,17 @@ class Floor:
 
 
 def frozen_but(*lost, finished=()):
-    """A fleet that froze because of those lost, who hold all others, and has settled."""
+    """A fleet that froze because its floor has changed, and has settled; some were lost before."""
     floor = Floor().go()
     for name in finished:
         floor.report(name, DONE)
-    for _ in range((REPORT_TIMEOUT + HELD_PATIENCE) // COMMAND_PERIOD + 5):
+    for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 5):
         for name in NAMES:
-            if name not in lost and floor.fleet.phase == GO:
-                floor.report(name, DONE if name in finished else BRAKING)
+            if name not in lost:
+                floor.report(name, DONE if name in finished else MOVING)
         floor.tick()
+    floor.fleet.leave_floor(floor.now)
+    floor.tick()
     assert floor.commands[-1].phase == FREEZE
     for name in NAMES:
         if name not in (*lost, *finished):

@@ -62,33 +62,49 @@ def drive(floor, seconds, *names, **fields):
         floor.tick()
 
 
+def time_to_give_up(floor, robot, *names):
+    """Let robots say that they move; return how long [ns] it takes until one is given up."""
+    began = floor.now
+    while robot not in floor.fleet.grants.given_up and floor.now - began < 60 * SECOND:
+        drive(floor, 0.1, *names)
+    return floor.now - began
+
+
+def assert_others_drive_on(floor, *names):
+    """For as long as anybody waits for anything, the fleet goes on in the same epoch."""
+    drive(floor, 60.0, *names)
+    assert {(one.phase, one.epoch) for one in floor.commands if one.phase != HOLD} == {(GO, 1)}
+
+
 def test_a_silent_robot_is_told_of_and_nothing_else_happens_while_it_holds_nobody():
     floor = Floor().go()
     began = floor.now
     while not floor.fleet.members["R2"].lost:
         drive(floor, 0.1, "R1", "R3")
     assert floor.now - began <= REPORT_TIMEOUT + 2 * COMMAND_PERIOD
-    drive(floor, 60.0, "R1", "R3")
-    assert floor.commands[-1].phase == GO
+    assert_others_drive_on(floor, "R1", "R3")
     assert told_of(floor) == ["R2 has fallen silent"]
+    assert floor.fleet.grants.given_up == set()
 
 
-def test_a_silent_robot_that_holds_another_one_for_long_makes_the_fleet_plan_anew():
+def test_a_silent_robot_that_holds_another_one_for_long_is_given_up_and_nobody_freezes():
     floor = Floor(rule=chain).go()
-    began = floor.now
-    drive(floor, 60.0, "R1", "R3")
-    assert floor.commands[-1].phase == FREEZE
-    assert SILENT_PATIENCE <= floor.now - began <= SILENT_PATIENCE + 5 * SECOND
+    passed = time_to_give_up(floor, "R2", "R1", "R3")
+    assert SILENT_PATIENCE <= passed <= SILENT_PATIENCE + 5 * SECOND
+    told = floor.fleet.grants.told_ms("R2")
+    assert_others_drive_on(floor, "R1", "R3")
+    assert told_of(floor) == ["R2 has fallen silent", "others go around R2"]
+    assert floor.fleet.grants.told_ms("R2") == told
+    assert [(one.robot, one.by) for one in floor.fleet.held()] == [("R1", "R2")]
 
 
-def test_one_whose_link_is_gone_is_planned_around_sooner_than_one_that_is_silent():
+def test_one_whose_link_is_gone_is_given_up_sooner_than_one_that_is_silent():
     floor = Floor(rule=chain).go()
     drive(floor, 2.0, "R1", "R2", "R3")
     floor.fleet.hear(keys.alive("hall", "R2"), LINK_GONE, floor.now)
-    began = floor.now
-    drive(floor, 60.0, "R1", "R3")
-    assert floor.commands[-1].phase == FREEZE
-    assert HELD_PATIENCE <= floor.now - began < SILENT_PATIENCE
+    passed = time_to_give_up(floor, "R2", "R1", "R3")
+    assert HELD_PATIENCE <= passed < SILENT_PATIENCE
+    assert_others_drive_on(floor, "R1", "R3")
 
 
 def test_a_robot_that_is_not_certain_of_the_time_has_not_stopped():
@@ -140,14 +156,14 @@ def test_a_robot_that_does_not_get_on_is_found_though_the_coordinator_is_away_ag
     floor = Floor(rule=chain).go()
     drive(floor, 3.0, "R1", "R2", "R3")
     began, stood_ms, looks = floor.now, floor.fleet.times.plan_ms(floor.now), 0
-    while floor.fleet.phase == GO and floor.now - began < 60 * SECOND:
+    while not floor.fleet.grants.given_up and floor.now - began < 60 * SECOND:
         late = (floor.fleet.times.plan_ms(floor.now) - stood_ms) // 50
         for name in NAMES:
             floor.report(name, MOVING, late=0 if name == "R3" else late)
         looks += 1
         floor.tick(COMMAND_PERIOD * (3 if looks % 20 == 0 else 1))
     assert floor.now - began < 20 * SECOND
-    assert told_of(floor) == ["R2 does not get on"]
+    assert told_of(floor) == ["R2 does not get on", "others go around R2"]
 
 
 def test_a_robot_at_the_end_of_its_authority_that_is_lost_does_not_stand_at_its_start():
@@ -219,15 +235,21 @@ def test_a_robot_with_a_fault_is_told_of_at_once_and_the_others_drive_on():
     assert floor.commands[-1].phase == GO
 
 
-def test_robots_that_have_stopped_get_a_new_plan_when_nobody_else_is_under_way():
+@pytest.mark.parametrize("is_heard", [True, False])
+def test_a_fleet_ends_when_nobody_has_got_on_for_long_and_no_order_is_open(is_heard):
     floor = Floor().go()
     floor.report("R1", DONE)
     floor.report("R2", FROZEN, fault=OFF_PATH)
-    drive(floor, 30.0, "R3")
-    assert floor.commands[-1].phase == GO
+    assert_others_drive_on(floor, "R3")
     floor.report("R3", DONE)
-    drive(floor, 30.0)
-    assert floor.commands[-1].phase == FREEZE
+    began = floor.now
+    while floor.fleet.phase == GO and floor.now - began < 60 * SECOND:
+        if is_heard:
+            floor.report("R2", FROZEN, fault=OFF_PATH)
+        floor.tick()
+    assert SILENT_PATIENCE - SECOND <= floor.now - began <= SILENT_PATIENCE + 5 * SECOND
+    assert (floor.commands[-1].phase, floor.commands[-1].epoch) == (OVER, 1)
+    assert not floor.fleet.members.has_arrived
 
 
 def test_stop_stops_everybody_and_the_plan_goes_on_where_it_was():
@@ -269,12 +291,12 @@ def test_a_robot_that_died_at_its_goal_harms_nobody():
     assert floor.commands[-1].phase == OVER
 
 
-def test_a_robot_that_does_not_get_on_although_nobody_holds_it_is_planned_anew_if_it_holds_others():
+def test_a_robot_that_does_not_get_on_although_nobody_holds_it_is_given_up():
     floor = Floor(rule=chain).go()
     drive(floor, 6.0, "R1", "R2", "R3")
     began = floor.now
     late = 0
-    while floor.commands[-1].phase == GO:
+    while not floor.fleet.grants.given_up and floor.now - began < 60 * SECOND:
         late += 2
         floor.report("R1", MOVING, late=late)
         floor.report("R2", MOVING, late=late)
@@ -282,7 +304,8 @@ def test_a_robot_that_does_not_get_on_although_nobody_holds_it_is_planned_anew_i
         floor.tick()
     patience_ms = STUCK_MS + HELD_PATIENCE // 1_000_000
     assert patience_ms <= (floor.now - began) // 1_000_000 <= patience_ms + 3_000
-    assert told_of(floor) == ["R2 does not get on"]
+    assert told_of(floor) == ["R2 does not get on", "others go around R2"]
+    assert (floor.commands[-1].phase, floor.commands[-1].epoch) == (GO, 1)
 
 
 def test_when_all_have_arrived_the_end_is_said_several_times():
@@ -297,7 +320,7 @@ def test_when_all_have_arrived_the_end_is_said_several_times():
 
 def test_a_frozen_fleet_is_settled_when_the_living_have_said_where_they_rest():
     floor = Floor().go()
-    floor.fleet._turn("robot failed", floor.now)
+    floor.fleet.leave_floor(floor.now)
     floor.report("R2", BRAKING, fault=OFF_PATH)
     floor.report("R1", FROZEN, s_m=1.0)
     floor.report("R3", FROZEN)
@@ -313,7 +336,7 @@ def test_a_frozen_fleet_is_settled_when_the_living_have_said_where_they_rest():
 
 def test_a_frozen_fleet_does_not_wait_for_the_dead_or_for_ever():
     floor = Floor().go()
-    floor.fleet._turn("robot failed", floor.now)
+    floor.fleet.leave_floor(floor.now)
     floor.report("R1", FROZEN, s_m=1.0)
     floor.report("R2", FROZEN, s_m=1.0)
     floor.report("R3", BRAKING)
@@ -323,7 +346,7 @@ def test_a_frozen_fleet_does_not_wait_for_the_dead_or_for_ever():
         floor.tick()
     assert floor.fleet.is_settled(floor.now)
     stubborn = Floor().go()
-    stubborn.fleet._turn("robot failed", stubborn.now)
+    stubborn.fleet.leave_floor(stubborn.now)
     stubborn.everybody(BRAKING)
     for _ in range((FREEZE_PATIENCE + 2 * SECOND) // COMMAND_PERIOD + 1):
         stubborn.everybody(BRAKING)
@@ -377,7 +400,7 @@ def test_all_robots_whose_links_go_at_once_are_told_of():
 
 def test_a_robot_that_falls_silent_while_the_fleet_freezes_is_told_of_once():
     floor = Floor().go()
-    floor.fleet._turn("robot failed", floor.now)
+    floor.fleet.leave_floor(floor.now)
     floor.take(floor.fleet.hear(keys.alive("hall", "R1"), LINK_GONE, floor.now))
     for _ in range(20):
         floor.report("R3", FROZEN, s_m=1.0)

@@ -96,7 +96,7 @@ def test_a_robot_that_fails_by_itself_in_some_epochs_is_not_sent_again():
     floor = Floor().go()
     for epoch in range(1, 1 + STRIKES):
         floor.report("R2", BRAKING, epoch=epoch, fault=OFF_PATH)
-        floor.fleet._turn("robot failed", floor.now)
+        floor.fleet.leave_floor(floor.now)
         for name in NAMES:
             floor.report(name, FROZEN, epoch=epoch, s_m=0.5)
         if epoch < STRIKES:
@@ -174,7 +174,7 @@ def test_where_a_robot_rested_in_an_earlier_epoch_says_nothing_once_it_was_sent_
     assert floor.commands[-1].phase == GO
     floor.hear(keys.report("hall", "R1"), Report(1, next(floor.sequence), 2, MOVING, 0, Rest(1, 1)))
     floor.report("R3", BRAKING, epoch=2, fault=OFF_PATH)
-    floor.fleet._turn("robot failed", floor.now)
+    floor.fleet.leave_floor(floor.now)
     floor.tick()
     assert not floor.fleet.is_settled(floor.now)
     floor.report("R1", FROZEN, epoch=2, s_m=0.75)
@@ -195,7 +195,7 @@ def test_a_robot_lost_while_it_brakes_may_stand_where_it_last_kept_to_its_plan()
         floor.report("R1", MOVING)
         floor.report("R3", MOVING)
         floor.tick()
-    floor.fleet._turn("robot failed", floor.now)
+    floor.fleet.leave_floor(floor.now)
     told = {standing.robot: standing for standing in floor.fleet.standings()}
     assert told["R2"].state == "lost"
     assert told["R2"].since == since
@@ -269,7 +269,7 @@ def test_nobody_waits_in_a_later_epoch_for_a_robot_that_died_while_the_coordinat
         floor.tick()
         floor.report("R1", MOVING)
         floor.report("R3", MOVING)
-    floor.fleet._turn("robot failed", floor.now)
+    floor.fleet.leave_floor(floor.now)
     for name in ("R1", "R3"):
         floor.report(name, FROZEN, s_m=1.25)
     adopt(floor, "R1", "R3")
@@ -370,7 +370,7 @@ def test_a_robot_without_a_part_that_dies_is_not_counted_on(news):
         floor.tick()
     assert floor.fleet.phase == GO
     assert state_of(floor)["R3"] == "rests"
-    floor.fleet._turn("robot failed", floor.now)
+    floor.fleet.leave_floor(floor.now)
     floor.report("R1", FROZEN, epoch=2, s_m=0.5)
     floor.tick()
     floor.tick()

@@ -138,6 +138,49 @@ def test_what_another_coordinator_may_have_told_bounds_where_a_robot_is_and_gran
     assert grants.spans("R1") == [(0, 5_900, 7_000)]
 
 
+def test_another_coordinator_told_one_that_was_given_up_nothing_more():
+    grants = Grants(staircases(), ["R1", "R2"], HEADROOM)
+    state(grants, 0)
+    grants.give_up("R1")
+    grants.lose_sight(7_000)
+    assert grants.spans("R1") == [(0, 0, 1_000)]
+    assert grants.spans("R2") == [(0, 0, 7_000)]
+
+
+@pytest.mark.parametrize(("passed", "may_have_more"), [(500, False), (990, True), (2_000, False)])
+def test_one_that_stands_where_its_known_authority_ends_seems_to_have_no_more(
+    passed, may_have_more
+):
+    """R1 drives 0.5 m/s: 10 ms are 5 mm, and it was told 1,000 ms, as far as is known."""
+    line = Timeline([0.0, 5.0], [0.5, 0.5], [], [])
+    course = SimpleNamespace(driven=SimpleNamespace(timeline=line))
+    grants = Grants(staircases(), ["R1"], HEADROOM, (course,))
+    state(grants, 0)
+    assert grants.is_end_known("R1")
+    assert not grants.may_have_more("R1")
+    grants.lose_sight(7_000)
+    grants.hear("R1", report(passed), passed)
+    assert grants.may_have_more("R1") == grants.is_end_known("R1") == may_have_more
+    assert grants.halt("R1") == (1_000 if may_have_more else 7_000)
+
+
+@pytest.mark.parametrize(("need_ms", "fits"), [(300, True), (900, False)])
+def test_a_course_is_refused_for_what_was_told_against_it_and_for_nothing_else(need_ms, fits):
+    """After a resume, R2 may have been told more than R1 lets it: that is none of R3's business."""
+    grants = Grants(staircases((0, 1, 1_000, 500)), ["R1", "R2", "R3"], HEADROOM)
+    state(grants, 0)
+    grants.lose_sight(7_000)
+    grants.hear("R1", report(400), 400)
+    plan = SimpleNamespace(begin_ms=9_000, revision=1)
+    course, near = (
+        SimpleNamespace(driven=SimpleNamespace(id=name, plan=plan)) for name in ("R3", "R1")
+    )
+    grants.of("R1").now.course = near
+    number = grants.reserve()
+    against = staircases((1, 0, 8_000, need_ms))
+    assert grants.commit(number, course, [near], against) == fits
+
+
 @pytest.mark.parametrize("more", [0, 1, 40, 250])
 def test_those_that_one_command_cannot_name_are_named_in_several(more):
     """Robots fall silent one after another; every Command alone may be the only one heard."""

@@ -68,7 +68,7 @@ def test_one_that_has_left_or_fallen_silent_is_told_so():
 
 def test_a_frozen_fleet_tells_who_has_not_said_where_it_rests():
     floor, call = Floor().go(), RollCall()
-    floor.fleet._turn("robot failed", floor.now)
+    floor.fleet.leave_floor(floor.now)
     floor.report("R1", FROZEN, s_m=1.0)
     floor.report("R2", FROZEN, s_m=1.0)
     floor.report("R3", BRAKING)

@@ -165,3 +165,77 @@ def test_an_operators_order_that_comes_later_waits_and_says_for_what():
         one.cancel("a", 9_000)
         look(one, 9_100)
         assert ids(one.waiting()) == ["b"]
+
+
+def make_room(book, now_ms, robot="R1", goal=(5.0, 5.0)):
+    """Let a robot make room for another order, and go back to its goal at (1, 1) later."""
+    room = book.room_for(robot, goal, "way-9", now_ms)
+    room.returns_to = (1.0, 1.0)
+    return begin(book, room.order.id, robot, now_ms)
+
+
+def test_who_made_room_goes_back_once_when_nobody_else_has_an_order():
+    book = OrderBook(robots=ROBOTS)
+    book.go_around("R2", (0, (9.0, 9.0), ()), "R3", 0)
+    for now_ms in (1_000, 2_000):
+        room = make_room(book, now_ms)
+        look(book, now_ms + 500, arrived=["R1"])
+        assert room.state == ORDER_DONE
+    assert ids(book.waiting()) == ["way-1"]
+    begin(book, "way-1", "R2", 3_000)
+    assert book.waiting() == []
+    look(book, 4_000, arrived=["R2"])
+    (back,) = book.waiting()
+    assert (back.order.robot, back.order.goal) == ("R1", (1.0, 1.0))
+    assert book.is_open
+    assert not book.is_used
+    begin(book, back.order.id, "R1", 5_000)
+    look(book, 6_000, arrived=["R1"])
+    assert not book.is_open
+
+
+def test_who_made_room_goes_back_too_when_the_others_cannot_get_on():
+    book = OrderBook(robots=ROBOTS)
+    book.go_around("R2", (0, (9.0, 9.0), ()), "R3", 0)
+    make_room(book, 1_000)
+    look(book, 2_000, arrived=["R1"])
+    book.refuse_stuck(lambda _: "no way")
+    assert book.tasks["way-1"].state == REFUSED
+    (back,) = book.waiting()
+    assert back.order.robot == "R1"
+    book.refuse_stuck(lambda _: "no way")
+    assert not book.is_open
+
+
+def test_an_order_that_waits_to_go_back_survives_a_checkpoint():
+    book = OrderBook(robots=ROBOTS)
+    make_room(book, 1_000)
+    kept = msgspec.msgpack.decode(msgspec.msgpack.encode(book.plain()), type=PlainBook)
+    other = OrderBook()
+    other.take_plain(kept)
+    assert other.plain() == book.plain()
+    look(other, 2_000, arrived=["R1"])
+    (back,) = other.waiting()
+    assert (back.is_return, back.order.goal) == (True, (1.0, 1.0))
+
+
+def test_who_goes_around_something_has_the_places_to_pass_that_are_left():
+    order = Order(id="a", goal=(9.0, 1.0), robot="R1", via=((2.0, 1.0), (4.0, 1.0)))
+    book = OrderBook((order,), robots=ROBOTS)
+    look(book, 0)
+    begin(book, "a", "R1", 0).revision = 1
+    book.go_around("R1", (1, (9.0, 1.0), ((4.0, 1.0),)), "R2", 1_000)
+    task = book.tasks["a"]
+    assert (task.state, task.is_urgent, task.order.via) == (WAITING, True, ((4.0, 1.0),))
+    book.go_around("R2", (3, (8.0, 8.0, 0.5), ((5.0, 5.0),)), "R3", 1_000)
+    own = book.tasks["way-1"].order
+    assert (own.robot, own.goal, own.via) == ("R2", (8.0, 8.0, 0.5), ((5.0, 5.0),))
+    assert book.is_used
+
+
+def test_an_order_that_was_not_begun_keeps_all_places_to_pass():
+    order = Order(id="a", goal=(9.0, 1.0), robot="R1", via=((2.0, 1.0),))
+    book = OrderBook((order,), robots=ROBOTS)
+    look(book, 0)
+    book.go_around("R1", (0, (3.0, 3.0), ()), "R2", 1_000)
+    assert book.tasks["a"].order.via == ((2.0, 1.0),)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from coordinator.fleet.log_records import LINK_GONE, LINK_UP, is_router_key, link_record, router_key
-from coordinator.fleet.phases import HELD_PATIENCE, RESUME_PATIENCE, SILENT_PATIENCE
+from coordinator.fleet.phases import RESUME_PATIENCE, SILENT_PATIENCE
 from coordinator.log.channels import describe
 from protocol import keys
 from protocol.messages import Report, Rest
-from protocol.phases import ARMED, DONE, FROZEN, GO, HOLD, MOVING
+from protocol.phases import ARMED, DONE, FROZEN, GO, HOLD, MOVING, OVER
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT, SECOND
 from tests.coordinator.fleet.fleet_floor import NAMES, Floor, bounds
 
@@ -89,10 +89,11 @@ def test_robots_that_fall_silent_together_are_waited_for_where_there_is_a_router
     for floor in (direct, behind):
         wait(floor, REPORT_TIMEOUT + SILENT_PATIENCE + SECOND)
         assert lost(floor) == set(NAMES)
-    assert direct.fleet.is_settled(direct.now)
+    assert direct.fleet.phase == OVER
     assert behind.fleet.phase == GO
     wait(behind, 2 * LONG)
-    assert behind.fleet.is_settled(behind.now)
+    assert behind.fleet.phase == OVER
+    assert direct.fleet.epoch == behind.fleet.epoch == 1
 
 
 def test_a_robot_whose_own_link_is_gone_is_not_waited_for():
@@ -100,8 +101,8 @@ def test_a_robot_whose_own_link_is_gone_is_not_waited_for():
     for name in ("R1", "R3"):
         floor.report(name, DONE)
     floor.fleet.hear(keys.alive("hall", "R2"), LINK_GONE, floor.now)
-    wait(floor, HELD_PATIENCE + SECOND)
-    assert floor.fleet.is_settled(floor.now)
+    wait(floor, SILENT_PATIENCE + SECOND)
+    assert (floor.fleet.phase, floor.fleet.epoch) == (OVER, 1)
 
 
 def test_a_fleet_that_has_not_begun_holds_while_its_router_is_away():

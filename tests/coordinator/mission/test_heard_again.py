@@ -10,7 +10,19 @@ from coordinator.fleet.phases import SILENT_PATIENCE
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Admit, Refusal
-from protocol.phases import ARMED, BRAKING, DONE, FREEZE, FROZEN, GO, HOLD, IDLE, MOVING, OFF_PATH
+from protocol.phases import (
+    ARMED,
+    BRAKING,
+    DONE,
+    FREEZE,
+    FROZEN,
+    GO,
+    HOLD,
+    IDLE,
+    MOVING,
+    OFF_PATH,
+    OVER,
+)
 from protocol.timing import COMMAND_PERIOD, REPORT_TIMEOUT
 from tests.coordinator.fleet.fleet_floor import (
     NAMES,
@@ -201,7 +213,7 @@ def test_two_robots_that_die_at_once_are_both_told_of_once(news):
     floor.report("R1", DONE)
     for _ in range(SILENT_PATIENCE // COMMAND_PERIOD + 5):
         floor.tick()
-    assert floor.fleet.is_settled(floor.now)
+    assert (floor.fleet.phase, floor.fleet.epoch) == (OVER, 1)
     what = "has lost its link" if news == "gone" else "has fallen silent"
     assert told(floor, "fault") == [f"{name} {what}" for name in dead]
 
@@ -212,7 +224,7 @@ def test_a_robot_that_dies_while_the_fleet_freezes_for_another_is_told_of():
         floor.tick()
         floor.report("R1", MOVING)
         floor.report("R3", MOVING)
-    floor.fleet._turn("robot failed", floor.now)
+    floor.fleet.leave_floor(floor.now)
     for _ in range(REPORT_TIMEOUT // COMMAND_PERIOD + 1):
         floor.report("R1", FROZEN, s_m=0.5)
         floor.tick()

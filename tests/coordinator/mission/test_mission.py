@@ -52,7 +52,7 @@ class Frozen:
         while not self.fleet.members["R2"].lost:
             self.tick()
             self.report("R1", MOVING)
-        self.fleet._turn("robot failed", self.now)
+        self.fleet.leave_floor(self.now)
         self.report("R1", FROZEN, Rest(0.5, 1))
         self.tick()
 
@@ -102,7 +102,7 @@ def test_a_robot_that_comes_back_with_a_place_that_cannot_be_stops_nobody_for_go
             back = Hello(PROTOCOL_VERSION, 2, place=place, sequence=2)
             frozen.hear(keys.hello("two", "R2"), back)
         else:
-            frozen.fleet._turn("robot failed", frozen.now)
+            frozen.fleet.leave_floor(frozen.now)
         frozen.report("R1", FROZEN, Rest(0.0, epoch), epoch=epoch)
         frozen.tick()
         request = mission.request(frozen.now)

@@ -19,7 +19,7 @@ from coordinator.service.coordinator_service import Service
 from coordinator.service.replay import check_log
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import PROTOCOL_VERSION, Command, Hello, Report, Rest
+from protocol.messages import PROTOCOL_VERSION, REFUSED, Command, Hello, Plan, Report, Rest
 from protocol.phases import ARMED, DONE, FREEZE, FROZEN, GO, HOLD, MOVING, OFF_PATH, OVER
 from protocol.timing import MILLISECOND
 from protocol.transport import Transport
@@ -44,6 +44,7 @@ class Hand(Transport):
     def __init__(self):
         self.handlers = []
         self.commands = []
+        self.plans = []
         self.sequence = itertools.count(1)
 
     def put(self, key, payload):
@@ -51,6 +52,8 @@ class Hand(Transport):
         if isinstance(message, Command):
             self.commands.append(message)
             self.respond(message)
+        if isinstance(message, Plan):
+            self.plans.append(message)
 
     def subscribe(self, _key_expression, handler):
         self.handlers.append(handler)
@@ -185,7 +188,7 @@ async def test_a_log_that_cannot_be_written_is_told_at_once_and_no_go_is_sent_wi
         recorder.close()
 
 
-async def test_a_fleet_that_rests_is_not_planned_anew_without_a_log(recorded):
+async def test_a_robot_that_stopped_is_sent_no_further_course_without_a_log(recorded):
     service, hand, recorder = recorded
     answer = hand.respond
 
@@ -195,13 +198,14 @@ async def test_a_fleet_that_rests_is_not_planned_anew_without_a_log(recorded):
             stopped = Report(5, next(hand.sequence), 1, FROZEN, OFF_PATH, Rest(0.1, 1))
             hand.say(keys.report("one", "R1"), stopped)
             return
-        if command.phase != FREEZE:
+        if command.phase == HOLD:
             answer(command)
 
     hand.respond = fail_on_the_way
     assert not await service.run(patience_s=60.0)
-    assert hand.commands[-1].phase == FREEZE
-    assert {one.epoch for one in hand.commands} == {1}
+    assert service.fleet.orders.tasks["way-1"].state == REFUSED
+    assert {(one.phase, one.epoch) for one in hand.commands} == {(HOLD, 1), (GO, 1), (OVER, 1)}
+    assert {(plan.epoch, plan.revision) for plan in hand.plans} == {(1, 0)}
     with pytest.raises(LogError):
         recorder.close()
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import random
+from contextlib import suppress
 
 import pytest
 
@@ -30,78 +31,93 @@ from protocol.phases import (
     HOLD,
     IDLE,
     MOVING,
-    OFF_PATH,
     OVER,
 )
 from protocol.timing import MILLISECOND, SECOND
-from tests.coordinator.service.test_coordinator_service import SCENARIO, Clock, Hand
+from tests.coordinator.service.test_coordinator_service import SCENARIO as FAST
+from tests.coordinator.service.test_coordinator_service import Clock, Hand
 
 EFFORT = 3
-CUTS = 120
+CUTS = 60
+
+SCENARIO = FAST.replace(b"max_speed = 1.0", b"max_speed = 0.25")
+OTHER_FLOOR = SCENARIO.replace(
+    b"3.0, 3.0]", b"3.0, 3.0]\nobstacles = [[[1.0, 0.0], [2.0, 0.0], [2.0, 0.2]]]"
+)
 
 
-class DyingHand(Hand):
-    """A robot that freezes, says where it rests, and goes on in the next epoch."""
+class FarHand(Hand):
+    """A robot that drives until its coordinator is ended, at the `last` Command with GO."""
+
+    def __init__(self, last):
+        super().__init__()
+        self.last, self.coordinator = last, None
 
     def respond(self, command):
-        """Arm, drive, fail at the twelfth Command, say where it rests; from then on arrive."""
-        if command.sequence == 1:
+        """Arm, drive, and freeze when told to, where it says then."""
+        if (command.sequence, command.term) == (1, 1):
             self.say(keys.hello("one", "R1"), Hello(PROTOCOL_VERSION, 5))
-        fails = command.epoch == 1 and command.sequence >= 12
-        phase = {HOLD: ARMED, GO: FROZEN if fails else MOVING, FREEZE: FROZEN}
-        if command.epoch > 1 and command.phase == GO and command.sequence % 9 == 0:
-            phase[GO] = DONE
+        phase = {HOLD: ARMED, GO: MOVING, FREEZE: FROZEN}.get(command.phase, DONE)
         rest = Rest(0.5, command.epoch) if command.phase == FREEZE else None
-        told = phase.get(command.phase, DONE)
-        report = Report(5, next(self.sequence), command.epoch, told, OFF_PATH * fails, rest)
+        number = 1_000 * command.term + next(self.sequence)
+        report = Report(5, number, command.epoch, phase, 0, rest)
         self.say(keys.report("one", "R1"), report)
+        self.last -= command.phase == GO
+        if self.last == 0:
+            self.coordinator.cancel()
 
 
 def planner(scenario, epoch):
     return plan_fleet(scenario, effort=EFFORT, epoch=epoch)
 
 
-@pytest.fixture(scope="module")
-def story(tmp_path_factory):
-    """The bytes of a log in which a robot fails, is planned anew, and drives on."""
-    path = tmp_path_factory.mktemp("log") / "run.mcap"
-    scenario = parse_scenario(SCENARIO, "one.toml")
-    plan = planner(scenario, 1)
-    recorder = Recorder(
-        path,
-        metadata={
-            "fleet": "one",
-            "policy": "safe",
-            "boot": "9",
-            "effort": str(EFFORT),
-            "speed": "1.0",
-        },
-        wall_offset_ns=10**18,
-        attachments=[
-            Attachment("scenario.json", "application/json", scenario_to_json(scenario)),
-            Attachment("plan-1.json", "application/json", to_json(plan.document)),
-        ],
-    )
-    hand = DyingHand()
-    mission = Mission.of_plan(scenario, plan, 9, planner)
-    service = Service(mission, hand, recorder, Clock(30 * MILLISECOND), speed=1000.0)
+def logged(path, mission, scenario, *inner, **metadata):
+    """The bytes of the log of a mission that drives for a while; a coordinator that is ended."""
+    known = {"fleet": "one", "policy": "safe", "effort": str(EFFORT), "speed": "1.0"}
+    files = [
+        Attachment("scenario.json", "application/json", scenario_to_json(scenario)),
+        Attachment("plan-1.json", "application/json", to_json(mission.document)),
+        *inner,
+    ]
+    recorder = Recorder(path, metadata=known | metadata, wall_offset_ns=10**18, attachments=files)
+    hand, clock = FarHand(10), Clock(30 * MILLISECOND)
+    clock.now = int(metadata.get("began_ns", clock.now))
+    service = Service(mission, hand, recorder, clock, speed=1000.0)
 
     async def run():
-        try:
-            async with asyncio.timeout(3.0):
-                await service.run(60.0)
-        except TimeoutError:
-            return
+        hand.coordinator = asyncio.current_task()
+        with suppress(asyncio.CancelledError):
+            await service.run(60.0)
 
     asyncio.run(run())
     recorder.close()
     return path.read_bytes()
 
 
-def test_the_story_has_a_second_epoch_that_went(story):
-    log = log_from_bytes(story, "run.mcap")
+@pytest.fixture(scope="module")
+def story(tmp_path_factory):
+    """The bytes of a log in which a robot sets out, and drives when its coordinator is ended."""
+    scenario = parse_scenario(SCENARIO, "one.toml")
+    mission = Mission.of_plan(scenario, planner(scenario, 1), 9, planner)
+    return logged(tmp_path_factory.mktemp("log") / "run.mcap", mission, scenario, boot="9")
+
+
+@pytest.fixture(scope="module")
+def sequel(story, tmp_path_factory):
+    """The bytes of the log that resumes it on another floor: the fleet is planned anew."""
+    other = parse_scenario(OTHER_FLOOR, "one.toml")
+    before = log_from_bytes(story, "run.mcap")
+    began_ns = before.records[-1].log_ns + SECOND
+    mission = go_on(before, 10, began_ns, other)
+    inner = Attachment(RESUMED, "application/octet-stream", story)
+    path = tmp_path_factory.mktemp("sequel") / "run.mcap"
+    return logged(path, mission, other, inner, boot="10", began_ns=str(began_ns))
+
+
+def test_the_sequel_has_a_second_epoch_that_went(sequel):
+    log = log_from_bytes(sequel, "run.mcap")
     told = [decode("command", r.payload) for r in log.records if r.key == keys.command("one")]
-    assert {(m.epoch, m.phase) for m in told} >= {(1, GO), (1, FREEZE), (2, HOLD), (2, GO)}
+    assert {(m.epoch, m.phase) for m in told} >= {(1, FREEZE), (2, HOLD), (2, GO)}
     assert check_log(log).difference == ""
 
 
@@ -114,7 +130,11 @@ def cut(story, phase, more):
     return log, log.records[-1].log_ns + 2 * SECOND
 
 
-def test_wherever_the_log_ends_the_fleet_goes_on_where_it_was(story):
+@pytest.mark.parametrize(
+    ("which", "found"), [("story", {(1, HOLD), (1, GO)}), ("sequel", {(1, FREEZE), (2, GO)})]
+)
+def test_wherever_the_log_ends_the_fleet_goes_on_where_it_was(which, found, request):
+    story = request.getfixturevalue(which)
     chance, resumed = random.Random(5), set()
     for _ in range(CUTS):
         try:
@@ -134,38 +154,38 @@ def test_wherever_the_log_ends_the_fleet_goes_on_where_it_was(story):
         if not told:
             continue
         command = decode("command", fleet.tick(last_ns + SECOND)[0].payload)
-        assert (command.boot, command.term) == (77, 2)
+        assert (command.boot, command.term) == (77, told[-1].term + 1)
         resumed.add((command.epoch, command.phase))
         if (command.epoch, command.phase) == (told[-1].epoch, told[-1].phase) == (1, GO):
             passed_ns = last_ns + SECOND - command.start_ns
             assert passed_ns == last_ns - told[-1].start_ns - GO_LEAD
         if fleet.members["R1"].planned:
             assert decode("plan", fleet.members["R1"].plan).boot == 77
-    assert resumed >= {(1, GO), (1, FREEZE)}
+    assert resumed >= found
 
 
-def test_a_fleet_goes_on_in_its_second_epoch(story):
-    log = log_from_bytes(story, "run.mcap")
+def test_a_fleet_goes_on_in_its_second_epoch(sequel):
+    log = log_from_bytes(sequel, "run.mcap")
     told = [decode("command", r.payload) for r in log.records]
     at = max(i for i, m in enumerate(told) if isinstance(m, Command) and m.phase == GO)
     del log.records[at + 1 :]
     now = log.records[-1].log_ns + SECOND
     command = decode("command", go_on(log, 77, now).fleet.tick(now)[0].payload)
-    assert (command.epoch, command.phase, command.term) == (2, GO, 2)
+    assert (command.epoch, command.phase, command.term) == (2, GO, 3)
 
 
-def test_a_frozen_robot_is_asked_where_it_rests_and_planned_from_there(story):
-    log, now = cut(story, FREEZE, 4)
+def test_a_frozen_robot_is_asked_where_it_rests_and_planned_from_there(sequel):
+    log, now = cut(sequel, FREEZE, 4)
     mission = go_on(log, 77, now)
     fleet = mission.fleet
     fleet.members["R1"].rest = None
     fleet.tick(now)
     assert mission.request(now + SECOND) is None
     key = keys.report("one", "R1")
-    fleet.hear(key, encode(Report(5, 10_000, 1, FROZEN, 1)), now)
+    fleet.hear(key, encode(Report(5, 90_000, 1, FROZEN, 1)), now)
     (sent,) = fleet.tick(now + SECOND // 10)
     assert decode("command", sent.payload).wanted == ("R1",)
-    fleet.hear(key, encode(Report(5, 10_001, 1, FROZEN, 1, Rest(0.75, 1))), now)
+    fleet.hear(key, encode(Report(5, 90_001, 1, FROZEN, 1, Rest(0.75, 1))), now)
     fleet.tick(now + SECOND // 5)
     request = mission.request(now + SECOND // 5)
     assert request.epoch == 2
@@ -173,12 +193,12 @@ def test_a_frozen_robot_is_asked_where_it_rests_and_planned_from_there(story):
     assert mission.solve(request).document.epoch == 2
 
 
-def test_a_robot_that_rests_where_it_cannot_be_by_the_log_shows_that_it_is_not_the_newest(story):
+def test_a_robot_that_rests_where_it_cannot_be_by_the_log_shows_that_it_is_not_the_newest(sequel):
     for s, is_newest in ((0.75, True), (2.9, False)):
-        log, now = cut(story, FREEZE, 1)
+        log, now = cut(sequel, FREEZE, 1)
         mission = go_on(log, 77, now)
         mission.fleet.tick(now)
-        rests = Report(5, 10_000, 1, FROZEN, 1, Rest(s, 1))
+        rests = Report(5, 90_000, 1, FROZEN, 1, Rest(s, 1))
         mission.fleet.hear(keys.report("one", "R1"), encode(rests), now)
         mission.fleet.tick(now + SECOND // 5)
         before = len(mission.fleet.incidents)
@@ -264,8 +284,7 @@ def test_with_its_scenario_a_fleet_goes_on_on_another_floor_and_with_the_same_ro
     story, tmp_path
 ):
     (tmp_path / "run.mcap").write_bytes(story[: len(story) // 4])
-    rack = b"3.0, 3.0]\nobstacles = [[[1.0, 0.0], [2.0, 0.0], [2.0, 0.2]]]"
-    other = SCENARIO.replace(b"3.0, 3.0]", rack)
+    other = OTHER_FLOOR
     coordinator = Coordinator(
         parse_scenario(other, "one.toml"), effort=EFFORT, speed=1.0, events=False
     )

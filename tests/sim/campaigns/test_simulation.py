@@ -108,10 +108,15 @@ def test_a_robot_that_is_killed_does_not_arrive_but_the_others_do(scenario, tmp_
     assert "R1" in {one["by"] for one in summary["held"]}
 
 
-def test_the_plans_of_later_epochs_are_beside_the_first(scenario, tmp_path):
+def test_others_are_sent_around_a_dead_robot_in_the_same_epoch_and_people_are_told(
+    scenario, tmp_path
+):
     done = simulate(scenario, tmp_path, "--fault", "kill:R1@5", "--box-rate", "10")
-    assert " s R1 has no part in the next epoch: it is lost" in done.stderr
-    assert json.loads((tmp_path / "plan-2.json").read_bytes())["epoch"] == 2
+    assert " s others go around R1" in done.stderr
+    summary = json.loads((tmp_path / "summary.json").read_bytes())
+    assert summary["freezes"] == 0
+    assert len(summary["info"]["epochs"]) == 1
+    assert not list(tmp_path.glob("plan-*.json"))
 
 
 def test_a_box_rate_thins_the_boxes_but_keeps_every_change_of_phase(sound, scenario, tmp_path):

@@ -10,8 +10,7 @@ from typer.testing import CliRunner
 
 from coordinator.base.errors import InputError
 from coordinator.findings.info import summarise
-from coordinator.fleet.log_records import LINK_UP
-from coordinator.fleet.phases import HELD_PATIENCE
+from coordinator.fleet.log_records import LINK_GONE, LINK_UP
 from coordinator.log.blackbox_attachments import packed
 from coordinator.log.log_file import read_log
 from coordinator.log.log_writer import Attachment
@@ -23,7 +22,7 @@ from coordinator.service.replay import check_log
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Command, Hello, Rest
-from protocol.phases import FREEZE, GO
+from protocol.phases import GO, OVER
 from protocol.timing import SECOND
 from robot_agent.blackbox import HEADER
 from sim.campaigns.campaign import run_seed
@@ -33,13 +32,15 @@ from sim.what_if.continuation import place_of
 from sim.what_if.history import read_history
 from sim.what_if.shell import carry_on
 from sim.world.fault_script import read_faults
+from sim.world.run_logs import RunLogs
 from sim.world.virtual_fleet import World
 from splinefleet import app
+from tests.sim.world.test_changed_floor import RACK, a_hall, on_another_floor
 from tests.sim.world.test_run_logs import FAULTS, GOOD_LINK, ROBOTS, SEED, logs_of
 from tests.sim.world.test_virtual_fleet import SCENARIO, good_link
 
-MOMENTS = (0.0, 2.9, 3.6, 5.0, 8.0, 14.5, 16.0)
-"""Under way, while the fleet freezes, plans and goes again, and after the coordinator's return."""
+MOMENTS = (0.0, 2.9, 3.6, 5.0, 8.0, 13.0, 16.0)
+"""Under way, while others wait for a dead robot, and before and after the coordinator's return."""
 
 
 @pytest.fixture(scope="module")
@@ -95,13 +96,10 @@ def test_until_the_moment_every_byte_is_that_of_the_log_and_then_the_faults_come
     assert [(r.key, r.payload, r.log_ns, r.publish_ns) for r in new.records[: len(kept)]] == fields
     assert new.records[len(kept)].log_ns > history.until_ns
     assert new.metadata["what_if"] == "5"
-    assert {(1, GO), (1, FREEZE)} <= set(phases_of(new))
-    frozen = next(
-        r.log_ns
-        for r in new.records
-        if isinstance(m := decode("command", r.payload), Command) and m.phase == FREEZE
-    )
-    assert frozen > history.began_ns + 6 * SECOND + HELD_PATIENCE
+    assert {phase for _, phase in phases_of(new)} == {GO, OVER}
+    gone = (keys.alive("three", "R1"), LINK_GONE)
+    lost = next(r.log_ns for r in new.records if (r.key, r.payload) == gone)
+    assert lost > history.began_ns + 6 * SECOND
     assert check_log(new).difference == ""
     told = {robot.id: robot for robot in judge(folder).robots}
     assert not told["R1"].arrived
@@ -245,9 +243,12 @@ def test_a_stranger_in_the_log_is_no_robot_of_what_comes(quiet, tmp_path):
     assert carry_on(place, 5.0, tmp_path / "new", [], 0) == ("three", True)
 
 
-def test_plans_of_later_epochs_lie_in_the_folder_as_in_the_log(quiet, tmp_path):
-    carry_on(quiet, 5.0, tmp_path / "new", ["kill:R2@6"], 0)
-    kept = read_log(tmp_path / "new" / "run.mcap").attachments["plan-2.json"]
+def test_plans_of_later_epochs_lie_in_the_folder_as_in_the_log(tmp_path):
+    (tmp_path / "old").mkdir()
+    logs = RunLogs(tmp_path / "old")
+    on_another_floor(a_hall(), logs, (RACK,))
+    carry_on(logs.paths[-1], 9.0, tmp_path / "new", [], 0)
+    kept = read_log(logs_of(tmp_path / "new")[-1]).attachments["plan-2.json"]
     assert (tmp_path / "new" / "plan-2.json").read_bytes() == kept
 
 

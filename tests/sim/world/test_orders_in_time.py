@@ -525,7 +525,12 @@ def start_again(world, name, boot, shift=(0.0, 0.0)):
     x, y, heading = world.robots[name].body.true_pose()
     world.renew(name, boot, (x + shift[0], y + shift[1], heading))
     world.run(1.0)
-    door = world._network.session("at the door")
+    admit(world, name)
+
+
+def admit(world, name):
+    """Let an operator admit a robot."""
+    door = world._network.session(f"at the door at {world.now_ns}")
     door.put(keys.admit(world.fleet.name, name), encode(Admit(7)))
 
 

@@ -13,27 +13,32 @@ from mcap.reader import make_reader
 
 from coordinator.base.errors import LogError
 from coordinator.findings.info import summarise
+from coordinator.fleet import epoch_times
 from coordinator.fleet.core import Fleet
+from coordinator.fleet.log_records import around_key
+from coordinator.fleet.phases import GO_LEAD
 from coordinator.log.log_file import RESUMED, log_from_bytes, read_log
 from coordinator.log.recover import make_whole
 from coordinator.scenario_files.scenario_reader import parse_scenario
 from coordinator.service.replay import check_log
 from protocol.codec import decode
 from protocol.messages import Command
-from protocol.phases import FREEZE
+from protocol.phases import GO
+from protocol.timing import MILLISECOND
 from sim.campaigns.campaign import Wish, run_seed
 from sim.judging.blackbox import read_blackbox
 from sim.processes.boxed_log import put_boxes
 from sim.world.fault_script import KINDS, read_faults
 from sim.world.run_logs import RunLogs
 from tests.json_schema import problems
+from tests.sim.world.test_changed_floor import RACK, a_hall, on_another_floor
 from tests.sim.world.test_virtual_fleet import SCENARIO
 
 ROBOTS = ("R1", "R2", "R3")
-FAULTS = ("kill:R1@3", "corrupt:R2@2:1", "coordinator-hang@6:1.5", "coordinator-restart@12:2")
+FAULTS = ("kill:R1@3", "corrupt:R2@2:1", "coordinator-hang@6:1.5", "coordinator-restart@10:2")
 SEED, GOOD_LINK = 8, Wish(loss=0.0, delay=0.005)
 SEEDS = (2, 5, 9, 14, 18, 20, 22, 32)
-"""Several epochs, hangs while robots drive, coordinators that die and go on from their logs."""
+"""Robots sent around others, hangs under way, coordinators that die and go on from their logs."""
 
 
 @pytest.fixture(scope="module")
@@ -73,9 +78,10 @@ class BySchema(DecoderFactory):
         return decoded
 
 
-def test_the_stock_reader_decodes_every_message_of_a_faulty_run_by_its_schema(story):
+def test_the_stock_reader_decodes_every_message_of_a_faulty_run_by_its_schema(story, tmp_path):
+    on_another_floor(a_hall(), RunLogs(tmp_path), (RACK,))
     seen, plain = set(), 0
-    for path in logs_of(story):
+    for path in (*logs_of(story), *logs_of(tmp_path)):
         whole = io.BytesIO(make_whole(path.read_bytes(), "log").data)
         reader = make_reader(whole, validate_crcs=True, decoder_factories=[BySchema()])
         for schema, channel, _, value in reader.iter_decoded_messages():
@@ -85,7 +91,9 @@ def test_the_stock_reader_decodes_every_message_of_a_faulty_run_by_its_schema(st
                 plain += 1
             else:
                 seen.add(kind)
-    assert seen >= {"hello", "plan", "command", "report", "clock", "alive", "epoch"}
+    assert seen >= {
+        *("hello", "plan", "command", "report", "clock", "alive", "epoch", "course"),
+    }
     assert plain
 
 
@@ -160,13 +168,22 @@ def test_a_core_that_decides_otherwise_is_found_at_the_first_message_that_differ
     place = next(
         i
         for i, record in enumerate(log.records)
-        if isinstance(told := decode("command", record.payload), Command) and told.phase == FREEZE
+        if isinstance(told := decode("command", record.payload), Command) and told.phase == GO
     )
     assert check_log(log).difference == ""
-    monkeypatch.setattr(Fleet, "_watch", lambda *_: None)
+    monkeypatch.setattr(epoch_times, "GO_LEAD", GO_LEAD + MILLISECOND)
     found = check_log(log).difference
     assert found.startswith(f"message {place} on {log.records[place].key}, ")
     assert "byte" in found
+
+
+def test_a_core_that_sends_nobody_around_a_lost_robot_is_found_where_the_log_has_it(
+    story, monkeypatch
+):
+    log = read_log(logs_of(story)[0])
+    place = next(i for i, one in enumerate(log.records) if one.key == around_key("three"))
+    monkeypatch.setattr(Fleet, "go_around", lambda *_: None)
+    assert check_log(log).difference.startswith(f"message {place} on {around_key('three')}, ")
 
 
 def test_black_boxes_are_put_into_the_newest_closed_log_and_nothing_else_changes(story, tmp_path):
