@@ -93,7 +93,8 @@ def _compile_authority() -> None:
 def _compile_ground() -> None:
     """Compile the kernel that finds places closed."""
     floor = _floor_with_a_wall()
-    grid = RoughGrid(GrownFloor(floor.workspace.boundary, floor.workspace.obstacles), 0.2)
+    grown = GrownFloor(floor.workspace.boundary, floor.workspace.obstacles)
+    grid = RoughGrid(grown.ground(0.2), 0.2)
     grid.parts(np.array([1.0, 1.0]), np.array([9.0, 1.0]), NO_DISCS)
 
 
