@@ -100,6 +100,7 @@ def _compile_ground() -> None:
 
 def _compile_places() -> None:
     """Compile the kernels of robots that make room, which few plans load."""
+    from coordinator.places.early_moves import early_moves
     from coordinator.places.moves import find_moves, one_after_the_other
     from coordinator.places.place_graph import place_graph
 
@@ -110,6 +111,7 @@ def _compile_places() -> None:
     for few in (len(floor.robots), 0):
         find_moves(graph, few)
     one_after_the_other(graph)
+    early_moves(graph, find_moves(graph)[1], 0.5)
 
 
 def _compile_bends() -> None:
