@@ -29,6 +29,7 @@ from benchmarks.fuzz.table import MODULES
 from benchmarks.intersections import intersections
 from benchmarks.locks import arming
 from benchmarks.making_room import making_room
+from benchmarks.movingai import movingai
 from benchmarks.orders import cobra, orders
 from benchmarks.paths import against_peers, fleets, for_robots
 from benchmarks.planning import planning
@@ -82,6 +83,7 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "fuzz": {"bad input, 30 s per target": partial(fuzz_all, list(MODULES))},
     "locks": {"arming a fleet without and with keys": arming},
     "ways": {"robots that have to make room for each other": partial(making_room, 3)},
+    "movingai": {"discs on maps of MovingAI's kinds": movingai},
     "recording": {
         "recording what arrives over Zenoh": recording,
         "the recorder alone, with the traffic of 100 robots": writing,

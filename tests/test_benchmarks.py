@@ -19,3 +19,11 @@ def test_a_day_of_orders_is_timed_search_by_search():
     row = orders.run(orders.day("open", 3, 1, per_robot=1), "open")
     assert (row["orders"], row["done"], row["touch"], row["freezes"]) == (3, 3, 0, 0)
     assert 0.0 < row["search ms"] <= row["p99 ms"]
+
+
+def test_discs_on_a_map_of_movingai_are_compared_with_moves_from_cell_to_cell():
+    movingai = importlib.import_module("benchmarks.movingai")
+    (row,) = movingai.movingai(1, 0, ("room-32-32-4",), (4,))
+    assert (row["map"], row["robots"], row["maps"], row["solved"]) == ("room-32-32-4", 4, 1, 1)
+    assert 0.5 < row["ratio"] < 1.2
+    assert row["last arrival [s]"] < row["sum of arrivals [s]"] < 4.0 * row["last arrival [s]"]

@@ -42,7 +42,8 @@ _LATE: Final = 0.2
 """Robots that are delayed by less than this [s] are not taken out for their own sake."""
 
 _TRIES: Final = 8
-"""How often a robot that has found no motion is put back together with others in its way."""
+"""How often a robot that has found no motion is put back together with others in its way.  If it
+finds none then, the search ends: where one finds none, it mostly is not the only one."""
 
 _MISSING: Final = 100.0
 """What a robot without a motion counts as delay [s]."""
@@ -103,6 +104,8 @@ class FlowSearch:
             for _ in range(_TRIES):
                 if self.courses[index] is None:
                     self._try(self._neighbourhood([index]))
+            if self.courses[index] is None:
+                return None
         for _ in range(rounds):
             late = [index for index in order if self._delay(index) > _LATE]
             if not late:

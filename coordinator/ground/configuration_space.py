@@ -69,6 +69,7 @@ class Ground:
             reach=reach - _SLACK,
             room=room,
             grid=cells_of(blocking.edges, 0.0, self.frame),
+            solid=bare,
         )
 
     def clear(self, start: Array, end: Array) -> bool:

@@ -11,30 +11,37 @@ from typing import Final
 import numpy as np
 
 from coordinator.curves.nurbs import Array
-from coordinator.ground.grown_floor import GrownFloor
+from coordinator.ground.configuration_space import Ground
+from coordinator.ground.distance_kernels import Solid, keeping
 from coordinator.ground.rough_grid_kernels import connected
 
-_PER_REACH: Final = 4.0
-_MOST_CELLS: Final = 40_000
-"""Cells have a side of a quarter of the reach, or more on large floors."""
+_PER_REACH: Final = 8.0
+_MOST_CELLS: Final = 500_000
+"""Cells have a side of an eighth of the reach, or more on large floors.  From wider ones one cannot
+tell that robots in neighbouring aisles close the corner between these."""
 
 _SURE: Final = 0.003
 """A cell counts as closed only if all of it is closed by this much [m]."""
 
 
 class RoughGrid:
-    """The cells in which the centre of a disc of a given reach [m] may be."""
+    """The cells in which the centre of a disc of a given reach [m], at most the ground's, may be.
 
-    def __init__(self, floor: GrownFloor, reach: float) -> None:
-        x0, y0, x1, y1 = floor.outline.bounds
+    Cells deep in something solid count as open, too, but nothing leads there.
+    """
+
+    def __init__(self, ground: Ground, reach: float) -> None:
+        corners = ground.rings.corners
+        (x0, y0), (x1, y1) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
         self._pitch = max(reach / _PER_REACH, math.sqrt((x1 - x0) * (y1 - y0) / _MOST_CELLS))
         self._sure = self._pitch * math.sqrt(0.5) + _SURE
         self._corner = np.array((x0, y0))
         xs = np.arange(x0 + 0.5 * self._pitch, x1 + self._pitch, self._pitch)
         ys = np.arange(y0 + 0.5 * self._pitch, y1 + self._pitch, self._pitch)
-        centres = np.stack(np.meshgrid(xs, ys), axis=-1)
-        apart = floor.distance(centres.reshape(-1, 2)).reshape(centres.shape[:2])
-        self._open = apart > reach - self._sure
+        centres = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+        solid = Solid(reach - self._sure, np.empty((0, 3)), *ground.solid_edges)
+        clear = keeping(centres, centres, np.zeros(len(centres)), solid)
+        self._open = clear.reshape(len(ys), len(xs))
 
     def parts(self, start: Array, goal: Array, discs: Array) -> bool:
         """Return whether certainly no way leads from start to goal (2,) clear of discs (k, 3) [m].

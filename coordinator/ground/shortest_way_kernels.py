@@ -13,7 +13,7 @@ import numpy as np
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs import Array
-from coordinator.ground.distance_kernels import RADIUS
+from coordinator.ground.distance_kernels import RADIUS, keeping
 from coordinator.ground.grid_kernels import point_gap
 from coordinator.ground.growth import Indices
 from coordinator.ground.visibility_kernels import (
@@ -70,6 +70,7 @@ def search(
     none = spared[:0]
     cost = np.full(len(places), math.inf)
     parent = np.full(len(places), -1)
+    _close(places, discs, extra, sight, parent)
     gx, gy = ends[1, 0], ends[1, 1]
     heap = [(math.hypot(ends[0, 0] - gx, ends[0, 1] - gy), 0, 0, False)]
     while len(heap) > 0:
@@ -99,9 +100,8 @@ def search(
         row = all_chosen
         if known:
             row = pool[rows[here - extra, BEGIN] : rows[here - extra, END]]
-        for i in range(-extra, len(row)):
-            there = i + extra if i < 0 else extra + row[i]
-            if parent[there] >= 0 or not (
+        for there in _ahead(here, extra, row, places, backward, forward, parent):
+            if not (
                 (loose and min(here, there) < 2)
                 or _is_step(places, backward, forward, origin, here, there)
             ):
@@ -109,8 +109,54 @@ def search(
             whole = cost[here] + math.hypot(places[there, 0] - hx, places[there, 1] - hy)
             whole += math.hypot(places[there, 0] - gx, places[there, 1] - gy)
             if whole <= longest:
-                heapq.heappush(heap, (whole, there, here, known and i >= 0))
+                heapq.heappush(heap, (whole, there, here, known and there >= extra))
     return np.asarray(places[_trace(parent)])
+
+
+@compiled
+def _close(places: Array, discs: Array, extra: int, sight: Sight, parent: Indices) -> None:
+    """Give a parent to places that no step can reach, so that none is tried; `extra` as above.
+
+    Places in discs are among them, and vertices around discs within the reach of something solid,
+    as most are in narrow aisles.  Those of `turns` never are.
+    """
+    around = places[2:extra]
+    parent[2:extra][~keeping(around, around, np.zeros(len(around)), sight.solid)] = 0
+    for k in range(len(discs)):
+        x, y, radius = discs[k, 0], discs[k, 1], discs[k, RADIUS] - _TOUCHING
+        for v in range(2, len(places)):
+            dx, dy = places[v, 0] - x, places[v, 1] - y
+            if dx * dx + dy * dy < radius * radius and radius > 0.0:
+                parent[v] = 0
+
+
+@compiled
+def _ahead(
+    here: int, extra: int, row: Indices, places: Array, backward: Array, forward: Array,
+    parent: Indices,
+) -> Indices:  # fmt: skip
+    """Return the places without a parent to which a step from `here` may lead.
+
+    They are some of the first `extra` and of `row`: most steps cut the outline at `here`.
+    """
+    found, count = np.empty(extra + len(row), dtype=np.int64), 0
+    hx, hy = places[here, 0], places[here, 1]
+    back_x, back_y = backward[here, 0], backward[here, 1]
+    on_x, on_y = forward[here, 0], forward[here, 1]
+    for i in range(-extra, len(row)):
+        there = i + extra if i < 0 else extra + row[i]
+        if parent[there] >= 0:
+            continue
+        if here >= 2 and there >= 2:
+            # As in `cuts`; a call for each pair would take most of the search's time.
+            dx, dy = places[there, 0] - hx, places[there, 1] - hy
+            a, b = dx * back_y - dy * back_x, dx * on_y - dy * on_x
+            slack = 1e-6 * (abs(dx) + abs(dy))
+            if (a > slack and b < -slack) or (a < -slack and b > slack):
+                continue
+        found[count] = there
+        count += 1
+    return found[:count]
 
 
 @compiled

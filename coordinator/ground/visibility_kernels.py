@@ -12,6 +12,7 @@ import numpy as np
 
 from coordinator.base.compiled import compiled
 from coordinator.curves.nurbs import Array
+from coordinator.ground.distance_kernels import Solid
 from coordinator.ground.grid_kernels import Grid, Segment, cross_each_other, point_gap, segment
 from coordinator.ground.growth import Indices
 
@@ -26,7 +27,7 @@ class Sight(NamedTuple):
     `reach` [m] from corners (c, 2); grid: which edges are in which cell.  turns, before, after
     (n, 2): as in growth.Outline, for an outline farther out by `room` [m].  Vertex v sees the
     vertices pool[rows[v, BEGIN] : rows[v, END]]; rows[v] is -1 until that has been computed, and
-    rows[-1, END] is the used length of the pool.
+    rows[-1, END] is the used length of the pool.  solid: what no way comes near.
     """
 
     turns: Array
@@ -41,6 +42,7 @@ class Sight(NamedTuple):
     reach: float
     room: float
     grid: Grid
+    solid: Solid
 
 
 @compiled

@@ -290,7 +290,7 @@ class Pathfinder:
         reach = math.floor(1e3 * space.ground.reach) / 1e3
         if self._failed >= _FAILED:
             if reach not in self._grids:
-                self._grids[reach] = RoughGrid(self.floor, reach)
+                self._grids[reach] = RoughGrid(space.ground, reach)
             if self._grids[reach].parts(start, goal, space.discs):
                 return None
         way = space.shortest_way(start, goal)

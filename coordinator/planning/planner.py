@@ -6,6 +6,7 @@ files, clocks (a timer is an argument) or links.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
@@ -271,20 +272,23 @@ class _Stages:
         if self._cannot_make_room or not can_make_room(self.scenario):
             return None
         self._cannot_make_room = True
-        legs = None
-        with suppress(PlanError):
-            legs = find_legs(self.scenario, self.pathfinder)
-        if legs is None:
+        tau, best = self.tau + TAU_PAD, math.inf
+        for legs in find_legs(self.scenario, self.pathfinder, tau):
+            paths = [one.path for one in legs]
+            tracks = [self._track(index, path) for index, path in enumerate(paths)]
+            junctions = self._meet(tracks)
+            first = first_motions(legs, tracks, tau)
+            table = Motions(junctions.lengths(), first)
+            order = sorted(range(len(first)), key=lambda index: first[index].finish)
+            Improvement(junctions, table, order, priorities).plan_all_again(_MOST_AGAIN)
+            motions = table.all()
+            if _arrivals(motions) < best:
+                best, found = _arrivals(motions), motions
+                self.paths, self.tracks, self.junctions = paths, tracks, junctions
+        if best == math.inf:
             return None
-        self.paths = [one.path for one in legs]
         self.notes = ["robots make room for each other: they rest on their ways and go on"]
-        self.find_zones()
-        first = first_motions(legs, self.tracks, self.tau + TAU_PAD)
-        table = Motions(self.junctions.lengths(), first)
-        order = sorted(range(len(first)), key=lambda index: first[index].finish)
-        improvement = Improvement(self.junctions, table, order, priorities)
-        improvement.plan_all_again(_MOST_AGAIN)
-        return with_owners(self.junctions, table.all())
+        return with_owners(self.junctions, found)
 
     def _improved(self, motions: list[Motion], priorities: list[int], effort: int) -> list[Motion]:
         """Give robots detours where these are quicker; then schedule a small fleet once more."""

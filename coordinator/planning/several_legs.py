@@ -2,7 +2,8 @@
 
 The search over places (coordinator/places/) gives moves in turn.  Each robot drives its moves as
 one smooth path with rests where it may have to wait.  In the first schedule a robot leaves a rest
-when all robots that have to be first have driven past; the usual search then improves on it.
+when all robots that have to be first have driven past; the usual search then improves on it.  More
+than a few robots get moves by which they arrive early, and these in turn too if they may be better.
 
 Decides: the path along a robot's moves, and the first schedule.  Must not know: how moves are
 searched, the proof.
@@ -10,23 +11,29 @@ searched, the proof.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import shapely
 
+from coordinator.base.errors import PlanError
 from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.motion.message_room import ROOM as MESSAGE_ROOM
+from coordinator.motion.message_room import path_bytes
 from coordinator.motion.velocity_profile import Motion, Wait
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.paths.smoothing import smooth_near
 from coordinator.paths.spline_fit import lengths_along
-from coordinator.places.move_kernels import SOLVED
+from coordinator.places.early_moves import early_moves
+from coordinator.places.move_kernels import SOLVED, Indices
 from coordinator.places.moves import find_moves
-from coordinator.places.place_graph import ROOM, place_graph
+from coordinator.places.place_graph import ROOM, Graph, place_graph
 from coordinator.places.shortcuts import Moves, straightened
 from coordinator.scenario.model import Robot, Scenario
+from coordinator.schedule.junctions import FEW
 from coordinator.schedule.track import Track
 
 _CUT: Final = 0.4 * ROOM
@@ -34,6 +41,13 @@ _CUT: Final = 0.4 * ROOM
 
 _STEP: Final = 0.05
 """Where a robot is out of another one's way is looked for in such steps [m]."""
+
+_CLEARLY: Final = 0.6
+"""If moves that start at times have less than this share of the sum of arrivals, moves in turn are
+not driven for comparison: fewer of their places are passed, which saves less than that."""
+
+_LONG: Final = 0.8 * MESSAGE_ROOM
+"""Of a robot whose path takes more bytes places between are left out: rests need room, too."""
 
 _AFTER: Final = 0.001
 """A robot leaves a rest this much later [s] than tau after others have passed."""
@@ -77,33 +91,56 @@ def can_make_room(scenario: Scenario) -> bool:
     )
 
 
-def find_legs(scenario: Scenario, finder: Pathfinder) -> list[Legs] | None:
-    """Return paths of several legs for all robots, or None if no moves are found.
+def find_legs(scenario: Scenario, finder: Pathfinder, tau: float) -> Iterator[list[Legs]]:
+    """Yield paths of several legs for all robots, if moves are found: a choice, or two of them.
 
-    Raises PlanError if a robot has no room to drive its moves.
+    Moves of which a robot has no room to drive one are left out.
     """
     radii = [robot.radius for robot in scenario.robots]
     graph = place_graph(scenario, finder.floor, radii)
     outcome, found = find_moves(graph)
     if outcome != SOLVED:
-        return None
-    kind, need = graph.team.kind, graph.team.need
-    moves = Moves(
-        found[:, 0].tolist(),
-        [graph.ways[edge] for edge in found[:, 1].tolist()],
-        graph.places[graph.team.start],
-        need[kind[:, None], kind[None, :]],
-    )
+        return
     spaces = [finder.space(robot) for robot in scenario.robots]
 
     def is_clear(robot: int, start: Array, end: Array) -> bool:
         return bool(spaces[robot].keeping(start[None], end[None])[0])
 
-    moves = straightened(moves, is_clear)
-    return [
-        _along(robot, finder, index, legs)
-        for index, (robot, legs) in enumerate(zip(scenario.robots, _in_turn(moves), strict=True))
-    ]
+    if len(radii) > FEW and len(graph.team.need) == 1:
+        speed = max(scenario.planned_speed(robot) for robot in scenario.robots)
+        early, share = early_moves(graph, found, speed * tau)
+        with suppress(PlanError):
+            # Where robots pass fewer places, they wait longer for each other.
+            legs = _legs(scenario, finder, _driven(graph, early))
+            long = {k for k, one in enumerate(legs) if path_bytes(len(one.path.points)) > _LONG}
+            if long:
+                fewer = straightened(
+                    _driven(graph, early),
+                    lambda robot, start, end: robot in long and is_clear(robot, start, end),
+                )
+                legs = _legs(scenario, finder, fewer)
+            yield legs
+            if share < _CLEARLY:
+                return
+    with suppress(PlanError):
+        yield _legs(scenario, finder, straightened(_driven(graph, found), is_clear))
+
+
+def _legs(scenario: Scenario, finder: Pathfinder, moves: Moves) -> list[Legs]:
+    """Return paths along moves; raises PlanError if a robot has no room to drive its moves."""
+    in_turn = enumerate(zip(scenario.robots, _in_turn(moves), strict=True))
+    return [_along(robot, finder, index, legs) for index, (robot, legs) in in_turn]
+
+
+def _driven(graph: Graph, found: Indices) -> Moves:
+    """Return moves (m, 2), robot and edge, as moves along ways."""
+    kind, need = graph.team.kind, graph.team.need
+    return Moves(
+        found[:, 0].tolist(),
+        [graph.ways[edge] for edge in found[:, 1].tolist()],
+        graph.places[graph.team.start],
+        need[kind[:, None], kind[None, :]],
+    )
 
 
 def first_motions(all_legs: Sequence[Legs], tracks: Sequence[Track], tau: float) -> list[Motion]:

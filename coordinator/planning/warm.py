@@ -93,12 +93,14 @@ def _compile_authority() -> None:
 def _compile_ground() -> None:
     """Compile the kernel that finds places closed."""
     floor = _floor_with_a_wall()
-    grid = RoughGrid(GrownFloor(floor.workspace.boundary, floor.workspace.obstacles), 0.2)
+    grown = GrownFloor(floor.workspace.boundary, floor.workspace.obstacles)
+    grid = RoughGrid(grown.ground(0.2), 0.2)
     grid.parts(np.array([1.0, 1.0]), np.array([9.0, 1.0]), NO_DISCS)
 
 
 def _compile_places() -> None:
     """Compile the kernels of robots that make room, which few plans load."""
+    from coordinator.places.early_moves import early_moves
     from coordinator.places.moves import find_moves, one_after_the_other
     from coordinator.places.place_graph import place_graph
 
@@ -109,6 +111,7 @@ def _compile_places() -> None:
     for few in (len(floor.robots), 0):
         find_moves(graph, few)
     one_after_the_other(graph)
+    early_moves(graph, find_moves(graph)[1], 0.5)
 
 
 def _compile_bends() -> None:

@@ -15,7 +15,8 @@ def test_there_is_no_way_between_places_that_the_grid_parts(kind):
     scenario, dice = generate(kind, 8, 3), random.Random(kind)
     floor = GrownFloor(scenario.workspace.boundary, scenario.workspace.obstacles)
     reach = scenario.robots[0].radius + scenario.margin
-    grid, ground = RoughGrid(floor, reach), floor.ground(reach)
+    ground = floor.ground(reach)
+    grid = RoughGrid(ground, reach)
     places = np.array([place[:2] for r in scenario.robots for place in (r.start, r.goal)])
     parted = 0
     for _ in range(60):

@@ -1,0 +1,492 @@
+"""Compiled: moves that start at times, so that robots arrive early, improved robot by robot.
+
+A plan gives each of a robot's moves the time at which it starts.  Times are the lengths [m] that a
+robot drives meanwhile.  Of two moves that come near each other the later one starts when the
+earlier robot is out of its way for good, and `gap` later.  So each move of another robot closes an
+edge for starts within a window of time, and cuts the time that a robot may rest at a place beside
+it into parts.  One robot among others is planned by a search over places and these parts (safe
+interval path planning, Phillips and Likhachev 2011); several are taken out and put back in other
+orders (large neighbourhood search, Li et al. 2021).
+
+Decides: which robot moves where and when.  Must not know: what places stand for, how robots
+accelerate.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from coordinator.base.compiled import compiled
+from coordinator.ground.grid_kernels import Segment, point_gap
+from coordinator.places.move_kernels import Array, Edges, Flags, Indices
+
+_HALVINGS: Final = 12
+"""Where two edges part is found to the 4096th part of a leg."""
+
+_MOST: Final = 8
+_LEAST: Final = 4
+_FEW: Final = 3
+_FEW_ROUNDS: Final = 50
+"""Up to _MOST robots are taken out.  It begins with up to _FEW, since robots that are late by much
+are put back at little cost, and becomes one more every _FEW_ROUNDS rounds.  If fewer than _LEAST
+are in a robot's way, others are taken out at random."""
+
+_CHANCE: Final = 4
+"""Of so many robots in a robot's way one stays where it is."""
+
+_CHECKED: Final = 128
+_SLOW: Final = 0.98
+"""The search ends if in _CHECKED rounds the delays fall to no less than the share _SLOW."""
+
+_PER_ROUND: Final = 1000
+"""What a round costs at least, in edges."""
+
+_GAIN: Final = 1e-6
+
+
+class Meetings(NamedTuple):
+    """Edges that come near each other: those of edge e are other[first[e] : first[e + 1]].
+
+    mine: how far [m] along e a robot has driven when it is clear of the other edge for good;
+    theirs: the same of a robot on the other edge; stays: whether a robot at the end of e is in the
+    way of the other edge.
+    """
+
+    first: Indices
+    other: Indices
+    mine: Array
+    theirs: Array
+    stays: Flags
+
+
+class Floor(NamedTuple):
+    """What a robot can do on the graph: its edges, their lengths [m], and which may be used.
+
+    The edges that a robot at place v closes are beside[beside_first[v] : beside_first[v + 1]];
+    the places beside an edge are passed[passed_first[e] : passed_first[e + 1]].
+    """
+
+    edges: Edges
+    length: Array
+    fits: Flags
+    meetings: Meetings
+    beside_first: Indices
+    beside: Indices
+    passed_first: Indices
+    passed: Indices
+    gap: float
+
+
+class Rows(NamedTuple):
+    """Rows of times in order: row r has size[r] of them from first[r] on, and room up to the next.
+
+    times (m, 2): when a window begins and ends, or twice a time; whose (m,): the robot.
+    """
+
+    first: Indices
+    size: Indices
+    times: Array
+    whose: Indices
+
+
+class Books(NamedTuple):
+    """The windows in which nobody may start on an edge; the times at which a place is passed."""
+
+    edge: Rows
+    place: Rows
+
+
+class Plans(NamedTuple):
+    """Each robot's moves: edge (n, most), start (n, most), how many (n,), and arrival (n,)."""
+
+    edge: Indices
+    start: Array
+    size: Indices
+    arrival: Array
+
+
+@compiled
+def _gap(leg: Segment, share: float, other: Segment) -> float:
+    """Return how far [m] the point after a share of a leg is from another."""
+    x, y = leg.ax + share * (leg.bx - leg.ax), leg.ay + share * (leg.by - leg.ay)
+    return float(point_gap(x, y, other.ax, other.ay, other.bx, other.by))
+
+
+@compiled
+def _last_share(leg: Segment, other: Segment, need: float) -> float:
+    """Return which share of a leg is passed at its last point nearer than `need` [m] to another.
+
+    Negative if no point is.  The distance is convex along the leg: golden sections lead towards the
+    nearest point until one is near enough, then halving finds where the distance reaches `need`.
+    """
+    if _gap(leg, 1.0, other) < need:
+        return 1.0
+    low, high, near = 0.0, 1.0, 0.0
+    for _ in range(2 * _HALVINGS):
+        if _gap(leg, near, other) < need:
+            break
+        one, two = low + 0.382 * (high - low), low + 0.618 * (high - low)
+        if _gap(leg, one, other) < _gap(leg, two, other):
+            high, near = two, one
+        else:
+            low, near = one, two
+    else:
+        return -1.0
+    low, high = near, 1.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if _gap(leg, middle, other) < need:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@compiled
+def _last_near(way: Array, other: Array, need: float) -> float:
+    """Return how far [m] along a way (n, 2) its last point is nearer than `need` to another."""
+    ahead = 0.0
+    for k in range(len(way) - 1):
+        ahead += math.hypot(way[k + 1, 0] - way[k, 0], way[k + 1, 1] - way[k, 1])
+    for k in range(len(way) - 2, -1, -1):
+        leg = Segment(way[k, 0], way[k, 1], way[k + 1, 0], way[k + 1, 1])
+        size = math.hypot(leg.bx - leg.ax, leg.by - leg.ay)
+        ahead -= size
+        last = -1.0
+        for j in range(len(other) - 1):
+            beside = Segment(other[j, 0], other[j, 1], other[j + 1, 0], other[j + 1, 1])
+            last = max(last, _last_share(leg, beside, need))
+        if last >= 0.0:
+            return ahead + last * size
+    return 0.0
+
+
+@compiled
+def clear_after(
+    one: Indices, other: Indices, ways: Array, ways_from: Indices, need: float
+) -> tuple[Array, Array]:
+    """Return, for pairs of lines, how far [m] along `one` it is clear of `other` for good.
+
+    First along the line, then along it backwards.
+    """
+    forth, back = np.empty(len(one)), np.empty(len(one))
+    for k in range(len(one)):
+        way = ways[ways_from[one[k]] : ways_from[one[k] + 1]]
+        beside = ways[ways_from[other[k]] : ways_from[other[k] + 1]]
+        forth[k] = _last_near(way, beside, need)
+        back[k] = _last_near(way[::-1].copy(), beside, need)
+    return forth, back
+
+
+@compiled
+def _insert(rows: Rows, row: int, begin: float, end: float, robot: int) -> bool:
+    """Insert a window into a row; return whether there was room."""
+    first = rows.first[row]
+    k = first + rows.size[row]
+    if k == rows.first[row + 1]:
+        return False
+    while k > first and rows.times[k - 1, 0] > begin:
+        rows.times[k, 0], rows.times[k, 1] = rows.times[k - 1, 0], rows.times[k - 1, 1]
+        rows.whose[k] = rows.whose[k - 1]
+        k -= 1
+    rows.times[k, 0], rows.times[k, 1], rows.whose[k] = begin, end, robot
+    rows.size[row] += 1
+    return True
+
+
+@compiled
+def _remove(rows: Rows, row: int, robot: int) -> None:
+    """Remove all windows of a robot from a row."""
+    kept = rows.first[row]
+    for k in range(kept, kept + rows.size[row]):
+        if rows.whose[k] != robot:
+            rows.times[kept, 0], rows.times[kept, 1] = rows.times[k, 0], rows.times[k, 1]
+            rows.whose[kept] = rows.whose[k]
+            kept += 1
+    rows.size[row] = kept - rows.first[row]
+
+
+@compiled
+def count_windows(
+    plans: Plans, starts: Indices, floor: Floor, edges: Indices, places: Indices
+) -> None:
+    """Add up how many windows all plans enter at edges (E,) and places (V,)."""
+    meetings = floor.meetings
+    for robot in range(len(starts)):
+        for k in range(floor.beside_first[starts[robot]], floor.beside_first[starts[robot] + 1]):
+            edges[floor.beside[k]] += 1
+        for e in plans.edge[robot, : plans.size[robot]]:
+            for k in range(meetings.first[e], meetings.first[e + 1]):
+                edges[meetings.other[k]] += 1
+            for k in range(floor.passed_first[e], floor.passed_first[e + 1]):
+                places[floor.passed[k]] += 1
+
+
+@compiled
+def enter(robot: int, start: int, plans: Plans, floor: Floor, books: Books) -> bool:
+    """Enter the windows that a robot's moves close, and the places that it passes.
+
+    Returns whether there was room for all.
+    """
+    meetings, size = floor.meetings, plans.size[robot]
+    until = plans.start[robot, 0] if size else math.inf
+    room = True
+    for k in range(floor.beside_first[start], floor.beside_first[start + 1]):
+        room &= _insert(books.edge, floor.beside[k], -math.inf, until, robot)
+    for number in range(size):
+        e, at = plans.edge[robot, number], plans.start[robot, number]
+        onward = plans.start[robot, number + 1] if number + 1 < size else math.inf
+        for k in range(meetings.first[e], meetings.first[e + 1]):
+            begin = at - meetings.theirs[k] - floor.gap
+            end = at + meetings.mine[k] + floor.gap
+            if meetings.stays[k]:
+                end = max(end, onward)
+            room &= _insert(books.edge, meetings.other[k], begin, end, robot)
+        for k in range(floor.passed_first[e], floor.passed_first[e + 1]):
+            room &= _insert(books.place, floor.passed[k], at, at, robot)
+    return room
+
+
+@compiled
+def strike_out(robot: int, start: int, plans: Plans, floor: Floor, books: Books) -> None:
+    """Take back what `enter` has entered for a robot."""
+    meetings = floor.meetings
+    for k in range(floor.beside_first[start], floor.beside_first[start + 1]):
+        _remove(books.edge, floor.beside[k], robot)
+    for number in range(plans.size[robot]):
+        e = plans.edge[robot, number]
+        for k in range(meetings.first[e], meetings.first[e + 1]):
+            _remove(books.edge, meetings.other[k], robot)
+        for k in range(floor.passed_first[e], floor.passed_first[e + 1]):
+            _remove(books.place, floor.passed[k], robot)
+
+
+@compiled
+def _open_from(e: int, start: float, rows: Rows) -> float:
+    """Return the earliest time from `start` on at which an edge is open."""
+    first = rows.first[e]
+    for k in range(first, first + rows.size[e]):
+        if rows.times[k, 0] >= start:
+            break
+        start = max(start, rows.times[k, 1])
+    return start
+
+
+@compiled
+def soonest(
+    robot: int, start: int, goal: int, left: Array, floor: Floor, plans: Plans, books: Books,
+    latest: float,
+) -> int:  # fmt: skip
+    """Put the moves of a robot among those of the others into its plan, the earliest to arrive.
+
+    left (V,): the length [m] of the way to the goal.  Returns how many edges were looked at,
+    negative if there are no moves by which the robot arrives before `latest`.
+    """
+    edges = floor.edges
+    passing = books.place
+    first = np.zeros(len(passing.size) + 1, np.int64)
+    first[1:] = np.cumsum(passing.size + 1)
+    total = first[-1]
+    arrival, parent = np.full(total, math.inf), np.full(total, -1)
+    by, started = np.empty(total, np.int64), np.empty(total)
+    done = np.zeros(total, np.bool_)
+    last = first[goal + 1] - 1
+    arrival[first[start]] = 0.0
+    heap = [(left[start], first[start], start)]
+    spent = 0
+    while heap:
+        _, state, v = heapq.heappop(heap)
+        if done[state]:
+            continue
+        done[state] = True
+        if state == last:
+            break
+        part = state - first[v]
+        limit = math.inf
+        if part < passing.size[v]:
+            limit = passing.times[passing.first[v] + part, 0]
+        for e in range(edges.first[v], edges.first[v + 1]):
+            w = edges.to[e]
+            if not floor.fits[e] or left[w] == math.inf:
+                continue
+            spent += 1
+            k, there = passing.first[w], first[w]
+            at = _open_from(e, arrival[state], books.edge)
+            while at < limit and at + floor.length[e] + left[w] < latest:
+                while there < first[w + 1] - 1 and passing.times[k, 0] < at:
+                    k += 1
+                    there += 1
+                after = at + floor.length[e]
+                if after < arrival[there]:
+                    arrival[there], parent[there] = after, state
+                    by[there], started[there] = e, at
+                    heapq.heappush(heap, (after + left[w], there, w))
+                if there == first[w + 1] - 1:
+                    break
+                at = _open_from(e, max(at, passing.times[k, 0]) + _GAIN, books.edge)
+    if not done[last]:
+        return -1 - spent
+    size, state = 0, last
+    while parent[state] >= 0:
+        size += 1
+        state = parent[state]
+    if size > plans.edge.shape[1]:
+        return -1 - spent
+    plans.size[robot], plans.arrival[robot] = size, arrival[last]
+    state = last
+    while parent[state] >= 0:
+        size -= 1
+        plans.edge[robot, size], plans.start[robot, size] = by[state], started[state]
+        state = parent[state]
+    return spent
+
+
+@compiled
+def timed(moves: Indices, floor: Floor, plans: Plans) -> None:
+    """Put moves (m, 2), robot and edge in turn, into plans: each starts as early as it can."""
+    meetings = floor.meetings
+    count = len(moves)
+    at = np.zeros(count)
+    free = np.zeros(len(plans.size))
+    ready = np.zeros(len(floor.length))
+    for k in range(count):
+        robot, e = moves[k]
+        at[k] = max(free[robot], ready[e])
+        free[robot] = at[k] + floor.length[e]
+        for j in range(meetings.first[e], meetings.first[e + 1]):
+            f = meetings.other[j]
+            ready[f] = max(ready[f], at[k] + meetings.mine[j] + floor.gap)
+        size = plans.size[robot]
+        plans.edge[robot, size], plans.start[robot, size] = e, at[k]
+        plans.size[robot], plans.arrival[robot] = size + 1, free[robot]
+
+
+@compiled
+def _random(noise: Indices, below: int) -> int:
+    noise[0] = (noise[0] * 1103515245 + 12345) % 2147483648
+    return int((noise[0] >> 8) % below)
+
+
+@compiled
+def _in_its_way(
+    start: int, left: Array, floor: Floor, books: Books, chosen: Flags, most: int, noise: Indices
+) -> int:
+    """Choose up to `most` robots that close edges on a robot's shortest way; return how many."""
+    edges, found = floor.edges, 0
+    here = start
+    at = 0.0
+    while left[here] > 0.0 and found < most:
+        best, onward = math.inf, -1
+        for e in range(edges.first[here], edges.first[here + 1]):
+            if floor.fits[e] and floor.length[e] + left[edges.to[e]] < best:
+                best, onward = floor.length[e] + left[edges.to[e]], e
+        first = books.edge.first[onward]
+        for k in range(first, first + books.edge.size[onward]):
+            other = books.edge.whose[k]
+            begin, end = books.edge.times[k]
+            in_the_way = begin <= at < end and not chosen[other] and found < most
+            if in_the_way and _random(noise, _CHANCE) > 0:
+                chosen[other] = True
+                found += 1
+        at += floor.length[onward]
+        here = edges.to[onward]
+    return found
+
+
+@compiled
+def _taken_out(
+    delay: Array,
+    starts: Indices,
+    left: Array,
+    floor: Floor,
+    books: Books,
+    most: int,
+    noise: Indices,
+) -> Indices:
+    """Return up to `most` robots in any order: one that is late, those in its way, and others."""
+    count = len(starts)
+    aim = delay.sum() * _random(noise, 1_000_000) / 1_000_000.0
+    late = 0
+    while late < count - 1 and aim >= delay[late]:
+        aim -= delay[late]
+        late += 1
+    chosen = np.zeros(count, np.bool_)
+    chosen[late] = True
+    wanted = 1 + _random(noise, most)
+    size = 1 + _in_its_way(starts[late], left[late], floor, books, chosen, wanted - 1, noise)
+    for _ in range(min(wanted, _LEAST) - size):
+        chosen[_random(noise, count)] = True
+    order = np.flatnonzero(chosen)
+    for k in range(len(order) - 1, 0, -1):
+        j = _random(noise, k + 1)
+        order[k], order[j] = order[j], order[k]
+    return order
+
+
+@compiled
+def _copy(robot: int, source: Plans, target: Plans) -> None:
+    """Copy a robot's moves."""
+    size = source.size[robot]
+    target.edge[robot, :size] = source.edge[robot, :size]
+    target.start[robot, :size] = source.start[robot, :size]
+    target.size[robot], target.arrival[robot] = size, source.arrival[robot]
+
+
+@compiled
+def improve(
+    starts: Indices, goals: Indices, left: Array, floor: Floor, plans: Plans, books: Books,
+    effort: int,
+) -> None:  # fmt: skip
+    """Take up to _MOST robots out and put them back, again and again, while there is effort.
+
+    left (n, V): the length [m] of a robot's way to its goal; effort: how many edges are looked at.
+    A round that makes the sum of arrivals more is undone.  It ends when little is gained any more.
+    """
+    noise = np.ones(1, np.int64)
+    alone = np.empty(len(starts))
+    for robot in range(len(starts)):
+        alone[robot] = left[robot, starts[robot]]
+    kept = Plans(
+        np.empty_like(plans.edge), np.empty_like(plans.start), np.empty_like(plans.size),
+        np.empty_like(plans.arrival),
+    )  # fmt: skip
+    rounds, before = 0, math.inf
+    while effort > 0 and plans.arrival.sum() > alone.sum() + _GAIN:
+        if rounds % _CHECKED == 0:
+            delay = plans.arrival.sum() - alone.sum()
+            if delay > _SLOW * before:
+                break
+            before = delay
+        most = min(_MOST, _FEW + rounds // _FEW_ROUNDS)
+        order = _taken_out(plans.arrival - alone, starts, left, floor, books, most, noise)
+        rounds += 1
+        effort -= _PER_ROUND
+        latest = plans.arrival[order].sum() - alone[order].sum() + _GAIN
+        for robot in order:
+            _copy(robot, plans, kept)
+            strike_out(robot, starts[robot], plans, floor, books)
+        entered = 0
+        for robot in order:
+            # Those that follow take at least as long as they would alone.
+            spent = soonest(
+                robot, starts[robot], goals[robot], left[robot], floor, plans, books,
+                alone[robot] + latest,
+            )  # fmt: skip
+            effort -= abs(spent)
+            if spent < 0:
+                break
+            entered += 1
+            latest -= plans.arrival[robot] - alone[robot]
+            if not enter(robot, starts[robot], plans, floor, books):
+                break
+        else:
+            continue
+        for robot in order[:entered]:
+            strike_out(robot, starts[robot], plans, floor, books)
+        for robot in order:
+            _copy(robot, kept, plans)
+            enter(robot, starts[robot], plans, floor, books)
