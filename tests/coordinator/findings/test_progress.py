@@ -96,7 +96,7 @@ def stalled(tmp_path_factory):
     """A run in which robots stall for seconds: its log, the black boxes, who stalled."""
     scenario = read_scenario(EXAMPLES / "paper_five_real.toml")
     document = plan_scenario(scenario, effort=0)
-    faults = [Fault("stall", "R1", 3.0, 4.0), Fault("stall", "R3", 6.0, 18.0)]
+    faults = [Fault("stall", "R1", 3.0, 4.0), Fault("stall", "R3", 6.0, 8.0)]
     logs = RunLogs(tmp_path_factory.mktemp("stalled"))
     network = MemoryNetwork(1, delay_ns=(1_000_000, 3_000_000))
     world = World(scenario, document, network, seed=1, faults=faults, logs=logs)

@@ -74,7 +74,7 @@ def day(run, tmp_path_factory):
     """The same as one folder."""
     folder = tmp_path_factory.mktemp("day")
     first, second = run
-    recorded(first, folder, head_of(first))._writer.flush()
+    assert recorded(first, folder, head_of(first)).sync()
     began_ns = int(second.metadata["began_ns"])
     recorded(second, folder, resumed(head_of(second), b"", began_ns)).close()
     return folder
