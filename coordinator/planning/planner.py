@@ -56,6 +56,10 @@ TAU_PAD = 0.002
 the wire.  Where robots stand too near each other for that, less is added
 (ground/tight_places.py)."""
 
+_SLOW = 1.6
+"""Ways in space and time on which robots take so many times as long as alone are compared with
+moves from place to place."""
+
 _PATIENCE = 60
 _PATIENCE_PER_FLEET = 3000
 _PER_DEADLOCK = 25
@@ -218,6 +222,10 @@ class _Stages:
                 motions = self._in_order(priorities, effort)
                 if not flow.is_better_than(motions):
                     return motions
+        if _arrivals(flow.motions) > _SLOW * sum(track.alone for track in self.tracks):
+            rests = self._several_legs(priorities)
+            if rests is not None and not flow.is_better_than(rests):
+                return rests
         self.paths, self.tracks, self.junctions = flow.paths, flow.tracks, flow.junctions
         self.notes = [flow.told()]
         return flow.motions
