@@ -15,30 +15,31 @@ from tests.coordinator.curves.random_curves import random_curve
 from tests.sweeps import seeds
 
 
-def sharpest(curve, knots_s, squares, count=200_000):
-    """The greatest v^2 times curvature by dense sampling of places."""
+def sharpest(curve, knots_s, squares, power=1, count=200_000):
+    """The greatest v^2 times a power of curvature by dense sampling of places."""
     s = np.unique(np.concatenate((np.linspace(0.0, curve.length, count), knots_s)))
     leg = np.clip(np.searchsorted(knots_s, s, side="right") - 1, 0, len(knots_s) - 2)
     part = (s - knots_s[leg]) / np.diff(knots_s)[leg]
     first, last = squares[leg].T
     bend = np.abs(curve.curvature(curve.parameter_at(s)))
-    return float(np.max((first + np.clip(part, 0.0, 1.0) * (last - first)) * bend))
+    return float(np.max((first + np.clip(part, 0.0, 1.0) * (last - first)) * bend**power))
 
 
-def asked(curve, knots_s, squares, most):
+def asked(curve, knots_s, squares, most, power=1):
     form = series(*curve.lifted)
-    return too_sharp(form, arc_table(*form), knots_s, squares, most)
+    return too_sharp(form, arc_table(*form), knots_s, squares, power, most)
 
 
+@pytest.mark.parametrize("power", [1, 2])
 @pytest.mark.parametrize("seed", seeds(12))
-def test_a_limit_is_proven_above_the_sharpest_place_and_refused_below_it(seed):
+def test_a_limit_is_proven_above_the_sharpest_place_and_refused_below_it(seed, power):
     dice = np.random.default_rng(seed)
     curve = random_curve(dice)
     knots_s = np.linspace(0.0, curve.length, 5)
     squares = dice.uniform(0.1, 1.0, (4, 2))
-    most = sharpest(curve, knots_s, squares)
-    assert asked(curve, knots_s, squares, 1.001 * most) == -1.0
-    at = asked(curve, knots_s, squares, 0.999 * most)
+    most = sharpest(curve, knots_s, squares, power)
+    assert asked(curve, knots_s, squares, 1.001 * most, power) == -1.0
+    at = asked(curve, knots_s, squares, 0.999 * most, power)
     assert 0.0 <= at <= curve.length
 
 
