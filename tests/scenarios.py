@@ -6,7 +6,7 @@ import math
 import random
 
 from coordinator.scenario.checks import find_problems
-from coordinator.scenario.model import Robot, Scenario, Workspace
+from coordinator.scenario.model import Robot, Scenario, Workspace, usual_turn_rate
 
 
 def box(x0, y0, x1, y1):
@@ -18,6 +18,7 @@ def a_robot(name, start, goal, **fields):
     fields = {"radius": 0.2, "max_speed": 0.8} | fields
     fields.setdefault("max_accel", fields["max_speed"])
     fields.setdefault("max_lateral_accel", fields["max_accel"])
+    fields.setdefault("max_turn_rate", usual_turn_rate(fields["max_accel"]))
     return Robot(id=name, start=start, goal=goal, **fields)
 
 

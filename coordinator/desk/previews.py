@@ -171,11 +171,12 @@ def _known(plans: Mapping[str, Plan], robots: Mapping[str, Robot]) -> dict[str, 
 
 
 def _robot(one: RobotPlan) -> Robot:
-    """Return a robot as a plan knows it; how fast it turns on the spot is not in it."""
+    """Return a robot as a plan knows it."""
     limits, (start, *_, goal) = one.limits, one.path.control_points
     speed = limits.max_speed if limits else max(v for _, v in one.profile)
     accel = speed if limits is None else limits.max_accel or math.inf
     lateral = accel if limits is None else limits.max_lateral_accel or math.inf
+    turning = TURN_RATE if limits is None else limits.max_turn_rate or math.inf
     return Robot(
         id=one.id,
         start=start,
@@ -185,7 +186,7 @@ def _robot(one: RobotPlan) -> Robot:
         max_accel=accel,
         max_lateral_accel=lateral,
         min_turn_radius=0.0 if limits is None else limits.min_turn_radius,
-        max_turn_rate=TURN_RATE,
+        max_turn_rate=turning,
     )
 
 

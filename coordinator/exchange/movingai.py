@@ -20,7 +20,7 @@ from coordinator.scenario.checks import (
     printable,
     show,
 )
-from coordinator.scenario.model import Robot, Scenario, Workspace
+from coordinator.scenario.model import Robot, Scenario, Workspace, usual_turn_rate
 from coordinator.scenario_files.maps.cells import Grid
 from coordinator.scenario_files.maps.floor_map import fail, read_bytes
 from coordinator.scenario_files.maps.movingai import (
@@ -203,4 +203,5 @@ def _robot(number: int, trip: Trip, rows: int, cell: float, bodies: Bodies) -> R
         max_speed=bodies.max_speed,
         max_accel=bodies.max_accel,
         max_lateral_accel=bodies.max_accel,
+        max_turn_rate=usual_turn_rate(bodies.max_accel),
     )

@@ -32,7 +32,14 @@ from coordinator.scenario.checks import (
     printable,
     show,
 )
-from coordinator.scenario.model import GivenPath, Point, Robot, Scenario, Workspace
+from coordinator.scenario.model import (
+    TURN_RATE,
+    GivenPath,
+    Point,
+    Robot,
+    Scenario,
+    Workspace,
+)
 from coordinator.scenario.place_checks import LEAST_STEP
 
 _NAMES: Final = PathNames(
@@ -148,6 +155,7 @@ def _robot(order: Ordered, assumed: Assumed, known: Mapping[str, Robot]) -> Robo
         max_accel=speed if twin is None else twin.max_accel,
         max_lateral_accel=speed if twin is None else twin.max_lateral_accel,
         min_turn_radius=0.0 if twin is None else twin.min_turn_radius,
+        max_turn_rate=TURN_RATE if twin is None else twin.max_turn_rate,
         priority=0 if twin is None else twin.priority,
     )
 

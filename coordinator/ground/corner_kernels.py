@@ -45,13 +45,15 @@ _TOO_TIGHT: Final = 1e3
 class Limits(NamedTuple):
     """What bounds a robot in corners: speed [m/s], acceleration and lateral acceleration [m/s^2].
 
-    `easy` [m]: the radius from which on a corner costs no speed.  `tightest` [m]: the least radius
-    that a corner should have.  `worth` [s]: the time that one corner less is worth.
+    `turning` [rad/s]: its turn rate.  `easy` [m]: the radius from which on a corner costs no speed.
+    `tightest` [m]: the least radius that a corner should have.  `worth` [s]: the time that one
+    corner less is worth.
     """
 
     speed: float
     accel: float
     lateral: float
+    turning: float
     easy: float
     tightest: float
     worth: float
@@ -100,9 +102,10 @@ def cost_of(width: float, turn: float, handling: Limits) -> float:
     (V - v)^2 / (a V).  The robot drives at about v over a third of the corner, where the hat
     function is greatest.
     """
-    speed, accel, lateral = handling.speed, handling.accel, handling.lateral
+    speed, accel = handling.speed, handling.accel
     radius = radius_of(width, turn)
-    slow = max(min(speed, math.sqrt(lateral * radius)), 1e-3 * speed)
+    bounded = min(math.sqrt(handling.lateral * radius), handling.turning * radius)
+    slow = max(min(speed, bounded), 1e-3 * speed)
     braking = (speed - slow) ** 2 / (accel * speed)
     inside = 2.0 / 3.0 * width * (1.0 / slow - 1.0 / speed)
     saved = 7.0 / 30.0 * width * (1.0 - math.cos(turn)) / speed

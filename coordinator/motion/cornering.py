@@ -21,7 +21,7 @@ _RESERVE = 1.05
 
 @dataclass(frozen=True)
 class Handling:
-    """Speed [m/s], accelerations [m/s^2] (inf: no limit) and least radius [m] of a robot.
+    """Speed [m/s], accelerations [m/s^2], turn rate [rad/s] (inf: no limit) and least radius [m].
 
     `spent_per_corner` [m]: how much longer a way may be if it has one corner less.
     """
@@ -29,6 +29,7 @@ class Handling:
     speed: float = 1.0
     accel: float = math.inf
     lateral: float = math.inf
+    turning: float = math.inf
     min_turn_radius: float = 0.0
     spent_per_corner: float = 0.0
 
@@ -40,12 +41,12 @@ class Handling:
     @property
     def easy(self) -> float:
         """Radius [m] at which a corner costs no speed; a wider one gains nothing."""
-        free = self.speed**2 / self.lateral
+        free = max(self.speed**2 / self.lateral, self.speed / self.turning)
         return max(min(max(free, _EASY_RADIUS), _WIDEST_RADIUS), self.tightest)
 
     def least_time(self, curve: Nurbs) -> float:
         """Return the least time [s] that a curve takes, from rest to rest."""
-        return least_time(curve, self.speed, self.accel, self.lateral)
+        return least_time(curve, self.speed, self.accel, self.lateral, self.turning)
 
     def numbers(self) -> Limits:
         """Return these limits as the kernels of corners need them."""
@@ -54,6 +55,7 @@ class Handling:
             float(self.speed),
             float(self.accel),
             float(self.lateral),
+            float(self.turning),
             float(self.easy),
             float(self.tightest),
             float(worth),

@@ -1,11 +1,13 @@
 """The greatest v^2 that the bends of a curve allow, as a polyline that never exceeds it.
 
-The polyline stays below the true limit between its samples too.  Decides: how finely a curve is
-sampled for it.  Must not know: acceleration along the path, what is sent.
+Bends limit a robot twice: by its acceleration across the path, v^2 k <= a, and by how fast it can
+turn, v k <= w.  The polyline stays below the true limit between its samples too.  Decides: how
+finely a curve is sampled for it.  Must not know: acceleration along the path, what is sent.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -20,20 +22,30 @@ _RESERVE: Final = 0.998
 """Share of the lateral limit that is used."""
 
 
-def cap_on(curve: Nurbs, lateral: float, top: float) -> tuple[Array, Array]:
+def cap_on(curve: Nurbs, lateral: float, turning: float, top: float) -> tuple[Array, Array]:
     """Return s (n,) [m] from 0 to the length and v^2 (n,) [m^2/s^2] there, at most `top`.
 
-    lateral [m/s^2] is finite.  s never decreases; a place where knot spans meet occurs twice.
+    One of lateral [m/s^2] and turning [rad/s] is finite.  s never decreases; a place where knot
+    spans meet occurs twice.
     """
-    limit = _RESERVE * lateral
+    limit, turn = _RESERVE * lateral, _RESERVE * turning
+    least = min(limit / top, turn / math.sqrt(top))
     u, inside = cells(np.unique(curve.knots))
     for left in range(_ROUNDS, -1, -1):
         _, first, second = curve.derivatives(u, 2)
         s = np.maximum.accumulate(curve.arc_at(u))
         s[-1] = curve.length
         bend, turned = bends(first, second)
-        highest, rough = highest_bends(s, bend, turned, inside, limit / top)
+        highest, rough = highest_bends(s, bend, turned, inside, least)
         if left == 0 or not rough.any():
             break
         u, inside = finer(u, inside, rough)
-    return s, np.minimum(limit / highest, top)
+    cap = np.minimum(limit / highest, top)
+    if math.isfinite(turn):
+        # Between samples a line through 1 / k^2 lies above the square of that through 1 / k, by
+        # the factor (k0 + k1)^2 / (4 k0 k1) at most (Kantorovich); it is lowered by that.
+        k0, k1 = highest[:-1], highest[1:]
+        share = np.where(inside, 4.0 * k0 * k1 / (k0 + k1) ** 2, 1.0)
+        lowered = np.minimum(np.append(1.0, share), np.append(share, 1.0))
+        cap = np.minimum(cap, turn * turn * lowered / highest**2)
+    return s, cap

@@ -78,16 +78,18 @@ class SpeedLimits:
         return [2.0 * self.ramp * s + w for s, w in zip(*self.ceiling, strict=True)]
 
 
-def limits_on(curve: Nurbs, speed: float, accel: float, lateral: float) -> SpeedLimits:
-    """Return the limits on a curve for a planned speed [m/s] and accelerations [m/s^2].
+def limits_on(
+    curve: Nurbs, speed: float, accel: float, lateral: float, turning: float = math.inf
+) -> SpeedLimits:
+    """Return the limits on a curve for a speed [m/s], accelerations [m/s^2], turn rate [rad/s].
 
     A motion along the whole curve takes at most 1 % longer than the fastest one, or longer if a
     message has no room for that many knots.
     """
     free = SpeedLimits(curve.length, speed * speed, accel, ())
-    if math.isinf(lateral):
+    if math.isinf(lateral) and math.isinf(turning):
         return free
-    s, w = cap_on(curve, lateral, free.top)
+    s, w = cap_on(curve, lateral, turning, free.top)
     if w.min() >= free.top:
         return free
     lower = np.maximum(w - 2.0 * free.ramp * _PLACE_ERROR, 0.25 * w)
@@ -101,12 +103,14 @@ def limits_on(curve: Nurbs, speed: float, accel: float, lateral: float) -> Speed
     return replace(free, bends=tuple(zip(s.tolist(), w.tolist(), strict=True)))
 
 
-def least_time(curve: Nurbs, speed: float, accel: float, lateral: float) -> float:
+def least_time(
+    curve: Nurbs, speed: float, accel: float, lateral: float, turning: float = math.inf
+) -> float:
     """Return the time [s] of the fastest motion along a whole curve, from rest to rest."""
     free = SpeedLimits(curve.length, speed * speed, accel, ())
     cap = np.array((0.0, curve.length)), np.array((free.top, free.top))
-    if math.isfinite(lateral):
-        cap = cap_on(curve, lateral, free.top)
+    if math.isfinite(lateral) or math.isfinite(turning):
+        cap = cap_on(curve, lateral, turning, free.top)
     s, w = reachable(*cap, 2.0 * free.ramp, math.isfinite(accel))
     both = np.sqrt(w[:-1]) + np.sqrt(w[1:])
     return float((2.0 * np.diff(s) / np.where(both > 0.0, both, 1.0)).sum())

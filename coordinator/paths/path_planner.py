@@ -169,6 +169,7 @@ class Pathfinder:
             speed=self.scenario.planned_speed(robot),
             accel=robot.max_accel,
             lateral=robot.max_lateral_accel,
+            turning=robot.max_turn_rate,
             min_turn_radius=robot.min_turn_radius,
         )
 

@@ -91,6 +91,7 @@ _LIMITS: Final = {
     "max_accel": Range("m/s^2", 1e-3),
     "max_lateral_accel": Range("m/s^2", 0.0, above=True),
     "min_turn_radius": Range("m", 0.0),
+    "max_turn_rate": Range("rad/s", 0.0, above=True),
 }
 
 

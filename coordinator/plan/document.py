@@ -36,22 +36,27 @@ class Stop(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Limits(msgspec.Struct, frozen=True, kw_only=True):
-    """A robot's limits: speed [m/s], accelerations [m/s^2] (null: no limit), turn radius [m]."""
+    """A robot's limits: speed [m/s], accelerations [m/s^2], turn radius [m], turn rate [rad/s].
+
+    null: no limit.
+    """
 
     max_speed: float
     max_accel: float | None = None
     max_lateral_accel: float | None = None
     min_turn_radius: float = 0.0
+    max_turn_rate: float | None = None
 
     @classmethod
     def of(cls, robot: Robot) -> Limits:
         """Return a scenario robot's limits."""
-        lateral = robot.max_lateral_accel
+        lateral, turning = robot.max_lateral_accel, robot.max_turn_rate
         return cls(
             max_speed=robot.max_speed,
             max_accel=None if math.isinf(robot.max_accel) else robot.max_accel,
             max_lateral_accel=None if math.isinf(lateral) else lateral,
             min_turn_radius=robot.min_turn_radius,
+            max_turn_rate=None if math.isinf(turning) else turning,
         )
 
 

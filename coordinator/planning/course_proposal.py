@@ -289,7 +289,8 @@ def _finder(site: Site, robot: Robot, others: Sequence[Course]) -> Pathfinder:
 
 def _track(site: Site, robot: Robot, path: Nurbs) -> Track:
     speed = site.scenario.planned_speed(robot)
-    limits = limits_on(path, speed, BRAKING_SHARE * robot.max_accel, robot.max_lateral_accel)
+    accel = BRAKING_SHARE * robot.max_accel
+    limits = limits_on(path, speed, accel, robot.max_lateral_accel, robot.max_turn_rate)
     return Track(limits, Course.chords_of(path))
 
 

@@ -405,7 +405,9 @@ class _Stages:
         robot = self.scenario.robots[index]
         speed = self.scenario.planned_speed(robot)
         share = 1.0 if self.scenario.policy == "paper" else BRAKING_SHARE
-        limits = limits_on(path, speed, share * robot.max_accel, robot.max_lateral_accel)
+        limits = limits_on(
+            path, speed, share * robot.max_accel, robot.max_lateral_accel, robot.max_turn_rate
+        )
         return Track(limits, chords_of(path, self.near.errors[index]))
 
     def _meet(self, tracks: list[Track], indices: tuple[int, ...] | None = None) -> Junctions:

@@ -123,7 +123,9 @@ def _compile_bends() -> None:
 
     def track_of(index: int, path: Nurbs) -> Track:
         robot = robots[index]
-        limits = limits_on(path, robot.max_speed, robot.max_accel, robot.max_lateral_accel)
+        limits = limits_on(
+            path, robot.max_speed, robot.max_accel, robot.max_lateral_accel, robot.max_turn_rate
+        )
         return Track(limits, chords_of(path, 1e-3))
 
     paths = find_paths(finder)

@@ -1,4 +1,4 @@
-"""Compiled: the proof that v^2 times curvature stays below a limit everywhere on a curve.
+"""Compiled: the proof that v^2 times a power of curvature stays below a limit on a whole curve.
 
 Let P = (X, Y, w) be the homogeneous coordinates and N = (X' w - X w', Y' w - Y w').  The curvature
 is det(P, P', P'') w^3 / |N|^3.  All of these are polynomials.  On a short piece, written as a
@@ -81,9 +81,12 @@ def _curvature(c: Array) -> tuple[float, float]:
 
 
 @compiled
-def too_sharp(curve: Series, table: ArcTable, knots_s: Array, squares: Array, most: float) -> float:
-    """Return an arc length [m] near which v^2 times curvature may exceed `most`; -1 if nowhere.
+def too_sharp(
+    curve: Series, table: ArcTable, knots_s: Array, squares: Array, power: int, most: float
+) -> float:
+    """Return an arc length [m] near which v^2 k^power may exceed `most`; -1 if nowhere.
 
+    k: the curvature [1/m].  power: 1 for the acceleration across the path, 2 for the turn rate.
     knots_s (n + 1,) [m]: the ends of the legs.  squares (n, 2): v^2 at both ends of each leg;
     between them it is linear in the arc length.
     """
@@ -108,10 +111,10 @@ def too_sharp(curve: Series, table: ArcTable, knots_s: Array, squares: Array, mo
             sharp, sharpest = _curvature(coefficients)
             first = squares[leg, 0] + rise * (low - knots_s[leg])
             last = first + rise * (high - low)
-            if min(first, last) * sharp > most:
+            if min(first, last) * sharp**power > most:
                 return float(0.5 * (low + high))
             top -= 1
-            if not max(first, last) * sharpest <= most and high - low > _SHORT:
+            if not max(first, last) * sharpest**power <= most and high - low > _SHORT:
                 cut = 0.5 * (low + high)
                 starts[top + 1], stops[top + 1] = cut, high
                 starts[top + 2], stops[top + 2] = low, cut

@@ -25,6 +25,7 @@ _SPEED: Final = 1.0001
 _ACCEL: Final = 1.01
 _LATERAL: Final = 1.02
 _TURN: Final = 1.01
+_TURN_RATE: Final = 1.02
 """Factors by which a limit may be exceeded, to allow for rounding to the wire."""
 
 
@@ -81,25 +82,25 @@ def _direction(corners: Array) -> Array:
 
 def _bend_failures(driven: Driven, limits: Limits) -> list[str]:
     """Return a sentence for each limit that a bend breaks, with the arc length of the bend."""
-    if limits.max_lateral_accel is None and not limits.min_turn_radius > 0.0:
+    lateral, turning = limits.max_lateral_accel, limits.max_turn_rate
+    radius = limits.min_turn_radius
+    if lateral is None and turning is None and not radius > 0.0:
         return []
     line, failures = driven.timeline, _corner_failures(driven)
     curve = series(*driven.curve.lifted)
     table = arc_table(*curve)
     knots = np.array([*line.s0, line.length])
-    if limits.max_lateral_accel is not None:
-        squares = np.square(np.column_stack((line.v0, line.v1)))
-        most = limits.max_lateral_accel * _LATERAL
-        at = too_sharp(curve, table, knots, squares, most)
+    squares = np.square(np.column_stack((line.v0, line.v1)))
+    if lateral is not None:
+        at = too_sharp(curve, table, knots, squares, 1, lateral * _LATERAL)
         if at >= 0.0:
-            failures.append(
-                f"{driven.id} takes a bend above {limits.max_lateral_accel} m/s^2 at {at:.2f} m"
-            )
-    if limits.min_turn_radius > 0.0:
-        ones, most = np.ones((len(line.s0), 2)), _TURN / limits.min_turn_radius
-        at = too_sharp(curve, table, knots, ones, most)
+            failures.append(f"{driven.id} takes a bend above {lateral} m/s^2 at {at:.2f} m")
+    if turning is not None:
+        at = too_sharp(curve, table, knots, squares, 2, (turning * _TURN_RATE) ** 2)
         if at >= 0.0:
-            failures.append(
-                f"{driven.id} turns tighter than {limits.min_turn_radius} m at {at:.2f} m"
-            )
+            failures.append(f"{driven.id} turns faster than {turning} rad/s at {at:.2f} m")
+    if radius > 0.0:
+        at = too_sharp(curve, table, knots, np.ones((len(line.s0), 2)), 1, _TURN / radius)
+        if at >= 0.0:
+            failures.append(f"{driven.id} turns tighter than {radius} m at {at:.2f} m")
     return failures

@@ -42,6 +42,7 @@ _LIMITS: Final = (
     ("max_accel", "m/s^2"),
     ("max_lateral_accel", "m/s^2"),
     ("min_turn_radius", "m"),
+    ("max_turn_rate", "rad/s"),
 )
 
 _PLAN_ROUNDING: Final = 1.0

@@ -106,7 +106,7 @@ ROBOT_QUANTITIES: Final = {
     "max_accel": Quantity("m/s^2", least=LEAST, from_least=True, word="inf"),
     "max_lateral_accel": Quantity("m/s^2", least=LEAST, from_least=True, word="inf"),
     "min_turn_radius": Quantity("m", from_least=True),
-    "max_turn_rate": Quantity("rad/s", least=LEAST, from_least=True),
+    "max_turn_rate": Quantity("rad/s", least=LEAST, from_least=True, word="inf"),
 }
 
 

@@ -6,6 +6,7 @@ Decides: the fields, their units and defaults.  Must not know: files
 
 from __future__ import annotations
 
+import math
 from typing import Final, Literal
 
 import msgspec
@@ -15,7 +16,15 @@ Pose = tuple[float, float] | tuple[float, float, float]
 Policy = Literal["safe", "paper"]
 
 TURN_RATE: Final = 2.0
-"""How fast robots turn on the spot [rad/s] if a scenario does not say it."""
+"""How fast robots turn [rad/s] if a scenario does not say it and they take time to speed up."""
+
+
+def usual_turn_rate(accel: float) -> float:
+    """Return the turn rate [rad/s] of a robot with this acceleration [m/s^2] if none is given.
+
+    A robot that starts and stops at once turns at once, too.
+    """
+    return TURN_RATE if math.isfinite(accel) else math.inf
 
 
 class GivenPath(msgspec.Struct, frozen=True, kw_only=True):
@@ -52,7 +61,7 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
     """Default: max_accel."""
     min_turn_radius: float = 0.0
     max_turn_rate: float = TURN_RATE
-    """How fast it turns on the spot [rad/s]."""
+    """How fast it turns [rad/s], on the spot and in bends.  Default: inf if max_accel is."""
     priority: int = 0
     home: Pose | None = None
     """Where it goes when it is in the way and has nothing to do."""

@@ -29,7 +29,15 @@ from coordinator.scenario.checks import (
     show,
 )
 from coordinator.scenario.file_kinds import LOG_MAGIC, kind_of_document, wrong_kind
-from coordinator.scenario.model import Link, Policy, Pose, Robot, Scenario, Workspace
+from coordinator.scenario.model import (
+    Link,
+    Policy,
+    Pose,
+    Robot,
+    Scenario,
+    Workspace,
+    usual_turn_rate,
+)
 from coordinator.scenario_files.orders_table import read_demand, read_orders, stated
 from coordinator.scenario_files.path_table import read_path
 from coordinator.scenario_files.table_reader import MOST_PRIORITY, Table
@@ -180,6 +188,7 @@ def _robot(value: object, where: str, problems: list[str]) -> Robot:
     fields = {"radius": math.nan, "max_speed": math.nan} | table.numbers(ROBOT_QUANTITIES)
     fields.setdefault("max_accel", fields["max_speed"])
     fields.setdefault("max_lateral_accel", fields["max_accel"])
+    fields.setdefault("max_turn_rate", usual_turn_rate(fields["max_accel"]))
     fields["priority"] = table.whole("priority", -MOST_PRIORITY, MOST_PRIORITY, default=0)
     if "home" in table.values:
         fields["home"] = table.place("home", 2, 3)

@@ -12,7 +12,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 from coordinator.scenario.model import (
-    TURN_RATE,
     Demand,
     GivenPath,
     Link,
@@ -21,6 +20,7 @@ from coordinator.scenario.model import (
     Robot,
     Scenario,
     Workspace,
+    usual_turn_rate,
 )
 from coordinator.scenario_files.orders_table import stated
 
@@ -91,7 +91,7 @@ def _robot(robot: Robot) -> Iterator[str]:
         yield f"max_lateral_accel = {_number(robot.max_lateral_accel)}"
     if robot.min_turn_radius:
         yield f"min_turn_radius = {_number(robot.min_turn_radius)}"
-    if robot.max_turn_rate != TURN_RATE:
+    if robot.max_turn_rate != usual_turn_rate(robot.max_accel):
         yield f"max_turn_rate = {_number(robot.max_turn_rate)}"
     if robot.home is not None:
         yield f"home = {_place(robot.home)}"

@@ -102,7 +102,7 @@ def _length(robot, dice):
 def _limits(robot, dice):
     if robot.limits is None:
         return robot
-    name = dice.choice(("max_speed", "max_accel", "max_lateral_accel"))
+    name = dice.choice(("max_speed", "max_accel", "max_lateral_accel", "max_turn_rate"))
     value = getattr(robot.limits, name)
     if value is None:
         return robot

@@ -16,7 +16,7 @@ from tests.second_checker.wire import read
 TOLERANCE, RESOLUTION, ARC = 1e-3, 2.5e-4, 2.5e-4
 """What a plan may be short of [m], in distances; in what the proof measures; in arc lengths."""
 
-SPEED, ACCEL, LATERAL, TURN = 1.0001, 1.01, 1.02, 1.01
+SPEED, ACCEL, LATERAL, TURN, TURN_RATE = 1.0001, 1.01, 1.02, 1.01, 1.02
 _CORNER = 0.01
 
 
@@ -99,7 +99,7 @@ def _lesser(one, other):
 
 
 def _check_limits(found, robot, message, ride, limits):
-    path, motion = ride.path, ride.motion
+    motion = ride.motion
     if max(motion.v0.max(), motion.v1.max()) > limits.max_speed * SPEED:
         found.broken.append(f"{robot} speed")
     if limits.max_accel is None:
@@ -113,16 +113,25 @@ def _check_limits(found, robot, message, ride, limits):
             found.broken.append(f"{robot} begin or end")
         if not 0.0 < float(message.brake) <= max(limits.max_accel, 1e-3):
             found.broken.append(f"{robot} brakes")
-    if limits.max_lateral_accel is None and not limits.min_turn_radius:
+    _check_bends(found, robot, ride, limits)
+
+
+def _check_bends(found, robot, ride, limits):
+    path, motion = ride.path, ride.motion
+    if (limits.max_lateral_accel, limits.max_turn_rate, limits.min_turn_radius) == (None, None, 0):
         return
     if _sharpest_corner(path.pieces) > _CORNER:
         found.broken.append(f"{robot} corner")
     reached, most = curvatures(path.pieces)
+    low, high = _squares(path, motion)
     if limits.max_lateral_accel is not None:
-        squares = _squares(path, motion)
-        low, high = (reached * squares[0]).max(), (most * squares[1]).max()
         allowed = limits.max_lateral_accel * LATERAL
-        found.judge(f"{robot} bend", allowed - high, allowed - low, 0.0)
+        slack = allowed - (most * high).max(), allowed - (reached * low).max()
+        found.judge(f"{robot} bend", *slack, 0.0)
+    if limits.max_turn_rate is not None:
+        allowed = limits.max_turn_rate * TURN_RATE
+        slack = allowed - (most * np.sqrt(high)).max(), allowed - (reached * np.sqrt(low)).max()
+        found.judge(f"{robot} turn rate", *slack, 0.0)
     if limits.min_turn_radius:
         allowed = TURN / limits.min_turn_radius
         found.judge(f"{robot} turn", allowed - most.max(), allowed - reached.max(), 0.0)

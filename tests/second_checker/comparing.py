@@ -23,6 +23,7 @@ _SAYS = {
     "corner": "has a corner",
     "bend": "takes a bend",
     "turn": "turns tighter",
+    "turn rate": "turns faster",
     "margin": "the margin is",
 }
 """What a sentence of the proof says about a demand that is not met."""

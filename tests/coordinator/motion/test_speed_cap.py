@@ -17,6 +17,9 @@ from tests.sweeps import seeds
 LIMITS = ((0.475, 0.5, 0.5), (1.9, 2.0, 1.0), (0.5, math.inf, 0.5), (2.0, 1.0, 0.2))
 """Speed, acceleration, lateral acceleration."""
 
+TURNING = ((0.475, 0.5, 0.5, 2.0), (1.9, 2.0, 1.0, 1.5), (0.5, 1.0, math.inf, 0.8))
+"""The same, and the turn rate."""
+
 SAMPLES = 500
 """Per knot span: 20 times as many as the code under test looks at to begin with."""
 
@@ -57,9 +60,10 @@ def samples(curve):
     return np.maximum.accumulate(curve.arc_at(u)), np.abs(curve.curvature(u))
 
 
-def exact_time(s, bend, speed, accel, lateral):
+def exact_time(s, bend, speed, accel, lateral, turning=math.inf):
     """The fastest time from rest to rest by a forward and a backward pass over samples."""
-    w = np.minimum(speed**2, lateral / np.maximum(bend, 1e-12))
+    bend = np.maximum(bend, 1e-12)
+    w = np.minimum(np.minimum(speed**2, lateral / bend), np.square(turning / bend))
     gain = speed**2 / 0.01 if math.isinf(accel) else 2.0 * accel
     w[[0, -1]] = w[[0, -1]] if math.isinf(accel) else 0.0
     w, size = w.tolist(), np.diff(s).tolist()
@@ -72,21 +76,22 @@ def exact_time(s, bend, speed, accel, lateral):
     return float(np.sum(2.0 * np.diff(s)[moving] / (v[:-1] + v[1:])[moving]))
 
 
-def check(curve, speed, accel, lateral):
+def check(curve, speed, accel, lateral, turning=math.inf, loss=0.01):
     """Hold a motion against the limits and the exact time; return its number of knots."""
     s, bend = samples(curve)
     knots_s, knots_w = np.array(
-        speed_knots(limits_on(curve, speed, accel, lateral), 0.0, curve.length)
+        speed_knots(limits_on(curve, speed, accel, lateral, turning), 0.0, curve.length)
     )
     w = np.interp(s, knots_s, knots_w)
     assert np.max(w * bend) <= lateral * (1.0 + 1e-9)
+    assert np.max(np.sqrt(w) * bend) <= turning * (1.0 + 1e-9)
     assert np.max(w) <= speed**2 * (1.0 + 1e-9)
     if math.isfinite(accel):
         assert (knots_w[0], knots_w[-1]) == (0.0, 0.0)
         assert np.max(np.abs(np.diff(knots_w)) / np.diff(knots_s)) <= 2.0 * accel * (1.0 + 1e-6)
     took = times_at(knots_s, knots_w, knots_s)[-1]
-    exact = exact_time(s, bend, speed, accel, lateral)
-    assert exact * (1.0 - 1e-4) <= took <= exact * 1.01
+    exact = exact_time(s, bend, speed, accel, lateral, turning)
+    assert exact * (1.0 - 1e-4) <= took <= exact * (1.0 + loss)
     return len(knots_s)
 
 
@@ -98,6 +103,12 @@ def test_wild_curves_are_driven_within_the_limits_and_within_1_percent_of_the_fa
     assert check(curve, *LIMITS[seed % len(LIMITS)]) <= 10 + 12 * spans
 
 
+@pytest.mark.parametrize("seed", seeds(24))
+def test_turn_rates_hold_on_wild_curves_too(seed):
+    # v^2 falls with the square of the curvature: a message has no room for all of its knots.
+    check(a_wild_curve(seed), *TURNING[seed % len(TURNING)], loss=0.06)
+
+
 ZIGZAG = ((0, 0), (3, 0), (4, 3), (7, 2), (10, 6))
 
 
@@ -107,6 +118,8 @@ def test_corners_take_few_knots(width):
     assert check(curve, *LIMITS[0]) <= 4 + 3 * 3
     assert check(curve, *LIMITS[1]) <= 4 + 3 * 5
     assert check(curve, *LIMITS[2]) <= 2 + 3 * 5
+    assert check(curve, *TURNING[0], loss=0.012) <= 4 + 3 * 5
+    assert check(curve, *TURNING[1], loss=0.012) <= 4 + 3 * 9
 
 
 @pytest.mark.parametrize("width", [0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2])
