@@ -21,9 +21,13 @@ test: .venv/dev.stamp check
 	$(BIN)/python -m pytest $(BESIDE) --every 7
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile tests/system
 
-# What takes longer than a change can wait: all seeds of the sweeps.
+# What takes longer than a change can wait: all seeds of the sweeps, and others each night.
+soak: NIGHT := $(shell date +%Y%m%d)
 soak: .venv/dev.stamp
 	$(BIN)/python -m pytest $(BESIDE)
+	$(BIN)/python -m benchmarks.reliability --count 200 --from-seed $(NIGHT)
+	$(BIN)/python -m benchmarks.order_campaign --count 40 --from-seed $(NIGHT)
+	$(BIN)/python -m benchmarks.mutation --count 100 --seed $(NIGHT) --minutes 30 --kept benchmarks/results/mutants-$(NIGHT).jsonl
 
 check: .venv/dev.stamp
 	$(BIN)/ruff check .
