@@ -34,8 +34,8 @@ def a_report(phase=DONE, fault=0, late=0):
     return Report(7, 1, 1, phase, fault, None, 1_000, late)
 
 
-def a_command(phase=GO, epoch=1):
-    return Command(boot=1, term=1, sequence=1, epoch=epoch, phase=phase, start_ns=0, said_ns=0)
+def a_command(phase=GO, epoch=1, said_ns=0, boot=1):
+    return Command(boot, term=1, sequence=1, epoch=epoch, phase=phase, start_ns=0, said_ns=said_ns)
 
 
 class FakeFleet(Transport):
