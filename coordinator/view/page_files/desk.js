@@ -91,9 +91,9 @@ class Desk {
     if (!this.fleet || this.fleet.blocks.join() !== blocks) this.learnBlocks();
     this.fleet = fleet;
     this.tellAlarms(fleet.alarms);
-    byId("go-on").hidden = fleet.phase !== "stop";
-    byId("stop").disabled = !["go", "hold"].includes(fleet.phase);
-    byId("end-mission").hidden = fleet.phase === "over";
+    update(byId("go-on"), { hidden: fleet.phase !== "stop" });
+    update(byId("stop"), { disabled: !["go", "hold"].includes(fleet.phase) });
+    update(byId("end-mission"), { hidden: fleet.phase === "over" });
   }
 
   /** Whether the coordinator is heard, and a robot that was is not any more. */
