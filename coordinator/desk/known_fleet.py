@@ -15,6 +15,7 @@ from coordinator.desk.alarms import Alarms
 from coordinator.desk.answers import FleetAnswer, RobotState
 from coordinator.exchange.vda5050_state import Seen
 from coordinator.findings.info_fields import OrderSummary
+from coordinator.fleet.log_records import LINK_UP
 from coordinator.fleet.orders import LEAVE
 from coordinator.plan.wire import unpack
 from coordinator.scenario.order_checks import OWN
@@ -94,6 +95,9 @@ class KnownFleet:
         """What was said of robots that have joined."""
 
         self._robots: dict[str, _Heard | None] = {}
+        self._cut_off: frozenset[str] = frozenset()
+        """Robots whose links were lost, and that have not been heard since."""
+
         self._left: set[str] = set()
         """Robots that were taken out; their programs may go on to speak."""
 
@@ -107,6 +111,9 @@ class KnownFleet:
         if place is None or place[0] != (self.fleet or place[0]):
             return None
         _, kind, name = place
+        if kind == "alive":
+            self._cut_off = self._cut_off - {name} if payload == LINK_UP else self._cut_off | {name}
+            return None
         message = decode(kind, payload)
         if message is None:
             self.heard["bad"] += 1
@@ -204,7 +211,7 @@ class KnownFleet:
             name,
             report.phase,
             report.fault,
-            self._hears(heard, now),
+            self._hears(name, heard, now),
             "" if order is None else order.id,
             order is not None and order.state == ORDER_DONE,
             None if plan is None else _end_of(plan),
@@ -214,7 +221,7 @@ class KnownFleet:
         heard = self._robots[name]
         if heard is None:
             return RobotState(id=name)
-        report, is_heard = heard.report, self._hears(heard, now)
+        report, is_heard = heard.report, self._hears(name, heard, now)
         mine = [one for one in self.orders.values() if one.robot == name]
         going = _under_way(mine)
         waiting = [one for one in mine if one.state not in (*ENDED, UNDER_WAY)]
@@ -231,13 +238,15 @@ class KnownFleet:
             reach=None if is_heard else self._reach(name, report),
         )
 
-    def _hears(self, heard: _Heard, now: float) -> bool:
+    def _hears(self, name: str, heard: _Heard, now: float) -> bool:
         """Return whether a robot is heard still.
 
         A simulated fleet may be slower than our clock, and messages may come in bursts: while the
         coordinator is heard, it is its clock that says how long a robot has been silent.
         """
         then, command = heard.command, self.command
+        if name in self._cut_off:
+            return False
         if now - heard.at < _SILENCE:
             return True
         if then is None or command is None or then.boot != command.boot or not self.is_heard(now):
@@ -277,6 +286,7 @@ class KnownFleet:
         if report.fault != NO_FAULT and (before is None or before.report.fault != report.fault):
             self.faults[fault_name(report.fault)] += 1
         self._robots[robot] = _Heard(report, now, self.command)
+        self._cut_off -= {robot}
 
     def _take_order(self, state: OrderState, now: float) -> None:
         if state.released_ms is None and state.state == REFUSED:

@@ -4,6 +4,7 @@ import msgspec
 import pytest
 
 from coordinator.desk.known_fleet import KnownFleet
+from coordinator.fleet.log_records import LINK_GONE
 from coordinator.planning.planner import plan_fleet
 from protocol import keys
 from protocol.codec import encode
@@ -78,6 +79,14 @@ def test_who_is_silent_for_a_second_is_not_heard_and_calls_a_person_until_it_is_
     assert known.answer(2.1, {}).alarms[0].is_acknowledged
     fleet_of(report("R1"), known=known, at=2.2)
     assert known.answer(2.2, {}).alarms == []
+
+
+def test_who_loses_its_link_is_not_heard_from_then_on_until_it_reports():
+    known = fleet_of(COMMAND, report("R1"))
+    known.hear(keys.alive(FLEET, "R1"), LINK_GONE, 0.1)
+    assert [one.id for one in known.answer(0.1, {}).alarms] == ["lost-R1"]
+    fleet_of(report("R1"), known=known, at=0.2)
+    assert known.answer(0.2, {}).alarms == []
 
 
 @pytest.mark.parametrize(
