@@ -229,10 +229,14 @@ class Desk {
     return null;
   }
 
-  /** Draw closed places and the goal that is being chosen. */
-  draw(view, pen, look) {
+  /** Draw closed places, whom alarms are about, and the goal that is being chosen. */
+  draw(view, pen, look, found) {
     pen.strokeStyle = look.red;
     pen.fillStyle = look.red;
+    const alarmed = new Set(this.fleet ? this.fleet.alarms.map((one) => one.robot) : []);
+    this.told.names().forEach((name, index) => {
+      if (found[index] && alarmed.has(name)) view.ring(pen, found[index], index, look.red, 4);
+    });
     pen.lineWidth = 1.5;
     for (const { polygon } of this.blocks) {
       pen.beginPath();

@@ -74,7 +74,7 @@ const TROUBLE = [
 ];
 
 /** What several robots do, where the word for one differs. */
-const DOING = { waits: "waiting", drives: "driving" };
+const DOING = { waits: "waiting", drives: "driving", unheard: "not heard" };
 
 function rank(state) {
   const found = TROUBLE.findIndex((states) => states.includes(state));
@@ -115,14 +115,15 @@ class RobotList {
     this.rows.forEach((row, index) => row.button.setAttribute("aria-pressed", String(index === focus)));
   }
 
-  /** Tell what every robot does; in rows out of sight only if `all` are told. */
+  /** Tell what every robot does; in rows out of sight only what is new, unless `all` are told. */
   tell(found, reasons, orders, all) {
     this.rows.forEach((row, index) => {
       const robot = found[index], unheard = desk.isUnheard(this.bodies[index].id);
       const does = unheard ? "not heard" : said(robot, this.bodies, reasons[index]);
       row.text = orders.has(index) ? `${does} · ${orders.get(index)}` : does;
-      update(row.button.dataset, { state: unheard ? "unheard" : robot ? robot.state : reasons[index] });
-      if (!all && !this.sight.has(this.items[index])) return;
+      const state = unheard ? "unheard" : robot ? robot.state : reasons[index];
+      if (!all && row.button.dataset.state === state && !this.sight.has(this.items[index])) return;
+      row.button.dataset.state = state;
       write(row.state, row.text);
       write(row.speed, robot && robot.v > 0.005 ? `${robot.v.toFixed(2)} m/s` : "");
       row.bar.style.scale = robot ? `${(robot.s / robot.length).toFixed(3)} 1` : "0 1";

@@ -2,6 +2,8 @@
 
 const ORDER_STATES = ["waiting", "under way", "done", "cancelled", "refused"];
 const [WAITING, UNDER_WAY, DONE] = [0, 1, 2];
+/** The coordinator's own orders, by which robots go out of others' way. */
+const MAKES_ROOM = "room-";
 /** So many orders that are over are listed, the last ones. */
 const LISTED = 30;
 
@@ -103,6 +105,7 @@ class OrderList {
     const name = one.robot < 0 ? "" : this.play.scene.robots[one.robot].id;
     const late = one.arrived !== null ? one.arrived - one.planned : robot && robot.motion ? robot.late + putOff : 0;
     const lateness = one.planned !== null && late > LATE ? `, ${late.toFixed(1)} s late` : "";
+    if (one.state === UNDER_WAY && one.id.startsWith(MAKES_ROOM)) return `${name} makes room${lateness}`;
     if (one.state === UNDER_WAY) {
       return `${name} ${one.arrived === null ? "arrives" : "is at the goal"}${lateness}`;
     }

@@ -122,7 +122,7 @@ function draw() {
   const found = play.scene.robots.map((_, index) => play.robot(index, now));
   floor.draw(now, found, focus, hover, look);
   if (shown.heat) flow.draw(floor, floor.sheet.pen, look);
-  desk.draw(floor, floor.sheet.pen, look);
+  desk.draw(floor, floor.sheet.pen, look, found);
   diagram.draw(now, found, focus, hover, look);
   if (preview !== null && hover >= 0) {
     floor.preview(play.robot(hover, preview), hover, preview, look);
