@@ -1,6 +1,7 @@
 # make demo | quick | test | soak | setup | bench | docs | lock.  Everything is installed from the lock into .venv.
 PYTHON ?= python3
 BIN := .venv/bin
+AXE := tests/system/axe/node_modules
 BESIDE := --numprocesses auto --dist worksteal --ignore tests/system
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
@@ -17,7 +18,7 @@ quick: .venv/dev.stamp check
 
 # Every test, each seventh seed of the sweeps.  Whole fleets drive in real time: two at once, with
 # nothing else beside them.
-test: .venv/dev.stamp check
+test: .venv/dev.stamp check $(AXE)
 	$(BIN)/python -m pytest $(BESIDE) --every 7
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile tests/system
 
@@ -41,6 +42,10 @@ bench: .venv/dev.stamp .venv-peers/peers.stamp
 docs: export NO_MKDOCS_2_WARNING := 1
 docs: .venv/dev.stamp
 	$(BIN)/python -m mkdocs build --strict --quiet --config-file docs/site/mkdocs.yml
+
+# axe checks the page's accessibility in a browser.  Without npm, or out of its reach, that is skipped.
+$(AXE): tests/system/axe/package-lock.json
+	npm ci --prefix tests/system/axe --silent --no-audit --no-fund --ignore-scripts || echo "no axe: its tests are skipped"
 
 .venv/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "splinefleet needs Python 3.11 or newer")'
@@ -70,4 +75,4 @@ lock:
 	uv pip compile --quiet --universal --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-find-links --python-version 3.11 benchmarks/peers/requirements.in -o benchmarks/peers/requirements.lock
 
 clean:
-	rm -rf .venv .venv-peers runs build
+	rm -rf .venv .venv-peers runs build $(AXE)

@@ -27,11 +27,14 @@ ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.
 PlanFile = Annotated[
     Path,
     typer.Argument(
-        help="Plan file, as written by `plan -o`, or log of a run: FILE.mcap, or its folder."
+        metavar="PLAN|LOG",
+        help="Plan file, as written by `plan -o`, or log of a run: FILE.mcap, or its folder.",
     ),
 ]
 LogFile = Annotated[Path, typer.Argument(help="Log of a run, MCAP.")]
-Source = Annotated[Path, typer.Argument(help="Log of a run (MCAP) or plan file (JSON).")]
+Source = Annotated[
+    Path, typer.Argument(metavar="PLAN|LOG", help="Log of a run (MCAP) or plan file (JSON).")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 
 
@@ -370,7 +373,7 @@ def coordinator(
 
 @commands.command(rich_help_panel="Plan")
 def plot(
-    source: Annotated[Path, typer.Argument(help="Plan file or log.")],
+    source: Annotated[Path, typer.Argument(metavar="PLAN|LOG", help="Plan file or log.")],
     output: Annotated[
         Path, typer.Option("-o", "--output", help="FILE.svg, .png or .html.", callback=writable())
     ],

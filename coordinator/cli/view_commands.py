@@ -29,7 +29,8 @@ def view(
     source: Annotated[
         Path | None,
         typer.Argument(
-            help="Log or plan file; with --connect, the plan file that shows the floor."
+            metavar="PLAN|LOG",
+            help="Log or plan file; with --connect, the plan file that shows the floor.",
         ),
     ] = None,
     port: Annotated[

@@ -50,7 +50,7 @@ PATIENCE_S: Final = 5.0
 """So long an answer is waited for."""
 
 _SETTLES_S: Final = 1.0
-"""So long a waiting order is given to be begun or refused, so that its first answer says more."""
+"""So long an order that nothing keeps may take to begin: its first answer says more."""
 
 _ADMIT_S: Final = 20.0
 
@@ -96,8 +96,9 @@ class Commands:
     async def give_order(self, body: OrderBody, by: str) -> OrderSummary:
         """Give an order and return what has become of it so far."""
         given = body.message(self._line.boot, f"order-{os.urandom(4).hex()}", self._by(by))
+        is_behind = given.robot and not given.now and self._line.known.is_busy(given.robot)
         state = await self._asked_order(given, given.id)
-        if state.state == WAITING and not (given.release_ms or given.after):
+        if state.state == WAITING and not (given.release_ms or given.after or is_behind):
             begun = partial(_state_of, name=given.id, but=WAITING)
             state = await self._line.await_answer(begun, _SETTLES_S) or state
         if state.state == REFUSED:

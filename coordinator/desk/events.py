@@ -23,7 +23,7 @@ periods knows that the desk has ended."""
 
 async def events(line: Line, *, with_scenes: bool = False) -> AsyncIterator[tuple[str, str]]:
     """Yield (event, JSON in one line) without end; ("", "") keeps the connection alive."""
-    seen, news, shown = -1, _News(), None
+    seen, news, shown = -1, _News(with_orders=not with_scenes), None
     while True:
         fresh = await line.changed(seen, _PERIOD_S)
         is_new, seen = line.version != seen, line.version
@@ -56,9 +56,10 @@ def _times(line: Line, *, word: bool) -> Iterator[tuple[str, str]]:
 
 
 class _News:
-    """What one listener has not been told yet."""
+    """What one listener has not been told yet; a scene holds the orders already."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, with_orders: bool) -> None:
+        self._with_orders = with_orders
         self._robots: dict[str, RobotState] = {}
         self._orders = 0
         self._fleet: FleetAnswer | None = None
@@ -73,6 +74,8 @@ class _News:
         if gone := sorted(self._robots.keys() - still.keys()):
             yield "gone", _line(gone)
         self._robots, self._fleet = still, rest
+        if not self._with_orders:
+            return
         orders, self._orders = known.changed_orders(self._orders), known.order_changes
         for one in orders:
             yield "order", _line(one)

@@ -9,12 +9,13 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from itertools import islice
-from typing import Final
+from typing import Final, NamedTuple
 
 from coordinator.desk.alarms import Alarms
 from coordinator.desk.answers import FleetAnswer, RobotState
 from coordinator.exchange.vda5050_state import Seen
 from coordinator.findings.info_fields import OrderSummary
+from coordinator.fleet.log_records import LINK_UP
 from coordinator.fleet.orders import LEAVE
 from coordinator.plan.wire import unpack
 from coordinator.scenario.order_checks import OWN
@@ -41,12 +42,20 @@ from protocol.plan_parts import unpack_plan
 from protocol.timing import LATE_STEP_MS, REPORT_TIMEOUT, SECOND
 
 _SILENCE: Final = REPORT_TIMEOUT / SECOND
-"""Who has said nothing for so long [s] is not heard."""
+"""Who has said nothing for so long [s] is not heard; robots on the coordinator's clock, too."""
 
 _LONG: Final = 60.0
 """An order that waits for longer than this [s] although robots are free needs a person."""
 
 ENDED: Final = (ORDER_DONE, CANCELLED, REFUSED)
+
+
+class _Heard(NamedTuple):
+    """What a robot reported last, when [s], and the newest Command then."""
+
+    report: Report
+    at: float
+    command: Command | None
 
 
 class KnownFleet:
@@ -85,7 +94,10 @@ class KnownFleet:
         self.joined: dict[str, Join] = {}
         """What was said of robots that have joined."""
 
-        self._robots: dict[str, tuple[Report, float] | None] = {}
+        self._robots: dict[str, _Heard | None] = {}
+        self._cut_off: frozenset[str] = frozenset()
+        """Robots whose links were lost, and that have not been heard since."""
+
         self._left: set[str] = set()
         """Robots that were taken out; their programs may go on to speak."""
 
@@ -99,6 +111,9 @@ class KnownFleet:
         if place is None or place[0] != (self.fleet or place[0]):
             return None
         _, kind, name = place
+        if kind == "alive":
+            self._cut_off = self._cut_off - {name} if payload == LINK_UP else self._cut_off | {name}
+            return None
         message = decode(kind, payload)
         if message is None:
             self.heard["bad"] += 1
@@ -176,12 +191,16 @@ class KnownFleet:
         found = [OrderSummary.of(state) for state in self.orders.values()]
         return sorted(found, key=lambda one: (one.released or 0.0, one.id))
 
+    def is_busy(self, robot: str) -> bool:
+        """Return whether a robot has an order under way."""
+        return any(one.robot == robot for one in _under_way(self.orders.values()))
+
     def seen(self, name: str, now: float) -> Seen | None:
         """Return a robot as a VDA 5050 state tells of it; None if it was never heard."""
         heard = self._robots.get(name)
         if heard is None:
             return None
-        report, at = heard
+        report = heard.report
         mine = [one for one in self.orders.values() if one.robot == name]
         done = [one for one in mine if one.state == ORDER_DONE]
         going = _under_way(mine)
@@ -192,7 +211,7 @@ class KnownFleet:
             name,
             report.phase,
             report.fault,
-            now - at < _SILENCE,
+            self._hears(name, heard, now),
             "" if order is None else order.id,
             order is not None and order.state == ORDER_DONE,
             None if plan is None else _end_of(plan),
@@ -202,7 +221,7 @@ class KnownFleet:
         heard = self._robots[name]
         if heard is None:
             return RobotState(id=name)
-        report, at = heard
+        report, is_heard = heard.report, self._hears(name, heard, now)
         mine = [one for one in self.orders.values() if one.robot == name]
         going = _under_way(mine)
         waiting = [one for one in mine if one.state not in (*ENDED, UNDER_WAY)]
@@ -211,13 +230,28 @@ class KnownFleet:
             phase=PHASE_NAMES[report.phase] if report.phase < len(PHASE_NAMES) else "",
             fault="" if report.fault == NO_FAULT else fault_name(report.fault),
             late=report.late * LATE_STEP_MS / 1000.0,
-            age=round(now - at, 3),
-            is_heard=now - at < _SILENCE,
+            age=round(now - heard.at, 3),
+            is_heard=is_heard,
             order=going[0].id if going else "",
             next=[one.id for one in [*going[1:], *waiting]],
             held_by=held.get(name, ""),
-            reach=None if now - at < _SILENCE else self._reach(name, report),
+            reach=None if is_heard else self._reach(name, report),
         )
+
+    def _hears(self, name: str, heard: _Heard, now: float) -> bool:
+        """Return whether a robot is heard still.
+
+        A simulated fleet may be slower than our clock, and messages may come in bursts: while the
+        coordinator is heard, it is its clock that says how long a robot has been silent.
+        """
+        then, command = heard.command, self.command
+        if name in self._cut_off:
+            return False
+        if now - heard.at < _SILENCE:
+            return True
+        if then is None or command is None or then.boot != command.boot or not self.is_heard(now):
+            return False
+        return command.said_ns - then.said_ns < REPORT_TIMEOUT
 
     def _reach(self, name: str, report: Report) -> tuple[float, float] | None:
         """Return the place [m] at which a robot's authority ends on the course that it drives."""
@@ -249,9 +283,10 @@ class KnownFleet:
         if robot in self._left:
             return
         before = self._robots.get(robot)
-        if report.fault != NO_FAULT and (before is None or before[0].fault != report.fault):
+        if report.fault != NO_FAULT and (before is None or before.report.fault != report.fault):
             self.faults[fault_name(report.fault)] += 1
-        self._robots[robot] = (report, now)
+        self._robots[robot] = _Heard(report, now, self.command)
+        self._cut_off -= {robot}
 
     def _take_order(self, state: OrderState, now: float) -> None:
         if state.released_ms is None and state.state == REFUSED:

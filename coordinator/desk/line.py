@@ -17,6 +17,7 @@ from typing import Final, TypeVar
 from coordinator.desk.answers import FleetAnswer
 from coordinator.desk.differences import Json, plain
 from coordinator.desk.known_fleet import KnownFleet
+from coordinator.fleet.log_records import link_record
 from coordinator.view.live_course import LiveCourse
 from coordinator.view.scene import Scene
 from protocol import keys
@@ -60,6 +61,11 @@ class Line:
         for kind in (keys.hello, keys.plan, keys.report, keys.clock, keys.orders, keys.blocks):
             self._transport.subscribe(kind(name, "*"), self._from_any_thread)
         self._transport.subscribe(keys.command(name), self._from_any_thread)
+
+        def link_changed(key: str, alive: bool) -> None:
+            self._from_any_thread(key, link_record(alive), None)
+
+        self._transport.watch_alive(keys.alive(name, "*"), link_changed)
 
     @property
     def version(self) -> int:

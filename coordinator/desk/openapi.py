@@ -21,8 +21,8 @@ Schema = dict[str, Any]
 _VERSION: Final = "3.1.0"
 _EVENTS: Final = (
     "Server-sent events: `fleet` (as /api/fleet; after the first one only robots that changed), "
-    "`gone` (robots that have left), `order` (an order that has changed).  With `scenes=1` also "
-    "what the page draws."
+    "`gone` (robots that have left), `order` (an order that has changed).  With `scenes=1` "
+    "what the page draws in place of `order`."
 )
 
 

@@ -19,6 +19,7 @@ from typing import Final, Literal
 
 import msgspec
 
+from coordinator.fleet.log_records import LINK_UP, link_record
 from protocol import keys
 from protocol.transport import AliveHandler, Answers, Handler, Transport
 
@@ -75,8 +76,13 @@ class TappedLink(Transport):
         self._inner.declare_alive(key)
 
     def watch_alive(self, key_expression: str, handler: AliveHandler) -> None:
-        """Watch keys of the link."""
-        self._inner.watch_alive(key_expression, handler)
+        """Watch keys of the link; the other process is told what a log would say of them."""
+
+        def hear(key: str, alive: bool) -> None:
+            handler(key, alive)
+            self._pass_on(key, link_record(alive), None)
+
+        self._inner.watch_alive(key_expression, hear)
 
     def tell_log_failed(self, text: str) -> None:
         """Tell the other process that the log cannot be written any more; no message says so."""
@@ -151,7 +157,12 @@ class PipeLink(Transport):
         """Do nothing: nobody watches the end of a pipe."""
 
     def watch_alive(self, key_expression: str, handler: AliveHandler) -> None:
-        """Do nothing: nobody is alive at the end of a pipe."""
+        """Call the handler for every change that the coordinator hears of."""
+
+        def hear(key: str, payload: bytes, _sent_ns: int | None) -> None:
+            handler(key, payload == LINK_UP)
+
+        self.subscribe(key_expression, hear)
 
     def close(self) -> None:
         """End the pipe."""

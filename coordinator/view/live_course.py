@@ -18,6 +18,7 @@ from coordinator.findings.held import Holds, late_numbers
 from coordinator.findings.info_fields import FaultSummary
 from coordinator.findings.plans_from_messages import SaidPlans
 from coordinator.findings.wait_guesses import with_reasons
+from coordinator.fleet.log_records import LINK_GONE
 from coordinator.log.unheard_plans import UnheardPlans
 from coordinator.plan.document import PlanDocument
 from coordinator.proof.granted import Granted
@@ -82,6 +83,7 @@ class LiveCourse:
         self._granted: dict[int, Granted] = {}
         self._holds = Holds()
         self._faults: dict[str, int] = {}
+        self._lost: set[str] = set()
         self._first: tuple[int, float] | None = None
         self._latest: tuple[int, float] = (0, 0.0)
         self._word: tuple[float, int] | None = None
@@ -105,9 +107,11 @@ class LiveCourse:
     def hear(self, key: str, payload: bytes, now: float) -> bool:
         """Process a message on a key; return whether a page would look different."""
         place = keys.split(key)
-        if place is None or place[0] != (self.fleet or place[0]) or place[1] in ("alive", "admit"):
+        if place is None or place[0] != (self.fleet or place[0]) or place[1] == "admit":
             return False
         self.fleet = place[0]
+        if place[1] == "alive":
+            return payload == LINK_GONE and self._lose(place[2], "lost its link", "link", now)
         message = decode(place[1], payload)
         if isinstance(message, Clock) and message.answered_ns is not None:
             self._set_clock(message.answered_ns, now)
@@ -197,6 +201,8 @@ class LiveCourse:
             course.take_command(message, self._now_ns(now))
             held = self._take_held(message, now)
             silent = course.said.silent(message.epoch, self._now_ns(now))
+            for name in sorted(silent):
+                self._lose(name, "fell silent", "silence", now)
             phase = (message.phase, message.start_ns)
             stand = (message.epoch, phase, self._reasons(message.epoch), silent)
             changed = self._stand != stand
@@ -241,8 +247,19 @@ class LiveCourse:
         aside = names - self._course.takes_part(plans[epoch])
         return tuple(self._course.why_aside(epoch, name) for name in sorted(aside))
 
+    def _lose(self, robot: str, what: str, kind: str, now: float) -> bool:
+        """Take in that a robot on its way is not heard any more; return whether that is news."""
+        epoch = max(self._course.starts, default=0)
+        on_its_way = robot in self._course.said.who(epoch) - self._course.said.done()
+        if robot in self._lost or not on_its_way or self._word is None or self._word[1] == OVER:
+            return False
+        self._lost.add(robot)
+        self._course.faults.append((self._now_ns(now), FaultSummary(0.0, robot, what, kind)))
+        return True
+
     def _take_report(self, report: Report, robot: str, now: float) -> bool:
         course, now_ns = self._course, self._now_ns(now)
+        self._lost.discard(robot)
         stops = course.said.take(report, robot, now_ns)
         if report.epoch in self._granted:
             self._granted[report.epoch].take_report(robot, report)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
-from coordinator.base.console import tell, write_file
+from coordinator.base.console import tell, tell_now, write_file
 from coordinator.mission.aside_news import AsideNews
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import to_json
@@ -80,7 +80,7 @@ def simulate_run(
             logs=logs,
             stays=desk is not None,
         )
-        teller = _Teller(world)
+        teller = _Teller(world, by_day=desk is not None)
         try:
             if desk is None:
                 over, _ = run_world(world, document, teller.tell_news)
@@ -102,7 +102,7 @@ def _run_before_people(
 ) -> bool:
     """Run a world that a desk looks at; return whether the fleet reached OVER."""
     with with_desk(network.session(DESK), document, place) as (link, address):
-        tell(f"the page is at {address}")
+        tell_now(f"the page is at {address}")
         window = DeskWindow(world, link, speed)
 
         def watch() -> None:
@@ -119,10 +119,10 @@ def _write_boxes(folder: Path, world: World) -> None:
 
 
 class _Teller:
-    """Tells what happens in a world, with the time [s] since the first GO."""
+    """Tells what happens in a world, with the time [s] since the first GO, or that of the day."""
 
-    def __init__(self, world: World) -> None:
-        self._world = world
+    def __init__(self, world: World, *, by_day: bool) -> None:
+        self._world, self._by_day = world, by_day
         self._aside_news = AsideNews()
         self._incidents = 0
         self._strikes = 0
@@ -150,4 +150,7 @@ class _Teller:
             self._tell(self._world.now_ns, "given up: the fleet does not come to its end")
 
     def _tell(self, now_ns: int, text: str) -> None:
-        tell(f"{(now_ns - self._world.began_ns) / SECOND:.2f} s {text}")
+        if self._by_day:
+            tell_now(text)
+        else:
+            tell(f"{(now_ns - self._world.began_ns) / SECOND:.2f} s {text}")

@@ -30,7 +30,7 @@ from sim.processes.programs import Programs
 from sim.processes.relay import Relay
 from sim.processes.run_folder import clear_folder, drop_starts
 from sim.processes.scripted_body import SCRIPT
-from sim.world.fault_text import Fault, Strike, strikes_of
+from sim.world.fault_text import Fault, Strike, strikes_of, write_fault
 from sim.world.random_traffic import Babbler
 
 Process = subprocess.Popen[str]
@@ -202,7 +202,7 @@ class LocalFleet:
                 break
         for strike in self._strikes:
             if strike.first:
-                tell_now(f"{_name(strike.fault)}: the run had ended before")
+                tell_now(f"{write_fault(strike.fault)}: the run had ended before")
 
     def _awaits_resumption(self) -> bool:
         """Return whether the coordinator was killed and another is to follow."""
@@ -242,7 +242,7 @@ class LocalFleet:
                 self._babblers.append(Babbler(self.endpoint, name, fault.robot, seconds, own))
             case "resume":
                 self._resume_coordinator()
-        text = f"{_name(fault)} at {strike.time:g} s" + ("" if strike.first else f": {strike.act}")
+        text = write_fault(fault) + ("" if strike.first else f": {strike.act}")
         tell_now(text)
         self._told.append({"event": "strike", "robot": fault.robot, "text": text})
 
@@ -272,10 +272,6 @@ class LocalFleet:
 def _tell_trouble(event: Event) -> None:
     if event["event"] in (*TROUBLE, "order", "order state", "page"):
         tell_now(str(event["text"]))
-
-
-def _name(fault: Fault) -> str:
-    return f"{fault.kind} {fault.robot}".rstrip()
 
 
 def _wait(process: Process, deadline: float) -> None:

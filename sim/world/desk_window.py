@@ -33,6 +33,7 @@ class DeskWindow:
         for kind in (keys.hello, keys.plan, keys.report, keys.clock, keys.orders, keys.blocks):
             link.subscribe(kind(name, "*"), _hear)
         link.subscribe(keys.command(name), _hear)
+        link.watch_alive(keys.alive(name, "*"), lambda _key, _alive: None)
         for key in (keys.order, keys.tell, keys.block, keys.roster):
             link.subscribe(key(name), self._take)
         link.subscribe(keys.admit(name, "*"), self._take)

@@ -74,9 +74,7 @@ def read_faults(texts: Sequence[str], robots: Sequence[str]) -> list[Fault]:
 
 def write_fault(fault: Fault) -> str:
     """Return the text that parses to this fault."""
-    whose = f":{fault.robot}" if fault.robot else ""
-    value = "" if fault.value == KINDS[fault.kind].default else f":{fault.value:g}"
-    return f"{fault.kind}{whose}@{fault.time:g}{value}"
+    return fault.written(KINDS[fault.kind].default)
 
 
 def fault_help() -> str:

@@ -110,6 +110,12 @@ class Fault:
         """The first act of the fault."""
         return KINDS[self.kind].act
 
+    def written(self, default: float | None) -> str:
+        """Return the text that parses to this fault; its number is left out if it is `default`."""
+        whose = f":{self.robot}" if self.robot else ""
+        value = "" if self.value == default else f":{self.value:g}"
+        return f"{self.kind}{whose}@{self.time:g}{value}"
+
 
 class Strike(NamedTuple):
     """One act of a fault and its time [s since GO]; `first`: whether this act begins the fault."""
@@ -132,6 +138,11 @@ def parse_faults(texts: Sequence[str], robots: Sequence[str]) -> list[Fault]:
     if problems:
         raise InputError(problems)
     return sorted(faults, key=lambda fault: fault.time)
+
+
+def write_fault(fault: Fault) -> str:
+    """Return the text that parses to this fault."""
+    return fault.written(KINDS[fault.kind].default)
 
 
 def strikes_of(faults: Iterable[Fault]) -> list[Strike]:

@@ -9,7 +9,12 @@ import shutil
 import signal
 import subprocess
 import time
+from pathlib import Path
 
+import pytest
+
+AXE = Path(__file__).parent / "axe" / "node_modules" / "axe-core" / "axe.min.js"
+needs_axe = pytest.mark.skipif(not AXE.is_file(), reason="no axe here: `make test` installs it")
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 OPTIONS = (
     "--headless",
@@ -159,6 +164,12 @@ class Tab:
         self.call("Performance.enable")
         found = self.call("Performance.getMetrics")["metrics"]
         return next(one["value"] for one in found if one["name"] == "LayoutCount")
+
+    def violations(self):
+        """Return what axe finds that keeps people out: rules, and where they are broken."""
+        self.run(AXE.read_text() + "; true")
+        found = self.run("axe.run(document, {resultTypes: ['violations']})")
+        return [(one["id"], [n["target"] for n in one["nodes"]]) for one in found["violations"]]
 
     def picture(self, path):
         """Write a picture of what is seen."""

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from tests.system.browser import browser, find_browser
+from tests.system.browser import browser, find_browser, needs_axe
 from tests.system.fleet_tools import TWO_ROBOTS, free_endpoint, line_with, started
 
 pytestmark = pytest.mark.skipif(
@@ -18,6 +18,7 @@ ALARMS = "document.getElementById('alarms').innerText"
 ORDERS = "document.getElementById('orders').innerText"
 OUTLOOK = "document.getElementById('outlook').textContent"
 PHASE = "document.getElementById('phase').textContent"
+STATES = "Object.values(splinefleet.at(splinefleet.time)).map(robot => robot.state).join()"
 SPOT = """(() => {
   const { left, top, width, height } = document.getElementById('floor').getBoundingClientRect();
   return [left + 0.5 * width, top + 0.5 * height];
@@ -26,6 +27,13 @@ SPOT = """(() => {
 
 def click(tab, name):
     tab.run(f"document.getElementById('{name}').click()")
+
+
+def order_to(tab, place):
+    """Send an order to a place for the chosen robot."""
+    tab.run(f"document.getElementById('order-place').value = '{place}'")
+    tab.run("document.getElementById('order-place').dispatchEvent(new Event('input'))")
+    click(tab, "order-send")
 
 
 def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
@@ -42,8 +50,7 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
         }
         tab.screen(1440, 900)
         tab.open(address)
-        states = "Object.values(splinefleet.at(splinefleet.time)).map(robot => robot.state).join()"
-        tab.wait(f"{states} === 'arrived,arrived'", 60.0)
+        tab.wait(f"{STATES} === 'arrived,arrived'", 60.0)
 
         tab.run("splinefleet.choose(0)")
         x, y = tab.run(SPOT)
@@ -64,9 +71,7 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
 
         tab.run("document.querySelector('.cancel:not([hidden])').click()")
         tab.wait(f"{ORDERS}.includes('cancelled')")
-        tab.run("document.getElementById('order-place').value = '99, 99'")
-        tab.run("document.getElementById('order-place').dispatchEvent(new Event('input'))")
-        click(tab, "order-send")
+        order_to(tab, "99, 99")
         tab.wait(f"{ALARMS}.includes('is refused')")
 
         agents["R2"].send_signal(signal.SIGKILL)
@@ -98,3 +103,33 @@ def test_who_only_looks_has_no_commands(tmp_path):
         tab.open(line_with(view, "http://").strip())
         hidden = "['command', 'give'].map(id => document.getElementById(id).hidden).join()"
         assert tab.run(hidden) == "false,false"
+
+
+@needs_axe
+def test_axe_finds_nothing_on_a_desk_with_orders_and_alarms_that_keeps_anybody_out(tmp_path):
+    (tmp_path / "two.toml").write_text(TWO_ROBOTS)
+    endpoint = free_endpoint()
+    with ExitStack() as stack:
+        tab = stack.enter_context(browser(tmp_path / "profile"))
+        options = ("--listen", endpoint, "--page", "127.0.0.1:0", "--json", "--stay")
+        coordinator = stack.enter_context(started("coordinator", tmp_path / "two.toml", *options))
+        address = json.loads(line_with(coordinator, "http://", 60.0))["address"]
+        agents = [
+            stack.enter_context(started("agent", robot, "--connect", endpoint))
+            for robot in ("R1", "R2")
+        ]
+        tab.screen(1440, 900)
+        tab.open(address)
+        tab.wait(f"{STATES} === 'arrived,arrived'", 60.0)
+        tab.run("splinefleet.choose(0)")
+        order_to(tab, "99, 99")
+        tab.wait(f"{ALARMS}.includes('is refused')")
+        order_to(tab, "2, 2")
+        tab.wait(f"{ORDERS}.includes('R1 arrives')")
+        agents[1].send_signal(signal.SIGKILL)
+        tab.wait(f"{ALARMS}.includes('R2 is not heard')")
+        for width in (390, 1440):
+            for dark in (False, True):
+                tab.screen(width, 900, dark)
+                tab.settle()
+                assert tab.violations() == [], (width, dark)

@@ -2,12 +2,10 @@
 
 import json
 import math
-import os
 import random
 import signal
 import time
 from contextlib import ExitStack
-from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
@@ -20,7 +18,7 @@ from coordinator.view.page import page_of
 from coordinator.view.scene import Held, Mark, Order
 from coordinator.view.scene_plan import scene_of_plan
 from sim.floors.generator import generate
-from tests.system.browser import browser, find_browser
+from tests.system.browser import browser, find_browser, needs_axe
 from tests.system.fleet_tools import (
     ROOT,
     TWO_ROBOTS,
@@ -32,18 +30,6 @@ from tests.system.fleet_tools import (
 
 pytestmark = pytest.mark.skipif(
     find_browser() is None, reason="no Chromium is installed (BROWSER names one)"
-)
-
-AXE = next(
-    (
-        path
-        for path in (
-            Path(os.environ.get("AXE", "axe.min.js")),
-            ROOT / "node_modules" / "axe-core" / "axe.min.js",
-        )
-        if path.is_file()
-    ),
-    None,
 )
 
 
@@ -364,16 +350,14 @@ def test_nothing_scrolls_sideways(page, width, dark):
     assert min(sizes) > 0.4 * min(width, 600)
 
 
-@pytest.mark.skipif(AXE is None, reason="no axe.min.js here (AXE names one)")
+@needs_axe
 @pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("width", [390, 1920])
 def test_axe_finds_nothing_that_keeps_anybody_out(page, width, dark):
     page.screen(width, 1080, dark)
     page.run("splinefleet.seek(2.2)")
     page.settle()
-    page.run(AXE.read_text() + "; true")
-    found = page.run("axe.run(document, {resultTypes: ['violations']})")
-    assert [(one["id"], [n["target"] for n in one["nodes"]]) for one in found["violations"]] == []
+    assert page.violations() == []
 
 
 def test_a_hundred_robots_are_drawn_in_a_fiftieth_of_a_second(tab, folder):

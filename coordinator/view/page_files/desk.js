@@ -91,9 +91,9 @@ class Desk {
     if (!this.fleet || this.fleet.blocks.join() !== blocks) this.learnBlocks();
     this.fleet = fleet;
     this.tellAlarms(fleet.alarms);
-    byId("go-on").hidden = fleet.phase !== "stop";
-    byId("stop").disabled = !["go", "hold"].includes(fleet.phase);
-    byId("end-mission").hidden = fleet.phase === "over";
+    update(byId("go-on"), { hidden: fleet.phase !== "stop" });
+    update(byId("stop"), { disabled: !["go", "hold"].includes(fleet.phase) });
+    update(byId("end-mission"), { hidden: fleet.phase === "over" });
   }
 
   /** Whether the coordinator is heard, and a robot that was is not any more. */
@@ -229,10 +229,14 @@ class Desk {
     return null;
   }
 
-  /** Draw closed places and the goal that is being chosen. */
-  draw(view, pen, look) {
+  /** Draw closed places, whom alarms are about, and the goal that is being chosen. */
+  draw(view, pen, look, found) {
     pen.strokeStyle = look.red;
     pen.fillStyle = look.red;
+    const alarmed = new Set(this.fleet ? this.fleet.alarms.map((one) => one.robot) : []);
+    this.told.names().forEach((name, index) => {
+      if (found[index] && alarmed.has(name)) view.ring(pen, found[index], index, look.red, 4);
+    });
     pen.lineWidth = 1.5;
     for (const { polygon } of this.blocks) {
       pen.beginPath();

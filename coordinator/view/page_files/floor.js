@@ -59,6 +59,8 @@ class FloorView extends Ground {
     const wanted = 90 / this.zoom, tens = 10 ** Math.floor(Math.log10(wanted));
     const length = tens * [5, 2, 1].find((one) => one * tens <= wanted);
     const x = 12, y = this.sheet.height - 12, wide = this.zoom * length;
+    pen.fillStyle = look.panel;
+    pen.fillRect(x - 5, y - 17, wide + 10, 22);
     pen.strokeStyle = pen.fillStyle = look.muted;
     pen.lineWidth = 1.5;
     pen.beginPath();
@@ -158,12 +160,12 @@ class FloorView extends Ground {
     pen.globalAlpha = 1;
   }
 
-  ring(pen, place, index, colour) {
+  ring(pen, place, index, colour, away = 1.5) {
     const radius = Math.max(this.zoom * this.play.scene.robots[index].radius, 3.5);
     pen.lineWidth = 2;
     pen.strokeStyle = colour;
     pen.beginPath();
-    pen.arc(this.X(place.x), this.Y(place.y), radius + 1.5, 0, 7);
+    pen.arc(this.X(place.x), this.Y(place.y), radius + away, 0, 7);
     pen.stroke();
   }
 

@@ -55,7 +55,7 @@ class Flow {
     const rate = minutes >= 1 ? ` (${(done / minutes).toFixed(1)} a minute)` : "";
     const orders = play.scene.orders.length ? `${done} orders done${rate}; ` : "";
     const text = span < 1 ? "" : `In ${lately}: ${orders}robots waited ${share.toFixed(0)} % of the time`;
-    if (this.text.textContent !== text) this.text.textContent = text;
+    write(this.text, text);
   }
 
   /** Draw where time was lost lately: the darker, the more. */

@@ -17,20 +17,31 @@ function frame(time) {
     stale = false;
     draw();
   }
-  if (following && time - touched > PATIENCE * 1000) sleeps = setTimeout(wake, many() ? 250 : 40);
+  if (isWatched()) sleeps = setTimeout(wake, many() ? 500 : 40);
   else requestAnimationFrame(frame);
 }
 
 const many = () => play.scene.robots.length > CROWD;
+
+/** Whether somebody only looks at a running fleet. */
+const isWatched = () => following && performance.now() - touched > PATIENCE * 1000;
 
 function wake() {
   sleeps = null;
   requestAnimationFrame(frame);
 }
 
+/** For how long [ms] texts stay: nobody reads faster, and they cost more than drawing. */
+const textsStay = () => (!many() ? 100 : isWatched() ? 900 : 250);
+
 /** Somebody does something: draw at once, and smoothly for a while. */
 function touch() {
   touched = performance.now();
+  hurry();
+}
+
+/** Something has happened: draw at once. */
+function hurry() {
   if (sleeps === null) return;
   clearTimeout(sleeps);
   wake();

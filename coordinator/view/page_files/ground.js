@@ -16,8 +16,10 @@ class Ground {
     this.play = play;
     this.crowd = play.scene.robots.length > CROWD;
     const bounds = this.extent();
-    if (bounds.join() !== this.bounds.join()) this.key = "";
-    this.bounds = bounds;
+    if (bounds.join() === this.bounds.join()) return;
+    Object.assign(this, { bounds, key: "" });
+    const [x0, y0, x1, y1] = bounds, aspect = Math.min(Math.max((x1 - x0) / (y1 - y0), 0.6), 2.4);
+    this.sheet.canvas.style.setProperty("--aspect", aspect);
   }
 
   /** [x0, y0, x1, y1] of the floor, or of all paths when there is none. */
@@ -37,11 +39,6 @@ class Ground {
       box[3] = Math.max(box[3], y + room);
     }
     return box[0] < box[2] ? box : [0, 0, 1, 1];
-  }
-
-  get aspect() {
-    const [x0, y0, x1, y1] = this.bounds;
-    return (x1 - x0) / (y1 - y0);
   }
 
   fit() {

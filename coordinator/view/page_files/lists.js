@@ -2,10 +2,33 @@
 
 const byId = (name) => document.getElementById(name);
 
+/** Change what is otherwise: the browser styles and lays out a page again even for the same. */
+function update(box, properties) {
+  for (const [name, value] of Object.entries(properties)) if (box[name] !== value) box[name] = value;
+}
+
+function write(box, text) {
+  update(box, { textContent: text });
+}
+
 function element(name, properties, ...children) {
   const made = Object.assign(document.createElement(name), properties);
   made.append(...children);
   return made;
+}
+
+/** Which of some boxes are in sight. */
+class Sight {
+  constructor() {
+    this.seen = new WeakSet();
+    this.observer = new IntersectionObserver((entries) => {
+      for (const { target, isIntersecting } of entries) this.seen[isIntersecting ? "add" : "delete"](target);
+    });
+  }
+
+  watch(box) { this.observer.observe(box); }
+
+  has(box) { return this.seen.has(box); }
 }
 
 /** Up to so many robots are listed without search and order. */
@@ -33,15 +56,16 @@ function said(robot, bodies, why) {
 /** Show the terms of the plan, and the proof's verdict unless the fleet is silent. */
 function describe(scene, unheard) {
   const count = scene.robots.length;
-  byId("name").textContent = scene.name;
-  byId("terms").textContent =
-    `${count} robot${count === 1 ? "" : "s"} · τ ${scene.tau} s` +
-    ` · margin ${scene.margin} m · policy ${scene.policy}`;
+  write(byId("name"), scene.name);
+  write(byId("terms"), `${count} robot${count === 1 ? "" : "s"} · τ ${scene.tau} s` +
+    ` · margin ${scene.margin} m · policy ${scene.policy}`);
   const verdict = byId("verdict"), { epochs } = scene;
   const of = epochs.length > 1 ? `, epoch ${epochs[epochs.length - 1].epoch}` : "";
-  verdict.hidden = scene.proven === null || unheard;
-  verdict.textContent = (scene.proven ? "proof holds" : "proof fails") + of;
-  verdict.className = scene.proven ? "holds" : "fails";
+  update(verdict, {
+    hidden: scene.proven === null || unheard,
+    textContent: (scene.proven ? "proof holds" : "proof fails") + of,
+    className: scene.proven ? "holds" : "fails",
+  });
 }
 
 /** How much a robot's state needs a person: the lowest number first. */
@@ -50,7 +74,7 @@ const TROUBLE = [
 ];
 
 /** What several robots do, where the word for one differs. */
-const DOING = { waits: "waiting", drives: "driving" };
+const DOING = { waits: "waiting", drives: "driving", unheard: "not heard" };
 
 function rank(state) {
   const found = TROUBLE.findIndex((states) => states.includes(state));
@@ -78,6 +102,8 @@ class RobotList {
     });
     this.items = this.rows.map((row) => element("li", {}, row.button));
     list.replaceChildren(...this.items);
+    this.sight = new Sight();
+    for (const item of this.items) this.sight.watch(item);
     byId("find").hidden = this.rows.length <= FEW;
   }
 
@@ -89,16 +115,18 @@ class RobotList {
     this.rows.forEach((row, index) => row.button.setAttribute("aria-pressed", String(index === focus)));
   }
 
-  tell(found, reasons, orders) {
+  /** Tell what every robot does; in rows out of sight only what is new, unless `all` are told. */
+  tell(found, reasons, orders, all) {
     this.rows.forEach((row, index) => {
       const robot = found[index], unheard = desk.isUnheard(this.bodies[index].id);
       const does = unheard ? "not heard" : said(robot, this.bodies, reasons[index]);
-      const text = orders.has(index) ? `${does} · ${orders.get(index)}` : does;
-      if (row.state.textContent !== text) row.state.textContent = text;
-      const speed = robot && robot.v > 0.005 ? `${robot.v.toFixed(2)} m/s` : "";
-      if (row.speed.textContent !== speed) row.speed.textContent = speed;
-      row.bar.style.width = robot ? `${(100 * robot.s / robot.length).toFixed(1)}%` : "0";
-      row.button.dataset.state = unheard ? "unheard" : robot ? robot.state : reasons[index];
+      row.text = orders.has(index) ? `${does} · ${orders.get(index)}` : does;
+      const state = unheard ? "unheard" : robot ? robot.state : reasons[index];
+      if (!all && row.button.dataset.state === state && !this.sight.has(this.items[index])) return;
+      row.button.dataset.state = state;
+      write(row.state, row.text);
+      write(row.speed, robot && robot.v > 0.005 ? `${robot.v.toFixed(2)} m/s` : "");
+      row.bar.style.scale = robot ? `${(robot.s / robot.length).toFixed(3)} 1` : "0 1";
     });
     this.sift();
   }
@@ -112,12 +140,12 @@ class RobotList {
       counts.set(state, (counts.get(state) || 0) + 1);
       const order = byId("trouble").checked && this.rows.length > FEW ? rank(state) : 0;
       if (item.style.order !== String(order)) item.style.order = order;
-      item.hidden = !`${this.bodies[index].id} ${row.state.textContent}`.toLowerCase().includes(wanted);
+      const told = `${this.bodies[index].id} ${row.text}`.toLowerCase();
+      update(item, { hidden: !told.includes(wanted) });
     });
     const told = [...counts].sort(([a], [b]) => rank(a) - rank(b))
       .map(([state, count]) => `${count} ${DOING[state] ?? state}`);
-    const title = `Robots: ${told.join(", ")}`, box = byId("robots-title");
-    if (box.textContent !== title) box.textContent = title;
+    write(byId("robots-title"), `Robots: ${told.join(", ")}`);
   }
 }
 

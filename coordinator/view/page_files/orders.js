@@ -2,6 +2,8 @@
 
 const ORDER_STATES = ["waiting", "under way", "done", "cancelled", "refused"];
 const [WAITING, UNDER_WAY, DONE] = [0, 1, 2];
+/** The coordinator's own orders, by which robots go out of others' way. */
+const MAKES_ROOM = "room-";
 /** So many orders that are over are listed, the last ones. */
 const LISTED = 30;
 
@@ -32,12 +34,13 @@ class OrderList {
     this.list = list;
     this.title = byId("orders-title");
     this.rows = [];
+    this.sight = new Sight();
   }
 
   /** Show the orders of another scene; rows stay, so that nothing moves. */
   show(play) {
     this.play = play;
-    this.title.parentElement.hidden = play.scene.orders.length === 0;
+    update(this.title.parentElement, { hidden: play.scene.orders.length === 0 });
   }
 
   /** The orders at a time, in the order of the list. */
@@ -49,16 +52,17 @@ class OrderList {
     return { found, listed: [...going, ...of(WAITING), ...over.slice(0, LISTED)] };
   }
 
-  tell(t, robots, look) {
+  /** Tell the orders at a time; in rows out of sight only if `all` are told. */
+  tell(t, robots, look, all) {
     const { found, listed } = this.at(t);
     const counts = ORDER_STATES.map((name, state) => [name, found.filter((one) => one.state === state).length]);
     const told = counts.filter(([, count]) => count).map(([name, count]) => `${count} ${name}`);
-    this.write(this.title, ["Orders", ...told.length ? [told.join(", ")] : []].join(": "));
+    write(this.title, ["Orders", ...told.length ? [told.join(", ")] : []].join(": "));
     while (this.rows.length < listed.length) this.rows.push(this.row());
     this.rows.forEach((row, i) => {
       const one = listed[i];
-      row.item.hidden = !one;
-      if (one) this.fill(row, one, robots[one.robot], t, look);
+      update(row.item, { hidden: !one });
+      if (one && (all || this.sight.has(row.item))) this.fill(row, one, robots[one.robot], t, look);
     });
     const going = listed.filter((one) => one.state === UNDER_WAY).reverse(); // The first one stands, of two.
     return new Map(going.map((one) => [one.robot, one.id]));
@@ -75,6 +79,7 @@ class OrderList {
     }
     button.addEventListener("click", () => { if (row.robot >= 0) this.choose(row.robot); });
     this.list.append(item);
+    this.sight.watch(item);
     return row;
   }
 
@@ -83,15 +88,16 @@ class OrderList {
     row.robot = one.robot;
     row.id = one.id;
     if (row.end) {
-      row.end.hidden = one.state !== UNDER_WAY && one.state !== WAITING;
-      row.end.setAttribute("aria-label", `Cancel ${one.id}`);
+      const isOver = one.state !== UNDER_WAY && one.state !== WAITING;
+      update(row.end, { hidden: isOver, ariaLabel: `Cancel ${one.id}` });
     }
-    row.button.dataset.state = ORDER_STATES[one.state];
-    swatch.style.setProperty("--colour", known ? look.robot(one.robot) : "transparent");
-    this.write(id, one.id);
-    this.write(state, this.words(one, robot, t));
+    update(row.button.dataset, { state: ORDER_STATES[one.state] });
+    const colour = known ? look.robot(one.robot) : "transparent";
+    if (row.colour !== colour) swatch.style.setProperty("--colour", row.colour = colour);
+    write(id, one.id);
+    write(state, this.words(one, robot, t));
     const at = one.state === UNDER_WAY ? one.planned : one.state === DONE ? one.arrived : one.since;
-    this.write(number, moment(at ?? one.since, this.day));
+    write(number, moment(at ?? one.since, this.day));
   }
 
   words(one, robot, t) {
@@ -99,15 +105,12 @@ class OrderList {
     const name = one.robot < 0 ? "" : this.play.scene.robots[one.robot].id;
     const late = one.arrived !== null ? one.arrived - one.planned : robot && robot.motion ? robot.late + putOff : 0;
     const lateness = one.planned !== null && late > LATE ? `, ${late.toFixed(1)} s late` : "";
+    if (one.state === UNDER_WAY && one.id.startsWith(MAKES_ROOM)) return `${name} makes room${lateness}`;
     if (one.state === UNDER_WAY) {
       return `${name} ${one.arrived === null ? "arrives" : "is at the goal"}${lateness}`;
     }
     if (one.state === DONE) return `${name} was there${lateness}`;
     if (one.state === WAITING) return one.reason || ORDER_STATES[WAITING];
     return one.reason ? `${ORDER_STATES[one.state]}: ${one.reason}` : ORDER_STATES[one.state];
-  }
-
-  write(box, text) {
-    if (box.textContent !== text) box.textContent = text;
   }
 }

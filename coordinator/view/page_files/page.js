@@ -19,7 +19,7 @@ const diagram = new DiagramView(byId("diagram"));
 let play, robots, events, eventsKey, axis;
 let now = 0, running = false, focus = -1, hover = -1, stale = true;
 let pointer = null, preview = null;
-let listed = -Infinity, following = live, names = null;
+let listed = -Infinity, listedAll = -Infinity, following = live, names = null;
 
 function load(scene) {
   const first = !play;
@@ -31,17 +31,16 @@ function load(scene) {
     robots = new RobotList(byId("robots"), play, chooseToggled, hoverOver);
     robots.paint(look);
     robots.choose(focus);
+    listed = -Infinity;
   }
   names = found;
   desk.offer(scene.robots.map((robot) => robot.id));
   orders.show(play);
   describe(scene, live && isUnheard());
-  byId("ghosts-label").hidden = scene.ghosts.length === 0;
-  byId("floor").parentElement.style.setProperty("--aspect", Math.min(Math.max(floor.aspect, 0.6), 2.4));
+  update(byId("ghosts-label"), { hidden: scene.ghosts.length === 0 });
   setEnd(live ? roundedUp(scene.end) : scene.end);
   presume();
   now = first ? scene.begin : Math.max(now, scene.begin);
-  listed = -Infinity;
   stale = true;
 }
 
@@ -57,6 +56,8 @@ function list() {
   const key = JSON.stringify([play.scene.marks, play.scene.begin]);
   if (events && key === eventsKey) return;
   eventsKey = key;
+  listed = -Infinity;
+  if (events) hurry();
   events = new EventList(byId("events"), byId("ticks"), play, showMark, day);
 }
 
@@ -121,7 +122,7 @@ function draw() {
   const found = play.scene.robots.map((_, index) => play.robot(index, now));
   floor.draw(now, found, focus, hover, look);
   if (shown.heat) flow.draw(floor, floor.sheet.pen, look);
-  desk.draw(floor, floor.sheet.pen, look);
+  desk.draw(floor, floor.sheet.pen, look, found);
   diagram.draw(now, found, focus, hover, look);
   if (preview !== null && hover >= 0) {
     floor.preview(play.robot(hover, preview), hover, preview, look);
@@ -131,23 +132,26 @@ function draw() {
   tell(found);
 }
 
-/** Update texts of a moving page seldom: nobody reads faster, and texts cost more than drawing. */
+/** Tell in words how everything is now; seldom while it moves. */
 function tell(found) {
-  const time = performance.now(), isSoon = time - listed < (many() ? 500 : 100);
+  const time = performance.now(), isSoon = time - listed < textsStay();
   if (following && isSoon) return;
   controls.slider.value = now;
-  controls.clock.textContent = `${now.toFixed(1)} s`;
+  write(controls.clock, `${now.toFixed(1)} s`);
   if (running && isSoon) return;
   listed = time;
+  const all = !isWatched() || !many() || time - listedAll > 5000;
+  if (all) listedAll = time;
   const epoch = play.epochAt(now), phase = play.unheardAt(now) ? "no word" : PHASES[play.phaseAt(now)];
   const text = play.epochs.length > 1 || play.scene.source === "log" ? `epoch ${epoch.epoch}, ${phase}` : "";
-  if (controls.phase.textContent !== text) controls.phase.textContent = text;
+  write(controls.phase, text);
   controls.slider.setAttribute("aria-valuetext", `${now.toFixed(1)} seconds${text ? `, ${text}` : ""}`);
   const at = day(now);
-  byId("day").textContent = at === null ? "" : clockFace(at);
+  write(byId("day"), at === null ? "" : clockFace(at));
   events.tell(now);
   flow.look(play, now);
-  robots.tell(found, play.scene.robots.map((_, index) => play.why(index, now)), orders.tell(now, found, look));
+  const busy = orders.tell(now, found, look, all);
+  robots.tell(found, play.scene.robots.map((_, index) => play.why(index, now)), busy, all);
 }
 
 function at(event) {

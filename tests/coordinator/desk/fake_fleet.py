@@ -34,20 +34,22 @@ def a_report(phase=DONE, fault=0, late=0):
     return Report(7, 1, 1, phase, fault, None, 1_000, late)
 
 
-def a_command(phase=GO, epoch=1):
-    return Command(boot=1, term=1, sequence=1, epoch=epoch, phase=phase, start_ns=0, said_ns=0)
+def a_command(phase=GO, epoch=1, said_ns=0, boot=1):
+    return Command(boot, term=1, sequence=1, epoch=epoch, phase=phase, start_ns=0, said_ns=said_ns)
 
 
 class FakeFleet(Transport):
     """A link whose other side answers every operator's message from a thread, like a real one.
 
-    `said` are the messages that arrived.  Orders for R9 and robots that are not R1 are refused.
+    `said` are the messages that arrived.  Orders for R9 and robots that are not R1 are refused; the
+    second order for R1 waits for ever.
     """
 
     def __init__(self):
         self.said = []
         self.phase = GO
         self.is_deaf = False
+        self._busy = set()
         self._handlers = []
 
     def subscribe(self, key_expression, handler):
@@ -72,7 +74,9 @@ class FakeFleet(Transport):
     def _answer(self, message, name):
         if isinstance(message, Order):
             is_known = message.robot in ("", "R1")
-            state = UNDER_WAY if is_known and not message.after else WAITING
+            waits = message.after or message.robot in self._busy
+            state = UNDER_WAY if is_known and not waits else WAITING
+            self._busy.add(message.robot or "R1")
             why = "" if is_known else f"there is no robot {message.robot} in this fleet"
             self._state(message.id, state if is_known else REFUSED, message.robot, why)
         elif isinstance(message, Cancel):

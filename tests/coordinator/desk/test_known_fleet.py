@@ -4,6 +4,7 @@ import msgspec
 import pytest
 
 from coordinator.desk.known_fleet import KnownFleet
+from coordinator.fleet.log_records import LINK_GONE
 from coordinator.planning.planner import plan_fleet
 from protocol import keys
 from protocol.codec import encode
@@ -32,6 +33,11 @@ def state(name, state, robot="R1", released=1, **fields):
 
 
 COMMAND = (keys.command(FLEET), a_command())
+
+
+def command_at(seconds, boot=1):
+    """A Command that was said at this time of the coordinator's clock."""
+    return keys.command(FLEET), a_command(said_ns=round(1e9 * seconds), boot=boot)
 
 
 def test_a_robot_is_what_it_reported_last_with_its_orders_and_who_holds_it():
@@ -65,7 +71,7 @@ def test_of_two_orders_under_way_a_robot_does_the_one_with_the_earlier_arrival()
 
 def test_who_is_silent_for_a_second_is_not_heard_and_calls_a_person_until_it_is_heard_again():
     known = fleet_of(COMMAND, report("R1"))
-    fleet_of(COMMAND, known=known, at=2.0)
+    fleet_of(command_at(2.0), known=known, at=2.0)
     answer = known.answer(2.0, {})
     assert not answer.robots[0].is_heard
     assert [(one.id, one.robot, one.since) for one in answer.alarms] == [("lost-R1", "R1", 1_000.0)]
@@ -73,6 +79,26 @@ def test_who_is_silent_for_a_second_is_not_heard_and_calls_a_person_until_it_is_
     assert known.answer(2.1, {}).alarms[0].is_acknowledged
     fleet_of(report("R1"), known=known, at=2.2)
     assert known.answer(2.2, {}).alarms == []
+
+
+def test_who_loses_its_link_is_not_heard_from_then_on_until_it_reports():
+    known = fleet_of(COMMAND, report("R1"))
+    known.hear(keys.alive(FLEET, "R1"), LINK_GONE, 0.1)
+    assert [one.id for one in known.answer(0.1, {}).alarms] == ["lost-R1"]
+    fleet_of(report("R1"), known=known, at=0.2)
+    assert known.answer(0.2, {}).alarms == []
+
+
+@pytest.mark.parametrize(
+    ("said", "boot", "is_heard"), [(0.9, 1, True), (1.0, 1, False), (0.0, 2, False)]
+)
+def test_how_long_a_robot_is_silent_is_counted_on_the_coordinators_clock(said, boot, is_heard):
+    known = fleet_of(COMMAND, report("R1"))
+    fleet_of(command_at(said, boot), known=known, at=5.0)
+    answer = known.answer(5.0, {})
+    assert answer.robots[0].is_heard == is_heard
+    assert [one.id for one in answer.alarms] == ([] if is_heard else ["lost-R1"])
+    assert known.seen("R1", 5.0).is_heard == is_heard
 
 
 def test_while_no_coordinator_is_heard_that_alone_calls():
@@ -143,7 +169,8 @@ def test_a_robot_that_is_lost_is_said_to_stand_where_its_authority_ends_at_most(
     command = msgspec.structs.replace(a_command(), held=((plan.number, 2_000),))
     known = fleet_of((keys.plan(FLEET, plan.robot), plan), (keys.command(FLEET), command))
     fleet_of(report(plan.robot, phase=MOVING), known=known)
-    fleet_of((keys.command(FLEET), command), known=known, at=2.0)
+    later = msgspec.structs.replace(command, said_ns=2_000_000_000)
+    fleet_of((keys.command(FLEET), later), known=known, at=2.0)
     (robot,) = known.answer(2.0, {}).robots
     place = driven.curve.at_arc([driven.timeline.s_at(2.0)])[0]
     assert robot.reach == pytest.approx(tuple(place))

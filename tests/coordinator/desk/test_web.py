@@ -92,6 +92,15 @@ def test_an_order_that_comes_after_another_one_is_answered_while_it_waits(desk):
     assert (status, state["state"], fleet.said[0].after) == (201, "waiting", "o-1")
 
 
+def test_a_robots_second_order_is_answered_at_once(monkeypatch):
+    monkeypatch.setattr("coordinator.desk.commands._SETTLES_S", 60.0)
+    fleet, order = FakeFleet(), {"goal": [1, 2], "robot": "R1"}
+    with desk_of(fleet) as address:
+        fleet.beat()
+        assert ask(address, "api/orders", "POST", order)[1]["state"] == "under way"
+        assert ask(address, "api/orders", "POST", order)[1]["state"] == "waiting"
+
+
 def test_all_that_is_wrong_with_an_order_is_told_at_once(desk):
     fleet, address = desk
     body = {"goal": [1.0], "robot": "R 1", "dwell": -1, "colour": "red"}

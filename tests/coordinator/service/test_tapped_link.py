@@ -61,6 +61,19 @@ def test_the_desk_hears_what_the_coordinator_says_and_hears(ends):
     assert {data for _, data, _ in own.all} == {b"go", b"here"}
 
 
+def test_the_desk_hears_of_links_that_come_and_go(ends):
+    network, tapped, desk, _ = ends
+    robot, heard, own = network.session("R1"), Heard(), []
+    desk.watch_alive(keys.alive(FLEET, "*"), lambda key, alive: heard(key, alive, None))
+    tapped.watch_alive(keys.alive(FLEET, "*"), lambda key, alive: own.append((key, alive)))
+    robot.declare_alive(keys.alive(FLEET, "R1"))
+    network.advance(10**9)
+    robot.close()
+    network.advance(2 * 10**9)
+    assert own == [(keys.alive(FLEET, "R1"), True), (keys.alive(FLEET, "R1"), False)]
+    assert [(key, alive) for key, alive, _ in heard.wait(2)] == own
+
+
 def test_the_desk_says_what_operators_say_and_nothing_else(ends):
     _, tapped, desk, _ = ends
     heard = Heard()

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from coordinator.fleet.log_records import LINK_GONE
 from coordinator.plan.wire import pack, packed
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario_files.scenario_reader import read_scenario
@@ -17,6 +18,7 @@ from protocol.messages import Clock, Command, Hello, Report, Rest
 from protocol.phases import (
     BRAKING,
     CLOCK_UNSURE,
+    DONE,
     FREEZE,
     FROZEN,
     GO,
@@ -190,6 +192,24 @@ def test_a_robot_not_heard_on_its_way_is_shown_where_it_was_last_heard_until_it_
     assert tell_command(course, 5.1, GO)
     ride = course.scene().epochs[0].rides[0]
     assert (ride.unheard, ride.halt, ride.passed) == (False, None, [])
+
+
+@pytest.mark.parametrize(("lost", "text"), [(True, "lost its link"), (False, "fell silent")])
+def test_a_robot_that_is_lost_on_its_way_is_told_once_each_time(lost, text):
+    course = LiveCourse(FLEET, document())
+    tell_time(course, 0.0, 0.0)
+    tell_command(course, 0.0, GO)
+    for begin in (3.0, 6.0):
+        for robot, phase in (("R1", MOVING), ("R2", DONE)):
+            said = encode(Report(1, 1, 1, phase, stamp_ms=round(1000 * begin)))
+            course.hear(keys.report(FLEET, robot), said, OURS + begin)
+        for robot in ("R1", "R2") if lost else ():
+            news = course.hear(keys.alive(FLEET, robot), LINK_GONE, OURS + begin + 0.5)
+            assert news == (robot == "R1")
+        tell_command(course, begin + 1.5, GO)
+        tell_command(course, begin + 1.6, GO)
+    told = [mark.text for mark in course.scene().marks if mark.kind == "fault"]
+    assert told == [f"R1 {text}"] * 2
 
 
 def test_how_late_robots_are_and_who_holds_whom_is_told_from_the_messages():
