@@ -1,9 +1,9 @@
 """The agent in C: what it takes on a Cortex-M4F, and how it compares with the Python agent.
 
-`python -m benchmarks firmware` compares about a million events and runs 500 fleets, half an
-hour in all.  The instructions of a tick are
-counted where `arm-none-eabi-gcc` and `qemu-system-arm` are installed (Debian: gcc-arm-none-eabi,
-qemu-system-arm).
+`python -m benchmarks firmware` compares about a million events and runs 500 fleets, hours in all;
+what it has done is kept in benchmarks/results/firmware.jsonl, and a run that was interrupted goes
+on from there (trials.py).  The instructions of a tick are counted where `arm-none-eabi-gcc` and
+`qemu-system-arm` are installed (Debian: gcc-arm-none-eabi, qemu-system-arm).
 """
 
 from __future__ import annotations
@@ -13,33 +13,15 @@ import subprocess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
-from unittest.mock import patch
 
+from benchmarks.campaign import WORKERS
+from benchmarks.firmware.trials import TICKS, TRIALS, events, fleets
 from benchmarks.table import ROOT, Row
-from coordinator.scenario_files.scenario_reader import read_scenario
-from sim.campaigns.campaign import run_seed
-from sim.world.virtual_fleet import World
-from tests.firmware.building import (
-    AS_PYTHON,
-    CORE,
-    CORTEX_M4F,
-    FIRMWARE,
-    IN_FLOAT,
-    IN_PARTS,
-    answers,
-    code_size,
-    host,
-    objects,
-    state_size,
-)
-from tests.firmware.c_service import CRobots
+from tests.firmware.building import CORE, CORTEX_M4F, FIRMWARE, code_size, objects, state_size
 from tests.firmware.streams import Trial
 
 _HERE: Final = Path(__file__).parent
-_SCENARIO: Final = ROOT / "examples" / "paper_five_real.toml"
-_FLEETS: Final = 500
-_SEEDS: Final = 300
-_TICKS: Final = 3000
+_KEPT: Final = ROOT / "benchmarks" / "results" / "firmware.jsonl"
 _GCC: Final = (
     "arm-none-eabi-gcc", "-std=gnu11", "-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard",
     "-mfpu=fpv4-sp-d16", "-Os", "-ffp-contract=off", "-fno-math-errno",
@@ -61,40 +43,13 @@ def sizes() -> list[Row]:
 
 
 def comparison() -> list[Row]:
-    """Return how many events both agents were held against each other on, and what differed."""
-    exact, close = host(*AS_PYTHON), host(*IN_FLOAT)
-    events = ticks = differ = 0
-    for seed in range(_SEEDS):
-        stream = Trial(seed).stream(_TICKS)
-        pairs = list(zip(answers(exact, stream.lines), stream.ticks, strict=True))
-        events, ticks = events + len(stream.lines), ticks + len(pairs)
-        differ += sum(repr(told) != repr(expected) for told, expected in pairs)
-    in_double: Row = {"core": "double", "events": events, "ticks": ticks, "ticks differ": differ}
-    events = ticks = differ = 0
-    apart = 0.0
-    for seed in range(_SEEDS // 10):
-        stream = Trial(seed, trouble=0.0).stream(_TICKS)
-        pairs = list(zip(answers(close, stream.lines), stream.ticks, strict=True))
-        events, ticks = events + len(stream.lines), ticks + len(pairs)
-        differ += sum(told.phase != expected.phase for told, expected in pairs)
-        apart = max(apart, *(abs(told.place - expected.place) for told, expected in pairs))
-    in_float: Row = {"core": "float", "events": events, "ticks": ticks, "ticks differ": differ}
-    return [in_double, in_float | {"farthest apart mm": 1000.0 * apart}]
+    """Return what a million events showed."""
+    return events(range(TRIALS["events"][1]), WORKERS, _KEPT)
 
 
 def c_fleets() -> list[Row]:
-    """Return the outcome of seeded fleets with faults in which every robot runs the C agent."""
-    scenario, core, usual = read_scenario(_SCENARIO), host(*IN_PARTS), World._service
-    row: Row = {"runs": _FLEETS, "arrived": 0, "expected": 0, "touches": 0, "violations": 0}
-    for seed in range(_FLEETS):
-        robots = CRobots(core)
-        with patch.object(World, "_service", robots.wrap(usual)):
-            outcome = run_seed(scenario, seed)
-        robots.end()
-        found = (outcome.arrived, outcome.expected, len(outcome.touches), len(outcome.violations))
-        for name, count in zip(list(row)[1:], found, strict=True):
-            row[name] += count  # type: ignore[operator]
-    return [row]
+    """Return what 500 fleets of C agents showed."""
+    return fleets(range(TRIALS["fleets"][1]), WORKERS, _KEPT)
 
 
 def instructions() -> list[Row]:
@@ -108,7 +63,7 @@ def instructions() -> list[Row]:
         script = ["-T", str(_HERE / "cortex_m4.ld")]
         subprocess.run([*_GCC, *script, *sources, "-lm", "-o", str(image)], check=True)
         for seed in range(8):
-            lines = Trial(seed, trouble=0.0, cubic=True).stream(_TICKS).lines
+            lines = Trial(seed, trouble=0.0, cubic=True).stream(TICKS).lines
             text = "\n".join(lines) + "\n"
             done = subprocess.run(
                 [*_QEMU, str(image)], input=text, text=True, capture_output=True, check=True
