@@ -129,10 +129,10 @@ def agent(
     _check_name(robot, "ROBOT")
     if fleet is not None:
         _check_name(fleet, "--fleet")
-    body = _body(driver, max_accel, at)
     files = None if keys is None else read_key_files(keys, "robot", robot)
     if files is not None and (warning := files.warning()):
         typer.echo(warning, err=True)
+    body = _body(driver, max_accel, at)
     me = Robot(robot, radius, max_speed, max_accel, holds)
 
     def clock() -> int:
@@ -144,6 +144,7 @@ def agent(
     serve: Callable[..., Service] = RobotService
     try:
         with ExitStack() as stack:
+            stack.callback(body.close)
             if core is not None:
                 serve = partial(ProgramService, stack.enter_context(Program(core)))
             transport = ZenohTransport.connect(connect, timeout_s=wait, keys=files)
