@@ -1,10 +1,5 @@
 """Trials of the C agent by seed: fleets in virtual time, and events against the Python agent.
 
-    python -m benchmarks.firmware.trials fleets --count 500 --kept FILE
-    python -m benchmarks.firmware.trials events --count 300 --kept FILE
-
-With `--kept FILE` an interrupted run goes on where it stopped, as long as the code is the same.
-
 Decides: what is measured in a trial, and what is summed up.
 """
 
@@ -17,7 +12,7 @@ from unittest.mock import patch
 
 import msgspec
 
-from benchmarks.campaign import in_turn, parser_of, record
+from benchmarks.campaign import in_turn
 from benchmarks.table import ROOT, Row
 from coordinator.scenario_files.scenario_reader import read_scenario
 from sim.campaigns.campaign import run_seed
@@ -113,17 +108,3 @@ def events(seeds: Sequence[int], jobs: int, kept: Path | None) -> list[Row]:
 
 TRIALS: Final = {"fleets": (fleets, 500), "events": (events, 300)}
 """What can be tried, and how many seeds make a whole trial: 500 fleets, a million events."""
-
-
-def main() -> None:
-    """Run the trials named on the command line."""
-    parser = parser_of(__doc__, 0)
-    parser.add_argument("what", choices=sorted(TRIALS))
-    asked = parser.parse_args()
-    measure, whole = TRIALS[asked.what]
-    seeds = range(asked.from_seed, asked.from_seed + (asked.count or whole))
-    record(f"firmware-{asked.what}", {asked.what: measure(seeds, asked.jobs, asked.kept)})
-
-
-if __name__ == "__main__":
-    main()

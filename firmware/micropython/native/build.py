@@ -56,14 +56,22 @@ def native_module(architecture: str) -> bytes:
     """
     with TemporaryDirectory() as name:
         folder = Path(name)
-        code, elsewhere = (_code(architecture, folder, base) for base in (0, 1 << 20))
-        if code != elsewhere:
-            raise RuntimeError("the code depends on where it lies")
-        return _with_code(_template(architecture, folder), code)
+        return _with_code(_template(architecture, folder), native_code(architecture, folder))
 
 
-def _code(architecture: str, folder: Path, base: int) -> bytes:
-    """Return the machine code, linked to lie at `base`, with its constants."""
+def native_code(architecture: str, folder: Path) -> bytes:
+    """Return the machine code, with its constants; files are made in the folder.
+
+    Raises RuntimeError as native_module does.
+    """
+    code, elsewhere = (_linked(architecture, folder, base) for base in (0, 1 << 20))
+    if code != elsewhere:
+        raise RuntimeError("the code depends on where it lies")
+    return code
+
+
+def _linked(architecture: str, folder: Path, base: int) -> bytes:
+    """Return the code, linked to lie at `base`."""
     layout, made = folder / "layout.ld", folder / "core"
     layout.write_text((HERE / "flat.ld").read_text().replace(". = 0;", f". = {base};"))
     target, *options = TARGETS[architecture]
