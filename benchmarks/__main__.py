@@ -21,7 +21,7 @@ from benchmarks.beyond import beyond
 from benchmarks.curves import curves
 from benchmarks.desk import desk
 from benchmarks.disturbance import disturbance
-from benchmarks.firmware import c_fleets, comparison, instructions, sizes
+from benchmarks.firmware import c_fleets, comparison, instructions, native_module, sizes
 from benchmarks.flood import flood
 from benchmarks.flow import flow
 from benchmarks.fuzz.running import fuzz_all
@@ -74,6 +74,7 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "firmware": {
         "the agent in C on a Cortex-M4F": sizes,
         "instructions on an emulated Cortex-M4F": instructions,
+        "the native module of MicroPython on an emulated Cortex-M4F": native_module,
         "both agents on the same events": comparison,
         "fleets of C agents with 1 to 4 faults": c_fleets,
     },

@@ -32,7 +32,7 @@ SAID: Final = 10.0
 """How often [s] progress is printed."""
 
 _CODE: Final = ("benchmarks", "coordinator", "protocol", "robot_agent", "sim", "examples")
-"""The folders whose Python and TOML files results depend on."""
+"""The folders whose sources results depend on, unless a measurement names its own."""
 
 Asked = TypeVar("Asked")
 Answer = TypeVar("Answer")
@@ -62,14 +62,16 @@ def in_turn(
     asked: Sequence[Asked],
     jobs: int = WORKERS,
     kept: Path | None = None,
+    stands_on: Sequence[str] = _CODE,
 ) -> list[Answer]:
     """Return the measurements of all seeds (or what else is asked), in order.
 
     Progress is printed on stderr.  With `kept` the return type of `measure` must be one that JSON
     has room for, and of equal things that are asked the answers are equal.  Raises RuntimeError
-    with the first seed that has no result when a process dies.
+    with the first seed that has no result when a process dies.  `stands_on`: the folders on whose
+    sources the measurement depends; results of other sources do not count.
     """
-    kept_file = None if kept is None else _Kept(kept, measure)
+    kept_file = None if kept is None else _Kept(kept, measure, stands_on)
     answers: dict[int, Answer] = {} if kept_file is None else kept_file.among(asked)
     left = [index for index in range(len(asked)) if index not in answers]
     progress = _Progress(len(asked), len(answers))
@@ -116,7 +118,9 @@ def _answers(
 class _Kept(Generic[Asked, Answer]):
     """The results of one measurement by this code in a file, which may have others as well."""
 
-    def __init__(self, path: Path, measure: Callable[[Asked], Answer]) -> None:
+    def __init__(
+        self, path: Path, measure: Callable[[Asked], Answer], stands_on: Sequence[str]
+    ) -> None:
         called, told = measure, ""
         if isinstance(measure, partial):
             called, told = measure.func, json.dumps([measure.args, measure.keywords])
@@ -124,7 +128,7 @@ class _Kept(Generic[Asked, Answer]):
         self._type: Any = get_type_hints(called)["return"]
         code = called.__code__  # type: ignore[attr-defined]
         self._what = {
-            "code": _code_digest(),
+            "code": _code_digest(stands_on),
             "what": f"{Path(code.co_filename).stem}.{code.co_name}{told}",
         }
 
@@ -176,11 +180,11 @@ class _Progress:
         sys.stderr.flush()
 
 
-def _code_digest() -> str:
-    """Return a digest of the code and the scenarios that results depend on."""
+def _code_digest(folders: Sequence[str] = _CODE) -> str:
+    """Return a digest of the code and the scenarios in folders."""
     digest = hashlib.sha256(sys.version.encode())
-    for folder in _CODE:
+    for folder in folders:
         for path in sorted((ROOT / folder).rglob("*")):
-            if path.suffix in (".py", ".toml"):
+            if path.suffix in (".py", ".toml", ".c", ".h"):
                 digest.update(str(path.relative_to(ROOT)).encode() + path.read_bytes())
     return digest.hexdigest()[:16]

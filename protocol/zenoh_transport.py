@@ -163,15 +163,22 @@ class ZenohTransport(Transport):
         """Return whether a client is linked to the session that routes for it; takes 1 us."""
         return bool(list(self._session.info.routers_zid()))
 
-    def put(self, key: str, payload: bytes) -> None:
+    def put(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
         """Send bytes; dropped when the link is congested, broken or closed.
 
-        Raises zenoh.ZError only for a malformed key.
+        `attachment` is sent with them, for programs of others.  Raises zenoh.ZError only for a
+        malformed key.
         """
         if self._closed:
             return
         try:
-            self._session.put(key, payload, congestion_control=self._drop, express=True)
+            self._session.put(
+                key,
+                payload,
+                congestion_control=self._drop,
+                express=True,
+                attachment=attachment,
+            )
         except self._error:
             if not self._closed:  # another thread may have closed it meanwhile
                 raise

@@ -8,6 +8,9 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -16,6 +19,7 @@ import typer
 from protocol.host_clock import host_clock_ns, time_of_day
 from protocol.keys import NAME, NAME_IN_WORDS
 from protocol.timing import SECOND
+from robot_agent.driver import Driver, Pose
 from robot_agent.driver_file import DriverNameError, make_driver
 from robot_agent.loop import FixedRateLoop
 
@@ -35,6 +39,13 @@ def agent(
     driver: Annotated[str, typer.Option(help="The driver: MODULE:CLASS or FILE.py:CLASS.")] = (
         "sim.world.body:SimulatedBody"
     ),
+    core: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PROGRAM",
+            help="A program that decides in place of the agent's core: firmware in the loop.",
+        ),
+    ] = None,
     radius: Annotated[
         float, typer.Option(min=0.0, help="Radius of the body, metres; 0: as in the scenario.")
     ] = 0.0,
@@ -109,7 +120,8 @@ def agent(
     """
     from protocol.key_files import read_key_files
     from protocol.zenoh_transport import ZenohTransport
-    from robot_agent.service import RefusedError, Robot, run_robot
+    from robot_agent.program import Program, ProgramError, ProgramService
+    from robot_agent.service import RefusedError, Robot, RobotService, Service, run_robot
 
     for option, value in (("--wait", wait), ("--give-up", give_up), ("--speed", speed)):
         if not math.isfinite(value):
@@ -117,18 +129,10 @@ def agent(
     _check_name(robot, "ROBOT")
     if fleet is not None:
         _check_name(fleet, "--fleet")
-    try:
-        body = make_driver(driver, max_accel)
-    except DriverNameError as error:
-        raise typer.BadParameter(str(error), param_hint="--driver") from None
-    if at is not None:
-        if not all(abs(number) < _FARTHEST for number in at):
-            where = " ".join(f"{number:g}" for number in at)
-            raise typer.BadParameter(f"{where} is not a place", param_hint="--at")
-        body.place(*at)
     files = None if keys is None else read_key_files(keys, "robot", robot)
     if files is not None and (warning := files.warning()):
         typer.echo(warning, err=True)
+    body = _body(driver, max_accel, at)
     me = Robot(robot, radius, max_speed, max_accel, holds)
 
     def clock() -> int:
@@ -137,21 +141,29 @@ def agent(
     def sleep(left_ns: int) -> None:
         time.sleep(left_ns / 1e9 / speed)
 
+    serve: Callable[..., Service] = RobotService
     try:
-        transport = ZenohTransport.connect(connect, timeout_s=wait, keys=files)
-        code = run_robot(
-            me,
-            transport,
-            body,
-            clock=clock,
-            sleep=sleep,
-            fleet=fleet,
-            blackbox=blackbox,
-            give_up_ns=round(give_up * SECOND),
-            period_ns=SECOND // rate,
-            tell=(lambda _: None) if quiet else _tell,
-            count=_print_counts if stats else _count_nothing,
-        )
+        with ExitStack() as stack:
+            stack.callback(body.close)
+            if core is not None:
+                serve = partial(ProgramService, stack.enter_context(Program(core)))
+            transport = ZenohTransport.connect(connect, timeout_s=wait, keys=files)
+            code = run_robot(
+                me,
+                transport,
+                body,
+                clock=clock,
+                sleep=sleep,
+                fleet=fleet,
+                blackbox=blackbox,
+                give_up_ns=round(give_up * SECOND),
+                period_ns=SECOND // rate,
+                tell=(lambda _: None) if quiet else _tell,
+                count=_print_counts if stats else _count_nothing,
+                serve=serve,
+            )
+    except ProgramError as error:
+        raise typer.BadParameter(str(error), param_hint="--core") from None
     except RefusedError as error:
         typer.echo(str(error), err=True)
         code = 2
@@ -181,6 +193,20 @@ def _print_counts(state: str, loop: FixedRateLoop) -> None:
 
 def _count_nothing(_state: str, _loop: FixedRateLoop) -> None:
     """Print nothing about the loop."""
+
+
+def _body(driver: str, max_accel: float, at: Pose | None) -> Driver:
+    """Create the driver, at its place if that is given."""
+    try:
+        body = make_driver(driver, max_accel)
+    except DriverNameError as error:
+        raise typer.BadParameter(str(error), param_hint="--driver") from None
+    if at is not None:
+        if not all(abs(number) < _FARTHEST for number in at):
+            where = " ".join(f"{number:g}" for number in at)
+            raise typer.BadParameter(f"{where} is not a place", param_hint="--at")
+        body.place(*at)
+    return body
 
 
 def _check_name(name: str, option: str) -> None:

@@ -61,6 +61,9 @@ class Driver(ABC):
     def stop(self) -> None:
         """Brake as hard as the base can and hold; works in every state."""
 
+    def close(self) -> None:  # noqa: B027
+        """Release what the driver holds, such as a link; called once, when the agent ends."""
+
     def true_pose(self) -> Pose | None:
         """Return where the robot truly is, for the black box; differs in simulation only."""
         return self.pose()

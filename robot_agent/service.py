@@ -11,6 +11,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from protocol import keys
 from protocol.codec import encode
@@ -62,6 +63,18 @@ class Robot:
     holds: tuple[int, int, int] = (0, 0, 0)
 
 
+class Service(Protocol):
+    """What `run_robot` runs tick by tick, as RobotService is."""
+
+    refusal: str | None
+    heard_ns: int
+
+    def tick(self, now_ns: int) -> bool: ...  # noqa: D102
+    def describe(self) -> str: ...  # noqa: D102
+    def waits_for(self, now_ns: int) -> str: ...  # noqa: D102
+    def rescue(self, error: Exception, now_ns: int) -> None: ...  # noqa: D102
+
+
 def run_robot(
     robot: Robot,
     transport: Transport,
@@ -76,6 +89,7 @@ def run_robot(
     period_ns: int = PERIOD_NS,
     tell: Callable[[str], None] = lambda _: None,
     count: Callable[[str, FixedRateLoop], None] = lambda _state, _loop: None,
+    serve: Callable[..., Service] | None = None,
 ) -> int:
     """Run one robot; return 0 when its fleet has ended, 130 when interrupted, 1 when it gave up.
 
@@ -87,14 +101,15 @@ def run_robot(
 
     `clock` returns the robot's own time [ns]; `sleep` waits for a number of ns of this time;
     `host_clock` returns the host's time, for the black box, where it differs from the robot's own.
-    Without `fleet` the robot joins the first fleet that it hears.  Raises RefusedError, and OSError
-    when the black box cannot be written.
+    Without `fleet` the robot joins the first fleet that it hears.  `serve` makes what runs the
+    robot tick by tick, a RobotService unless another one is given.  Raises RefusedError, and
+    OSError when the black box cannot be written.
     """
     host_clock = host_clock or clock
     clock = SteadyClock(clock)
     with transport:
         box = BlackBox(blackbox) if blackbox is not None else None
-        service = RobotService(
+        service = (serve or RobotService)(
             robot,
             transport,
             driver,

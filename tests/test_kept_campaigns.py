@@ -9,6 +9,7 @@ import msgspec
 import pytest
 
 from benchmarks import beyond, campaign, disturbance, order_campaign, quality, reliability, safety
+from benchmarks.firmware import trials
 from sim.campaigns.latencies import Latencies
 
 
@@ -83,7 +84,7 @@ def test_other_code_and_other_measurements_are_measured_for_themselves(tmp_path,
         assert campaign.in_turn(partial(scaled, by=by), moments, 1, path) == [0.5 * by, 1.5 * by]
     assert measured == 2 * moments
     run(path, range(2))
-    monkeypatch.setattr(campaign, "_code_digest", lambda: "of other code")
+    monkeypatch.setattr(campaign, "_code_digest", lambda _: "of other code")
     run(path, range(2))
     assert measured == [0, 1]
 
@@ -97,6 +98,17 @@ def test_the_digest_is_of_all_code_and_the_same_each_time(tmp_path, monkeypatch)
     one = campaign._code_digest()
     (tmp_path / "sim" / "a.py").write_text("x = 2")
     assert len({before, one, campaign._code_digest()}) == 3
+
+
+def test_a_measurement_may_stand_on_folders_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.setattr(campaign, "ROOT", tmp_path)
+    path, source = tmp_path / "kept.jsonl", tmp_path / "firmware" / "a.c"
+    source.parent.mkdir()
+    for text in ("int a;", "int a;", "int b;"):
+        source.write_text(text)
+        campaign.in_turn(measure, [1], 1, path)
+        campaign.in_turn(measure, [1], 1, path, ["firmware"])
+    assert measured == [1, 1, 1]
 
 
 def test_progress_says_how_many_are_left(tmp_path, capsys, monkeypatch):
@@ -127,6 +139,8 @@ def test_progress_says_how_many_are_left(tmp_path, capsys, monkeypatch):
         (disturbance.measure, disturbance.Result(0.5, math.inf, 0.1, 2.0, 3, 0, 0, 1)),
         (quality.measure, quality.Found(1, "a", 2, 0.5, 0.4, True, 1.0, 2.0)),
         (quality.measure, "no plan"),
+        (trials.fleet_trial, trials.FleetTrial(4, 5, ["R1 R2"], [])),
+        (trials.exact_trial, trials.EventTrial(3_400, 3_000, 0, 0.0)),
         (safety.outcome, safety.Outcome(1, "a", 2, "planned", "", math.inf, 1.0)),
     ],
 )

@@ -1,30 +1,28 @@
 """The agent in C: what it takes on a Cortex-M4F, and how it compares with the Python agent.
 
-`python -m benchmarks firmware` compares about a million events and runs 500 fleets, half an
-hour in all.  The instructions of a tick are
-counted where `arm-none-eabi-gcc` and `qemu-system-arm` are installed (Debian: gcc-arm-none-eabi,
-qemu-system-arm).
+`python -m benchmarks firmware` compares about a million events and runs 500 fleets, hours in all;
+what it has done is kept in benchmarks/results/firmware.jsonl, and a run that was interrupted goes
+on from there (trials.py).  The instructions of a tick are counted where `arm-none-eabi-gcc` and
+`qemu-system-arm` are installed (Debian: gcc-arm-none-eabi, qemu-system-arm).
 """
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
-from unittest.mock import patch
 
+from benchmarks.campaign import WORKERS
+from benchmarks.firmware.trials import TICKS, TRIALS, events, fleets
 from benchmarks.table import ROOT, Row
-from coordinator.scenario_files.scenario_reader import read_scenario
-from sim.campaigns.campaign import run_seed
-from sim.world.virtual_fleet import World
+from firmware.micropython.native.build import native_code
 from tests.firmware.building import (
-    AS_PYTHON,
     CORE,
     CORTEX_M4F,
     FIRMWARE,
-    IN_FLOAT,
     IN_PARTS,
     answers,
     code_size,
@@ -32,14 +30,12 @@ from tests.firmware.building import (
     objects,
     state_size,
 )
-from tests.firmware.c_service import CRobots
-from tests.firmware.streams import Trial
+from tests.firmware.streams import Trial, read_answers
+from tests.golden.make_robot import VECTORS
 
 _HERE: Final = Path(__file__).parent
-_SCENARIO: Final = ROOT / "examples" / "paper_five_real.toml"
-_FLEETS: Final = 500
-_SEEDS: Final = 300
-_TICKS: Final = 3000
+_KEPT: Final = ROOT / "benchmarks" / "results" / "firmware.jsonl"
+_NO_EMULATOR: Final[Row] = {"drive": "no arm-none-eabi-gcc or no qemu-system-arm"}
 _GCC: Final = (
     "arm-none-eabi-gcc", "-std=gnu11", "-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard",
     "-mfpu=fpv4-sp-d16", "-Os", "-ffp-contract=off", "-fno-math-errno",
@@ -61,64 +57,75 @@ def sizes() -> list[Row]:
 
 
 def comparison() -> list[Row]:
-    """Return how many events both agents were held against each other on, and what differed."""
-    exact, close = host(*AS_PYTHON), host(*IN_FLOAT)
-    events = ticks = differ = 0
-    for seed in range(_SEEDS):
-        stream = Trial(seed).stream(_TICKS)
-        pairs = list(zip(answers(exact, stream.lines), stream.ticks, strict=True))
-        events, ticks = events + len(stream.lines), ticks + len(pairs)
-        differ += sum(repr(told) != repr(expected) for told, expected in pairs)
-    in_double: Row = {"core": "double", "events": events, "ticks": ticks, "ticks differ": differ}
-    events = ticks = differ = 0
-    apart = 0.0
-    for seed in range(_SEEDS // 10):
-        stream = Trial(seed, trouble=0.0).stream(_TICKS)
-        pairs = list(zip(answers(close, stream.lines), stream.ticks, strict=True))
-        events, ticks = events + len(stream.lines), ticks + len(pairs)
-        differ += sum(told.phase != expected.phase for told, expected in pairs)
-        apart = max(apart, *(abs(told.place - expected.place) for told, expected in pairs))
-    in_float: Row = {"core": "float", "events": events, "ticks": ticks, "ticks differ": differ}
-    return [in_double, in_float | {"farthest apart mm": 1000.0 * apart}]
+    """Return what a million events showed."""
+    return events(range(TRIALS["events"][1]), WORKERS, _KEPT)
 
 
 def c_fleets() -> list[Row]:
-    """Return the outcome of seeded fleets with faults in which every robot runs the C agent."""
-    scenario, core, usual = read_scenario(_SCENARIO), host(*IN_PARTS), World._service
-    row: Row = {"runs": _FLEETS, "arrived": 0, "expected": 0, "touches": 0, "violations": 0}
-    for seed in range(_FLEETS):
-        robots = CRobots(core)
-        with patch.object(World, "_service", robots.wrap(usual)):
-            outcome = run_seed(scenario, seed)
-        robots.end()
-        found = (outcome.arrived, outcome.expected, len(outcome.touches), len(outcome.violations))
-        for name, count in zip(list(row)[1:], found, strict=True):
-            row[name] += count  # type: ignore[operator]
-    return [row]
+    """Return what 500 fleets of C agents showed."""
+    return fleets(range(TRIALS["fleets"][1]), WORKERS, _KEPT)
 
 
 def instructions() -> list[Row]:
     """Return the instructions of a tick on an emulated Cortex-M4F, for eight drives."""
-    if not (shutil.which(_GCC[0]) and shutil.which(_QEMU[0])):
-        return [{"drive": "no arm-none-eabi-gcc or no qemu-system-arm"}]
+    if not _can_emulate():
+        return [_NO_EMULATOR]
     rows: list[Row] = []
     with TemporaryDirectory() as folder:
-        image = Path(folder) / "image.elf"
-        sources = [*map(str, CORE), str(_HERE / "emulated.c")]
-        script = ["-T", str(_HERE / "cortex_m4.ld")]
-        subprocess.run([*_GCC, *script, *sources, "-lm", "-o", str(image)], check=True)
+        image = _image(Path(folder), "emulated.c")
         for seed in range(8):
-            lines = Trial(seed, trouble=0.0, cubic=True).stream(_TICKS).lines
-            text = "\n".join(lines) + "\n"
-            done = subprocess.run(
-                [*_QEMU, str(image)], input=text, text=True, capture_output=True, check=True
-            )
-            mean, most, mean_reading, most_reading, hearing = map(
-                int, done.stdout.splitlines()[-1].split()[1:]
-            )
+            lines = Trial(seed, trouble=0.0, cubic=True).stream(TICKS).lines
+            told = _emulated(image, lines).splitlines()[-1]
+            mean, most, mean_reading, most_reading, hearing = map(int, told.split()[1:])
             rows.append({
                 "drive": seed, "mean of a tick": mean, "most": most,
                 "mean while reading a Plan": mean_reading, "most then": most_reading,
                 "most for a message": hearing,
             })  # fmt: skip
     return rows
+
+
+def native_module() -> list[Row]:
+    """Return how MicroPython's native module answers all golden vectors, run in emulated RAM."""
+    if not _can_emulate():
+        return [_NO_EMULATOR]
+    rows: list[Row] = []
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        code = native_code("armv7emsp", folder)
+        (folder / "code.h").write_text(
+            f"static const uint8_t CODE[] = {{{', '.join(map(str, code))}}};"
+        )
+        image, core = _image(folder, "native.c"), host(*IN_PARTS)
+        for scene, vector in json.loads(VECTORS.read_text()).items():
+            made = read_answers(_emulated(image, vector["events"]))
+            pairs = list(zip(made, answers(core, vector["events"]), strict=True))
+            rows.append({
+                "scene": scene,
+                "ticks": len(pairs),
+                "phases differ": sum(a.phase != b.phase for a, b in pairs),
+                "messages": sum(len(a.sent) for a, _ in pairs),
+                "ticks whose messages differ": sum(a.sent != b.sent for a, b in pairs),
+            })  # fmt: skip
+    return rows
+
+
+def _can_emulate() -> bool:
+    return shutil.which(_GCC[0]) is not None and shutil.which(_QEMU[0]) is not None
+
+
+def _image(folder: Path, program: str) -> Path:
+    """Build the image of a program, with the core and headers of the folder."""
+    image = folder / "image.elf"
+    sources = [*map(str, CORE), str(_HERE / program)]
+    script = [f"-I{folder}", "-T", str(_HERE / "cortex_m4.ld")]
+    subprocess.run([*_GCC, *script, *sources, "-lm", "-o", str(image)], check=True)
+    return image
+
+
+def _emulated(image: Path, lines: list[str]) -> str:
+    """Return what an image prints to the events of a stream."""
+    text = "\n".join(lines) + "\n"
+    command = [*_QEMU, str(image)]
+    done = subprocess.run(command, input=text, text=True, capture_output=True, check=True)
+    return done.stdout

@@ -9,8 +9,11 @@
 
    After every tick the messages that are sent, and then what the robot does:
 
+     start X Y HEADING                    where a robot without a pose counts as standing
      hello|clock|report BYTES
-     tick PHASE FAULT SPEED CURVATURE DISTANCE TURN PLACE EPOCH REVISION HOLDS LEAVES READING
+     tick PHASE FAULT SPEED CURVATURE DISTANCE TURN PLACE EPOCH REVISION HOLDS LEAVES READING TIME
+
+   TIME is the coordinator's time in nanoseconds as the robot knows it, or `-`.
 
    `size` prints the bytes of an agent. */
 
@@ -48,21 +51,26 @@ static void hear(int kind, char *rest) {
 static void tick(char *rest) {
     static const char *const NAMES[] = {[SF_HELLO] = "hello", [SF_CLOCK] = "clock", [SF_REPORT] = "report"};
     int64_t now_ns = strtoll(rest, &rest, 10);
-    double pose[3];
+    int64_t time_ns;
+    sf_real pose[3];
     size_t length;
     int kind;
-    for (int i = 0; i < 3; i++) pose[i] = strtod(rest, &rest);
-    sf_tick(&agent, now_ns, (sf_real)pose[0], (sf_real)pose[1], (sf_real)pose[2]);
+    for (int i = 0; i < 3; i++) pose[i] = (sf_real)strtod(rest, &rest);
+    if (pose[0] != pose[0] && sf_start_pose(&agent, &pose[0], &pose[1], &pose[2]))
+        printf("start %a %a %a\n", (double)pose[0], (double)pose[1], (double)pose[2]);
+    sf_tick(&agent, now_ns, pose[0], pose[1], pose[2]);
     while ((kind = sf_speak(&agent, now_ns, sent, &length)) != SF_NOTHING) {
         printf("%s ", NAMES[kind]);
         for (size_t i = 0; i < length; i++) printf("%02x", sent[i]);
         printf("\n");
     }
-    printf("tick %d %d %a %a %a %a %a %" PRIu32 " %" PRIu32 " %" PRIu32 " %d %d\n", agent.phase,
+    printf("tick %d %d %a %a %a %a %a %" PRIu32 " %" PRIu32 " %" PRIu32 " %d %d ", agent.phase,
            agent.fault, (double)agent.drive_speed, (double)agent.drive_curvature,
            (double)agent.drive_distance, (double)agent.drive_turn, (double)sf_place_on_path(&agent),
            agent.epoch, agent.revision, agent.holds, sf_may_leave(&agent, now_ns),
            sf_is_reading(&agent));
+    if (sf_coordinator_time(&agent, now_ns, &time_ns)) printf("%" PRId64 "\n", time_ns);
+    else printf("-\n");
 }
 
 static void begin(char *rest) {

@@ -5,7 +5,8 @@ use for goes: docstrings, annotations, the words of errors, imports within the b
 that have names become literals, and the events of the state machine small integers.
 
 Decides: what is in the bundle, and in which order.  Run as `python -m firmware.micropython.bundle
-FILE.py`; mpy-cross makes an .mpy of it.
+[--native] FILE.py`; mpy-cross makes an .mpy of it.  With --native it is the shell alone, for a
+robot whose core is native code (native/build.py).
 """
 
 from __future__ import annotations
@@ -33,13 +34,17 @@ MODULES: Final = (
     "robot_agent.core.agent",
     "firmware.micropython.messages",
     "firmware.micropython.robot",
+    "firmware.micropython.loop",
 )
 """In an order in which each imports only those before it."""
+
+NATIVE: Final = ("firmware.micropython.native_robot", "firmware.micropython.loop")
+"""The modules of a robot whose core is native code."""
 
 _IMPORTS: Final = """from array import array
 from binascii import crc32
 from math import atan2, cos, floor, inf, sin, sqrt
-from struct import pack, unpack_from
+from struct import pack, pack_into, unpack_from
 """
 
 _EVENTS: Final = {
@@ -51,9 +56,9 @@ _EVENTS: Final = {
 _WORDS_FOR_PEOPLE: Final = frozenset({"COMMAND_NAMES", "PHASE_NAMES", "FAULT_NAMES", "fault_name"})
 
 
-def bundle() -> str:
-    """Return the source of the module."""
-    body = [statement for name in MODULES for statement in _Packer(name).statements()]
+def bundle(modules: tuple[str, ...] = MODULES) -> str:
+    """Return the source of one module of several."""
+    body = [statement for name in modules for statement in _Packer(name).statements()]
     module = ast.fix_missing_locations(ast.Module(body, []))
     while _drop_unused(module):
         pass
@@ -201,4 +206,4 @@ def _defined(statement: ast.stmt) -> list[str]:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(bundle())
+    Path(sys.argv[-1]).write_text(bundle(NATIVE if "--native" in sys.argv[1:-1] else MODULES))

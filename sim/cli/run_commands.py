@@ -129,6 +129,14 @@ def run(
             help="tcp/HOST:PORT of a router that the coordinator and the robots connect to."
         ),
     ] = None,
+    core: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[ROBOT=]PROGRAM",
+            help="A program that decides in place of the agent's core, for one robot or for all; "
+            "repeatable.",
+        ),
+    ] = None,
     keys: Keys = None,
     page: Page = None,
     force: Force = False,
@@ -145,7 +153,9 @@ def run(
     from sim.world.fault_text import parse_faults
 
     asked = read_scenario(scenario)
-    faults = parse_faults(fault or [], [robot.id for robot in asked.robots])
+    names = [robot.id for robot in asked.robots]
+    faults = parse_faults(fault or [], names)
+    cores = _cores(core or [], names)
     folder = out or _new_folder(asked.name)
     place = RunFolder(folder, asked.name, force=force)
     fleet = LocalFleet(
@@ -157,6 +167,7 @@ def run(
         router=connect,
         keys=keys,
         page=page,
+        cores=cores,
     )
     try:
         outcome = fleet.run()
@@ -244,6 +255,24 @@ def simulate(
         tell(f"interrupted; {folder} holds what was recorded")
         raise
     conclude(folder, asked.name, 0 if arrived else 1, as_json)
+
+
+def _cores(specs: list[str], names: list[str]) -> dict[str, Path]:
+    """Return the programs of `--core` by robot; one that is for all gives way to a robot's own."""
+    for_all: dict[str, Path] = {}
+    own: dict[str, Path] = {}
+    for spec in specs:
+        robot, is_own, program = spec.rpartition("=")
+        if not Path(program).is_file():
+            raise typer.BadParameter(f"no file {program!r}", param_hint="--core")
+        if is_own and robot not in names:
+            known = ", ".join(names)
+            raise typer.BadParameter(f"no robot {robot!r}, there are {known}", param_hint="--core")
+        if is_own:
+            own[robot] = Path(program)
+        else:
+            for_all = dict.fromkeys(names, Path(program))
+    return for_all | own
 
 
 def _new_folder(name: str) -> Path:

@@ -14,8 +14,10 @@ import socket
 import subprocess
 import threading
 import time
+from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import msgspec
@@ -57,7 +59,7 @@ class LocalFleet:
     that is started again resumes from the previous log and writes run-2.mcap, and so on.  If
     `router` is an endpoint, all programs connect to it; otherwise the coordinator listens on a free
     port.  With a `page`, HOST:PORT, the operator's page is served there, and the fleet takes orders
-    until it is told to end.
+    until it is told to end.  `cores` names, by robot, programs in place of the agent's core.
     """
 
     def __init__(
@@ -71,12 +73,13 @@ class LocalFleet:
         router: str | None = None,
         keys: Path | None = None,
         page: str | None = None,
+        cores: Mapping[str, Path] = MappingProxyType({}),
     ) -> None:
         self.scenario = scenario
         self.folder = folder
         self.speed = speed
         self.faults = list(faults)
-        self._programs = Programs(folder, scenario.name, speed, effort, keys)
+        self._programs = Programs(folder, scenario.name, speed, effort, keys, cores)
         self.endpoint = router or self._programs.endpoint(free_port())
         self._desk = () if page is None else (f"--page={page}", "--stay")
         self._meet = f"--{'connect' if router else 'listen'}={self.endpoint}"

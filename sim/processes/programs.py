@@ -6,7 +6,9 @@ Decides: which options they are started with.  Must not know: processes, when th
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 from coordinator.scenario.model import Robot
@@ -18,15 +20,25 @@ _GIVE_UP_S: Final = 30.0
 
 
 class Programs:
-    """The programs of a run in `folder`; with `keys`, a folder of keys, their links use TLS."""
+    """The programs of a run in `folder`; with `keys`, a folder of keys, their links use TLS.
+
+    `cores`: by robot, the program that decides in place of the agent's core.
+    """
 
     def __init__(
-        self, folder: Path, fleet: str, speed: float, effort: int, keys: Path | None
+        self,
+        folder: Path,
+        fleet: str,
+        speed: float,
+        effort: int,
+        keys: Path | None,
+        cores: Mapping[str, Path] = MappingProxyType({}),
     ) -> None:
         self._folder = folder
         self._fleet = fleet
         self._effort = effort
         self._keys = keys
+        self._cores = cores
         self._both = [f"--speed={speed}", *([] if keys is None else [f"--keys={keys}"])]
 
     def endpoint(self, port: int) -> str:
@@ -67,5 +79,6 @@ class Programs:
             *self._both,
             f"--give-up={_GIVE_UP_S}",
             *(["--driver=sim.processes.scripted_body:FaultyBody"] if faulty else []),
+            *([f"--core={self._cores[robot.id]}"] if robot.id in self._cores else []),
             "--quiet",
         ]

@@ -21,6 +21,7 @@ from protocol.phases import DONE, FREEZE, FROZEN, GO, HOLD, MOVING, OVER, STOP
 from protocol.plan_bytes import pack_floats, pack_points, pack_profile, pack_stops
 from protocol.timeline import Timeline
 from protocol.timing import MILLISECOND, SECOND
+from robot_agent.program import read_told
 from robot_agent.service import Robot, RobotService
 
 PERIOD_NS = 10 * MILLISECOND
@@ -62,14 +63,10 @@ def read_answers(text: str) -> list[Tick]:
     for line in text.splitlines():
         word, *rest = line.split()
         if word == "tick":
-            phase, fault, *numbers = rest
-            real = [float.fromhex(number) for number in numbers[:5]]
-            counts = [int(number) for number in numbers[5:8]]
-            leaves, reads = (number == "1" for number in numbers[8:])
-            messages = tuple(sent)
-            ticks.append(Tick(int(phase), int(fault), *real, *counts, leaves, messages, reads))
+            told = read_told(line)
+            ticks.append(Tick(*told[:11], tuple(sent), told.reads))
             sent = []
-        else:
+        elif word != "start":
             sent.append((word, bytes.fromhex(rest[0])))
     return ticks
 

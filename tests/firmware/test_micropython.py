@@ -10,8 +10,9 @@ import pytest
 
 from firmware.micropython import messages
 from firmware.micropython.bundle import bundle
+from firmware.micropython.loop import run
 from firmware.micropython.messages import read, written
-from firmware.micropython.robot import Robot, run
+from firmware.micropython.robot import Robot
 from protocol.codec import decode, encode
 from protocol.messages import Clock, Hello, Plan, Refusal, Report, Rest
 from protocol.plan_parts import unpack_plan
