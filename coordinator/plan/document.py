@@ -56,7 +56,10 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RobotPlan(msgspec.Struct, frozen=True, kw_only=True):
-    """One robot's part of the plan: path, speed knots [s, v], stops; times are plan times [s]."""
+    """One robot's part of the plan: path, speed knots [s, v], stops; times are plan times [s].
+
+    `shortest`: the path that the robot would take alone; null if it takes that one.
+    """
 
     id: str
     radius: float
@@ -69,6 +72,7 @@ class RobotPlan(msgspec.Struct, frozen=True, kw_only=True):
     wire_bytes: int
     start_yields_to: str = ""
     limits: Limits | None = None
+    shortest: Path | None = None
 
 
 class Crossing(msgspec.Struct, frozen=True, kw_only=True):
