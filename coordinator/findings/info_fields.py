@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import msgspec
 
+from coordinator.findings.giving_way import GivingWay
 from coordinator.findings.wait_summary import WaitSummary
 from coordinator.plan.document import Proof
 from protocol.messages import ORDER_STATES, OrderState
@@ -246,5 +247,6 @@ class Summary(msgspec.Struct):
     latencies: dict[str, Percentiles] = {}
     broadcast: Broadcast | None = None
     waits: list[WaitSummary] = []
+    giving_way: list[GivingWay] = []
     proof: Proof | None = None
     keys: dict[str, Traffic] = {}

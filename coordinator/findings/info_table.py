@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from coordinator.base.text_table import plain_table
+from coordinator.findings.giving_way import GivingWay
 from coordinator.findings.info_fields import (
     Broadcast,
     EpochSummary,
@@ -26,6 +27,7 @@ from coordinator.findings.info_fields import (
 )
 from coordinator.findings.plan_table import render_proof
 from coordinator.findings.wait_table import waits_table
+from coordinator.scenario.checks import printable
 from protocol.keys import ROOT
 
 
@@ -42,6 +44,8 @@ def render(summary: dict[str, object]) -> RenderableType:
         parts += [Text(line) for line in _sources(told)]
     if told.waits:
         parts.append(waits_table(told.waits))
+    if told.giving_way:
+        parts.append(_giving_way(told.giving_way))
     if told.faults:
         parts.append(_faults(told))
     if told.frozen:
@@ -199,6 +203,21 @@ def _arrivals(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
             else (near.robot, f"{near.distance:.3f}", _number(near.t))
         )
         table.add_row(Text(name), *cells, *map(Text, others))
+    return table
+
+
+def _giving_way(found: Sequence[GivingWay]) -> Table:
+    """Return who drives more slowly than possible, or aside from the shortest way."""
+    epochs = len({one.epoch for one in found}) > 1
+    columns = ("robot", "gives way", "from s", "until s", "from m", "until m", "loses s")
+    title = "slower than possible, or aside from the shortest way"
+    table = plain_table(*(["epoch"] if epochs else []), *columns, title=title)
+    for one in found:
+        numbers = (one.since, one.until, *one.on)
+        cells = [one.robot, f"{one.how} {one.other}", *(f"{number:.1f}" for number in numbers)]
+        cells = [str(one.epoch), *cells] if epochs else cells
+        lost = f"{one.lost:.1f}" if one.lost else "-"
+        table.add_row(*(Text(printable(cell)) for cell in cells), lost)
     return table
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 
 from coordinator.base.errors import InputError
+from coordinator.findings.giving_way import GivingWay, giving_way
 from coordinator.findings.info_fields import NearestSummary, RobotSummary, StopSummary, Summary
 from coordinator.findings.nearness import nearest_of_all
 from coordinator.findings.ride_samples import ride_of_plan, times_between
@@ -119,6 +120,7 @@ def take_plans(
     """
     for document in documents:
         summary.waits += waits_of(document)
+        summary.giving_way += _giving_way(document)
         summary.proof = document.proof
         if starts and document.epoch not in starts:
             continue
@@ -144,6 +146,14 @@ def take_message(plan: Plan, told: RobotSummary, zero: float) -> None:
     begin = 0.001 * plan.begin_ms
     told.planned_start = zero + next((depart for s, depart in rests if s <= 0.0), begin)
     told.stops = [StopSummary(s, zero + depart, "") for s, depart in rests if s > 0.0]
+
+
+def _giving_way(document: PlanDocument) -> list[GivingWay]:
+    """Return how the robots of a plan give way; nothing of one that robots would refuse."""
+    try:
+        return giving_way(document)
+    except InputError:
+        return []
 
 
 def _tell_nearest(summary: Summary, document: PlanDocument) -> None:

@@ -61,7 +61,10 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RobotPlan(msgspec.Struct, frozen=True, kw_only=True):
-    """One robot's part of the plan: path, speed knots [s, v], stops; times are plan times [s]."""
+    """One robot's part of the plan: path, speed knots [s, v], stops; times are plan times [s].
+
+    `shortest`: the path that the robot would take alone; null if it takes that one.
+    """
 
     id: str
     radius: float
@@ -74,6 +77,7 @@ class RobotPlan(msgspec.Struct, frozen=True, kw_only=True):
     wire_bytes: int
     start_yields_to: str = ""
     limits: Limits | None = None
+    shortest: Path | None = None
 
 
 class Crossing(msgspec.Struct, frozen=True, kw_only=True):

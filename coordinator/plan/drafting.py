@@ -36,10 +36,12 @@ def draft_plan(
     epoch: int,
     notes: Sequence[str],
     crossings: CrossingSearch | None = None,
+    shortest: Sequence[Nurbs] | None = None,
 ) -> PackedPlan:
     """Return the plan without its proof; tau in seconds.
 
     `crossings`: the search for crossings of the paths; by default all pairs are searched here.
+    `shortest`: the paths that the robots would take alone; by default the same.
 
     Raises PlanError when a robot's path is too long for a message.
     """
@@ -60,7 +62,10 @@ def draft_plan(
     names = [robot.id for robot in scenario.robots]
     parts = zip(scenario.robots, paths, motions, strict=True)
     drafted = [_robot_plan(bare, *part, number, names) for number, part in enumerate(parts)]
-    robots = [plan for plan, _ in drafted]
+    robots = [
+        plan if alone is path else msgspec.structs.replace(plan, shortest=path_of(alone))
+        for (plan, _), path, alone in zip(drafted, paths, shortest or paths, strict=True)
+    ]
     if crossings is None:
         pairs = np.array(list(combinations(range(len(robots)), 2)), dtype=np.int64).reshape(-1, 2)
         crossings = CrossingSearch(paths, pairs, None)

@@ -284,6 +284,11 @@ def path_of(curve: Nurbs) -> Path:
     )
 
 
+def curve_of(path: Path) -> Nurbs:
+    """Return a Path of the document as a curve."""
+    return nurbs(path.degree, path.knots, path.control_points, path.weights)
+
+
 def float32(values: Sequence[float]) -> list[float]:
     """Round numbers to the nearest float32."""
     return [float(value) for value in np.asarray(values, dtype=np.float32)]

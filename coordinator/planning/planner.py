@@ -131,7 +131,14 @@ def plan_fleet(
     _check_times(scenario, tau, motions)
     marks.append(timer())
     drafted = draft_plan(
-        scenario, stages.paths, motions, tau, epoch, stages.say(), stages.crossings()
+        scenario,
+        stages.paths,
+        motions,
+        tau,
+        epoch,
+        stages.say(),
+        stages.crossings(),
+        stages.shortest,
     )
     waits = [] if scenario.policy == "paper" else stages.explain(motions)
     marks.append(timer())
@@ -188,6 +195,7 @@ class _Stages:
         self.pathfinder = Pathfinder(scenario)
         self.near = near_places(scenario, NEED_PAD)
         self.paths: list[Nurbs] = []
+        self.shortest: list[Nurbs] = []
         self.tracks: list[Track] = []
         self.notes: list[str] = []
         self.junctions: Junctions
@@ -198,6 +206,7 @@ class _Stages:
     def find_paths(self) -> None:
         """Find every robot's path as if it were alone on the floor."""
         self.paths = find_paths(self.pathfinder, self.executor)
+        self.shortest = list(self.paths)
 
     def find_zones(self) -> None:
         """Find where the robots conflict on these paths."""

@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from coordinator.curves.nurbs import Array
+from coordinator.findings.giving_way import SLOWS, GivingWay, giving_way
 from coordinator.plan.document import PlanDocument
 from coordinator.view.figure_forbidden import Forbidden, forbidden
 from coordinator.view.figure_robots import Pictured, font_size
@@ -45,6 +46,7 @@ def draw_times(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) 
     roomy = height / count >= _LOWEST
     axes.set_xlabel(_legend(document, count, roomy), size=8.5, linespacing=1.4)
     regions = _regions(document, robots if roomy else {})
+    yields = giving_way(document, [robot.driven for robot in robots.values()]) if roomy else []
     for index, robot in enumerate(robots.values()):
         found = regions.get(robot.id, [])
         lane = _Lane(axes, robot, found, -index - 1.0, end, width / end, height / count, size)
@@ -53,6 +55,7 @@ def draw_times(axes: Axes, document: PlanDocument, robots: dict[str, Pictured]) 
         for pause in robot.pauses:
             owner = robots.get(pause[3])
             lane.draw_pause(pause, robot.ink if owner is None else owner.ink)
+        lane.draw_yields([one for one in yields if one.robot == robot.id], robots)
     if count <= _FEW:
         _draw_crossings(axes, document, robots)
 
@@ -134,6 +137,29 @@ class _Lane:
             text, (right, height), (shift, away), ha="right", va="bottom", zorder=7, **style
         )
 
+    def draw_yields(self, yields: list[GivingWay], robots: dict[str, Pictured]) -> None:
+        """Widen the curve where the robot slows down; write for whom, and whom it passes how."""
+        style: dict[str, Any] = {"size": self.size, "textcoords": "offset points", "zorder": 7}
+        free = 0.0
+        for one in yields:
+            slows = one.how == SLOWS
+            times = np.linspace(one.since, one.until, 50)
+            heights = self._height(self.robot.progress(times))
+            if slows:
+                wide = min(6.0, 0.25 * self.tall)
+                self.axes.plot(
+                    times, heights, color=self.robot.colour, lw=wide, alpha=0.35, gid="slows"
+                )
+            text = f"slows {one.lost:.1f} s for" if slows else one.how
+            text = f"{text} {one.other}"
+            width = (0.55 * self.size * len(text) + 8.0) / self.second
+            left = max(float(times[-1]) - width, free)
+            free = left + width
+            top = float(self._height(self.robot.progress(np.array([free])))[0])
+            low = min(top, self.base + 1.0 - self.size / self.tall)
+            ink = robots[one.other].ink
+            self.axes.annotate(text, (left, low), (2.0, 1.0), color=ink, va="bottom", **style)
+
     def _above_regions(self, left: float, right: float, height: float, room: float) -> float:
         """Return a height for a text of height `room` above the shaded regions, if it fits."""
         raised = height
@@ -151,6 +177,8 @@ class _Lane:
 def _legend(document: PlanDocument, count: int, roomy: bool) -> str:
     """Return the text below the diagram: the time axis, and what the lanes contain."""
     told = ["a lane: from start to goal"]
+    if roomy and any(robot.shortest is not None for robot in document.robots):
+        told.append("wide: slower than it could")
     if roomy and document.waits:
         told.append("shaded: forbidden by the robot that it waits for")
     if count <= _FEW and document.crossings:

@@ -15,10 +15,11 @@ from matplotlib.patches import Circle
 
 from coordinator.curves.nurbs import Array
 from coordinator.plan.document import Crossing, PlanDocument
+from coordinator.plan.wire import curve_of
 from coordinator.view.figure_curvature_comb import draw_comb, sharpest_bend
 from coordinator.view.figure_ground import draw_ground, edge_points, reaches
 from coordinator.view.figure_labels import Labels
-from coordinator.view.figure_legend import Keys, legend_keys
+from coordinator.view.figure_legend import CROWD, Keys, legend_keys
 from coordinator.view.figure_robots import Pictured, font_size, style_of
 from coordinator.view.figure_selection import View
 
@@ -28,8 +29,6 @@ _SMALLEST: Final = 5.5
 """Size of the smallest labels [pt]; labels that do not fit are left out."""
 _FAINT: Final = 0.35
 """Opacity of robots that are drawn faintly."""
-_CROWD: Final = 24
-"""For more robots, stops and crossings get no labels, and goals only if there is room."""
 
 
 def floor_bounds(
@@ -68,6 +67,8 @@ def draw_floor(
     size = font_size(len(shown))
     for robot in robots.values():
         _draw_way(axes, robot, size)
+    if len(shown) <= CROWD:
+        _draw_shortest(axes, shown, size)
     sharpest = _draw_details(axes, shown, side)
     for robot in shown:
         _draw_stops(axes, robot, size)
@@ -77,7 +78,7 @@ def draw_floor(
     size = max(size, _SMALLEST)
     _draw_left(axes, labels, view, list(robots), size)
     _label_ends(labels, shown, size)
-    if len(shown) <= _CROWD:
+    if len(shown) <= CROWD:
         _label_stops(labels, shown, size)
         _label_crossings(labels, met, shown, size)
     return legend_keys(document, robots, grown, sharpest)
@@ -168,6 +169,16 @@ def _draw_way(axes: Axes, robot: Pictured, size: float) -> None:
     )
 
 
+def _draw_shortest(axes: Axes, robots: list[Pictured], size: float) -> None:
+    """Dot the shortest ways of robots that leave them."""
+    for robot in robots:
+        if robot.plan.shortest is not None:
+            curve = curve_of(robot.plan.shortest)
+            points = curve.at_arc(np.linspace(0.0, curve.length, _POINTS))
+            style: dict[str, Any] = {"lw": 0.11 * size, "ls": (0, (1, 2.5)), "zorder": 4}
+            axes.plot(*points.T, color=robot.colour, gid="shortest", **style)
+
+
 def _draw_crossings(axes: Axes, met: list[Crossing], size: float) -> None:
     crossings = np.array([(crossing.x, crossing.y) for crossing in met])
     if len(crossings):
@@ -227,7 +238,7 @@ def _label_ends(labels: Labels, robots: list[Pictured], size: float) -> None:
             away=robot.plan.radius,
             heading=math.atan2(way[1], way[0]),
             weight="bold" if mark == robot.id else "normal",
-            optional=mark != robot.id and len(robots) > _CROWD,
+            optional=mark != robot.id and len(robots) > CROWD,
         )
 
 

@@ -22,6 +22,9 @@ _COMB: Final[dict[str, Any]] = {"lw": 0.7, "marker": "|", "ms": 7.0, "mew": 0.5}
 _CROSSING: Final[dict[str, Any]] = {"ls": "", "marker": "o", "ms": 4.5, "mfc": "white", "mew": 0.7}
 _STOP: Final[dict[str, Any]] = {"ls": "", "marker": "s", "ms": 5.0, "mec": "white"}
 
+CROWD: Final = 24
+"""For more robots, stops, crossings and shortest ways are left out or have no labels."""
+
 Keys = list[tuple[Artist, str]]
 
 
@@ -43,6 +46,8 @@ def legend_keys(
     if any(robot.manner == "detailed" for robot in robots.values()):
         keys.append((_line(_POLYGON), "control polygon"))
     keys.append((_line({"lw": 1.8}), "path"))
+    if len(robots) <= CROWD and any(robot.plan.shortest is not None for robot in robots.values()):
+        keys.append((_line({"lw": 1.1, "ls": (0, (1, 2.5))}), "shortest way"))
     if sharpest is not None:
         told = f"comb: longest tooth = curvature {sharpest:.3g} 1/m, radius {1.0 / sharpest:.2g} m"
         keys.append((_line(_COMB), told))

@@ -39,12 +39,27 @@ class Wait(msgspec.Struct, frozen=True, kw_only=True):
     lets: int = -1
 
 
+class Yielding(msgspec.Struct, frozen=True, kw_only=True):
+    """How a robot gives way to another one without a rest, between two plan times.
+
+    how: "slows for", "passes behind" and so on (findings/giving_way.py).  lost [s]: what driving
+    slowly costs it.
+    """
+
+    how: str
+    other: int
+    since: float
+    until: float
+    lost: float = 0.0
+
+
 class Ride(msgspec.Struct, frozen=True, kw_only=True):
     """One course of a robot in an epoch.
 
     A robot drives the last of its rides in an epoch that has begun.
 
-    path: arc lengths, x and y of a polyline.  legs: the motion; between legs, before the first and
+    path: arc lengths, x and y of a polyline.  shortest: the same of the path that the robot would
+    take alone; null if it takes that one.  legs: the motion; between legs, before the first and
     after the last the robot rests.  passed: the plan time that the robot has passed over the time
     of the plan, linear between the knots; before the first one the robot is on time, after the last
     one it goes on as between the last two, but no faster than the clock.  halt: where it left its
@@ -63,6 +78,8 @@ class Ride(msgspec.Struct, frozen=True, kw_only=True):
     path: tuple[list[float], list[float], list[float]]
     legs: list[Leg]
     waits: list[Wait] = []
+    yields: list[Yielding] = []
+    shortest: tuple[list[float], list[float], list[float]] | None = None
     passed: list[Knot] = []
     halt: Halt | None = None
     unheard: bool = False

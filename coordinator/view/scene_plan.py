@@ -11,12 +11,14 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+from msgspec.structs import replace
 
 from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.findings.giving_way import giving_way
 from coordinator.plan.document import Crossing, PlanDocument, Reason, RobotPlan
-from coordinator.plan.wire import Driven, drive
+from coordinator.plan.wire import Driven, curve_of, drive
 from coordinator.scenario.model import Point
-from coordinator.view.scene import Body, Epoch, Leg, Ride, Scene, Wait, Zone
+from coordinator.view.scene import Body, Epoch, Leg, Ride, Scene, Wait, Yielding, Zone
 from protocol.timeline import Timeline
 
 ACCURACY: Final = 4e-4
@@ -95,9 +97,27 @@ def rides_of(
 
     `driven`: what `drive` returned for the document, if the caller has it already.
     """
+    driven = driven or drive(document)
+    yields: dict[str, list[Yielding]] = {}
+    for one in giving_way(document, driven):
+        yields.setdefault(one.robot, []).append(
+            Yielding(
+                how=one.how,
+                other=index[one.other],
+                since=round(one.since, _DIGITS),
+                until=round(one.until, _DIGITS),
+                lost=round(one.lost, 2),
+            )
+        )
     return [
-        ride_of(one, index[robot.id], _waits(robot, index))
-        for robot, one in zip(document.robots, driven or drive(document), strict=True)
+        replace(
+            ride_of(one, index[robot.id], _waits(robot, index)),
+            yields=yields.get(robot.id, []),
+            shortest=None
+            if robot.shortest is None
+            else _columns(polyline(curve_of(robot.shortest))),
+        )
+        for robot, one in zip(document.robots, driven, strict=True)
     ]
 
 

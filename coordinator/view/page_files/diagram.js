@@ -127,6 +127,9 @@ class DiagramView {
       pen.lineWidth = focus === index ? 2.75 : crowd ? 1 : 1.75;
       this.line(pen, motion, epoch, from, to);
       this.heldLines(pen, index, motion, epoch, from, to, look);
+      if (focus === index || focus < 0 && this.shownCount() <= FEW) {
+        this.yieldLines(pen, motion, epoch, from, to, focus === index, look);
+      }
     }
     pen.globalAlpha = 1;
     return sheet;
@@ -169,6 +172,39 @@ class DiagramView {
     for (const { since, until } of this.play.holds[index]) {
       const from = Math.max(since, begin), to = Math.min(until ?? end, end);
       if (from < to) this.line(pen, motion, epoch, from, to);
+    }
+  }
+
+  /** Widen the line where a robot slows down; say for whom it does so or goes aside. */
+  yieldLines(pen, motion, epoch, begin, end, chosen, look) {
+    const bodies = this.play.scene.robots, wide = pen.lineWidth, said = [];
+    pen.font = look.font(11);
+    pen.textAlign = "left";
+    pen.textBaseline = "middle";
+    for (const { how, other, since, until, lost } of motion.ride.yields) {
+      const [from, to] = [since, until].map((passed) => epoch.start + motion.when(passed));
+      pen.strokeStyle = look.robot(motion.ride.robot);
+      if (lost > 0) {
+        pen.lineWidth = wide + 6;
+        pen.globalAlpha = 0.3;
+        this.line(pen, motion, epoch, Math.max(from, begin), Math.min(to, end));
+        pen.lineWidth = wide;
+        pen.globalAlpha = 1;
+      }
+      const t = lost > 0 ? 0.5 * (from + to) : to;
+      if (!chosen || t < begin || t > end) continue;
+      const s = motion.progress(motion.passed(epoch.planTime(t)))[0];
+      const text = `${how} ${bodies[other].id}`, x = this.X(t) + 8;
+      const covers = (one, y) => Math.abs(one.y - y) < 13 && x < one.end && x + pen.measureText(text).width > one.x;
+      let y = this.Y(s) + 9;
+      while (said.some((one) => covers(one, y))) y += 13;
+      said.push({ x, y, end: x + pen.measureText(text).width });
+      pen.strokeStyle = look.panel;
+      pen.fillStyle = look.ink;
+      pen.lineWidth = 3;
+      pen.strokeText(text, x, y);
+      pen.fillText(text, x, y);
+      pen.lineWidth = wide;
     }
   }
 

@@ -85,6 +85,8 @@ class FloorView extends Ground {
       pen.lineWidth = 2;
       this.trace(pen, robot.motion.stretch(robot.s, robot.length));
       pen.stroke();
+      const { shortest } = robot.motion.ride;
+      if (shortest && (focus === index || found.length <= FEW)) this.drawShortest(pen, shortest);
     });
   }
 
@@ -212,11 +214,18 @@ class FloorView extends Ground {
     pen.globalAlpha = 1;
   }
 
+  /** Who stands, slows down or goes aside for whom; of a crowd, only the chosen robot goes aside. */
   waiting(found, focus) {
+    const { robots } = this.play.scene;
+    const told = (robot, index, verb, other) =>
+      ({ robot, index, other: found[other], verb: `${verb} ${robots[other].id}` });
     return found.flatMap((robot, index) => {
-      const other = robot && WAITS.has(robot.state) ? found[robot.lets] : null;
-      const wanted = focus < 0 || focus === index || (robot && focus === robot.lets);
-      return other && wanted ? [{ robot, other, index }] : [];
+      if (!robot) return [];
+      const all = WAITS.has(robot.state) && robot.lets >= 0 ?
+        [[robot.state === "held" ? "held by" : "waits for", robot.lets]] :
+        this.crowd && focus !== index ? [] : robot.yields.map((one) => [one.how, one.other]);
+      return all.filter(([, other]) => found[other] && (focus < 0 || focus === index || focus === other))
+        .map(([verb, other]) => told(robot, index, verb, other));
     });
   }
 
@@ -241,10 +250,9 @@ class FloorView extends Ground {
     pen.font = look.font(12, 500);
     pen.textAlign = "left";
     pen.textBaseline = "middle";
-    for (const { robot, index } of this.waiting(found, focus)) {
-      const bodies = this.play.scene.robots, verb = robot.state === "held" ? "held by" : "waits for";
-      const text = `${verb} ${bodies[robot.lets].id}`;
-      const wide = pen.measureText(text).width + 14, tall = 22;
+    for (const { robot, index, verb } of this.waiting(found, focus)) {
+      const bodies = this.play.scene.robots;
+      const wide = pen.measureText(verb).width + 14, tall = 22;
       const x = this.X(robot.x), y = this.Y(robot.y);
       const away = Math.max(this.zoom * bodies[index].radius, 4) + 8;
       const middle = Math.max(Math.min(x - wide / 2, this.sheet.width - wide - 2), 2);
@@ -257,7 +265,7 @@ class FloorView extends Ground {
       pen.roundRect(spot.x, spot.y, spot.wide, spot.tall, 11);
       pen.fill();
       pen.fillStyle = look.panel;
-      pen.fillText(text, spot.x + 7, spot.y + 11.5);
+      pen.fillText(verb, spot.x + 7, spot.y + 11.5);
     }
   }
 

@@ -145,6 +145,15 @@ class Ground {
     pen.globalAlpha = 1;
   }
 
+  /** Dot the way that a robot would take alone. */
+  drawShortest(pen, [, xs, ys]) {
+    pen.lineWidth = 1.5;
+    pen.setLineDash([1, 5]);
+    this.trace(pen, xs.map((x, i) => [x, ys[i]]));
+    pen.stroke();
+    pen.setLineDash([]);
+  }
+
   /** Whether a robot has nothing to do, in a fleet with orders. */
   isIdle(robot) {
     return robot.state === "arrived" && !robot.next && this.play.scene.orders.length > 0;

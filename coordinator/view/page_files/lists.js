@@ -50,6 +50,8 @@ function said(robot, bodies, why) {
     const left = `${(robot.wait.until - robot.plan).toFixed(1)} s`;
     return robot.lets >= 0 ? `waits for ${bodies[robot.lets].id}, ${left}` : `waits ${left}`;
   }
+  const yields = robot.yields.map((one) => `${one.how} ${bodies[one.other].id}`);
+  if (yields.length) return yields.join(", ");
   return robot.state === "unheard" ? "no word, drawn at rest" : robot.state;
 }
 
@@ -149,11 +151,11 @@ class RobotList {
   }
 }
 
-/** The marks: ticks on the slider, and a list of buttons that jump to each. */
+/** The marks: ticks on the slider, and a list of buttons that jump to each and to each reason. */
 class EventList {
   /** `show` is called with the mark that somebody chooses; the newest one stands on top. */
-  constructor(list, ticks, play, show, day) {
-    const { marks } = play.scene;
+  constructor(list, ticks, play, reasons, show, day) {
+    const marks = [...play.scene.marks, ...reasons].sort((a, b) => a.t - b.t);
     this.box = byId("events-title").parentElement;
     this.box.hidden = marks.length === 0;
     this.list = list;
@@ -167,7 +169,7 @@ class EventList {
       button.addEventListener("click", () => show(mark));
       return element("li", {}, button);
     }));
-    ticks.replaceChildren(...marks.map((mark) => {
+    ticks.replaceChildren(...play.scene.marks.map((mark) => {
       const tick = element("span", { className: `mark ${mark.kind}` });
       tick.style.setProperty("--t", Math.max(mark.t - play.scene.begin, 0));
       return tick;

@@ -151,6 +151,13 @@ class Motion {
     return this.spots;
   }
 
+  /** How it gives way to others at a plan time without a rest. */
+  yields(t) {
+    const { halt } = this;
+    if (halt && t >= halt[0]) return [];
+    return this.ride.yields.filter((one) => t >= one.since && t < one.until);
+  }
+
   /** The wait that a robot is in at a plan time, or undefined. */
   wait(t) {
     const { halt } = this;

@@ -52,13 +52,16 @@ const desk = new Desk({
 });
 const orders = new OrderList(byId("orders"), day, chooseToggled, mayCommand ? (id) => desk.cancel(id) : null);
 
+/** List what happens, and why the chosen robot does what it does; in a small fleet, why all do. */
 function list() {
-  const key = JSON.stringify([play.scene.marks, play.scene.begin]);
+  const told = focus >= 0 || play.scene.robots.length <= FEW;
+  const reasons = told ? play.reasons(focus) : [];
+  const key = JSON.stringify([play.scene.marks, play.scene.begin, reasons]);
   if (events && key === eventsKey) return;
   eventsKey = key;
   listed = -Infinity;
   if (events) hurry();
-  events = new EventList(byId("events"), byId("ticks"), play, showMark, day);
+  events = new EventList(byId("events"), byId("ticks"), play, reasons, showMark, day);
 }
 
 /** The time of the day at a time [ms since 1970]; null if it is not known. */
@@ -114,6 +117,7 @@ function chooseToggled(index) {
   focus = focus === index ? -1 : index;
   robots.choose(focus);
   desk.chosen(focus);
+  list();
   stale = true;
 }
 

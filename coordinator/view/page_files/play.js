@@ -10,6 +10,9 @@ const NOTHING = {
 const POINTS = 0.2;
 const NEAR = 0.1;
 
+/** Shorter waits [s] are no events. */
+const SHORT = 0.05;
+
 /** The course of several that a robot drives at a time of the plan. */
 const driven = (courses, clock) => courses.findLast((one) => one.since <= clock);
 
@@ -103,7 +106,7 @@ class Play {
     this.learned++;
   }
 
-  /** One robot at a time: {x, y, heading, s, length, v, state, lets, motion, next}. */
+  /** One robot at a time: {x, y, heading, s, length, v, state, lets, yields, motion, next}. */
   robot(index, t) {
     const now = lastUpTo(this.begins, t), epoch = this.epochs[now], clock = epoch.planTime(t);
     const courses = epoch.courses.get(index) || [], motion = driven(courses, clock);
@@ -122,7 +125,26 @@ class Play {
     else if (wait) [state, lets] = ["waits", wait.lets];
     return {
       ...motion.place(s), s, length: motion.length, v, state, lets, wait, held, late, plan, motion, next,
+      yields: state === "drives" ? motion.yields(plan) : [],
     };
+  }
+
+  /** For whom robots wait, slow down or leave their shortest ways, as marks; of one robot or of all. */
+  reasons(focus) {
+    const name = (index) => this.scene.robots[index].id;
+    return this.spans().filter(({ index }) => focus < 0 || focus === index).flatMap((span) => {
+      const { index, motion, epoch, from, to } = span;
+      const waits = motion.ride.waits.filter((one) => one.lets >= 0 && one.until - one.since > SHORT)
+        .map((one) => [one.since, `waits ${(one.until - one.since).toFixed(1)} s for ${name(one.lets)}`]);
+      const yields = motion.ride.yields.map((one) => {
+        const lost = one.lost > 0 ? `, loses ${one.lost.toFixed(1)} s` : "";
+        return [one.since, `${one.how} ${name(one.other)}${lost}`];
+      });
+      return [...waits, ...yields]
+        .map(([since, text]) => ({ t: epoch.start + motion.when(since), text: `${name(index)} ${text}` }))
+        .filter(({ t }) => t >= from - SHORT && t <= to)
+        .map((one) => ({ ...one, kind: "reason", robot: index }));
+    });
   }
 
   /** The robots that one meets on its course at a time, itself among them. */
@@ -161,7 +183,7 @@ class Play {
       const motion = driven(this.epochs[i].courses.get(index) || [], end);
       if (!motion) continue;
       const [s] = motion.progress(motion.passed(end));
-      return { ...motion.place(s), s, length: motion.length, v: 0, state: why, lets: -1 };
+      return { ...motion.place(s), s, length: motion.length, v: 0, state: why, lets: -1, yields: [] };
     }
     return null;
   }
