@@ -409,7 +409,9 @@ def _delays(site: Site, wish: Wish, other: Course) -> list[float]:
 
 @kept
 def _known(course: Course) -> Track:
-    return Track(SpeedLimits(course.driven.timeline.length, 1.0, math.inf, ()), course.chords)
+    """Return a course as a track; its motion may end beyond its curve, by rounding."""
+    length = min(course.driven.timeline.length, float(course.chords.s[-1]))
+    return Track(SpeedLimits(length, 1.0, math.inf, ()), course.chords)
 
 
 def _apart(course: Course, low: Array, high: Array) -> float:
