@@ -21,6 +21,7 @@ from coordinator.plan.document import Limits, PlanDocument
 from coordinator.plan.wire import PackedPlan, packed, unpack
 from coordinator.proof.course_proof import course_failures, that_may_meet
 from coordinator.proof.granted import Granted
+from coordinator.proof.shared_course import shared_until
 from coordinator.scenario.floor import Floor
 from coordinator.scenario.margin import TOLERANCE
 from coordinator.schedule.staircase_making import STANDOFF, staircases_of, with_staircases
@@ -81,6 +82,8 @@ class GrantedCourses(Granted):
             if name != robot
             for one in (ways[1:] if name in self._around else ways)
         ]
+        before = self._ways.get(robot, [])
+        old = before[-1].driven if before else None
         margin = self._terms.margin
         near = that_may_meet(course, others, margin + STANDOFF)
         courses = [course, *near]
@@ -90,13 +93,13 @@ class GrantedCourses(Granted):
         if self._prove:
             limits = self._limits.get(robot) or Limits(max_speed=1e9)
             gap = self._gap().gap
-            failures = course_failures(courses, staircases, margin, limits, gap)
+            failures = course_failures(courses, staircases, margin, limits, gap, old)
             failures += self._that_stand_near(course)
             name = f"course {plan.revision} of {robot} in epoch {plan.epoch}"
             self.failures += [f"{name}: {failure}" for failure in failures]
         known = [(one.driven.id, one.driven.plan.revision) for one in near]
-        self.add_course(robot, plan, known, staircases)
-        before = self._ways.get(robot, [])
+        shared = course.since if old is None else shared_until(old, course.driven)
+        self.add_course(robot, plan, known, staircases, round(1000.0 * shared))
         self._ways[robot] = [before[-1], course] if before else [course.begun()]
         return True
 

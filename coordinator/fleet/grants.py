@@ -1,7 +1,8 @@
 """The courses of a fleet's robots, the authority on them as Commands state it, who is held by whom.
 
-A robot has a course in force and at most one that it was sent and has not begun.  It is granted
-nothing on that one before it reports that it drives it, so it is always on one known course.
+A robot has a course in force and at most one that it was sent and has not begun.  Before it reports
+that it drives that one, it is granted nothing on it but where it is the course in force as well.
+So it is always on one known course.
 
 Decides: which courses robots may be driving, how authorities are divided among Commands, when a
 robot counts as held or stuck.  Must not know: phases, when a Command is sent.
@@ -21,6 +22,7 @@ from coordinator.fleet.sent_courses import Courses, PlainSent, Sent, Span
 from coordinator.plan.course import Course
 from coordinator.plan.course_staircases import CourseStaircases
 from coordinator.plan.staircases import NO_STAIRCASES, PlainStaircases, Staircases
+from coordinator.proof.shared_course import shared_until
 from coordinator.schedule.authority import EVER, Authority, PlainAuthority
 from protocol.messages import MOST_HELD, Report
 from protocol.phases import DONE
@@ -181,6 +183,9 @@ class Grants:
             name: Courses(now.sent(), None if coming is None else coming.sent(), slots)
             for name, (now, coming, slots) in told.courses.items()
         }
+        for mine in made._courses.values():
+            if mine.next is not None and not mine.next.is_withdrawn:
+                made._run_along(mine.now, mine.next)
         made._numbers, made._got_on_ms, made._passed_ms = (
             np.frombuffer(one, np.int64).copy()
             for one in (told.numbers, told.got_on_ms, told.passed_ms)
@@ -232,6 +237,7 @@ class Grants:
         if coming is not None:
             coming.is_withdrawn = True
             self._rule.reach(coming.slot, EVER)
+            self._rule.barred[coming.slot] = True
 
     def limit(self, robot: str, most_ms: int) -> None:
         """Grant a robot never more than this on the course in force."""
@@ -285,9 +291,14 @@ class Grants:
         ends = self._rule.granted + self.headroom_ms
         return [stairs.need_at(pair, float(ends[behind])) for pair, behind in pairs]
 
-    def halt(self, robot: str) -> int:
-        """Grant a robot nothing more on its course; return where it then comes to rest [ms]."""
+    def halt(self, robot: str, at_ms: int = 0) -> int:
+        """Grant a robot nothing more on its course; return where it then comes to rest [ms].
+
+        It is granted as much as `at_ms` if that is more, unless it was given up.
+        """
         end_ms = self._end_ms(robot)
+        if robot not in self.given_up:
+            end_ms = max(end_ms, at_ms)
         self._rule.most[self._courses[robot].now.slot] = end_ms
         return end_ms
 
@@ -350,7 +361,12 @@ class Grants:
         passed_ms = begin_ms if mine is None else int(self._rule.progress[mine.now.slot])
         slots = [slot, *(self._slot(one) for one in near)]
         self._staircases.put(slot, staircases, slots)
-        self._rule.open(slot, min(passed_ms, begin_ms), begin_ms)
+        told_ms = shared_ms = begin_ms
+        if mine is not None and mine.now.course is not None:
+            shared = shared_until(mine.now.course.driven, course.driven)
+            shared_ms = max(math.floor(1000.0 * shared + 1e-6), begin_ms)
+            told_ms = max(min(self.told_ms(robot), shared_ms), begin_ms)
+        self._rule.open(slot, min(passed_ms, shared_ms), told_ms)
         fits = self._rule.allows(self._staircases.of(slot))
         if not fits:
             self._staircases.put(slot, NO_STAIRCASES, ())
@@ -358,7 +374,7 @@ class Grants:
         if not fits:
             return False
         self.release(number)
-        sent = Sent(slot, number, plan.revision, begin_ms, course)
+        sent = Sent(slot, number, plan.revision, begin_ms, course, shared_ms=shared_ms)
         if mine is None:
             sent.course = course.begun()
             self._courses[robot] = Courses(sent, slots=(slot, slot + 1))
@@ -367,9 +383,15 @@ class Grants:
             if mine.next is not None:
                 self._reserved.add(mine.next.number)  # Nothing is ever granted on it.
             mine.next = sent
+            self._run_along(mine.now, sent)
         self._numbers[slot], self._done[slot] = number, False
         self._passed_ms[slot] = self._got_on_ms[slot] = begin_ms
         return True
+
+    def _run_along(self, now: Sent, coming: Sent) -> None:
+        """Grant on a course that has not begun as far as it is the one in force."""
+        if coming.shared_ms > coming.begin_ms:
+            self._rule.follow(coming.slot, now.slot, coming.shared_ms)
 
     def _new_slots(self, robot: str) -> int:
         """Make room for the courses of a robot that joins; return the first of its slots."""
@@ -424,7 +446,7 @@ class Grants:
         fits = self._hear_progress(mine.now, report, now_ms)
         if mine.next is not None:
             passed_ms = int(self._rule.progress[mine.now.slot])
-            self._rule.reach(mine.next.slot, min(passed_ms, mine.next.begin_ms))
+            self._rule.reach(mine.next.slot, min(passed_ms, mine.next.shared_ms))
         return fits
 
     def _begin(self, mine: Courses, begun: Sent, now_ms: int) -> None:
@@ -437,7 +459,9 @@ class Grants:
         self._limits.pop(robot, None)
         rule = self._rule
         rule.reach(begun.slot, begun.begin_ms)
-        rule.reach(old.slot, EVER)
+        if not begun.is_withdrawn:
+            rule.reach(old.slot, EVER)
+        rule.part(begun.slot)
         rule.barred[old.slot], rule.barred[begun.slot] = True, begun.is_withdrawn
         self._numbers[old.slot] = -1
         self._held.pop(old.slot, None)
@@ -494,6 +518,7 @@ class Grants:
         rule = self._rule
         wanted = np.minimum(rule.unlimited(now_ms, self.headroom_ms), most_ms)
         is_near = (rule.granted < wanted) & (rule.granted - rule.progress < ROOM_MS) & ~self._done
+        is_near &= rule.leads < 0
         self._got_on_ms[is_near] = now_ms
         for name, limit_ms in self._limits.items():
             slot = self._courses[name].now.slot

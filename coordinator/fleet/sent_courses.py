@@ -37,6 +37,9 @@ class Sent:
     is_withdrawn: bool = False
     """Whether nothing is ever granted on it, because its robot was given up before it began it."""
 
+    shared_ms: int = 0
+    """Until when it is the course before it; where it begins at rest, that is its beginning."""
+
 
 @dataclass
 class Courses:
@@ -84,14 +87,31 @@ class PlainSent(msgspec.Struct, frozen=True):
     begin_ms: int
     course: PlainCourse | None
     is_withdrawn: bool
+    shared_ms: int = 0
 
     @classmethod
     def of(cls, sent: Sent) -> PlainSent:
         """Return what was sent as plain data."""
         course = None if sent.course is None else PlainCourse.of(sent.course)
-        return cls(sent.slot, sent.number, sent.revision, sent.begin_ms, course, sent.is_withdrawn)
+        return cls(
+            sent.slot,
+            sent.number,
+            sent.revision,
+            sent.begin_ms,
+            course,
+            sent.is_withdrawn,
+            sent.shared_ms,
+        )
 
     def sent(self) -> Sent:
         """Return what was sent; raise ValueError if a robot would refuse its message."""
         course = None if self.course is None else self.course.course()
-        return Sent(self.slot, self.number, self.revision, self.begin_ms, course, self.is_withdrawn)
+        return Sent(
+            self.slot,
+            self.number,
+            self.revision,
+            self.begin_ms,
+            course,
+            self.is_withdrawn,
+            self.shared_ms,
+        )

@@ -257,11 +257,7 @@ class Dispatcher:
     ) -> Robot | None:
         fleet = self._fleet
         task, idle = fleet.orders.tasks[request.order], self._idle(now_ns)
-        mine = fleet.grants.of(request.robot)
-        is_same = mine is not None and mine.newest.revision == request.revision - 1
-        can_go = is_same if asked.leaves else request.robot in idle
-        can_go |= asked.follows and is_same and request.robot in self._arriving(now_ns)
-        can_go |= task.joins is not None
+        can_go = task.joins is not None or self._can_go(request, asked, idle, now_ns)
         renews = asked.until < math.inf
         does = fleet.orders.of_robot(request.robot)
         is_wanted = task is does if renews else task.state == WAITING
@@ -314,6 +310,15 @@ class Dispatcher:
             member.excused_ns = now_ns + _JOIN_PATIENCE
         member.take_course(plan, request.revision, now_ns)
         return replace(asked.wish.robot, goal=task.order.goal)
+
+    def _can_go(self, request: CourseRequest, asked: Asked, idle: list[str], now_ns: int) -> bool:
+        """Return whether a robot can still go on to a course from the one that it had."""
+        fleet, robot = self._fleet, request.robot
+        mine = fleet.grants.of(robot)
+        is_same = mine is not None and mine.newest.revision == request.revision - 1
+        if asked.leaves:  # One that has stopped meanwhile goes on from where it then rests.
+            return is_same and fleet.members[robot].has_stopped(fleet.epoch) == asked.has_stopped
+        return robot in idle or (asked.follows and is_same and robot in self._arriving(now_ns))
 
     def _not_found(
         self, task: Task, asked: Asked, answer: Answer, idle: list[str], now_ns: int

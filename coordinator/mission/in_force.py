@@ -17,9 +17,11 @@ from coordinator.plan.course import Course
 from coordinator.plan.course_staircases import CourseStaircases
 from coordinator.plan.document import Limits
 from coordinator.plan.staircases import Staircases
+from coordinator.plan.wire import Driven
 from coordinator.proof.limits import limit_failures
 from coordinator.proof.motion_pieces import Part
 from coordinator.proof.precedence import staircase_failures
+from coordinator.proof.shared_course import shared_until
 from coordinator.proof.tau_safety import clearances, prove_separation
 from coordinator.scenario.margin import TOLERANCE
 
@@ -33,8 +35,13 @@ def in_force_failures(mission: Mission) -> list[str]:
     margin, robots = site.terms.margin, mission.dispatcher.robots
     driven = [one.driven for one in courses]
     failures = []
+    before: dict[str, Driven] = {}
     for one, clearance in zip(driven, clearances(driven, site.gap), strict=True):
-        failures += limit_failures(one, Limits.of(robots[one.id]))
+        old, before[one.id] = before.get(one.id), one
+        from_rest = one.plan.revision == 0
+        if old is not None:
+            from_rest = shared_until(old, one) <= 0.001 * one.plan.begin_ms
+        failures += limit_failures(one, Limits.of(robots[one.id]), from_rest=from_rest)
         if clearance < margin - TOLERANCE:
             failures.append(f"{one.id} comes within {clearance:.4f} m of something solid")
     return [*failures, *_too_near(courses, staircases, site.terms.tau, margin)]

@@ -33,6 +33,7 @@ from coordinator.planning.course_search import (
     search_or_rest,
     stand,
 )
+from coordinator.planning.leading_off import UnderWay
 from coordinator.proof.course_proof import that_may_meet
 from coordinator.scenario.model import Point, Pose, Robot
 from coordinator.scenario.order_checks import OWN
@@ -42,6 +43,12 @@ _LEAD_MS: Final = 300
 
 _TICK_MS: Final = 100
 """How often it is looked whether it is time to ask."""
+
+_HELD_MS: Final = 500
+"""A robot that was told less than the headroom by more than this [ms] is held, or late."""
+
+_GRID_MS: Final = 10
+"""Courses part at multiples of this [ms]; shared_course.py compares them there."""
 
 _STANDOFF: Final = 0.01
 """How much more than the margin [m] courses found side by side have to be apart."""
@@ -73,6 +80,9 @@ class Asked:
     closed: dict[str, Ring]
     leaves: bool
     """Whether the robot leaves its course for this one, instead of driving to its goal."""
+
+    has_stopped: bool
+    """Whether the robot had given up its timetable; if that changes, it does not count."""
 
     follows: bool
     """Whether the robot had not arrived at its goal yet, where this course begins."""
@@ -191,11 +201,15 @@ class Searches:
         assert mine is not None
         self.serial += 1
         begin_ms = self._soon_ms(now_ns)
+        now_ms = fleet.times.plan_ms(now_ns)
         delay, at_rest = 0.0, self._obstructions.rest_of(robot) if leaves else None
         stays = leaves and at_rest is None and fleet.grants.may_have_more(robot)
+        under_way = None
         if leaves and at_rest is None:
-            soon_ms, begin_ms = begin_ms, fleet.grants.halt(robot)
-            behind = fleet.grants.late(fleet.times.plan_ms(now_ns)).get(robot, 0.0)
+            under_way = None if stays else self._under_way(robot, now_ms)
+            leave_ms = 0 if under_way is None else under_way.leave_ms
+            soon_ms, begin_ms = begin_ms, fleet.grants.halt(robot, leave_ms)
+            behind = fleet.grants.late(now_ms).get(robot, 0.0)
             delay = max(behind + self._braking(robot), (soon_ms - begin_ms) / 1000.0)
         if follows:
             arrival_ms = fleet.grants.arrival_ms(robot, fleet.times.plan_ms(now_ns))
@@ -219,12 +233,13 @@ class Searches:
         site = self._obstructions.site_for(robot, (x, y))
         self._asked[request] = Asked(
             site,
-            Wish(wanted, heading, number, revision, begin_ms, delay, late),
+            Wish(wanted, heading, number, revision, begin_ms, delay, late, under_way),
             tuple(others),
             (() if way is None else (way,)) if task.makes_room else None,
             self.commits,
             self._obstructions.closed,
             leaves,
+            fleet.members[robot].has_stopped(fleet.epoch),
             follows,
             until,
             yields=leaves and robot in self._obstructions.held_up(),
@@ -267,6 +282,25 @@ class Searches:
         arrives = mine.now.course.driven.timeline.finish + late.get(robot, 0.0)
         return arrives + min(won - _WORTH, _MOST_LOST)
 
+    def _under_way(self, robot: str, now_ms: int) -> UnderWay | None:
+        """Return how a robot can leave its course in motion; None if it has to stop.
+
+        The new course begins when it is found and told.  It is the present one for the headroom
+        that the robot then has: by when it has to brake, it has been heard to drive the new one.
+        """
+        grants = self._fleet.grants
+        mine, told_ms = grants.of(robot), grants.told_ms(robot)
+        assert mine is not None
+        begin_ms = now_ms + _LEAD_MS
+        leave_ms = max(begin_ms + grants.headroom_ms, told_ms)
+        leave_ms = -(-leave_ms // _GRID_MS) * _GRID_MS
+        is_held = told_ms < now_ms + grants.headroom_ms - _HELD_MS or robot in grants.given_up
+        at_once = math.isinf(self._robots[robot].max_accel)
+        if mine.now.course is None or is_held or at_once or leave_ms > grants.limit_of(robot):
+            return None
+        found = UnderWay(mine.now.course.driven, begin_ms, leave_ms)
+        return found if found.is_possible() else None
+
     def _braking(self, robot: str) -> float:
         """Return how much later [s] a robot that leaves its course is where its authority ends.
 
@@ -290,6 +324,7 @@ class Searches:
             self.commits,
             self._obstructions.closed,
             leaves=False,
+            has_stopped=False,
             follows=False,
             until=math.inf,
         )

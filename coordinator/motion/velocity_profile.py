@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -36,6 +37,9 @@ _PLACE_ERROR: Final = 2e-5
 
 _CRAWL: Final = 0.05
 """Share of the top v^2 below which _PLACE_ERROR is taken into account."""
+
+_SAME_SHARE: Final = 1e-6
+"""Share of v^2 that rounding may take."""
 
 _SAME_PLACE: Final = 1e-6
 """Knots nearer to each other than this [m] are merged."""
@@ -92,15 +96,48 @@ def limits_on(
     s, w = cap_on(curve, lateral, turning, free.top)
     if w.min() >= free.top:
         return free
+    s, w = _few(curve, *reachable(s, _rounded_down(free, w), 2.0 * free.ramp, math.isfinite(accel)))
+    return replace(free, bends=tuple(zip(s.tolist(), w.tolist(), strict=True)))
+
+
+def limits_after(
+    begun: Array, curve: Nurbs, speed: float, accel: float, lateral: float
+) -> SpeedLimits | None:
+    """Return the limits on a curve whose first part is driven in a given way; `accel` is finite.
+
+    begun (n, 2): knots of the motion on that part, s [m] and v^2.  None if the robot would have to
+    be slower there to keep to the limits behind it.
+    """
+    free = SpeedLimits(curve.length, speed * speed, accel, ())
+    at, height = begun[-1].tolist()
+    s, w = np.array((0.0, curve.length)), np.array((free.top, free.top))
+    if math.isfinite(lateral):
+        s, w = cap_on(curve, lateral, free.top)
+    behind = s > at
+    s, w = np.append(at, s[behind]), np.append(height, _rounded_down(free, w[behind]))
+    s, w = reachable(np.append(s, s[-1]), np.append(w, 0.0), 2.0 * free.ramp, False)
+    if w[0] < height * (1.0 - _SAME_SHARE):
+        return None
+    s, w = _few(curve, s, w)
+    knots = [*begun.tolist(), *zip(s[1:].tolist(), w[1:].tolist(), strict=True)]
+    return replace(free, bends=tuple((s, w) for s, w in knots))
+
+
+def _rounded_down(free: SpeedLimits, w: Array) -> Array:
+    """Return v^2 (n,) at bends, lower where rounding the place of a sharp one matters."""
     lower = np.maximum(w - 2.0 * free.ramp * _PLACE_ERROR, 0.25 * w)
-    w = np.where(w < _CRAWL * free.top, lower, w)
-    fastest = reachable(s, w, 2.0 * free.ramp, math.isfinite(accel))
+    return np.where(w < _CRAWL * free.top, lower, w)
+
+
+def _few(curve: Nurbs, s: Array, w: Array) -> tuple[Array, Array]:
+    """Return a profile with so few knots that they fit into a message with the curve."""
+    fewer = s, w
     room = ROOM - path_bytes(len(curve.points))
     for loss in _LOSSES:
-        s, w = merged(*fastest, loss)
-        if speed_bytes(len(s), len(np.unique(w))) <= room:
+        fewer = merged(s, w, loss)
+        if speed_bytes(len(fewer[0]), len(np.unique(fewer[1]))) <= room:
             break
-    return replace(free, bends=tuple(zip(s.tolist(), w.tolist(), strict=True)))
+    return fewer
 
 
 def least_time(
@@ -240,6 +277,19 @@ class Motion:
         v0, v1 = np.sqrt(self.knots_w[at : at + 2]).tolist()
         passed = time - t0
         return float(s + passed * (v0 + 0.5 * (v1 - v0) / (t1 - t0) * passed))
+
+    def from_place(self, place: float) -> Motion:
+        """Return the motion from an arc length [m] on, which it passes without a rest there."""
+        rest = copy(self)
+        k = int(np.searchsorted(self.knots_s, place, side="right"))
+        s0, s1 = self.knots_s[k - 1 : k + 1].tolist()
+        w0, w1 = self.knots_w[k - 1 : k + 1].tolist()
+        here = w0 + (place - s0) / (s1 - s0) * (w1 - w0)
+        rest.knots_s = np.append(place, self.knots_s[k:]) - place
+        rest.knots_w = np.append(here, self.knots_w[k:])
+        rest.knots_t = np.append(self.reached(np.array([place])), self.knots_t[k:])
+        rest.waits = [replace(one, s=one.s - place) for one in self.waits if one.s > place]
+        return rest
 
     @property
     def start_time(self) -> float:

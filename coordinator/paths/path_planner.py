@@ -121,8 +121,18 @@ class Pathfinder:
                 return given_curve(robot, robot.path, self.scenario.margin, self.floor)
         return self.fit(index, detours, refuge).curve
 
-    def fit(self, index: int, detours: Array = NO_DISCS, refuge: Point | None = None) -> Fit:
-        """Return robot `index`'s path as `path` does, with the polygon it was made from."""
+    def fit(
+        self,
+        index: int,
+        detours: Array = NO_DISCS,
+        refuge: Point | None = None,
+        lead: Point | None = None,
+    ) -> Fit:
+        """Return robot `index`'s path as `path` does, with the polygon it was made from.
+
+        `lead`: a place [m] towards which a path without a heading at its start begins, and turns
+        there.
+        """
         robot = self.scenario.robots[index]
         if refuge is not None:
             robot = replace(robot, via=(refuge, *robot.via))
@@ -131,7 +141,7 @@ class Pathfinder:
             discs = np.concatenate((places, detours))
             for room, touch in _rooms(robot):
                 try:
-                    return self._fit_among(robot, self._space(robot, discs, room, touch))
+                    return self._fit_among(robot, self._space(robot, discs, room, touch), lead)
                 except TurnError as error:
                     if not isinstance(worst, TurnError) or error.radius > worst.radius:
                         worst = error
@@ -190,7 +200,7 @@ class Pathfinder:
         gaps[[index, index + len(self._radii)]] = math.inf
         return min(float(gaps.min()), float(self.floor.distance(place[None])[0])) - reach
 
-    def _fit_among(self, robot: Robot, space: Space) -> Fit:
+    def _fit_among(self, robot: Robot, space: Space, lead: Point | None) -> Fit:
         """Return the quickest of the first paths whose turns are wide enough.
 
         If no path has such turns, returns the one with the widest turns.  If there is no path,
@@ -200,6 +210,8 @@ class Pathfinder:
         worst: PlanError | None = None
         made: list[tuple[float, float, Fit]] = []
         for ends in choices(robot, space, handling)[:_MOST_TRIED]:
+            if lead is not None:
+                ends, headed = ([np.array(lead)], ends[1]), (True, headed[1])
             try:
                 polygon, exact = self._polygon(robot, space, ends)
                 found = smooth(polygon, exact, space, handling, headed)
@@ -211,7 +223,7 @@ class Pathfinder:
             except PlanError as error:
                 worst = worst or error
                 continue
-            if not any(headed):
+            if not any(_headed(robot)):
                 return found
             tight = max(COMFORTABLE * robot.radius - least_radius(found), 0.0)
             made.append((tight, handling.least_time(found.curve), found))

@@ -1,10 +1,10 @@
-"""A new course for one robot at rest among the courses of all others, found and proven.
+"""A new course for one robot among the courses of all others, found and proven.
 
 The others keep their courses: the robot waits for them, or goes ahead of them where that holds up
 nobody.  On a floor where every place that robots rest at leaves the others a way there is always
 such a course: at the latest, when all others rest (Cap, Vokrinek and Kleiner 2015).
 
-Decides: how one robot gets from where it rests to where it is wanted.  Must not know: why, who
+Decides: how one robot gets from where it is to where it is wanted.  Must not know: why, who
 asked, clocks, messages.
 """
 
@@ -32,13 +32,15 @@ from coordinator.plan.drafting import rounded
 from coordinator.plan.shares_of_tau import BRAKING_SHARE
 from coordinator.plan.staircases import Staircases
 from coordinator.plan.wire import pack, unpack
+from coordinator.planning.leading_off import UnderWay
 from coordinator.planning.planner import NEED_PAD, TAU_PAD
 from coordinator.proof.course_proof import course_failures, that_may_meet
 from coordinator.scenario.floor import Floor
 from coordinator.scenario.model import Point, Pose, Robot, Scenario
+from coordinator.schedule.forbidden_interval_kernels import BOTH
 from coordinator.schedule.junctions import Junctions
 from coordinator.schedule.safe_interval_kernels import Departure
-from coordinator.schedule.safe_intervals import earliest_motion
+from coordinator.schedule.safe_intervals import earliest_motion, rest_of_motion
 from coordinator.schedule.staircase_making import STANDOFF, staircases_of
 from coordinator.schedule.timetable import Motions
 from coordinator.schedule.track import Track
@@ -88,11 +90,12 @@ class Site:
 
 @dataclass(frozen=True)
 class Wish:
-    """Where a robot at rest is wanted: `robot` has its place as start, and its goal.
+    """Where a robot is wanted: `robot` has the place where it rests as start, and its goal.
 
     The course has this `number` and `revision`, and begins at plan time `begin_ms`.  The robot
-    faces `heading` [rad], and it rests `delay` [s] later.  `late`: how late [s] others are.  The
-    robot goes ahead of them as they were planned, and behind them as late as they are.
+    faces `heading` [rad], and it rests `delay` [s] later.  `late`: how late [s] others are: the
+    robot goes ahead of them as they were planned, and behind them as late as they are.  `leaves`:
+    the course that it leaves in motion, if it is not to rest.
     """
 
     robot: Robot
@@ -102,6 +105,16 @@ class Wish:
     begin_ms: int
     delay: float = 0.0
     late: Mapping[str, float] = field(default_factory=dict)
+    leaves: UnderWay | None = None
+
+    def in_motion(self) -> Wish:
+        """Return the wish of a robot that leaves its course in motion.
+
+        Raises PlanError if it cannot.
+        """
+        assert self.leaves is not None
+        robot = changed(self.robot, start=self.leaves.start())
+        return replace(self, robot=robot, begin_ms=self.leaves.begin_ms, delay=0.0)
 
     def to(self, goal: Pose) -> Wish:
         """Return the same wish with another goal."""
@@ -153,12 +166,17 @@ def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     found = _earliest(site, wish, others)
     names = [robot.id, *(one.driven.id for one in found.near)]
     plan = rounded(robot, found.path, found.motion, names)
+    if wish.leaves is not None:
+        plan = changed(plan, start_time=0.0)  # It does not rest where the course begins.
     message = pack(terms, plan, wish.number, wish.revision, wish.begin_ms)
     proposal = proposal_of(message, site, wish, others)
     courses = [proposal.course, *proposal.near]
+    before = None if wish.leaves is None else wish.leaves.driven
     failures = course_failures(
-        courses, proposal.staircases, terms.margin, Limits.of(robot), site.gap
+        courses, proposal.staircases, terms.margin, Limits.of(robot), site.gap, before
     )
+    if wish.leaves is not None and not wish.leaves.is_shared_by(proposal.course.driven):
+        failures.append(f"{robot.id} leaves its course too soon")
     if failures:
         raise PlanError(
             "the course found does not pass its proof: " + "; ".join(failures), robot.id
@@ -171,12 +189,13 @@ def proposal_of(message: bytes, site: Site, wish: Wish, others: Sequence[Course]
 
     Raises ValueError if a robot would refuse the message.
     """
-    course = Course(unpack(message, wish.robot.radius), 0.001 * wish.begin_ms)
+    driven = unpack(message, wish.robot.radius)
+    course = Course(driven, 0.001 * driven.plan.begin_ms)
     reach = site.terms.margin + STANDOFF
     near = that_may_meet(course, others, reach)
     courses = [course, *near]
-    driven, since = [one.driven for one in courses], [one.since for one in courses]
-    staircases = staircases_of(driven, site.terms.tau, reach, (0,), since)
+    driving, since = [one.driven for one in courses], [one.since for one in courses]
+    staircases = staircases_of(driving, site.terms.tau, reach, (0,), since)
     return Proposal(course, message, near, staircases)
 
 
@@ -205,7 +224,7 @@ def _earliest(site: Site, wish: Wish, others: Sequence[Course]) -> _Try:
 def _bent(site: Site, wish: Wish, others: Sequence[Course], best: _Try) -> _Try:
     """Return a try on a path that gives way aside, if the robot arrives earlier on it."""
     delay = best.motion.finish - best.release - best.track.alone
-    if delay < _LONG:
+    if delay < _LONG or wish.leaves is not None:
         return best
     latest = best.motion.finish - _WORTH
     ramp = 0.5 * site.scenario.planned_speed(wish.robot) / best.track.limits.ramp
@@ -223,6 +242,8 @@ def _bent(site: Site, wish: Wish, others: Sequence[Course], best: _Try) -> _Try:
 
 def _try(site: Site, wish: Wish, others: Sequence[Course], discs: Array) -> _Try:
     """Return a path that avoids discs (k, 3) [m], and its earliest motion."""
+    if wish.leaves is not None:
+        return _motion_under_way(site, wish, wish.leaves, others, discs)
     path = _path(site, wish.robot, others, discs)
     release = 0.001 * wish.begin_ms + wish.delay + _turning(path, wish)
     return _motion(site, wish, path, others, release)
@@ -306,8 +327,60 @@ def _motion(site: Site, wish: Wish, path: Nurbs, others: Sequence[Course], relea
 
     The robot stands at its start before.
     """
+    track = _track(site, wish.robot, path)
+    junctions, motions, near = _among(site, wish, track, others)
+    departure = Departure(release, math.inf, 0.001 * wish.begin_ms)
+    motion = earliest_motion(junctions, motions, 0, departure=departure)
+    if motion is None:
+        raise PlanError("has no way among the others, whenever it sets out", wish.robot.id)
+    return _Try(path, track, release, motion, junctions, near)
+
+
+def _motion_under_way(
+    site: Site, wish: Wish, leaves: UnderWay, others: Sequence[Course], discs: Array
+) -> _Try:
+    """Return the earliest motion of a robot that leaves its course while it drives."""
     robot = wish.robot
-    track, margin = _track(site, robot, path), site.terms.margin + NEED_PAD
+    path, limits, track = _leading_off(site, robot, leaves, others, discs)
+    junctions, motions, near = _among(site, wish, track, others)
+    modes = np.full(len(junctions.zones_of(0)), BOTH)
+    motion = rest_of_motion(junctions, motions, 0, leaves.begun(limits), modes)
+    if motion is None:
+        raise PlanError("has no way among the others without a stop", robot.id)
+    motion = leaves.without_run_up(motion, limits)
+    return _Try(path, track, 0.001 * wish.begin_ms, motion, junctions, near)
+
+
+def _leading_off(
+    site: Site, robot: Robot, leaves: UnderWay, others: Sequence[Course], discs: Array
+) -> tuple[Nurbs, SpeedLimits, Track]:
+    """Return the quickest path that leads off a course, of several that turn early or later."""
+    speed, accel = site.scenario.planned_speed(robot), BRAKING_SHARE * robot.max_accel
+    found, error = [], PlanError("has no smooth way off its course", robot.id)
+    for braking, turning in leaves.leads(accel, robot.max_lateral_accel):
+        try:
+            if robot.min_turn_radius > 0.0:
+                finder = _finder(site, changed(robot, start=leaves.start(braking)), others)
+                path = leaves.joined(finder.fit(0, discs), braking)
+            else:
+                finder = _finder(site, changed(robot, start=leaves.start()[:2]), others)
+                lead = leaves.start(braking + turning)[:2]
+                path = leaves.joined(finder.fit(0, discs, lead=lead), 0.0)
+            limits = leaves.limits(path, speed, accel, robot.max_lateral_accel)
+        except PlanError as problem:
+            error = problem
+            continue
+        found.append((path, limits, leaves.track(path, limits)))
+    if not found:
+        raise error
+    return min(found, key=lambda one: one[2].alone)
+
+
+def _among(
+    site: Site, wish: Wish, track: Track, others: Sequence[Course]
+) -> tuple[Junctions, Motions, list[Course]]:
+    """Return where a robot meets others, the motions of these, and their courses."""
+    robot, margin = wish.robot, site.terms.margin + NEED_PAD
     low, high = track.chords.points.min(axis=0), track.chords.points.max(axis=0)
     near = [
         one
@@ -322,11 +395,7 @@ def _motion(site: Site, wish: Wish, path: Nurbs, others: Sequence[Course], relea
     motions = Motions(junctions.lengths())
     for index, (one, delay) in enumerate(copies, start=1):
         motions.put_legs(index, one.driven.legs + delay * _TIMES)
-    departure = Departure(release, math.inf, 0.001 * wish.begin_ms)
-    motion = earliest_motion(junctions, motions, 0, departure=departure)
-    if motion is None:
-        raise PlanError("has no way among the others, whenever it sets out", robot.id)
-    return _Try(path, track, release, motion, junctions, near)
+    return junctions, motions, near
 
 
 def _delays(site: Site, wish: Wish, other: Course) -> list[float]:
@@ -341,7 +410,9 @@ def _delays(site: Site, wish: Wish, other: Course) -> list[float]:
 
 @kept
 def _known(course: Course) -> Track:
-    return Track(SpeedLimits(course.driven.timeline.length, 1.0, math.inf, ()), course.chords)
+    """Return a course as a track; its motion may end beyond its curve, by rounding."""
+    length = min(course.driven.timeline.length, float(course.chords.s[-1]))
+    return Track(SpeedLimits(length, 1.0, math.inf, ()), course.chords)
 
 
 def _apart(course: Course, low: Array, high: Array) -> float:

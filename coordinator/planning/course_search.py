@@ -48,17 +48,37 @@ class Answer:
 
 
 def search(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
-    """Look for a course to the goal of a wish."""
+    """Look for a course to the goal of a wish.
+
+    A robot under way leaves its course in motion unless it arrives earlier after a stop.
+    """
+    wish, under_way = replace(wish, leaves=None), wish
     try:
         path, time = alone(site, wish)
     except PlanError as error:
         return Answer(None, reason=error.sentence)
+    moving = None if under_way.leaves is None else _in_motion(site, under_way, others)
     way = Course.chords_of(path).points
+    arrives = math.inf if moving is None else moving.course.driven.timeline.finish
+    if arrives <= 0.001 * wish.begin_ms + time:
+        return Answer(moving, time, way=way)
     try:
-        return Answer(propose(site, wish, others), time, way=way)
+        found = propose(site, wish, others)
+        is_earlier = found.course.driven.timeline.finish < arrives
+        return Answer(found if is_earlier else moving, time, way=way)
     except PlanError as error:
+        if moving is not None:
+            return Answer(moving, time, way=way)
         blockers = tuple(one.driven.id for one in resting_on(site, wish, way, others))
         return Answer(None, time, error.sentence, blockers, way)
+
+
+def _in_motion(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal | None:
+    """Return a course that a robot goes on to in motion; None if there is no smooth way."""
+    try:
+        return propose(site, wish.in_motion(), others)
+    except (PlanError, ValueError):
+        return None
 
 
 def search_or_rest(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
@@ -72,8 +92,9 @@ def search_or_rest(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
 
 def rest(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
     """Look for a course to rest where the robot is."""
+    wish = replace(wish.to(wish.robot.start), leaves=None)
     try:
-        proposal = propose(site, wish.to(wish.robot.start), others)
+        proposal = propose(site, wish, others)
     except PlanError as error:
         return Answer(None, 0.0, error.sentence)
     return Answer(proposal, 0.0, "stays where it is until it says that it does")

@@ -15,25 +15,34 @@ import numpy as np
 from coordinator.plan.course import Course
 from coordinator.plan.document import Limits
 from coordinator.plan.staircases import Staircases
+from coordinator.plan.wire import Driven
 from coordinator.proof.limits import limit_failures
 from coordinator.proof.motion_pieces import Part
 from coordinator.proof.precedence import staircase_failures
+from coordinator.proof.shared_course import shared_until
 from coordinator.proof.tau_safety import Gap, clearances, prove_separation
 from coordinator.scenario.margin import TOLERANCE
 
 
 def course_failures(
-    courses: Sequence[Course], staircases: Staircases, margin: float, limits: Limits, gap: Gap
+    courses: Sequence[Course],
+    staircases: Staircases,
+    margin: float,
+    limits: Limits,
+    gap: Gap,
+    before: Driven | None = None,
 ) -> list[str]:
     """Return what is wrong with the first of these courses among the others; margin [m].
 
     `staircases` are those of the first course with the others, by their indices.  `gap` returns the
-    distance [m] from a polyline to the nearest solid thing.
+    distance [m] from a polyline to the nearest solid thing.  `before`: the course that the robot
+    drives; one that does not begin at rest has to run along it for a while.
     """
     driven = [one.driven for one in courses]
     part = Part([(one.since, one.until) for one in courses], [k == 0 for k in range(len(courses))])
     mine = driven[0]
-    failures = limit_failures(mine, limits)
+    leads_on = before is not None and shared_until(before, mine) > 0.001 * mine.plan.begin_ms
+    failures = limit_failures(mine, limits, from_rest=not leads_on)
     (clearance,) = clearances([mine], gap)
     if clearance < margin - TOLERANCE:
         failures.append(f"{mine.id} comes within {clearance:.4f} m of something solid")

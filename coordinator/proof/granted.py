@@ -48,6 +48,9 @@ class _Known:
     other_slot: int
     """Where the robot's next course has its place."""
 
+    shared_ms: int = 0
+    """Until when it is the course before it; where it begins at rest, that is its beginning."""
+
 
 class Granted:
     """What one epoch's Commands granted and its Reports told [ms of plan time]; both only grow.
@@ -131,31 +134,38 @@ class Granted:
         return True
 
     def add_course(
-        self, robot: str, plan: Plan, near: Sequence[tuple[str, int]], staircases: Staircases
+        self,
+        robot: str,
+        plan: Plan,
+        near: Sequence[tuple[str, int]],
+        staircases: Staircases,
+        shared_ms: int,
     ) -> None:
         """Take in a course that a robot may begin from now on.
 
         It takes the place of one that was withdrawn before the robot began it.
 
         `staircases`: those of the course, index 0, with the courses of `near` (robot, revision).
+        `shared_ms`: until when it is the robot's course in force as well.
         """
         now = self._now.get(robot)
         is_withdrawn = robot in self._next
         slot = self._new_slots(robot) if now is None or is_withdrawn else now.other_slot
         message = encode(msgspec.structs.replace(plan, boot=0))
         other = slot + 1 if now is None else now.slot
-        course = _Known(robot, plan.revision, plan.begin_ms, message, slot, other)
+        course = _Known(robot, plan.revision, plan.begin_ms, message, slot, other, shared_ms)
         self._courses[plan.number] = course
         (self._now if now is None else self._next)[robot] = course
         self._joining.discard(robot)
         self._staircases.put(slot, staircases, [slot, *(self._slot_of(*one) for one in near)])
         self._skipped.extend(range(self._newest + 1, plan.number))
         self._newest = max(self._newest, plan.number)
-        stands = plan.begin_ms  # There it may be without being let drive.
-        self._granted[slot] = max(self._ahead.pop(plan.number, 0), stands)
+        # There, or as far as it was let drive on the same way, it may be without being let drive.
+        may_be = plan.begin_ms if now is None else min(self._granted[now.slot], shared_ms)
+        self._granted[slot] = max(self._ahead.pop(plan.number, 0), plan.begin_ms, may_be)
         self._at_goal[slot] = False
         passed = plan.begin_ms if now is None else self._passed[now.slot]
-        self._passed[slot] = min(passed, plan.begin_ms)
+        self._passed[slot] = min(passed, shared_ms)
 
     def _new_slots(self, robot: str) -> int:
         """Make room for the courses of a robot that joins; return the first of its slots."""
@@ -180,7 +190,10 @@ class Granted:
         coming = self._next.get(robot)
         if coming is not None and report.revision >= coming.revision:
             old, self._now[robot] = self._now[robot], self._next.pop(robot)
-            self._passed[old.slot], self._at_goal[old.slot] = np.inf, True
+            if (
+                coming.slot not in self._ended
+            ):  # One that was withdrawn ends where the old one does.
+                self._passed[old.slot], self._at_goal[old.slot] = np.inf, True
             self._ended.pop(old.slot, None)
             self._passed[coming.slot] = max(self._passed[coming.slot], coming.begin_ms)
             self._courses = {n: one for n, one in self._courses.items() if one is not old}
@@ -196,7 +209,7 @@ class Granted:
             self._passed[slot] = max(self._passed[slot], passed)
         coming = self._next.get(robot)
         if coming is not None:
-            least = min(self._passed[slot], coming.begin_ms)
+            least = min(self._passed[slot], coming.shared_ms)
             self._passed[coming.slot] = max(self._passed[coming.slot], least)
 
     def end_grants(self, robot: str) -> tuple[float, float]:
@@ -207,7 +220,8 @@ class Granted:
         slot, coming = self._now[robot].slot, self._next.get(robot)
         self._ended[slot] = float(self._granted[slot])
         if coming is not None:  # It is withdrawn, and holds nobody.
-            self._ended[coming.slot], self._passed[coming.slot] = coming.begin_ms, np.inf
+            ended = max(float(coming.begin_ms), float(self._granted[coming.slot]))
+            self._ended[coming.slot], self._passed[coming.slot] = ended, np.inf
         return float(self._passed[slot]), self._ended[slot]
 
     def take_command(self, command: Command) -> None:
@@ -233,6 +247,14 @@ class Granted:
                 self.failures.append(
                     f"Command {command.sequence} of epoch {command.epoch} lets {robot} drive, "
                     "which has left the fleet"
+                )
+        for robot, one in self._next.items():
+            most = min(one.shared_ms, self._granted[self._now[robot].slot])
+            if self._granted[one.slot] > max(most, one.begin_ms):
+                self.failures.append(
+                    f"Command {command.sequence} of epoch {command.epoch} lets {robot} drive on "
+                    f"course {one.revision}, which it has not said that it drives, beyond "
+                    f"{most / 1000.0:.3f} s"
                 )
         stairs = self._staircases.all
         ahead, behind = self._passed[stairs.ahead], self._granted[stairs.behind]

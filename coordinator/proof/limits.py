@@ -29,8 +29,10 @@ _TURN_RATE: Final = 1.02
 """Factors by which a limit may be exceeded, to allow for rounding to the wire."""
 
 
-def limit_failures(driven: Driven, limits: Limits) -> list[str]:
+def limit_failures(driven: Driven, limits: Limits, *, from_rest: bool = True) -> list[str]:
     """Return a sentence for each limit that a motion exceeds by more than the factors above allow.
+
+    `from_rest`: whether it has to begin at rest, as all do that do not go on from another course.
 
     Nothing is sampled: speed and acceleration are computed per leg, and bends are proven at all
     places of the curve (limit_kernels.py).  A robot keeps to its authority by braking as its
@@ -45,7 +47,7 @@ def limit_failures(driven: Driven, limits: Limits) -> list[str]:
     if limits.max_accel is not None:
         if rate.max() > limits.max_accel * _ACCEL:
             failures.append(f"{driven.id} changes speed faster than {limits.max_accel} m/s^2")
-        if v0[0] > 1e-6 or v1[-1] > 1e-6:
+        if (from_rest and v0[0] > 1e-6) or v1[-1] > 1e-6:
             failures.append(f"{driven.id} does not begin and end at rest")
         told = driven.plan.brake_mmps2
         if not 0 < told <= max(1000.0 * limits.max_accel, 1.0):

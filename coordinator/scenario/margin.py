@@ -20,6 +20,10 @@ valid plan is refused because of rounding."""
 RESOLUTION: Final = 2.5e-4
 """The proof computes the least distance of two motions with at most this error [m]."""
 
+SAME: Final = 1e-4
+"""A robot may change over in motion between two courses that are apart by at most this [m]: where
+it is, and what it has passed, counts for both."""
+
 ARC_ERROR: Final = 2.5e-4
 """A robot's own table of arc lengths places it at most this far [m] from its place in the proof."""
 
@@ -32,7 +36,8 @@ class MarginShares:
     """Shares of the margin, all in metres."""
 
     proof: float
-    """By how much the true distance may be less than the distance that the proof requires."""
+    """By how much the true distance may be less than the distance that the proof requires, between
+    two courses of a robot included."""
     arcs: float
     """The errors of the tables of arc lengths of the robots concerned."""
     tracking: float
@@ -47,12 +52,12 @@ class MarginShares:
 def between_robots(track_mm: int, other_mm: int) -> MarginShares:
     """Return the shares for two robots with these track tolerances [mm]."""
     tracking = (track_mm + other_mm) / 1000.0
-    return MarginShares(TOLERANCE + RESOLUTION, 2.0 * ARC_ERROR, tracking)
+    return MarginShares(TOLERANCE + RESOLUTION + SAME, 2.0 * ARC_ERROR, tracking)
 
 
 def beside_solid(track_mm: int) -> MarginShares:
     """Return the shares for a robot beside something solid; its planned clearance is proven."""
-    return MarginShares(TOLERANCE, ARC_ERROR, track_mm / 1000.0)
+    return MarginShares(TOLERANCE + SAME, ARC_ERROR, track_mm / 1000.0)
 
 
 LEAST_MARGIN: Final = between_robots(LEAST_TRACK_MM, LEAST_TRACK_MM).total

@@ -43,7 +43,9 @@ class Authority:
 
     `told`: the most that a robot may have been told.  It is what is granted, unless another
     coordinator granted more before.  `barred`: courses on which nothing more is granted; `most`:
-    no more than this is ever granted.  Courses are numbered as in the staircases.
+    no more than this is ever granted.  `leads`: for a course that runs along another one of its
+    robot for a while, that one, and -1 for others: it is granted no more than that one.  Courses
+    are numbered as in the staircases.
     """
 
     def __init__(self, staircases: Staircases, courses: int) -> None:
@@ -53,6 +55,7 @@ class Authority:
         self.told: Integers = np.zeros(courses, np.int64)
         self.barred = np.zeros(courses, bool)
         self.most: Integers = np.full(courses, EVER, np.int64)
+        self.leads: Integers = np.full(courses, -1, np.int64)
 
     def plain(self) -> PlainAuthority:
         """Return progress and authority as plain data, without the staircases."""
@@ -67,6 +70,14 @@ class Authority:
             setattr(made, name, np.frombuffer(getattr(told, name), kind).copy())
         return made
 
+    def follow(self, course: int, leads: int, until_ms: int) -> None:
+        """Grant on a course no more than on another one of its robot, and nothing beyond a time."""
+        self.barred[course], self.most[course], self.leads[course] = False, until_ms, leads
+
+    def part(self, course: int) -> None:
+        """Grant on a course by itself, whatever is granted on another one of its robot."""
+        self.barred[course], self.most[course], self.leads[course] = False, EVER, -1
+
     def grow(self, courses: int) -> None:
         """Make room for more courses, on which nothing is granted."""
         self.progress, self.granted, self.told = (
@@ -75,6 +86,7 @@ class Authority:
         )
         self.barred = np.append(self.barred, np.ones(courses, bool))
         self.most = np.append(self.most, np.full(courses, EVER))
+        self.leads = np.append(self.leads, np.full(courses, -1))
 
     def allows(self, staircases: Staircases) -> bool:
         """Return whether what was told already is within these staircases."""
@@ -96,14 +108,15 @@ class Authority:
         """Take in that a robot is at the end of a course, where it stays."""
         self.progress[course] = self.told[course] = EVER
 
-    def open(self, course: int, progress_ms: int, begin_ms: int) -> None:
+    def open(self, course: int, progress_ms: int, told_ms: int) -> None:
         """Begin a new course, on which nothing is granted as long as it is barred.
 
-        Its robot may stand at the course's beginning without being told anything.
+        Its robot may be on it up to `told_ms` without being told anything of it: at its beginning,
+        or as far as it was told to drive on a course that is the same there.
         """
-        self.progress[course], self.told[course] = progress_ms, begin_ms
+        self.progress[course], self.told[course] = progress_ms, told_ms
         self.granted[course] = 0
-        self.barred[course], self.most[course] = True, EVER
+        self.barred[course], self.most[course], self.leads[course] = True, EVER, -1
 
     def wanted(self, now_ms: int, headroom_ms: int) -> Integers:
         """Return how far (n,) [ms] robots would be let at a plan time if nobody were in the way."""
@@ -117,7 +130,11 @@ class Authority:
     def grant(self, now_ms: int, headroom_ms: int, most_ms: int) -> None:
         """Grant what is safe, up to the headroom beyond a plan time, and at most `most_ms`."""
         wanted = np.minimum(self.wanted(now_ms, headroom_ms), most_ms)
+        before = self.granted.copy()
         grant(self._table, self.progress, wanted, self.granted)
+        led = np.flatnonzero(self.leads >= 0)
+        most = np.minimum(self.granted[led], self.granted[self.leads[led]])
+        self.granted[led] = np.maximum(most, before[led])
         np.maximum(self.told, self.granted, out=self.told)
 
     def holder_of(self, course: int) -> int | None:

@@ -33,7 +33,7 @@ class Begun:
     """The fixed part of a motion under way: its earlier rests, and its last rest, at s [m].
 
     The robot leaves the last rest between `release` and `leave_by` [s], and may stop again only
-    after the place `beyond` [m].
+    after the place `beyond` [m].  What zones forbid up to the place `settled` [m] does not count.
     """
 
     waits: tuple[Wait, ...]
@@ -41,6 +41,7 @@ class Begun:
     release: float
     leave_by: float
     beyond: float
+    settled: float = 0.0
 
 
 ANY_TIME: Final = Departure(0.0, math.inf)
@@ -106,7 +107,7 @@ def rest_of_motion(
         approach = junctions.approach_from(index, begun.s, begun.beyond, anywhere=not polite)
         track, rows, known = junctions.tracks[index], approach.rows, approach.known
         low, high = forbid(rows, modes, motions.table, track.elapsed, junctions.tau, known)
-        past = rows.cell <= track.cell_at(begun.s)
+        past = rows.cell <= track.cell_at(max(begun.s, begun.settled))
         begin = np.where(past, math.inf, known.begin)
         forbidden = ForbiddenTimes(
             rows.first, rows.cell, begin, known.end, low, high, approach.span

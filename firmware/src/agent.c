@@ -315,7 +315,7 @@ static sf_course *on_course(sf_agent *agent, int64_t now_ns) {
     sf_real now = plan_time(agent, ride, now_ns, R(0));
     /* At its goal no plan time passes for a robot that does not know the time. */
     if (agent->phase == SF_DONE && !knows_time(agent, ride, now_ns)) now = SF_INF;
-    return sf_is_over(ride, now) ? change(agent, now_ns) : ride;
+    return sf_is_over(ride, coming, now) ? change(agent, now_ns) : ride;
 }
 
 void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real heading) {

@@ -80,7 +80,7 @@ sf_real sf_rest_until(sf_timeline *line, sf_real time);
 /* steering.c: the curve of a follower is that of its course */
 void sf_follower_begin(sf_course *course);
 void sf_start_of(sf_course *course, sf_real *x, sf_real *y, sf_real *heading);
-sf_real sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real *turn);
+sf_real sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there, sf_real *turn);
 sf_real sf_misplacement(sf_course *course, sf_real x, sf_real y, sf_real heading);
 sf_real sf_turn_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, sf_real *turn);
 void sf_locate(sf_course *course, sf_real x, sf_real y, sf_real heading);
@@ -95,8 +95,8 @@ void sf_grant(sf_course *course, int64_t authority_ms);
 bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal);
 bool sf_rests_where(const sf_course *course, sf_course *coming);
 void sf_end_with(sf_course *course, sf_course *coming);
-bool sf_is_over(sf_course *course, sf_real now);
-void sf_follow(sf_course *course, const sf_course *before);
+bool sf_is_over(sf_course *course, sf_course *coming, sf_real now);
+void sf_follow(sf_course *course, sf_course *before);
 sf_real sf_turn_before_start(sf_course *course, sf_real x, sf_real y, sf_real heading);
 void sf_reckon(sf_course *course, int64_t now_ms);
 bool sf_stands_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, uint8_t *fault,

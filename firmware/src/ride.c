@@ -102,28 +102,25 @@ SHARED static bool begins_at_rest(sf_course *course) {
     return sf_v_at(&course->timeline, course->begin) == R(0) || course->brake == SF_INF;
 }
 
-/* Whether the robot has reported that it passed the place where another course begins. */
-static bool has_told_beyond(const sf_course *course, int32_t begin_ms) {
-    int64_t passed_ms = course->stamp_ms - LATE_STEP_MS * (int64_t)course->late;
-#ifdef SF_DOUBLE
-    return (double)passed_ms > 1000.0 * (begin_ms / 1000.0);
-#else
-    return passed_ms > begin_ms;
-#endif
+/* A plan time of one course as another one counts it. */
+static sf_real as_of(const sf_course *other, const sf_course *course, sf_real time) {
+    return time + sf_seconds_of_ms(course->origin_ms - other->origin_ms);
 }
 
 bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
     sf_timeline *line = &course->timeline;
-    sf_real begin = sf_time_of_ms(course, coming->begin_ms), s = sf_s_at(line, begin), turn;
+    int64_t passed_ms = course->stamp_ms - LATE_STEP_MS * (int64_t)course->late;
+    sf_real begin = sf_time_of_ms(course, coming->begin_ms), time = begin, turn;
     bool rests = begins_at_rest(coming);
-    if (at_goal) s = line->length;
-    if (sf_joint(course, s, coming, &turn) > JOINT_GAP) return false;
+    if (!rests) time = sf_most(sf_most(begin, course->time), sf_time_of_ms(course, passed_ms));
+    sf_real there = as_of(coming, course, time), s = at_goal ? line->length : sf_s_at(line, time);
+    if (sf_joint(course, s, coming, planned_s(coming, there), &turn) > JOINT_GAP) return false;
     bool ends = at_goal || begin >= line->finish || course->told_ms <= coming->begin_ms;
     if (rests && ends) return true;
-    if (course->time > begin || has_told_beyond(course, coming->begin_ms)) return false;
-    sf_real speed = sf_v_at(line, begin);
+    if (rests && (course->time > begin || passed_ms > coming->begin_ms)) return false;
+    sf_real speed = sf_v_at(line, time);
     if (rests && speed == R(0)) return true;
-    sf_real differ = sf_abs(speed - sf_v_at(&coming->timeline, coming->begin));
+    sf_real differ = sf_abs(speed - sf_v_at(&coming->timeline, there));
     return differ <= JOINT_SPEED && sf_abs(turn) <= JOINT_TURN;
 }
 
@@ -142,15 +139,23 @@ void sf_end_with(sf_course *course, sf_course *coming) {
     limit_authority(course);
 }
 
-bool sf_is_over(sf_course *course, sf_real now) {
-    sf_real until = course->until;
+bool sf_is_over(sf_course *course, sf_course *coming, sf_real now) {
+    sf_real until = course->until, told = sf_time_of_ms(course, course->told_ms);
     if (now < until || course->time < sf_least(until, course->timeline.finish)) return false;
+    sf_real enough = sf_least(told, course->time + course->foresight);
+    if (!begins_at_rest(coming) && sf_time_of_ms(course, coming->told_ms) < enough) return false;
     sf_real left = planned_s(course, until) - course->follower.s;
     if (left <= sf_most(ARRIVAL_SLACK, course->speed * course->period)) return true;
     return is_stuck(course) && left <= ARRIVAL_SHARE * course->track;
 }
 
-void sf_follow(sf_course *course, const sf_course *before) {
+void sf_follow(sf_course *course, sf_course *before) {
+    if (!begins_at_rest(course)) {
+        sf_real begin = sf_time_of_ms(before, course->begin_ms);
+        sf_real passed = before->follower.s - planned_s(before, begin);
+        course->time = sf_most(course->begin, as_of(course, before, before->time));
+        course->follower.s = sf_least(sf_most(passed, R(0)), course->timeline.length);
+    }
     course->halted = before->halted;
     course->holds = false;
     limit_authority(course);
@@ -251,8 +256,7 @@ static void brake_on(sf_course *course) {
     sf_real fell = passed > R(0) ? course->brake * passed : R(0);
     course->speed = sf_most(course->brake_speed - fell, R(0));
     sf_real later = course->time + passed + HOLD_OUT;
-    later = sf_least(sf_least(later, course->authority), course->until);
-    sf_real room = planned_s(course, later) - course->follower.s;
+    sf_real room = planned_s(course, sf_least(later, course->authority)) - course->follower.s;
     course->distance = sf_most(sf_least(room, course->speed * HOLD_OUT), R(0));
     course->curvature = sf_curvature(course, course->speed * course->period);
 }

@@ -56,9 +56,9 @@ void sf_start_of(sf_course *course, sf_real *x, sf_real *y, sf_real *heading) {
     *heading = SF_ATAN2(course->follower.ty, course->follower.tx);
 }
 
-sf_real sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real *turn) {
+sf_real sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there, sf_real *turn) {
     tangent_at(course, s);
-    tangent_at(other, R(0));
+    tangent_at(other, there);
     const sf_follower *a = &course->follower, *b = &other->follower;
     sf_real dx = other->curve.x - course->curve.x, dy = other->curve.y - course->curve.y;
     *turn = SF_ATAN2(a->tx * b->ty - a->ty * b->tx, a->tx * b->tx + a->ty * b->ty);

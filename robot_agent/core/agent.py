@@ -18,8 +18,8 @@ The rules:
 - When another coordinator takes over, the robot learns its clock; before motion it also drops the
   old one's plan (leader.py).  Once it has moved, it obeys the coordinators of its own run alone.
 - A robot that drives, or is at its goal, holds at most one newer course of its epoch, and changes
-  to it where that begins.  It does not take one whose beginning it has passed, or one that its
-  course does not lead into.
+  to it where that begins, or where the two still run together.  It does not take one whose
+  beginning it has passed otherwise, or one that its course does not lead into.
 - A robot accepts a plan when it is idle or armed and the plan's coordinator and epoch are those of
   the newest Command (or no Command has been heard yet).  It arms when it also stands at the plan's
   start and knows the time well enough; until then it reports why it does not.
@@ -406,7 +406,7 @@ class Agent:
         now = self._plan_time(ride, now_ns, 0.0)
         if self.phase == DONE and not self.clock.is_within(ride.clock_error_ns, now_ns):
             now = inf  # At its goal no plan time passes for a robot that does not know the time.
-        if coming is None or not ride.is_over(now):
+        if coming is None or not ride.is_over(coming, now):
             return ride
         return self._change(ride, coming, now_ns)
 

@@ -167,23 +167,24 @@ class Ride:
 
         It can unless it has driven, or reported, beyond that; at its goal, or where its authority
         ends, it has not, however late it is.  Where it does not rest, the courses have one heading
-        and one speed there; a robot may also come to rest where its authority ends.
+        and one speed there; a robot may also come to rest where its authority ends.  A course that
+        begins in motion may run along this one for a while: it counts where the robot is then.
         """
-        begin, mine, other = coming.begin, self.follower, coming.follower
-        s, rests = self._timeline.s_at(begin), coming.begins_at_rest()
-        if at_goal:
-            s = self._timeline.length
-        gap, turn = mine.joint(s, other)
+        begin, rests = coming.begin, coming.begins_at_rest()
+        reported = (self.stamp_ms - LATE_STEP_MS * self.late) / 1000.0
+        time = begin if rests else max(begin, self.time, reported)
+        s = self._timeline.length if at_goal else self._timeline.s_at(time)
+        gap, turn = self.follower.joint(s, coming.follower, coming._timeline.s_at(time))
         if gap > JOINT_GAP:
             return False
         ends = at_goal or begin >= self._timeline.finish or self._told <= begin
         if rests and ends:
             return True
-        if self.time > begin or self.stamp_ms - LATE_STEP_MS * self.late > 1000.0 * begin:
+        if self.time > time or reported > time:
             return False
         if rests and self._timeline.v_at(begin) == 0.0:
             return True
-        differ = abs(self._timeline.v_at(begin) - coming._timeline.v_at(begin))
+        differ = abs(self._timeline.v_at(time) - coming._timeline.v_at(time))
         return differ <= JOINT_SPEED and abs(turn) <= JOINT_TURN
 
     def rests_where(self, coming: "Ride") -> bool:
@@ -207,9 +208,15 @@ class Ride:
         self._rests = coming.begin if coming.begins_at_rest() else inf
         self._limit_authority()
 
-    def is_over(self, now: float) -> bool:
-        """Return whether the next course has begun at a plan time [s], and the robot is there."""
+    def is_over(self, coming: "Ride", now: float) -> bool:
+        """Return whether the next course has begun at a plan time [s], and the robot is there.
+
+        To go on in motion it has to be granted as much on that course as on this one, or enough.
+        """
         if now < self._until or self.time < min(self._until, self._timeline.finish):
+            return False
+        enough = min(self._told, self.time + self._foresight)
+        if coming._told < enough and not coming.begins_at_rest():
             return False
         left = self._timeline.s_at(self._until) - self.follower.s
         return left <= max(ARRIVAL_SLACK, self.speed * self._period) or (
@@ -217,7 +224,11 @@ class Ride:
         )
 
     def follow(self, before: "Ride") -> None:
-        """Go on from the course before this one, at this one's beginning."""
+        """Go on from the course before this one, at this one's beginning or along it."""
+        if not self.begins_at_rest():
+            self.time = max(self.begin, before.time)
+            passed = before.follower.s - before._timeline.s_at(self.begin)
+            self.follower.s = min(max(passed, 0.0), self._timeline.length)
         self._halted, self._holds = before._halted, False
         self._limit_authority()
         self.may_turn = self.begins_at_rest()
@@ -410,7 +421,7 @@ class Ride:
         fell = self._brake * passed if passed > 0.0 else 0.0
         self.speed = max(self._brake_speed - fell, 0.0)
         later = self.time + passed + HOLD_OUT
-        later = min(later, self._authority, self._until)
+        later = min(later, self._authority)
         room = self._timeline.s_at(later) - self.follower.s
         self.distance = max(min(room, self.speed * HOLD_OUT), 0.0)
         self.curvature = self.follower.curvature(self.speed * self._period)

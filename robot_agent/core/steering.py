@@ -59,11 +59,11 @@ class PathFollower:
         self._tangent_at(0.0)
         return self._curve.x, self._curve.y, atan2(self._ty, self._tx)
 
-    def joint(self, s: float, other: "PathFollower") -> tuple[float, float]:
-        """Return how far this curve at s [m] is from another's beginning [m], and turned [rad]."""
+    def joint(self, s: float, other: "PathFollower", there: float) -> tuple[float, float]:
+        """Return how far this curve at s is from another one at `there` [m], and turned [rad]."""
         self._tangent_at(s)
         x, y, tx, ty = self._curve.x, self._curve.y, self._tx, self._ty
-        other._tangent_at(0.0)
+        other._tangent_at(there)
         dx, dy = other._curve.x - x, other._curve.y - y
         turn = atan2(tx * other._ty - ty * other._tx, tx * other._tx + ty * other._ty)
         return sqrt(dx * dx + dy * dy), turn

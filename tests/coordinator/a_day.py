@@ -22,7 +22,7 @@ AWAY_S = 3.0
 def drive_a_day(folder):
     """The logs of a fleet with a redirect, a stop, a robot that joins, a coordinator that dies."""
     logs = RunLogs(folder)
-    faults = [f"coordinator-restart@24:{AWAY_S:g}"]
+    faults = [f"coordinator-restart@23:{AWAY_S:g}"]
     world = a_world(replace(hall(), orders=ORDERS), logs=logs, faults=faults)
     say = operator(world)
     world.run(6.0)

@@ -361,11 +361,20 @@ class Trial:
         self._hear("plan", encode(plan))
 
     def _send_course(self) -> None:
-        """A newer course: from a stop, from the goal, in motion, or where the robot stands."""
+        """A newer course: from a stop, from the goal, in motion, or where the robot stands.
+
+        One that it began in motion is sent again at times, with another number: it is the same.
+        """
         agent, base, course = self.robots.service.agent, self.robots.base, self.course
         if course is None or agent._coming is not None or base.at is None:
             return
         if agent.revision != course.plan.revision or agent.epoch != course.plan.epoch:
+            return
+        if course.timeline.v_at(course.plan.begin_ms / 1000.0) > 0.0 and self.rng.random() < 0.5:
+            self.revision = max(self.revision, agent.holds) + 1
+            plan = msgspec.structs.replace(course.plan, revision=self.revision)
+            self.course = Course(plan, course.curve, course.timeline)
+            self._hear("plan", encode(msgspec.structs.replace(plan, boot=self.boot, number=5)))
             return
         now = (self.now_ns + self.offset_ns - self.start_ns) / SECOND
         begin, speed = now + self.rng.uniform(-0.5, 4.0), 0.0
@@ -420,7 +429,7 @@ class Trial:
         held: tuple[tuple[int, int], ...] = ()
         if self._luck(0.2):
             time_ms = (said_ns - self.start_ns) // MILLISECOND - rng.randint(0, 2000)
-            held = ((1, 5), (rng.choice([3, 4]), max(min(time_ms, 2**31 - 1), -(2**31))))
+            held = ((1, 5), (rng.choice([3, 4, 5]), max(min(time_ms, 2**31 - 1), -(2**31))))
         wanted = (ID,) if rng.random() < 0.05 else ()
         command = Command(
             self.boot, self.term, max(self.sequence, 0), self.epoch, self.phase, self.start_ns,

@@ -10,7 +10,7 @@ import pytest
 from protocol.phases import ARMED, BRAKING, DONE, FROZEN, IDLE, MOVING
 from tests.firmware.building import answers
 from tests.firmware.streams import play
-from tests.golden.make_robot import BEND, SCENES, VECTORS, told
+from tests.golden.make_robot import ASIDE, BEND, SCENES, VECTORS, told
 
 GOLDEN = json.loads(VECTORS.read_text())
 NAMES = [scene.__name__ for scene in SCENES]
@@ -73,6 +73,7 @@ def test_the_c_agent_in_float_changes_phase_within_a_moment_and_keeps_its_place(
         ("late", [IDLE, ARMED, MOVING, DONE]),
         ("silence", [IDLE, ARMED, MOVING, DONE]),
         ("redirected", [IDLE, ARMED, MOVING, DONE, MOVING, DONE]),
+        ("in_motion", [IDLE, ARMED, MOVING, DONE]),
         ("malformed", [IDLE, ARMED, MOVING]),
         ("newer", [IDLE, ARMED, MOVING]),
     ],
@@ -80,6 +81,17 @@ def test_the_c_agent_in_float_changes_phase_within_a_moment_and_keeps_its_place(
 def test_the_vectors_show_what_they_are_about(name, phases):
     seen = [state[1] for state in GOLDEN[name]["states"]]
     assert [phase for i, phase in enumerate(seen) if i == 0 or phase != seen[i - 1]] == phases
+
+
+def test_a_robot_that_changes_courses_in_motion_keeps_its_speed_all_the_way():
+    states = numbers(GOLDEN["in_motion"]["states"])
+    speeds = {revision: [] for revision in (0, 1)}
+    for _, _, _, speed, *_, place, _, revision, _ in states:
+        if revision or place > 0.3:
+            speeds[revision].append(speed)
+    assert min(speeds[0]) > 0.4 < min(speeds[1][: len(speeds[0])])
+    *_, last = (line.split() for line in GOLDEN["in_motion"]["events"] if line.startswith("tick"))
+    assert math.dist(map(float.fromhex, last[2:4]), ASIDE[-1]) < 2e-3
 
 
 def test_a_robot_that_arrives_stands_where_its_control_points_end():

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 
 from tests.firmware.building import answers
 from tests.firmware.streams import Trial
 
 TICKS = 1500
+SEEDS = range(20)
 
 pytestmark = pytest.mark.processes
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_both_cores_answer_to_the_last_bit_alike_whatever_happens(exact_core, seed):
     stream = Trial(seed).stream(TICKS)
     ticks = answers(exact_core, stream.lines)
@@ -33,10 +36,14 @@ def test_a_core_in_float_has_the_same_phases_and_places_to_a_millimetre(float_co
 
 
 def test_the_streams_reach_every_phase_and_newer_courses():
-    ticks = [tick for seed in range(16) for tick in Trial(seed).stream(TICKS).ticks]
+    streams = [Trial(seed).stream(TICKS).ticks for seed in SEEDS]
+    ticks = [tick for stream in streams for tick in stream]
     assert {tick.phase for tick in ticks} == set(range(6))
     assert {tick.fault for tick in ticks} >= {0, 1, 2, 3}
     assert max(tick.revision for tick in ticks) > 1
+    steps = [step for stream in streams for step in pairwise(stream)]
+    in_motion = [b for a, b in steps if b.revision > a.revision and b.place > 0.1 < b.speed]
+    assert len(in_motion) > 2
     assert {kind for tick in ticks for kind, _ in tick.sent} == {"hello", "clock", "report"}
 
 

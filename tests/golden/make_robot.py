@@ -38,14 +38,14 @@ FUTURE = b"\xca\x3f\x80\x00\x00" + b"\x81\xa1k\x92\x01\xc0"
 """Two further fields: 1.0 as float32, and {"k": [1, None]}."""
 BEND = [(1.0, 2.0), (1.2, 2.0), (1.4, 2.0), (1.6, 2.1), (1.7, 2.3), (1.7, 2.5)]
 BACK = [(1.7, 2.5), (1.7, 2.7), (1.6, 2.9), (1.4, 3.0)]
+LINE = [(1.0 + 0.2 * k, 2.0) for k in range(12)]
+ASIDE = [*((1.45 + 0.15 * k, 2.0) for k in range(8)), (2.65, 2.05), (2.75, 2.2), (2.75, 2.4)]
+"""It runs along LINE for 0.9 m from 0.45 m behind its beginning on, and leads off to the left."""
 
 
 def plan(points: list[tuple[float, float]], revision: int = 0, begin_ms: int = 0) -> Plan:
     """Return a cubic course with a stop in its middle, driven at 0.5 m/s."""
-    knots = [float(i + 1) for i in range(len(points) - 3)]
-    flat = floats([value for point in points for value in point])
-    curve = Curve(3, clamped_knots(3, knots), flat[0::2], flat[1::2], [1.0] * len(points))
-    length = curve.length
+    knots, length = _knots(points), curve_of(points).length
     profile = [(0.0, 0.0), (0.25, 0.5), (length - 0.25, 0.5), (length, 0.0)]
     stops = [(0.5 * length, begin_ms * MILLISECOND + 2 * SECOND)] if length > 1.0 else []
     speeds, packed = pack_profile(profile)
@@ -53,6 +53,17 @@ def plan(points: list[tuple[float, float]], revision: int = 0, begin_ms: int = 0
         1, 7, ID, 3 + revision, revision, begin_ms, SECOND, 50, 500, 10, 3, pack_points(points),
         pack_floats(knots), b"", speeds, packed, pack_stops(stops),
     )  # fmt: skip
+
+
+def curve_of(points: list[tuple[float, float]]) -> Curve:
+    """Return the curve of a course with these control points."""
+    flat = floats([value for point in points for value in point])
+    knots = clamped_knots(3, _knots(points))
+    return Curve(3, knots, flat[0::2], flat[1::2], [1.0] * len(points))
+
+
+def _knots(points: list[tuple[float, float]]) -> list[float]:
+    return [float(i + 1) for i in range(len(points) - 3)]
 
 
 class Scene:
@@ -109,9 +120,9 @@ class Scene:
         for _ in range(count):
             self.tick()
 
-    def armed(self) -> Scene:
+    def armed(self, course: Plan | None = None) -> Scene:
         self.ticks(5)
-        self.send("plan", plan(BEND))
+        self.send("plan", course or plan(BEND))
         self.ticks(45)
         return self
 
@@ -236,6 +247,28 @@ def redirected() -> Scene:
     return scene
 
 
+def in_motion() -> Scene:
+    """A newer course that began 0.1 s ago and runs along the present one until 3.2 s.
+
+    The robot changes to it without slowing down, once it has authority on it; a Command said too
+    little of it before.
+    """
+    scene = Scene().armed(msgspec.structs.replace(plan(LINE), stops=b""))
+    scene.go()
+    scene.ticks(160)
+    scene.extra = {"held": ((3, 3200), (4, 1500))}
+    length = curve_of(ASIDE).length
+    speeds, profile = pack_profile([(0.0, 0.5), (length - 0.25, 0.5), (length, 0.0)])
+    moving = {"speeds": speeds, "profile": profile, "stops": b""}
+    scene.send("plan", msgspec.structs.replace(plan(ASIDE, 1, 1400), **moving))
+    scene.ticks(40)
+    scene.extra = {"held": ((3, 3200), (4, 3200))}
+    scene.ticks(20)
+    scene.extra = {}
+    scene.ticks(340)
+    return scene
+
+
 def malformed() -> Scene:
     """Messages that are not acceptable change nothing; those of a newer protocol are understood."""
     scene = Scene()
@@ -302,7 +335,7 @@ def _long(value: Any) -> bytes:
 
 SCENES: tuple[Callable[[], Scene], ...] = (
     arrives, authority, stop, freeze, pushed, driver_fails, late, clock_jumps, no_time, silence,
-    redirected, malformed, newer, wrapping,
+    redirected, in_motion, malformed, newer, wrapping,
 )  # fmt: skip
 
 

@@ -2,10 +2,12 @@
 
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 
 from coordinator.fleet.grants import Grants
+from coordinator.fleet.sent_courses import Sent
 from coordinator.plan.staircases import Staircases
 from protocol.messages import MOST_HELD, Command, Report
 from protocol.phases import DONE, GO, MOVING
@@ -71,6 +73,34 @@ def test_the_one_behind_is_held_until_the_one_ahead_says_that_it_has_passed():
     assert [(one.robot, one.by) for one in grants.held()] == [("R2", "R1")]
     grants.hear("R1", report(6_000, late=2_950 // LATE_STEP_MS), 6_000)
     assert (1, 3_999) not in state(grants, 6_100)[1]
+
+
+def test_a_robot_that_begins_a_course_that_was_withdrawn_still_holds_those_behind_it():
+    """It drives no farther than it was told on the course before, and nobody waits for the new."""
+    grants = Grants(staircases((0, 1, 4_000, 3_000)), ["R1", "R2"], HEADROOM)
+    for now in range(0, 2_000, 100):
+        state(grants, now)
+        grants.hear("R2", report(now), now)
+        grants.hear("R1", report(min(now, 1_000)), now)
+    grants.of("R1").next = Sent(2, 5, revision=1, begin_ms=1_000, shared_ms=2_000)
+    grants.give_up("R1")
+    grants.hear("R1", msgspec.structs.replace(report(2_000, sequence=2), revision=1), 2_000)
+    for now in range(2_000, 9_000, 100):
+        stated = state(grants, now)
+        grants.hear("R2", report(now), now)
+    assert stated[1] == ((1, 3_999),)
+
+
+def test_a_robot_that_was_given_up_is_granted_nothing_more_wherever_it_is_to_leave_its_course():
+    grants = Grants(staircases(), ["R1", "R2"], HEADROOM)
+    state(grants, 0)
+    assert grants.halt("R1", 1_500) == 1_500
+    grants.give_up("R1")
+    assert grants.halt("R1", 2_000) == 1_000
+    for now in range(0, 3_000, 100):
+        grants.hear("R1", report(now), now)
+        stated = state(grants, now)
+    assert (0, 1_000) in stated[1]
 
 
 def test_reports_of_strangers_and_reports_without_a_stamp_say_nothing():

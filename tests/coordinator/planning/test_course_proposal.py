@@ -74,6 +74,15 @@ def test_robots_that_have_arrived_are_sent_on_and_on_while_the_others_drive(seed
         courses[name] = found.course
 
 
+@pytest.mark.parametrize("goal", [(2.0, 4.0), (2.65, 4.35), (2.78, 4.42), (3.69, 4.91)])
+def test_a_robot_finds_no_way_to_a_place_where_another_one_rests_for_ever(goal):
+    """In float32 the motions to most of these are longer by some 1e-8 m than the curves."""
+    robots = [a_robot("R1", (1.0, 4.0), goal), a_robot("R2", (5.0, 1.0), (5.0, 7.0))]
+    site, courses, robots = a_site(a_scenario(robots))
+    with pytest.raises(PlanError, match="has no way among the others, whenever it sets out"):
+        sent_on(site, courses, robots, "R2", goal)
+
+
 def test_a_robot_waits_at_its_place_for_one_that_is_under_way_across_its_course():
     scenario = a_scenario(
         [a_robot("R1", (1.0, 4.0), (2.0, 4.0)), a_robot("R2", (5.0, 1.0), (5.0, 7.0))], tau=0.6

@@ -143,6 +143,46 @@ def test_a_robot_changes_to_another_course_in_motion_without_slowing_down():
     assert math.dist(run.places[-1], (1.0 + old.s_at(2.0) + line.length, 2.0)) < 2e-3
 
 
+@pytest.mark.parametrize("late", [0.0, 0.4])
+def test_a_robot_changes_in_motion_to_a_course_that_has_begun_and_runs_along_its_own(late):
+    """The new course leads off to the left, 0.3 m after its beginning."""
+    run = on_line(authority=1700 if late else None)
+    go_on(run, 2.0 * late)
+    run.authority = 10**9
+    go_on(run, late)
+    old = Timeline(*motion_along(Curve(*LINE).length, SPEED, ACCEL))
+    begin = 1.2
+    path = winding_path("fffffflff", step=0.1, begin=(1.0 + old.s_at(begin), 2.0), heading=0.0)
+    length = Curve(*path).length
+    motion = ([0.0, length - 0.16, length], [SPEED, SPEED, 0.0], [], [], begin)
+    give_plan(run.agent, path, motion, revision=1)
+    assert run.agent.holds == 1
+    speed = run.agent.drive_speed
+    for _ in range(30):
+        go_on(run, 0.02)
+        assert run.agent.drive_speed > 0.9 * speed
+    assert run.agent.revision == 1
+    line = Timeline(*motion)
+    if not late:
+        assert math.dist(run.places[-1], place_at(path, line.s_at(plan_time(run)))) < 5e-3
+    go_on(run, line.finish)
+    assert run.agent.phase == DONE
+    assert math.dist(run.places[-1], place_at(path, length)) < 3e-3
+    apart = [np.hypot(*(dense_line(path)[0] - p).T).min() for p in run.places[-300:]]
+    assert max(apart) < TRACK
+
+
+def test_a_robot_beyond_the_place_where_a_course_leads_off_does_not_take_it():
+    run = on_line()
+    old = Timeline(*motion_along(Curve(*LINE).length, SPEED, ACCEL))
+    begin = 0.9
+    path = winding_path("ffllff", step=0.05, begin=(1.0 + old.s_at(begin), 2.0), heading=0.0)
+    length = Curve(*path).length
+    motion = ([0.0, length - 0.16, length], [SPEED, SPEED, 0.0], [], [], begin)
+    give_plan(run.agent, path, motion, revision=1)
+    assert run.agent.holds == 0
+
+
 def test_a_robot_stops_at_the_end_of_its_authority_where_a_course_begins_at_rest():
     run = on_line(authority=2500)
     old = Timeline(*motion_along(Curve(*LINE).length, SPEED, ACCEL))
@@ -163,7 +203,7 @@ def test_a_robot_stops_at_the_end_of_its_authority_where_a_course_begins_at_rest
 @pytest.mark.parametrize(
     ("begin", "x", "v0"),
     [
-        (1.4, 0.0, SPEED),  # It has begun.
+        (1.4, 0.0, 0.5 * SPEED),  # It has begun, and does not run along the one under way.
         (2.0, 0.05, SPEED),  # It begins somewhere else.
         (2.0, 0.0, 0.5 * SPEED),  # It begins at another speed.
         (2.0, 0.0, 0.0),  # It begins at rest, where the robot may drive on.
