@@ -129,12 +129,13 @@ def _slow_stretches(
     limits = robot.limits
     if limits is None:
         return []
-    accel, lateral = (
+    accel, lateral, turning = (
         math.inf if limit is None else limit
-        for limit in (limits.max_accel, limits.max_lateral_accel)
+        for limit in (limits.max_accel, limits.max_lateral_accel, limits.max_turn_rate)
     )
     braking = 1.0 if document.policy == "paper" else BRAKING_SHARE
-    allowed = limits_on(ride.curve, share * limits.max_speed, braking * accel, lateral)
+    speed = share * limits.max_speed
+    allowed = limits_on(ride.curve, speed, braking * accel, lateral, turning)
     rests = [Wait(stop.s, stop.depart, -1) for stop in robot.stops]
     free = Motion(allowed, [Wait(0.0, robot.start_time, -1), *rests])
     t0, _, s0, s1, v0, v1 = ride.legs

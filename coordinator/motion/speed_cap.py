@@ -25,9 +25,11 @@ _RESERVE: Final = 0.998
 def cap_on(curve: Nurbs, lateral: float, turning: float, top: float) -> tuple[Array, Array]:
     """Return s (n,) [m] from 0 to the length and v^2 (n,) [m^2/s^2] there, at most `top`.
 
-    One of lateral [m/s^2] and turning [rad/s] is finite.  s never decreases; a place where knot
+    lateral [m/s^2] and turning [rad/s] may be infinite.  s never decreases; a place where knot
     spans meet occurs twice.
     """
+    if math.isinf(lateral) and math.isinf(turning):
+        return np.array((0.0, curve.length)), np.array((top, top))
     limit, turn = _RESERVE * lateral, _RESERVE * turning
     least = min(limit / top, turn / math.sqrt(top))
     u, inside = cells(np.unique(curve.knots))

@@ -91,8 +91,6 @@ def limits_on(
     message has no room for that many knots.
     """
     free = SpeedLimits(curve.length, speed * speed, accel, ())
-    if math.isinf(lateral) and math.isinf(turning):
-        return free
     s, w = cap_on(curve, lateral, turning, free.top)
     if w.min() >= free.top:
         return free
@@ -101,7 +99,7 @@ def limits_on(
 
 
 def limits_after(
-    begun: Array, curve: Nurbs, speed: float, accel: float, lateral: float
+    begun: Array, curve: Nurbs, speed: float, accel: float, lateral: float, turning: float
 ) -> SpeedLimits | None:
     """Return the limits on a curve whose first part is driven in a given way; `accel` is finite.
 
@@ -110,9 +108,7 @@ def limits_after(
     """
     free = SpeedLimits(curve.length, speed * speed, accel, ())
     at, height = begun[-1].tolist()
-    s, w = np.array((0.0, curve.length)), np.array((free.top, free.top))
-    if math.isfinite(lateral):
-        s, w = cap_on(curve, lateral, free.top)
+    s, w = cap_on(curve, lateral, turning, free.top)
     behind = s > at
     s, w = np.append(at, s[behind]), np.append(height, _rounded_down(free, w[behind]))
     s, w = reachable(np.append(s, s[-1]), np.append(w, 0.0), 2.0 * free.ramp, False)
@@ -145,9 +141,7 @@ def least_time(
 ) -> float:
     """Return the time [s] of the fastest motion along a whole curve, from rest to rest."""
     free = SpeedLimits(curve.length, speed * speed, accel, ())
-    cap = np.array((0.0, curve.length)), np.array((free.top, free.top))
-    if math.isfinite(lateral) or math.isfinite(turning):
-        cap = cap_on(curve, lateral, turning, free.top)
+    cap = cap_on(curve, lateral, turning, free.top)
     s, w = reachable(*cap, 2.0 * free.ramp, math.isfinite(accel))
     both = np.sqrt(w[:-1]) + np.sqrt(w[1:])
     return float((2.0 * np.diff(s) / np.where(both > 0.0, both, 1.0)).sum())

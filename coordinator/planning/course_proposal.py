@@ -366,7 +366,7 @@ def _leading_off(
                 finder = _finder(site, changed(robot, start=leaves.start()[:2]), others)
                 lead = leaves.start(braking + turning)[:2]
                 path = leaves.joined(finder.fit(0, discs, lead=lead), 0.0)
-            limits = leaves.limits(path, speed, accel, robot.max_lateral_accel)
+            limits = leaves.limits(path, robot, speed, accel)
         except PlanError as problem:
             error = problem
             continue

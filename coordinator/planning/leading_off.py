@@ -26,7 +26,7 @@ from coordinator.paths.spline_fit import Fit
 from coordinator.plan.course import Course
 from coordinator.plan.wire import Driven
 from coordinator.proof.shared_course import shared_until
-from coordinator.scenario.model import Pose
+from coordinator.scenario.model import Pose, Robot
 from coordinator.schedule.safe_intervals import Begun
 from coordinator.schedule.track import Track
 
@@ -189,12 +189,15 @@ class UnderWay:
             raise PlanError("stands where it could leave its course", self.driven.id)
         return np.column_stack((places - begin, heights))
 
-    def limits(self, curve: Nurbs, speed: float, accel: float, lateral: float) -> SpeedLimits:
-        """Return the limits on a curve along which the robot drives as on its course at first.
+    def limits(self, curve: Nurbs, robot: Robot, speed: float, accel: float) -> SpeedLimits:
+        """Return the limits on a curve along which a robot drives as on its course at first.
 
-        Raises PlanError if it is too fast for where the curve leads, or stands on the way.
+        speed [m/s] and accel [m/s^2]: what is planned with.  Raises PlanError if it is too fast for
+        where the curve leads, or stands on the way.
         """
-        limits = limits_after(self.knots, curve, speed, accel, lateral)
+        limits = limits_after(
+            self.knots, curve, speed, accel, robot.max_lateral_accel, robot.max_turn_rate
+        )
         if limits is None:
             raise PlanError("is too fast to leave its course in motion", self.driven.id)
         return limits
