@@ -24,7 +24,7 @@ def alone(document: PlanDocument, scenario: Scenario) -> list[float]:
 def finish_on(curve: Nurbs, robot: Robot, scenario: Scenario) -> float:
     """Return when a robot that drives along a curve without a wait arrives [s]."""
     speed = scenario.planned_speed(robot)
-    limits = limits_on(curve, speed, robot.max_accel, robot.max_lateral_accel)
+    limits = limits_on(curve, speed, robot.max_accel, robot.max_lateral_accel, robot.max_turn_rate)
     return float(Motion(limits, []).finish)
 
 

@@ -155,6 +155,7 @@ def cobra() -> list[Row]:
                     max_speed=1.0,
                     max_accel=math.inf,
                     max_lateral_accel=math.inf,
+                    max_turn_rate=math.inf,
                 )
                 for one in made.robots
             )

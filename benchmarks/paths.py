@@ -209,7 +209,10 @@ def _drive(scenario: Scenario, paths: list[Nurbs]) -> list[Driven]:
     driven = []
     for robot, path in zip(scenario.robots, paths, strict=True):
         speed = scenario.planned_speed(robot)
-        motion = Motion(limits_on(path, speed, robot.max_accel, robot.max_lateral_accel), [])
+        motion = Motion(
+            limits_on(path, speed, robot.max_accel, robot.max_lateral_accel, robot.max_turn_rate),
+            [],
+        )
         alone = replace(scenario, robots=(robot,))
         driven += packed(draft_plan(alone, [path], [motion], tau=1.0, epoch=1, notes=[])).driven
     return driven

@@ -100,7 +100,9 @@ def _in_a_row(kind: Kind, robots: int) -> Case:
     for index, robot in enumerate(scenario.robots):
         path = finder.path(index)
         speed = scenario.planned_speed(robot)
-        limits = limits_on(path, speed, robot.max_accel, robot.max_lateral_accel)
+        limits = limits_on(
+            path, speed, robot.max_accel, robot.max_lateral_accel, robot.max_turn_rate
+        )
         motion = Motion(limits, [Wait(0.0, BETWEEN * index, -1)] if index else [])
         alone = replace(scenario, robots=(robot,))
         documents.append(draft_plan(alone, [path], [motion], tau=TAU, epoch=1, notes=[]).document)

@@ -79,7 +79,8 @@ def scene(seed: int) -> Scenario:
         except InputError:
             continue
         at_once = (
-            replace(robot, max_accel=math.inf, max_lateral_accel=math.inf) for robot in made.robots
+            replace(robot, max_accel=math.inf, max_lateral_accel=math.inf, max_turn_rate=math.inf)
+            for robot in made.robots
         )
         return replace(made, robots=tuple(at_once), tau=tau)
     raise AssertionError(f"{kind} does not fit {robots} robots")

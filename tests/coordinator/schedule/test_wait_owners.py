@@ -1,5 +1,6 @@
 """For whom a robot waits: against plans in which it does not."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,10 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 def test_a_wait_before_one_robots_zone_is_not_told_by_a_later_one_that_forces_it_too():
     """R1 stands 1 cm before R2's zone; R4, 9 m ahead, forbids most of that wait as well."""
     scenario = read_scenario(EXAMPLES / "paper_five_real.toml")
-    quick = [replace(one, max_accel=1.25 * one.max_accel) for one in scenario.robots]
+    quick = [
+        replace(one, max_accel=1.25 * one.max_accel, max_turn_rate=math.inf)
+        for one in scenario.robots
+    ]
     scenario = replace(scenario, robots=tuple(quick), tau=2.37)
     document = plan_scenario(scenario)
     assert [(robot, other) for robot, _, other, _ in rests(document)] == [("R1", "R2")]
