@@ -90,8 +90,8 @@ class Program:
         """Hand the program an event; it comes with the next `ask`.  Raises ProgramError."""
         try:
             self._lines.write(line + "\n")
-        except OSError as error:
-            raise ProgramError(f"{self._name}: {error.strerror}") from None
+        except (OSError, ValueError):  # ValueError: it was closed because it had ended.
+            raise self._ended() from None
 
     def ask(self, line: str) -> tuple[list[tuple[str, str]], Told]:
         """Hand the program a tick and return its answer: (word, rest) of each line, and the tick.
@@ -107,9 +107,14 @@ class Program:
                 if word == "tick":
                     return said, read_told(answer)
                 said.append((word, rest))
-        except (OSError, ValueError) as error:
+        except OSError:
+            raise self._ended() from None
+        except ValueError as error:
             raise ProgramError(f"{self._name}: {error}") from None
-        raise ProgramError(f"{self._name} has ended, exit code {self._process.wait()}")
+        raise self._ended()
+
+    def _ended(self) -> ProgramError:
+        return ProgramError(f"{self._name} has ended, exit code {self.close()}")
 
     def close(self) -> int:
         """End the program and return its exit code."""

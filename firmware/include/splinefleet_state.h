@@ -107,6 +107,7 @@ typedef struct {
     int64_t term, boot, sequence, heard_ns;
     uint32_t epoch, run;
     uint8_t phase;
+    bool asks; /* where this robot is */
 } sf_leader;
 
 typedef struct {

@@ -43,7 +43,7 @@ class Robot:
         self._name, self._put, self._boot = name, put, boot
         self._limits, self._holds = limits, holds
         self._hellos = 0
-        self._phase = HOLD
+        self._phase, self._is_asked = HOLD, False
         self._waiting = []
 
     def hear(self, kind: str, payload: bytes, now_ns: int) -> None:
@@ -97,13 +97,13 @@ class Robot:
             _authority_of(fields, agent.next_number),
         )
         if counts:
-            self._phase = fields[5]
+            self._phase, self._is_asked = fields[5], self._name in fields[12]
 
     def _speak(self, now_ns: int, x: float, y: float, heading: float) -> None:
         agent, boot = self.agent, self._boot
         if agent.hello_due(now_ns):
             place = None
-            if self._phase == FREEZE and not agent.has_driven():
+            if (self._is_asked or self._phase == FREEZE) and not agent.has_driven():
                 place = [round(1000.0 * number) for number in (x, y, heading)]
             self._hellos += 1
             limits = (1, VERSION, boot) + self._limits

@@ -143,6 +143,7 @@ bool sf_hear_command(sf_agent *agent, const sf_command *command, int64_t now_ns)
     leader->sequence = command->sequence;
     leader->epoch = epoch;
     leader->phase = phase;
+    leader->asks = command->wanted;
     leader->heard_ns = now_ns;
     if (another) {
         sf_clock_start_over(&agent->clock, now_ns);

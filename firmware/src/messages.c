@@ -168,7 +168,8 @@ static uint8_t *put_hello(uint8_t *at, const sf_agent *agent) {
     at = put_int(put_int(at, PROTOCOL_VERSION), robot->boot);
     at = put_double(put_double(at, robot->radius), robot->max_speed);
     at = put_double(at, robot->max_accel);
-    if (agent->has_pose && agent->leader.phase == FREEZE && !sf_has_driven(agent)) {
+    bool may_tell = agent->leader.phase == FREEZE || agent->leader.asks;
+    if (agent->has_pose && may_tell && !sf_has_driven(agent)) {
         at = put_int(put_array(at, 3), sf_nearest(R(1000) * agent->x));
         at = put_int(put_int(at, sf_nearest(R(1000) * agent->y)),
                      sf_nearest(R(1000) * agent->heading));

@@ -116,7 +116,7 @@ def drive(folder, form):
         base.start()
         coordinating = ("coordinator", folder / "ros.toml", "--listen", fleet, "--json")
         with started(*coordinating) as coordinator:
-            line_with(coordinator, "listening")
+            line_with(coordinator, "listening", 60.0)
             driver = f"{folder / 'base.py'}:Base"
             with started("agent", "R1", "--connect", fleet, "--driver", driver) as agent:
                 watch = threading.Timer(DEADLINE_S, agent.kill)
