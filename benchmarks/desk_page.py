@@ -152,9 +152,7 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
     robots = tab.run("Object.keys(splinefleet.at(splinefleet.time))")
     for number, name in enumerate(robots[:3], start=1):
         tab.run(f"splinefleet.choose({number - 1})")
-        _click_floor(tab, 0.2 * number + 0.1)
-        outlook = "document.getElementById('outlook').textContent"
-        tab.wait(f"/would be there|no way|rests/.test({outlook})", _PATIENCE_S)
+        _choose_place(tab, 0.2 * number + 0.1)
         tab.picture(pictures.with_name(f"{pictures.name}-before-{number}.png"))
         act(f"order {number}", _press("order-send"), _ordered(name))
     first, second = robots[0], robots[1]
@@ -201,6 +199,17 @@ def _ordered(robot: str) -> str:
 
 def _press(name: str) -> str:
     return f"document.getElementById('{name}').click();"
+
+
+def _choose_place(tab: Tab, share: float) -> None:
+    """Click the floor near a place until the page says when the robot would be there."""
+    outlook = "document.getElementById('outlook').textContent"
+    for shift in range(10):
+        tab.run(f"{outlook} = ''")
+        _click_floor(tab, share + 0.02 * shift)
+        tab.wait(f"{outlook} !== ''", _PATIENCE_S)
+        if tab.run(f"{outlook}.includes('would be there')"):
+            return
 
 
 def _click_floor(tab: Tab, share: float) -> None:
