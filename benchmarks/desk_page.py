@@ -119,11 +119,13 @@ def fleet_of(count: int, folder: Path, most_processes: int) -> Iterator[Fleet]:
 def _address(process: Process) -> str:
     """Return the address of the page that a process serves; its other output is thrown away."""
     assert process.stdout is not None
+    said = []
     for line in process.stdout:
         if found := re.search(r"http://[0-9.:]+/", line):
             threading.Thread(target=process.stdout.read, daemon=True).start()
             return found[0]
-    raise RuntimeError("no page is served")
+        said.append(line)
+    raise RuntimeError("no page is served: " + "".join(said[-3:]))
 
 
 def commanded(count: int, folder: Path, most_processes: int = MOST_PROCESSES) -> Iterator[Row]:

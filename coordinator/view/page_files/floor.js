@@ -58,7 +58,7 @@ class FloorView extends Ground {
   drawScale(pen, look) {
     const wanted = 90 / this.zoom, tens = 10 ** Math.floor(Math.log10(wanted));
     const length = tens * [5, 2, 1].find((one) => one * tens <= wanted);
-    const x = 12, y = this.sheet.height - 4, wide = this.zoom * length;
+    const x = 12, y = this.sheet.height - 12, wide = this.zoom * length;
     pen.strokeStyle = pen.fillStyle = look.muted;
     pen.lineWidth = 1.5;
     pen.beginPath();

@@ -2,9 +2,6 @@
 
 const CROWD = 40;
 
-/** What is left free [px] below the floor, for the scale and the place under the pointer. */
-const FOOT = 16;
-
 class Ground {
   constructor(canvas, shown, lens) {
     this.lens = lens;
@@ -45,7 +42,7 @@ class Ground {
   }
 
   fit() {
-    const [x0, y0, x1, y1] = this.bounds, { width } = this.sheet, height = this.sheet.height - FOOT, edge = 10;
+    const [x0, y0, x1, y1] = this.bounds, { width, height } = this.sheet, edge = 10;
     const fits = Math.min((width - 2 * edge) / (x1 - x0), (height - 2 * edge) / (y1 - y0));
     this.zoom = Math.max(fits, 1e-6) * this.lens.factor;
     this.lens.hold(this.bounds, (0.5 * width - edge) / this.zoom, (0.5 * height - edge) / this.zoom);
@@ -55,7 +52,7 @@ class Ground {
 
   /** The place on the floor at a spot on the canvas; by default at the canvas's middle. */
   placeAt(spot) {
-    const { x, y } = spot || { x: 0.5 * this.sheet.width, y: 0.5 * (this.sheet.height - FOOT) };
+    const { x, y } = spot || { x: 0.5 * this.sheet.width, y: 0.5 * this.sheet.height };
     return { x: (x - this.left) / this.zoom, y: (this.base - y) / this.zoom };
   }
 
