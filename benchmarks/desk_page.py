@@ -1,9 +1,11 @@
 """The operator's page in a real browser: how soon each command is seen on it.
 
-`python -m benchmarks.desk_page 5 20 100 -o FOLDER` takes fleets of these sizes: up to 20 robots are
-processes, more are simulated in one.  A script orders, cancels, redirects, kills a robot, admits
-it, stops the fleet, lets it go on and ends it, at 1440x900 and 390x844, and writes pictures.  Each
-command is timed from the click to its effect on the page, by the page's own clock.
+`python -m benchmarks.desk_page 5 20 100 -o FOLDER` takes fleets of these sizes: up to 20 robots (or
+as `--processes` says) are processes, more are simulated in one.  A script orders, cancels,
+redirects, kills a robot, admits it, stops the fleet, lets it go on and ends it, at 1440x900 and
+390x844, and writes pictures.  Each command is timed from the click to its effect on the page, by
+the page's own clock; an order is seen when it is answered or listed.  A simulated robot is killed
+by its script, which is timed in the fleet's seconds, and does not come back.
 
 `python -m benchmarks.desk_page watch ADDRESS SECONDS` looks at a page that nobody touches: bytes a
 second to it, share of a core that the browser takes, its memory.
@@ -39,16 +41,29 @@ from tests.system.browser import Tab, browser
 SIZES: Final = {"desktop": (1440, 900), "phone": (390, 844)}
 Process = subprocess.Popen[str]
 MOST_PROCESSES: Final = 20
-_PATIENCE_S: Final = 120.0
+_PATIENCE_S: Final = 400.0
 _COMMAND: Final = (sys.executable, "-m", "splinefleet")
-_WATCH: Final = """(async (act, seen, limit) => {
-  const begin = performance.now(), text = () => document.body.innerText;
+_WATCH: Final = """(async (act, shown, limit) => {
+  const told = () => ["answer", "orders", "phase", "alarms"]
+    .map((id) => document.getElementById(id).textContent).join("\\n");
+  const orders = () => [...document.querySelectorAll("#orders li:not([hidden]) .id")]
+    .map((one) => one.textContent).filter((id) => id.startsWith("order-"));
+  const begin = performance.now(), before = orders();
+  const seen = () => shown(told(), orders().some((id) => !before.includes(id)));
   act();
-  while (!seen(text()) && performance.now() - begin < limit) {
+  while (!seen() && performance.now() - begin < limit) {
     await new Promise((next) => setTimeout(next, 10));
   }
-  return seen(text()) ? (performance.now() - begin) / 1000 : null;
+  return seen() ? (performance.now() - begin) / 1000 : null;
 })"""
+_LOST: Final = """(() => {
+  const alarms = document.getElementById("alarms");
+  new MutationObserver(() => {
+    if (alarms.textContent.includes("%s is not heard")) window.lost ??= splinefleet.time;
+  }).observe(alarms, { childList: true, subtree: true });
+})()"""
+_KILLED_S: Final = 20
+"""When [s since GO] a simulated robot is killed."""
 
 
 class Fleet:
@@ -65,7 +80,7 @@ class Fleet:
 
 
 @contextmanager
-def fleet_of(count: int, folder: Path) -> Iterator[Fleet]:
+def fleet_of(count: int, folder: Path, most_processes: int) -> Iterator[Fleet]:
     """Start a fleet of so many robots on an open floor, and end what is left of it."""
     scenario = generate("open", count, 1)
     file, endpoint = folder / "hall.json", f"tcp/127.0.0.1:{free_port()}"
@@ -84,9 +99,10 @@ def fleet_of(count: int, folder: Path) -> Iterator[Fleet]:
             return process
 
         page = ("--page", "127.0.0.1:0")
-        if count > MOST_PROCESSES:
+        if count > most_processes:
             log = folder / "run" / "run.mcap"
-            options = ("--box-rate", "1", "--out", str(log.parent))
+            fault = f"kill:{scenario.robots[-1].id}@{_KILLED_S}"
+            options = ("--box-rate", "1", "--out", str(log.parent), "--fault", fault)
             yield Fleet(_address(start("simulate", str(file), *page, *options)), log, {})
             return
         log = folder / "run.mcap"
@@ -103,20 +119,23 @@ def fleet_of(count: int, folder: Path) -> Iterator[Fleet]:
 def _address(process: Process) -> str:
     """Return the address of the page that a process serves; its other output is thrown away."""
     assert process.stdout is not None
+    said = []
     for line in process.stdout:
         if found := re.search(r"http://[0-9.:]+/", line):
             threading.Thread(target=process.stdout.read, daemon=True).start()
             return found[0]
-    raise RuntimeError("no page is served")
+        said.append(line)
+    raise RuntimeError("no page is served: " + "".join(said[-3:]))
 
 
-def commanded(count: int, folder: Path) -> Iterator[Row]:
+def commanded(count: int, folder: Path, most_processes: int = MOST_PROCESSES) -> Iterator[Row]:
     """Yield how soon [s] each command is seen on the page of so many robots."""
     for size, (width, height) in SIZES.items():
-        with TemporaryDirectory() as name, fleet_of(count, Path(name)) as fleet:
+        with TemporaryDirectory() as name, fleet_of(count, Path(name), most_processes) as fleet:
             with browser(Path(name) / "profile") as tab:
                 tab.screen(width, height)
                 tab.open(fleet.address)
+                tab.run(_LOST % f"R{count}")
                 tab.wait("/\\d+ arrived/.test(document.body.innerText)", _PATIENCE_S)
                 told = _script(tab, fleet, folder / f"{count}-{size}")
                 errors = len(tab.errors)
@@ -127,7 +146,7 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
     seen: Row = {}
 
     def act(what: str, script: str, shown: str, limit: float = 20.0) -> None:
-        asked = f"{_WATCH}(() => {{ {script} }}, (text) => {shown}, {1000 * limit})"
+        asked = f"{_WATCH}(() => {{ {script} }}, (text, listed) => {shown}, {1000 * limit})"
         took = tab.run(asked)
         seen[what] = "never" if took is None else round(took, 2)
         tab.picture(pictures.with_name(f"{pictures.name}-{what}.png"))
@@ -135,10 +154,9 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
     robots = tab.run("Object.keys(splinefleet.at(splinefleet.time))")
     for number, name in enumerate(robots[:3], start=1):
         tab.run(f"splinefleet.choose({number - 1})")
-        _click_floor(tab, 0.2 * number + 0.1)
-        tab.wait("/would be there|no way|rests/.test(document.getElementById('outlook').innerText)")
+        _choose_place(tab, 0.2 * number + 0.1)
         tab.picture(pictures.with_name(f"{pictures.name}-before-{number}.png"))
-        act(f"order {number}", _press("order-send"), f"/{name}, (under way|waiting)/.test(text)")
+        act(f"order {number}", _press("order-send"), _ordered(name))
     first, second = robots[0], robots[1]
     act(
         "cancel",
@@ -148,7 +166,7 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
     tab.run("document.getElementById('order-now').checked = true")
     tab.run("splinefleet.choose(1)")
     _click_floor(tab, 0.6)
-    act("redirect", _press("order-send"), f"/{second}, (under way|waiting)/.test(text)")
+    act("redirect", _press("order-send"), _ordered(second))
     act("STOP", _press("stop"), "/told to stop/.test(text)")
     act("go on", _press("go-on"), "/, go/.test(text)")
     if fleet.start is not None:
@@ -163,6 +181,11 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
         tab.run(f"document.getElementById('order-robot').value = '{first}'")
         answered = f"document.getElementById('answer').textContent.includes('{first} ')"
         act("admit", _press("admit"), answered, 30.0)
+    else:
+        tab.wait("window.lost !== undefined", _PATIENCE_S)
+        seen["killed"] = round(tab.run("window.lost") - _KILLED_S, 2)
+        seen["admit"] = "-"
+        tab.picture(pictures.with_name(f"{pictures.name}-killed.png"))
     act(
         "end",
         "window.confirm = () => true; " + _press("end-mission"),
@@ -171,8 +194,24 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
     return seen
 
 
+def _ordered(robot: str) -> str:
+    """Return when an order for a robot is seen."""
+    return f"listed || /{robot}, (under way|waiting)/.test(text)"
+
+
 def _press(name: str) -> str:
     return f"document.getElementById('{name}').click();"
+
+
+def _choose_place(tab: Tab, share: float) -> None:
+    """Click the floor near a place until the page says when the robot would be there."""
+    outlook = "document.getElementById('outlook').textContent"
+    for shift in range(10):
+        tab.run(f"{outlook} = ''")
+        _click_floor(tab, share + 0.02 * shift)
+        tab.wait(f"{outlook} !== ''", _PATIENCE_S)
+        if tab.run(f"{outlook}.includes('would be there')"):
+            return
 
 
 def _click_floor(tab: Tab, share: float) -> None:
@@ -250,7 +289,8 @@ if __name__ == "__main__":
         options = argparse.ArgumentParser()
         options.add_argument("robots", nargs="+", type=int)
         options.add_argument("-o", type=Path, default=Path("pictures"))
+        options.add_argument("--processes", type=int, default=MOST_PROCESSES)
         asked = options.parse_args()
         asked.o.mkdir(parents=True, exist_ok=True)
-        rows = [row for count in asked.robots for row in commanded(count, asked.o)]
+        rows = [row for count in asked.robots for row in commanded(count, asked.o, asked.processes)]
         show("from the click to what is seen [s]", rows)

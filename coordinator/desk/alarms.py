@@ -52,7 +52,7 @@ class Alarms:
 
     def refused(self, state: OrderState, now: float) -> None:
         """Take in that an order is refused; `now` [s] since 1970."""
-        text = f"order {state.id} is refused: {state.reason}"
+        text = f"{_named(state)} is refused: {state.reason}"
         todo = "Give another goal, or another robot."
         name = f"refused-{state.id}"
         self._now[name] = Alarm(
@@ -101,12 +101,16 @@ class Alarms:
         self._now = lasting
 
 
+def _named(order: OrderState) -> str:
+    return order.id if order.id.startswith("order") else f"order {order.id}"
+
+
 def _stuck(order: OrderState, now: float) -> Alarm:
     who = f"{order.robot} is" if order.robot else "robots are"
     return Alarm(
         id=f"waits-{order.id}",
         since=now,
-        text=f"order {order.id} waits although {who} free: {order.reason or 'no way is found'}",
+        text=f"{_named(order)} waits although {who} free: {order.reason or 'no way is found'}",
         todo="Clear its way, or take it back.",
         robot=order.robot,
         order=order.id,

@@ -24,7 +24,7 @@ from protocol.endpoint import Endpoint
 from protocol.key_files import KeyFiles, read_key_files
 from protocol.transport import Transport
 
-_STARTS_S: Final = 30.0
+_STARTS_S: Final = 60.0
 
 
 class DeskPlace(NamedTuple):

@@ -202,6 +202,11 @@ class Desk {
     if (found === null) return;
     const why = found.reason ? `, ${found.reason}` : "";
     this.say(`${found.id}: ${found.robot || "no robot yet"}, ${found.state}${why}`);
+    this.clear();
+  }
+
+  /** Forget the place that was clicked. */
+  clear() {
     byId("order-place").value = "";
     byId("order-now").checked = false;
     this.readGoal();
@@ -225,15 +230,17 @@ class Desk {
     const [x, y] = this.goal, corner = (dx, dy) => [x + dx, y + dy];
     const polygon = [corner(-0.5, -0.5), corner(0.5, -0.5), corner(0.5, 0.5), corner(-0.5, 0.5)];
     const found = await ask("POST", "blocks", { polygon });
-    if (found) this.say(`${found.id} is closed`);
-    return null;
+    if (found === null) return null;
+    this.say(`${found.id} is closed`);
+    return this.clear();
   }
 
   /** Draw closed places, whom alarms are about, and the goal that is being chosen. */
   draw(view, pen, look, found) {
     pen.strokeStyle = look.red;
     pen.fillStyle = look.red;
-    const alarmed = new Set(this.fleet ? this.fleet.alarms.map((one) => one.robot) : []);
+    const alarms = this.fleet ? this.fleet.alarms : [];
+    const alarmed = new Set(alarms.filter((one) => !one.order).map((one) => one.robot));
     this.told.names().forEach((name, index) => {
       if (found[index] && alarmed.has(name)) view.ring(pen, found[index], index, look.red, 4);
     });

@@ -59,8 +59,6 @@ class FloorView extends Ground {
     const wanted = 90 / this.zoom, tens = 10 ** Math.floor(Math.log10(wanted));
     const length = tens * [5, 2, 1].find((one) => one * tens <= wanted);
     const x = 12, y = this.sheet.height - 12, wide = this.zoom * length;
-    pen.fillStyle = look.panel;
-    pen.fillRect(x - 5, y - 17, wide + 10, 22);
     pen.strokeStyle = pen.fillStyle = look.muted;
     pen.lineWidth = 1.5;
     pen.beginPath();
