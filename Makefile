@@ -63,9 +63,11 @@ $(AXE): tests/system/axe/package-lock.json
 	touch $@
 
 # Libraries that benchmarks measure beside ours need numpy < 2: they have an environment of their own.
-.venv-peers/peers.stamp: benchmarks/peers/requirements.lock
+# pyrvo declares a simulator that its bindings do not use: it is installed alone.
+.venv-peers/peers.stamp: benchmarks/peers/requirements.lock benchmarks/peers/orca.lock
 	$(PYTHON) -m venv .venv-peers
 	.venv-peers/bin/python -m pip install --quiet --require-hashes --requirement $<
+	.venv-peers/bin/python -m pip install --quiet --require-hashes --no-deps --requirement benchmarks/peers/orca.lock
 	touch $@
 
 # The locks: hashes, no addresses; the development lock agrees with the runtime lock.

@@ -23,7 +23,7 @@ from benchmarks.desk import desk
 from benchmarks.disturbance import disturbance
 from benchmarks.firmware import c_fleets, comparison, instructions, native_module, sizes
 from benchmarks.flood import flood
-from benchmarks.flow import flow
+from benchmarks.flow import circles, flow
 from benchmarks.fuzz.running import fuzz_all
 from benchmarks.fuzz.table import MODULES
 from benchmarks.intersections import intersections
@@ -78,7 +78,10 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
         "both agents on the same events": comparison,
         "fleets of C agents with 1 to 4 faults": c_fleets,
     },
-    "flow": {"delays of whole fleets, with and without ways in space and time": flow},
+    "flow": {
+        "delays of whole fleets, with and without ways in space and time, and by ORCA": flow,
+        "circles, compared with a roundabout by hand": circles,
+    },
     "flood": {"a fleet beside a flood": flood},
     "desk": {"a fleet whose desk is asked much, and nonsense": desk},
     "fuzz": {"bad input, 30 s per target": partial(fuzz_all, list(MODULES))},

@@ -71,6 +71,17 @@ class CourseMaker:
         waits = [Wait(0.0, delay, -1)]
         return self._timed(index, course.path, course.track, waits, [])
 
+    def paced(self, index: int, space: Space, way: Array, pace: float) -> Course | None:
+        """Return the course along a polygon (n, 2) [m], at most at a pace [m/s], from time 0 on.
+
+        None without a clear curve.
+        """
+        path = self._curve(index, space, way)
+        if path is None:
+            return None
+        slow = [Slow(0.0, path.length, pace)] if pace < _FULL * self.speed(index) else []
+        return self._timed(index, path, self._track_of(index, path), [], slow)
+
     def along(self, index: int, space: Space, way: Array, times: Array) -> Iterator[Course]:
         """Yield courses along a polygon (n, 2) [m] in a space, its times (n, 2) [s] given.
 
@@ -78,11 +89,8 @@ class CourseMaker:
         the way, the first course has it come later, slowly, and go on without a rest.  There are
         none without a clear curve.
         """
-        exact = np.zeros(len(way), dtype=np.bool_)
-        exact[[0, -1]] = True
-        try:
-            path = smooth(way, exact, space, self._finder.handling(self._robots[index])).curve
-        except PlanError:
+        path = self._curve(index, space, way)
+        if path is None:
             return
         track = self._track_of(index, path)
         legs = np.hypot(*np.diff(way, axis=0).T)
@@ -102,6 +110,15 @@ class CourseMaker:
         ]
         slow = self._slow(index, along, legs, times)
         yield self._timed(index, path, track, [*start, *waits], slow)
+
+    def _curve(self, index: int, space: Space, way: Array) -> Nurbs | None:
+        """Return the curve of a robot along a polygon (n, 2); None if none is clear."""
+        exact = np.zeros(len(way), dtype=np.bool_)
+        exact[[0, -1]] = True
+        try:
+            return smooth(way, exact, space, self._finder.handling(self._robots[index])).curve
+        except PlanError:
+            return None
 
     def _slow(self, index: int, along: Array, legs: Array, times: Array) -> list[Slow]:
         """Return the legs (n,) [m] that are driven slowly, by where they lie on the path."""

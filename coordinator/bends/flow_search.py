@@ -19,6 +19,7 @@ import numpy as np
 
 from coordinator.bends.courses import Course, CourseMaker, TrackOf, may_bend
 from coordinator.bends.meshes import NARROW, WIDE, Ends, Meshes
+from coordinator.bends.same_side import Mover, same_side
 from coordinator.bends.traffic_kernels import Traffic, first_meeting, gathered, least_delay
 from coordinator.bends.way_kernels import Trip
 from coordinator.bends.ways import PADS, way_among
@@ -44,6 +45,9 @@ _LATE: Final = 0.2
 _TRIES: Final = 8
 """How often a robot that has found no motion is put back together with others in its way.  If it
 finds none then, the search ends: where one finds none, it mostly is not the only one."""
+
+_JAM: Final = 0.2
+"""If robots lose more than this share of the time that they take alone, all keep to one side."""
 
 _MISSING: Final = 100.0
 """What a robot without a motion counts as delay [s]."""
@@ -106,6 +110,8 @@ class FlowSearch:
                     self._try(self._neighbourhood([index]))
             if self.courses[index] is None:
                 return None
+        if rounds:
+            self._turn()
         for _ in range(rounds):
             late = [index for index in order if self._delay(index) > _LATE]
             if not late:
@@ -163,6 +169,47 @@ class FlowSearch:
         for index, course in zip(chosen, before, strict=True):
             self._put(index, course)
 
+    def _turn(self) -> None:
+        """Let all robots keep to the same side, at one pace, if they arrive earlier in total."""
+        was = sum(map(self._delay, range(len(self.robots))))
+        if was < _JAM * sum(self.alone) or not all(map(may_bend, self.robots)):
+            return
+        movers = [
+            Mover(
+                np.array(robot.start[:2]),
+                np.array(robot.goal[:2]),
+                robot.radius,
+                self._maker.speed(index),
+                self._straight[index].track.limits.ramp,
+            )
+            for index, robot in enumerate(self.robots)
+        ]
+        spaces = self._meshes[-1].spaces
+        need, tau = self.margin + PADS[0][1], self.tau + PADS[0][0]
+
+        def keeps(index: int, way: Array) -> bool:
+            return bool(spaces[index].keeping(way[:-1], way[1:]).all())
+
+        for turning in same_side(movers, keeps, self._traffic_of, need, tau):
+            if turning.arrivals >= was + sum(self.alone):
+                break
+            courses = [
+                self._maker.paced(index, spaces[index], way, turning.pace)
+                for index, way in enumerate(turning.arcs)
+            ]
+            found = [course for course in courses if course is not None]
+            if len(found) == len(courses) and self._is_clear(found):
+                if sum(course.motion.finish for course in found) < was + sum(self.alone):
+                    self.courses, self._traffic = list(found), None
+                break
+
+    def _is_clear(self, courses: list[Course]) -> bool:
+        traffic = self._traffic_of([course.samples for course in courses])
+        return all(
+            first_meeting(course.samples, traffic, index, *self._kept(index)) < 0
+            for index, course in enumerate(courses)
+        )
+
     def _put(self, index: int, course: Course | None) -> None:
         self.courses[index], self._traffic = course, None
 
@@ -173,23 +220,27 @@ class FlowSearch:
                 standing if course is None else course.samples
                 for course, standing in zip(self.courses, self._standing, strict=True)
             ]
-            owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-            x, y = self._low.tolist()
-            columns, rows = self._counts.tolist()
-            self._traffic = gathered(np.concatenate(parts), owner, x, y, self._size, columns, rows)
+            self._traffic = self._traffic_of(parts)
         return self._traffic
+
+    def _traffic_of(self, parts: list[Array]) -> Traffic:
+        """Return the samples (n, 5) of all robots, sorted by the cells of one grid."""
+        owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+        x, y = self._low.tolist()
+        columns, rows = self._counts.tolist()
+        return gathered(np.concatenate(parts), owner, x, y, self._size, columns, rows)
 
     def _place(self, index: int, latest: float) -> bool:
         """Give a robot its earliest course before `latest` [s]; return whether there is one."""
         traffic, straight = self._gathered(), self._straight[index]
         delay = least_delay(straight.samples, traffic, index, *self._kept(index))
         found: Course | None = None
-        if self.alone[index] + delay < latest:
-            found, latest = straight, self.alone[index] + delay
-            if delay > 0.0:
-                found = self._maker.later(index, straight, delay)
+        can_wait = self.alone[index] + delay < latest
         if delay > _WORTH and may_bend(self.robots[index]):
-            found = self._bent(index, traffic, latest - _WORTH) or found
+            most = min(latest, self.alone[index] + delay)
+            found = self._bent(index, traffic, most - _WORTH)
+        if found is None and can_wait:
+            found = self._maker.later(index, straight, delay) if delay > 0.0 else straight
         if found is not None:
             self._put(index, found)
         return found is not None

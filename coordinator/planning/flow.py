@@ -15,7 +15,7 @@ from coordinator.curves.nurbs import Nurbs
 from coordinator.motion.velocity_profile import Motion
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.schedule.given_motions import meeting, place_again
-from coordinator.schedule.junctions import FEW, Junctions
+from coordinator.schedule.junctions import Junctions
 from coordinator.schedule.neighbourhood_search import Improvement
 from coordinator.schedule.timetable import Motions
 from coordinator.schedule.track import Track
@@ -31,8 +31,10 @@ _WORTH_SHARE: Final = 0.005
 _LEAST_EFFORT: Final = 5
 _ROBOTS: Final = 15
 _ROUNDS: Final = 0.5
+_PLACED: Final = 10
 """The least effort; how many robots, and how many rounds of improvement, per unit of effort.  The
-time of the search grows faster than the number of robots."""
+time of the search grows faster than the number of robots.  Large fleets get fewer rounds, _PLACED
+per unit of effort divided by their robots: a round is long and gains little there."""
 
 _REPAIRS: Final = 3
 """How often robots get other ways because they meet others on exact zones."""
@@ -81,29 +83,29 @@ def find_flow(
     """Return ways in space and time for a fleet whose shortest paths and tracks are given.
 
     track_of: makes the track of a robot on a path; meet: finds the zones between tracks.  None if
-    the fleet is too small or too large for the effort, or if a robot finds no way.
+    the fleet is too large for the effort, or if a robot finds no way.
     """
     # Small plans should not pay for the import of kernels that they do not need.
     from coordinator.bends.flow_search import FlowSearch
 
-    if effort < _LEAST_EFFORT or not FEW < len(paths) <= _ROBOTS * effort:
+    if effort < _LEAST_EFFORT or not 1 < len(paths) <= _ROBOTS * effort:
         return None
     priorities = [robot.priority for robot in finder.scenario.robots]
     search = FlowSearch(finder, paths, shortest, track_of, tau)
-    courses = search.run(int(_ROUNDS * effort) if len(set(priorities)) == 1 else 0)
+    rounds = min(int(_ROUNDS * effort), _PLACED * effort // len(paths))
+    courses = search.run(rounds if len(set(priorities)) == 1 else 0)
     if courses is None:
         return None
     junctions = meet([one.track for one in courses])
-    for _ in range(_REPAIRS):
+    for repairs in range(_REPAIRS + 1):
         motions = Motions(junctions.lengths(), [one.motion for one in courses])
         met = meeting(junctions, motions, priorities)
-        if not met:
+        if not met or repairs == _REPAIRS:
             break
         courses = search.place_again(met)
         for index in met:
             junctions = junctions.with_track(index, courses[index].track)
-    motions = Motions(junctions.lengths(), [one.motion for one in courses])
-    if not place_again(junctions, motions, meeting(junctions, motions, priorities), priorities):
+    if not place_again(junctions, motions, met, priorities):
         return None
     _replace_needless_rests(junctions, motions, priorities)
     return Flow(

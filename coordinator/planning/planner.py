@@ -60,6 +60,9 @@ _SLOW = 1.6
 """Ways in space and time on which robots take so many times as long as alone are compared with
 moves from place to place."""
 
+_JAM = 1.2
+"""Fleets of up to FEW robots that take so many times as long as alone look for such ways, too."""
+
 _PATIENCE = 60
 _PATIENCE_PER_FLEET = 3000
 _PER_DEADLOCK = 25
@@ -185,6 +188,11 @@ def _arrivals(motions: Sequence[Motion]) -> float:
     return sum(motion.finish for motion in motions)
 
 
+def _is_jam(motions: Sequence[Motion], tracks: Sequence[Track]) -> bool:
+    """Return whether robots lose so much time that ways in space and time are looked for."""
+    return _arrivals(motions) > _JAM * sum(track.alone for track in tracks)
+
+
 class _Stages:
     """The stages of one planning run, and the data that each stage leaves for the next."""
 
@@ -221,16 +229,22 @@ class _Stages:
             limits = [track.limits for track in self.tracks]
             return paper_policy.schedule(scenario, self.paths, limits, self.tau)
         priorities = [robot.priority for robot in scenario.robots]
-        flow = find_flow(
-            self.pathfinder, self.tracks, self.paths, self._track, self._meet, self.tau, effort
-        )
-        if flow is None:
-            return self._in_order(priorities, effort)
+        finder, tracks, motions = self.pathfinder, list(self.tracks), None
+        refusal: PlanError | None = None
         if len(priorities) <= MOST_BOTH:
-            with suppress(PlanError):
+            try:
                 motions = self._in_order(priorities, effort)
-                if not flow.is_better_than(motions):
-                    return motions
+            except PlanError as error:
+                refusal = error
+            if motions is not None and len(motions) <= FEW and not _is_jam(motions, tracks):
+                return motions
+        flow = find_flow(finder, tracks, self.shortest, self._track, self._meet, self.tau, effort)
+        if flow is None:
+            if refusal is not None:
+                raise refusal
+            return self._in_order(priorities, effort) if motions is None else motions
+        if motions is not None and not flow.is_better_than(motions):
+            return motions
         if _arrivals(flow.motions) > _SLOW * sum(track.alone for track in self.tracks):
             rests = self._several_legs(priorities)
             if rests is not None and not flow.is_better_than(rests):
