@@ -144,3 +144,10 @@ def test_the_page_on_conformance_has_every_exchange_and_names_what_is_not_tried(
     assert rows == [(exchange.name, ", ".join(exchange.tries)) for exchange in exchanges]
     tried = {number for exchange in exchanges for number in exchange.tries}
     assert set(REQUIREMENTS) - tried == {"LATE-3", "OVER-1", "GO-3"}
+
+
+def test_a_black_box_of_an_examination_that_broke_off_before_the_first_drive_says_nothing():
+    examiner = examine(names=["zz"])
+    assert examiner.exam.drives == []
+    judge_track(examiner.exam, [(0.0, 0.0, 0.0)])
+    assert failures(examiner) == {}
