@@ -19,7 +19,7 @@ _ROUNDS: Final = 6
 """Greatest number of times that rough parts are sampled again, more finely."""
 
 _RESERVE: Final = 0.998
-"""Share of the lateral limit that is used."""
+"""Share of the limits that is used."""
 
 
 def cap_on(curve: Nurbs, lateral: float, turning: float, top: float) -> tuple[Array, Array]:
