@@ -169,21 +169,24 @@ def excused(world: World, over_ns: int) -> dict[str, str]:
 def _closed_in(world: World) -> list[str]:
     """Return the robots that are not at their goals and truly have no way there.
 
-    Robots that others go around count as solid wherever they may stand, and those at their goals
-    where they are; via points are disregarded.
+    Robots that others go around count as solid wherever they may stand, and those that rest where
+    they are, at their goals or before a way that is closed; via points are disregarded.
     """
     site, members, around = world.mission.site, world.fleet.members, dict(_around(world))
     robots = [*site.scenario.robots, *(one.robot for one in site.aside)]
     goals = {robot.id: robot.goal[:2] for robot in robots}
     closed = []
     for one in robots:
-        if one.id not in world.robots or members[one.id].finished:
+        if one.id not in world.robots:
+            continue
+        place = _place(world, one.id)
+        if members[one.id].finished and math.dist(place, goals[one.id]) <= site.scenario.margin:
             continue
         solid = tuple(ring for name, ring in around.items() if name != one.id)
         floor = replace(
             site.scenario.workspace, obstacles=site.scenario.workspace.obstacles + solid
         )
-        reach, place = one.radius + site.scenario.margin + _SPARE, _place(world, one.id)
+        reach = one.radius + site.scenario.margin + _SPARE
         here, there = free_space(floor, reach).at(np.array([place, goals[one.id]]))
         if here != there or here < 0:
             closed.append(one.id)

@@ -131,6 +131,13 @@ def test_whose_link_comes_back_after_over_was_said_is_not_expected():
     assert outcome.violations == ()
 
 
+def test_a_robot_that_rests_before_the_only_way_which_a_dead_one_closed_is_closed_in():
+    dies = [Fault("kill", "R4", 2.71)]
+    outcome = run_seed(generate("grid", 4, 1051), 21023, faults=dies)
+    assert outcome.violations == ()
+    assert outcome.excused == {"R2": "closed in", "R4": "killed"}
+
+
 def test_the_table_says_what_became_of_every_robot(five):
     scenario, document = plan_for(five, GOOD, None)
     finish = max(robot.finish_time for robot in document.robots)
