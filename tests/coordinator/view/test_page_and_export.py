@@ -18,6 +18,7 @@ def on_the_page(ride, t):
         (t0, p0), (t1, p1) = ride.passed[-2:]
         beyond = p1 + min(max((p1 - p0) / (t1 - t0), 0.0), 1.0) * (t - t1)
         t = beyond if t > t1 else np.interp(t, *zip(*ride.passed, strict=True))
+    t = t if ride.ends is None else min(t, ride.ends)
     if ride.halt is not None and t >= ride.halt[0]:
         t0, t1, s0, s1 = ride.halt
         part = min((t - t0) / (t1 - t0), 1.0) if t1 > t0 else 1.0
@@ -30,6 +31,20 @@ def on_the_page(ride, t):
                 s = s0 + passed * (v0 + 0.5 * (v1 - v0) / (t1 - t0) * passed) if t < t1 else s1
     arcs, xs, ys = ride.path
     return np.interp(s, arcs, xs), np.interp(s, arcs, ys)
+
+
+def shown(scene, name, times):
+    """Where the page has a robot at these times, by the words of scene.py; nan: not there."""
+    (epoch,) = scene.epochs
+    index = [body.id for body in scene.robots].index(name)
+    mine = [ride for ride in epoch.rides if ride.robot == index]
+    assert [ride.revision for ride in mine] == sorted(ride.revision for ride in mine)
+    places = np.full((len(times), 2), np.nan)
+    for number, t in enumerate((times - epoch.start).tolist()):
+        begun = [one for one in mine if one.told is None or (one.since or np.inf) <= t]
+        if begun:
+            places[number] = on_the_page(begun[-1], t)
+    return places
 
 
 def frozen_log():

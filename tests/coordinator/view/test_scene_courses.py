@@ -15,21 +15,7 @@ from protocol.messages import Plan
 from protocol.phases import GO
 from protocol.timing import SECOND
 from tests.coordinator.a_day import AWAY_S, STOPPED_S
-from tests.coordinator.view.test_page_and_export import on_the_page
-
-
-def shown(scene, name, times):
-    """Where the page has a robot at these times, by the words of scene.py; nan: not there."""
-    (epoch,) = scene.epochs
-    index = [body.id for body in scene.robots].index(name)
-    mine = [ride for ride in epoch.rides if ride.robot == index]
-    assert [ride.revision for ride in mine] == sorted(ride.revision for ride in mine)
-    places = np.full((len(times), 2), np.nan)
-    for number, t in enumerate((times - epoch.start).tolist()):
-        begun = [one for one in mine if one.told is None or (one.since or np.inf) <= t]
-        if begun:
-            places[number] = on_the_page(begun[-1], t)
-    return places
+from tests.coordinator.view.test_page_and_export import shown
 
 
 def assert_where_they_were(scene, boxes):
