@@ -6,13 +6,14 @@ Decides: from and until when a course counts.  Must not know: why a robot has it
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Final
 
 import msgspec
 import numpy as np
 
+from coordinator.base.kept import kept
 from coordinator.curves.chords import Chords, chords_of
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.plan.wire import Driven, unpack
@@ -38,17 +39,6 @@ class Course:
         """Return the course of a robot that is known to drive it: it is there, however late."""
         return replace(self, since=0.0)
 
-    @cached_property
-    def box(self) -> Array:
-        """The corners of the box around the course's path, (2, 2) [m]: least and greatest."""
-        points = self.driven.chain.points
-        return np.array([points.min(axis=0), points.max(axis=0)])
-
-    @cached_property
-    def chords(self) -> Chords:
-        """The course's path as chords, for zones."""
-        return self.chords_of(self.driven.curve)
-
     @staticmethod
     def chords_of(path: Nurbs) -> Chords:
         """Return a path as chords, for zones."""
@@ -59,6 +49,30 @@ class Course:
         """The place where the robot rests at the end [m]."""
         x, y = self.driven.curve.points[-1].tolist()
         return x, y
+
+
+class Boxes:
+    """The boxes around the paths of n courses: `low`, `high` (n, 2) [m], and their robots' radii.
+
+    Paths may leave their boxes by `bound` (n,) [m].
+    """
+
+    def __init__(self, courses: Sequence[Course]) -> None:
+        boxes = np.array([corners(one.driven) for one in courses]).reshape(-1, 2, 2)
+        self.low, self.high = boxes[:, 0], boxes[:, 1]
+        self.bound = np.array([one.driven.chain.bound for one in courses])
+        self.radii = np.array([one.driven.radius for one in courses])
+
+    def apart(self, low: Array, high: Array) -> Array:
+        """Return by how much [m] each path and another box are apart at least, along x or y."""
+        return np.asarray(np.maximum(self.low - high, low - self.high).max(axis=1) - self.bound)
+
+
+@kept
+def corners(driven: Driven) -> Array:
+    """Return the corners of the box around a path's chain, (2, 2) [m]: least and greatest."""
+    points = driven.chain.points
+    return np.array([points.min(axis=0), points.max(axis=0)])
 
 
 class PlainCourse(msgspec.Struct, frozen=True):

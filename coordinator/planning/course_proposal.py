@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -26,12 +27,12 @@ from coordinator.ground.free_space import NO_DISCS
 from coordinator.ground.grown_floor import GrownFloor
 from coordinator.motion.velocity_profile import Motion, SpeedLimits, limits_on
 from coordinator.paths.path_planner import Pathfinder
-from coordinator.plan.course import Course
+from coordinator.plan.course import Boxes, Course
 from coordinator.plan.document import Limits, PlanDocument
 from coordinator.plan.drafting import rounded
 from coordinator.plan.shares_of_tau import BRAKING_SHARE
 from coordinator.plan.staircases import Staircases
-from coordinator.plan.wire import pack, unpack
+from coordinator.plan.wire import Driven, pack, unpack
 from coordinator.planning.leading_off import UnderWay
 from coordinator.planning.planner import NEED_PAD, TAU_PAD
 from coordinator.proof.course_proof import course_failures, that_may_meet
@@ -135,6 +136,25 @@ class Proposal:
 
 
 @dataclass(frozen=True, eq=False)
+class _Search:
+    """A wish on a site among other courses, and what all tries of paths share."""
+
+    site: Site
+    wish: Wish
+    others: Sequence[Course]
+
+    @cached_property
+    def finder(self) -> Pathfinder:
+        """The search for the robot's path from where it rests."""
+        return _finder(self.site, self.wish.robot, self.others)
+
+    @cached_property
+    def boxes(self) -> Boxes:
+        """The boxes around the other courses."""
+        return Boxes(self.others)
+
+
+@dataclass(frozen=True, eq=False)
 class _Try:
     """A path with its earliest motion among others, the robot being 0 and near[k] k + 1.
 
@@ -156,14 +176,14 @@ def alone(site: Site, wish: Wish) -> tuple[Nurbs, float]:
 
     Raises PlanError if there is no way even then.
     """
-    path = _path(site, wish.robot, ())
+    path = _finder(site, wish.robot, ()).path(0)
     return path, wish.delay + _turning(path, wish) + _track(site, wish.robot, path).alone
 
 
 def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     """Return the earliest course that fulfils a wish; raises PlanError where there is none."""
     robot, terms = wish.robot, site.terms
-    found = _earliest(site, wish, others)
+    found = _earliest(_Search(site, wish, others))
     names = [robot.id, *(one.driven.id for one in found.near)]
     plan = rounded(robot, found.path, found.motion, names)
     if wish.leaves is not None:
@@ -199,54 +219,52 @@ def proposal_of(message: bytes, site: Site, wish: Wish, others: Sequence[Course]
     return Proposal(course, message, near, staircases)
 
 
-def _earliest(site: Site, wish: Wish, others: Sequence[Course]) -> _Try:
+def _earliest(search: _Search) -> _Try:
     """Return the path on which the robot arrives first: the shortest, a bent one, or a detour."""
     try:
-        best = _try(site, wish, others, NO_DISCS)
+        best = _try(search, NO_DISCS)
     except PlanError:
-        if not wish.late:
+        if not search.wish.late:
             raise
-        return _earliest(site, replace(wish, late={}), others)
+        return _earliest(replace(search, wish=replace(search.wish, late={})))
     for _ in range(_DETOURS):
-        discs = _conflict_discs(wish.robot, best)
+        discs = _conflict_discs(search.wish.robot, best)
         if discs is None:
             break
         try:
-            other = _try(site, wish, others, discs)
+            other = _try(search, discs)
         except PlanError:
             break
         if other.motion.finish > best.motion.finish - _WORTH:
             break
         best = other
-    return _bent(site, wish, others, best)
+    return _bent(search, best)
 
 
-def _bent(site: Site, wish: Wish, others: Sequence[Course], best: _Try) -> _Try:
+def _bent(search: _Search, best: _Try) -> _Try:
     """Return a try on a path that gives way aside, if the robot arrives earlier on it."""
+    site, wish = search.site, search.wish
     delay = best.motion.finish - best.release - best.track.alone
     if delay < _LONG or wish.leaves is not None:
         return best
     latest = best.motion.finish - _WORTH
     ramp = 0.5 * site.scenario.planned_speed(wish.robot) / best.track.limits.ramp
     times = Times(best.release, latest, ramp, site.terms.tau)
-    path = site.bends.path(_finder(site, wish.robot, others), others, wish.late, times)
+    path = site.bends.path(search.finder, search.others, wish.late, times)
     if path is None:
         return best
-    release = 0.001 * wish.begin_ms + wish.delay + _turning(path, wish)
     try:
-        other = _motion(site, wish, path, others, release)
+        other = _motion(search, path)
     except PlanError:
         return best
     return other if other.motion.finish < latest else best
 
 
-def _try(site: Site, wish: Wish, others: Sequence[Course], discs: Array) -> _Try:
+def _try(search: _Search, discs: Array) -> _Try:
     """Return a path that avoids discs (k, 3) [m], and its earliest motion."""
-    if wish.leaves is not None:
-        return _motion_under_way(site, wish, wish.leaves, others, discs)
-    path = _path(site, wish.robot, others, discs)
-    release = 0.001 * wish.begin_ms + wish.delay + _turning(path, wish)
-    return _motion(site, wish, path, others, release)
+    if search.wish.leaves is not None:
+        return _motion_under_way(search, search.wish.leaves, discs)
+    return _motion(search, search.finder.path(0, discs))
 
 
 def _conflict_discs(robot: Robot, found: _Try) -> Array | None:
@@ -276,11 +294,6 @@ def _conflict_discs(robot: Robot, found: _Try) -> Array | None:
     apart = np.hypot(*(centers[:, None, :] - anchors).transpose(2, 0, 1)).min(axis=1)
     beside = centers[apart > 1.15 * reach]
     return np.column_stack((beside, np.full(len(beside), reach))) if len(beside) else None
-
-
-def _path(site: Site, robot: Robot, others: Sequence[Course], discs: Array = NO_DISCS) -> Nurbs:
-    """Return the robot's path, clear of the places where the others will rest, if possible."""
-    return _finder(site, robot, others).path(0, discs)
 
 
 def _finder(site: Site, robot: Robot, others: Sequence[Course]) -> Pathfinder:
@@ -322,13 +335,12 @@ def _turning(path: Nurbs, wish: Wish) -> float:
     return abs(turn) / wish.robot.max_turn_rate + _TURN_TIME if abs(turn) > 0.01 else 0.0
 
 
-def _motion(site: Site, wish: Wish, path: Nurbs, others: Sequence[Course], release: float) -> _Try:
-    """Return the earliest motion of a robot that may leave at `release` [s].
-
-    The robot stands at its start before.
-    """
-    track = _track(site, wish.robot, path)
-    junctions, motions, near = _among(site, wish, track, others)
+def _motion(search: _Search, path: Nurbs) -> _Try:
+    """Return the earliest motion of a robot that stands at its start until it has turned."""
+    wish = search.wish
+    release = 0.001 * wish.begin_ms + wish.delay + _turning(path, wish)
+    track = _track(search.site, wish.robot, path)
+    junctions, motions, near = _among(search, track)
     departure = Departure(release, math.inf, 0.001 * wish.begin_ms)
     motion = earliest_motion(junctions, motions, 0, departure=departure)
     if motion is None:
@@ -336,25 +348,24 @@ def _motion(site: Site, wish: Wish, path: Nurbs, others: Sequence[Course], relea
     return _Try(path, track, release, motion, junctions, near)
 
 
-def _motion_under_way(
-    site: Site, wish: Wish, leaves: UnderWay, others: Sequence[Course], discs: Array
-) -> _Try:
+def _motion_under_way(search: _Search, leaves: UnderWay, discs: Array) -> _Try:
     """Return the earliest motion of a robot that leaves its course while it drives."""
-    robot = wish.robot
-    path, limits, track = _leading_off(site, robot, leaves, others, discs)
-    junctions, motions, near = _among(site, wish, track, others)
+    robot = search.wish.robot
+    path, limits, track = _leading_off(search, leaves, discs)
+    junctions, motions, near = _among(search, track)
     modes = np.full(len(junctions.zones_of(0)), BOTH)
     motion = rest_of_motion(junctions, motions, 0, leaves.begun(limits), modes)
     if motion is None:
         raise PlanError("has no way among the others without a stop", robot.id)
     motion = leaves.without_run_up(motion, limits)
-    return _Try(path, track, 0.001 * wish.begin_ms, motion, junctions, near)
+    return _Try(path, track, 0.001 * search.wish.begin_ms, motion, junctions, near)
 
 
 def _leading_off(
-    site: Site, robot: Robot, leaves: UnderWay, others: Sequence[Course], discs: Array
+    search: _Search, leaves: UnderWay, discs: Array
 ) -> tuple[Nurbs, SpeedLimits, Track]:
     """Return the quickest path that leads off a course, of several that turn early or later."""
+    site, robot, others = search.site, search.wish.robot, search.others
     speed, accel = site.scenario.planned_speed(robot), BRAKING_SHARE * robot.max_accel
     found, error = [], PlanError("has no smooth way off its course", robot.id)
     for braking, turning in leaves.leads(accel, robot.max_lateral_accel):
@@ -376,20 +387,16 @@ def _leading_off(
     return min(found, key=lambda one: one[2].alone)
 
 
-def _among(
-    site: Site, wish: Wish, track: Track, others: Sequence[Course]
-) -> tuple[Junctions, Motions, list[Course]]:
+def _among(search: _Search, track: Track) -> tuple[Junctions, Motions, list[Course]]:
     """Return where a robot meets others, the motions of these, and their courses."""
+    site, wish, boxes = search.site, search.wish, search.boxes
     robot, margin = wish.robot, site.terms.margin + NEED_PAD
     low, high = track.chords.points.min(axis=0), track.chords.points.max(axis=0)
-    near = [
-        one
-        for one in others
-        if _apart(one, low, high) < robot.radius + one.driven.radius + margin + 0.01
-    ]
-    copies = [(one, delay) for one in near for delay in _delays(site, wish, one)]
+    are_near = boxes.apart(low, high) < robot.radius + boxes.radii + margin + 0.01
+    among = [search.others[k] for k in np.flatnonzero(are_near).tolist()]
+    copies = [(one, delay) for one in among for delay in _delays(site, wish, one)]
     near = [one for one, _ in copies]
-    tracks = [track, *(_known(one) for one in near)]
+    tracks = [track, *(_known(one.driven) for one in near)]
     radii = [robot.radius, *(one.driven.radius for one in near)]
     junctions = Junctions(tracks, radii, margin, site.terms.tau + TAU_PAD, among=(0,))
     motions = Motions(junctions.lengths())
@@ -404,18 +411,15 @@ def _delays(site: Site, wish: Wish, other: Course) -> list[float]:
     Each copy keeps others away for tau before and after it.
     """
     late = wish.late.get(other.driven.id, 0.0)
+    if not late:
+        return [0.0]
     count = min(math.ceil(late / (_OVERLAP * site.terms.tau)), _MOST_COPIES)
     return list(np.linspace(0.0, late, count + 1))
 
 
 @kept
-def _known(course: Course) -> Track:
+def _known(driven: Driven) -> Track:
     """Return a course as a track; its motion may end beyond its curve, by rounding."""
-    length = min(course.driven.timeline.length, float(course.chords.s[-1]))
-    return Track(SpeedLimits(length, 1.0, math.inf, ()), course.chords)
-
-
-def _apart(course: Course, low: Array, high: Array) -> float:
-    """Return by how much [m] a course and another box are apart at least, along x or along y."""
-    apart = float(np.maximum(course.box[0] - high, low - course.box[1]).max())
-    return apart - course.driven.chain.bound
+    chords = Course.chords_of(driven.curve)
+    length = min(driven.timeline.length, float(chords.s[-1]))
+    return Track(SpeedLimits(length, 1.0, math.inf, ()), chords)

@@ -93,7 +93,7 @@ def preview(
     line = answer.proposal.course.driven.timeline
     return Preview(
         name,
-        answer.proposal.course.chords.points,
+        Course.chords_of(answer.proposal.course.driven.curve).points,
         max(0.001 * wish.begin_ms, fleet.now),
         line.finish,
         answer.alone,

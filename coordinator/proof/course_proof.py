@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from coordinator.plan.course import Course
+from coordinator.plan.course import Boxes, Course, corners
 from coordinator.plan.document import Limits
 from coordinator.plan.staircases import Staircases
 from coordinator.plan.wire import Driven
@@ -54,12 +54,7 @@ def course_failures(
 
 def that_may_meet(course: Course, others: Sequence[Course], margin: float) -> list[Course]:
     """Return the other courses whose boxes come as near as matters to that of a course."""
-    found = []
-    mine = course.driven
-    low, high = course.box
-    for other in others:
-        need = mine.radius + other.driven.radius + margin
-        need += mine.chain.bound + other.driven.chain.bound
-        if np.maximum(other.box[0] - high, low - other.box[1]).max() < need:
-            found.append(other)
-    return found
+    mine, boxes = course.driven, Boxes(others)
+    apart = boxes.apart(*corners(mine)) - mine.chain.bound
+    near = apart < mine.radius + boxes.radii + margin
+    return [others[k] for k in np.flatnonzero(near).tolist()]

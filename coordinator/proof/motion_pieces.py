@@ -83,14 +83,14 @@ class Flights:
         begins = [begin for begin, _ in self._spans]
         self.finish = 1.0 + max([*(one.timeline.finish for one in driven), *begins])
         self.asked = np.ones(len(driven), np.bool_) if part is None else np.array(part.asked)
-        parts, self._sizes, self._parks = [], [], []
-        for one, (begin, end) in zip(driven, self._spans, strict=True):
-            legs, parked = _driving_legs(one, begin, end), _parked_leg(one, begin, end, self.finish)
-            self._parks.append(parked is not None)
-            self._sizes.append(len(legs) + (parked is not None))
-            parts += [legs] if parked is None else [legs, parked]
+        spans = list(zip(driven, self._spans, strict=True))
+        stands = [_standing_legs(one, span, self.finish) for one, span in spans]
+        drives = [_driving_legs(one, *_under_way(one, *span)) for one, span in spans]
+        pairs = zip(stands, drives, strict=True)
+        parts = [legs for (before, after), drive in pairs for legs in (before, drive, after)]
+        self._sizes = np.array([len(legs) for legs in parts], np.int64).reshape(-1, 3)
         self._legs = np.concatenate(parts)
-        self._robot = np.repeat(np.arange(len(driven)), self._sizes)
+        self._robot = np.repeat(np.arange(len(driven)), self._sizes.sum(axis=1))
         self._noise = _ARC_ERRORS * np.array([one.arc_error for one in driven])
         self._is_part = part is not None
 
@@ -103,14 +103,15 @@ class Flights:
         if not self._is_part:
             return self._pieces_of(np.arange(len(self._legs)), tolerance)
         spans = zip(self.driven, self._spans, strict=True)
-        own = [_own_pieces(one, begin, end, tolerance) for one, (begin, end) in spans]
-        ends: Indices = np.cumsum(self._sizes)
-        parked = self._pieces_of(ends[np.array(self._parks)] - 1, tolerance)
+        own = [_own_pieces(one, *_under_way(one, *span), tolerance) for one, span in spans]
+        ends: Indices = np.cumsum(self._sizes).reshape(-1, 3)
+        stands = ends[:, ::2][self._sizes[:, ::2] > 0] - 1
+        still = self._pieces_of(stands, tolerance)
         robot = np.repeat(np.arange(len(own)), [len(one.rows) for one in own])
-        leg = np.concatenate([one.leg for one in own]) + (ends - self._sizes)[robot]
-        rows = np.concatenate([*(one.rows for one in own), parked.rows])
-        robot, leg = np.concatenate((robot, parked.robot)), np.concatenate((leg, parked.leg))
-        return Pieces(rows, robot, leg).pick(np.argsort(robot, kind="stable"))
+        leg = np.concatenate([one.leg for one in own]) + ends[robot, 0]
+        rows = np.concatenate([*(one.rows for one in own), still.rows])
+        robot, leg = np.concatenate((robot, still.robot)), np.concatenate((leg, still.leg))
+        return Pieces(rows, robot, leg).pick(np.lexsort((rows[:, BEGIN], robot)))
 
     def _pieces_of(self, legs: Indices, tolerance: float) -> Pieces:
         ends = self._nodes(np.repeat(legs, 2), self._legs[legs][:, (_LEG_BEGIN, _LEG_END)].ravel())
@@ -188,24 +189,28 @@ class Flights:
 
 @kept
 def _own_pieces(driven: Driven, begin: float, end: float, tolerance: float) -> Pieces:
-    """Return the pieces of one robot, without those after its arrival; legs from 0 on."""
+    """Return the pieces of one robot between its departure and its arrival; legs from 0 on."""
     alone = Flights((driven,), None)
     alone._legs = _driving_legs(driven, begin, end)
     alone._robot = np.zeros(len(alone._legs), np.int64)
     return alone._pieces_of(np.arange(len(alone._legs)), tolerance)
 
 
+def _under_way(driven: Driven, begin: float, end: float) -> tuple[float, float]:
+    """Return the part of a span of time [s] between a robot's departure and its arrival."""
+    return max(begin, float(driven.legs[0, 0])), min(end, driven.timeline.finish)
+
+
 @kept
 def _driving_legs(driven: Driven, begin: float, end: float) -> Array:
-    """Return the legs (n, 5) of a motion in a span of time [s] until its robot has arrived.
+    """Return the legs (n, 5) of a motion in a span of time [s] that `_under_way` returns.
 
     There is a leg for each rest on the way.
     """
     t0, t1, s0, _, v0, v1 = driven.legs
     driving = np.column_stack((t0, t1, s0, v0, (v1 - v0) / (t1 - t0)))
     still = np.zeros(len(t0))
-    since = np.concatenate(([min(begin, t0[0])], t1[:-1]))
-    resting = np.column_stack((since, t0, s0, still, still))
+    resting = np.column_stack((np.append(t0[0], t1[:-1]), t0, s0, still, still))
     legs = np.stack((resting, driving), axis=1).reshape(-1, 5)
     missed = np.clip(begin - legs[:, _LEG_BEGIN], 0.0, None)
     legs[:, _LEG_S] += missed * (legs[:, _LEG_V] + 0.5 * legs[:, _LEG_RATE] * missed)
@@ -215,8 +220,17 @@ def _driving_legs(driven: Driven, begin: float, end: float) -> Array:
     return legs[legs[:, _LEG_BEGIN] < legs[:, _LEG_END]]
 
 
-def _parked_leg(driven: Driven, begin: float, end: float, finish: float) -> Array | None:
-    """Return the leg (1, 5) of a robot at its goal, until it leaves, or until `finish` [s]."""
-    line = driven.timeline
-    since, until = max(line.finish, begin), min(end, finish)
-    return np.array([[since, until, line.length, 0.0, 0.0]]) if since < until else None
+def _standing_legs(driven: Driven, span: tuple[float, float], finish: float) -> tuple[Array, Array]:
+    """Return the legs (0 or 1, 5) of a robot before it departs, and at its goal until `finish`.
+
+    All times [s]; both in the span.
+    """
+    begin, end = span
+    line, (departs, s) = driven.timeline, driven.legs[(0, 2), 0]
+    before = _standing(begin, min(departs, end), s)
+    return before, _standing(max(line.finish, begin), min(end, finish), line.length)
+
+
+def _standing(since: float, until: float, s: float) -> Array:
+    """Return the leg (1, 5) of a robot that stands at s [m]; none if that has no duration."""
+    return np.array([[since, until, s, 0.0, 0.0]])[: int(since < until)]
