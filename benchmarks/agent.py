@@ -86,7 +86,8 @@ def _armed(parts: PlanParts) -> Agent:
 def _ride(driven: Driven, robot: Agent) -> list[float]:
     """Return the time of each tick of a whole plan [us]."""
     for i in range(8):
-        robot.hear_clock(i, i, i, i)
+        robot.clock.ask(i)
+        robot.hear_clock(7, i, i, i, i)
     assert robot.ride is not None
     robot.tick(1_000, *robot.ride.follower.start_pose())
     robot.hear_command(7, 1, 2, 1, GO, 1_000, 2_000, HEADROOM_MS, False, 2_000)

@@ -220,12 +220,14 @@ class Clock(msgspec.Struct, frozen=True, array_like=True, tag=5):
 
     `sent_ns` is on the robot's clock, `received_ns` and `answered_ns` are on the coordinator's.
     The fourth stamp, the arrival of the answer, is known to the robot only and is not sent.
+    `coordinator`: the boot id of the coordinator that answers; 0 in a question.
     """
 
     boot: Counter
     sent_ns: Nanoseconds
     received_ns: Nanoseconds | None = None
     answered_ns: Nanoseconds | None = None
+    coordinator: Counter = 0
 
 
 OrderId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}(?!\n)$")]

@@ -305,7 +305,8 @@ class RobotService:
 
     def _hear_clock(self, answer: Clock, heard_ns: int) -> None:
         if answer.received_ns is not None and answer.answered_ns is not None:
-            self.agent.hear_clock(answer.sent_ns, answer.received_ns, answer.answered_ns, heard_ns)
+            stamps = (answer.sent_ns, answer.received_ns, answer.answered_ns)
+            self.agent.hear_clock(answer.coordinator, *stamps, heard_ns)
 
     def _move(self, now_ns: int) -> None:
         agent, driver = self.agent, self._driver
@@ -355,8 +356,8 @@ class RobotService:
             said = (*limits, place, self._hellos, *robot.holds)
             hello = Hello(PROTOCOL_VERSION, self.boot, *said)
             self._transport.put(keys.hello(fleet, robot.id), encode(hello))
-        if agent.clock_due(now_ns):
-            asked_ns = self._clock() if self._clock else now_ns
+        asked_ns = self._clock() if self._clock else now_ns
+        if agent.clock_due(asked_ns):
             self._transport.put(keys.clock(fleet, robot.id), encode(Clock(self.boot, asked_ns)))
         if agent.report_due(now_ns):
             report = Report(

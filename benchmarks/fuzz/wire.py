@@ -153,7 +153,7 @@ def spoken() -> Iterator[bytes]:
     said = [
         commands[0],
         (2, plan),
-        *((1, encode(Clock(_BOOT, now_ns, now_ns, now_ns))) for now_ns in asked),
+        *((1, encode(Clock(_BOOT, now_ns, now_ns, now_ns, _BOOT))) for now_ns in asked),
         *commands[1:],
     ]
     yield b"".join(_piece(which, payload) for which, payload in said)

@@ -36,7 +36,7 @@ from protocol.phases import (
     OFF_PATH,
     STOP,
 )
-from protocol.timing import LATE_STEP_MS, MILLISECOND, SECOND
+from protocol.timing import CLOCK_PERIOD, LATE_STEP_MS, MILLISECOND, SECOND
 
 ENOUGH_MS: Final = 60_000
 """A headroom [ms] that no course outlasts."""
@@ -112,19 +112,44 @@ def _clock(exam: Exam) -> Script:
     stage.clock_delay_ns = 0
     armed = yield Until(lambda: exam.is_in(ARMED), 3 * SECOND)
     exam.judge("PLAN-4", armed, f"{exam.said_phase()} for 3 s where its plan begins")
+    if armed:
+        yield from _still_knows(exam, _mislead, "answers that are not for it")
+        yield from _still_knows(exam, _answer_again, "answers to questions that have theirs")
+
+
+def _still_knows(exam: Exam, mislead: Callable[[Exam, Clock], None], what: str) -> Script:
+    """Mislead an armed robot about the time until it has asked again; it must stay armed."""
+    stage, heard = exam.stage, len(exam.stage.reports)
+    stage.on_question = lambda asked: mislead(exam, asked)
+    yield from exam.pause((CLOCK_PERIOD + SECOND) // MILLISECOND)
+    stage.on_question = lambda _: None
+    said = [one.message for one in stage.reports[heard:]]
+    sure = all(isinstance(one, Report) and one.phase == ARMED for one in said)
+    exam.judge("CLOCK-2", sure, f"doubts the time because of {what}")
 
 
 def _mislead(exam: Exam, asked: Clock) -> None:
-    """Answer for another process, and impossibly: each claims to know the time exactly."""
+    """Answer for another process or coordinator, or impossibly, as if we knew the time exactly."""
     stage = exam.stage
-    key, wrong_ns = keys.clock(stage.fleet, stage.robot or ""), stage.now_ns + 5 * SECOND
+    key, own = keys.clock(stage.fleet, stage.robot or ""), stage.boot
+    wrong_ns = stage.now_ns + 5 * SECOND
     for answer in (
-        Clock(asked.boot ^ 1, asked.sent_ns, wrong_ns, wrong_ns),
-        Clock(asked.boot, asked.sent_ns, wrong_ns, wrong_ns - SECOND),
-        Clock(asked.boot, asked.sent_ns + SECOND, wrong_ns, wrong_ns),
-        Clock(asked.boot, asked.sent_ns - 20 * SECOND, wrong_ns, wrong_ns),
+        Clock(asked.boot ^ 1, asked.sent_ns, wrong_ns, wrong_ns, own),
+        Clock(asked.boot, asked.sent_ns, wrong_ns, wrong_ns, own ^ 1),
+        Clock(asked.boot, asked.sent_ns, wrong_ns, wrong_ns),
+        Clock(asked.boot, asked.sent_ns, wrong_ns, wrong_ns - SECOND, own),
+        Clock(asked.boot, asked.sent_ns + SECOND, wrong_ns, wrong_ns, own),
+        Clock(asked.boot, asked.sent_ns - MILLISECOND, wrong_ns, wrong_ns, own),
     ):
         stage.send(key, encode(answer))
+
+
+def _answer_again(exam: Exam, asked: Clock) -> None:
+    """Answer once more, and wrongly, after the answer that the stage gives."""
+    stage = exam.stage
+    wrong_ns = stage.now_ns + 5 * SECOND
+    answer = Clock(asked.boot, asked.sent_ns, wrong_ns, wrong_ns, stage.boot)
+    stage.send(keys.clock(stage.fleet, stage.robot or ""), encode(answer), 200 * MILLISECOND)
 
 
 def _drive(exam: Exam) -> Script:

@@ -61,7 +61,8 @@ REQUIREMENTS: Final[dict[str, Requirement]] = {
         "The clock filter",
     ),
     "CLOCK-2": Requirement(
-        "must ignore answers of another boot id and impossible ones",
+        "must ignore answers for another boot id, of a coordinator that it does not obey, "
+        "to no open question, and impossible ones",
         "The clock filter",
     ),
     "CLOCK-3": Requirement(

@@ -218,6 +218,6 @@ class Stage:
     def _answer(self, asked: Clock, at_ns: int) -> None:
         self.on_question(asked)
         if self.answers and self.robot is not None:
-            answer = Clock(asked.boot, asked.sent_ns, at_ns, at_ns)
+            answer = Clock(asked.boot, asked.sent_ns, at_ns, at_ns, self.boot)
             key = keys.clock(self.fleet, self.robot)
             self.send(key, self.form(answer), self.clock_delay_ns + max(at_ns - self.now_ns, 0))

@@ -300,7 +300,7 @@ class Fleet(OperatedFleet):
     def _answer_clock(self, robot: str, clock: Clock, now_ns: int) -> list[Outgoing]:
         if robot not in self.members:
             return []
-        answer = Clock(clock.boot, clock.sent_ns, now_ns, now_ns)
+        answer = Clock(clock.boot, clock.sent_ns, now_ns, now_ns, self.boot)
         return [Outgoing(keys.clock(self.name, robot), encode(answer))]
 
     def _muster(self, now_ns: int) -> None:

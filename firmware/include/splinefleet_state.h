@@ -40,6 +40,7 @@ typedef float sf_real;
 #endif
 
 #define SF_DEGREE 7 /* the highest degree on the wire */
+#define SF_QUESTIONS 16 /* about the time, that may be open at once */
 #define SF_LEGS (SF_SPEEDS + SF_STOPS)
 
 typedef struct {
@@ -100,7 +101,9 @@ typedef struct {
 typedef struct {
     int64_t offset_ns, low_ns, high_ns, at_ns, middle_ns, asked_ns, since_ns, followed_ns, period_ns;
     uint32_t good, asked;
+    uint8_t place; /* in open_ns, of the next question */
     bool slewing, compares;
+    int64_t open_ns[SF_QUESTIONS]; /* when open questions were asked; a ring */
 } sf_clock;
 
 typedef struct {

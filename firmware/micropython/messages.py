@@ -29,7 +29,7 @@ _U16 = (0, 65_535)
 
 _FIELDS = {
     ("command", COMMAND): (_U32, _U32, _U32, _U32, (0, 4), _STAMP, _STAMP, _PLAN_TIME),
-    ("clock", CLOCK): (_U32, _STAMP, _STAMP, _STAMP),
+    ("clock", CLOCK): (_U32, _STAMP, _STAMP, _STAMP, _U32),
     ("plan", REFUSAL): (_U32, None),
     ("plan", PLAN): (
         (_U32, _U32, None, _U32, _U32, _PLAN_TIME, _DURATION, _U16, _U32, (1, 65_535), (1, 7))
@@ -61,7 +61,7 @@ def _checked(kind: str, payload: bytes) -> list | None:
         return None
     _complete(fields)
     for i, limit in enumerate(limits):
-        may_be_null = fields[0] == CLOCK and i > 1
+        may_be_null = fields[0] == CLOCK and i in (2, 3)
         if limit is not None and not (may_be_null and fields[i + 1] is None):
             _check(fields[i + 1], limit)
     if fields[0] == COMMAND:
@@ -79,7 +79,7 @@ def _complete(fields: list) -> None:
     if fields[0] == COMMAND and count >= 8:
         fields += [0, [], 0, _U32[1], [], 0][count - 8 :] if count < 14 else []
     elif fields[0] == CLOCK and count >= 3:
-        fields += [None, None][count - 3 :] if count < 5 else []
+        fields += [None, None, 0][count - 3 :] if count < 6 else []
 
 
 def _check(value: object, limit: tuple[int, int]) -> None:

@@ -76,7 +76,7 @@ class Robot:
             rules, path, motion = unpack_plan(fields)
             self.agent.hear_plan(fields[2], fields[1], fields[4], fields[5], rules, path, motion)
         elif tag == CLOCK and fields[1] == self._boot and None not in fields[3:5]:
-            self.agent.hear_clock(fields[2], fields[3], fields[4], heard_ns)
+            self.agent.hear_clock(fields[5], fields[2], fields[3], fields[4], heard_ns)
         elif tag == REFUSAL and fields[1] == self._boot:
             self.refusal = fields[2]
 
@@ -109,7 +109,7 @@ class Robot:
             limits = (1, VERSION, boot) + self._limits
             self._put("hello", written(limits + (place, self._hellos) + self._holds))
         if agent.clock_due(now_ns):
-            self._put("clock", written((CLOCK, boot, now_ns, None, None)))
+            self._put("clock", written((CLOCK, boot, now_ns, None, None, 0)))
         if agent.report_due(now_ns):
             rest = None
             if agent.report_s is not None:

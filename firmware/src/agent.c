@@ -169,7 +169,9 @@ bool sf_hear_command(sf_agent *agent, const sf_command *command, int64_t now_ns)
     return true;
 }
 
-void sf_hear_clock(sf_agent *agent, int64_t sent, int64_t received, int64_t answered, int64_t now) {
+void sf_hear_clock(sf_agent *agent, uint32_t coordinator, int64_t sent, int64_t received,
+                   int64_t answered, int64_t now) {
+    if (coordinator != agent->leader.boot) return; /* Only whom it obeys tells it the time. */
     if (!sf_clock_add(&agent->clock, sent, received, answered, now)) lose_clock(agent, now);
 }
 

@@ -1,7 +1,8 @@
 /* An estimate of the coordinator's clock, with a bound on its error: robot_agent/core/clock_sync.py.
 
    One exchange has four stamps; the offset lies between t3 - t4 and t2 - t1, whatever the delays.
-   It lies in the intersection of several such intervals, each widened by drift as it ages. */
+   It lies in the intersection of several such intervals, each widened by drift as it ages.  An
+   answer counts only for a question that is open, and closes it. */
 
 #include "core.h"
 
@@ -9,17 +10,17 @@
 #define SLEW_SHARE 50
 #define LONGEST_DELAY (10 * SECOND)
 #define FAR_APART ((int64_t)9000000000000)
+#define CLOSED INT64_MIN /* no message can name this time */
 
 static int64_t drift(int64_t passed_ns) { return 1 + sf_floor_ratio(passed_ns, 1000000 / DRIFT_PPM); }
 
 static int64_t middle(int64_t low, int64_t high) { return (low >> 1) + (high >> 1) + (low & high & 1); }
 
-void sf_clock_begin(sf_clock *clock) {
-    *clock = (sf_clock){.low_ns = -SF_UNKNOWN,
-                        .high_ns = SF_UNKNOWN,
-                        .asked_ns = -SF_UNKNOWN,
-                        .since_ns = -SF_UNKNOWN,
-                        .period_ns = CLOCK_PERIOD_FAST};
+/* The question that was asked at this time; NULL if none was, or it is closed. */
+static int64_t *question(sf_clock *clock, int64_t sent_ns) {
+    for (int64_t *at = clock->open_ns; at < clock->open_ns + SF_QUESTIONS; at++)
+        if (*at == sent_ns) return at;
+    return NULL;
 }
 
 static void doubt(sf_clock *clock, int64_t now_ns) {
@@ -27,6 +28,13 @@ static void doubt(sf_clock *clock, int64_t now_ns) {
     clock->asked_ns = -SF_UNKNOWN;
     clock->good = clock->asked = 0;
     clock->period_ns = CLOCK_PERIOD_FAST;
+}
+
+void sf_clock_begin(sf_clock *clock) {
+    clock->low_ns = -SF_UNKNOWN;
+    clock->high_ns = SF_UNKNOWN;
+    for (int i = 0; i < SF_QUESTIONS; i++) clock->open_ns[i] = CLOSED;
+    doubt(clock, -SF_UNKNOWN);
 }
 
 void sf_clock_start_over(sf_clock *clock, int64_t now_ns) {
@@ -49,7 +57,9 @@ static int64_t widened_high(const sf_clock *clock, int64_t now_ns) {
 }
 
 bool sf_clock_add(sf_clock *clock, int64_t sent, int64_t received, int64_t answered, int64_t now) {
-    if (sent < clock->since_ns || answered < received) return true;
+    int64_t *open = question(clock, sent);
+    if (sent < clock->since_ns || answered < received || !open) return true;
+    *open = CLOSED;
     int64_t passed = sf_difference(now, sent);
     if (passed < 0 || passed > LONGEST_DELAY) return true;
     int64_t low = sf_difference(sf_difference(answered, now), drift(passed));
@@ -94,7 +104,8 @@ bool sf_clock_asks(sf_clock *clock, int64_t now_ns, int64_t enough_ns, bool movi
     bool enough = moving || clock->good >= CLOCK_SAMPLES;
     bool rarely = enough && sf_clock_within(clock, enough_ns, now_ns);
     if (rarely && passed < CLOCK_PERIOD) return false;
-    clock->asked_ns = now_ns;
+    clock->asked_ns = clock->open_ns[clock->place % SF_QUESTIONS] = now_ns;
+    clock->place++;
     clock->asked = rarely ? 0 : clock->asked + (clock->asked < UINT32_MAX);
     int64_t period = CLOCK_PERIOD_FAST * (int64_t)(1 + clock->asked / CLOCK_SAMPLES);
     clock->period_ns = period < CLOCK_PERIOD ? period : CLOCK_PERIOD;

@@ -130,7 +130,8 @@ typedef struct {
 } sf_command;
 
 bool sf_hear_command(sf_agent *agent, const sf_command *command, int64_t now_ns);
-void sf_hear_clock(sf_agent *agent, int64_t sent, int64_t received, int64_t answered, int64_t now);
+void sf_hear_clock(sf_agent *agent, uint32_t coordinator, int64_t sent, int64_t received,
+                   int64_t answered, int64_t now);
 bool sf_takes_plan(sf_agent *agent, sf_plan *plan);
 void sf_plan_taken(sf_agent *agent, sf_course *course, bool valid);
 bool sf_hello_due(sf_agent *agent, int64_t now_ns);

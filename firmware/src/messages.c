@@ -94,9 +94,10 @@ static bool hear_clock(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
         if (reader->left == 0 || sf_get_nil(reader)) answered = false;
         else stamps[i] = sf_get_stamp(reader);
     }
+    uint32_t coordinator = reader->left ? sf_get_counter(reader) : 0;
     if (!sf_close(reader)) return false;
     if (answered && boot == sf_robot_of(agent)->boot)
-        sf_hear_clock(agent, sent_ns, stamps[0], stamps[1], now_ns);
+        sf_hear_clock(agent, coordinator, sent_ns, stamps[0], stamps[1], now_ns);
     return true;
 }
 
@@ -204,8 +205,8 @@ int sf_speak(sf_agent *agent, int64_t now_ns, uint8_t *bytes, size_t *length) {
         at = put_hello(at, agent);
         kind = SF_HELLO;
     } else if (sf_clock_due(agent, now_ns)) {
-        at = put_int(put_int(put_array(at, 5), CLOCK), sf_robot_of(agent)->boot);
-        at = put_nil(put_nil(put_int(at, now_ns)));
+        at = put_int(put_int(put_array(at, 6), CLOCK), sf_robot_of(agent)->boot);
+        at = put_int(put_nil(put_nil(put_int(at, now_ns))), 0);
         kind = SF_CLOCK;
     } else if (sf_report_due(agent, now_ns)) {
         at = put_report(at, agent);

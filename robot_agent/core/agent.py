@@ -223,10 +223,16 @@ class Agent:
             ride.end_with(coming)
             self._coming, self.next_number, self.holds = coming, number, revision
 
-    def hear_clock(self, sent_ns: int, received_ns: int, answered_ns: int, now_ns: int) -> None:
-        """Process the coordinator's answer to a question about the time."""
-        stamps = (sent_ns, received_ns, answered_ns, now_ns)
-        if not self.clock.add(*stamps):
+    def hear_clock(
+        self, coordinator: int, sent_ns: int, received_ns: int, answered_ns: int, now_ns: int
+    ) -> None:
+        """Process an answer to a question about the time; `coordinator`: the boot id of its sender.
+
+        Only the coordinator that the robot obeys tells it the time.
+        """
+        if coordinator != self._leader.boot:
+            return
+        if not self.clock.add(sent_ns, received_ns, answered_ns, now_ns):
             self._lose_clock(now_ns)
 
     def hear_driver_error(self, now_ns: int) -> None:

@@ -1,8 +1,8 @@
 """An estimate of the coordinator's clock, with a bound on its error.
 
-Decides: the offset between two clocks from exchanged time stamps, as NTP does, and when to ask for
-the time.  Must not know: who sends the stamps, or what the time is for.  Firmware: it imports only
-the shared periods.
+Decides: the offset between two clocks from exchanged time stamps, as NTP does, when to ask for the
+time, and which questions are open.  Must not know: who sends the stamps, or what the time is for.
+Firmware: it imports only the shared periods.
 
 One exchange has four stamps: the robot sends at t1 and gets the answer at t4 (on its own clock);
 the coordinator receives at t2 and answers at t3 (on its clock).  No message arrives before it is
@@ -10,6 +10,9 @@ sent, so the offset lies between t3 - t4 and t2 - t1, whatever the two delays we
 Owicki 1983).  The offset lies in the intersection of the intervals of several exchanges, each
 widened by drift as it ages.  If the intersection is empty, one of the clocks was stopped or set,
 and all earlier exchanges are discarded.
+
+An answer counts only for a question that is open, and closes it: a message that is sent twice, or
+made up by somebody who has not heard the question, changes nothing.
 """
 
 from protocol.timing import CLOCK_PERIOD, CLOCK_PERIOD_FAST, CLOCK_SAMPLES, SECOND
@@ -20,8 +23,14 @@ DRIFT_PPM = 100
 SLEW_SHARE = 50
 """A slewing clock gains or loses 1 s in this many seconds; plans have a speed reserve for that."""
 
+MOST_OPEN = 16
+"""A robot keeps so many questions open.  At the pace of CLOCK_PERIOD_FAST that is enough for
+answers that take 1 s; while there are none, it asks less often."""
+
 _LONGEST_DELAY = 10 * SECOND
 _UNKNOWN = 1 << 62
+_CLOSED = -(1 << 63)
+"""No message can name this time: stamps are between -2^62 and 2^62."""
 
 
 class ClockSync:
@@ -37,12 +46,14 @@ class ClockSync:
         self._low_ns, self._high_ns, self._at_ns = -_UNKNOWN, _UNKNOWN, 0
         self._middle_ns = 0
         self._asked_ns = self._since_ns = -_UNKNOWN
+        self._open = [_CLOSED] * MOST_OPEN  # When open questions were asked; a ring.
+        self._place = 0  # Where the next question goes.
         self._asked = self._followed_ns = 0
         self._period_ns = CLOCK_PERIOD_FAST  # How long to wait with the next question while unsure.
         self._slewing = self._compares = False
 
     def start_over(self, now_ns: int) -> None:
-        """Discard all exchanges; answers to questions asked before now are ignored.
+        """Discard all exchanges; the questions that were asked before now are closed.
 
         The offset then steps to what the first exchange says, even while the robot moves.
         """
@@ -55,13 +66,19 @@ class ClockSync:
             self._doubt(now_ns)
             self._compares = True
 
+    def ask(self, now_ns: int) -> None:
+        """Open a question; it takes the place of the oldest one."""
+        self._open[self._place] = self._asked_ns = now_ns
+        self._place = (self._place + 1) % MOST_OPEN
+
     def add(self, sent_ns: int, received_ns: int, answered_ns: int, now_ns: int) -> bool:
         """Add one exchange, whose answer arrived at now_ns; False if it contradicts earlier ones.
 
-        Impossible stamps, and answers to questions asked before the last start, are ignored.
+        Impossible stamps are ignored, and so are answers to questions that are not open.
         """
-        if sent_ns < self._since_ns or answered_ns < received_ns:
+        if sent_ns < self._since_ns or answered_ns < received_ns or sent_ns not in self._open:
             return True
+        self._open[self._open.index(sent_ns)] = _CLOSED
         if not 0 <= now_ns - sent_ns <= _LONGEST_DELAY:
             return True
         drift = _drift(now_ns - sent_ns)
@@ -109,7 +126,7 @@ class ClockSync:
         rarely = (moving or self.good >= CLOCK_SAMPLES) and self.is_within(enough_ns, now_ns)
         if rarely and passed < CLOCK_PERIOD:
             return False
-        self._asked_ns = now_ns
+        self.ask(now_ns)
         self._asked = 0 if rarely else self._asked + 1
         self._period_ns = min(CLOCK_PERIOD_FAST * (1 + self._asked // CLOCK_SAMPLES), CLOCK_PERIOD)
         return True

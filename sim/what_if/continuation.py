@@ -163,8 +163,9 @@ class _Past:
         """Answer a question about the time; the log's answers do not fit the new clock."""
         asked = decode("clock", payload)
         if isinstance(asked, Clock) and asked.received_ns is None:
-            now_ns = self._world.now_ns
-            self._session.put(key, encode(Clock(asked.boot, asked.sent_ns, now_ns, now_ns)))
+            now_ns, boot = self._world.now_ns, self._world.fleet.boot
+            answer = Clock(asked.boot, asked.sent_ns, now_ns, now_ns, boot)
+            self._session.put(key, encode(answer))
 
     def _rest(self, name: str, rest: Rest) -> None:
         """Move a robot to where it reported that it rests."""

@@ -343,7 +343,8 @@ class Trial:
         asked = msgspec.msgpack.decode(payload, type=Clock)
         delay = self.rng.randint(0, 8 * MILLISECOND if not self._luck(0.1) else 50 * MILLISECOND)
         there = asked.sent_ns + self.offset_ns + delay
-        self._hear("clock", encode(Clock(asked.boot, asked.sent_ns, there, there + 10_000)))
+        boot = self.boot if not self._luck(0.05) else 3
+        self._hear("clock", encode(Clock(asked.boot, asked.sent_ns, there, there + 10_000, boot)))
 
     def _send_plan(self) -> None:
         base = self.robots.base

@@ -102,7 +102,7 @@ def test_what_the_robot_says_is_written_as_the_codec_writes_it():
     hello = Hello(3, 7, 0.15, 0.5, 0.5, (1, -70_000, 3_141), 9, 64, 16, 1_600)
     said = (1, 3, 7, 0.15, 0.5, 0.5, (1, -70_000, 3_141), 9, 64, 16, 1_600)
     assert written(said) == encode(hello)
-    assert written((5, 7, -(2**40), None, None)) == encode(Clock(7, -(2**40)))
+    assert written((5, 7, -(2**40), None, None, 0)) == encode(Clock(7, -(2**40)))
 
 
 class Base:

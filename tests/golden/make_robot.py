@@ -103,7 +103,8 @@ class Scene:
             if kind == "clock" and self.answers:
                 asked = msgspec.msgpack.decode(payload, type=Clock)
                 there = asked.sent_ns + self.offset_ns + 3 * MILLISECOND
-                self.send("clock", Clock(asked.boot, asked.sent_ns, there, there))
+                leads = self.extra.get("boot", 7)
+                self.send("clock", Clock(asked.boot, asked.sent_ns, there, there, leads))
         speed, curvature, distance, turn = self.robots.base.told
         at = self.robots.base.at
         if at is not None:
@@ -211,6 +212,24 @@ def clock_jumps() -> Scene:
     scene.ticks(150)
     scene.offset_ns -= SECOND // 2
     scene.ticks(250)
+    return scene
+
+
+def strangers() -> Scene:
+    """Answers of another coordinator, to no open question, twice or unsigned move no clock."""
+    scene = Scene().armed()
+    scene.go()
+    scene.answers = False
+    for _ in range(450):
+        for kind, payload in scene.tick().sent:
+            if kind == "clock":
+                sent = msgspec.msgpack.decode(payload, type=Clock).sent_ns
+                right, wrong = sent + scene.offset_ns, sent + scene.offset_ns + SECOND
+                scene.send("clock", Clock(42, sent, wrong, wrong, 8))
+                scene.send("clock", msgspec.msgpack.encode((5, 42, sent, wrong, wrong)))
+                scene.send("clock", Clock(42, sent - 1, wrong, wrong, 7))
+                scene.send("clock", Clock(42, sent, right, right, 7))
+                scene.send("clock", Clock(42, sent, wrong, wrong, 7))
     return scene
 
 
@@ -334,8 +353,8 @@ def _long(value: Any) -> bytes:
 
 
 SCENES: tuple[Callable[[], Scene], ...] = (
-    arrives, authority, stop, freeze, pushed, driver_fails, late, clock_jumps, no_time, silence,
-    redirected, in_motion, malformed, newer, wrapping,
+    arrives, authority, stop, freeze, pushed, driver_fails, late, clock_jumps, strangers,
+    no_time, silence, redirected, in_motion, malformed, newer, wrapping,
 )  # fmt: skip
 
 

@@ -127,7 +127,7 @@ messages = st.one_of(
     st.tuples(st.just("admit"), st.builds(Admit, counters)),
     st.tuples(
         st.just("clock"),
-        st.builds(Clock, counters, times, st.none() | times, st.none() | times),
+        st.builds(Clock, counters, times, st.none() | times, st.none() | times, counters),
     ),
 )
 

@@ -276,6 +276,7 @@ def test_the_clock_filter_finds_the_offset_of_the_example():
         ).groups()
     )
     clock = ClockSync()
+    clock.ask(t1)
     assert clock.add(t1, t2, t3, t4)
     said = re.search(r"it is ([\d,]+), with an error of (\d+) \(and (\d+) ns", text).groups()
     offset, error, drift = (int(number.replace(",", "")) for number in said)

@@ -125,7 +125,7 @@ class Hall:
                 self.link.put(keys.plan(FLEET, ME), encode(plan))
         elif isinstance(message, Clock):
             now = self.clock() + 10**12 + self.wrong_ns
-            answer = Clock(message.boot, message.sent_ns, now, now)
+            answer = Clock(message.boot, message.sent_ns, now, now, COORDINATOR)
             self.link.put(keys.clock(FLEET, ME), encode(answer))
 
     def react(self) -> None:

@@ -78,6 +78,31 @@ class Credulous(RobotService):
         super()._enqueue(key, payload, sent_ns)
 
 
+class Impartial(RobotService):
+    """Believes every coordinator about the time."""
+
+    def __init__(self, *args, **options):
+        super().__init__(*args, **options)
+        hear = self.agent.hear_clock
+        self.agent.hear_clock = lambda _boot, *stamps: hear(self.agent._leader.boot, *stamps)
+
+
+class Reopening(RobotService):
+    """Takes an answer to a question that has had one."""
+
+    def __init__(self, *args, **options):
+        super().__init__(*args, **options)
+        clock, ask, self.asked = self.agent.clock, self.agent.clock.ask, []
+        clock.ask = lambda now_ns: (self.asked.append(now_ns), ask(now_ns))
+        add = clock.add
+        clock.add = lambda sent_ns, *stamps: (self.reopen(sent_ns), add(sent_ns, *stamps))[1]
+
+    def reopen(self, sent_ns):
+        clock = self.agent.clock
+        if sent_ns in self.asked and sent_ns not in clock._open:
+            clock._open[0] = sent_ns
+
+
 class Hasty(RobotService):
     """Arms as soon as it has heard any time."""
 
@@ -92,7 +117,7 @@ class Selfish(RobotService):
     def __init__(self, *args, **options):
         super().__init__(*args, **options)
         hear = self.agent.hear_clock
-        self.agent.hear_clock = lambda sent, _received, _answered, now: hear(sent, sent, now, now)
+        self.agent.hear_clock = lambda boot, sent, _one, _two, now: hear(boot, sent, sent, now, now)
         self.agent.clock.is_said_in_future = lambda *_: False
 
 
@@ -428,6 +453,8 @@ BROKEN = {
     Strict: ("WIRE-2", "when messages have fields"),
     Terse: ("WIRE-3", "when numbers and heads"),
     Credulous: ("CLOCK-2", "it learns the time"),
+    Impartial: ("CLOCK-2", "it learns the time"),
+    Reopening: ("CLOCK-2", "it learns the time"),
     Hasty: ("CLOCK-1", "it learns the time"),
     Selfish: ("CLOCK-4", "it drives a course"),
     Trusting: ("CLOCK-3", "a Command comes from the future"),

@@ -96,7 +96,7 @@ def test_an_armed_robot_that_has_gone_silent_holds_the_fleet():
 def test_the_clock_is_answered_with_the_question_and_the_time():
     floor = Floor()
     (sent,) = floor.hear(keys.clock("hall", "R1"), Clock(5, 123))
-    assert decode("clock", sent.payload) == Clock(5, 123, floor.now, floor.now)
+    assert decode("clock", sent.payload) == Clock(5, 123, floor.now, floor.now, floor.fleet.boot)
     assert floor.hear(keys.clock("hall", "R9"), Clock(5, 123)) == []
 
 

@@ -147,7 +147,7 @@ class Run:
                 self.body.drive(agent.drive_speed, agent.drive_curvature, agent.drive_distance)
             if self.agent.clock_due(own) and talking:
                 told = now + 2 * MS
-                self.agent.hear_clock(own, told, told, self.own(now + 4 * MS))
+                self.agent.hear_clock(COORDINATOR, own, told, told, self.own(now + 4 * MS))
             self.times.append((now - self.start_ns) / SECOND)
             self.places.append((self.body.x, self.body.y))
             self.phases.append(self.agent.phase)

@@ -22,10 +22,11 @@ from protocol.phases import (
 )
 from protocol.timeline import Timeline
 from protocol.timing import LATE_STEP_MS
-from robot_agent.core.agent import CLOCK_PATIENCE
+from robot_agent.core.agent import CLOCK_PATIENCE, Agent
 from sim.world.body import SimulatedBody
 from tests.robot_agent.core.phases import BODY_ACCEL, LENGTH, MOTION, PATH, run_in
 from tests.robot_agent.core.rides import (
+    COORDINATOR,
     MS,
     SECOND,
     armed_run,
@@ -207,10 +208,45 @@ def test_a_robot_that_cannot_learn_the_time_arms_after_a_while_and_drives_within
     assert run.agent.phase == DONE
 
 
+@pytest.mark.parametrize("asked", [True, False])
+@pytest.mark.parametrize("coordinator", [COORDINATOR, COORDINATOR + 1, 0])
+def test_only_the_coordinator_that_the_robot_obeys_tells_it_the_time_and_only_when_asked(
+    coordinator, asked
+):
+    run = run_in(ARMED)
+    clock, own = run.agent.clock, run.own(run.now)
+    known = clock.offset_ns, clock.good, clock.error_ns(own)
+    if asked:
+        clock.ask(own - MS)
+    told = run.now + SECOND
+    run.agent.hear_clock(coordinator, own - MS, told, told, own)
+    believed = coordinator == COORDINATOR and asked
+    assert (run.agent.phase == IDLE) == believed
+    assert ((clock.offset_ns, clock.good, clock.error_ns(own)) == known) != believed
+
+
+def test_an_answer_of_a_foreign_coordinator_leaves_the_question_open():
+    run = run_in(ARMED)
+    clock, own = run.agent.clock, run.own(run.now)
+    good = clock.good
+    clock.ask(own - MS)
+    run.agent.hear_clock(COORDINATOR + 1, own - MS, run.now, run.now, own)
+    run.agent.hear_clock(COORDINATOR, own - MS, run.now, run.now, own)
+    assert clock.good == good + 1
+
+
+def test_before_it_has_heard_a_coordinator_nobody_tells_a_robot_the_time():
+    agent = Agent()
+    assert agent.clock_due(0)
+    agent.hear_clock(COORDINATOR, 0, MS, MS, 2 * MS)
+    assert agent.clock.good == 0
+
+
 def test_a_better_offset_moves_the_clock_of_a_robot_under_way_little_by_little():
     run = driven_run(PATH, MOTION, 1.5)
     agent, own = run.agent, run.own(run.now)
-    agent.hear_clock(own - 3 * MS, run.now - 3 * MS, run.now - 3 * MS, own)
+    agent.clock.ask(own - 3 * MS)
+    agent.hear_clock(COORDINATOR, own - 3 * MS, run.now - 3 * MS, run.now - 3 * MS, own)
     offsets = [agent.clock.offset_ns]
     for tick in range(1, 31):
         agent.tick(own + 10 * MS * tick, *run.body.pose())

@@ -44,11 +44,13 @@ def test_a_robot_without_the_time_does_not_arm_and_says_so():
     pose = agent.ride.follower.start_pose()
     agent.tick(10 * MS, *pose)
     assert (agent.phase, agent.fault) == (IDLE, CLOCK_UNSURE)
-    agent.hear_clock(20 * MS, 500 * MS, 500 * MS, 37 * MS)
+    assert agent.clock_due(20 * MS)
+    agent.hear_clock(COORDINATOR, 20 * MS, 500 * MS, 500 * MS, 37 * MS)
     agent.tick(50 * MS, *pose)
     assert (agent.phase, agent.fault) == (IDLE, CLOCK_UNSURE)
-    agent.hear_clock(50 * MS, 530 * MS, 530 * MS, 65 * MS)
-    agent.tick(70 * MS, *pose)
+    assert agent.clock_due(60 * MS)
+    agent.hear_clock(COORDINATOR, 60 * MS, 540 * MS, 540 * MS, 75 * MS)
+    agent.tick(80 * MS, *pose)
     assert (agent.phase, agent.fault) == (ARMED, NO_FAULT)
 
 

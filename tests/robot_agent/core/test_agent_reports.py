@@ -6,13 +6,13 @@ import itertools
 
 import pytest
 
-from protocol.phases import ARMED, BRAKING, DONE, FREEZE, FROZEN, GO, IDLE, MOVING, OVER
+from protocol.phases import ARMED, BRAKING, DONE, FREEZE, FROZEN, GO, HOLD, IDLE, MOVING, OVER
 from protocol.timeline import Timeline
 from protocol.timing import LATE_STEP_MS, LEAVE_TIMEOUT
 from robot_agent.core.agent import Agent
 from robot_agent.core.ride import MOST_LATE, MOST_STAMP, NOTHING, Ride
 from tests.robot_agent.core.phases import MOTION, PATH, hear_plan, run_in
-from tests.robot_agent.core.rides import MS, RULES, SECOND, give_plan, place_at
+from tests.robot_agent.core.rides import COORDINATOR, MS, RULES, SECOND, TERM, give_plan, place_at
 
 
 def test_reports_come_on_change_and_every_period():
@@ -72,11 +72,12 @@ def test_a_robot_says_hello_until_it_holds_a_plan():
 
 def test_the_time_is_asked_for_often_at_first_and_rarely_later():
     agent = Agent()
+    agent.hear_command(COORDINATOR, TERM, 1, 1, HOLD, 0, 0, 0, False, 0)
     asked = []
     for now in range(0, 10 * SECOND, 10 * MS):
         if agent.clock_due(now):
             asked.append(now)
-            agent.hear_clock(now, now, now, now + 4 * MS)
+            agent.hear_clock(COORDINATOR, now, now, now, now + 4 * MS)
     assert asked[:8] == [i * 40 * MS for i in range(8)]
     assert [b - a for a, b in itertools.pairwise(asked[7:])] == [2 * SECOND] * 4
 

@@ -37,13 +37,19 @@ def traced():
     tracemalloc.stop()
 
 
+def learn_the_time(agent: Agent, now: int) -> None:
+    """Ask for the time, and hear it at once."""
+    agent.clock.ask(now)
+    agent.hear_clock(COORDINATOR, now, now, now, now)
+
+
 def armed_agent() -> Agent:
     """Return an agent that stands at the path's beginning and has been told the time."""
     agent = Agent(0.5)
     said = START - 10 * MS
     agent.hear_command(COORDINATOR, TERM, 1, 1, HOLD, 0, said, 0, False, said)
     give_plan(agent, PATH, MOTION)
-    agent.hear_clock(START - 9 * MS, START - 9 * MS, START - 9 * MS, START - 9 * MS)
+    learn_the_time(agent, START - 9 * MS)
     agent.tick(START - 8 * MS, *agent.ride.follower.start_pose())
     assert agent.phase == ARMED
     return agent
@@ -65,7 +71,7 @@ def tell(agent: Agent, tick: int, now: int) -> None:
     granted = (now - START) // MS + 2_000
     agent.hear_command(COORDINATOR, TERM, 2 + tick, 1, phase, START, now, granted, False, now)
     if tick % 200 == 0:
-        agent.hear_clock(now, now, now, now)
+        learn_the_time(agent, now)
 
 
 def test_ten_thousand_ticks_of_moving_braking_and_standing_leave_nothing_behind(traced):

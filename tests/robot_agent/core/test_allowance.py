@@ -17,7 +17,7 @@ from protocol.plan_parts import unpack_plan
 from protocol.timeline import Timeline
 from sim.world.body import SimulatedBody
 from tests.coordinator.proof.test_tau_safety import changed
-from tests.robot_agent.core.rides import MS, SECOND, armed_run
+from tests.robot_agent.core.rides import COORDINATOR, MS, SECOND, armed_run
 from tests.scenarios import a_robot, a_scenario
 
 TAU = 0.6
@@ -61,7 +61,8 @@ def bears(driven, time, lag, push):
         run.agent.tick(run.own(run.now), *body.pose())
         told = run.now + 2 * MS
         if run.agent.clock_due(run.own(run.now)):
-            run.agent.hear_clock(run.own(run.now), told, told, run.own(run.now + 4 * MS))
+            asked, heard = run.own(run.now), run.own(run.now + 4 * MS)
+            run.agent.hear_clock(COORDINATOR, asked, told, told, heard)
     return run.agent.phase in (MOVING, DONE) and run.agent.fault == NO_FAULT
 
 

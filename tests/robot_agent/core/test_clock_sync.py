@@ -12,6 +12,12 @@ SECOND = 1_000_000_000
 delays = st.integers(0, 30 * MS)
 
 
+def exchange(sync: ClockSync, sent: int, received: int, answered: int, heard: int) -> bool:
+    """Ask and hear the answer."""
+    sync.ask(sent)
+    return sync.add(sent, received, answered, heard)
+
+
 @settings(derandomize=True, max_examples=200)
 @given(
     st.integers(-(10**15), 10**15),
@@ -31,7 +37,7 @@ def test_the_bound_holds_whatever_the_delays_and_the_drift(offset, ppm, exchange
         answered = coordinator(sent + there + thinking)
         now = sent + there + thinking + back
         sync.follow(now, moving)
-        assert sync.add(sent, received, answered, now)
+        assert exchange(sync, sent, received, answered, now)
         error = abs(now + sync.offset_ns - coordinator(now))
         assert error <= sync.error_ns(now)
         now += 2 * SECOND
@@ -61,7 +67,7 @@ class Exchanges:
         told = self.truth
         self.truth += self.delay + stops[1]
         self.behind += sum(stops)
-        return self.sync.add(sent, told, told, self.own)
+        return exchange(self.sync, sent, told, told, self.own)
 
 
 @pytest.mark.parametrize("seconds", [-6.0, -0.45, 0.01, 0.45, 6.0])
@@ -130,44 +136,73 @@ def test_a_doubted_clock_is_asked_for_at_once_and_often():
 
 def test_what_exchanges_have_in_common_is_believed_until_drift_has_worn_it_out():
     sync = ClockSync()
-    assert sync.add(0, 1_000, 1_000, 2_000)
+    assert exchange(sync, 0, 1_000, 1_000, 2_000)
     assert (sync.offset_ns, sync.error_ns(2_000)) == (0, 1_002)
-    assert sync.add(SECOND, SECOND + 40 * MS, SECOND + 40 * MS, SECOND + 41 * MS)
+    assert exchange(sync, SECOND, SECOND + 40 * MS, SECOND + 40 * MS, SECOND + 41 * MS)
     assert sync.error_ns(SECOND + 41 * MS) < 110_000
     late = 500 * SECOND
     assert sync.error_ns(late) == pytest.approx(50 * MS, rel=0.01)
-    assert sync.add(late, late + 12 * MS, late + 12 * MS, late + 20 * MS)
+    assert exchange(sync, late, late + 12 * MS, late + 12 * MS, late + 20 * MS)
     assert (sync.offset_ns, sync.error_ns(late + 20 * MS)) == (2 * MS, 10 * MS + 2_002)
 
 
 @pytest.mark.parametrize("stamps", [(10, 5, 4, 20), (30, 5, 5, 20), (0, 5, 5, 11 * SECOND)])
 def test_stamps_that_no_exchange_has_are_left_out(stamps):
     sync = ClockSync()
-    assert sync.add(*stamps)
+    assert exchange(sync, *stamps)
     assert sync.good == 0
+
+
+def test_an_answer_to_no_question_does_not_count():
+    sync = ClockSync()
+    sync.ask(10)
+    for sent in (9, 11, -(2**62), 2**62):
+        assert sync.add(sent, 105, 105, 20)
+    assert sync.good == 0
+    assert sync.add(10, 105, 105, 20)
+    assert sync.good == 1
+
+
+def test_a_question_that_is_answered_is_closed():
+    sync = ClockSync()
+    assert exchange(sync, 10, 110, 110, 12)
+    known = sync.offset_ns, sync.error_ns(14)
+    for stamps in ((110, 110), (10**9, 10**9)):
+        assert sync.add(10, *stamps, 14)
+    assert (sync.offset_ns, sync.error_ns(14), sync.good) == (*known, 1)
+
+
+def test_the_newest_sixteen_questions_stay_open_and_may_be_answered_in_any_order():
+    sync = ClockSync()
+    for sent in range(20):
+        sync.ask(sent)
+    for sent in (3, 19, 4, 0, 11):
+        assert sync.add(sent, sent + 100, sent + 100, 25)
+    assert sync.good == 3
 
 
 def test_answers_to_questions_from_before_a_start_do_not_count():
     sync = ClockSync()
-    sync.add(0, 100, 100, 10)
+    exchange(sync, 0, 100, 100, 10)
+    sync.ask(40)
     sync.start_over(50)
     assert sync.error_ns(50) > 10**15
     assert sync.add(40, 140, 140, 60)
     assert sync.good == 0
-    assert sync.add(50, 155, 155, 60)
+    assert exchange(sync, 50, 155, 155, 60)
     assert sync.offset_ns == 100
 
 
 def test_a_robot_on_the_move_slews_to_a_better_offset_within_its_bound():
     sync = ClockSync()
     truth = 300 * MS
-    sync.add(0, 320 * MS, 320 * MS, 160 * MS)
+    exchange(sync, 0, 320 * MS, 320 * MS, 160 * MS)
     assert sync.offset_ns == truth - 60 * MS
     assert sync.error_ns(160 * MS) == 80 * MS + 16_002
     sync.follow(160 * MS, True)
     now = 200 * MS
     sync.follow(now, True)
-    sync.add(now, now + truth + MS, now + truth + MS, now + 2 * MS)
+    exchange(sync, now, now + truth + MS, now + truth + MS, now + 2 * MS)
     before, ended = sync.offset_ns, 0
     for now in range(210 * MS, 6000 * MS, 10 * MS):
         sync.follow(now, True)

@@ -227,7 +227,8 @@ def short_ride(agent, path, motion, rules):
     start = 5_000_000_000
     agent.hear_command(7, 1, 1, 1, 0, 0, 0, 0, False, 0)
     agent.hear_plan(7, 1, 0, 0, rules, path, motion)
-    agent.hear_clock(0, 1_000_000, 1_000_000, 2_000_000)
+    agent.clock_due(0)
+    agent.hear_clock(7, 0, 1_000_000, 1_000_000, 2_000_000)
     x, y, heading = agent.ride.follower.start_pose()
     agent.tick(1_000, x, y, heading)
     seen = [agent.phase]

@@ -128,7 +128,7 @@ def test_an_answer_about_the_time_that_comes_again_moves_no_clock():
     for age in (20 * MS, 100 * MS, SECOND, 9 * SECOND):
         sent = run.own(run.now - age)
         for answered in (run.now - age, run.now - age + MS, run.now - age // 2):
-            run.agent.hear_clock(sent, answered, answered, run.own(run.now))
+            run.agent.hear_clock(COORDINATOR, sent, answered, answered, run.own(run.now))
     clock.follow(run.own(run.now), False)
     assert abs(clock.offset_ns - offset) <= error
 

@@ -159,7 +159,8 @@ def ride(agent, number, rules, path, motion, speed):
     single = (*(number(part) for part in motion[:4]), *number(motion[4:]))
     agent.hear_plan(7, 1, 0, 0, rules, (degree, *(number(part) for part in numbers)), single)
     assert agent.ride is not None
-    agent.hear_clock(BOOTED, EPOCH + MS, EPOCH + MS, BOOTED + 2 * MS)
+    agent.clock.ask(BOOTED)
+    agent.hear_clock(7, BOOTED, EPOCH + MS, EPOCH + MS, BOOTED + 2 * MS)
     pose = agent.ride.follower.start_pose()
     body.place(*map(float, pose))
     agent.tick(BOOTED + 3 * MS, *pose)
@@ -170,7 +171,8 @@ def ride(agent, number, rules, path, motion, speed):
             said = now + EPOCH - BOOTED
             agent.hear_command(7, 1, 2 + tick, 1, GO, start, said, ENOUGH, False, now)
         if tick % 100 == 0:
-            agent.hear_clock(now, now + EPOCH - BOOTED, now + EPOCH - BOOTED, now)
+            agent.clock.ask(now)
+            agent.hear_clock(7, now, now + EPOCH - BOOTED, now + EPOCH - BOOTED, now)
         body.step(now)
         agent.tick(now, *number(body.pose()))
         assert agent.drive_speed <= 1.05 * speed

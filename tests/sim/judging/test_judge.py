@@ -179,6 +179,7 @@ def write_boxes(folder, document, wrong, cut=lambda line: line):
         begin_ns = START_NS - SECOND
         told_ns = begin_ns + round(wrong.get(driven.id, 0.0) * SECOND)
         sync = ClockSync()
+        sync.ask(begin_ns - MILLISECOND)
         assert sync.add(begin_ns - MILLISECOND, told_ns, told_ns, begin_ns + MILLISECOND)
         path = folder / f"{driven.id}.csv"
         box = blackbox.BlackBox(path)
