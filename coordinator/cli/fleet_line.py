@@ -39,9 +39,16 @@ Patience = Annotated[
 
 
 class FleetLine:
-    """A link to one fleet: what arrives, and where to put."""
+    """A link to one fleet: what arrives, and where to put; `clock` tells the time [s]."""
 
-    def __init__(self, transport: Transport, fleet: str | None, patience: float, by: str) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        fleet: str | None,
+        patience: float,
+        by: str,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self.boot = int.from_bytes(os.urandom(4), "little")
         self.fleet = fleet
         self.is_heard = False
@@ -51,7 +58,8 @@ class FleetLine:
         self._transport = transport
         self._heard: queue.SimpleQueue[tuple[str, Message]] = queue.SimpleQueue()
         self._patience = patience
-        self._until = time.monotonic() + patience
+        self._clock = clock
+        self._until = clock() + patience
         for key in (
             places.command(fleet or "*"),
             places.orders(fleet or "*", "*"),
@@ -71,7 +79,7 @@ class FleetLine:
         Ends when the patience is over; if this `lasts`, when nothing was heard for so long.
         """
         due = 0.0
-        while (now := time.monotonic()) < self._until:
+        while (now := self._clock()) < self._until:
             if self.fleet is not None and now >= due:
                 say(self.fleet)
                 due = now + _PERIOD_S
@@ -84,7 +92,7 @@ class FleetLine:
             if name == self.fleet:
                 self.is_heard = True
                 if lasts:
-                    self._until = time.monotonic() + self._patience
+                    self._until = self._clock() + self._patience
                 yield message
 
     def ask_until(
@@ -124,7 +132,7 @@ class FleetLine:
             self._transport.ask(key(fleet, "*"), self._hear)
 
         for message in self.messages(ask):
-            now = time.monotonic()
+            now = self._clock()
             last = now if last is None else last
             if isinstance(message, OrderState | Block) and found.get(message.id) != message:
                 found[message.id], last = message, now

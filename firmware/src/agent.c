@@ -162,7 +162,8 @@ bool sf_hear_command(sf_agent *agent, const sf_command *command, int64_t now_ns)
             sf_grant(agent->ride, command->authority_ms);
             if (agent->coming) sf_grant(agent->coming, command->next_authority_ms);
             agent->start_ns = command->start_ns;
-            apply(agent, TOLD_TO_GO, now_ns);
+            if (command->said_ns >= command->start_ns || knows_time(agent, agent->ride, now_ns))
+                apply(agent, TOLD_TO_GO, now_ns);
         }
     }
     if (command->wanted && agent->rest.epoch > 0) agent->rest.tell = true;

@@ -156,7 +156,7 @@ class Agent:
             if phase == GO:
                 self._grant(self.ride, authority_ms, next_authority_ms)
                 self._start_ns = start_ns
-                self._apply(transitions.GO, now_ns)
+                self._go(self.ride, said_ns, now_ns)
         if wanted:
             self.rest.ask()
         return True
@@ -165,6 +165,11 @@ class Agent:
         ride.grant(authority_ms)
         if self._coming is not None:
             self._coming.grant(next_authority_ms)
+
+    def _go(self, ride: Ride, said_ns: int, now_ns: int) -> None:
+        """Set out; without a known time not before the plan has surely begun."""
+        if said_ns >= self._start_ns or self._knows_time(ride, now_ns):
+            self._apply(transitions.GO, now_ns)
 
     def hear_plan(
         self,
@@ -252,7 +257,7 @@ class Agent:
         self.drive_speed = self.drive_curvature = self.drive_distance = self.drive_turn = 0.0
         if ride is None:
             return
-        if phase == ARMED and not self.clock.is_within(ride.clock_error_ns, now_ns):
+        if phase == ARMED and not self._knows_time(ride, now_ns):
             self._disarm(now_ns)
         if self._coming is not None:
             if phase in _WITH_COURSE:
@@ -410,7 +415,7 @@ class Agent:
         coming = self._coming
         ride.follower.locate(x, y, heading)
         now = self._plan_time(ride, now_ns, 0.0)
-        if self.phase == DONE and not self.clock.is_within(ride.clock_error_ns, now_ns):
+        if self.phase == DONE and not self._knows_time(ride, now_ns):
             now = inf  # At its goal no plan time passes for a robot that does not know the time.
         if coming is None or not ride.is_over(coming, now):
             return ride
@@ -418,7 +423,7 @@ class Agent:
 
     def _has_begun(self, coming: Ride, now_ns: int) -> bool:
         """Return whether a course from where the robot rests has begun, as far as it can know."""
-        if not self.clock.is_within(coming.clock_error_ns, now_ns):
+        if not self._knows_time(coming, now_ns):
             return True
         return self._plan_time(coming, now_ns, 0.0) >= coming.begin
 
@@ -475,11 +480,14 @@ class Agent:
         self.rest.hush()
         self.clock.start_over(now_ns)
 
+    def _knows_time(self, ride: Ride, now_ns: int) -> bool:
+        return self.clock.is_within(ride.clock_error_ns, now_ns)
+
     def _plan_time(self, ride: Ride, now_ns: int, passed: float) -> float:
         """Return the plan time [s] that it is now.
 
         Without a known time it is so many seconds after the one that the robot drove by last.
         """
-        if self.clock.is_within(ride.clock_error_ns, now_ns):
+        if self._knows_time(ride, now_ns):
             return (now_ns + self.clock.offset_ns - self._start_ns) / SECOND
         return ride.time + passed

@@ -200,8 +200,11 @@ def test_a_robot_that_cannot_learn_the_time_arms_after_a_while_and_drives_within
     assert (run.agent.phase, run.agent.fault) == (IDLE, CLOCK_UNSURE)
     run.until(given + round((CLOCK_PATIENCE + 0.1) * SECOND))
     assert (run.agent.phase, run.agent.fault) == (ARMED, NO_FAULT)
+    run.start_ns = run.now + 500 * MS
     run.command(GO)
-    run.until(run.now + 6 * SECOND)
+    run.until(run.start_ns - MS)
+    assert run.agent.phase == ARMED, "GO is heard ahead of the start"
+    run.until(run.start_ns + 6 * SECOND)
     assert run.agent.ride.follower.s == pytest.approx(Timeline(*MOTION).s_at(3.0), abs=2e-3)
     run.authority = 10**6
     run.until(run.now + 20 * SECOND)
