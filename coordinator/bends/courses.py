@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -67,9 +67,12 @@ class CourseMaker:
         return self._timed(index, path, track, [], [])
 
     def later(self, index: int, course: Course, delay: float) -> Course:
-        """Return a course without waits that leaves its start later by `delay` [s]."""
-        waits = [Wait(0.0, delay, -1)]
-        return self._timed(index, course.path, course.track, waits, [])
+        """Return a course on which all comes later by `delay` [s], with a wait at the start."""
+        motion = course.motion
+        waits = [replace(wait, depart=wait.depart + delay) for wait in motion.waits]
+        if not waits or waits[0].s > 0.0:
+            waits.insert(0, Wait(0.0, delay, -1))
+        return self._moving(index, course.path, course.track, Motion(motion.limits, waits))
 
     def paced(self, index: int, space: Space, way: Array, pace: float) -> Course | None:
         """Return the course along a polygon (n, 2) [m], at most at a pace [m/s], from time 0 on.
@@ -132,6 +135,9 @@ class CourseMaker:
         self, index: int, path: Nurbs, track: Track, waits: list[Wait], slow: Sequence[Slow]
     ) -> Course:
         motion = Motion(slowed(track.limits, slow), waits)
+        return self._moving(index, path, track, motion)
+
+    def _moving(self, index: int, path: Nurbs, track: Track, motion: Motion) -> Course:
         return Course(path, track, motion, _sampled(path, motion, self._robots[index].radius))
 
 

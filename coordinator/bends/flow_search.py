@@ -20,7 +20,13 @@ import numpy as np
 from coordinator.bends.courses import Course, CourseMaker, TrackOf, may_bend
 from coordinator.bends.meshes import NARROW, WIDE, Ends, Meshes
 from coordinator.bends.same_side import Mover, same_side
-from coordinator.bends.traffic_kernels import Traffic, first_meeting, gathered, least_delay
+from coordinator.bends.traffic_kernels import (
+    Traffic,
+    count_meetings,
+    first_meeting,
+    gathered,
+    least_delay,
+)
 from coordinator.bends.way_kernels import Trip
 from coordinator.bends.ways import PADS, way_among
 from coordinator.curves.nurbs import Array, Nurbs
@@ -33,6 +39,10 @@ _SLACK: Final = np.array((0.08, 0.012))
 
 _WORTH: Final = 0.3
 """A detour has to be quicker than waiting at the start by this much [s]."""
+
+_SOON: Final = 0.8
+"""If the curve of a way meets nobody after a delay of at most this [s], no wider way is looked for:
+that takes longer, as a rule."""
 
 _LARGEST: Final = 4
 _SHUFFLED: Final = 0.3
@@ -112,11 +122,13 @@ class FlowSearch:
                 return None
         if rounds:
             self._turn()
+        tried = [0] * len(order)
         for _ in range(rounds):
-            late = [index for index in order if self._delay(index) > _LATE]
-            if not late:
+            seed = max(order, key=lambda index: self._delay(index) / (1 + tried[index]))
+            if self._delay(seed) <= _LATE:
                 break
-            self._try(self._neighbourhood(late))
+            self._try(self._neighbourhood([seed]) if tried[seed] else self._in_the_way(seed))
+            tried[seed] += 1
         return self._found()
 
     def place_again(self, chosen: Collection[int]) -> list[Course]:
@@ -148,6 +160,16 @@ class FlowSearch:
         traffic = self._gathered()
         near = sorted(_met(own, traffic, self._size) - {seed})
         return [seed, *self.random.sample(near, min(len(near), self.random.randint(0, _LARGEST)))]
+
+    def _in_the_way(self, seed: int) -> list[int]:
+        """Return a late robot and those that it would meet most on its shortest way.
+
+        Put back first, it drives there, and the others see where they can go then.
+        """
+        own, count = self._straight[seed].samples, len(self.robots)
+        met = count_meetings(own, self._gathered(), seed, *self._kept(seed), count)
+        most = np.argsort(-met, kind="stable")[:_LARGEST]
+        return [seed, *most[met[most] > 0].tolist()]
 
     def _try(self, chosen: list[int]) -> None:
         """Put robots back in this order; undo it if they arrive no earlier in total."""
@@ -263,6 +285,7 @@ class FlowSearch:
         """Do what `_bent` does, on the meshes that the robot enters and leaves at `ends`."""
         space, mesh = meshes.spaces[index], meshes.of(index)
         ramp, reach = self._maker.ramp(index), self.robots[index].radius + self.margin
+        best, added = None, math.inf
         for tau_pad, need_pad in PADS:
             trip = Trip(
                 index,
@@ -274,13 +297,16 @@ class FlowSearch:
             )
             way, times = way_among(mesh, trip, space, traffic, latest - ramp)
             if not len(way):
-                return None
+                break
             for course in self._maker.along(index, space, way, times):
-                if course.motion.finish >= latest:
-                    continue
-                if first_meeting(course.samples, traffic, index, *self._kept(index)) < 0:
-                    return course
-        return None
+                delay = least_delay(course.samples, traffic, index, *self._kept(index))
+                if course.motion.finish + delay < latest:
+                    best, added, latest = course, delay, course.motion.finish + delay
+                if delay <= _SOON:
+                    break
+            if added <= _SOON:
+                break
+        return self._maker.later(index, best, added) if best is not None and added > 0.0 else best
 
     def _kept(self, index: int) -> tuple[float, float]:
         """Return how far [m] a robot keeps from others' radii, and for how long [s]."""

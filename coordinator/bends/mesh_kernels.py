@@ -5,7 +5,6 @@ Decides: which moves other robots' starts and goals close.  Must not know: times
 
 from __future__ import annotations
 
-import heapq
 import math
 from typing import Final, NamedTuple
 
@@ -23,6 +22,9 @@ MOVES: Final = np.concatenate((_FORTH, -_FORTH))
 
 HALF: Final = 8
 """The number of moves without their opposites."""
+
+_RING: Final = 4
+"""More steps than the longest move has, in lengths of the shortest one."""
 
 OPEN: Final = -1
 CLOSED: Final = -2
@@ -76,20 +78,32 @@ def distances(mesh: Mesh, robot: int, goal: int) -> Array:
 
     Infinite where no moves lead to it.
     """
-    found = np.full(mesh.columns * mesh.rows, math.inf)
-    found[goal] = 0.0
-    heap = [(0.0, goal)]
-    while len(heap) > 0:
-        far, cell = heapq.heappop(heap)
-        if far > found[cell]:
+    cells, size = mesh.columns * mesh.rows, mesh.size
+    found, done = np.full(cells, math.inf), np.zeros(cells, np.bool_)
+    # Cells by distance in steps of the shortest move, in a ring as long as the longest move (Dial
+    # 1969).  Entries are linked: `top` of each step, and below each entry the next one.
+    cell_of, below = np.empty(2 * HALF * cells, np.int64), np.empty(2 * HALF * cells, np.int64)
+    top, step, count, left = np.full(_RING, -1), 0, 1, 1
+    found[goal], cell_of[0], below[0], top[0] = 0.0, goal, -1, 0
+    while left > 0:
+        entry = top[step]
+        if entry < 0:
+            step = (step + 1) % _RING
             continue
+        cell, top[step] = cell_of[entry], below[entry]
+        left -= 1
+        if done[cell]:
+            continue
+        done[cell] = True
         for k in range(2 * HALF):
             if mesh.codes[cell, k] != OPEN and mesh.codes[cell, k] != robot:
                 continue
             dx, dy = MOVES[k]
             to = cell + dy * mesh.columns + dx
-            there = far + mesh.size * math.sqrt(dx * dx + dy * dy)
+            there = found[cell] + size * math.sqrt(dx * dx + dy * dy)
             if there < found[to] - 1e-9:
                 found[to] = there
-                heapq.heappush(heap, (there, to))
+                at = int(there / size) % _RING
+                cell_of[count], below[count], top[at] = to, top[at], count
+                count, left = count + 1, left + 1
     return found

@@ -76,21 +76,30 @@ def forbidden_at(
     and after.  The times are in order and do not overlap; if there are more than m, the last one
     has no end.  Robot `without` forbids nothing.
     """
-    column = int((x - traffic.x) / traffic.size)
-    row = int((y - traffic.y) / traffic.size)
     n = 0
-    for r in range(max(row - 1, 0), min(row + 2, traffic.rows)):
-        for c in range(max(column - 1, 0), min(column + 2, traffic.columns)):
-            cell = r * traffic.columns + c
-            for k in range(traffic.first[cell], traffic.first[cell + 1]):
-                if traffic.owner[k] == without:
-                    continue
-                dx, dy = traffic.samples[k, X] - x, traffic.samples[k, Y] - y
-                need = reach + traffic.samples[k, RADIUS]
-                if dx * dx + dy * dy >= need * need:
-                    continue
-                n = entered(out, n, traffic.samples[k, BEGIN] - tau, traffic.samples[k, END] + tau)
+    for row in range(-1, 2):
+        first, last = _in_row(traffic, x, y, row)
+        for k in range(first, last):
+            dx, dy = traffic.samples[k, X] - x, traffic.samples[k, Y] - y
+            need = reach + traffic.samples[k, RADIUS]
+            if dx * dx + dy * dy < need * need and traffic.owner[k] != without:
+                begin, end = traffic.samples[k, BEGIN] - tau, traffic.samples[k, END] + tau
+                n = entered(out, n, begin, end)
     return n
+
+
+@compiled
+def _in_row(traffic: Traffic, x: float, y: float, row: int) -> tuple[int, int]:
+    """Return the range of the samples in the cells around a place, in one row of these.
+
+    row: 0 for that of the place, -1 and 1 for those below and above.
+    """
+    column, row = int((x - traffic.x) / traffic.size), row + int((y - traffic.y) / traffic.size)
+    low, high = max(column - 1, 0), min(column + 1, traffic.columns - 1)
+    if low > high or not 0 <= row < traffic.rows:
+        return 0, 0
+    begin = row * traffic.columns
+    return traffic.first[begin + low], traffic.first[begin + high + 1]
 
 
 @compiled
@@ -133,6 +142,25 @@ def first_meeting(own: Array, traffic: Traffic, robot: int, reach: float, tau: f
             if times[i, 0] < own[k, END] and own[k, BEGIN] < times[i, 1]:
                 return k
     return -1
+
+
+@compiled
+def count_meetings(
+    own: Array, traffic: Traffic, robot: int, reach: float, tau: float, count: int
+) -> Indices:
+    """Return how many pairs of samples, one of a robot's (n, 5), each of `count` robots forbids."""
+    found = np.zeros(count, np.int64)
+    for j in range(len(own)):
+        for row in range(-1, 2):
+            first, last = _in_row(traffic, own[j, X], own[j, Y], row)
+            for k in range(first, last):
+                other, whose = traffic.samples[k], traffic.owner[k]
+                if other[BEGIN] - tau >= own[j, END] or own[j, BEGIN] >= other[END] + tau:
+                    continue
+                far = math.hypot(other[X] - own[j, X], other[Y] - own[j, Y])
+                if whose != robot and far < reach + other[RADIUS]:
+                    found[whose] += 1
+    return found
 
 
 @compiled

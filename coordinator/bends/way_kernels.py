@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,10 @@ the earliest one, and half as many states are expanded as with a weight of 1."""
 
 SOON: Final = 1e-6
 """Times nearer to each other [s] are the same."""
+
+_EXPAND: Final = -1
+_MOVE: Final = -2 * HALF - 1
+"""What follows from a state, as _Heap has it."""
 
 
 class Trip(NamedTuple):
@@ -66,17 +70,28 @@ class _States(NamedTuple):
     done: Flags
 
 
-class _Move(NamedTuple):
-    """A move to a cell that lasts `lasts` [s]; the cell's states are `first` to `last` - 1.
+class _Search(NamedTuple):
+    """A trip on a mesh in traffic, and what a search for its earliest way has looked up so far.
 
-    From there it is at least `left` [s] to the goal.
+    latest [s]: when the robot has to arrive; lead [s]: how long it takes from its start to the
+    mesh.  The states of a cell are first[cell] to last[cell] - 1; both are -1 before a move to the
+    cell is looked at.  times, closed (MOST, 2): memory for intervals [s].
     """
 
-    to: int
-    lasts: float
-    first: int
-    last: int
-    left: float
+    mesh: Mesh
+    trip: Trip
+    traffic: Traffic
+    latest: float
+    lead: float
+    first: Indices
+    last: Indices
+    times: Array
+    closed: Array
+
+
+_Heap: TypeAlias = list[tuple[float, int, int]]
+"""What comes next: its weighed time [s], a state, and what follows from there: _EXPAND for all
+moves, _MOVE + k for move k, or the number of the state that a move leads to."""
 
 
 @compiled
@@ -86,9 +101,10 @@ def earliest_way(
     """Return the places (n, 2) [m] of the earliest way, and when the robot comes and goes there.
 
     The times are (n, 2) [s].  Empty if it cannot arrive before `latest` [s], or after `most` states
-    were expanded.
+    were expanded.  What others forbid to a move is looked up when that move comes first at the
+    earliest time it could have (lazy weighted A*, Cohen et al. 2014): most moves never do.
     """
-    times, closed = np.empty((MOST, 2)), np.empty((MOST, 2))
+    cells, times = mesh.columns * mesh.rows, np.empty((MOST, 2))
     lead = _apart(mesh, trip.enters, trip.start) / trip.speed
     tail = _apart(mesh, trip.leaves, trip.goal) / trip.speed
     # The robot stands at its start until it sets out, and at its goal for ever.
@@ -98,89 +114,103 @@ def earliest_way(
     x, y = trip.goal
     busy = forbidden_at(traffic, trip.robot, x, y, trip.reach, trip.tau, times)
     settled = times[busy - 1, 1] if busy > 0 else -math.inf
+    first, last, closed = np.full(cells, -1), np.full(cells, -1), np.empty((MOST, 2))
+    search = _Search(mesh, trip, traffic, latest, lead, first, last, times, closed)
     states = _room(4096)
-    first = np.full(mesh.columns * mesh.rows, -1)
-    count = np.zeros(mesh.columns * mesh.rows, np.int64)
     states.begin[0], states.end[0], states.best[0] = -math.inf, until, trip.ramp
     states.parent[0], states.cell[0], states.done[0] = -1, -1, False
     total, expanded = 1, 0
-    moves, lasts = np.empty(2 * HALF, np.int64), np.empty(2 * HALF)
-    heap = [(trip.ramp + trip.left[trip.enters] / trip.speed, 0)]
+    heap = [(trip.ramp, 0, _EXPAND)]
     while len(heap) > 0 and expanded < most and until > 0.0:
-        _, here = heapq.heappop(heap)
-        if states.done[here]:
-            continue
-        states.done[here] = True
-        expanded += 1
-        cell = states.cell[here]
-        if cell == trip.leaves:
-            arrival = max(states.best[here] + tail, settled)
-            if arrival - tail <= states.end[here] and arrival < latest:
-                return _traced(mesh, trip, states, here, lead, tail, arrival)
-        for k in range(_moves_from(mesh, trip, cell, lead, moves, lasts)):
-            to = moves[k]
+        _, here, what = heapq.heappop(heap)
+        if what >= 0:
+            _enter(search, states, here, what, heap)
+        elif what != _EXPAND:
+            to, lasts = _moved(search, states.cell[here], what - _MOVE)
             if first[to] < 0:
                 x, y = _middle(mesh, to)
                 busy = forbidden_at(traffic, trip.robot, x, y, trip.reach, trip.tau, times)
                 first[to] = total
                 states, total = _with_free(states, total, to, times, busy)
-                count[to] = total - first[to]
-            left = trip.left[to] / trip.speed
-            move = _Move(to, lasts[k], first[to], first[to] + count[to], left)
-            _relax(mesh, trip, traffic, states, here, move, latest, times, closed, heap)
+                last[to] = total
+            _look(search, states, here, to, lasts, heap)
+        elif not states.done[here]:
+            states.done[here] = True
+            expanded += 1
+            if states.cell[here] == trip.leaves:
+                arrival = max(states.best[here] + tail, settled)
+                if arrival - tail <= states.end[here] and arrival < latest:
+                    return _traced(mesh, trip, states, here, lead, tail, arrival)
+            _expand(search, states, here, heap)
     return np.empty((0, 2)), np.empty((0, 2))
 
 
 @compiled
-def _relax(
-    mesh: Mesh,
-    trip: Trip,
-    traffic: Traffic,
-    states: _States,
-    here: int,
-    move: _Move,
-    latest: float,
-    times: Array,
-    closed: Array,
-    heap: list[tuple[float, int]],
-) -> None:
-    """Enter earlier arrivals by a move from state `here` into the states and the heap."""
-    shut = -1
-    for at in range(move.first, move.last):
-        if states.done[at] or states.end[at] <= states.best[here] + move.lasts:
+def _expand(search: _Search, states: _States, here: int, heap: _Heap) -> None:
+    """Put the moves from a state on the heap, unless their cells are known to be reached before."""
+    mesh, trip, cell = search.mesh, search.trip, states.cell[here]
+    for k in range(1 if cell < 0 else 2 * HALF):
+        if cell >= 0 and mesh.codes[cell, k] != OPEN and mesh.codes[cell, k] != trip.robot:
             continue
-        if max(states.best[here] + move.lasts, states.begin[at]) >= states.best[at] - SOON:
-            return
-        if shut < 0:
-            cell = states.cell[here]
-            shut = _closed(mesh, trip, cell, move.to, move.lasts, traffic, times, closed)
-        arrival = _departure(states, here, at, move.lasts, trip.ramp, closed, shut) + move.lasts
-        if arrival >= min(states.end[at], states.best[at] - SOON):
+        to, lasts = _moved(search, cell, k)
+        arrival, left = states.best[here] + lasts, trip.left[to] / trip.speed
+        if arrival + left >= search.latest:
             continue
-        if arrival + move.left < latest:
-            states.best[at], states.parent[at] = arrival, here
-            heapq.heappush(heap, (arrival + _HASTE * move.left, at))
+        if search.first[to] >= 0:
+            at, last = search.first[to], search.last[to]
+            while at < last and states.end[at] <= arrival:
+                at += 1
+            if at == last or max(arrival, states.begin[at]) >= states.best[at] - SOON:
+                continue
+        heapq.heappush(heap, (arrival + _HASTE * left, here, _MOVE + k))
 
 
 @compiled
-def _moves_from(
-    mesh: Mesh, trip: Trip, cell: int, lead: float, moves: Indices, lasts: Array
-) -> int:
-    """Enter to which cells one can move from a cell, and how long that lasts [s]; return how many.
+def _look(search: _Search, states: _States, here: int, to: int, lasts: float, heap: _Heap) -> None:
+    """Move from a state to a cell at once, and put moves to it after a rest on the heap."""
+    trip, at_start = search.trip, states.cell[here] < 0
+    arrival, final = states.best[here] + lasts, states.end[here] + lasts
+    rested = arrival + 2.0 * trip.ramp
+    if at_start:
+        rested, final = arrival, final + trip.ramp
+    for at in range(search.first[to], search.last[to]):
+        if states.end[at] <= arrival:
+            continue
+        soonest = arrival if states.begin[at] <= arrival else max(states.begin[at], rested)
+        if states.begin[at] > final or soonest >= states.best[at] - SOON:
+            return
+        if soonest == arrival:
+            _enter(search, states, here, at, heap)
+        elif soonest < states.end[at]:
+            heapq.heappush(heap, (soonest + _HASTE * trip.left[to] / trip.speed, here, at))
 
-    From its start, cell -1, a robot moves to where it enters the mesh, in `lead` [s].
+
+@compiled
+def _enter(search: _Search, states: _States, here: int, at: int, heap: _Heap) -> None:
+    """Move from state `here` to state `at`, if that is earlier than all moves so far."""
+    trip, cell, to = search.trip, states.cell[here], states.cell[at]
+    lasts = search.lead if cell < 0 else _between(search.mesh, cell, to) / trip.speed
+    if max(states.best[here] + lasts, states.begin[at]) >= states.best[at] - SOON:
+        return
+    shut = _closed(search, cell, to, lasts)
+    arrival = _departure(states, here, at, lasts, trip.ramp, search.closed, shut) + lasts
+    left = trip.left[to] / trip.speed
+    if arrival < min(states.end[at], states.best[at] - SOON, search.latest - left):
+        states.best[at], states.parent[at] = arrival, here
+        heapq.heappush(heap, (arrival + _HASTE * left, at, _EXPAND))
+
+
+@compiled
+def _moved(search: _Search, cell: int, k: int) -> tuple[int, float]:
+    """Return to which cell move k leads from a cell, and how long it lasts [s].
+
+    From its start, cell -1, a robot moves to where it enters the mesh.
     """
     if cell < 0:
-        moves[0], lasts[0] = trip.enters, lead
-        return 1
-    n = 0
-    for k in range(2 * HALF):
-        if mesh.codes[cell, k] == OPEN or mesh.codes[cell, k] == trip.robot:
-            x, y = MOVES[k]
-            moves[n] = cell + y * mesh.columns + x
-            lasts[n] = mesh.size * math.sqrt(x * x + y * y) / trip.speed
-            n += 1
-    return n
+        return search.trip.enters, search.lead
+    x, y = MOVES[k]
+    far = search.mesh.size * math.sqrt(x * x + y * y)
+    return cell + y * search.mesh.columns + x, far / search.trip.speed
 
 
 @compiled
@@ -205,20 +235,12 @@ def _departure(
 
 
 @compiled
-def _closed(
-    mesh: Mesh,
-    trip: Trip,
-    cell: int,
-    to: int,
-    lasts: float,
-    traffic: Traffic,
-    times: Array,
-    closed: Array,
-) -> int:
+def _closed(search: _Search, cell: int, to: int, lasts: float) -> int:
     """Enter the departures for a move that others forbid on its way into closed (m, 2) [s].
 
     Returns how many there are, in order.  `cell` is -1 for the move from the start.
     """
+    mesh, trip, times = search.mesh, search.trip, search.times
     x0, y0 = (trip.start[0], trip.start[1]) if cell < 0 else _middle(mesh, cell)
     x1, y1 = _middle(mesh, to)
     pieces = int(math.hypot(x1 - x0, y1 - y0) / LOOK) + 1
@@ -226,9 +248,10 @@ def _closed(
     for j in range(1, pieces):
         share = j / pieces
         x, y = x0 + share * (x1 - x0), y0 + share * (y1 - y0)
-        busy = forbidden_at(traffic, trip.robot, x, y, trip.reach, trip.tau, times)
+        busy = forbidden_at(search.traffic, trip.robot, x, y, trip.reach, trip.tau, times)
         for i in range(busy):
-            n = entered(closed, n, times[i, 0] - share * lasts, times[i, 1] - share * lasts)
+            begin, end = times[i, 0] - share * lasts, times[i, 1] - share * lasts
+            n = entered(search.closed, n, begin, end)
     return n
 
 
@@ -246,6 +269,14 @@ def _apart(mesh: Mesh, cell: int, place: Array) -> float:
     """Return the distance [m] of a place (2,) from the middle of a cell."""
     x, y = _middle(mesh, cell)
     return math.hypot(x - place[0], y - place[1])
+
+
+@compiled
+def _between(mesh: Mesh, cell: int, to: int) -> float:
+    """Return the distance [m] of the middles of two cells."""
+    x0, y0 = _middle(mesh, cell)
+    x1, y1 = _middle(mesh, to)
+    return math.hypot(x1 - x0, y1 - y0)
 
 
 @compiled
@@ -304,8 +335,7 @@ def _traced(
         when[k, 0], when[k, 1] = states.best[at], leave
         lasts = lead
         if k > 1:
-            x, y = _middle(mesh, states.cell[states.parent[at]])
-            lasts = math.hypot(way[k, 0] - x, way[k, 1] - y) / trip.speed
+            lasts = _between(mesh, states.cell[states.parent[at]], states.cell[at]) / trip.speed
         leave = states.best[at] - lasts
         at = states.parent[at]
     when[0, 0], when[0, 1] = 0.0, leave

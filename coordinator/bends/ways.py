@@ -17,7 +17,7 @@ from coordinator.bends.way_kernels import Trip, earliest_way
 from coordinator.curves.nurbs import Array
 from coordinator.ground.free_space import Space
 
-PADS: Final = ((0.25, 0.04), (0.5, 0.09))
+PADS: Final = ((0.25, 0.04), (0.5, 0.09), (1.0, 0.12))
 """What a way keeps beyond tau [s] and the need [m]: its curve and its times differ a little from
 those of the mesh.  If the curve meets others, the next pair is tried."""
 

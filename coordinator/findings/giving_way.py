@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from coordinator.curves.nurbs import Array
-from coordinator.findings.meetings import Meetings, Track, only
+from coordinator.findings.meetings import Meetings, Track, beside, only
 from coordinator.motion.velocity_profile import Motion, Wait, limits_on
 from coordinator.plan.document import Path, PlanDocument, RobotPlan
 from coordinator.plan.shares_of_tau import BRAKING_SHARE
@@ -218,8 +218,9 @@ def _first_met(document: PlanDocument, meetings: Meetings, index: int, instead: 
     for other in meetings.near(index, instead, slack, slack):
         theirs, times = meetings.tracks[other], instead.reached[:best]
         soon = (theirs.left > times[0] - slack) & (theirs.reached < times[-1] + slack)
-        theirs = only(theirs, soon)
-        near = _near(instead.places[:best], theirs.places, meetings.need(index, other) + room)
+        need = meetings.need(index, other) + room
+        theirs, _ = beside(only(theirs, soon), only(instead, slice(best)), need)
+        near = _near(instead.places[:best], theirs.places, need)
         near &= (theirs.reached - slack < times[:, None]) & (times[:, None] < theirs.left + slack)
         first = np.flatnonzero(near.any(axis=1))
         if len(first):
@@ -231,6 +232,7 @@ def _first_met(document: PlanDocument, meetings: Meetings, index: int, instead: 
 
 def _passes(mine: Track, theirs: Track, need: float) -> tuple[str, int]:
     """Return how a robot on a stretch of its path passes another robot, and at which place."""
+    theirs, _ = beside(theirs, mine, need)
     near = _near(mine.places, theirs.places, need)
     after = (mine.reached[:, None] > theirs.left)[near]
     if not len(after) or (after.any() and not after.all()):

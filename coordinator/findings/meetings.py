@@ -20,6 +20,7 @@ import numpy.typing as npt
 from scipy.ndimage import label
 
 from coordinator.curves.nurbs import Array
+from coordinator.findings.ride_samples import arcs_on
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.wire import Driven
 
@@ -137,8 +138,8 @@ def _pieces(track: Track) -> _Pieces:
 def _follows(mine: Track, theirs: Track, need: float, tau: float, most: float) -> Follows | None:
     """Return how closely, within `most` [s], one robot follows another; None if they never meet."""
     soon = (theirs.left > mine.reached[0] - tau - most) & (theirs.reached < mine.reached[-1])
-    mine, theirs = _beside(mine, only(theirs, soon), need)
-    theirs, mine = _beside(theirs, mine, need)
+    mine, theirs = beside(mine, only(theirs, soon), need)
+    theirs, mine = beside(theirs, mine, need)
     if not len(mine.s) or not len(theirs.s):
         return None
     x = mine.places[:, None, 0] - theirs.places[None, :, 0]
@@ -153,12 +154,12 @@ def _follows(mine: Track, theirs: Track, need: float, tau: float, most: float) -
     return Follows(float(behind[at]), zone, their_zone)
 
 
-def only(track: Track, kept: npt.NDArray[np.bool_]) -> Track:
+def only(track: Track, kept: npt.NDArray[np.bool_] | slice) -> Track:
     """Return a track at some of its places."""
     return Track(*(column[kept] for column in track))
 
 
-def _beside(one: Track, other: Track, need: float) -> tuple[Track, Track]:
+def beside(one: Track, other: Track, need: float) -> tuple[Track, Track]:
     """Return two tracks, the first without the places far from the second one's bounding box."""
     if not len(other.s):
         return only(one, np.zeros(len(one.s), dtype=bool)), other
@@ -185,7 +186,7 @@ def _track(ride: Driven) -> Track:
     s = np.linspace(0.0, length, count)
     starts, ends = np.asarray(line.t0), np.asarray(line.t1)
     knots_t = np.union1d(np.concatenate((starts, ends)), np.linspace(0.0, line.finish, 4 * count))
-    knots_s = np.maximum.accumulate([line.s_at(t) for t in knots_t.tolist()])
+    knots_s = np.maximum.accumulate(arcs_on(line, knots_t))
     reached = knots_t[np.minimum(np.searchsorted(knots_s, s - 1e-6), len(knots_t) - 1)]
     after = np.searchsorted(knots_s, s + 1e-6, side="right")
     left = knots_t[np.minimum(after, len(knots_t) - 1)]

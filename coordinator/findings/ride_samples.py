@@ -49,14 +49,7 @@ class RideSamples:
 
     def arcs_at(self, times: Array) -> Array:
         """Return where along its path the plan has the robot at plan times (n,)."""
-        line = self.line
-        t0, t1 = np.array(line.t0), np.array(line.t1)
-        leg = np.maximum(np.searchsorted(t0, times, side="right") - 1, 0)
-        long = t1 - t0
-        rates = (np.array(line.v1) - np.array(line.v0)) / long
-        passed = np.clip(times - t0[leg], 0.0, long[leg])
-        by_leg = np.array(line.v0)[leg] + 0.5 * rates[leg] * passed
-        return np.asarray(np.array(line.s0)[leg] + passed * by_leg)
+        return arcs_on(self.line, times)
 
     def driven_at(self, times: Array) -> Array:
         """Return how far along its path the robot was at plan times (n,), its braking included."""
@@ -74,6 +67,17 @@ class RideSamples:
     def places_at(self, s: Array) -> Array:
         """Return the places (n, 2) at arc lengths (n,)."""
         return np.column_stack([np.interp(s, self.arcs, self.places[:, i]) for i in (0, 1)])
+
+
+def arcs_on(line: Timeline, times: Array) -> Array:
+    """Return where along its path [m] a motion has its robot at plan times (n,) [s]."""
+    t0, t1 = np.array(line.t0), np.array(line.t1)
+    leg = np.maximum(np.searchsorted(t0, times, side="right") - 1, 0)
+    long = t1 - t0
+    rates = (np.array(line.v1) - np.array(line.v0)) / long
+    passed = np.clip(times - t0[leg], 0.0, long[leg])
+    by_leg = np.array(line.v0)[leg] + 0.5 * rates[leg] * passed
+    return np.asarray(np.array(line.s0)[leg] + passed * by_leg)
 
 
 def times_between(begin: float, end: float) -> Array:

@@ -71,6 +71,11 @@ class Flow:
         )
 
 
+def is_searched(count: int, effort: int) -> bool:
+    """Return whether ways in space and time are searched for so many robots."""
+    return effort >= _LEAST_EFFORT and 1 < count <= _ROBOTS * effort
+
+
 def find_flow(
     finder: Pathfinder,
     shortest: Sequence[Track],
@@ -88,7 +93,7 @@ def find_flow(
     # Small plans should not pay for the import of kernels that they do not need.
     from coordinator.bends.flow_search import FlowSearch
 
-    if effort < _LEAST_EFFORT or not 1 < len(paths) <= _ROBOTS * effort:
+    if not is_searched(len(paths), effort):
         return None
     priorities = [robot.priority for robot in finder.scenario.robots]
     search = FlowSearch(finder, paths, shortest, track_of, tau)

@@ -27,7 +27,7 @@ from coordinator.plan.document import Limits, PlanDocument, Reason
 from coordinator.plan.drafting import draft_plan
 from coordinator.plan.shares_of_tau import BRAKING_SHARE, LEAST_TAU, resolve_tau, shares_of
 from coordinator.plan.wire import PackedPlan
-from coordinator.planning.flow import MOST_BOTH, find_flow
+from coordinator.planning.flow import MOST_BOTH, find_flow, is_searched
 from coordinator.proof.verify import prove_messages
 from coordinator.scenario.model import Scenario
 from coordinator.schedule import paper_policy
@@ -126,11 +126,13 @@ def plan_fleet(
         raise InputError([f"{problem}, the least with which robots never wait in a ring"])
     tau = resolve_tau(scenario.tau, shares_of(limits, scenario.link))
     stages = _Stages(scenario, tau, executor)
+    effort = effort if epoch == 1 else min(effort, LATER_EFFORT)
     marks = [timer()]
-    for stage in (stages.find_paths, stages.find_zones):
-        stage()
-        marks.append(timer())
-    motions = stages.schedule(effort if epoch == 1 else min(effort, LATER_EFFORT))
+    stages.find_paths()
+    marks.append(timer())
+    stages.find_zones(effort)
+    marks.append(timer())
+    motions = stages.schedule(effort)
     _check_times(scenario, tau, motions)
     marks.append(timer())
     drafted = draft_plan(
@@ -206,8 +208,8 @@ class _Stages:
         self.shortest: list[Nurbs] = []
         self.tracks: list[Track] = []
         self.notes: list[str] = []
-        self.junctions: Junctions
-        self._crossings: CrossingSearch
+        self._junctions: Junctions | None = None
+        self._crossings: CrossingSearch | None = None
         self._searched = 0
         self._cannot_make_room = False
 
@@ -216,11 +218,23 @@ class _Stages:
         self.paths = find_paths(self.pathfinder, self.executor)
         self.shortest = list(self.paths)
 
-    def find_zones(self) -> None:
-        """Find where the robots conflict on these paths."""
+    def find_zones(self, effort: int) -> None:
+        """Find where the robots conflict on these paths, unless they will hardly drive on them."""
         self.tracks = [self._track(index, path) for index, path in enumerate(self.paths)]
-        self.junctions = self._meet(self.tracks)
-        self._crossings = self._look_for_crossings()
+        count = len(self.tracks)
+        if count <= MOST_BOTH or self.scenario.policy == "paper" or not is_searched(count, effort):
+            self._crossings = self._look_for_crossings()
+
+    @property
+    def junctions(self) -> Junctions:
+        """The tracks with the zones between them, which are found when they are asked for."""
+        if self._junctions is None:
+            self._junctions = self._meet(self.tracks)
+        return self._junctions
+
+    @junctions.setter
+    def junctions(self, junctions: Junctions) -> None:
+        self._junctions = junctions
 
     def schedule(self, effort: int) -> list[Motion]:
         """Return the robots' motions; raises PlanError when none are found."""
@@ -361,7 +375,7 @@ class _Stages:
 
     def crossings(self) -> CrossingSearch:
         """Return where the paths cross; search again if a path has changed since."""
-        if self._crossings.curves != tuple(self.paths):
+        if self._crossings is None or self._crossings.curves != tuple(self.paths):
             self._crossings = self._look_for_crossings()
         return self._crossings
 

@@ -51,12 +51,12 @@ class Legs(NamedTuple):
 class Pairing(NamedTuple):
     """Zones (z,) in order of their robots a < b, with the reach [m] of each pair.
 
-    begin (z, 2) [m]: where a zone begins on the path of a and on that of b.
+    extent (z, 4) [m]: where a zone begins and ends on the path of a, and on that of b.
     """
 
     a: Indices
     b: Indices
-    begin: Array
+    extent: Array
     reach: Array
 
 
@@ -82,25 +82,49 @@ def _time_in(legs: Legs, leg: int, s: float) -> float:
 
 
 @compiled
-def first_time_at(legs: Legs, robot: int, s: float) -> float:
-    """Return when [s] a robot comes to arc length s [m]; inf beyond its goal.
+def _first_time_at(legs: Legs, robot: int, s: float, leg: int) -> tuple[float, int]:
+    """Return when [s] a robot comes to arc length s [m], inf beyond its goal, and on which leg.
 
-    It is where it starts from the time on from which its motion counts.
+    It is where it starts from the time on from which its motion counts.  The search for the leg
+    begins at `leg`, one of the robot's.
     """
-    begin, end = legs.first[robot], legs.first[robot + 1]
     if s <= 0.0:
-        return float(legs.since[robot])
-    leg = begin + int(np.searchsorted(legs.s1[begin:end], s))
-    return math.inf if leg == end else _time_in(legs, leg, s)
+        return float(legs.since[robot]), leg
+    begin, end = legs.first[robot], legs.first[robot + 1]
+    while leg > begin and legs.s1[leg - 1] >= s:
+        leg -= 1
+    while leg < end and legs.s1[leg] < s:
+        leg += 1
+    return (math.inf, max(leg - 1, begin)) if leg == end else (_time_in(legs, leg, s), leg)
 
 
 @compiled
-def last_time_at(legs: Legs, robot: int, s: float) -> float:
-    """Return when [s] a robot leaves arc length s [m]; inf at its goal and beyond."""
+def _last_time_at(legs: Legs, robot: int, s: float, leg: int) -> tuple[float, int]:
+    """Return when [s] a robot leaves arc length s [m], inf from its goal on, and on which leg.
+
+    The search for the leg begins at `leg`, one of the robot's.
+    """
     begin, end = legs.first[robot], legs.first[robot + 1]
     s = max(s, 0.0)
-    leg = begin + int(np.searchsorted(legs.s1[begin:end], s, side="right"))
-    return math.inf if leg == end else _time_in(legs, leg, s)
+    while leg > begin and legs.s1[leg - 1] > s:
+        leg -= 1
+    while leg < end and legs.s1[leg] <= s:
+        leg += 1
+    return (math.inf, max(leg - 1, begin)) if leg == end else (_time_in(legs, leg, s), leg)
+
+
+@compiled
+def _is_through(
+    legs: Legs, robots: tuple[int, int], extent: tuple[float, float], cell: float
+) -> bool:
+    """Return whether the first robot leaves a zone for good before the second one comes to it.
+
+    extent [m]: where the first robot leaves the zone, and where the second one comes to it.
+    """
+    one, two = robots
+    leaves, _ = _last_time_at(legs, one, extent[0] + cell, legs.first[one])
+    comes, _ = _first_time_at(legs, two, extent[1] - cell, legs.first[two])
+    return leaves < comes
 
 
 @compiled
@@ -115,12 +139,16 @@ def _add_steps(
     """
     behind, ahead = robots
     is_behind, is_before, before = False, False, count
+    enter = leave = legs.first[behind]
+    come = go = legs.first[ahead]
     for row in rows:
-        enters = first_time_at(legs, behind, max(begin, row[CELL_NUMBER] * cell))
-        leaves = last_time_at(legs, behind, (row[CELL_NUMBER] + 1.0) * cell)
-        last = last_time_at(legs, ahead, row[HIGH])
+        enters, enter = _first_time_at(legs, behind, max(begin, row[CELL_NUMBER] * cell), enter)
+        last, go = _last_time_at(legs, ahead, row[HIGH], go)
         is_behind |= last < enters
-        is_before |= leaves < first_time_at(legs, ahead, row[LOW])
+        if not is_behind and not is_before:
+            leaves, leave = _last_time_at(legs, behind, (row[CELL_NUMBER] + 1.0) * cell, leave)
+            comes, come = _first_time_at(legs, ahead, row[LOW], come)
+            is_before = leaves < comes
         if math.isinf(enters):
             continue
         steps[count, AT] = math.floor(_MS * enters) - 1
@@ -196,13 +224,15 @@ def staircases(
             my_line, its = Polyline(s[mine], points[mine]), Polyline(s[theirs], points[theirs])
             count = 0
             for k in range(zone, end):
+                begin, leaves = zones.extent[k, 2 * side], zones.extent[k, 2 * side + 1]
+                if _is_through(legs, (me, other), (leaves, zones.extent[k, 2 - 2 * side]), fine):
+                    continue
                 here = chords.pairs[chords.first[k] : chords.first[k + 1]]
                 size = zone_rows(my_line, its, here, side, zones.reach[k], fine, rows)
                 if size < 0:
                     rows = np.empty((-2 * size, 3))
                     size = zone_rows(my_line, its, here, side, zones.reach[k], fine, rows)
                 steps = widened(steps, count + size)
-                begin = zones.begin[k, side]
                 count = _add_steps(legs, (me, other), begin, rows[:size], fine, steps, count)
             if count == 0:
                 continue

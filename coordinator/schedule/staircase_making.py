@@ -68,7 +68,7 @@ def staircases_of(
             np.concatenate([path.s for path in paths]),
             np.concatenate([path.points for path in paths]),
         ),
-        Pairing(zones.a, zones.b, zones.extent[:, ::2], half[zones.a] + half[zones.b]),
+        Pairing(zones.a, zones.b, zones.extent, half[zones.a] + half[zones.b]),
         ZoneChords(zones.first, zones.pairs),
         _CELL,
         _TOLERANCE,

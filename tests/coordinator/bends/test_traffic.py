@@ -10,6 +10,7 @@ import pytest
 
 from coordinator.bends.traffic_kernels import (
     MOST,
+    count_meetings,
     first_meeting,
     forbidden_at,
     gathered,
@@ -103,3 +104,20 @@ def test_the_least_delay_is_the_first_one_that_meets_nobody(seed):
     tried = np.arange(0.0, 40.0, 0.01)
     expected = next((delay for delay in tried if not meets(delay)), math.inf)
     assert least_delay(own, traffic, 0, REACH, TAU) == pytest.approx(expected, abs=0.011)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_meetings_are_counted_by_pairs_of_samples(seed):
+    parts = crowd(seed)
+    expected = [
+        sum(
+            math.hypot(row[0] - own[0], row[1] - own[1]) < REACH + row[4]
+            and row[2] - TAU < own[3]
+            and own[2] < row[3] + TAU
+            for own in parts[0]
+            for row in part
+        )
+        for part in parts
+    ]
+    found = count_meetings(parts[0], laid_out(parts), 0, REACH, TAU, len(parts))
+    assert found.tolist() == [0, *expected[1:]]
