@@ -89,7 +89,9 @@ class Checks:
         stairs = grants._staircases.among([mine[1].slot, others[1].slot])
         key = (*map(id, courses), stairs.at.tobytes(), stairs.need.tobytes())
         if key not in self._proven:
-            part = Part([(one.since, one.until) for one in courses], [True, False])
+            since = [0.001 * sent.begin_ms for _, sent in (mine, others)]
+            ends = [one.until for one in courses]
+            part = Part(list(zip(since, ends, strict=True)), [True, False])
             driven = [one.driven for one in courses]
             apart = prove_separation(driven, stairs.tau_ms / 1000.0, self._margin, part)
             failures = apart.failures + staircase_failures(driven, stairs, self._margin, part)
@@ -120,7 +122,7 @@ class Checks:
         off_ns = abs(clock.offset_ns + robot.ahead_ns)
         if not robot.has_jumped and clock.good and off_ns > clock.error_ns(now_ns):
             raise BrokenError(f"{robot.name} takes its clock for better than it is")
-        if ride is not None and robot.pose[0] == robot.pose[0]:
+        if ride is not None and agent.has_driven():
             self._place(robot, ride, slots.get(agent.number), rule)
 
     def _place(self, robot: Robot, ride: Ride, sent: Sent | None, rule: Any) -> None:
