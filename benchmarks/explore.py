@@ -34,7 +34,7 @@ def _row(robots: int, faults: int, found: Found) -> Row:
         "steps made": found.steps,
         "deepest": found.deepest,
         "runs to the end": found.ends,
-        "min": round(found.seconds / 60.0, 1),
+        "CPU min": round(found.seconds / 60.0, 1),
         "all": found.is_complete,
         "broken": found.broken,
     }
@@ -46,7 +46,7 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--robots", type=int, choices=(2, 3), default=2)
     parser.add_argument("--faults", type=int, default=1)
     parser.add_argument("--depth", type=int, default=STEPS, help="steps of 0.2 s")
-    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--minutes", type=float, default=60.0, help="of the CPU")
     asked = parser.parse_args(words)
     found = explored(asked.robots, asked.faults, asked.depth, asked.minutes)
     for name, value in _row(asked.robots, asked.faults, found).items():

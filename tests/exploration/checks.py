@@ -51,7 +51,8 @@ class Checks:
 
     def __init__(self, margin: float) -> None:
         self._margin = margin
-        self._proven: dict[Any, list[str]] = {}
+        self._proven: dict[Any, tuple[list[str], list[Any], Any]] = {}
+        """By the identities of two courses and of all staircases: what fails, and these."""
 
     def look(self, world: World, before: Marks) -> None:
         """Raise BrokenError if a state may not be; `before`: the marks of the one before it."""
@@ -86,17 +87,18 @@ class Checks:
             if sent.course is None or sent.is_withdrawn or is_old:
                 return
         courses = [mine[1].course, others[1].course]
-        stairs = grants._staircases.among([mine[1].slot, others[1].slot])
-        key = (*map(id, courses), stairs.at.tobytes(), stairs.need.tobytes())
+        every = grants._staircases.all
+        key = (*map(id, courses), id(every))
         if key not in self._proven:
+            stairs = grants._staircases.among([mine[1].slot, others[1].slot])
             since = [0.001 * sent.begin_ms for _, sent in (mine, others)]
             ends = [one.until for one in courses]
             part = Part(list(zip(since, ends, strict=True)), [True, False])
             driven = [one.driven for one in courses]
             apart = prove_separation(driven, stairs.tau_ms / 1000.0, self._margin, part)
             failures = apart.failures + staircase_failures(driven, stairs, self._margin, part)
-            self._proven[key] = [*failures, courses] if failures else [courses]
-        if len(self._proven[key]) > 1:
+            self._proven[key] = failures, courses, every
+        if self._proven[key][0]:
             raise BrokenError(f"{mine[0]} and {others[0]} are not proven together")
 
     def _robot(self, world: World, robot: Robot, slots: dict[int, Sent]) -> None:

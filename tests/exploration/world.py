@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from coordinator.fleet.log_records import LINK_GONE, CourseRequest
+from coordinator.fleet.log_records import LINK_GONE, CourseRequest, search_of
 from coordinator.mission.intake import Arrival
 from coordinator.mission.mission import Mission
 from coordinator.mission.mission_driver import Job, Journal, MissionDriver, Outcome
@@ -105,15 +105,17 @@ class Log(Journal):
 
     def __init__(self) -> None:
         self.logged: set[tuple[str, bytes]] = set()
-        self.courses = self.ahead_ms = 0
+        self.courses: set[tuple[str, int]] = set()
+        self.ahead_ms = 0
 
     def record(self, key: str, payload: bytes, *_times: int | None) -> None:
-        """Keep a record, the plan time that robots may be told, and how many courses there are."""
+        """Keep a record, the plan time that robots may be told, and the courses by revision."""
         self.logged.add((key, payload))
         kind = key.split("/")[2]
         if kind == "ahead":
             self.ahead_ms = max(self.ahead_ms, msgspec.msgpack.decode(payload))
-        self.courses += kind == "course"
+        if kind == "course" and (found := search_of(payload)) is not None:
+            self.courses.add((found.robot, found.revision))
 
     def keep(self, document: object) -> None:
         """Keep nothing: later epochs are not planned here."""
@@ -391,6 +393,13 @@ class World:
         if (key, payload) not in self.log.logged:
             raise AssertionError(f"{key} was sent and is not in the log")
         _, kind, robot = keys.split(key) or ("", "", "")
+        plan = read(kind, payload)
+        if (
+            isinstance(plan, Plan)
+            and plan.revision
+            and (robot, plan.revision) not in self.log.courses
+        ):
+            raise AssertionError(f"{robot}'s course {plan.revision} was sent and is not in the log")
         for one in self.robots:
             if kind == "command" or (kind == "plan" and robot == one.name):
                 self.flights.append(Flight(self.step_number + 1, one.name, key, payload))
