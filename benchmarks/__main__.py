@@ -21,6 +21,8 @@ from benchmarks.beyond import beyond
 from benchmarks.curves import curves
 from benchmarks.desk import desk
 from benchmarks.disturbance import disturbance
+from benchmarks.explore import explore
+from benchmarks.explore import main as explore_as_told
 from benchmarks.firmware import c_fleets, comparison, instructions, native_module, sizes
 from benchmarks.flood import flood
 from benchmarks.flow import circles, flow
@@ -61,6 +63,7 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "swaps": {"rings and circles, compared with other planners": swaps},
     "quality": {"sums of delays, compared with the optimum": quality},
     "paper": {"comparison with Algorithm 2 of the paper": against_paper},
+    "explore": {"all runs of two robots' real cores with up to two faults": explore},
     "safety": {"seeded scenarios, judged by a dense sampler": partial(safety, 200)},
     "reliability": {"seeded fleets with 1 to 4 faults": partial(campaigns, 500)},
     "disturbance": {"robots stopped, Commands lost": disturbance},
@@ -97,6 +100,8 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
 
 def main() -> None:
     """Run the parts named on the command line, print their tables and write the results."""
+    if sys.argv[1:2] == ["explore"] and len(sys.argv) > 2:
+        sys.exit(explore_as_told(sys.argv[2:]))
     chosen = sys.argv[1:] or list(PARTS)
     unknown = [name for name in chosen if name not in PARTS]
     if unknown:

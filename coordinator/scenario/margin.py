@@ -37,7 +37,7 @@ class MarginShares:
 
     proof: float
     """By how much the true distance may be less than the distance that the proof requires, between
-    two courses of a robot included."""
+    two courses of each robot included: both may be about to change."""
     arcs: float
     """The errors of the tables of arc lengths of the robots concerned."""
     tracking: float
@@ -52,7 +52,7 @@ class MarginShares:
 def between_robots(track_mm: int, other_mm: int) -> MarginShares:
     """Return the shares for two robots with these track tolerances [mm]."""
     tracking = (track_mm + other_mm) / 1000.0
-    return MarginShares(TOLERANCE + RESOLUTION + SAME, 2.0 * ARC_ERROR, tracking)
+    return MarginShares(TOLERANCE + RESOLUTION + 2.0 * SAME, 2.0 * ARC_ERROR, tracking)
 
 
 def beside_solid(track_mm: int) -> MarginShares:
