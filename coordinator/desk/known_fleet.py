@@ -191,10 +191,6 @@ class KnownFleet:
         found = [OrderSummary.of(state) for state in self.orders.values()]
         return sorted(found, key=lambda one: (one.released or 0.0, one.id))
 
-    def is_busy(self, robot: str) -> bool:
-        """Return whether a robot has an order under way."""
-        return any(one.robot == robot for one in _under_way(self.orders.values()))
-
     def seen(self, name: str, now: float) -> Seen | None:
         """Return a robot as a VDA 5050 state tells of it; None if it was never heard."""
         heard = self._robots.get(name)
