@@ -54,8 +54,9 @@ _SETTLES_S: Final = 1.0
 
 _ADMIT_S: Final = 20.0
 
-_SAYS_END: Final = 7
-"""The end is said until so many Commands have been heard, which is about three times."""
+_SAYS_END: Final = 4
+_END_AGAIN_S: Final = 0.1
+"""The end is said that often, until so many Commands have been heard: about three times."""
 
 
 class Refused(Exception):  # noqa: N818 - it is an outcome
@@ -156,7 +157,8 @@ class Commands:
             is_said = message.phase == phases.OVER or next(heard) >= _SAYS_END
             return message.phase if is_said else None
 
-        return self._phase(await self._line.ask(keys.tell, asked, often, PATIENCE_S))
+        phase = await self._line.ask(keys.tell, asked, often, PATIENCE_S, _END_AGAIN_S)
+        return self._phase(phase)
 
     async def admit(self, robot: str, by: str) -> Told:
         """Let a robot that has come back take part again."""
