@@ -46,6 +46,7 @@ SIZES: Final = {"desktop": (1440, 900), "phone": (390, 844)}
 Process = subprocess.Popen[str]
 MOST_PROCESSES: Final = 20
 _PATIENCE_S: Final = 400.0
+_WRITTEN_S: Final = 20.0
 _COMMAND: Final = (sys.executable, "-m", "splinefleet")
 _WATCH: Final = """((shown, limit) => {
   const told = () => ["answer", "orders", "phase", "alarms"]
@@ -65,7 +66,7 @@ _WATCH: Final = """((shown, limit) => {
 _LOST: Final = """(() => {
   const alarms = document.getElementById("alarms");
   new MutationObserver(() => {
-    if (alarms.textContent.includes("%s is not heard")) window.lost ??= splinefleet.time;
+    if (alarms.textContent.includes("%s is not heard")) window.lost ??= splinefleet.fleetTime;
   }).observe(alarms, { childList: true, subtree: true });
 })()"""
 _ANSWER: Final = "document.getElementById('answer').textContent"
@@ -240,17 +241,25 @@ def _choose_place(tab: Tab, robot: str, share: float, *, at_once: bool = False) 
         tab.wait(f"{outlook} !== ''", _PATIENCE_S)
         if tab.run(f"{outlook}.includes('would be there')"):
             return
+    raise RuntimeError(f"there is no place for {robot}")
 
 
 def _logged(log: Path) -> Row:
-    """Return how many of the operators' messages a log holds."""
+    """Return how many of the operators' messages a log holds, the last one, a Tell, among them."""
+    end = time.monotonic() + _WRITTEN_S
+    while "Tell" not in (found := _said(log)) and time.monotonic() < end:
+        time.sleep(1.0)
+    return {"in the log": " ".join(f"{name}:{count}" for name, count in sorted(found.items()))}
+
+
+def _said(log: Path) -> dict[str, int]:
     found: dict[str, int] = {}
     for record in read_log(log).records:
         place = keys.split(record.key)
         message = None if place is None else decode(place[1], record.payload)
         if isinstance(message, Order | Cancel | Tell | Admit) and message.by:
             found[type(message).__name__] = found.get(type(message).__name__, 0) + 1
-    return {"in the log": " ".join(f"{name}:{count}" for name, count in sorted(found.items()))}
+    return found
 
 
 def watched(address: str, seconds: float) -> Iterator[Row]:
@@ -300,7 +309,8 @@ def _summary(rows: list[Row], what: str) -> Row:
     """Return the median and the greatest time [s] of an action, and how often it was not seen."""
     times = [row[what] for row in rows if isinstance(row[what], float)]
     never = sum(row[what] == "never" for row in rows)
-    return {"action": what, "median": median(times), "most": max(times), "never": never}
+    told = {"median": median(times), "most": max(times)} if times else {}
+    return {"action": what, **told, "never": never}
 
 
 if __name__ == "__main__":
@@ -318,4 +328,5 @@ if __name__ == "__main__":
             for row in commanded(count, asked.o, asked.processes):
                 show("from the click to what is seen [s]", [row])
                 rows.append(row)
-        show("all of these", [_summary(rows, what) for what in rows[0] if what not in _NO_ACTS])
+        acts = [name for name in rows[0] if name not in _NO_ACTS]
+        show("all of these", [_summary(rows, act) for act in acts])

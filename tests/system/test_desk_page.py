@@ -98,6 +98,7 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
         click(tab, "take-out")
         tab.wait(f"{ANSWER} === 'R2 has left'")
         click(tab, "end-mission")
+        tab.wait("document.getElementById('follow').textContent === 'over'")
         assert coordinator.wait(60.0) == 0
 
 

@@ -272,12 +272,13 @@ class FloorView extends Ground {
     return found;
   }
 
-  /** The robot at a place on the canvas, or -1. */
+  /** The robot at a place on the canvas, or -1; a crowd leaves room to choose places. */
   pick(x, y) {
     let best = -1, least = Infinity;
     for (const spot of this.spots) {
       const away = Math.hypot(spot.x - x, spot.y - y);
-      if (away < Math.max(spot.radius + 4, 14) && away < least) [best, least] = [spot.index, away];
+      const reach = Math.max(spot.radius + 4, this.crowd ? 0 : 14);
+      if (away < reach && away < least) [best, least] = [spot.index, away];
     }
     return best;
   }
