@@ -70,6 +70,7 @@ _LOST: Final = """(() => {
   }).observe(alarms, { childList: true, subtree: true });
 })()"""
 _ANSWER: Final = "document.getElementById('answer').textContent"
+_STATES: Final = "splinefleet.at(splinefleet.time)"
 _NO_ACTS: Final = ("robots", "screen", "errors", "in the log")
 _KILLED_S: Final = 20
 """When [s since GO] a simulated robot is killed."""
@@ -83,7 +84,7 @@ class Fleet:
         address: str,
         log: Path,
         agents: dict[str, Process],
-        start: Callable[[str], Process] | None = None,
+        start: Callable[..., Process] | None = None,
     ) -> None:
         self.address, self.log, self.agents, self.start = address, log, agents, start
 
@@ -118,8 +119,8 @@ def fleet_of(count: int, folder: Path, most_processes: int) -> Iterator[Fleet]:
         options = ("--listen", endpoint, "--log", str(log), "--stay", "--json")
         address = _address(start("coordinator", str(file), *page, *options))
 
-        def agent(name: str) -> Process:
-            return start("agent", name, "--connect", endpoint, "--quiet")
+        def agent(name: str, *place: str) -> Process:
+            return start("agent", name, "--connect", endpoint, "--quiet", *place)
 
         agents = {robot.id: agent(robot.id) for robot in scenario.robots}
         yield Fleet(address, log, agents, agent)
@@ -162,7 +163,7 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
         seen[what] = "never" if took is None else round(took, 2)
         tab.picture(pictures.with_name(f"{pictures.name}-{what}.png"))
 
-    robots = tab.run("Object.keys(splinefleet.at(splinefleet.time))")
+    robots = tab.run(f"Object.keys({_STATES})")
     for number, name in enumerate(robots[:3], start=1):
         _choose_place(tab, name, 0.2 * number + 0.1)
         tab.picture(pictures.with_name(f"{pictures.name}-before-{number}.png"))
@@ -180,7 +181,8 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
         tab.wait(lost, 30.0)
         seen["killed"] = round(time.monotonic() - began, 2)
         tab.picture(pictures.with_name(f"{pictures.name}-killed.png"))
-        fleet.agents[first] = fleet.start(first)
+        place = f"(({{ x, y, heading }}) => [x, y, heading])({_STATES}.{first})"
+        fleet.agents[first] = fleet.start(first, "--at", *map(str, tab.run(place)))
         _wait_for_robot(fleet, first)
         tab.run(f"document.getElementById('order-robot').value = '{first}'")
         tab.run("document.getElementById('order-robot').dispatchEvent(new Event('change'))")

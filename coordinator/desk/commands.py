@@ -164,6 +164,8 @@ class Commands:
         """Let a robot that has come back take part again."""
         asked = Admit(self._line.boot, self._by(by))
         asking = Asking(_name(robot, "robot"), asked.boot)
+        if self._line.known.command is not None:
+            asking.hear(self._line.known.command)
         asking.asked()
 
         def heard(message: Message) -> str | None:
