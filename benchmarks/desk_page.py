@@ -3,9 +3,11 @@
 `python -m benchmarks.desk_page 5 20 100 -o FOLDER` takes fleets of these sizes: up to 20 robots (or
 as `--processes` says) are processes, more are simulated in one.  A script orders, cancels,
 redirects, kills a robot, admits it, stops the fleet, lets it go on and ends it, at 1440x900 and
-390x844, and writes pictures.  Each command is timed from the click to its effect on the page, by
-the page's own clock; an order is seen when it is answered or listed.  A simulated robot is killed
-by its script, which is timed in the fleet's seconds, and does not come back.
+390x844, and writes pictures.  Each command is timed from the click to what the coordinator has made
+of it on the page, by the page's own clock; an order is seen when it is answered or listed.  A robot
+is to be admitted once it is heard and knows the time; it is admitted when it has its next course.
+A simulated robot is killed by its script, which is timed in the fleet's seconds, and does not come
+back.
 
 `python -m benchmarks.desk_page watch ADDRESS SECONDS` looks at a page that nobody touches: bytes a
 second to it, share of a core that the browser takes, its memory.
@@ -22,9 +24,11 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
@@ -42,26 +46,32 @@ SIZES: Final = {"desktop": (1440, 900), "phone": (390, 844)}
 Process = subprocess.Popen[str]
 MOST_PROCESSES: Final = 20
 _PATIENCE_S: Final = 400.0
+_WRITTEN_S: Final = 20.0
 _COMMAND: Final = (sys.executable, "-m", "splinefleet")
-_WATCH: Final = """(async (act, shown, limit) => {
+_WATCH: Final = """((shown, limit) => {
   const told = () => ["answer", "orders", "phase", "alarms"]
     .map((id) => document.getElementById(id).textContent).join("\\n");
   const orders = () => [...document.querySelectorAll("#orders li:not([hidden]) .id")]
     .map((one) => one.textContent).filter((id) => id.startsWith("order-"));
-  const begin = performance.now(), before = orders();
+  const before = orders();
   const seen = () => shown(told(), orders().some((id) => !before.includes(id)));
-  act();
-  while (!seen() && performance.now() - begin < limit) {
-    await new Promise((next) => setTimeout(next, 10));
-  }
-  return seen() ? (performance.now() - begin) / 1000 : null;
+  window.seen = new Promise((resolve) => document.addEventListener("click", async () => {
+    const begin = performance.now();
+    while (!seen() && performance.now() - begin < limit) {
+      await new Promise((next) => setTimeout(next, 10));
+    }
+    resolve(seen() ? (performance.now() - begin) / 1000 : null);
+  }, { once: true, capture: true }));
 })"""
 _LOST: Final = """(() => {
   const alarms = document.getElementById("alarms");
   new MutationObserver(() => {
-    if (alarms.textContent.includes("%s is not heard")) window.lost ??= splinefleet.time;
+    if (alarms.textContent.includes("%s is not heard")) window.lost ??= splinefleet.fleetTime;
   }).observe(alarms, { childList: true, subtree: true });
 })()"""
+_ANSWER: Final = "document.getElementById('answer').textContent"
+_STATES: Final = "splinefleet.at(splinefleet.time)"
+_NO_ACTS: Final = ("robots", "screen", "errors", "in the log")
 _KILLED_S: Final = 20
 """When [s since GO] a simulated robot is killed."""
 
@@ -74,7 +84,7 @@ class Fleet:
         address: str,
         log: Path,
         agents: dict[str, Process],
-        start: Callable[[str], Process] | None = None,
+        start: Callable[..., Process] | None = None,
     ) -> None:
         self.address, self.log, self.agents, self.start = address, log, agents, start
 
@@ -109,8 +119,8 @@ def fleet_of(count: int, folder: Path, most_processes: int) -> Iterator[Fleet]:
         options = ("--listen", endpoint, "--log", str(log), "--stay", "--json")
         address = _address(start("coordinator", str(file), *page, *options))
 
-        def agent(name: str) -> Process:
-            return start("agent", name, "--connect", endpoint, "--quiet")
+        def agent(name: str, *place: str) -> Process:
+            return start("agent", name, "--connect", endpoint, "--quiet", *place)
 
         agents = {robot.id: agent(robot.id) for robot in scenario.robots}
         yield Fleet(address, log, agents, agent)
@@ -145,30 +155,25 @@ def commanded(count: int, folder: Path, most_processes: int = MOST_PROCESSES) ->
 def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
     seen: Row = {}
 
-    def act(what: str, script: str, shown: str, limit: float = 20.0) -> None:
-        asked = f"{_WATCH}(() => {{ {script} }}, (text, listed) => {shown}, {1000 * limit})"
-        took = tab.run(asked)
+    def act(what: str, button: str, shown: str, limit: float = 20.0) -> None:
+        tab.wait(f"document.querySelector('{button}')")
+        tab.run(f"{_WATCH}((text, listed) => {shown}, {1000 * limit})")
+        _click(tab, f"document.querySelector('{button}')")
+        took = tab.run("window.seen")
         seen[what] = "never" if took is None else round(took, 2)
         tab.picture(pictures.with_name(f"{pictures.name}-{what}.png"))
 
-    robots = tab.run("Object.keys(splinefleet.at(splinefleet.time))")
+    robots = tab.run(f"Object.keys({_STATES})")
     for number, name in enumerate(robots[:3], start=1):
-        tab.run(f"splinefleet.choose({number - 1})")
-        _choose_place(tab, 0.2 * number + 0.1)
+        _choose_place(tab, name, 0.2 * number + 0.1)
         tab.picture(pictures.with_name(f"{pictures.name}-before-{number}.png"))
-        act(f"order {number}", _press("order-send"), _ordered(name))
+        act(f"order {number}", "#order-send", _ordered(name))
     first, second = robots[0], robots[1]
-    act(
-        "cancel",
-        "document.querySelector('.cancel:not([hidden])').click()",
-        "/is cancelled|cancelled/.test(text)",
-    )
-    tab.run("document.getElementById('order-now').checked = true")
-    tab.run("splinefleet.choose(1)")
-    _click_floor(tab, 0.6)
-    act("redirect", _press("order-send"), _ordered(second))
-    act("STOP", _press("stop"), "/told to stop/.test(text)")
-    act("go on", _press("go-on"), "/, go/.test(text)")
+    act("cancel", "#orders li:not([hidden]) .cancel:not([hidden])", "/cancelled/.test(text)")
+    _choose_place(tab, second, 0.6, at_once=True)
+    act("redirect", "#order-send", _ordered(second))
+    act("STOP", "#stop", "/told to stop/.test(text)")
+    act("go on", "#go-on:not([hidden])", "/, go/.test(text)")
     if fleet.start is not None:
         fleet.agents[first].send_signal(signal.SIGKILL)
         lost = f"document.body.innerText.includes('{first} is not heard')"
@@ -176,22 +181,32 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
         tab.wait(lost, 30.0)
         seen["killed"] = round(time.monotonic() - began, 2)
         tab.picture(pictures.with_name(f"{pictures.name}-killed.png"))
-        fleet.agents[first] = fleet.start(first)
-        time.sleep(3.0)
+        place = f"(({{ x, y, heading }}) => [x, y, heading])({_STATES}.{first})"
+        fleet.agents[first] = fleet.start(first, "--at", *map(str, tab.run(place)))
+        _wait_for_robot(fleet, first)
         tab.run(f"document.getElementById('order-robot').value = '{first}'")
-        answered = f"document.getElementById('answer').textContent.includes('{first} ')"
-        act("admit", _press("admit"), answered, 30.0)
+        tab.run("document.getElementById('order-robot').dispatchEvent(new Event('change'))")
+        act("admit", "#admit", f"/{first} goes|, GO$/.test({_ANSWER})", 30.0)
     else:
         tab.wait("window.lost !== undefined", _PATIENCE_S)
         seen["killed"] = round(tab.run("window.lost") - _KILLED_S, 2)
         seen["admit"] = "-"
         tab.picture(pictures.with_name(f"{pictures.name}-killed.png"))
-    act(
-        "end",
-        "window.confirm = () => true; " + _press("end-mission"),
-        "/the fleet ends/.test(text)",
-    )
+    tab.run("window.confirm = () => true")
+    act("end", "#end-mission", "/the fleet ends/.test(text)")
     return seen
+
+
+def _wait_for_robot(fleet: Fleet, name: str) -> None:
+    """Wait until a robot that was started again is heard and knows the time."""
+    end = time.monotonic() + _PATIENCE_S
+    while time.monotonic() < end:
+        with urllib.request.urlopen(f"{fleet.address}api/fleet") as answer:
+            robots = {one["id"]: one for one in json.load(answer)["robots"]}
+        if robots[name]["is_heard"] and not robots[name]["fault"]:
+            return
+        time.sleep(0.1)
+    raise TimeoutError(name)
 
 
 def _ordered(robot: str) -> str:
@@ -199,44 +214,51 @@ def _ordered(robot: str) -> str:
     return f"listed || /{robot}, (under way|waiting)/.test(text)"
 
 
-def _press(name: str) -> str:
-    return f"document.getElementById('{name}').click();"
+def _click(tab: Tab, box: str, across: float = 0.5, down: float = 0.5) -> None:
+    """Click an element, at this share of its width and height."""
+    tab.run(f"{box}.scrollIntoView({{ block: 'center' }})")
+    left, top, width, height = tab.run(
+        "(({left, top, width, height}) => [left, top, width, height])"
+        f"({box}.getBoundingClientRect())"
+    )
+    for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
+        tab.point(left + across * width, top + down * height, kind)
 
 
-def _choose_place(tab: Tab, share: float) -> None:
-    """Click the floor near a place until the page says when the robot would be there."""
+def _choose_place(tab: Tab, robot: str, share: float, *, at_once: bool = False) -> None:
+    """Click the floor near a place until the page says when a robot would be there."""
     outlook = "document.getElementById('outlook').textContent"
     for shift in range(10):
-        tab.run(f"{outlook} = ''")
-        _click_floor(tab, share + 0.02 * shift)
+        place = share + 0.02 * shift
+        if tab.run("document.getElementById('order-robot').value") != robot:
+            tab.run(f"splinefleet.choose(Object.keys(splinefleet.at(0)).indexOf('{robot}'))")
+        tab.run(f"document.getElementById('order-now').checked = {str(at_once).lower()}")
+        tab.run("document.getElementById('outlook').textContent = ''")
+        _click(tab, "document.getElementById('floor')", place, place)
+        if tab.run("document.getElementById('order-place').value === ''"):
+            continue  # There is a robot, which was chosen.
         tab.wait(f"{outlook} !== ''", _PATIENCE_S)
         if tab.run(f"{outlook}.includes('would be there')"):
             return
-
-
-def _click_floor(tab: Tab, share: float) -> None:
-    """Click the floor, at this share of its width and height."""
-    tab.run("document.getElementById('floor').scrollIntoView()")
-    box = json.loads(
-        tab.run(
-            "JSON.stringify((({left, top, width, height}) => [left, top, width, height])"
-            "(document.getElementById('floor').getBoundingClientRect()))"
-        )
-    )
-    x, y = box[0] + share * box[2], box[1] + share * box[3]
-    for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
-        tab.point(x, y, kind)
+    raise RuntimeError(f"there is no place for {robot}")
 
 
 def _logged(log: Path) -> Row:
-    """Return how many of the operators' messages a log holds."""
+    """Return how many of the operators' messages a log holds, the last one, a Tell, among them."""
+    end = time.monotonic() + _WRITTEN_S
+    while "Tell" not in (found := _said(log)) and time.monotonic() < end:
+        time.sleep(1.0)
+    return {"in the log": " ".join(f"{name}:{count}" for name, count in sorted(found.items()))}
+
+
+def _said(log: Path) -> dict[str, int]:
     found: dict[str, int] = {}
     for record in read_log(log).records:
         place = keys.split(record.key)
         message = None if place is None else decode(place[1], record.payload)
         if isinstance(message, Order | Cancel | Tell | Admit) and message.by:
             found[type(message).__name__] = found.get(type(message).__name__, 0) + 1
-    return {"in the log": " ".join(f"{name}:{count}" for name, count in sorted(found.items()))}
+    return found
 
 
 def watched(address: str, seconds: float) -> Iterator[Row]:
@@ -282,6 +304,14 @@ def _cpu(folder: str) -> float:
     return ticks / os.sysconf("SC_CLK_TCK")
 
 
+def _summary(rows: list[Row], what: str) -> Row:
+    """Return the median and the greatest time [s] of an action, and how often it was not seen."""
+    times = [row[what] for row in rows if isinstance(row[what], float)]
+    never = sum(row[what] == "never" for row in rows)
+    told = {"median": median(times), "most": max(times)} if times else {}
+    return {"action": what, **told, "never": never}
+
+
 if __name__ == "__main__":
     if sys.argv[1:2] == ["watch"]:
         show("an untouched page", list(watched(sys.argv[2], float(sys.argv[3]))))
@@ -292,5 +322,10 @@ if __name__ == "__main__":
         options.add_argument("--processes", type=int, default=MOST_PROCESSES)
         asked = options.parse_args()
         asked.o.mkdir(parents=True, exist_ok=True)
-        rows = [row for count in asked.robots for row in commanded(count, asked.o, asked.processes)]
-        show("from the click to what is seen [s]", rows)
+        rows = []
+        for count in asked.robots:
+            for row in commanded(count, asked.o, asked.processes):
+                show("from the click to what is seen [s]", [row])
+                rows.append(row)
+        acts = [name for name in rows[0] if name not in _NO_ACTS]
+        show("all of these", [_summary(rows, act) for act in acts])

@@ -6,13 +6,14 @@ looks.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import msgspec
 
 from coordinator.desk.answers import Alarm, RobotState
-from protocol.messages import OrderState
+from coordinator.scenario.order_checks import OWN
+from protocol.messages import REFUSED, WAITING, OrderState
 
 _LOST: Final = (
     "Go and look where it stands. Restart it there and admit it, or carry it away and take it out."
@@ -24,6 +25,8 @@ _FAULTS: Final = {
     "plan not acceptable": "Its limits are not the scenario's; the coordinator's output says how.",
 }
 
+_LONG: Final = 60.0
+"""An order that waits for longer than this [s] although robots are free needs a person."""
 
 _LOG: Final = "log"
 _LOG_TODO: Final = "Free its disk, and start the coordinator again with --resume and its log."
@@ -34,6 +37,8 @@ class Alarms:
 
     def __init__(self) -> None:
         self._now: dict[str, Alarm] = {}
+        self._waits: dict[str, tuple[OrderState, float]] = {}
+        """The orders that wait, each with since when [s]."""
 
     def now(self) -> list[Alarm]:
         """Return the alarms; those that nobody has acknowledged first, the newest first."""
@@ -50,8 +55,17 @@ class Alarms:
             self._now[name] = msgspec.structs.replace(alarm, is_acknowledged=True)
         return True
 
-    def refused(self, state: OrderState, now: float) -> None:
-        """Take in that an order is refused; `now` [s] since 1970."""
+    def take_order(self, state: OrderState, now: float) -> None:
+        """Take in what has become of an order; `now` [s] since 1970."""
+        if state.state == WAITING:
+            _, since = self._waits.get(state.id, (state, now))
+            self._waits[state.id] = (state, since)
+            return
+        self._waits.pop(state.id, None)
+        if state.state == REFUSED and not state.id.startswith(OWN):
+            self._refuse(state, now)
+
+    def _refuse(self, state: OrderState, now: float) -> None:
         text = f"{_named(state)} is refused: {state.reason}"
         todo = "Give another goal, or another robot."
         name = f"refused-{state.id}"
@@ -77,17 +91,14 @@ class Alarms:
         self,
         is_heard: bool,
         robots: Sequence[RobotState],
-        waiting: Iterable[OrderState],
         now: float,
     ) -> None:
-        """Find out what needs a person now; while no coordinator is heard, that alone does.
-
-        `waiting`: orders that wait, and have waited for long.
-        """
+        """Find out what needs a person now; while no coordinator is heard, that alone does."""
         found = [] if is_heard else [_unheard(now)]
         if is_heard:
             found = [alarm for one in robots if (alarm := _about(one, now)) is not None]
             idle = {one.id for one in robots if one.rests and not one.order}
+            waiting = [one for one, since in self._waits.values() if now - since > _LONG]
             could = [one for one in waiting if (one.robot in idle if one.robot else idle)]
             found += [_stuck(one, now) for one in could]
         lasting = {one.id: one for one in self._now.values() if one.is_lasting}

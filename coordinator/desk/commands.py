@@ -50,12 +50,13 @@ PATIENCE_S: Final = 5.0
 """So long an answer is waited for."""
 
 _SETTLES_S: Final = 1.0
-"""So long an order that nothing keeps may take to begin: its first answer says more."""
+"""So long an order may take to begin, or to say what keeps it: its first answer says no more."""
 
 _ADMIT_S: Final = 20.0
 
-_SAYS_END: Final = 7
-"""The end is said until so many Commands have been heard, which is about three times."""
+_SAYS_END: Final = 4
+_END_AGAIN_S: Final = 0.1
+"""The end is said that often, until so many Commands have been heard: about three times."""
 
 
 class Refused(Exception):  # noqa: N818 - it is an outcome
@@ -96,11 +97,17 @@ class Commands:
     async def give_order(self, body: OrderBody, by: str) -> OrderSummary:
         """Give an order and return what has become of it so far."""
         given = body.message(self._line.boot, f"order-{os.urandom(4).hex()}", self._by(by))
-        is_behind = given.robot and not given.now and self._line.known.is_busy(given.robot)
-        state = await self._asked_order(given, given.id)
-        if state.state == WAITING and not (given.release_ms or given.after or is_behind):
-            begun = partial(_state_of, name=given.id, but=WAITING)
-            state = await self._line.await_answer(begun, _SETTLES_S) or state
+
+        def settled(message: Message) -> OrderState | None:
+            said = _state_of(message, given.id)
+            if said is not None and said.state == WAITING and (given.now or not said.reason):
+                return None
+            return said
+
+        said = await self._asked_order(given, given.id)
+        state = self._line.known.orders.get(given.id, said)
+        if not (given.release_ms or given.after or settled(state)):
+            state = await self._line.await_answer(settled, _SETTLES_S) or state
         if state.state == REFUSED:
             raise Refused(409, state.reason)
         return OrderSummary.of(state)
@@ -150,12 +157,15 @@ class Commands:
             is_said = message.phase == phases.OVER or next(heard) >= _SAYS_END
             return message.phase if is_said else None
 
-        return self._phase(await self._line.ask(keys.tell, asked, often, PATIENCE_S))
+        phase = await self._line.ask(keys.tell, asked, often, PATIENCE_S, _END_AGAIN_S)
+        return self._phase(phase)
 
     async def admit(self, robot: str, by: str) -> Told:
         """Let a robot that has come back take part again."""
         asked = Admit(self._line.boot, self._by(by))
         asking = Asking(_name(robot, "robot"), asked.boot)
+        if self._line.known.command is not None:
+            asking.hear(self._line.known.command)
         asking.asked()
 
         def heard(message: Message) -> str | None:
@@ -275,10 +285,10 @@ def _answered(answer: Answer | None) -> Answer:
 
 
 def _state_of(
-    message: Message, name: str, *, within: tuple[int, ...] | None = None, but: int | None = None
+    message: Message, name: str, *, within: tuple[int, ...] | None = None
 ) -> OrderState | None:
     """Return a message if it is about this order, in one of these states."""
-    if not isinstance(message, OrderState) or message.id != name or message.state == but:
+    if not isinstance(message, OrderState) or message.id != name:
         return None
     return message if within is None or message.state in within else None
 

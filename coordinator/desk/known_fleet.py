@@ -18,7 +18,6 @@ from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.log_records import LINK_UP
 from coordinator.fleet.orders import LEAVE
 from coordinator.plan.wire import unpack
-from coordinator.scenario.order_checks import OWN
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import (
@@ -27,7 +26,6 @@ from protocol.messages import (
     ORDER_STATES,
     REFUSED,
     UNDER_WAY,
-    WAITING,
     Block,
     Command,
     Join,
@@ -43,9 +41,6 @@ from protocol.timing import LATE_STEP_MS, REPORT_TIMEOUT, SECOND
 
 _SILENCE: Final = REPORT_TIMEOUT / SECOND
 """Who has said nothing for so long [s] is not heard; robots on the coordinator's clock, too."""
-
-_LONG: Final = 60.0
-"""An order that waits for longer than this [s] although robots are free needs a person."""
 
 ENDED: Final = (ORDER_DONE, CANCELLED, REFUSED)
 
@@ -87,9 +82,6 @@ class KnownFleet:
 
         self._reached: dict[str, tuple[Plan, int, tuple[float, float] | None]] = {}
         """By robot: where a course of it is at a plan time [ms]."""
-
-        self._waits: dict[str, float] = {}
-        """Since when orders wait."""
 
         self.joined: dict[str, Join] = {}
         """What was said of robots that have joined."""
@@ -155,7 +147,7 @@ class KnownFleet:
         command = self.command
         if command is None or command.phase != OVER:
             is_heard = self.is_heard(now) or command is None
-            self.alarms.look(is_heard, robots, self._waiting_long(now), now + self._wall_s)
+            self.alarms.look(is_heard, robots, now + self._wall_s)
         states = Counter(ORDER_STATES[one.state] for one in self.orders.values())
         return FleetAnswer(
             fleet=self.fleet or "",
@@ -190,10 +182,6 @@ class KnownFleet:
         """Return all orders, in the order in which they became known."""
         found = [OrderSummary.of(state) for state in self.orders.values()]
         return sorted(found, key=lambda one: (one.released or 0.0, one.id))
-
-    def is_busy(self, robot: str) -> bool:
-        """Return whether a robot has an order under way."""
-        return any(one.robot == robot for one in _under_way(self.orders.values()))
 
     def seen(self, name: str, now: float) -> Seen | None:
         """Return a robot as a VDA 5050 state tells of it; None if it was never heard."""
@@ -265,11 +253,6 @@ class KnownFleet:
             known = self._reached[name] = (plan, until_ms, _place_at(plan, 0.001 * until_ms))
         return known[2] if known is not None and known[0] is plan else None
 
-    def _waiting_long(self, now: float) -> list[OrderState]:
-        """Return the orders that have waited for longer than _LONG."""
-        since = {name: at for name, at in self._waits.items() if now - at > _LONG}
-        return [self.orders[name] for name in since if self.orders[name].state == WAITING]
-
     def _take_plan(self, plan: Plan) -> None:
         courses = self._driven.setdefault(plan.robot, {})
         courses[plan.revision] = plan
@@ -291,16 +274,13 @@ class KnownFleet:
     def _take_order(self, state: OrderState, now: float) -> None:
         if state.released_ms is None and state.state == REFUSED:
             return  # There is no such order.
-        if state.state == WAITING:
-            self._waits.setdefault(state.id, now)
-        else:
-            self._waits.pop(state.id, None)
         before = self.orders.pop(state.id, None)
         self.orders[state.id] = state
-        self.order_changes += before != state
+        if before == state:
+            return
+        self.order_changes += 1
+        self.alarms.take_order(state, now + self._wall_s)
         is_news = before is None or before.state != state.state
-        if is_news and state.state == REFUSED and not state.id.startswith(OWN):
-            self.alarms.refused(state, now + self._wall_s)
         if is_news and state.state == ORDER_DONE and state.id == f"{LEAVE}{state.robot}":
             self._left.add(state.robot)
             self._robots.pop(state.robot, None)

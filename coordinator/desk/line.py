@@ -119,9 +119,12 @@ class Line:
         message: Operators,
         fits: Callable[[Message], Answer | None],
         patience_s: float,
+        again_s: float = _AGAIN_S,
     ) -> Answer | None:
-        """Say a message again and again until something heard is an answer; None if nothing is."""
-        return await self._until(fits, patience_s, lambda fleet: self._put(key(fleet), message))
+        """Say a message every `again_s` until something heard is an answer; None if nothing is."""
+        return await self._until(
+            fits, patience_s, lambda fleet: self._put(key(fleet), message), again_s
+        )
 
     async def await_answer(
         self, fits: Callable[[Message], Answer | None], patience_s: float
@@ -137,6 +140,7 @@ class Line:
         fits: Callable[[Message], Answer | None],
         patience_s: float,
         say: Callable[[str], None],
+        again_s: float = _AGAIN_S,
     ) -> Answer | None:
         queue: asyncio.Queue[Message] = asyncio.Queue()
         self._answers.add(queue)
@@ -146,9 +150,9 @@ class Line:
             while (now := time.monotonic()) < deadline:
                 if self.known.fleet is not None and now >= due:
                     say(self.known.fleet)
-                    due = now + _AGAIN_S
+                    due = now + again_s
                 with contextlib.suppress(TimeoutError):
-                    async with asyncio.timeout(_AGAIN_S):
+                    async with asyncio.timeout(again_s):
                         answer = fits(await queue.get())
                         if answer is not None:
                             return answer

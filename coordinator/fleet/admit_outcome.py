@@ -10,6 +10,7 @@ from typing import Final
 
 from protocol.messages import Command, Message, Plan, Refusal
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, OVER
+from protocol.timing import MILLISECOND
 
 _MOST_WITHOUT: Final = 2
 """The request ends after this many epochs without the robot, so that the fleet can drive on."""
@@ -19,8 +20,9 @@ class Asking:
     """A request to admit a robot, with its outcome as the fleet's messages show it.
 
     The robot is admitted when, after a freeze, the fleet is in an epoch of which the robot has a
-    Plan, or when it is sent a further course without a freeze.  `answer` is empty until the outcome
-    is known, and then says it in words.  `admitted` is true if the outcome is that the robot was
+    Plan, or when it is sent a further course without a freeze, one that begins after it was asked:
+    an earlier one is only said again.  `answer` is empty until the outcome is known, and then says
+    it in words.  `admitted` is true if the outcome is that the robot was
     admitted.
     """
 
@@ -31,6 +33,8 @@ class Asking:
         self._frozen = self._asked = False
         self._without = 0
         self._epoch = -1
+        self._asked_ms = 0
+        """The plan time of the last Command before it was asked, in a fleet that drove."""
 
     def asked(self) -> None:
         """Record that the request was sent."""
@@ -43,13 +47,16 @@ class Asking:
                 self.answer = message.reason
         elif isinstance(message, Plan):
             self._epoch = max(self._epoch, message.epoch)
-            if self._asked and message.revision > 0:
+            is_new = message.revision > 0 and message.begin_ms >= self._asked_ms
+            if self._asked and is_new:
                 self.admitted, self.answer = True, f"{self._robot} goes on from where it stands"
         elif isinstance(message, Command):
             self._hear_command(message)
 
     def _hear_command(self, command: Command) -> None:
         self._frozen |= self._asked and command.phase == FREEZE
+        if not self._asked and command.phase == GO:
+            self._asked_ms = (command.said_ns - command.start_ns) // MILLISECOND
         if command.phase == OVER:
             self.answer = f"the fleet has ended without {self._robot}"
         elif self._frozen and command.phase != FREEZE and command.epoch == self._epoch:

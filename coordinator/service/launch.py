@@ -37,6 +37,7 @@ from coordinator.scenario.changes import Change, changes
 from coordinator.scenario.model import Scenario
 from coordinator.security.denials import denial_key, denial_record
 from coordinator.security.link_admission import Gate
+from coordinator.service.alarm_bell import AlarmBell
 from coordinator.service.coordinator_service import Service
 from coordinator.service.desk_process import DeskPlace, with_desk
 from coordinator.service.meeting_place import MeetingPlace
@@ -250,10 +251,14 @@ class Coordinator:
     def _watcher(
         self, mission: Mission, table: FleetTable, recorder: Recorder
     ) -> Callable[[Fleet, int], None]:
+        bell = AlarmBell(self._told)
+
         def watch(fleet: Fleet, now_ns: int) -> None:
             self._tell_denials(recorder, now_ns)
             self._tell_incidents(fleet)
             self._tell_aside(mission)
+            for alarm, text in bell.news(fleet, now_ns, time.time()):
+                self._say("alarm", **{**msgspec.structs.asdict(alarm), "text": text})
             waiting = self._roll_call.news(fleet, now_ns)
             if waiting:
                 self._say("waiting", text=waiting)

@@ -191,6 +191,7 @@ class LiveCourse:
     def _take_in(self, message: Message, robot: str, now: float) -> bool:
         course = self._course
         if isinstance(message, Command):
+            self._set_clock(message.said_ns, now)
             if self._word is None or now - self._word[0] > _SURE:
                 self._lacks_orders = True
             self._word = (now, message.phase)
@@ -274,10 +275,11 @@ class LiveCourse:
             course.faults.append((now_ns, FaultSummary(0.0, robot, name, "report")))
         return changed or stops
 
-    def _set_clock(self, answered_ns: int, now: float) -> None:
-        self._first = self._first or (answered_ns, now)
-        if answered_ns >= self._latest[0]:
-            self._latest = (answered_ns, now)
+    def _set_clock(self, said_ns: int, now: float) -> None:
+        """Take in the coordinator's time [ns], heard at our time [s]."""
+        self._first = self._first or (said_ns, now)
+        if said_ns >= self._latest[0]:
+            self._latest = (said_ns, now)
 
     def _speed(self) -> float:
         """Return how many of the fleet's seconds pass in one of our seconds."""

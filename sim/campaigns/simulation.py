@@ -7,6 +7,7 @@ day, and no planning times.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -17,6 +18,7 @@ from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import to_json
 from coordinator.scenario.model import Scenario
 from coordinator.scenario_files.scenario_reader import scenario_to_json
+from coordinator.service.alarm_bell import AlarmBell
 from coordinator.service.desk_process import DeskPlace, with_desk
 from coordinator.service.planning import check_is_driven, plan_here
 from protocol.timing import SECOND
@@ -124,6 +126,7 @@ class _Teller:
     def __init__(self, world: World, *, by_day: bool) -> None:
         self._world, self._by_day = world, by_day
         self._aside_news = AsideNews()
+        self._bell = AlarmBell()
         self._incidents = 0
         self._strikes = 0
 
@@ -136,6 +139,9 @@ class _Teller:
         ]
         news += [(one.now_ns, write_fault(one.fault)) for one in world.struck[self._strikes :]]
         news += [(world.now_ns, text) for _, text in self._aside_news.news(world.mission)]
+        if self._by_day:
+            alarms = self._bell.news(world.fleet, world.now_ns, time.time())
+            news += [(world.now_ns, text) for _, text in alarms]
         self._incidents, self._strikes = len(incidents), len(world.struck)
         for now_ns, text in sorted(news, key=lambda one: one[0]):
             self._tell(now_ns, text)

@@ -21,6 +21,9 @@ DESK: Final = "desk"
 STEP_S: Final = 0.05
 """The world goes on by so much virtual time [s], and then waits for the clock."""
 
+_CAUGHT_UP_S: Final = 0.5
+"""A world that is behind the clock by more than this [s] does not catch up with it."""
+
 
 class DeskWindow:
     """Connects a world to a desk behind a `link`; `speed`: its seconds in one of this machine's."""
@@ -51,8 +54,8 @@ class DeskWindow:
         behind = time.monotonic() - due
         if behind < 0.0:
             time.sleep(-behind)
-        else:
-            self._began = (began + behind, begin_ns)  # What is lost is not caught up.
+        elif behind > _CAUGHT_UP_S:
+            self._began = (began + behind - _CAUGHT_UP_S, begin_ns)
 
     def _take(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
         self._said.put((key, payload))

@@ -96,7 +96,6 @@ def test_a_day_in_the_hall(tmp_path):
 
         day.wait_for("flow", "orders done")
         day.press("show-heat")
-        day.picture("evening")
         assert tab.errors == []
         tab.run("window.confirm = () => true")
         day.press("end-mission")

@@ -2,10 +2,20 @@
 
 import json
 import signal
+import time
 from contextlib import ExitStack
 
 import pytest
 
+from coordinator.desk.line import Line
+from coordinator.desk.web import Desk, served
+from coordinator.planning.planner import plan_scenario
+from coordinator.scenario_files.scenario_reader import read_scenario
+from coordinator.view.live_course import LiveCourse
+from coordinator.view.page import page_of
+from protocol import keys
+from protocol.messages import REFUSED, UNDER_WAY, OrderState
+from tests.coordinator.desk.fake_fleet import FLEET, FakeFleet
 from tests.system.browser import browser, find_browser, needs_axe
 from tests.system.fleet_tools import TWO_ROBOTS, free_endpoint, line_with, started
 
@@ -88,7 +98,48 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
         click(tab, "take-out")
         tab.wait(f"{ANSWER} === 'R2 has left'")
         click(tab, "end-mission")
+        tab.wait("document.getElementById('follow').textContent === 'over'")
         assert coordinator.wait(60.0) == 0
+
+
+@pytest.mark.parametrize(
+    ("state", "left"), [(UNDER_WAY, ""), (REFUSED, "1, 1")], ids=["under way", "refused"]
+)
+def test_the_next_order_can_be_chosen_while_one_is_not_answered_yet(tmp_path, state, left):
+    (tmp_path / "two.toml").write_text(TWO_ROBOTS)
+    document = plan_scenario(read_scenario(tmp_path / "two.toml"), effort=0)
+    fleet = FakeFleet()
+    fleet.is_deaf = True
+    line = Line(fleet, LiveCourse(FLEET, document))
+    desk = Desk(
+        line, lambda may: page_of(line.scene(), live=True, may_command=may), may_command=True
+    )
+    place = "document.getElementById('order-place').value"
+
+    def answer():
+        tab.wait(f"{ANSWER}.startsWith('asked')")
+        fleet.said.clear()
+        deadline = time.monotonic() + 10.0
+        while not fleet.said:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        (order,) = fleet.said
+        told = OrderState(order.id, state, "R1", released_ms=5, reason="")
+        fleet.tell(keys.orders(FLEET, order.id), told)
+        tab.wait(f"!{ANSWER}.startsWith('asked')")
+
+    with served(desk.app()) as address, browser(tmp_path / "profile") as tab:
+        fleet.beat()
+        tab.open(address)
+        order_to(tab, "1, 1")
+        tab.wait(f"{ANSWER} === 'asked: any robot to 1, 1' && {place} === ''")
+        answer()
+        assert tab.run(place) == left
+        order_to(tab, "2, 2")
+        tab.run("document.getElementById('order-place').value = '3, 3'")
+        tab.run("document.getElementById('order-place').dispatchEvent(new Event('input'))")
+        answer()
+        assert tab.run(place) == "3, 3"
 
 
 def test_who_only_looks_has_no_commands(tmp_path):

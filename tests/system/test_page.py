@@ -2,10 +2,12 @@
 
 import json
 import math
+import os
 import random
 import signal
 import time
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
@@ -379,6 +381,25 @@ def test_a_hundred_robots_are_drawn_in_a_fiftieth_of_a_second(tab, folder):
     )
     assert tab.layouts() - before < 30, "frames are drawn without laying out the page"
     assert tab.errors == []
+
+
+def test_the_pictures_of_docs_page(tab, tmp_path):
+    """With PICTURES=docs/img they are written there."""
+    five = ROOT / "examples" / "paper_five.toml"
+    splinefleet("simulate", five, "--fault", "kill:R3@8", "--out", tmp_path / "run")
+    made = splinefleet("plot", tmp_path / "run" / "run.mcap", "-o", tmp_path / "run.html")
+    assert made.returncode == 0, made.stderr
+    pictures = Path(os.environ.get("PICTURES", tmp_path))
+    told = "document.getElementById('robots').innerText"
+    tab.screen(1440, 900)
+    tab.open((tmp_path / "run.html").as_uri())
+    tab.run("splinefleet.seek(2.4)")
+    tab.wait(f"{told}.includes('waits for')")
+    tab.picture(pictures / "page_light.png")
+    tab.screen(1440, 900, dark=True)
+    tab.run("splinefleet.seek(20.9)")
+    tab.wait(f"{told}.includes('held by R3')")
+    tab.picture(pictures / "page_dark.png")
 
 
 def test_view_serves_the_page(tab, folder):

@@ -49,10 +49,10 @@ class Desk {
     byId("space-does").textContent = "STOP: all robots brake at once";
     const on = (name, act) => byId(name).addEventListener("click", act);
     on("stop", () => this.stop());
-    on("go-on", async () => { if (await ask("POST", "resume")) this.say("the fleet goes on"); });
-    on("end-mission", async () => {
+    on("go-on", () => this.command("go on", "POST", "resume", "the fleet goes on"));
+    on("end-mission", () => {
       if (!window.confirm("End the mission when all robots rest? It takes no further orders.")) return;
-      if (await ask("POST", "end")) this.say("the fleet ends when all robots rest");
+      this.command("end", "POST", "end", "the fleet ends when all robots rest");
     });
     on("admit", () => this.robot("admit"));
     on("take-out", () => this.robot("leave"));
@@ -80,8 +80,15 @@ class Desk {
     this.fades = setTimeout(() => { box.textContent = ""; }, 15000);
   }
 
-  async stop() {
-    if (await ask("POST", "freeze")) this.say("stopped: robots brake at once and keep their courses");
+  /** Ask for something, and say so until it is answered. */
+  async command(what, method, path, done) {
+    this.say(`asked: ${what}`);
+    const found = await ask(method, path);
+    if (found) this.say(done ?? found.text);
+  }
+
+  stop() {
+    this.command("STOP", "POST", "freeze", "stopped: robots brake at once and keep their courses");
   }
 
   /** Take in news of the fleet; only robots that have changed are in it. */
@@ -198,11 +205,23 @@ class Desk {
   async send() {
     const order = this.order();
     if (order === null) return;
+    this.clear();
+    this.say(`asked: ${order.robot || "any robot"} to ${order.goal.join(", ")}`);
     const found = await ask("POST", "orders", order);
-    if (found === null) return;
+    if (found === null) {
+      this.chooseAgain(order);
+      return;
+    }
     const why = found.reason ? `, ${found.reason}` : "";
     this.say(`${found.id}: ${found.robot || "no robot yet"}, ${found.state}${why}`);
-    this.clear();
+  }
+
+  /** Choose what was refused, so that it can be corrected, unless something else is chosen by now. */
+  chooseAgain({ goal, robot, now }) {
+    if (byId("order-place").value || this.whose() !== robot) return;
+    byId("order-place").value = goal.join(", ");
+    byId("order-now").checked = now;
+    this.readGoal();
   }
 
   /** Forget the place that was clicked. */
@@ -212,16 +231,14 @@ class Desk {
     this.readGoal();
   }
 
-  async cancel(id) {
-    if (await ask("DELETE", `orders/${id}`)) this.say(`${id} is cancelled`);
+  cancel(id) {
+    this.command(`cancel ${id}`, "DELETE", `orders/${id}`, `${id} is cancelled`);
   }
 
-  async robot(what) {
+  robot(what) {
     const name = this.whose();
     const sure = what !== "leave" || window.confirm(`Take ${name} out of the fleet? Carry it away first.`);
-    if (!name || !sure) return;
-    const found = await ask("POST", `robots/${name}/${what}`);
-    if (found) this.say(found.text);
+    if (name && sure) this.command(`${what} ${name}`, "POST", `robots/${name}/${what}`);
   }
 
   /** Close a square of 1 m around the place that was clicked. */

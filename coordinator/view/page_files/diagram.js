@@ -5,6 +5,8 @@ const MANY = 20;
 
 /** Lines that are drawn anew because of news alone are so at most once in this time [ms]. */
 const SELDOM = 1000;
+/** The cursor moves by no less than this [px]. */
+const LEAST = 1;
 
 class DiagramView {
   constructor(canvas) {
@@ -53,11 +55,15 @@ class DiagramView {
     const news = [this.play.version, this.play.learned, drawn].join(), seen = [focus, look.dark, end].join();
     const key = [seen, marks.length, news].join(), time = performance.now();
     const isSoon = time - this.drawn < SELDOM && key.startsWith(this.seen);
-    if (this.sheet.resize() || key !== this.key && !isSoon) {
+    const isNew = this.sheet.resize() || key !== this.key && !isSoon, x = this.X(t);
+    if (isNew) {
       Object.assign(this, { key, seen, drawn: time });
       this.background = this.lines(focus, look);
+    } else if (hover < 0 && this.hover < 0 && Math.abs(x - this.cursor) < LEAST) {
+      return;
     }
-    const pen = this.sheet.begin(this.background.canvas), x = this.X(t);
+    Object.assign(this, { hover, cursor: x });
+    const pen = this.sheet.begin(this.background.canvas);
     pen.strokeStyle = look.ink;
     pen.lineWidth = 1.25;
     pen.beginPath();

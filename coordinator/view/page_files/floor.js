@@ -45,7 +45,7 @@ class FloorView extends Ground {
     this.taken = [];
     this.sayNames(pen, focus, look);
     if (this.shown.waits) this.sayWaits(pen, found, focus, look);
-    this.drawScale(pen, look);
+    this.tellScale();
   }
 
   /** Tell the place on the floor at a spot on the canvas. */
@@ -54,23 +54,13 @@ class FloorView extends Ground {
     byId("where").textContent = place ? `${place.x.toFixed(2)}, ${place.y.toFixed(2)} m` : "";
   }
 
-  /** Draw a bar of a round length [m] at the lower left. */
-  drawScale(pen, look) {
+  /** Tell the scale by a bar of a round length [m]. */
+  tellScale() {
     const wanted = 90 / this.zoom, tens = 10 ** Math.floor(Math.log10(wanted));
-    const length = tens * [5, 2, 1].find((one) => one * tens <= wanted);
-    const x = 12, y = this.sheet.height - 12, wide = this.zoom * length;
-    pen.strokeStyle = pen.fillStyle = look.muted;
-    pen.lineWidth = 1.5;
-    pen.beginPath();
-    pen.moveTo(x, y - 5);
-    pen.lineTo(x, y);
-    pen.lineTo(x + wide, y);
-    pen.lineTo(x + wide, y - 5);
-    pen.stroke();
-    pen.font = look.font(11);
-    pen.textAlign = "left";
-    pen.textBaseline = "bottom";
-    pen.fillText(`${Number(length.toPrecision(1))} m`, x + 4, y - 2);
+    const length = tens * [5, 2, 1].find((one) => one * tens <= wanted), bar = byId("scale");
+    write(bar, `${Number(length.toPrecision(1))} m`);
+    const width = `${(this.zoom * length).toFixed(1)}px`;
+    if (bar.style.width !== width) bar.style.width = width;
   }
 
   /** Draw every path, the part ahead stronger than the part behind. */
@@ -282,12 +272,13 @@ class FloorView extends Ground {
     return found;
   }
 
-  /** The robot at a place on the canvas, or -1. */
+  /** The robot at a place on the canvas, or -1; a crowd leaves room to choose places. */
   pick(x, y) {
     let best = -1, least = Infinity;
     for (const spot of this.spots) {
       const away = Math.hypot(spot.x - x, spot.y - y);
-      if (away < Math.max(spot.radius + 4, 14) && away < least) [best, least] = [spot.index, away];
+      const reach = Math.max(spot.radius + 4, this.crowd ? 0 : 14);
+      if (away < reach && away < least) [best, least] = [spot.index, away];
     }
     return best;
   }

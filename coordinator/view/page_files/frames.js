@@ -17,7 +17,7 @@ function frame(time) {
     stale = false;
     draw();
   }
-  if (isWatched()) sleeps = setTimeout(wake, many() ? 500 : 40);
+  if (isWatched()) sleeps = setTimeout(wake, many() ? 1000 : 40);
   else requestAnimationFrame(frame);
 }
 
@@ -45,6 +45,14 @@ function hurry() {
   if (sleeps === null) return;
   clearTimeout(sleeps);
   wake();
+}
+
+/** The fleet does something else: draw and tell it at once. */
+function turn() {
+  followed = 0;
+  listed = -Infinity;
+  stale = true;
+  hurry();
 }
 
 for (const what of ["pointermove", "pointerdown", "wheel", "keydown", "input"]) {

@@ -40,7 +40,6 @@ class OrderList {
   /** Show the orders of another scene; rows stay, so that nothing moves. */
   show(play) {
     this.play = play;
-    update(this.title.parentElement, { hidden: play.scene.orders.length === 0 });
   }
 
   /** The orders at a time, in the order of the list. */
@@ -55,6 +54,7 @@ class OrderList {
   /** Tell the orders at a time; in rows out of sight only if `all` are told. */
   tell(t, robots, look, all) {
     const { found, listed } = this.at(t);
+    update(this.title.parentElement, { hidden: found.length === 0 });
     const counts = ORDER_STATES.map((name, state) => [name, found.filter((one) => one.state === state).length]);
     const told = counts.filter(([, count]) => count).map(([name, count]) => `${count} ${name}`);
     write(this.title, ["Orders", ...told.length ? [told.join(", ")] : []].join(": "));

@@ -7,6 +7,7 @@ window.splinefleet = {
   choose: chooseToggled,
   get seen() { return { factor: lens.factor, ...floor.placeAt() }; },
   get time() { return now; },
+  get fleetTime() { return word.time(); },
   get running() { return running; },
   get end() { return play.scene.end; },
 };

@@ -222,7 +222,11 @@ function repaint() {
 const word = new Word({
   scene: load,
   late: (found) => { play.learn(found); },
-  fleet: (found) => desk.hear(found),
+  fleet: (found) => {
+    const isTurn = desk.fleet && desk.fleet.phase !== found.phase;
+    desk.hear(found);
+    if (isTurn) turn();
+  },
   gone: (found) => desk.forget(found),
   changed: () => {
     presume();

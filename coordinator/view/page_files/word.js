@@ -56,7 +56,11 @@ class Word {
     });
     hear("scene", (scene) => this.show(scene));
     hear("change", (difference) => this.show(changed(this.scene, difference)));
-    for (const name of ["late", "fleet", "gone"]) hear(name, this.told[name]);
+    for (const name of ["late", "gone"]) hear(name, this.told[name]);
+    hear("fleet", (found) => {
+      if (this.last) this.last.over ||= found.phase === "over";
+      this.told.fleet(found);
+    });
     hear("clock", ({ now, speed }) => {
       const first = this.clock === null;
       this.clock = { now, speed, heard: this.alive };

@@ -76,8 +76,10 @@ class FakeFleet(Transport):
             is_known = message.robot in ("", "R1")
             waits = message.after or message.robot in self._busy
             state = UNDER_WAY if is_known and not waits else WAITING
-            self._busy.add(message.robot or "R1")
             why = "" if is_known else f"there is no robot {message.robot} in this fleet"
+            if message.robot in self._busy:
+                why = "R1 does another one first"
+            self._busy.add(message.robot or "R1")
             self._state(message.id, state if is_known else REFUSED, message.robot, why)
         elif isinstance(message, Cancel):
             known = {"done": ORDER_DONE, "under-way": 3}

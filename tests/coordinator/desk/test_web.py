@@ -92,13 +92,25 @@ def test_an_order_that_comes_after_another_one_is_answered_while_it_waits(desk):
     assert (status, state["state"], fleet.said[0].after) == (201, "waiting", "o-1")
 
 
-def test_a_robots_second_order_is_answered_at_once(monkeypatch):
+def test_an_order_that_says_why_it_waits_is_answered_at_once(monkeypatch):
     monkeypatch.setattr("coordinator.desk.commands._SETTLES_S", 60.0)
     fleet, order = FakeFleet(), {"goal": [1, 2], "robot": "R1"}
     with desk_of(fleet) as address:
         fleet.beat()
         assert ask(address, "api/orders", "POST", order)[1]["state"] == "under way"
-        assert ask(address, "api/orders", "POST", order)[1]["state"] == "waiting"
+        second = ask(address, "api/orders", "POST", order)[1]
+    assert (second["state"], second["reason"]) == ("waiting", "R1 does another one first")
+
+
+def test_an_order_for_at_once_is_answered_when_it_has_begun_whatever_keeps_it_first(monkeypatch):
+    monkeypatch.setattr("coordinator.desk.commands._SETTLES_S", 0.2)
+    fleet, order = FakeFleet(), {"goal": [1, 2], "robot": "R1"}
+    with desk_of(fleet) as address:
+        fleet.beat()
+        ask(address, "api/orders", "POST", order)
+        began = time.monotonic()
+        assert ask(address, "api/orders", "POST", order | {"now": True})[1]["state"] == "waiting"
+        assert time.monotonic() - began > 0.2
 
 
 def test_all_that_is_wrong_with_an_order_is_told_at_once(desk):

@@ -1,10 +1,12 @@
 """What becomes of asking for a robot to be admitted."""
 
 import pytest
+from msgspec.structs import replace
 
 from coordinator.fleet.admit_outcome import Asking
 from protocol.messages import Command, Plan, Refusal
 from protocol.phases import FREEZE, GO, HOLD, OVER
+from protocol.timing import SECOND
 
 BOOT = 77
 
@@ -34,6 +36,17 @@ def test_a_robot_is_admitted_when_the_epoch_after_the_freeze_has_a_plan_for_it(p
     assert asking.answer.startswith("epoch 2")
     late = asked(command(FREEZE, 1), command(HOLD, 2), plan(2), command(phase, 2))
     assert late.admitted
+
+
+def test_a_course_that_began_before_is_only_said_again():
+    asking = Asking("R2", BOOT)
+    asking.hear(replace(command(GO, 1), said_ns=30 * SECOND))
+    asking.asked()
+    before, after = (replace(plan(1), revision=2, begin_ms=ms) for ms in (20_000, 31_000))
+    asking.hear(before)
+    assert not asking.answer
+    asking.hear(after)
+    assert (asking.admitted, asking.answer) == (True, "R2 goes on from where it stands")
 
 
 def test_a_robot_without_a_part_in_two_epochs_after_freezes_is_not_admitted():

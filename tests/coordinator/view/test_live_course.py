@@ -50,10 +50,11 @@ def tell_plans(course, t=-1.0):
         assert course.hear(keys.plan(FLEET, robot.id), pack(document(), robot, 0), OURS + t)
 
 
-def tell_command(course, t, phase, epoch=1):
-    start = 0 if phase == HOLD else ZERO
-    message = encode(Command(1, 1, 1, epoch, phase, start, start, 600))
-    return course.hear(keys.command(FLEET), message, OURS + t)
+def tell_command(course, t, phase, epoch=1, ours=None):
+    """Tell a Command that was said at the fleet's time t; `ours`: when we hear it, t by default."""
+    start, said = 0 if phase == HOLD else ZERO, ZERO + round(t * SECOND)
+    message = encode(Command(1, 1, 1, epoch, phase, start, said, 600))
+    return course.hear(keys.command(FLEET), message, OURS + (t if ours is None else ours))
 
 
 def tell_time(course, t, ours):
@@ -210,6 +211,16 @@ def test_a_robot_that_is_lost_on_its_way_is_told_once_each_time(lost, text):
         tell_command(course, begin + 1.6, GO)
     told = [mark.text for mark in course.scene().marks if mark.kind == "fault"]
     assert told == [f"R1 {text}"] * 2
+
+
+def test_no_robot_of_a_fleet_that_stands_still_for_a_while_falls_silent():
+    course = LiveCourse(FLEET, document())
+    for t in (0.0, 3.0):
+        tell_time(course, t, t)
+        tell_command(course, t, GO)
+    course.hear(keys.report(FLEET, "R1"), encode(Report(1, 1, 1, MOVING, stamp_ms=3_000)), OURS + 3)
+    tell_command(course, 3.1, GO, ours=6.0)
+    assert [mark.text for mark in course.scene().marks if mark.kind == "fault"] == []
 
 
 def test_how_late_robots_are_and_who_holds_whom_is_told_from_the_messages():

@@ -1,0 +1,88 @@
+"""The alarms of a coordinator's terminal: what calls a person on the desk calls it here, too.
+
+Decides: how the facts that call a person are read from the fleet core.  Must not know: what calls a
+person (desk/alarms.py), how it is shown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from coordinator.desk.alarms import Alarms
+from coordinator.desk.answers import Alarm, RobotState
+from coordinator.fleet.core import Fleet
+from coordinator.fleet.member import Member
+from protocol.phases import NO_FAULT, OVER, PHASE_NAMES, fault_name
+from protocol.timing import SECOND
+
+_PERIOD: Final = SECOND // 2
+"""What an alarm says is told if it said the same so long [ns] before: a robot that has just fallen
+silent may still be told to drive a little farther."""
+
+
+class AlarmBell:
+    """Tells alarms when they begin, say something else, and are over.
+
+    `told`: how many of the fleet's incidents are known already.
+    """
+
+    def __init__(self, told: int = 0) -> None:
+        self._alarms = Alarms()
+        self._seen: dict[str, Alarm] = {}
+        self._rung: dict[str, Alarm] = {}
+        self._told = told
+        self._due_ns = 0
+
+    def news(self, fleet: Fleet, now_ns: int, day_s: float) -> Iterator[tuple[Alarm, str]]:
+        """Yield the alarms that are new or over since the last call, each with a line for people.
+
+        `day_s`: the time [s] since 1970.
+        """
+        for incident in fleet.incidents[self._told :]:
+            if incident.order is not None:
+                self._alarms.take_order(incident.order, day_s)
+            elif incident.kind == "log":
+                self._alarms.log_failed(incident.text, day_s)
+        self._told = len(fleet.incidents)
+        if now_ns < self._due_ns or fleet.phase == OVER:
+            return
+        self._due_ns = now_ns + _PERIOD
+        orders = {one.robot: one.order.id for one in fleet.orders.under_way()}
+        robots = [
+            _state_of(fleet, one, orders.get(one.id, ""), now_ns) for one in fleet.members.values()
+        ]
+        self._alarms.look(True, robots, day_s)
+        seen, self._seen = self._seen, {one.id: one for one in self._alarms.now()}
+        for name, one in self._seen.items():
+            is_settled = name in seen and seen[name].text == one.text
+            if is_settled and (name not in self._rung or self._rung[name].text != one.text):
+                self._rung[name] = one
+                yield one, f"{one.text}. {one.todo}"
+        for name in self._rung.keys() - self._seen.keys():
+            over = self._rung.pop(name)
+            yield over, f"over: {over.text}"
+
+
+def _state_of(fleet: Fleet, member: Member, order: str, now_ns: int) -> RobotState:
+    """Return a robot as the alarms look at it."""
+    is_heard = not member.is_silent(now_ns)
+    return RobotState(
+        id=member.id,
+        phase=PHASE_NAMES[member.phase],
+        fault="" if member.fault == NO_FAULT else fault_name(member.fault),
+        age=None if member.boot is None else (now_ns - member.heard_ns) / SECOND,
+        is_heard=is_heard,
+        order=order,
+        reach=None if is_heard else _reach(fleet, member.id),
+    )
+
+
+def _reach(fleet: Fleet, robot: str) -> tuple[float, float] | None:
+    """Return the place [m] beyond which a robot was not told to drive; None if it has no course."""
+    mine = fleet.grants.of(robot)
+    if mine is None or mine.now.course is None:
+        return None
+    driven, (span, *_) = mine.now.course.driven, fleet.spans(robot)
+    x, y = driven.curve.at_arc([driven.timeline.s_at(0.001 * span.until_ms)])[0].tolist()
+    return x, y
