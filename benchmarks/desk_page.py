@@ -184,6 +184,7 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
         place = f"(({{ x, y, heading }}) => [x, y, heading])({_STATES}.{first})"
         fleet.agents[first] = fleet.start(first, "--at", *map(str, tab.run(place)))
         _wait_for_robot(fleet, first)
+        tab.wait(f"!{lost}")  # The page is laid out anew when the alarm is over.
         tab.run(f"document.getElementById('order-robot').value = '{first}'")
         tab.run("document.getElementById('order-robot').dispatchEvent(new Event('change'))")
         act("admit", "#admit", f"/{first} goes|, GO$/.test({_ANSWER})", 30.0)
