@@ -80,7 +80,7 @@ def test_a_margin_that_is_less_than_its_shares_does_not_hold():
     shares = between_robots(0, 0).total
     assert prove_document(replace(document, margin=shares)).holds
     (failure,) = prove_document(replace(document, margin=shares - 1e-5)).failures
-    assert failure.startswith("the margin is 0.00184 m, but must cover 0.00185 m: how far")
+    assert failure.startswith("the margin is 0.00194 m, but must cover 0.00195 m: how far")
 
 
 def test_a_valid_plan_is_accepted(planned):
