@@ -187,7 +187,7 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
         tab.wait(f"!{lost}")  # The page is laid out anew when the alarm is over.
         tab.run(f"document.getElementById('order-robot').value = '{first}'")
         tab.run("document.getElementById('order-robot').dispatchEvent(new Event('change'))")
-        act("admit", "#admit", f"/{first} goes|, GO$/.test({_ANSWER})", 30.0)
+        act("admit", "[data-act=admit]", f"/{first} goes|, GO$/.test({_ANSWER})", 30.0)
     else:
         tab.wait("window.lost !== undefined", _PATIENCE_S)
         seen["killed"] = round(tab.run("window.lost") - _KILLED_S, 2)

@@ -14,10 +14,13 @@ import msgspec
 from coordinator.desk.answers import Alarm, RobotState
 from coordinator.scenario.order_checks import OWN
 from protocol.messages import REFUSED, WAITING, OrderState
+from protocol.phases import IDLE, PHASE_NAMES
 
 _LOST: Final = (
-    "Go and look where it stands. Restart it there and admit it, or carry it away and take it out."
+    "The others keep away from where it may stand. Press STOP before somebody walks in. "
+    "Restart it where it stands and admit it, or carry it away and take it out."
 )
+_BACK: Final = "Admit it if it knows where it stands; or carry it away and take it out."
 _FAULTS: Final = {
     "off its path": "Clear its way; a fleet that takes orders sends it on by itself.",
     "driver error": "Look at its motors and driver; restart its program, then admit it.",
@@ -96,7 +99,7 @@ class Alarms:
         """Find out what needs a person now; while no coordinator is heard, that alone does."""
         found = [] if is_heard else [_unheard(now)]
         if is_heard:
-            found = [alarm for one in robots if (alarm := _about(one, now)) is not None]
+            found = [alarm for one in robots if (alarm := self._about(one, now)) is not None]
             idle = {one.id for one in robots if one.rests and not one.order}
             waiting = [one for one, since in self._waits.values() if now - since > _LONG]
             could = [one for one in waiting if (one.robot in idle if one.robot else idle)]
@@ -110,6 +113,15 @@ class Alarms:
                 )
             lasting[one.id] = one
         self._now = lasting
+
+    def _about(self, robot: RobotState, now: float) -> Alarm | None:
+        """Return the alarm about a robot; None if it needs nobody."""
+        back = f"back-{robot.id}"
+        was_lost = f"lost-{robot.id}" in self._now or back in self._now
+        if was_lost and robot.is_heard and robot.phase == PHASE_NAMES[IDLE]:
+            text = f"{robot.id} is back and has no course"
+            return Alarm(id=back, since=now, text=text, todo=_BACK, robot=robot.id)
+        return _trouble_of(robot, now)
 
 
 def _named(order: OrderState) -> str:
@@ -137,15 +149,19 @@ def _unheard(now: float) -> Alarm:
     )
 
 
-def _about(robot: RobotState, now: float) -> Alarm | None:
-    """Return the alarm about a robot; None if it needs nobody."""
+def _trouble_of(robot: RobotState, now: float) -> Alarm | None:
+    """Return the alarm about what a robot says or that it is not heard; None if it needs nobody."""
     if robot.age is None:
         return None
     if not robot.is_heard:
         text = f"{robot.id} is not heard"
-        if robot.reach is not None:
-            x, y = robot.reach
-            text += f"; it stands on its way, no farther than ({x:.1f}, {y:.1f})"
+        if robot.stretch:
+            first, last = (f"({x:.1f}, {y:.1f})" for x, y in (robot.stretch[0], robot.stretch[-1]))
+            text += (
+                f"; it stands at {last}"
+                if first == last
+                else f"; it stands between {first} and {last}"
+            )
         return Alarm(
             id=f"lost-{robot.id}", since=now - robot.age, text=text, todo=_LOST, robot=robot.id
         )

@@ -11,6 +11,8 @@ from collections.abc import Iterable, Mapping
 from itertools import islice
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from coordinator.desk.alarms import Alarms
 from coordinator.desk.answers import FleetAnswer, RobotState
 from coordinator.exchange.vda5050_state import Seen
@@ -35,12 +37,15 @@ from protocol.messages import (
     Report,
     Unblock,
 )
-from protocol.phases import COMMAND_NAMES, GO, NO_FAULT, OVER, PHASE_NAMES, fault_name
+from protocol.phases import COMMAND_NAMES, DONE, GO, NO_FAULT, OVER, PHASE_NAMES, fault_name
 from protocol.plan_parts import unpack_plan
 from protocol.timing import LATE_STEP_MS, REPORT_TIMEOUT, SECOND
 
 _SILENCE: Final = REPORT_TIMEOUT / SECOND
 """Who has said nothing for so long [s] is not heard; robots on the coordinator's clock, too."""
+
+_APART: Final = 0.2
+"""Points of a stretch are at most this far apart [m], along it."""
 
 ENDED: Final = (ORDER_DONE, CANCELLED, REFUSED)
 
@@ -51,6 +56,14 @@ class _Heard(NamedTuple):
     report: Report
     at: float
     command: Command | None
+
+
+class _Reached(NamedTuple):
+    """A stretch of a course between two plan times [ms], as points [m]."""
+
+    plan: Plan
+    times_ms: tuple[int, int]
+    points: list[tuple[float, float]]
 
 
 class KnownFleet:
@@ -80,8 +93,8 @@ class KnownFleet:
         self._driven: dict[str, dict[int, Plan]] = {}
         """The newest courses of each robot by revision: it drives one of them."""
 
-        self._reached: dict[str, tuple[Plan, int, tuple[float, float] | None]] = {}
-        """By robot: where a course of it is at a plan time [ms]."""
+        self._reached: dict[str, _Reached] = {}
+        """By robot: where it may stand if it is not heard."""
 
         self.joined: dict[str, Join] = {}
         """What was said of robots that have joined."""
@@ -223,7 +236,7 @@ class KnownFleet:
             order=going[0].id if going else "",
             next=[one.id for one in [*going[1:], *waiting]],
             held_by=held.get(name, ""),
-            reach=None if is_heard else self._reach(name, report),
+            stretch=[] if is_heard else self._stretch(name, report),
         )
 
     def _hears(self, name: str, heard: _Heard, now: float) -> bool:
@@ -241,17 +254,19 @@ class KnownFleet:
             return False
         return command.said_ns - then.said_ns < REPORT_TIMEOUT
 
-    def _reach(self, name: str, report: Report) -> tuple[float, float] | None:
-        """Return the place [m] at which a robot's authority ends on the course that it drives."""
+    def _stretch(self, name: str, report: Report) -> list[tuple[float, float]]:
+        """Return where a robot may stand on the course that it drives, as points [m]."""
         plan = self._driven.get(name, {}).get(report.revision)
         if plan is None or plan.epoch != report.epoch:
-            return None
+            return []
         granting = self._granting.get(plan.epoch)
         until_ms = None if granting is None else granting.authority_of(plan.number)
         known = self._reached.get(name)
-        if until_ms is not None and (known is None or known[:2] != (plan, until_ms)):
-            known = self._reached[name] = (plan, until_ms, _place_at(plan, 0.001 * until_ms))
-        return known[2] if known is not None and known[0] is plan else None
+        if until_ms is not None:
+            times = (min(_passed_ms(report, until_ms), until_ms), until_ms)
+            if known is None or (known.plan, known.times_ms) != (plan, times):
+                known = self._reached[name] = _Reached(plan, times, _points(plan, times))
+        return known.points if known is not None and known.plan is plan else []
 
     def _take_plan(self, plan: Plan) -> None:
         courses = self._driven.setdefault(plan.robot, {})
@@ -294,14 +309,23 @@ def _under_way(orders: Iterable[OrderState]) -> list[OrderState]:
     return sorted(found, key=lambda one: one.planned_arrival_ms or 0)
 
 
-def _place_at(plan: Plan, time: float) -> tuple[float, float] | None:
-    """Return the place [m] of a course at a plan time [s]; None if a robot would refuse it."""
+def _passed_ms(report: Report, until_ms: int) -> int:
+    """Return the plan time [ms] that a robot had passed by its report; `until_ms` if it is done."""
+    if report.stamp_ms is None:
+        return until_ms if report.phase == DONE else 0
+    return report.stamp_ms - LATE_STEP_MS * report.late
+
+
+def _points(plan: Plan, times_ms: tuple[int, int]) -> list[tuple[float, float]]:
+    """Return points [m] of a course between two plan times; none if a robot would refuse it."""
     try:
         driven = unpack(encode(plan), 0.0)
     except (ValueError, OverflowError):
-        return None
-    x, y = driven.curve.at_arc([driven.timeline.s_at(time)])[0].tolist()
-    return x, y
+        return []
+    first, last = (driven.timeline.s_at(0.001 * time) for time in times_ms)
+    count = 2 + int((last - first) / _APART)
+    places = driven.curve.at_arc(np.linspace(first, last, count)).tolist()
+    return [(round(x, 3), round(y, 3)) for x, y in places]
 
 
 def _end_of(plan: Plan) -> tuple[float, float, float] | None:

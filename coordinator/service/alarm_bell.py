@@ -74,15 +74,16 @@ def _state_of(fleet: Fleet, member: Member, order: str, now_ns: int) -> RobotSta
         age=None if member.boot is None else (now_ns - member.heard_ns) / SECOND,
         is_heard=is_heard,
         order=order,
-        reach=None if is_heard else _reach(fleet, member.id),
+        stretch=[] if is_heard else _stretch(fleet, member.id),
     )
 
 
-def _reach(fleet: Fleet, robot: str) -> tuple[float, float] | None:
-    """Return the place [m] beyond which a robot was not told to drive; None if it has no course."""
+def _stretch(fleet: Fleet, robot: str) -> list[tuple[float, float]]:
+    """Return the ends [m] of where a robot may stand on its course; none if it has no course."""
     mine = fleet.grants.of(robot)
     if mine is None or mine.now.course is None:
-        return None
+        return []
     driven, (span, *_) = mine.now.course.driven, fleet.spans(robot)
-    x, y = driven.curve.at_arc([driven.timeline.s_at(0.001 * span.until_ms)])[0].tolist()
-    return x, y
+    times = (0.001 * span.since_ms, 0.001 * span.until_ms)
+    places = driven.curve.at_arc([driven.timeline.s_at(time) for time in times]).tolist()
+    return [(x, y) for x, y in places]

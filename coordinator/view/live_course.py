@@ -19,6 +19,7 @@ from coordinator.findings.info_fields import FaultSummary
 from coordinator.findings.plans_from_messages import SaidPlans
 from coordinator.findings.wait_guesses import with_reasons
 from coordinator.fleet.log_records import LINK_GONE
+from coordinator.fleet.orders import LEAVE
 from coordinator.log.unheard_plans import UnheardPlans
 from coordinator.plan.document import PlanDocument
 from coordinator.proof.granted import Granted
@@ -26,7 +27,7 @@ from coordinator.view.scene import Knot, Scene
 from coordinator.view.scene_log import Course, scene_of_course
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Clock, Command, Message, OrderState, Plan, Report
+from protocol.messages import ORDER_DONE, Clock, Command, Message, OrderState, Plan, Report
 from protocol.phases import CLOCK_UNSURE, FAULT_NAMES, IDLE, NO_FAULT, OVER
 from protocol.timing import SECOND
 
@@ -84,6 +85,9 @@ class LiveCourse:
         self._holds = Holds()
         self._faults: dict[str, int] = {}
         self._lost: set[str] = set()
+        self._left: set[str] = set()
+        """Robots that were taken out: that their links end then is no news."""
+
         self._first: tuple[int, float] | None = None
         self._latest: tuple[int, float] = (0, 0.0)
         self._word: tuple[float, int] | None = None
@@ -212,9 +216,13 @@ class LiveCourse:
         if isinstance(message, Report):
             return self._take_report(message, robot, now)
         if isinstance(message, OrderState):
+            if message.id == f"{LEAVE}{message.robot}" and message.state == ORDER_DONE:
+                self._left.add(message.robot)
             return course.orders.take(message, self._now_ns(now))
         course.take_radius(message, robot)
         changed = self._said.take(message, robot, self.fleet or "")
+        if isinstance(message, Plan):
+            self._left.discard(robot)
         if isinstance(message, Plan) and course.take_plan(message, self._now_ns(now)):
             changed = True
             if message.epoch in self._granted:
@@ -249,10 +257,11 @@ class LiveCourse:
         return tuple(self._course.why_aside(epoch, name) for name in sorted(aside))
 
     def _lose(self, robot: str, what: str, kind: str, now: float) -> bool:
-        """Take in that a robot on its way is not heard any more; return whether that is news."""
-        epoch = max(self._course.starts, default=0)
-        on_its_way = robot in self._course.said.who(epoch) - self._course.said.done()
-        if robot in self._lost or not on_its_way or self._word is None or self._word[1] == OVER:
+        """Take in that a robot of the fleet is not heard any more; return whether that is news."""
+        takes_part = (
+            robot in self._course.said.who(max(self._course.starts, default=0)) - self._left
+        )
+        if robot in self._lost or not takes_part or self._word is None or self._word[1] == OVER:
             return False
         self._lost.add(robot)
         self._course.faults.append((self._now_ns(now), FaultSummary(0.0, robot, what, kind)))

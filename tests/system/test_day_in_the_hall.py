@@ -76,7 +76,7 @@ def test_a_day_in_the_hall(tmp_path):
         day.picture("order")
         tab.run("document.getElementById('order-now').click()")
         day.press("order-send")
-        day.wait_for("answer", "R2, (under way|waiting)")
+        day.wait_for("answer", "is taken for R2")
         tab.press("Escape")
 
         day.click(0.5, 0.62)

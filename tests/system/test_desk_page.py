@@ -26,6 +26,7 @@ pytestmark = pytest.mark.skipif(
 ANSWER = "document.getElementById('answer').textContent"
 ALARMS = "document.getElementById('alarms').innerText"
 ORDERS = "document.getElementById('orders').innerText"
+STATE = "document.getElementById('state').textContent"
 OUTLOOK = "document.getElementById('outlook').textContent"
 PHASE = "document.getElementById('phase').textContent"
 STATES = "Object.values(splinefleet.at(splinefleet.time)).map(robot => robot.state).join()"
@@ -37,6 +38,18 @@ SPOT = """(() => {
 
 def click(tab, name):
     tab.run(f"document.getElementById('{name}').click()")
+
+
+def layout(tab, width):
+    """Return the box of STOP, and those of the buttons that let robots drive or end the mission."""
+    tab.screen(width, 900)
+    tab.settle()
+    boxes = """['stop', 'go-on', 'end-mission'].map(id => {
+      const { left, right, top, bottom } = document.getElementById(id).getBoundingClientRect();
+      return { left, right, top, bottom };
+    })"""
+    stop, *others = tab.run(boxes)
+    return stop, others
 
 
 def order_to(tab, place):
@@ -61,6 +74,7 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
         tab.screen(1440, 900)
         tab.open(address)
         tab.wait(f"{STATES} === 'arrived,arrived'", 60.0)
+        before = {width: layout(tab, width) for width in (390, 1440)}
 
         tab.run("splinefleet.choose(0)")
         x, y = tab.run(SPOT)
@@ -70,12 +84,19 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
         assert tab.run("document.getElementById('order-robot').value") == "R1"
         tab.wait(f"{OUTLOOK}.startsWith('R1 would be there in')", 60.0)
         click(tab, "order-send")
-        tab.wait(f"{ANSWER}.endsWith('R1, under way')")
+        tab.wait(f"{ANSWER}.endsWith('is taken for R1')")
         tab.wait(f"{ORDERS}.includes('R1 arrives')")
 
+        tab.wait("splinefleet.at(splinefleet.time).R1.v > 0.05")
         tab.press(" ")
-        tab.wait(f"{ANSWER}.startsWith('stopped') && {PHASE}.endsWith('told to stop')")
+        tab.wait(f"{STATE} === 'stopped: all stand' && {PHASE}.endsWith('told to stop')")
+        assert "1 standing" in tab.run("document.getElementById('robots-title').textContent")
         tab.wait("!document.getElementById('go-on').hidden")
+        for width, (stop, _) in before.items():
+            now, others = layout(tab, width)
+            assert now == stop
+            assert all(one["right"] < stop["left"] or one["top"] > stop["bottom"] for one in others)
+        assert tab.run("document.getElementById('stop').disabled") is False
         click(tab, "go-on")
         tab.wait(f"{ANSWER} === 'the fleet goes on' && {PHASE}.endsWith('go')")
 
@@ -86,7 +107,10 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
 
         agents["R2"].send_signal(signal.SIGKILL)
         tab.wait(f"{ALARMS}.includes('R2 is not heard')")
-        assert "admit it" in tab.run(ALARMS)
+        tab.wait(f"/admit R2\\s+take out R2/.test({ALARMS})")
+        assert "Press STOP before somebody walks in" in tab.run(ALARMS)
+        tab.wait("/R2 lost its link/.test(document.getElementById('events').textContent)")
+        assert "R2" not in tab.run("document.getElementById('robot-acts').textContent")
         about_r2 = (
             "[...document.querySelectorAll('#alarms li')].find(one => /R2 is/.test(one.innerText))"
         )
@@ -94,8 +118,9 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
         tab.wait("document.querySelector('#alarms .seen') !== null")
         assert tab.errors == []
         tab.run("window.confirm = () => true")
-        tab.run("document.querySelectorAll('#robots button')[1].click()")
-        click(tab, "take-out")
+        tab.run(f"{about_r2}.querySelector('.about').click()")
+        assert tab.run("document.getElementById('order-robot').value") == "R2"
+        tab.run(f"{about_r2}.querySelector('[data-act=leave]').click()")
         tab.wait(f"{ANSWER} === 'R2 has left'")
         click(tab, "end-mission")
         tab.wait("document.getElementById('follow').textContent === 'over'")
@@ -131,6 +156,7 @@ def test_the_next_order_can_be_chosen_while_one_is_not_answered_yet(tmp_path, st
     with served(desk.app()) as address, browser(tmp_path / "profile") as tab:
         fleet.beat()
         tab.open(address)
+        assert tab.run("document.getElementById('needs').checkVisibility()")
         order_to(tab, "1, 1")
         tab.wait(f"{ANSWER} === 'asked: any robot to 1, 1' && {place} === ''")
         answer()

@@ -34,17 +34,50 @@ function inWords([first, ...others]) {
   return text.replace(`${robot} is`, `${all} are`).replace(`${robot} stands`, `${all} stand`).replace(robot, all);
 }
 
+/** What can be done with a robot, in words. */
+const ACTS = {
+  admit: { words: "admit", title: "Let it take part again after it came back" },
+  leave: { words: "take out", title: "Take it out of the fleet, once it was carried away" },
+};
+
+/** How far robots that were told to stop have come to rest. */
+function resting(found) {
+  const unheard = found.filter((robot) => robot && robot.state === "unheard").length;
+  const moving = found.filter((robot) => robot && robot.state === "brakes").length;
+  const told = moving ? `braking: ${moving} still moving` : "stopped: all stand";
+  return unheard ? `${told}; ${unheard} not heard` : told;
+}
+
+/** Draw a target about a place. */
+function drawTarget(view, pen, place, colour) {
+  const x = view.X(place[0]), y = view.Y(place[1]);
+  pen.strokeStyle = colour;
+  pen.lineWidth = 2;
+  pen.beginPath();
+  pen.arc(x, y, 9, 0, 7);
+  pen.moveTo(x - 14, y);
+  pen.lineTo(x + 14, y);
+  pen.moveTo(x, y - 14);
+  pen.lineTo(x, y + 14);
+  pen.stroke();
+}
+
 class Desk {
-  /** `told`: names() of the robots, chosen() and choose(index), changed() when the floor looks otherwise. */
+  /**
+   * `told`: names() of the robots, chosen() and choose(index), show(index) on the floor,
+   * robotOf(id) of an order (-1: none yet, null: it is over), changed() when the floor looks otherwise.
+   */
   constructor(told) {
     this.told = told;
     this.goal = null;
+    /** The orders that were sent from here and are not over, each with its id; null until that is known. */
+    this.asked = new Map();
     this.blocks = [];
     this.fleet = null;
     this.robots = new Map();
     this.form = byId("order-form");
     this.outlook = new Outlook(byId("outlook"), () => this.order(), told.changed);
-    byId("command").hidden = byId("give").hidden = !mayCommand;
+    byId("command").hidden = byId("give").hidden = byId("end-mission").hidden = !mayCommand;
     if (!mayCommand) return;
     byId("space-does").textContent = "STOP: all robots brake at once";
     const on = (name, act) => byId(name).addEventListener("click", act);
@@ -54,8 +87,6 @@ class Desk {
       if (!window.confirm("End the mission when all robots rest? It takes no further orders.")) return;
       this.command("end", "POST", "end", "the fleet ends when all robots rest");
     });
-    on("admit", () => this.robot("admit"));
-    on("take-out", () => this.robot("leave"));
     on("close-place", () => this.closePlace());
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -88,7 +119,7 @@ class Desk {
   }
 
   stop() {
-    this.command("STOP", "POST", "freeze", "stopped: robots brake at once and keep their courses");
+    this.command("STOP", "POST", "freeze", "");
   }
 
   /** Take in news of the fleet; only robots that have changed are in it. */
@@ -98,9 +129,15 @@ class Desk {
     if (!this.fleet || this.fleet.blocks.join() !== blocks) this.learnBlocks();
     this.fleet = fleet;
     this.tellAlarms(fleet.alarms);
+    this.tellActs();
     update(byId("go-on"), { hidden: fleet.phase !== "stop" });
-    update(byId("stop"), { disabled: !["go", "hold"].includes(fleet.phase) });
-    update(byId("end-mission"), { hidden: fleet.phase === "over" });
+    update(byId("end-mission"), { hidden: fleet.phase === "over" || !mayCommand });
+  }
+
+  /** Tell how far a fleet that was stopped has come to rest; `found`: its robots now, null if they are not shown. */
+  tellState(found) {
+    const isStopped = this.fleet && this.fleet.phase === "stop";
+    write(byId("state"), isStopped ? found ? resting(found) : "stopped" : "");
   }
 
   /** Whether the coordinator is heard, and a robot that was is not any more. */
@@ -126,8 +163,36 @@ class Desk {
     this.told.changed();
   }
 
+  /** What can be done with a robot: one that drives is left alone. */
+  acts(name) {
+    const robot = this.robots.get(name);
+    if (!robot || !mayCommand) return [];
+    if (!robot.is_heard || ["idle", "frozen"].includes(robot.phase)) return ["admit", "leave"];
+    return robot.phase === "done" ? ["leave"] : [];
+  }
+
+  /** Buttons that do this with a robot, and name it. */
+  buttons(name, acts) {
+    return acts.map((act) => {
+      const { words, title } = ACTS[act];
+      const button = element("button", { type: "button", textContent: `${words} ${name}`, title });
+      button.dataset.act = act;
+      button.addEventListener("click", () => this.robot(name, act));
+      return button;
+    });
+  }
+
+  /** Offer what can be done with the chosen robot. */
+  tellActs() {
+    const name = this.whose(), acts = this.acts(name), key = [name, ...acts].join();
+    if (key === this.offered) return;
+    this.offered = key;
+    byId("robot-acts").replaceChildren(...this.buttons(name, acts));
+  }
+
   tellAlarms(alarms) {
-    const key = JSON.stringify(alarms);
+    const actsOf = (alarm) => (alarm.order ? [] : this.acts(alarm.robot));
+    const key = JSON.stringify([alarms, alarms.map(actsOf)]);
     if (key === this.alarms) return;
     this.alarms = key;
     const box = byId("alarms");
@@ -141,11 +206,12 @@ class Desk {
       const show = element("button", { type: "button", className: "about", textContent: inWords(group) });
       show.addEventListener("click", () => {
         const index = this.told.names().indexOf(alarm.robot);
-        if (index >= 0 && this.told.chosen() !== index) this.told.choose(index);
+        if (index >= 0) this.told.show(index);
       });
+      const acts = group.length > 1 ? [] : this.buttons(alarm.robot, actsOf(alarm));
       const since = element("span", { className: "number", textContent: clockFace(1000 * alarm.since) });
       const todo = element("span", { className: "todo", textContent: alarm.todo });
-      const item = element("li", {}, since, show, todo, seen);
+      const item = element("li", {}, since, show, todo, ...acts, seen);
       item.classList.toggle("seen", alarm.is_acknowledged);
       return item;
     }));
@@ -167,8 +233,7 @@ class Desk {
     if (!mayCommand) return;
     const name = this.told.names()[index] ?? "";
     byId("order-robot").value = name;
-    byId("robot-acts").hidden = !name;
-    byId("robot-name").textContent = name;
+    this.tellActs();
     this.outlook.look();
   }
 
@@ -189,6 +254,7 @@ class Desk {
     const fits = [2, 3].includes(numbers.length) && numbers.every(Number.isFinite);
     this.goal = fits ? numbers : null;
     byId("order-send").disabled = !fits;
+    byId("needs").hidden = fits;
     this.outlook.look();
     this.told.changed();
   }
@@ -207,13 +273,15 @@ class Desk {
     if (order === null) return;
     this.clear();
     this.say(`asked: ${order.robot || "any robot"} to ${order.goal.join(", ")}`);
+    this.asked.set(order, null);
     const found = await ask("POST", "orders", order);
     if (found === null) {
+      this.asked.delete(order);
       this.chooseAgain(order);
       return;
     }
-    const why = found.reason ? `, ${found.reason}` : "";
-    this.say(`${found.id}: ${found.robot || "no robot yet"}, ${found.state}${why}`);
+    this.asked.set(order, found.id);
+    this.say(`${found.id} is taken${found.robot ? ` for ${found.robot}` : ""}`);
   }
 
   /** Choose what was refused, so that it can be corrected, unless something else is chosen by now. */
@@ -235,10 +303,10 @@ class Desk {
     this.command(`cancel ${id}`, "DELETE", `orders/${id}`, `${id} is cancelled`);
   }
 
-  robot(what) {
-    const name = this.whose();
-    const sure = what !== "leave" || window.confirm(`Take ${name} out of the fleet? Carry it away first.`);
-    if (name && sure) this.command(`${what} ${name}`, "POST", `robots/${name}/${what}`);
+  robot(name, act) {
+    const question = `Take ${name} out of the fleet? Others will drive where it stands: carry it away first.`;
+    if (act === "leave" && !window.confirm(question)) return;
+    this.command(`${ACTS[act].words} ${name}`, "POST", `robots/${name}/${act}`);
   }
 
   /** Close a square of 1 m around the place that was clicked. */
@@ -259,8 +327,13 @@ class Desk {
     const alarms = this.fleet ? this.fleet.alarms : [];
     const alarmed = new Set(alarms.filter((one) => !one.order).map((one) => one.robot));
     this.told.names().forEach((name, index) => {
-      if (found[index] && alarmed.has(name)) view.ring(pen, found[index], index, look.red, 4);
+      if (!found[index] || !alarmed.has(name)) return;
+      this.drawStretch(view, pen, this.robots.get(name));
+      view.ring(pen, found[index], index, look.red, 4);
+      view.label(pen, found[index], index, look);
     });
+    this.drawAsked(view, pen, look);
+    pen.strokeStyle = pen.fillStyle = look.red;
     pen.lineWidth = 1.5;
     for (const { polygon } of this.blocks) {
       pen.beginPath();
@@ -273,15 +346,27 @@ class Desk {
     }
     if (this.goal === null) return;
     this.outlook.draw(view, pen, look);
-    const [x, y] = this.goal, at = [view.X(x), view.Y(y)];
-    pen.strokeStyle = look.ink;
-    pen.lineWidth = 2;
+    drawTarget(view, pen, this.goal, look.ink);
+  }
+
+  /** Draw where a robot that is not heard may stand. */
+  drawStretch(view, pen, robot) {
+    if (!robot || robot.stretch.length < 2) return;
+    pen.lineWidth = 5;
+    pen.globalAlpha = 0.6;
     pen.beginPath();
-    pen.arc(...at, 9, 0, 7);
-    pen.moveTo(at[0] - 14, at[1]);
-    pen.lineTo(at[0] + 14, at[1]);
-    pen.moveTo(at[0], at[1] - 14);
-    pen.lineTo(at[0], at[1] + 14);
+    for (const [x, y] of robot.stretch) pen.lineTo(view.X(x), view.Y(y));
     pen.stroke();
+    pen.globalAlpha = 1;
+  }
+
+  /** Draw the places to which robots were sent from here, in their colours, until their orders are over. */
+  drawAsked(view, pen, look) {
+    for (const [order, id] of this.asked) {
+      const robot = this.told.robotOf(id);
+      if (robot === null) this.asked.delete(order);
+      const index = robot ?? -1, known = index >= 0 ? index : this.told.names().indexOf(order.robot);
+      if (robot !== null) drawTarget(view, pen, order.goal, known < 0 ? look.ink : look.robot(known));
+    }
   }
 }

@@ -21,7 +21,7 @@ class FloorView extends Ground {
   draw(t, found, focus, hover, look) {
     const epoch = this.play.epochAt(t);
     const courses = found.map((robot) =>
-      robot && [robot.motion?.ride.revision, robot.next?.ride.revision, this.isIdle(robot)]);
+      robot && [robot.motion?.ride.revision, robot.next?.ride.revision, this.isIdle(robot), robot.state === "unheard"]);
     const shown = [this.shown.paths, this.shown.zones, look.dark, this.lens.key];
     const key = [epoch.epoch, focus, ...shown, ...courses].join();
     if (this.sheet.resize() || key !== this.key) {
@@ -148,6 +148,21 @@ class FloorView extends Ground {
       pen.fillText(name, spot.x + wide / 2, spot.y + 7);
     }
     pen.globalAlpha = 1;
+  }
+
+  /** Write the name of a robot above its ring, at full strength. */
+  label(pen, place, index, look) {
+    const radius = Math.max(this.zoom * this.play.scene.robots[index].radius, 3.5);
+    pen.font = look.font(12, 700);
+    pen.textAlign = "center";
+    pen.textBaseline = "bottom";
+    pen.lineWidth = 3;
+    pen.strokeStyle = look.ground;
+    pen.fillStyle = look.red;
+    const spot = [this.play.scene.robots[index].id, this.X(place.x), this.Y(place.y) - radius - 6];
+    pen.strokeText(...spot);
+    pen.fillText(...spot);
+    pen.strokeStyle = look.red;
   }
 
   ring(pen, place, index, colour, away = 1.5) {

@@ -118,7 +118,8 @@ class Ground {
   /** Draw the course that each robot drives, and dashed the newer one that it has been sent. */
   drawPaths(pen, found, focus, look) {
     found.forEach((robot, index) => {
-      if (!robot || !robot.motion || this.isIdle(robot) && focus !== index) return;
+      if (!robot || !robot.motion || robot.state === "unheard") return;
+      if (this.isIdle(robot) && focus !== index) return;
       const { motion, next } = robot, goal = (next || motion).place((next || motion).length);
       const faint = focus >= 0 && focus !== index;
       const radius = this.zoom * this.play.scene.robots[index].radius;

@@ -22,6 +22,11 @@ class Lens {
     this.y = place.y + (this.y - place.y) * kept;
   }
 
+  /** Look at a place on the floor. */
+  to({ x, y }) {
+    Object.assign(this, { x, y });
+  }
+
   /** Look elsewhere, by metres. */
   move(dx, dy) {
     this.x += dx;

@@ -35,8 +35,6 @@ class Sight {
 const FEW = 8;
 /** The least lateness [s] that is told. */
 const LATE = 0.2;
-/** A late robot that is slower than this [m/s] stands. */
-const STANDS = 0.01;
 
 function said(robot, bodies, why) {
   if (!robot) return why;
@@ -72,11 +70,14 @@ function describe(scene, unheard) {
 
 /** How much a robot's state needs a person: the lowest number first. */
 const TROUBLE = [
-  ["lost", "not fit", "no way", "plan not heard", "unheard", "stopped"], ["held"], ["waits"], ["drives"],
+  ["unheard"], ["lost", "not fit", "no way", "plan not heard", "stopped"], ["held"], ["waits"],
+  ["brakes"], ["drives"],
 ];
 
 /** What several robots do, where the word for one differs. */
-const DOING = { waits: "waiting", drives: "driving", unheard: "not heard" };
+const DOING = {
+  waits: "waiting", drives: "driving", brakes: "braking", stands: "standing", unheard: "not heard",
+};
 
 function rank(state) {
   const found = TROUBLE.findIndex((states) => states.includes(state));
@@ -140,7 +141,7 @@ class RobotList {
     this.rows.forEach((row, index) => {
       const { state } = row.button.dataset, item = this.items[index];
       counts.set(state, (counts.get(state) || 0) + 1);
-      const order = byId("trouble").checked && this.rows.length > FEW ? rank(state) : 0;
+      const order = byId("trouble").checked && this.rows.length > FEW || state === "unheard" ? rank(state) : TROUBLE.length;
       if (item.style.order !== String(order)) item.style.order = order;
       const told = `${this.bodies[index].id} ${row.text}`.toLowerCase();
       update(item, { hidden: !told.includes(wanted) });

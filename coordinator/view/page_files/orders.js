@@ -24,6 +24,8 @@ function orderAt(order, t) {
   return { id: order.id, since, state, robot, planned, reason, arrived };
 }
 
+const isSilent = (robot) => Boolean(robot && robot.state === "unheard");
+
 /** One row per order: those under way, those that wait, then the last ones that are over. */
 class OrderList {
   /** `cancel` takes an order back by its id; null where that cannot be done. */
@@ -40,6 +42,13 @@ class OrderList {
   /** Show the orders of another scene; rows stay, so that nothing moves. */
   show(play) {
     this.play = play;
+  }
+
+  /** The robot that does an order at a time; -1 before one is known, null once it is over. */
+  robotOf(id, t) {
+    const order = this.play.scene.orders.find((one) => one.id === id), found = order && orderAt(order, t);
+    if (!found) return -1;
+    return found.state === UNDER_WAY || found.state === WAITING ? found.robot : null;
   }
 
   /** The orders at a time, in the order of the list. */
@@ -96,7 +105,7 @@ class OrderList {
     if (row.colour !== colour) swatch.style.setProperty("--colour", row.colour = colour);
     write(id, one.id);
     write(state, this.words(one, robot, t));
-    const at = one.state === UNDER_WAY ? one.planned : one.state === DONE ? one.arrived : one.since;
+    const at = one.state === UNDER_WAY && !isSilent(robot) ? one.planned : one.state === DONE ? one.arrived : one.since;
     write(number, moment(at ?? one.since, this.day));
   }
 
@@ -105,6 +114,7 @@ class OrderList {
     const name = one.robot < 0 ? "" : this.play.scene.robots[one.robot].id;
     const late = one.arrived !== null ? one.arrived - one.planned : robot && robot.motion ? robot.late + putOff : 0;
     const lateness = one.planned !== null && late > LATE ? `, ${late.toFixed(1)} s late` : "";
+    if (isSilent(robot) && [WAITING, UNDER_WAY].includes(one.state)) return `waits for ${name} to come back`;
     if (one.state === UNDER_WAY && one.id.startsWith(MAKES_ROOM)) return `${name} makes room${lateness}`;
     if (one.state === UNDER_WAY) {
       return `${name} ${one.arrived === null ? "arrives" : "is at the goal"}${lateness}`;

@@ -48,6 +48,8 @@ const desk = new Desk({
   names: () => play.scene.robots.map((robot) => robot.id),
   chosen: () => focus,
   choose: (index) => { if (index !== focus) chooseToggled(index < 0 ? focus : index); },
+  show,
+  robotOf: (id) => orders.robotOf(id, word.time() ?? now),
   changed: () => { stale = true; },
 });
 const orders = new OrderList(byId("orders"), day, chooseToggled, mayCommand ? (id) => desk.cancel(id) : null);
@@ -121,9 +123,21 @@ function chooseToggled(index) {
   stale = true;
 }
 
+/** Choose a robot and bring it into sight. */
+function show(index) {
+  if (index !== focus) chooseToggled(index);
+  const robot = play.robot(index, now);
+  if (robot) lens.to(robot);
+  byId("floor").scrollIntoView({ block: "nearest" });
+  stale = true;
+}
+
 /** Draw everything as it is now. */
 function draw() {
-  const found = play.scene.robots.map((_, index) => play.robot(index, now));
+  const found = play.scene.robots.map(({ id }, index) => {
+    const robot = play.robot(index, now), isUnheard = following && desk.isUnheard(id);
+    return robot && isUnheard ? { ...robot, v: 0, state: "unheard" } : robot;
+  });
   floor.draw(now, found, focus, hover, look);
   if (shown.heat) flow.draw(floor, floor.sheet.pen, look);
   desk.draw(floor, floor.sheet.pen, look, found);
@@ -154,6 +168,7 @@ function tell(found) {
   write(byId("day"), at === null ? "" : clockFace(at));
   events.tell(now);
   flow.look(play, now);
+  desk.tellState(following ? found : null);
   const busy = orders.tell(now, found, look, all);
   robots.tell(found, play.scene.robots.map((_, index) => play.why(index, now)), busy, all);
 }

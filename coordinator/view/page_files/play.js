@@ -10,6 +10,9 @@ const NOTHING = {
 const POINTS = 0.2;
 const NEAR = 0.1;
 
+/** A robot that is slower than this [m/s] stands. */
+const STANDS = 0.01;
+
 /** Shorter waits [s] are no events. */
 const SHORT = 0.05;
 
@@ -118,8 +121,9 @@ class Play {
     const held = this.held(index, t);
     let state = "drives", lets = -1;
     if ((motion.presumed || motion.ride.unheard) && halt && plan >= halt[0]) state = "unheard";
-    else if (held) [state, lets] = ["held", held.by];
     else if (halt && plan >= halt[0]) state = plan < halt[1] ? "brakes" : "stopped";
+    else if (plan < motion.finish && this.phaseAt(t) === "stop") state = v > STANDS ? "brakes" : "stands";
+    else if (held) [state, lets] = ["held", held.by];
     else if (plan >= motion.finish) state = "arrived";
     else if (plan < 0) state = "ready";
     else if (wait) [state, lets] = ["waits", wait.lets];

@@ -163,7 +163,7 @@ def test_bad_bytes_and_other_fleets_change_nothing():
     assert (known.heard["bad"], known.answer(0.0, {}).robots) == (1, [])
 
 
-def test_a_robot_that_is_lost_is_said_to_stand_where_its_authority_ends_at_most():
+def test_a_robot_that_is_lost_stands_between_where_it_was_heard_and_where_its_authority_ends():
     (driven, *_) = plan_fleet(a_scenario(CROSSED), effort=0).driven
     plan = driven.plan
     command = msgspec.structs.replace(a_command(), held=((plan.number, 2_000),))
@@ -172,10 +172,40 @@ def test_a_robot_that_is_lost_is_said_to_stand_where_its_authority_ends_at_most(
     later = msgspec.structs.replace(command, said_ns=2_000_000_000)
     fleet_of((keys.command(FLEET), later), known=known, at=2.0)
     (robot,) = known.answer(2.0, {}).robots
-    place = driven.curve.at_arc([driven.timeline.s_at(2.0)])[0]
-    assert robot.reach == pytest.approx(tuple(place))
+    arcs = [driven.timeline.s_at(time) for time in (1.0, 2.0)]
+    for place, told in zip(
+        driven.curve.at_arc(arcs), robot.stretch[:: len(robot.stretch) - 1], strict=True
+    ):
+        assert told == pytest.approx(tuple(place), abs=1e-3)
+    (x, y), (u, v) = robot.stretch[0], robot.stretch[-1]
     (alarm,) = known.alarms.now()
-    assert alarm.text.endswith(f"no farther than ({place[0]:.1f}, {place[1]:.1f})")
+    assert alarm.text.endswith(f"it stands between ({x:.1f}, {y:.1f}) and ({u:.1f}, {v:.1f})")
+    assert "Press STOP before somebody walks in" in alarm.todo
+
+
+def test_a_robot_that_is_lost_at_its_goal_stands_there():
+    (driven, *_) = plan_fleet(a_scenario(CROSSED), effort=0).driven
+    plan, command = driven.plan, msgspec.structs.replace(a_command(), headroom_ms=2_000)
+    known = fleet_of((keys.plan(FLEET, plan.robot), plan), (keys.command(FLEET), command))
+    done = msgspec.structs.replace(a_report(phase=DONE), stamp_ms=None)
+    later = msgspec.structs.replace(command, said_ns=100 * 10**9)
+    fleet_of((keys.report(FLEET, plan.robot), done), known=known)
+    fleet_of((keys.command(FLEET), later), known=known, at=100.0)
+    x, y = driven.curve.at_arc([driven.timeline.s_at(100.0)])[0]
+    (alarm,) = known.answer(100.0, {}).alarms
+    assert alarm.text.endswith(f"it stands at ({x:.1f}, {y:.1f})")
+
+
+def test_a_robot_that_is_back_without_a_course_calls_until_it_has_one():
+    known = fleet_of(COMMAND, report("R1", phase=IDLE))
+    assert known.answer(0.0, {}).alarms == []
+    known.hear(keys.alive(FLEET, "R1"), LINK_GONE, 0.1)
+    known.answer(0.1, {})
+    fleet_of(report("R1", phase=IDLE, fault=CLOCK_UNSURE), known=known, at=0.2)
+    for at in (0.2, 0.3):
+        assert [one.id for one in known.answer(at, {}).alarms] == ["back-R1"]
+    fleet_of(report("R1", phase=MOVING), known=known, at=0.4)
+    assert known.answer(0.4, {}).alarms == []
 
 
 @pytest.mark.parametrize(
@@ -189,7 +219,7 @@ def test_nothing_but_a_go_of_its_epoch_lets_a_lost_robot_drive_on(later):
     command = msgspec.structs.replace(command, **later)
     fleet_of((keys.command(FLEET), command), known=known, at=2.0)
     place = driven.curve.at_arc([driven.timeline.s_at(2.0)])[0]
-    assert known.answer(2.0, {}).robots[0].reach == pytest.approx(tuple(place))
+    assert known.answer(2.0, {}).robots[0].stretch[-1] == pytest.approx(tuple(place), abs=1e-3)
 
 
 def test_an_order_that_waits_for_long_although_its_robot_is_free_calls_a_person():

@@ -14,7 +14,7 @@ from coordinator.view.live_course import LiveCourse
 from coordinator.view.scene_plan import scene_of_plan
 from protocol import keys
 from protocol.codec import encode
-from protocol.messages import Clock, Command, Hello, Report, Rest
+from protocol.messages import ORDER_DONE, Clock, Command, Hello, OrderState, Report, Rest
 from protocol.phases import (
     BRAKING,
     CLOCK_UNSURE,
@@ -196,7 +196,7 @@ def test_a_robot_not_heard_on_its_way_is_shown_where_it_was_last_heard_until_it_
 
 
 @pytest.mark.parametrize(("lost", "text"), [(True, "lost its link"), (False, "fell silent")])
-def test_a_robot_that_is_lost_on_its_way_is_told_once_each_time(lost, text):
+def test_a_robot_that_is_lost_is_told_once_each_time_also_if_it_had_arrived(lost, text):
     course = LiveCourse(FLEET, document())
     tell_time(course, 0.0, 0.0)
     tell_command(course, 0.0, GO)
@@ -206,11 +206,23 @@ def test_a_robot_that_is_lost_on_its_way_is_told_once_each_time(lost, text):
             course.hear(keys.report(FLEET, robot), said, OURS + begin)
         for robot in ("R1", "R2") if lost else ():
             news = course.hear(keys.alive(FLEET, robot), LINK_GONE, OURS + begin + 0.5)
-            assert news == (robot == "R1")
+            assert news
+            assert not course.hear(keys.alive(FLEET, robot), LINK_GONE, OURS + begin + 0.6)
         tell_command(course, begin + 1.5, GO)
         tell_command(course, begin + 1.6, GO)
     told = [mark.text for mark in course.scene().marks if mark.kind == "fault"]
-    assert told == [f"R1 {text}"] * 2
+    assert sorted(told) == [f"{robot} {text}" for robot in ("R1", *["R2"] * lost) for _ in range(2)]
+
+
+def test_that_the_link_of_a_robot_ends_which_was_taken_out_is_no_news():
+    course = LiveCourse(FLEET, document())
+    tell_time(course, 0.0, 0.0)
+    tell_command(course, 0.0, GO)
+    said = encode(Report(1, 1, 1, DONE, stamp_ms=3_000))
+    course.hear(keys.report(FLEET, "R2"), said, OURS + 3.0)
+    left = OrderState("leave-R2", ORDER_DONE, "R2", released_ms=1)
+    course.hear(keys.orders(FLEET, left.id), encode(left), OURS + 3.5)
+    assert not course.hear(keys.alive(FLEET, "R2"), LINK_GONE, OURS + 4.0)
 
 
 def test_no_robot_of_a_fleet_that_stands_still_for_a_while_falls_silent():
