@@ -29,6 +29,8 @@ _SCRIPTS: Final = (
     "hand.js",
     "outlook.js",
     "flow.js",
+    "alarms.js",
+    "closed_places.js",
     "desk.js",
     "word.js",
     "keys.js",

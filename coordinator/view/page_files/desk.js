@@ -1,4 +1,4 @@
-// The operator's desk: what needs a person, and what the fleet is told over HTTP.
+// The operator's desk: what the fleet is told over HTTP.
 
 const mayCommand = document.documentElement.dataset.command === "true";
 
@@ -16,24 +16,6 @@ async function ask(method, path, body, tell = (problem) => desk.say(problem, tru
   return null;
 }
 
-/** More alarms than these that say the same of several robots are one. */
-const ALIKE = 3;
-
-/** Alarms in groups that say the same and ask for the same. */
-function grouped(alarms) {
-  const what = ({ id, order, todo, is_acknowledged: seen }) => [order && id, todo, seen].join();
-  return [...Map.groupBy(alarms, what).values()].flatMap((group) =>
-    (group.length > ALIKE ? [group] : group.map((one) => [one])));
-}
-
-function inWords([first, ...others]) {
-  if (!others.length) return first.text;
-  const names = [first, ...others.slice(0, ALIKE - 1)].map(({ robot }) => robot).join(", ");
-  const all = `${names} and ${others.length + 1 - ALIKE} more`;
-  const text = first.text.replace(/;.*/, ""), { robot } = first;
-  return text.replace(`${robot} is`, `${all} are`).replace(`${robot} stands`, `${all} stand`).replace(robot, all);
-}
-
 /** What can be done with a robot, in words. */
 const ACTS = {
   admit: { words: "admit", title: "Let it take part again after it came back" },
@@ -48,20 +30,6 @@ function resting(found) {
   return unheard ? `${told}; ${unheard} not heard` : told;
 }
 
-/** Draw a target about a place. */
-function drawTarget(view, pen, place, colour) {
-  const x = view.X(place[0]), y = view.Y(place[1]);
-  pen.strokeStyle = colour;
-  pen.lineWidth = 2;
-  pen.beginPath();
-  pen.arc(x, y, 9, 0, 7);
-  pen.moveTo(x - 14, y);
-  pen.lineTo(x + 14, y);
-  pen.moveTo(x, y - 14);
-  pen.lineTo(x, y + 14);
-  pen.stroke();
-}
-
 class Desk {
   /**
    * `told`: names() of the robots, chosen() and choose(index), show(index) on the floor,
@@ -72,7 +40,15 @@ class Desk {
     this.goal = null;
     /** The orders that were sent from here and are not over, each with its id; null until that is known. */
     this.asked = new Map();
-    this.blocks = [];
+    this.closed = new ClosedPlaces(byId("blocks"), told.changed);
+    this.alarms = new AlarmList(byId("alarms"), {
+      acts: (name) => this.acts(name),
+      buttons: (name, acts) => this.buttons(name, acts),
+      show: (name) => {
+        const index = told.names().indexOf(name);
+        if (index >= 0) told.show(index);
+      },
+    });
     this.fleet = null;
     this.robots = new Map();
     this.form = byId("order-form");
@@ -87,7 +63,10 @@ class Desk {
       if (!window.confirm("End the mission when all robots rest? It takes no further orders.")) return;
       this.command("end", "POST", "end", "the fleet ends when all robots rest");
     });
-    on("close-place", () => this.closePlace());
+    on("close-place", async () => {
+      if (this.goal === null) this.say("click a place on the floor first", true);
+      else await this.closed.close(this.goal, (text) => { this.say(text); this.clear(); });
+    });
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
       this.send();
@@ -125,10 +104,9 @@ class Desk {
   /** Take in news of the fleet; only robots that have changed are in it. */
   hear(fleet) {
     for (const robot of fleet.robots) this.robots.set(robot.id, robot);
-    const blocks = fleet.blocks.join();
-    if (!this.fleet || this.fleet.blocks.join() !== blocks) this.learnBlocks();
+    this.closed.hear(fleet.blocks);
     this.fleet = fleet;
-    this.tellAlarms(fleet.alarms);
+    this.alarms.tell(fleet.alarms);
     this.tellActs();
     update(byId("go-on"), { hidden: fleet.phase !== "stop" });
     update(byId("end-mission"), { hidden: fleet.phase === "over" || !mayCommand });
@@ -148,19 +126,6 @@ class Desk {
 
   forget(names) {
     for (const name of names) this.robots.delete(name);
-  }
-
-  async learnBlocks() {
-    const found = await ask("GET", "blocks");
-    if (found === null) return;
-    this.blocks = found;
-    byId("blocks").replaceChildren(...found.map((one) => {
-      const open = element("button", { type: "button", textContent: "open again" });
-      open.addEventListener("click", () => ask("DELETE", `blocks/${one.id}`));
-      const text = element("span", { textContent: `${one.id} is closed` });
-      return element("li", {}, text, ...mayCommand ? [open] : []);
-    }));
-    this.told.changed();
   }
 
   /** What can be done with a robot: one that drives is left alone. */
@@ -188,33 +153,6 @@ class Desk {
     if (key === this.offered) return;
     this.offered = key;
     byId("robot-acts").replaceChildren(...this.buttons(name, acts));
-  }
-
-  tellAlarms(alarms) {
-    const actsOf = (alarm) => (alarm.order ? [] : this.acts(alarm.robot));
-    const key = JSON.stringify([alarms, alarms.map(actsOf)]);
-    if (key === this.alarms) return;
-    this.alarms = key;
-    const box = byId("alarms");
-    box.hidden = alarms.length === 0;
-    box.firstElementChild.replaceChildren(...grouped(alarms).map((group) => {
-      const [alarm] = group, seen = element("button", { type: "button", textContent: "seen" });
-      seen.hidden = alarm.is_acknowledged || !mayCommand;
-      seen.addEventListener("click", () => {
-        for (const { id } of group) ask("POST", `alarms/${id}/acknowledge`);
-      });
-      const show = element("button", { type: "button", className: "about", textContent: inWords(group) });
-      show.addEventListener("click", () => {
-        const index = this.told.names().indexOf(alarm.robot);
-        if (index >= 0) this.told.show(index);
-      });
-      const acts = group.length > 1 ? [] : this.buttons(alarm.robot, actsOf(alarm));
-      const since = element("span", { className: "number", textContent: clockFace(1000 * alarm.since) });
-      const todo = element("span", { className: "todo", textContent: alarm.todo });
-      const item = element("li", {}, since, show, todo, ...acts, seen);
-      item.classList.toggle("seen", alarm.is_acknowledged);
-      return item;
-    }));
   }
 
   /** Offer the robots that there are. */
@@ -309,49 +247,27 @@ class Desk {
     this.command(`${ACTS[act].words} ${name}`, "POST", `robots/${name}/${act}`);
   }
 
-  /** Close a square of 1 m around the place that was clicked. */
-  async closePlace() {
-    if (this.goal === null) return this.say("click a place on the floor first", true);
-    const [x, y] = this.goal, corner = (dx, dy) => [x + dx, y + dy];
-    const polygon = [corner(-0.5, -0.5), corner(0.5, -0.5), corner(0.5, 0.5), corner(-0.5, 0.5)];
-    const found = await ask("POST", "blocks", { polygon });
-    if (found === null) return null;
-    this.say(`${found.id} is closed`);
-    return this.clear();
-  }
-
   /** Draw closed places, whom alarms are about, and the goal that is being chosen. */
   draw(view, pen, look, found) {
-    pen.strokeStyle = look.red;
-    pen.fillStyle = look.red;
     const alarms = this.fleet ? this.fleet.alarms : [];
     const alarmed = new Set(alarms.filter((one) => !one.order).map((one) => one.robot));
     this.told.names().forEach((name, index) => {
       if (!found[index] || !alarmed.has(name)) return;
-      this.drawStretch(view, pen, this.robots.get(name));
+      this.drawStretch(view, pen, look, this.robots.get(name));
       view.ring(pen, found[index], index, look.red, 4);
       view.label(pen, found[index], index, look);
     });
     this.drawAsked(view, pen, look);
-    pen.strokeStyle = pen.fillStyle = look.red;
-    pen.lineWidth = 1.5;
-    for (const { polygon } of this.blocks) {
-      pen.beginPath();
-      for (const [x, y] of polygon) pen.lineTo(view.X(x), view.Y(y));
-      pen.closePath();
-      pen.globalAlpha = 0.18;
-      pen.fill();
-      pen.globalAlpha = 1;
-      pen.stroke();
-    }
+    this.closed.draw(view, pen, look);
     if (this.goal === null) return;
     this.outlook.draw(view, pen, look);
     drawTarget(view, pen, this.goal, look.ink);
   }
 
   /** Draw where a robot that is not heard may stand. */
-  drawStretch(view, pen, robot) {
+  drawStretch(view, pen, look, robot) {
     if (!robot || robot.stretch.length < 2) return;
+    pen.strokeStyle = look.red;
     pen.lineWidth = 5;
     pen.globalAlpha = 0.6;
     pen.beginPath();

@@ -126,15 +126,25 @@ class FloorView extends Ground {
     return size < LEGIBLE ? 0 : size;
   }
 
-  /** Write names beside robots that are too small for them, clear of robots and other names. */
-  sayNames(pen, focus, look) {
-    if (this.crowd && focus < 0) return;
-    pen.font = look.font(11, 600);
+  /** Choose how words on the floor look; they have a rim in its colour. */
+  inscribe(pen, look, font, colour) {
+    pen.font = font;
     pen.textAlign = "center";
     pen.textBaseline = "middle";
     pen.lineWidth = 3;
     pen.strokeStyle = look.ground;
-    pen.fillStyle = look.ink;
+    pen.fillStyle = colour;
+  }
+
+  inscription(pen, words, x, y) {
+    pen.strokeText(words, x, y);
+    pen.fillText(words, x, y);
+  }
+
+  /** Write names beside robots that are too small for them, clear of robots and other names. */
+  sayNames(pen, focus, look) {
+    if (this.crowd && focus < 0) return;
+    this.inscribe(pen, look, look.font(11, 600), look.ink);
     for (const { index, x, y, radius } of this.spots) {
       const name = this.play.scene.robots[index].id;
       if (this.sizeOf(name, radius) > 0 || this.crowd && focus !== index) continue;
@@ -144,8 +154,7 @@ class FloorView extends Ground {
         [x + radius + 4, y - 7], [x - radius - 4 - wide, y - 7],
       ]);
       pen.globalAlpha = focus >= 0 && focus !== index ? 0.35 : 1;
-      pen.strokeText(name, spot.x + wide / 2, spot.y + 7);
-      pen.fillText(name, spot.x + wide / 2, spot.y + 7);
+      this.inscription(pen, name, spot.x + wide / 2, spot.y + 7);
     }
     pen.globalAlpha = 1;
   }
@@ -153,16 +162,8 @@ class FloorView extends Ground {
   /** Write the name of a robot above its ring, at full strength. */
   label(pen, place, index, look) {
     const radius = Math.max(this.zoom * this.play.scene.robots[index].radius, 3.5);
-    pen.font = look.font(12, 700);
-    pen.textAlign = "center";
-    pen.textBaseline = "bottom";
-    pen.lineWidth = 3;
-    pen.strokeStyle = look.ground;
-    pen.fillStyle = look.red;
-    const spot = [this.play.scene.robots[index].id, this.X(place.x), this.Y(place.y) - radius - 6];
-    pen.strokeText(...spot);
-    pen.fillText(...spot);
-    pen.strokeStyle = look.red;
+    this.inscribe(pen, look, look.font(12, 700), look.red);
+    this.inscription(pen, this.play.scene.robots[index].id, this.X(place.x), this.Y(place.y) - radius - 14);
   }
 
   ring(pen, place, index, colour, away = 1.5) {
@@ -179,15 +180,9 @@ class FloorView extends Ground {
     if (!robot) return;
     const { pen } = this.sheet, x = this.X(robot.x), y = this.Y(robot.y);
     this.ring(pen, robot, index, look.robot(index));
-    pen.font = look.font(11, 600);
-    pen.textAlign = "center";
-    pen.textBaseline = "middle";
-    pen.lineWidth = 3;
-    pen.strokeStyle = look.ground;
-    pen.fillStyle = look.ink;
+    this.inscribe(pen, look, look.font(11, 600), look.ink);
     const below = y + Math.max(this.zoom * this.play.scene.robots[index].radius, 4) + 11;
-    pen.strokeText(`${t.toFixed(1)} s`, x, below);
-    pen.fillText(`${t.toFixed(1)} s`, x, below);
+    this.inscription(pen, `${t.toFixed(1)} s`, x, below);
   }
 
   /** Draw a small wedge on the rim that shows where the robot faces. */

@@ -1,4 +1,5 @@
-// Pointers on the floor: the wheel, a pinch and a drag move the lens; a press selects a robot.
+// Pointers: on the floor the wheel, a pinch and a drag move the lens, a press selects a robot; on the
+// diagram they choose the time.
 
 const STILL = 5;
 
@@ -68,4 +69,25 @@ class Hand {
     this.lens.by(share, this.floor().placeAt(spot));
     this.told.changed();
   }
+}
+
+function at(event) {
+  const box = event.currentTarget.getBoundingClientRect();
+  return { x: event.clientX - box.left, y: event.clientY - box.top };
+}
+
+/** Let a pointer on the diagram choose the time, and preview it. */
+function watchDiagram(canvas) {
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    setFollowing(false);
+    seek(diagram.time(at(event).x));
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const place = at(event);
+    if (event.buttons) seek(diagram.time(place.x));
+    preview = diagram.time(place.x);
+    hoverOver(diagram.pick(place.x, place.y));
+  });
+  canvas.addEventListener("pointerleave", leave);
 }

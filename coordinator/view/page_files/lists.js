@@ -141,7 +141,8 @@ class RobotList {
     this.rows.forEach((row, index) => {
       const { state } = row.button.dataset, item = this.items[index];
       counts.set(state, (counts.get(state) || 0) + 1);
-      const order = byId("trouble").checked && this.rows.length > FEW || state === "unheard" ? rank(state) : TROUBLE.length;
+      const order = byId("trouble").checked && this.rows.length > FEW || state === "unheard" ?
+          rank(state) : TROUBLE.length;
       if (item.style.order !== String(order)) item.style.order = order;
       const told = `${this.bodies[index].id} ${row.text}`.toLowerCase();
       update(item, { hidden: !told.includes(wanted) });

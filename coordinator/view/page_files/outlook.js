@@ -4,6 +4,20 @@
 const LOOK_AGAIN = 3000;
 const LOOK_SOON = 150;
 
+/** Draw a target about a place. */
+function drawTarget(view, pen, place, colour) {
+  const x = view.X(place[0]), y = view.Y(place[1]);
+  pen.strokeStyle = colour;
+  pen.lineWidth = 2;
+  pen.beginPath();
+  pen.arc(x, y, 9, 0, 7);
+  pen.moveTo(x - 14, y);
+  pen.lineTo(x + 14, y);
+  pen.moveTo(x, y - 14);
+  pen.lineTo(x, y + 14);
+  pen.stroke();
+}
+
 class Outlook {
   /** `order` returns the order that is chosen, or null; `changed` is called when the floor looks otherwise. */
   constructor(box, order, changed) {

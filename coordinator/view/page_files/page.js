@@ -173,11 +173,6 @@ function tell(found) {
   robots.tell(found, play.scene.robots.map((_, index) => play.why(index, now)), busy, all);
 }
 
-function at(event) {
-  const box = event.currentTarget.getBoundingClientRect();
-  return { x: event.clientX - box.left, y: event.clientY - box.top };
-}
-
 const hand = new Hand(byId("floor"), lens, () => floor, {
   changed: seenOtherwise,
   leave,
@@ -203,21 +198,6 @@ function seenOtherwise() {
 function seeAll() {
   lens.all();
   seenOtherwise();
-}
-
-function watchDiagram(canvas) {
-  canvas.addEventListener("pointerdown", (event) => {
-    canvas.setPointerCapture(event.pointerId);
-    setFollowing(false);
-    seek(diagram.time(at(event).x));
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    const place = at(event);
-    if (event.buttons) seek(diagram.time(place.x));
-    preview = diagram.time(place.x);
-    hoverOver(diagram.pick(place.x, place.y));
-  });
-  canvas.addEventListener("pointerleave", leave);
 }
 
 function leave() {

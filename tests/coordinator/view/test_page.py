@@ -103,7 +103,7 @@ def test_the_parts_are_hand_sized_files():
         Path(__file__).resolve().parents[3] / "coordinator" / "view" / "page_files"
     ).iterdir():
         lines = part.read_text().splitlines()
-        assert len(lines) < 400, part.name
+        assert len(lines) < 300, part.name
         assert max(map(len, lines)) <= 120, part.name
 
 
