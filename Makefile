@@ -16,10 +16,10 @@ setup: .venv/runtime.stamp
 quick: .venv/dev.stamp check
 	$(BIN)/python -m pytest $(BESIDE) --quick
 
-# Every test, each seventeenth seed of the sweeps.  Whole fleets drive in real time: two at once, with
+# Every test, each eleventh seed of the sweeps.  Whole fleets drive in real time: two at once, with
 # nothing else beside them.
 test: .venv/dev.stamp check $(AXE)
-	$(BIN)/python -m pytest $(BESIDE) --every 17
+	$(BIN)/python -m pytest $(BESIDE) --every 11
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile tests/system
 
 # What takes longer than a change can wait: all seeds of the sweeps, and others each night.
