@@ -24,7 +24,7 @@ from coordinator.proof.granted import Granted
 from coordinator.proof.shared_course import shared_until
 from coordinator.scenario.floor import Floor
 from coordinator.scenario.margin import TOLERANCE
-from coordinator.schedule.staircase_making import STANDOFF, staircases_of, with_staircases
+from coordinator.schedule.staircase_making import STANDOFF, staircases_among, with_staircases
 from protocol.codec import encode
 from protocol.messages import (
     CANCELLED,
@@ -86,11 +86,9 @@ class GrantedCourses(Granted):
         old = before[-1].driven if before else None
         margin = self._terms.margin
         near = that_may_meet(course, others, margin + STANDOFF)
-        courses = [course, *near]
-        driven = [one.driven for one in courses]
-        since = [one.since for one in courses]
-        staircases = staircases_of(driven, self._terms.tau, margin + STANDOFF, (0,), since)
+        staircases = staircases_among(course, near, self._terms)
         if self._prove:
+            courses = [course, *near]
             limits = self._limits.get(robot) or Limits(max_speed=1e9)
             gap = self._gap().gap
             failures = course_failures(courses, staircases, margin, limits, gap, old)

@@ -324,12 +324,12 @@ class OrderBook:
             task.order = replace(task.order, via=via)
         task.robot, task.is_urgent, task.reason = robot, True, f"goes around {what}"
 
-    def _return(self, robot: str, goal: Pose, now_ms: int) -> None:
+    def _return(self, robot: str, goal: Pose, since_ms: int) -> None:
         """Let a robot that has made room go back, once nobody else has an order."""
         if not any(one.is_return and one.robot == robot for one in self._open.values()):
             self._made_room += 1
             order = Order(id=f"{_WAY}{self._made_room}", robot=robot, goal=goal)
-            self.give(order, now_ms).is_return = True
+            self.give(order, since_ms).is_return = True
 
     def room_for(self, robot: str, goal: Pose, whose: str, now_ms: int) -> Task:
         """Return a new order of the coordinator's own: a robot makes room for another order."""
@@ -340,11 +340,15 @@ class OrderBook:
         return task
 
     def end(self, task: Task, state: int, reason: str = "") -> None:
-        """Take in that an order is over."""
+        """Take in that an order is over; a robot that left its place for it is to go back."""
         task.state, task.reason = state, reason
         self._open.pop(task.order.id, None)
         self._ended.append(task)
         self.done += 1
+        robot, place = task.order.robot, task.returns_to
+        has_left = state == ORDER_DONE or (state == REFUSED and task.revision > 0)
+        if place is not None and has_left and robot in self._robots:
+            self._return(robot, place, task.released_ms)
 
     def cancel(self, order_id: str, now_ms: int) -> Task | None:
         """Take an order back, unless it is over; return it, or None if there is no such order.
@@ -442,8 +446,6 @@ class OrderBook:
             dwell_ms = round(1000.0 * task.order.dwell)
             if task.arrived_ms is not None and now_ms >= task.arrived_ms + dwell_ms:
                 self.end(task, ORDER_DONE)
-                if task.returns_to is not None:
-                    self._return(task.robot, task.returns_to, now_ms)
         for order in list(self._later.values()):
             if self._is_known(order, now_ms):
                 del self._later[order.id]

@@ -42,7 +42,7 @@ from coordinator.schedule.forbidden_interval_kernels import BOTH
 from coordinator.schedule.junctions import Junctions
 from coordinator.schedule.safe_interval_kernels import Departure
 from coordinator.schedule.safe_intervals import earliest_motion, rest_of_motion
-from coordinator.schedule.staircase_making import STANDOFF, staircases_of
+from coordinator.schedule.staircase_making import STANDOFF, staircases_among
 from coordinator.schedule.timetable import Motions
 from coordinator.schedule.track import Track
 
@@ -211,12 +211,8 @@ def proposal_of(message: bytes, site: Site, wish: Wish, others: Sequence[Course]
     """
     driven = unpack(message, wish.robot.radius)
     course = Course(driven, 0.001 * driven.plan.begin_ms)
-    reach = site.terms.margin + STANDOFF
-    near = that_may_meet(course, others, reach)
-    courses = [course, *near]
-    driving, since = [one.driven for one in courses], [one.since for one in courses]
-    staircases = staircases_of(driving, site.terms.tau, reach, (0,), since)
-    return Proposal(course, message, near, staircases)
+    near = that_may_meet(course, others, site.terms.margin + STANDOFF)
+    return Proposal(course, message, near, staircases_among(course, near, site.terms))
 
 
 def _earliest(search: _Search) -> _Try:

@@ -9,10 +9,13 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+import shapely
 
 from coordinator.base.kept import kept
 from coordinator.curves.chords import Chords, chords_of
 from coordinator.curves.nurbs import Nurbs
+from coordinator.plan.course import Course
+from coordinator.plan.document import PlanDocument
 from coordinator.plan.staircases import Staircases
 from coordinator.plan.wire import Driven, PackedPlan
 from coordinator.schedule.conflict_zones import find_zones
@@ -33,6 +36,9 @@ STANDOFF: Final = 0.005
 """How much more distance [m] than the margin staircases ask for: a robot that stands at the end of
 its authority is not quite still, and the next plan needs the whole margin around it."""
 
+_ROUNDING: Final = 1e-6
+"""So much less distance [m] than is left where a course begins is asked for."""
+
 
 def with_staircases(plan: PackedPlan) -> PackedPlan:
     """Return a plan with the staircases of its robots, which are not proven yet.
@@ -44,20 +50,41 @@ def with_staircases(plan: PackedPlan) -> PackedPlan:
     return plan.bounded_by(staircases_of(plan.driven, terms.tau, terms.margin + STANDOFF))
 
 
+def staircases_among(course: Course, near: Sequence[Course], terms: PlanDocument) -> Staircases:
+    """Return the staircases of a course, index 0, with others, from index 1 on.
+
+    They ask for STANDOFF more than the margin.  A robot that was held stands about as far from
+    another one's path: where the course begins nearer, they ask for what is left there.
+    """
+    courses = [course, *near]
+    driven, since = [one.driven for one in courses], [one.since for one in courses]
+    reach = terms.margin + STANDOFF
+    paths = [_chords_of(one.curve) for one in driven]
+    radii = np.array([one.radius for one in driven])
+    errors = np.array([path.error for path in paths])
+    start = shapely.Point(paths[0].points[0])
+    ways = [shapely.linestrings(path.points) for path in paths[1:]]
+    left = shapely.distance(start, ways) - (radii + errors)[1:] - radii[0] - errors[0] - _ROUNDING
+    less = np.where(left < terms.margin, 0.0, np.maximum(reach - left, 0.0))
+    return staircases_of(driven, terms.tau, reach, (0,), since, less=[0.0, *less])
+
+
 def staircases_of(
     driven: Sequence[Driven],
     tau: float,
     margin: float,
     among: Sequence[int] | None = None,
     since: Sequence[float] | None = None,
+    *,
+    less: Sequence[float] | None = None,
 ) -> Staircases:
     """Return the staircases of all pairs of robots that come near each other; tau [s], margin [m].
 
     `among`: only pairs with at least one of these robots (indices).  `since` [s]: from when motions
-    count, by default from their beginnings.
+    count, by default from their beginnings.  `less` [m]: how much less distance each robot needs.
     """
     paths = [_chords_of(one.curve) for one in driven]
-    radii = np.array([one.radius for one in driven])
+    radii = np.array([one.radius for one in driven]) - (0.0 if less is None else np.asarray(less))
     errors = np.array([path.error for path in paths])
     zones = find_zones(paths, radii, margin, among=among)
     half = radii + 0.5 * margin + errors

@@ -207,6 +207,26 @@ def test_who_made_room_goes_back_too_when_the_others_cannot_get_on():
     assert not book.is_open
 
 
+def test_who_made_room_goes_back_too_when_it_finds_no_way_on_after_going_around():
+    """It has left its goal, goes around another robot, and then the place is out of reach."""
+    book = OrderBook(robots=ROBOTS)
+    room = make_room(book, 1_000)
+    room.revision = 1
+    book.go_around("R1", (1, (3.0, 3.0), ()), "R2", 2_000)
+    assert ids(book.waiting()) == [room.order.id]
+    book.end(room, REFUSED, "has no way")
+    (back,) = book.waiting()
+    assert (back.order.robot, back.order.goal) == ("R1", (1.0, 1.0))
+
+
+def test_who_was_to_make_room_and_never_left_its_place_is_not_sent_back():
+    book = OrderBook(robots=ROBOTS)
+    room = book.room_for("R1", (5.0, 5.0), "way-9", 1_000)
+    room.returns_to = (1.0, 1.0)
+    book.end(room, REFUSED, "has no way")
+    assert not book.is_open
+
+
 def test_an_order_that_waits_to_go_back_survives_a_checkpoint():
     book = OrderBook(robots=ROBOTS)
     make_room(book, 1_000)

@@ -68,6 +68,22 @@ def test_without_faults_every_link_brings_everybody_home_in_the_first_epoch(five
         assert (outcome.violations, outcome.arrived, outcome.epochs) == ((), 5, 1)
 
 
+@pytest.mark.parametrize(("dead", "time"), [("R5", 5.3), ("R5", 5.6)])
+def test_a_robot_that_was_held_by_a_dead_one_goes_on_past_those_that_passed_it(five, dead, time):
+    """R3 stands where its old course let it come; its new one begins there, past R1's."""
+    scenario, document = plan_for(five, GOOD, None)
+    outcome = run_one(scenario, document, round(1000 * time), [Fault("kill", dead, time)])
+    assert outcome.violations == ()
+
+
+@pytest.mark.parametrize(("dead", "time"), [("R11", 3.0), ("R14", 6.0)])
+def test_in_a_crowd_everybody_arrives_beside_a_dead_robot(dead, time):
+    """R1 makes room for others, and finds no way on from there; R7 was held on its way."""
+    scenario, document = plan_for(generate("polygons", 17, 1), GOOD, None)
+    outcome = run_one(scenario, document, round(1000 * time), [Fault("kill", dead, time)])
+    assert outcome.violations == ()
+
+
 def test_the_same_seed_gives_the_same_outcome(five):
     assert run_seed(five, 7) == run_seed(five, 7)
 
