@@ -63,7 +63,9 @@ def keeps(line: Segment, extra: float, solid: Solid) -> bool:
         ):
             return False
     x0, y0, size, columns, rows = frame
-    pieces = 1 + int(math.hypot(qx - px, qy - py) / size)
+    length, reach = math.hypot(qx - px, qy - py), need + extra
+    pieces = 1 + int(length / size)
+    half = 0.5 * length / pieces
     for piece in range(pieces):
         ax, ay = px + (qx - px) * piece / pieces, py + (qy - py) * piece / pieces
         bx, by = px + (qx - px) * (piece + 1) / pieces, py + (qy - py) * (piece + 1) / pieces
@@ -76,7 +78,15 @@ def keeps(line: Segment, extra: float, solid: Solid) -> bool:
                 cell = r * columns + c
                 for i in range(first[cell], first[cell + 1]):
                     k = items[i]
-                    if _segment_gap(Segment(ax, ay, bx, by), segment(edges, k)) < need + extra:
+                    ex, ey = (
+                        edges[k, 0] - ax + edges[k, 2] - bx,
+                        edges[k, 1] - ay + edges[k, 3] - by,
+                    )
+                    wide = abs(edges[k, 2] - edges[k, 0]) + abs(edges[k, 3] - edges[k, 1])
+                    far = 2.0 * (reach + half) + wide
+                    if ex * ex + ey * ey > far * far:
+                        continue  # Their middles alone are too far apart.
+                    if _segment_gap(Segment(ax, ay, bx, by), segment(edges, k)) < reach:
                         return False
     return True
 

@@ -160,7 +160,7 @@ class Obstructions:
         reach, here = self._robots[robot].radius + whole.terms.margin, shapely.Point(place)
         rings = []
         for ring in (ring for name, ring in self._around.items() if name != robot):
-            wide = shapely.buffer(shapely.Polygon(ring), _ROOM)
+            wide = shapely.buffer(shapely.Polygon(ring), _ROOM, join_style="mitre")
             rings.append(ring if shapely.dwithin(wide, here, reach) else _ring_of(wide))
         rings += [
             ring
