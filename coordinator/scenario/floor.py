@@ -49,8 +49,9 @@ class Floor:
     def distance(self, points: Array) -> Array:
         """Return the distance [m] from each of the points (n, 2) to anything solid, (n,)."""
         places = shapely.points(points)
-        found = self.solid.query_nearest(places, return_distance=True, all_matches=False)
-        return np.where(shapely.intersects(self.outline, places), found[1], 0.0)
+        apart = shapely.distance(self._edges, places)
+        apart[self.solid.query(places, predicate="intersects")[0]] = 0.0
+        return np.where(shapely.intersects(self.outline, places), apart, 0.0)
 
     def gap(self, line: Array) -> float:
         """Return the distance [m] from a polyline (n, 2) to anything solid; 0 if it enters it.
