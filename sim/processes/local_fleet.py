@@ -273,7 +273,7 @@ class LocalFleet:
 
 
 def _tell_trouble(event: Event) -> None:
-    if event["event"] in (*TROUBLE, "order", "order state", "page"):
+    if event["event"] in (*TROUBLE, "alarm", "order", "order state", "page"):
         tell_now(str(event["text"]))
 
 
