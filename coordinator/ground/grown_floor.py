@@ -1,11 +1,12 @@
 """A floor with its configuration spaces: where the centre of a disc of a given reach may be.
 
-Decides: which configuration spaces are cached, and what bounds a piece of free ground.  Must not
-know: curves, times or for which robot a space is used.
+Decides: which configuration spaces and coarse grids are cached, and what bounds a piece of free
+ground.  Must not know: curves, times or for which robot a space is used.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -14,6 +15,7 @@ import shapely
 
 from coordinator.ground.configuration_space import Ground
 from coordinator.ground.growth import Rings
+from coordinator.ground.rough_grid import RoughGrid
 from coordinator.scenario.floor import Floor
 from coordinator.scenario.model import Point
 
@@ -28,6 +30,7 @@ class GrownFloor(Floor):
         super().__init__(boundary, obstacles)
         self._rings = Rings.of(obstacles, np.array(boundary))
         self._grounds: dict[tuple[float, float], Ground] = {}
+        self._grids: dict[float, RoughGrid] = {}
 
     def ground(self, reach: float, room: float = 0.0) -> Ground:
         """Return the ground for a centre that keeps `reach` [m] from solid things.
@@ -38,6 +41,13 @@ class GrownFloor(Floor):
         if key not in self._grounds:
             self._grounds[key] = Ground(self._rings, *key)
         return self._grounds[key]
+
+    def rough_grid(self, ground: Ground) -> RoughGrid:
+        """Return the coarse grid for a ground's reach, rounded down to millimetres."""
+        reach = math.floor(1e3 * ground.reach) / 1e3
+        if reach not in self._grids:
+            self._grids[reach] = RoughGrid(ground, reach)
+        return self._grids[reach]
 
     def fresh_ground(self, reach: float) -> Ground:
         """Return ground that is not cached, for a reach [m] that is needed only once."""

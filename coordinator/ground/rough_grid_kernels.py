@@ -6,6 +6,7 @@ Decides: which cells belong together.  Must not know: what closes a cell.
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,27 @@ from coordinator.curves.nurbs import Array
 from coordinator.ground.growth import Indices
 
 Flags = npt.NDArray[np.bool_]
+Marks = npt.NDArray[np.int8]
+
+_FROM_START: Final = 2
+_FROM_GOAL: Final = 3
+"""Marks of open cells, which are 1 at first, that one of the ends is connected with."""
+
+
+@compiled
+def _marks(open_cells: Flags, closing: Array) -> Marks:
+    """Return 1 for each open cell with its centre in no disc, 0 for the others."""
+    rows, columns = open_cells.shape
+    marks = open_cells.astype(np.int8)
+    for k in range(len(closing)):
+        x, y, radius = closing[k]
+        if radius <= 0.0:
+            continue
+        for row in range(max(int(y - radius), 0), min(int(y + radius) + 1, rows)):
+            for column in range(max(int(x - radius), 0), min(int(x + radius) + 1, columns)):
+                if math.hypot(column + 0.5 - x, row + 0.5 - y) < radius:
+                    marks[row, column] = 0
+    return marks
 
 
 @compiled
@@ -25,26 +47,21 @@ def connected(open_cells: Flags, ends: Indices, closing: Array) -> bool:
     in cells) are not open.
     """
     rows, columns = open_cells.shape
-    left = open_cells.copy()
-    for k in range(len(closing)):
-        x, y, radius = closing[k]
-        if radius <= 0.0:
-            continue
-        for row in range(max(int(y - radius), 0), min(int(y + radius) + 1, rows)):
-            for column in range(max(int(x - radius), 0), min(int(x + radius) + 1, columns)):
-                if math.hypot(column + 0.5 - x, row + 0.5 - y) < radius:
-                    left[row, column] = False
-    column, row = ends[0]
-    goal_column, goal_row = ends[1]
-    left[goal_row, goal_column] = True
-    queue = [(column, row)]
-    while queue:
-        column, row = queue.pop()
-        if column == goal_column and row == goal_row:
-            return True
+    marks = _marks(open_cells, closing)
+    mine, theirs, mark = [(ends[0, 0], ends[0, 1])], [(ends[1, 0], ends[1, 1])], _FROM_START
+    marks[ends[1, 1], ends[1, 0]] = _FROM_GOAL
+    if marks[ends[0, 1], ends[0, 0]] == _FROM_GOAL:
+        return True
+    marks[ends[0, 1], ends[0, 0]] = _FROM_START
+    while mine:
+        column, row = mine.pop()
         for r in range(max(row - 1, 0), min(row + 2, rows)):
             for c in range(max(column - 1, 0), min(column + 2, columns)):
-                if left[r, c]:
-                    left[r, c] = False
-                    queue.append((c, r))
+                if marks[r, c] == _FROM_START + _FROM_GOAL - mark:
+                    return True
+                if marks[r, c] == 1:
+                    marks[r, c] = mark
+                    mine.append((c, r))
+        if mine:  # Both ends are searched in turn: the smaller part decides how long it takes.
+            mine, theirs, mark = theirs, mine, _FROM_START + _FROM_GOAL - mark
     return False

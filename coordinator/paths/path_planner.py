@@ -23,7 +23,6 @@ from coordinator.ground.distance_kernels import entered, nearest_of
 from coordinator.ground.enclosure import NoWayError, explain
 from coordinator.ground.free_space import DISC_TOLERANCE, NO_DISCS, Space
 from coordinator.ground.grown_floor import GrownFloor
-from coordinator.ground.rough_grid import RoughGrid
 from coordinator.motion.cornering import Handling
 from coordinator.paths.end_heading_choice import COMFORTABLE, Leads, choices
 from coordinator.paths.end_headings import check_headings
@@ -100,7 +99,6 @@ class Pathfinder:
         self._goals = np.array([robot.goal[:2] for robot in scenario.robots])
         self._radii = np.array([robot.radius for robot in scenario.robots])
         self._failed = 0
-        self._grids: dict[float, RoughGrid] = {}
 
     def path(self, index: int, detours: Array = NO_DISCS, refuge: Point | None = None) -> Nurbs:
         """Return robot `index`'s path; it avoids other robots' starts and goals if possible.
@@ -131,7 +129,7 @@ class Pathfinder:
         """Return robot `index`'s path as `path` does, with the polygon it was made from.
 
         `lead`: a place [m] towards which a path without a heading at its start begins, and turns
-        there.
+        there.  Only without detours the error says what closes the robot in.
         """
         robot = self.scenario.robots[index]
         if refuge is not None:
@@ -147,7 +145,7 @@ class Pathfinder:
                         worst = error
                 except PlanError as error:
                     worst = worst if isinstance(worst, (TurnError, CoarseError)) else error
-        if isinstance(worst, NoWayError):
+        if isinstance(worst, NoWayError) and not len(detours):
             part = self.scenario.workspace.from_map
             worst = explain(worst, self.floor, robot, self.scenario.margin, part)
         assert worst is not None  # There is always some set of places to try.
@@ -300,11 +298,9 @@ class Pathfinder:
 
     def _way(self, space: Space, start: Array, goal: Array) -> Array | None:
         """Return the shortest way (n, 2) in a space; None when there is none."""
-        reach = math.floor(1e3 * space.ground.reach) / 1e3
         if self._failed >= _FAILED:
-            if reach not in self._grids:
-                self._grids[reach] = RoughGrid(space.ground, reach)
-            if self._grids[reach].parts(start, goal, space.discs):
+            grid = self.floor.rough_grid(space.ground)
+            if grid.parts(start, goal, space.discs):
                 return None
         way = space.shortest_way(start, goal)
         self._failed += way is None
