@@ -61,7 +61,8 @@ _SLOW = 1.6
 moves from place to place."""
 
 _JAM = 1.2
-"""Fleets of up to FEW robots that take so many times as long as alone look for such ways, too."""
+"""Fleets of up to FEW robots that take so many times as long as alone look for such ways, too.
+Where there are none, slow plans of up to _MOST_WAYS robots are compared with such moves."""
 
 _PATIENCE = 60
 _PATIENCE_PER_FLEET = 3000
@@ -191,8 +192,9 @@ def _arrivals(motions: Sequence[Motion]) -> float:
 
 
 def _is_jam(motions: Sequence[Motion], tracks: Sequence[Track]) -> bool:
-    """Return whether robots lose so much time that ways in space and time are looked for."""
-    return _arrivals(motions) > _JAM * sum(track.alone for track in tracks)
+    """Return whether robots lose so much time that other kinds of plans are looked for."""
+    most = _JAM if len(tracks) <= _MOST_WAYS else _SLOW
+    return _arrivals(motions) > most * sum(track.alone for track in tracks)
 
 
 class _Stages:
@@ -256,7 +258,10 @@ class _Stages:
         if flow is None:
             if refusal is not None:
                 raise refusal
-            return self._in_order(priorities, effort) if motions is None else motions
+            motions = self._in_order(priorities, effort) if motions is None else motions
+            if effort <= LATER_EFFORT or not _is_jam(motions, tracks):
+                return motions
+            return self._or_with_room(motions, priorities)
         if motions is not None and not flow.is_better_than(motions):
             return motions
         if _arrivals(flow.motions) > _SLOW * sum(track.alone for track in self.tracks):
@@ -266,6 +271,15 @@ class _Stages:
         self.paths, self.tracks, self.junctions = flow.paths, flow.tracks, flow.junctions
         self.notes = [flow.told()]
         return flow.motions
+
+    def _or_with_room(self, motions: list[Motion], priorities: list[int]) -> list[Motion]:
+        """Return motions in which robots make room for each other if they arrive earlier so."""
+        before = self.paths, self.tracks, self.junctions, self.notes
+        rests = self._several_legs(priorities)
+        if rests is not None and _arrivals(rests) < _arrivals(motions):
+            return rests
+        self.paths, self.tracks, self.junctions, self.notes = before
+        return motions
 
     def _in_order(self, priorities: list[int], effort: int) -> list[Motion]:
         """Return motions on the paths that look at nobody; reroute robots until some order works.

@@ -81,8 +81,8 @@ class Legs:
 
 
 def can_make_room(scenario: Scenario) -> bool:
-    """Return whether the robots of a scenario may all drive from place to place as they like."""
-    return all(
+    """Return whether robots are to drive, and all may drive from place to place as they like."""
+    return not all(robot.is_idle for robot in scenario.robots) and all(
         robot.path is None
         and not robot.via
         and len(robot.start) == len(robot.goal) == 2

@@ -1,9 +1,13 @@
 """Robots that make room for each other, in plans judged by the proof and a dense sampler."""
 
+import math
+
 import pytest
 
+from benchmarks.movingai_maps import drawn
+from coordinator.exchange.movingai import Bodies, scenario_of
 from coordinator.plan.plan_file import to_json
-from coordinator.planning import several_legs
+from coordinator.planning import planner, several_legs
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import Robot, Scenario, Workspace
 from sim.floors.generator import generate
@@ -53,3 +57,29 @@ def test_many_robots_arrive_earlier_by_moves_that_start_at_times(monkeypatch):
     assert any("make room" in note for note in in_turn.notes)
     early, late = (sum(one.finish_time for one in found.robots) for found in (plan, in_turn))
     assert early < 0.9 * late
+
+
+def test_a_crowd_that_would_wait_for_long_makes_room_instead(tmp_path):
+    """In an order of robots they would take three times as long as along straight lines."""
+    name, files = "room-32-32-4", [tmp_path / "a.map", tmp_path / "a.scen"]
+    for file, text in zip(files, drawn(name, 50, 0), strict=True):
+        file.write_text(text)
+    bodies = Bodies(radius=0.35, max_speed=1.0, max_accel=math.inf, tau=0.3, margin=0.05)
+    scenario = scenario_of(*files, 50, 1.0, bodies, name)
+    plan = plan_scenario(scenario)
+    assert plan.proof.holds
+    speed = scenario.planned_speed(scenario.robots[0])
+    straight = [math.dist(one.start[:2], one.goal[:2]) / speed for one in scenario.robots]
+    assert sum(one.finish_time for one in plan.robots) < 2.0 * sum(straight)
+
+
+def test_a_plan_in_which_robots_wait_is_kept_where_making_room_takes_longer(monkeypatch):
+    monkeypatch.setattr(planner, "find_flow", lambda *_: None)
+    asked, find_legs = [], several_legs.find_legs
+    monkeypatch.setattr(several_legs, "find_legs", lambda *a: asked.append(a) or find_legs(*a))
+    scenario = generate("rooms", 16, 1)
+    compared = plan_scenario(scenario)
+    assert len(asked) == 1
+    monkeypatch.setattr(several_legs, "can_make_room", lambda _: False)
+    assert to_json(plan_scenario(scenario)) == to_json(compared)
+    assert compared.proof.holds
