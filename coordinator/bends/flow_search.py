@@ -52,9 +52,11 @@ order, else after it."""
 _LATE: Final = 0.2
 """Robots that are delayed by less than this [s] are not taken out for their own sake."""
 
-_TRIES: Final = 8
-"""How often a robot that has found no motion is put back together with others in its way.  If it
-finds none then, the search ends: where one finds none, it mostly is not the only one."""
+_TRIES: Final = 24
+_DOUBLINGS: Final = 3
+"""How often a robot that has found no motion is put back together with others in its way, and how
+many sizes their number takes, each twice the last.  If it finds none then, the search ends: where
+one finds none, it mostly is not the only one."""
 
 _JAM: Final = 0.2
 """If robots lose more than this share of the time that they take alone, all keep to one side."""
@@ -101,6 +103,8 @@ class FlowSearch:
         self._counts = (np.ceil((corners.max(axis=0) + 1.0 - self._low) / self._size)).astype(int)
         self._slack = _SLACK.copy()
         self.random = random.Random(len(paths))
+        self.is_crowded = False
+        """Whether a robot at first found no motion among the others."""
 
     def run(self, rounds: int) -> list[Course] | None:
         """Place all robots, then improve by `rounds`; None if a robot finds no motion.
@@ -115,9 +119,9 @@ class FlowSearch:
         for index in order:
             self._place(index, math.inf)
         for index in order:
-            for _ in range(_TRIES):
-                if self.courses[index] is None:
-                    self._try(self._neighbourhood([index]))
+            if self.courses[index] is None:
+                self.is_crowded = True
+                self._make_way(index)
             if self.courses[index] is None:
                 return None
         if rounds:
@@ -130,6 +134,17 @@ class FlowSearch:
             self._try(self._neighbourhood([seed]) if tried[seed] else self._in_the_way(seed))
             tried[seed] += 1
         return self._found()
+
+    def _make_way(self, index: int) -> None:
+        """Put a robot that has found no motion back before others in its way, at last many."""
+        for number in range(_TRIES):
+            most = _LARGEST << _DOUBLINGS * number // _TRIES
+            if number % 2:
+                self._try(self._neighbourhood([index], most))
+            else:
+                self._try(self._in_the_way(index, most))
+            if self.courses[index] is not None:
+                break
 
     def place_again(self, chosen: Collection[int]) -> list[Course]:
         """Place robots once more that met others in spite of all, with twice the slack.
@@ -153,23 +168,23 @@ class FlowSearch:
         course = self.courses[index]
         return _MISSING if course is None else course.motion.finish - self.alone[index]
 
-    def _neighbourhood(self, late: list[int]) -> list[int]:
-        """Return robots to take out: a late one and some of those that it meets."""
+    def _neighbourhood(self, late: list[int], most: int = _LARGEST) -> list[int]:
+        """Return robots to take out: a late one and some of those that it meets, up to `most`."""
         seed = self.random.choices(late, [self._delay(index) for index in late])[0]
         own = self._straight[seed].samples
         traffic = self._gathered()
         near = sorted(_met(own, traffic, self._size) - {seed})
-        return [seed, *self.random.sample(near, min(len(near), self.random.randint(0, _LARGEST)))]
+        return [seed, *self.random.sample(near, min(len(near), self.random.randint(0, most)))]
 
-    def _in_the_way(self, seed: int) -> list[int]:
-        """Return a late robot and those that it would meet most on its shortest way.
+    def _in_the_way(self, seed: int, most: int = _LARGEST) -> list[int]:
+        """Return a late robot and those that it would meet most on its shortest way, up to `most`.
 
         Put back first, it drives there, and the others see where they can go then.
         """
         own, count = self._straight[seed].samples, len(self.robots)
         met = count_meetings(own, self._gathered(), seed, *self._kept(seed), count)
-        most = np.argsort(-met, kind="stable")[:_LARGEST]
-        return [seed, *most[met[most] > 0].tolist()]
+        first = np.argsort(-met, kind="stable")[:most]
+        return [seed, *first[met[first] > 0].tolist()]
 
     def _try(self, chosen: list[int]) -> None:
         """Put robots back in this order; undo it if they arrive no earlier in total."""

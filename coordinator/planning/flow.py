@@ -44,7 +44,8 @@ _REPAIRS: Final = 3
 class Flow:
     """Paths and motions of a fleet, with the tracks and zones of these paths.
 
-    aside: how many of the paths are not the shortest ones.
+    aside: how many of the paths are not the shortest ones.  is_crowded: whether robots had to be
+    placed anew for one that found no motion among them.
     """
 
     paths: list[Nurbs]
@@ -52,6 +53,7 @@ class Flow:
     junctions: Junctions
     motions: list[Motion]
     aside: int
+    is_crowded: bool
 
     def is_better_than(self, motions: Sequence[Motion]) -> bool:
         """Return whether the paths are worth their bends, compared with other motions."""
@@ -119,6 +121,7 @@ def find_flow(
         junctions,
         with_owners(junctions, motions.all(), all_waits=True),
         sum(one.path is not path for one, path in zip(courses, paths, strict=True)),
+        search.is_crowded,
     )
 
 

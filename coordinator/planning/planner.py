@@ -58,7 +58,7 @@ the wire.  Where robots stand too near each other for that, less is added
 
 _SLOW = 1.6
 """Ways in space and time on which robots take so many times as long as alone are compared with
-moves from place to place."""
+moves from place to place; so are crowded ones of up to _MOST_WAYS robots."""
 
 _JAM = 1.2
 """Fleets of up to FEW robots that take so many times as long as alone look for such ways, too.
@@ -264,7 +264,8 @@ class _Stages:
             return self._or_with_room(motions, priorities)
         if motions is not None and not flow.is_better_than(motions):
             return motions
-        if _arrivals(flow.motions) > _SLOW * sum(track.alone for track in self.tracks):
+        is_slow = _arrivals(flow.motions) > _SLOW * sum(track.alone for track in self.tracks)
+        if is_slow or (flow.is_crowded and len(tracks) <= _MOST_WAYS):
             rests = self._several_legs(priorities)
             if rests is not None and not flow.is_better_than(rests):
                 return rests
