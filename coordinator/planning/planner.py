@@ -27,7 +27,7 @@ from coordinator.plan.document import Limits, PlanDocument, Reason
 from coordinator.plan.drafting import draft_plan
 from coordinator.plan.shares_of_tau import BRAKING_SHARE, LEAST_TAU, resolve_tau, shares_of
 from coordinator.plan.wire import PackedPlan
-from coordinator.planning.flow import MOST_BOTH, find_flow, is_searched
+from coordinator.planning.flow import MOST_BOTH, Flow, find_flow, is_searched
 from coordinator.proof.verify import prove_messages
 from coordinator.scenario.model import Scenario
 from coordinator.schedule import paper_policy
@@ -269,8 +269,16 @@ class _Stages:
             rests = self._several_legs(priorities)
             if rests is not None and not flow.is_better_than(rests):
                 return rests
+        return self._on(flow, priorities, effort)
+
+    def _on(self, flow: Flow, priorities: list[int], effort: int) -> list[Motion]:
+        """Return motions on a flow's paths; few robots may drive there as fast as they can."""
         self.paths, self.tracks, self.junctions = flow.paths, flow.tracks, flow.junctions
         self.notes = [flow.told()]
+        if len(flow.motions) <= FEW:
+            again = find_schedule(self.junctions, priorities, effort)
+            if not isinstance(again, Deadlock) and _arrivals(again) < _arrivals(flow.motions):
+                return with_owners(self.junctions, again)
         return flow.motions
 
     def _or_with_room(self, motions: list[Motion], priorities: list[int]) -> list[Motion]:
