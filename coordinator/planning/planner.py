@@ -6,6 +6,7 @@ files, clocks (a timer is an argument) or links.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
@@ -274,11 +275,11 @@ class _Stages:
     def _on(self, flow: Flow, priorities: list[int], effort: int) -> list[Motion]:
         """Return motions on a flow's paths; few robots may drive there as fast as they can."""
         self.paths, self.tracks, self.junctions = flow.paths, flow.tracks, flow.junctions
-        self.notes = [flow.told()]
         if len(flow.motions) <= FEW:
             again = find_schedule(self.junctions, priorities, effort)
             if not isinstance(again, Deadlock) and _arrivals(again) < _arrivals(flow.motions):
-                return with_owners(self.junctions, again)
+                flow = dataclasses.replace(flow, motions=with_owners(self.junctions, again))
+        self.notes = [flow.told()]
         return flow.motions
 
     def _or_with_room(self, motions: list[Motion], priorities: list[int]) -> list[Motion]:
