@@ -96,6 +96,7 @@ class ZenohTransport(Transport):
 
         self._session = session
         self._drop = zenoh.CongestionControl.DROP
+        self._block = zenoh.CongestionControl.BLOCK
         self._remote = zenoh.Locality.REMOTE
         self._appears = zenoh.SampleKind.PUT
         self._error = zenoh.ZError
@@ -169,13 +170,25 @@ class ZenohTransport(Transport):
         `attachment` is sent with them, for programs of others.  Raises zenoh.ZError only for a
         malformed key.
         """
+        self._put(key, payload, self._drop, attachment)
+
+    def put_patiently(self, key: str, payload: bytes) -> None:
+        """Send bytes; wait when the link is congested, for a program that nobody relies on in time.
+
+        A receiver that hangs costs 0.5 s, after which its link is closed.
+        """
+        self._put(key, payload, self._block, None)
+
+    def _put(
+        self, key: str, payload: bytes, when_full: zenoh.CongestionControl, attachment: bytes | None
+    ) -> None:
         if self._closed:
             return
         try:
             self._session.put(
                 key,
                 payload,
-                congestion_control=self._drop,
+                congestion_control=when_full,
                 express=True,
                 attachment=attachment,
             )

@@ -160,8 +160,8 @@ class RobotService:
 
     `clock` is the robot's own clock and stamps messages that arrive between ticks.  Without it
     messages count as arrived at the next tick, which makes the robot less certain of the
-    coordinator's time.  `host_clock` stamps the black box; it is needed if the robot's clock
-    differs from the host's.
+    coordinator's time.  `host_clock` stamps the black box; it is needed, with `clock`, if the
+    robot's clock differs from the host's.
     """
 
     def __init__(
@@ -325,7 +325,9 @@ class RobotService:
             driver.drive(agent.drive_speed, agent.drive_curvature, agent.drive_distance)
         if self._blackbox is not None:
             s = agent.ride.follower.s if agent.ride is not None else 0.0
-            host_ns = self._host_clock() if self._host_clock else now_ns
+            host_ns = now_ns
+            if self._clock and self._host_clock:  # Read at once: the tick so far may have lasted.
+                host_ns += self._host_clock() - self._clock()
             estimate_ns = self.coordinator_time(now_ns)
             self._blackbox.write(host_ns, estimate_ns, driver.true_pose(), s, agent.phase)
 

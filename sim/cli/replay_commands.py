@@ -164,7 +164,7 @@ def _play(log: Path, asked: Playing, as_json: bool) -> None:
         def wait_until(seconds: float) -> None:
             time.sleep(max(0.0, begin + seconds - time.monotonic()))
 
-        count = play(shown(found, "playing"), transport.put, wait_until, asked.speed)
+        count = play(shown(found, "playing"), transport.put_patiently, wait_until, asked.speed)
         time.sleep(_LINGER_S)
     if as_json:
         answer_json({"messages": count})

@@ -173,6 +173,23 @@ def test_who_insists_on_being_heard_by_a_robot_that_hangs_holds_nobody_up(monkey
         over.set()
 
 
+def test_what_is_put_patiently_all_arrives_however_slowly_it_is_heard(link):
+    coordinator, listener, inbox = link.session("coordinator"), link.session("R1"), Inbox()
+
+    def hear(*heard):
+        time.sleep(0.001)
+        inbox(*heard)
+
+    listener.subscribe("f/report/*", hear)
+    link.say_until_heard(coordinator, "f/report/R1", b"begin", inbox)
+    sent = [index.to_bytes(2) + bytes(60_000) for index in range(400)]  # 24 MB
+    for payload in sent:
+        coordinator.put_patiently("f/report/R2", payload)
+    inbox.wait(lambda: inbox.payloads()[-1] == sent[-1], PATIENCE_S)
+    arrived = [payload for key, payload, _ in inbox.heard if key == "f/report/R2"]
+    assert arrived == sent
+
+
 def test_who_asks_gets_every_answer_of_the_coordinator(link):
     coordinator, listener, inbox = link.session("coordinator"), link.session("R1"), Inbox()
     answers = [("f/plan/R1", b"plan"), ("f/plan/R1", b"times"), ("f/plan/R2", b"other")]

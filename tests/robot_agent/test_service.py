@@ -197,6 +197,23 @@ def test_a_robot_that_is_told_a_wrong_time_is_early_in_its_black_box(tmp_path, m
         assert float(row["s"]) == pytest.approx(max(0.475 * float(row["estimate"]), 0), abs=0.01)
 
 
+def test_a_tick_that_takes_long_does_not_count_as_an_error_of_the_clock(tmp_path, monkeypatch):
+    monkeypatch.setattr("robot_agent.blackbox.shares_clock", lambda boot: boot == COORDINATOR)
+    hall, box = Hall(), tmp_path / "R1.csv"
+    step = hall.body.step
+
+    def step_slowly(now_ns: int) -> None:
+        step(now_ns)
+        hall.network.advance(hall.clock() + 9 * MS)
+
+    hall.body.step = step_slowly
+    assert hall.run(host_clock=lambda: hall.clock() + 10**12, blackbox=box) == 0
+    rows = list(csv.DictReader(box.read_text().splitlines()))
+    assert len(rows) > 100
+    for row in rows:
+        assert float(row["t"]) == pytest.approx(float(row["estimate"]), abs=0.005)
+
+
 def test_between_go_and_arrival_a_robot_sends_at_most_120_bytes_a_second():
     hall = Hall()
     hall.run()
