@@ -6,8 +6,8 @@ redirects, kills a robot, admits it, stops the fleet, lets it go on and ends it,
 390x844, and writes pictures.  Each command is timed from the click to what the coordinator has made
 of it on the page, by the page's own clock; an order is seen when it is answered or listed.  A robot
 is to be admitted once it is heard and knows the time; it is admitted when it has its next course.
-A simulated robot is killed by its script, which is timed in the fleet's seconds, and does not come
-back.
+A simulated robot is killed by its script, which is timed in the fleet's seconds, and started again
+after a while.
 
 `python -m benchmarks.desk_page watch ADDRESS SECONDS` looks at a page that nobody touches: bytes a
 second to it, share of a core that the browser takes, its memory.
@@ -74,6 +74,8 @@ _STATES: Final = "splinefleet.at(splinefleet.time)"
 _NO_ACTS: Final = ("robots", "screen", "errors", "in the log")
 _KILLED_S: Final = 20
 """When [s since GO] a simulated robot is killed."""
+_AWAY_S: Final = 10
+"""How long [s] it is away."""
 
 
 class Fleet:
@@ -111,7 +113,7 @@ def fleet_of(count: int, folder: Path, most_processes: int) -> Iterator[Fleet]:
         page = ("--page", "127.0.0.1:0")
         if count > most_processes:
             log = folder / "run" / "run.mcap"
-            fault = f"kill:{scenario.robots[-1].id}@{_KILLED_S}"
+            fault = f"restart:{scenario.robots[-1].id}@{_KILLED_S}:{_AWAY_S}"
             options = ("--box-rate", "1", "--out", str(log.parent), "--fault", fault)
             yield Fleet(_address(start("simulate", str(file), *page, *options)), log, {})
             return
@@ -174,25 +176,25 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
     act("redirect", "#order-send", _ordered(second))
     act("STOP", "#stop", "/told to stop/.test(text)")
     act("go on", "#go-on:not([hidden])", "/, go/.test(text)")
+    dead = first if fleet.start is not None else robots[-1]
+    lost = f"document.body.innerText.includes('{dead} is not heard')"
     if fleet.start is not None:
-        fleet.agents[first].send_signal(signal.SIGKILL)
-        lost = f"document.body.innerText.includes('{first} is not heard')"
+        fleet.agents[dead].send_signal(signal.SIGKILL)
         began = time.monotonic()
         tab.wait(lost, 30.0)
         seen["killed"] = round(time.monotonic() - began, 2)
-        tab.picture(pictures.with_name(f"{pictures.name}-killed.png"))
-        place = f"(({{ x, y, heading }}) => [x, y, heading])({_STATES}.{first})"
-        fleet.agents[first] = fleet.start(first, "--at", *map(str, tab.run(place)))
-        _wait_for_robot(fleet, first)
-        tab.wait(f"!{lost}")  # The page is laid out anew when the alarm is over.
-        tab.run(f"document.getElementById('order-robot').value = '{first}'")
-        tab.run("document.getElementById('order-robot').dispatchEvent(new Event('change'))")
-        act("admit", "[data-act=admit]", f"/{first} goes|, GO$/.test({_ANSWER})", 30.0)
     else:
         tab.wait("window.lost !== undefined", _PATIENCE_S)
         seen["killed"] = round(tab.run("window.lost") - _KILLED_S, 2)
-        seen["admit"] = "-"
-        tab.picture(pictures.with_name(f"{pictures.name}-killed.png"))
+    tab.picture(pictures.with_name(f"{pictures.name}-killed.png"))
+    if fleet.start is not None:
+        place = f"(({{ x, y, heading }}) => [x, y, heading])({_STATES}.{dead})"
+        fleet.agents[dead] = fleet.start(dead, "--at", *map(str, tab.run(place)))
+    _wait_for_robot(fleet, dead)
+    tab.wait(f"!{lost}")  # The page is laid out anew when the alarm is over.
+    tab.run(f"document.getElementById('order-robot').value = '{dead}'")
+    tab.run("document.getElementById('order-robot').dispatchEvent(new Event('change'))")
+    act("admit", "[data-act=admit]", f"/{dead} goes|, GO$/.test({_ANSWER})", 30.0)
     tab.run("window.confirm = () => true")
     act("end", "#end-mission", "/the fleet ends/.test(text)")
     return seen

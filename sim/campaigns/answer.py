@@ -25,6 +25,7 @@ _REASONS: Final = {
     "cut": "cut off to the end",
     "clock-pause": "computer stopped to the end",
     "unfit": "failed too often",
+    "restarted": "restarted, but nobody admitted it",
 }
 """Words for the reasons why a robot is not expected to arrive; others are shown unchanged.
 """

@@ -32,6 +32,9 @@ from sim.world.virtual_fleet import World
 _OWN: Final = ("hang", "slow", "stall", "skid", "driver-error", "clock-pause", "clock-jump")
 """Faults that a robot causes itself, after which it may be declared unfit."""
 
+_DEADLY: Final = {"kill": "killed", "restart": "restarted"}
+"""Faults after which a robot does not go on by itself, and the reasons that are told."""
+
 _NOISE: Final = 0.005
 """How much [m] noisy positions may add to the tolerance at a goal."""
 
@@ -157,8 +160,8 @@ def excused(world: World, over_ns: int) -> dict[str, str]:
             why[name] = "unfit"
     for one in world.struck:
         fault = one.fault
-        if fault.kind == "kill":
-            why[fault.robot] = "killed"
+        if fault.kind in _DEADLY:
+            why[fault.robot] = _DEADLY[fault.kind]
         elif fault.kind in ("hang", "stall", "cut", "clock-pause"):
             ends = one.now_ns + (fault.value + _RETURN) * SECOND
             if ends > over_ns:

@@ -46,6 +46,7 @@ class VirtualKind(NamedTuple):
 
 KINDS: Final = {
     "kill": VirtualKind(),
+    "restart": VirtualKind("SECONDS", 3.0, drawn=(0.1, 8.0)),
     "hang": VirtualKind("SECONDS", math.inf, drawn=(0.1, 8.0), lasting=0.5),
     "slow": VirtualKind("SHARE", None, most=1.0, drawn=(0.2, 0.98)),
     "stall": VirtualKind("SECONDS", math.inf, drawn=(0.1, 6.0), lasting=0.2),
@@ -59,8 +60,9 @@ KINDS: Final = {
     "coordinator-restart": VirtualKind("SECONDS", 3.0, drawn=(0.5, 6.0)),
 }
 
-USUAL: Final = tuple(name for name in KINDS if name != "coordinator-restart")
-"""The kinds that campaigns use by default; a restarted coordinator needs a log to resume from."""
+USUAL: Final = tuple(name for name in KINDS if name not in ("restart", "coordinator-restart"))
+"""The kinds that campaigns use by default: a robot's new program needs somebody to admit it, and a
+restarted coordinator needs a log to resume from."""
 
 
 def read_faults(texts: Sequence[str], robots: Sequence[str]) -> list[Fault]:

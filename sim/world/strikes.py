@@ -48,7 +48,10 @@ class CoordinatorStrikes(NamedTuple):
 
 
 class Strikes:
-    """Applies faults to the robots of a world and to its coordinator."""
+    """Applies faults to the robots of a world and to its coordinator.
+
+    `start_again` starts a new program of a dead robot, where the robot stands.
+    """
 
     def __init__(
         self,
@@ -57,6 +60,7 @@ class Strikes:
         robots: Mapping[str, Inhabitant],
         fleet: str,
         coordinator: CoordinatorStrikes,
+        start_again: Callable[[str], None],
     ) -> None:
         self._agenda = agenda
         self._network = network
@@ -67,6 +71,7 @@ class Strikes:
         self._babblers = 0
         self._lasting: Final[dict[str, tuple[_Deed, _Deed]]] = {
             "hang": (self._hang, self._wake),
+            "restart": (self._kill, start_again),
             "stall": (self._stall, self._unstall),
             "cut": (network.cut, network.heal),
             "clock-pause": (self._pause, self._unpause),
@@ -84,13 +89,12 @@ class Strikes:
         if not fault.robot:
             self._strike_coordinator(fault)
             return
-        robot, network, name = self._robots[fault.robot], self._network, fault.robot
+        robot, name = self._robots[fault.robot], fault.robot
         if robot.dead:
             return
         robot.wake(self._agenda.now_ns)
         if fault.kind == "kill":
-            robot.dead = True
-            network.drop(name)
+            self._kill(name)
         elif fault.kind in self._lasting:
             begin, end = self._lasting[fault.kind]
             self._last(fault, partial(begin, name), partial(end, name))
@@ -145,6 +149,10 @@ class Strikes:
 
     def _is_under(self, kind: str, robot: str) -> bool:
         return self._agenda.now_ns < self._until.get((kind, robot), 0.0)
+
+    def _kill(self, name: str) -> None:
+        self._robots[name].dead = True
+        self._network.drop(name)
 
     def _hang(self, name: str) -> None:
         self._robots[name].hung = True

@@ -42,6 +42,8 @@ from sim.world.virtual_service import VirtualService
 
 _STAGGER: Final = 3 * MILLISECOND
 _BOOT: Final = 7
+_BOOTS: Final = 100_000
+"""How far apart the boot ids of a robot's programs are; more than there are robots."""
 
 PLANNING: Final = 300 * MILLISECOND
 """How long finding a plan takes, in virtual time."""
@@ -143,7 +145,12 @@ class World:
             for boot, robot in enumerate(document.robots, start=1)
         }
         self._strikes = Strikes(
-            self.agenda, network, self.robots, self.fleet.name, self._coordinator_strikes()
+            self.agenda,
+            network,
+            self.robots,
+            self.fleet.name,
+            self._coordinator_strikes(),
+            self._start_again,
         )
         self.agenda.at(self.now_ns + COMMAND_PERIOD, self._tick_fleet)
         at_once: dict[int, list[Inhabitant]] = {}
@@ -222,6 +229,11 @@ class World:
             robot.body.place(*place)
         radius = robot.service.robot.radius
         robot.run(self._service(name, radius, robot.body, boot, robot.clock))
+
+    def _start_again(self, name: str) -> None:
+        """Start another program of a robot where it stands, with a boot id of its own."""
+        robot = self.robots[name]
+        self.renew(name, robot.service.boot + _BOOTS, robot.body.true_pose())
 
     def add(self, name: str, radius: float, accel: float, boot: int) -> None:
         """Start the program of a robot that is not in the scenario, without flaws."""

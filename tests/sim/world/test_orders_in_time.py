@@ -37,7 +37,7 @@ from protocol.phases import FREEZE, GO, OVER, STOP
 from sim.campaigns.truth import touches
 from sim.floors.generator import generate
 from sim.judging.judge import least_separation
-from sim.world.fault_text import parse_faults
+from sim.world.fault_script import read_faults
 from sim.world.memory_transport import MemoryNetwork
 from sim.world.run_logs import RunLogs
 from sim.world.virtual_fleet import USUAL_FLAWS, World
@@ -58,7 +58,7 @@ def a_world(scenario, *, faults=(), seed=1, **options):
         document,
         MemoryNetwork(seed),
         seed=seed,
-        faults=parse_faults(list(faults), names),
+        faults=read_faults(list(faults), names),
         flaws=USUAL_FLAWS,
         period_ns=PERIOD_NS,
         **options,
@@ -551,9 +551,13 @@ def test_a_robot_that_was_started_again_goes_on_from_where_it_stands(tmp_path, s
 def test_a_robot_of_a_fleet_without_orders_that_was_started_again_arrives(tmp_path):
     robots = a_robot("R1", (1.0, 1.0), (11.0, 1.0)), a_robot("R2", (1.0, 5.0), (11.0, 5.0))
     logs = RunLogs(tmp_path)
-    world = a_world(long_hall(*robots), faults=["kill:R2@4"], logs=logs)
-    world.run(6.0)
-    start_again(world, "R2", 78)
+    world = a_world(long_hall(*robots), faults=["restart:R2@4:1.5"], logs=logs)
+    world.run(5.0)
+    x, y, _ = world.robots["R2"].body.true_pose()
+    world.run(3.0)
+    assert not world.robots["R2"].dead
+    assert world.robots["R2"].body.true_pose()[:2] == (x, y)
+    admit(world, "R2")
     world.run(60.0)
     logs.close()
     assert world.fleet.is_finished
@@ -711,7 +715,7 @@ def test_what_a_robot_was_sent_on_for_waits_again_when_it_dies(tmp_path, robot):
     logs = RunLogs(tmp_path)
     world = a_world(chain({}, {"robot": robot}), logs=logs)
     until_sent_on(world)
-    world.strike(parse_faults(["kill:R1@0"], ["R1", "R2", "R3"])[0])
+    world.strike(read_faults(["kill:R1@0"], ["R1", "R2", "R3"])[0])
     world.run(200.0)
     logs.close()
     found = states(world)
@@ -727,7 +731,7 @@ def test_a_robot_that_fails_between_two_courses_does_both_orders_later(tmp_path,
     world = a_world(chain(), logs=logs)
     until_sent_on(world)
     if stalls:
-        world.strike(parse_faults(["stall:R1@0:18"], ["R1", "R2", "R3"])[0])
+        world.strike(read_faults(["stall:R1@0:18"], ["R1", "R2", "R3"])[0])
     else:
         world.robots["R1"].service.agent.hear_driver_error(world.now_ns)
     world.run(250.0)
