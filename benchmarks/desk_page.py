@@ -25,6 +25,7 @@ import sys
 import threading
 import time
 import urllib.request
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -76,6 +77,8 @@ _KILLED_S: Final = 20
 """When [s since GO] a simulated robot is killed."""
 _AWAY_S: Final = 10
 """How long [s] it is away."""
+_SAID: Final = Counter({"Order": 4, "Cancel": 1, "Tell": 3, "Admit": 1})
+"""How many messages the script's commands make at least."""
 
 
 class Fleet:
@@ -247,20 +250,20 @@ def _choose_place(tab: Tab, robot: str, share: float, *, at_once: bool = False) 
 
 
 def _logged(log: Path) -> Row:
-    """Return how many of the operators' messages a log holds, the last one, a Tell, among them."""
+    """Return how many of the operators' messages a log holds; waits until it has all of them."""
     end = time.monotonic() + _WRITTEN_S
-    while "Tell" not in (found := _said(log)) and time.monotonic() < end:
+    while _SAID - (found := _said(log)) and time.monotonic() < end:
         time.sleep(1.0)
     return {"in the log": " ".join(f"{name}:{count}" for name, count in sorted(found.items()))}
 
 
-def _said(log: Path) -> dict[str, int]:
-    found: dict[str, int] = {}
+def _said(log: Path) -> Counter[str]:
+    found: Counter[str] = Counter()
     for record in read_log(log).records:
         place = keys.split(record.key)
         message = None if place is None else decode(place[1], record.payload)
         if isinstance(message, Order | Cancel | Tell | Admit) and message.by:
-            found[type(message).__name__] = found.get(type(message).__name__, 0) + 1
+            found[type(message).__name__] += 1
     return found
 
 
