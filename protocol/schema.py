@@ -5,7 +5,7 @@ Decides: how a message is described.  Must not know: where the description is st
 
 from __future__ import annotations
 
-from functools import reduce
+from functools import cache, reduce
 from operator import or_
 from typing import Any
 
@@ -20,6 +20,7 @@ def schema_name(kind: str) -> str:
     return f"splinefleet.{KINDS[kind][0].__name__}"
 
 
+@cache
 def json_schema(kind: str) -> bytes:
     """Return the JSON Schema (2020-12) of the messages on a kind of key, as JSON.
 

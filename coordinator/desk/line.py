@@ -7,7 +7,6 @@ know: HTTP.  Everything runs in one event loop; the transport calls from its own
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import os
 import time
 from collections import Counter
@@ -52,7 +51,7 @@ class Line:
         self._version = 0
         self._drawn: tuple[int, Json] = (-1, None)
         self._news = asyncio.Event()
-        self._answers: set[asyncio.Queue[Message]] = set()
+        self._asking: set[Callable[[Message], None]] = set()
 
     def listen(self) -> None:
         """Subscribe to all messages of the fleet; to be called in the event loop."""
@@ -142,22 +141,23 @@ class Line:
         say: Callable[[str], None],
         again_s: float = _AGAIN_S,
     ) -> Answer | None:
-        queue: asyncio.Queue[Message] = asyncio.Queue()
-        self._answers.add(queue)
-        due = time.monotonic()
-        deadline = due + patience_s
+        found: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
+
+        def look(message: Message) -> None:
+            if not found.done() and (answer := fits(message)) is not None:
+                found.set_result(answer)
+
+        self._asking.add(look)
+        deadline = time.monotonic() + patience_s
         try:
-            while (now := time.monotonic()) < deadline:
-                if self.known.fleet is not None and now >= due:
+            while (left := deadline - time.monotonic()) > 0.0:
+                if self.known.fleet is not None:
                     say(self.known.fleet)
-                    due = now + again_s
-                with contextlib.suppress(TimeoutError):
-                    async with asyncio.timeout(again_s):
-                        answer = fits(await queue.get())
-                        if answer is not None:
-                            return answer
+                await asyncio.wait((found,), timeout=min(again_s, left))
+                if found.done():
+                    return found.result()
         finally:
-            self._answers.discard(queue)
+            self._asking.discard(look)
         return None
 
     def _from_any_thread(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
@@ -178,8 +178,8 @@ class Line:
             self._version += 1
             self._news.set()
         if heard is not None:
-            for queue in self._answers:
-                queue.put_nowait(heard)
+            for look in self._asking:
+                look(heard)
         self._ask(now)
 
     def _ask(self, now: float) -> None:

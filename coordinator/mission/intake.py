@@ -30,7 +30,7 @@ RATES: Final = {
     "clock": Rate(100),
     "admit": Rate(20),
     "command": Rate(50),
-    "order": Rate(100),
+    "order": Rate(500),
     "tell": Rate(20),
     "block": Rate(20),
     "roster": Rate(20),

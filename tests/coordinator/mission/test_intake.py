@@ -21,7 +21,7 @@ from coordinator.mission.intake import (
 from coordinator.mission.lanes import DEPTH, Bucket, Lanes, Rate
 from protocol import keys
 from protocol.codec import encode
-from protocol.messages import MAX_MESSAGE_BYTES, Clock, Command, Hello, Report
+from protocol.messages import MAX_MESSAGE_BYTES, Clock, Command, Hello, Order, Report
 from protocol.phases import MOVING
 from protocol.timing import CLOCK_PERIOD_FAST, MILLISECOND, REPORT_PERIOD, SECOND
 
@@ -117,6 +117,18 @@ def test_strangers_share_one_lane_a_kind_however_many_names_they_invent():
     found = heard(intake)
     assert len(found) == RATES["hello"].at_once
     assert found[-1].key == keys.hello("hall", f"X{MOST_STRANGERS - 1}")
+
+
+def test_all_desks_together_may_give_200_orders_a_second():
+    intake = an_intake()
+    for number in range(4_000):
+        now_ns = number * SECOND // 200
+        order = Arrival(
+            keys.order("hall"), encode(Order(1, f"o-{number}", (1.0, float(number)))), None
+        )
+        assert intake.put(order)
+        assert heard(intake, now_ns) == [order]
+    assert intake.dropped == {}
 
 
 def test_news_of_a_link_stay_in_order_with_the_reports():
