@@ -15,7 +15,8 @@ from coordinator.view.live_course import LiveCourse
 from coordinator.view.page import page_of
 from protocol import keys
 from protocol.messages import REFUSED, UNDER_WAY, OrderState
-from tests.coordinator.desk.fake_fleet import FLEET, FakeFleet
+from protocol.timing import SECOND
+from tests.coordinator.desk.fake_fleet import FLEET, FakeFleet, a_command, a_report
 from tests.system.browser import browser, find_browser, needs_axe
 from tests.system.fleet_tools import TWO_ROBOTS, free_endpoint, line_with, started
 
@@ -166,6 +167,32 @@ def test_the_next_order_can_be_chosen_while_one_is_not_answered_yet(tmp_path, st
         tab.run("document.getElementById('order-place').dispatchEvent(new Event('input'))")
         answer()
         assert tab.run(place) == "3, 3"
+
+
+def test_many_alarms_that_are_alike_are_one_until_they_are_unfolded(tmp_path):
+    (tmp_path / "two.toml").write_text(TWO_ROBOTS)
+    document = plan_scenario(read_scenario(tmp_path / "two.toml"), effort=0)
+    fleet = FakeFleet()
+    line = Line(fleet, LiveCourse(FLEET, document))
+    desk = Desk(
+        line, lambda may: page_of(line.scene(), live=True, may_command=may), may_command=True
+    )
+    lines = "[...document.querySelectorAll('#alarms li .about')].map(one => one.textContent)"
+    acts = "document.querySelectorAll('#alarms [data-act=leave]').length"
+    with served(desk.app()) as address, browser(tmp_path / "profile") as tab:
+        fleet.beat()
+        for number in range(1, 6):
+            fleet.tell(keys.report(FLEET, f"R{number}"), a_report())
+        tab.open(address)
+        fleet.tell(keys.command(FLEET), a_command(said_ns=5 * SECOND))
+        tab.wait(f"{lines}.length > 0")
+        assert tab.run(lines) == ["R1, R2, R3 and 2 more are not heard"]
+        assert tab.run(acts) == 0
+        tab.run("document.querySelector('#alarms .fold').click()")
+        assert len(tab.run(lines)) == 6
+        assert tab.run(acts) == 5
+        tab.run("document.querySelector('#alarms .fold').click()")
+        assert len(tab.run(lines)) == 1
 
 
 def test_who_only_looks_has_no_commands(tmp_path):

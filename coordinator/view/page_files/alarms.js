@@ -3,19 +3,19 @@
 /** More alarms than these that say the same of several robots are one. */
 const ALIKE = 3;
 
-/** Alarms in groups that say the same and ask for the same. */
-function grouped(alarms) {
-  const what = ({ id, order, todo, is_acknowledged: seen }) => [order && id, todo, seen].join();
-  return [...Map.groupBy(alarms, what).values()].flatMap((group) =>
-    (group.length > ALIKE ? [group] : group.map((one) => [one])));
+/** What an alarm says and asks for; robots' alarms with the same are alike. */
+function kindOf({ id, order, todo, is_acknowledged: seen }) {
+  return [order && id, todo, seen].join();
 }
 
-function inWords([first, ...others]) {
-  if (!others.length) return first.text;
-  const names = [first, ...others.slice(0, ALIKE - 1)].map(({ robot }) => robot).join(", ");
-  const all = `${names} and ${others.length + 1 - ALIKE} more`;
-  const text = first.text.replace(/;.*/, ""), { robot } = first;
-  return text.replace(`${robot} is`, `${all} are`).replace(`${robot} stands`, `${all} stand`).replace(robot, all);
+function inWords(group) {
+  const [{ robot, text }] = group;
+  if (group.length === 1) return text;
+  const names = group.map((one) => one.robot).sort((a, b) => a.localeCompare(b, "en", { numeric: true }));
+  const all = `${names.slice(0, ALIKE).join(", ")} and ${names.length - ALIKE} more`;
+  const [one, many] = [[`${robot} is`, `${all} are`], [`${robot} stands`, `${all} stand`], [robot, all]]
+    .find(([words]) => text.includes(words));
+  return text.replace(/;.*/, "").replace(one, many);
 }
 
 class AlarmList {
@@ -23,6 +23,8 @@ class AlarmList {
   constructor(box, told) {
     this.box = box;
     this.told = told;
+    /** The kinds of alarms that are told one by one, however many there are. */
+    this.unfolded = new Set();
   }
 
   tell(alarms) {
@@ -31,11 +33,24 @@ class AlarmList {
     if (key === this.key) return;
     this.key = key;
     this.box.hidden = alarms.length === 0;
-    this.box.firstElementChild.replaceChildren(...grouped(alarms).map((group) => this.item(group, actsOf(group[0]))));
+    const items = [...Map.groupBy(alarms, kindOf)].flatMap(([kind, group]) => {
+      if (group.length <= ALIKE) return group.map((one) => this.item([one], actsOf(one)));
+      const fold = element("button", { type: "button", className: "fold" });
+      fold.textContent = this.unfolded.has(kind) ? "all as one" : "one by one";
+      fold.addEventListener("click", () => {
+        if (!this.unfolded.delete(kind)) this.unfolded.add(kind);
+        this.key = null;
+        this.tell(alarms);
+        this.box.querySelector(".fold").focus();
+      });
+      const whole = this.item(group, [], fold);
+      return this.unfolded.has(kind) ? [whole, ...group.map((one) => this.item([one], actsOf(one)))] : [whole];
+    });
+    this.box.firstElementChild.replaceChildren(...items);
   }
 
-  /** The entry of a group; several robots are acted on in the list of robots. */
-  item(group, acts) {
+  /** The entry of one alarm, or of a group that `fold` shows one by one. */
+  item(group, acts, ...fold) {
     const [alarm] = group, seen = element("button", { type: "button", textContent: "seen" });
     seen.hidden = alarm.is_acknowledged || !mayCommand;
     seen.addEventListener("click", () => {
@@ -45,8 +60,7 @@ class AlarmList {
     about.addEventListener("click", () => this.told.show(alarm.robot));
     const since = element("span", { className: "number", textContent: clockFace(1000 * alarm.since) });
     const todo = element("span", { className: "todo", textContent: alarm.todo });
-    const buttons = group.length > 1 ? [] : this.told.buttons(alarm.robot, acts);
-    const item = element("li", {}, since, about, todo, ...buttons, seen);
+    const item = element("li", {}, since, about, todo, ...fold, ...this.told.buttons(alarm.robot, acts), seen);
     item.classList.toggle("seen", alarm.is_acknowledged);
     return item;
   }
