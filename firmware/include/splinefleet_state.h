@@ -93,7 +93,7 @@ typedef struct {
     sf_real brake_speed, brake_from, rest_from, rest_x, rest_y, stuck_from, stuck_s;
     sf_real pace, pace_time, pace_s, authority, granted, watch, time, begin, until;
     sf_real rate, reaction, foresight;
-    bool halted, holds, may_turn;
+    bool halted, holds, may_turn, turns;
     sf_timeline timeline;
     sf_curve curve;
 } sf_course;

@@ -78,10 +78,11 @@ sf_real sf_time_at(const sf_timeline *line, sf_real s);
 sf_real sf_rest_until(sf_timeline *line, sf_real time);
 
 /* steering.c: the curve of a follower is that of its course */
+#define SETTLING_LENGTH R(0.1)
+#define LED_OFF (R(0.37) * SETTLING_LENGTH)
 void sf_follower_begin(sf_course *course);
 void sf_start_of(sf_course *course, sf_real *x, sf_real *y, sf_real *heading);
 sf_real sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there, sf_real *turn);
-sf_real sf_misplacement(sf_course *course, sf_real x, sf_real y, sf_real heading);
 sf_real sf_turn_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, sf_real *turn);
 void sf_locate(sf_course *course, sf_real x, sf_real y, sf_real heading);
 void sf_find(sf_course *course);

@@ -9,6 +9,8 @@
 #define LATE_SHARE R(0.2)
 #define ARRIVAL_SHARE R(0.8)
 #define TURN_SHARE R(0.9)
+#define ASKEW R(0.15)
+#define FACING R(0.05)
 #define GRACE R(0.25)
 #define ARRIVAL_PATIENCE R(0.2)
 #define HOLD_OUT R(0.05)
@@ -75,7 +77,7 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
     course->told_ms = 0;
     course->authority = sf_time_of_ms(course, 0);
     course->granted = planned_s(course, course->authority);
-    course->halted = course->holds = course->may_turn = false;
+    course->halted = course->holds = course->may_turn = course->turns = false;
     course->time = course->begin;
     course->rests_ms = INT64_MAX;
     course->until = SF_INF;
@@ -126,11 +128,10 @@ bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
 
 bool sf_rests_where(const sf_course *course, sf_course *coming) {
     const sf_follower *mine = &course->follower;
-    uint8_t fault;
     sf_real turn;
     if (!begins_at_rest(coming) || !(mine->off < SF_INF) || !(mine->x < SF_INF)) return false;
-    sf_stands_at_start(coming, mine->x, mine->y, mine->heading, &fault, &turn);
-    return fault == SF_NO_FAULT;
+    sf_real off = sf_turn_at_start(coming, mine->x, mine->y, mine->heading, &turn);
+    return off <= TURN_SHARE * coming->track;
 }
 
 void sf_end_with(sf_course *course, sf_course *coming) {
@@ -204,13 +205,13 @@ SHARED static bool lags(sf_course *course, sf_real time) {
 
 bool sf_stands_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, uint8_t *fault,
                         sf_real *turn) {
-    sf_real enough = TURN_SHARE * course->track, angle;
-    *fault = SF_NO_FAULT;
-    *turn = R(0);
-    if (sf_misplacement(course, x, y, heading) <= enough) return true;
-    if (sf_turn_at_start(course, x, y, heading, &angle) <= enough) *turn = angle;
-    else *fault = SF_OFF_PATH;
-    return false;
+    sf_real needed, off = sf_turn_at_start(course, x, y, heading, &needed);
+    sf_real enough = TURN_SHARE * course->track, angle = sf_abs(needed);
+    bool stands = off + angle * LED_OFF <= enough && angle <= (course->turns ? FACING : ASKEW);
+    course->turns = !stands && off <= enough;
+    *fault = stands || course->turns ? SF_NO_FAULT : SF_OFF_PATH;
+    *turn = course->turns ? needed : R(0);
+    return stands;
 }
 
 uint8_t sf_trouble(const sf_course *course) {

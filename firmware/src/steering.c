@@ -4,7 +4,6 @@
 
 #include "core.h"
 
-#define SETTLING_LENGTH R(0.1)
 #define TICKS_TO_SETTLE R(5)
 #define LOOK_AHEAD_TICKS R(1.5)
 #define LEAST_LOOK_AHEAD R(0.002)
@@ -69,11 +68,6 @@ sf_real sf_turn_at_start(sf_course *course, sf_real x, sf_real y, sf_real headin
     tangent_at(course, R(0));
     *turn = -turned_from_tangent(&course->follower, heading);
     return length_of(x - course->curve.x, y - course->curve.y);
-}
-
-sf_real sf_misplacement(sf_course *course, sf_real x, sf_real y, sf_real heading) {
-    sf_real turn, off = sf_turn_at_start(course, x, y, heading, &turn);
-    return off + sf_abs(turn) * SETTLING_LENGTH * R(0.37);
 }
 
 /* Set the robot's place to s, which must be where the tangent was last evaluated. */

@@ -11,7 +11,7 @@ from protocol.curve import Curve
 from protocol.phases import NO_FAULT, OFF_PATH
 from protocol.timeline import Timeline
 from protocol.timing import LATE_STEP_MS
-from robot_agent.core.steering import PathFollower
+from robot_agent.core.steering import LED_OFF, PathFollower
 
 ARRIVAL_SLACK = 1e-3
 """A robot has arrived when it is within this distance [m] of its goal."""
@@ -27,6 +27,11 @@ pushed off its goal."""
 
 TURN_SHARE = 0.9
 """A robot that would start farther off its path than this share of its tolerance turns first."""
+
+ASKEW = 0.15
+FACING = 0.05
+"""A robot turns before it starts if its heading is wrong by more than ASKEW [rad], too, until it is
+right to FACING [rad]: what it would lead off its path is part of the tolerance for driving."""
 
 GRACE = 0.25
 """A robot that is behind its plan by less than this [s] catches up without changing its pace."""
@@ -142,7 +147,7 @@ class Ride:
         self._watch = 0.0  # The time [s] that the ticks have taken, whatever clocks do.
         self.time = self.begin
         self._until = self._rests = inf  # When the next course begins [s], and if it does at rest.
-        self.may_turn = False
+        self.may_turn = self._turns = False
         self._rate = min(max(self._limit / max(motion[1]), 1.0), MOST_HURRY)
         self._reaction = REACTION_TICKS * period
         self._foresight = HOLD_OUT + self._reaction + self._limit / self._brake
@@ -193,7 +198,7 @@ class Ride:
         x, y, heading = mine.pose()  # Not finite for a robot that never set out.
         if not coming.begins_at_rest() or not mine.off < inf or not x < inf:
             return False
-        return coming.stands_at_start(x, y, heading)[1] == NO_FAULT
+        return coming.follower.turn_at_start(x, y, heading)[0] <= TURN_SHARE * coming.track
 
     def begins_at_rest(self) -> bool:
         """Return whether the robot may rest where this course begins.
@@ -279,12 +284,13 @@ class Ride:
 
         A turn that is not 0 is what the robot has to turn on the spot before it may start.
         """
-        if self.follower.misplacement(x, y, heading) <= TURN_SHARE * self.track:
-            return True, NO_FAULT, 0.0
         off, turn = self.follower.turn_at_start(x, y, heading)
-        if off <= TURN_SHARE * self.track:
-            return False, NO_FAULT, turn
-        return False, OFF_PATH, 0.0
+        enough, angle = TURN_SHARE * self.track, abs(turn)
+        if off + angle * LED_OFF <= enough and angle <= (FACING if self._turns else ASKEW):
+            self._turns = False
+            return True, NO_FAULT, 0.0
+        self._turns = off <= enough
+        return (False, NO_FAULT, turn) if self._turns else (False, OFF_PATH, 0.0)
 
     def is_off(self) -> bool:
         """Return whether the robot is off its path, beside it or beyond its ends."""

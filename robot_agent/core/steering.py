@@ -15,6 +15,9 @@ from protocol.curve import Curve
 SETTLING_LENGTH = 0.1
 """1 / lambda [m]; it grows with the distance travelled per tick, so that the law stays stable."""
 
+LED_OFF = 0.37 * SETTLING_LENGTH
+"""How far [m/rad] off the path a heading error leads before it is corrected: 1 / (e lambda)."""
+
 _TICKS_TO_SETTLE = 5.0
 _LOOK_AHEAD_TICKS = 1.5
 _LEAST_LOOK_AHEAD = 0.002
@@ -67,15 +70,6 @@ class PathFollower:
         dx, dy = other._curve.x - x, other._curve.y - y
         turn = atan2(tx * other._ty - ty * other._tx, tx * other._tx + ty * other._ty)
         return sqrt(dx * dx + dy * dy), turn
-
-    def misplacement(self, x: float, y: float, heading: float) -> float:
-        """Return how far [m] off the path a start from this pose would lead.
-
-        This is the distance to the curve's beginning, plus what a heading error theta adds to it
-        before the steering law has corrected it: theta / (e lambda).
-        """
-        off, turn = self.turn_at_start(x, y, heading)
-        return off + abs(turn) * SETTLING_LENGTH * 0.37
 
     def turn_at_start(self, x: float, y: float, heading: float) -> tuple[float, float]:
         """Return a pose's distance [m] from the curve's beginning and the turn needed [rad]."""

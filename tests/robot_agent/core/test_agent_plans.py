@@ -18,6 +18,7 @@ from protocol.phases import (
     OFF_PATH,
 )
 from robot_agent.core.agent import Agent
+from robot_agent.core.ride import FACING
 from sim.world.body import TURN_RATE, SimulatedBody
 from tests.robot_agent.core.phases import LENGTH, MOTION, PATH, hear_next_epoch, hear_plan, run_in
 from tests.robot_agent.core.rides import (
@@ -67,7 +68,7 @@ def test_a_robot_that_stands_elsewhere_does_not_arm_until_it_is_put_right(off):
     assert (run.agent.phase, run.agent.fault) == (ARMED, NO_FAULT)
 
 
-@pytest.mark.parametrize("turned", [1.0, -3.0, 0.4])
+@pytest.mark.parametrize("turned", [1.0, -3.0, 0.4, -0.17])
 def test_a_robot_at_its_place_that_faces_elsewhere_turns_on_the_spot_and_arms(turned):
     run = run_in(IDLE)
     give_plan(run.agent, PATH, MOTION)
@@ -76,7 +77,7 @@ def test_a_robot_at_its_place_that_faces_elsewhere_turns_on_the_spot_and_arms(tu
     run.until(run.now + round(abs(turned) / TURN_RATE * SECOND) + 50 * MS)
     assert (run.agent.phase, run.agent.fault) == (ARMED, NO_FAULT)
     assert (run.body.x, run.body.y) == (x, y)
-    assert abs(math.remainder(run.body.heading - heading, math.tau)) < 0.3
+    assert abs(math.remainder(run.body.heading - heading, math.tau)) <= FACING
 
 
 @pytest.mark.parametrize(

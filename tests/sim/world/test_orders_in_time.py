@@ -1,5 +1,7 @@
 """Fleets in virtual time that get orders while they drive, judged by their true places."""
 
+import math
+
 import pytest
 import shapely
 from msgspec.structs import replace
@@ -518,6 +520,21 @@ def test_a_robot_that_failed_three_times_stands_until_it_is_admitted_and_goes_on
     assert world.fleet.is_finished
     assert freezes(world) == 0
     assert nobody_touches(world)
+
+
+@pytest.mark.parametrize("angle", [0.1, 0.5, 1.6, 3.1, -2.0])
+def test_a_robot_that_sets_out_sideways_turns_first_and_keeps_close_to_its_path(angle):
+    world = a_world(long_hall(idle("R1", (5.0, 3.0))), stays=True)
+    world.run(2.0)
+    goal = 5.0 + 2.0 * math.cos(angle), 3.0 + 2.0 * math.sin(angle)
+    operator(world)(Said(9, "there", goal, robot="R1"))
+    off = 0.0
+    for _ in range(800):
+        world.go_on(0.01)
+        ride = world.robots["R1"].service.agent.ride
+        off = max(off, ride.follower.off)
+    assert states(world)["there"] == ORDER_DONE
+    assert off < 0.3 * ride.track
 
 
 def start_again(world, name, boot, shift=(0.0, 0.0)):
