@@ -86,6 +86,7 @@ sf_real sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there, 
 sf_real sf_turn_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, sf_real *turn);
 void sf_locate(sf_course *course, sf_real x, sf_real y, sf_real heading);
 void sf_find(sf_course *course);
+sf_real sf_away_from(sf_course *course, sf_real s);
 void sf_offset(const sf_follower *follower, int16_t *off, int16_t *turn, int16_t *beyond);
 sf_real sf_curvature(sf_course *course, sf_real travel);
 
@@ -102,7 +103,7 @@ sf_real sf_turn_before_start(sf_course *course, sf_real x, sf_real y, sf_real he
 void sf_reckon(sf_course *course, int64_t now_ms);
 bool sf_stands_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, uint8_t *fault,
                         sf_real *turn);
-uint8_t sf_trouble(const sf_course *course);
+uint8_t sf_trouble(sf_course *course);
 bool sf_arrived(const sf_course *course);
 bool sf_at_goal(const sf_course *course);
 bool sf_has_left_goal(const sf_course *course);

@@ -214,10 +214,12 @@ bool sf_stands_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading
     return stands;
 }
 
-uint8_t sf_trouble(const sf_course *course) {
-    sf_real beyond = course->follower.s - course->granted, off = course->follower.off;
-    if (beyond > R(0)) off += beyond;
-    return off <= course->track ? SF_NO_FAULT : SF_OFF_PATH;
+uint8_t sf_trouble(sf_course *course) {
+    sf_real off = course->follower.off, track = course->track;
+    if (off <= track && off + course->follower.s - course->granted > track) {
+        off = sf_away_from(course, course->granted);
+    }
+    return off <= track ? SF_NO_FAULT : SF_OFF_PATH;
 }
 
 bool sf_arrived(const sf_course *course) {
@@ -289,7 +291,7 @@ void sf_keep_to_plan(sf_course *course, sf_real now) {
     sf_real s = course->follower.s, period = course->period;
     pass_period(course);
     sf_real watch = course->watch;
-    if (!(sf_abs(s - course->stuck_s) <= REST_SLACK)) {
+    if (course->halted || !(sf_abs(s - course->stuck_s) <= REST_SLACK)) {
         course->stuck_from = watch;
         course->stuck_s = s;
     }

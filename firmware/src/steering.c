@@ -120,6 +120,12 @@ SHARED static sf_real apart(sf_course *course, sf_real s) {
     return length_of(course->follower.x - course->curve.x, course->follower.y - course->curve.y);
 }
 
+sf_real sf_away_from(sf_course *course, sf_real s) {
+    sf_real away = apart(course, s);
+    tangent_at(course, course->follower.s);
+    return away;
+}
+
 void sf_find(sf_course *course) {
     sf_follower *follower = &course->follower;
     sf_real length = course->curve.length, s = follower->s, step = SEARCH_STEP;

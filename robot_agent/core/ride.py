@@ -299,8 +299,9 @@ class Ride:
     def trouble(self) -> int:
         """Return the fault that ends the ride now, or NO_FAULT."""
         follower = self.follower
-        beyond = follower.s - self._granted
-        off = follower.off + beyond if beyond > 0.0 else follower.off
+        off = follower.off
+        if off <= self.track < off + follower.s - self._granted:
+            off = follower.away_from(self._granted)
         return NO_FAULT if off <= self.track else OFF_PATH
 
     def arrived(self) -> bool:
@@ -342,7 +343,7 @@ class Ride:
         timeline, s = self._timeline, self.follower.s
         period = self._period
         self._watch = watch = self._watch + period
-        if not abs(s - self._stuck_s) <= REST_SLACK:
+        if self._halted or not abs(s - self._stuck_s) <= REST_SLACK:
             self._stuck_from, self._stuck_s = watch, s
         passed = watch - self._pace_time
         if passed >= PACE_TIME:

@@ -140,6 +140,12 @@ class PathFollower:
         self._tangent_at(s)
         self._take(s)
 
+    def away_from(self, s: float) -> float:
+        """Return the distance [m] of the robot from the path's point at another s."""
+        apart = self._apart(s)
+        self._tangent_at(self.s)
+        return apart
+
     def offset(self) -> tuple[int, int, int]:
         """Return the robot's offset: left of the path [mm], turned [mrad] and beyond it [mm]."""
         if not abs(self.lateral) + abs(self.beyond) < 32.0:

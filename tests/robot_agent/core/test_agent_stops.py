@@ -113,6 +113,22 @@ def test_a_stop_brakes_at_once_and_a_go_lets_the_robot_go_on():
     assert (run.agent.phase, run.agent.fault) == (DONE, NO_FAULT)
 
 
+@pytest.mark.parametrize("short", [0.01, 0.012])
+def test_a_robot_that_a_stop_holds_just_before_its_goal_drives_there_when_it_may(short):
+    """It is not taken for one that has come as near to its goal as it can."""
+    run = run_in(MOVING)
+    while place(run) < LENGTH - short - 0.475**2 / (2 * 0.5):
+        run.until(run.due + MS)
+    run.command(STOP)
+    run.until(run.now + 5 * SECOND)
+    assert (run.agent.phase, run.agent.fault) == (MOVING, NO_FAULT)
+    assert 1e-3 < LENGTH - place(run) < 0.01
+    run.command(GO)
+    run.until(run.now + 3 * SECOND)
+    assert (run.agent.phase, run.agent.fault) == (DONE, NO_FAULT)
+    assert place(run) == pytest.approx(LENGTH, abs=1e-3)
+
+
 def test_a_robot_that_stops_at_once_does_so_at_a_stop():
     run = driven_run(PATH, motion_along(LENGTH, 0.475, math.inf), 1.0, rules=AT_ONCE)
     before = place(run)
