@@ -62,7 +62,7 @@ typedef struct {
 
 typedef struct {
     sf_real x, y, dx, dy, length;
-    sf_real cell_begin, cell_end, cell_size, cell_u0, cell_u1, cell_m0, cell_m1;
+    const sf_cell *cell; /* where the curve was evaluated last */
     uint16_t count, span, cells;
     uint8_t degree, piece;
     bool plain;
@@ -74,8 +74,8 @@ typedef struct {
 
 typedef struct {
     sf_real length, finish, most_v;
-    sf_real leg_from, leg_to, begin, end, s0, s1, v0, half_rate;
-    uint16_t legs, leg;
+    const sf_knot *leg; /* where the robot was last */
+    sf_knot *next;      /* the leg to be added; behind the last one */
     sf_knot knots[SF_LEGS + 1];
 } sf_timeline;
 
@@ -129,7 +129,7 @@ typedef struct {
     uint32_t crc, epoch, boot, number, revision, brake_mmps2;
     uint16_t track_mm, clock_ms, parts;
     int32_t begin_ms;
-    sf_real time, previous;
+    sf_real previous;
     uint8_t stage, degree, course;
     bool next; /* of the epoch that the robot drives in */
 } sf_plan;

@@ -8,18 +8,20 @@
 /* Of the C library, declared here because a freestanding compiler has no math.h. */
 #ifdef SF_DOUBLE
 double fabs(double), sqrt(double), sin(double), cos(double), atan2(double, double);
-#define sf_abs fabs /* one instruction */
-#define SF_SQRT sqrt
-#define SF_SIN sin
-#define SF_COS cos
-#define SF_ATAN2 atan2
+#define SF_NAME(function) function
 #else
 float fabsf(float), sqrtf(float), sinf(float), cosf(float), atan2f(float, float);
-#define sf_abs fabsf
-#define SF_SQRT sqrtf
-#define SF_SIN sinf
-#define SF_COS cosf
-#define SF_ATAN2 atan2f
+#define SF_NAME(function) function##f
+#endif
+#define SF_SIN SF_NAME(sin)
+#define SF_COS SF_NAME(cos)
+#define SF_ATAN2 SF_NAME(atan2)
+#if defined(__GNUC__) /* One instruction each, which a freestanding compiler does not know. */
+#define sf_abs SF_NAME(__builtin_fabs)
+#define SF_SQRT SF_NAME(__builtin_sqrt)
+#else
+#define sf_abs SF_NAME(fabs)
+#define SF_SQRT SF_NAME(sqrt)
 #endif
 
 /* For small functions with many callers: compilers copy them into each, even with -Os. */
@@ -46,6 +48,12 @@ float fabsf(float), sqrtf(float), sinf(float), cosf(float), atan2f(float, float)
 #define CLOCK_SAMPLES 8
 #define LATE_STEP_MS 50
 
+#ifdef SF_DOUBLE
+typedef int64_t sf_int;
+#else
+typedef int32_t sf_int; /* Conversions to 64 bits take double arithmetic in some libraries. */
+#endif
+
 #define SF_UNKNOWN ((int64_t)1 << 62)
 #define SF_NEVER (-SF_UNKNOWN)
 #define SF_UNSAID (-SF_UNKNOWN) /* no authority, no stamp [ms] */
@@ -55,23 +63,24 @@ enum { HOLD, GO, FREEZE, OVER, STOP }; /* the phase in a Command */
 /* numbers.c */
 sf_real sf_least(sf_real a, sf_real b);
 sf_real sf_most(sf_real a, sf_real b);
+sf_real sf_clamp(sf_real value, sf_real low, sf_real high);
 int64_t sf_sum(int64_t a, int64_t b);        /* saturates */
 int64_t sf_difference(int64_t a, int64_t b); /* saturates */
 int64_t sf_floor_ratio(int64_t a, int64_t b);
-int64_t sf_whole(sf_real value);     /* towards 0; saturates */
-int64_t sf_floor(sf_real value);     /* saturates */
-int64_t sf_nearest(sf_real value);   /* half to even */
+sf_int sf_whole(sf_real value);   /* towards 0; saturates */
+sf_int sf_floor(sf_real value);   /* saturates */
+sf_int sf_nearest(sf_real value); /* half to even */
 sf_real sf_seconds_of_ns(int64_t ns);
 sf_real sf_seconds_of_ms(int64_t ms);
 
 /* curve.c */
-bool sf_curve_begin(sf_curve *curve); /* checks what was filled in: degree, count, knots, hw */
-void sf_measure_begin(sf_plan *plan, sf_curve *curve);
+bool sf_curve_begin(sf_plan *plan, sf_curve *curve); /* checks degree, count, knots, hw */
+sf_real sf_on_curve(const sf_curve *curve, sf_real s); /* s, limited to the curve's length */
 bool sf_measure_cell(sf_plan *plan, sf_curve *curve); /* false once the curve is measured */
 void sf_curve_place(sf_curve *curve, sf_real s);
 
 /* timeline.c */
-bool sf_timeline_leg(sf_timeline *line, sf_real time, sf_real s1, sf_real v1);
+bool sf_timeline_leg(sf_timeline *line, sf_real time); /* adds the leg to the next knot */
 sf_real sf_s_at(sf_timeline *line, sf_real time);
 sf_real sf_v_at(sf_timeline *line, sf_real time);
 sf_real sf_time_at(const sf_timeline *line, sf_real s);

@@ -113,17 +113,16 @@ static void read_point(const sf_plan *plan, sf_curve *curve, unsigned i) {
     curve->hw[i] = weight;
 }
 
-/* Add a speed knot at place `at`, or before it where it belongs if they are sorted. */
-static bool add_knot(sf_timeline *line, unsigned at, sf_real s, sf_real v, bool sorted) {
-    if (at > SF_LEGS) return false;
-    for (; sorted && at > 0; at--) {
-        sf_real before = line->knots[at - 1].s;
-        if (before < s || (before == s && line->knots[at - 1].v <= v)) break;
-        line->knots[at].s = line->knots[at - 1].s;
-        line->knots[at].v = line->knots[at - 1].v;
+/* Add a speed knot behind the others, or where it belongs if they are sorted. */
+SHARED static bool add_knot(sf_plan *plan, sf_timeline *line, sf_real s, sf_real v, bool sorted) {
+    if (plan->at > SF_LEGS) return false;
+    sf_knot *knot = &line->knots[plan->at++];
+    for (; sorted && knot > line->knots; knot--) {
+        if (knot[-1].s < s || (knot[-1].s == s && knot[-1].v <= v)) break;
+        *knot = knot[-1];
     }
-    line->knots[at].s = s;
-    line->knots[at].v = v;
+    knot->s = s;
+    knot->v = v;
     return true;
 }
 
@@ -138,8 +137,7 @@ static bool is_profile(sf_timeline *line, unsigned count) {
         line->most_v = sf_most(line->most_v, line->knots[i].v);
     }
     line->length = line->knots[count - 1].s;
-    line->legs = line->leg = 0;
-    line->leg_from = line->leg_to = SF_INF;
+    line->leg = line->next = line->knots;
     return true;
 }
 
@@ -159,35 +157,23 @@ static bool are_stops(const sf_plan *plan, const sf_timeline *line) {
 /* Add the legs up to the next speed knot, with the stops between. */
 static bool add_legs(sf_plan *plan, sf_course *course) {
     sf_timeline *line = &course->timeline;
-    unsigned first = line->legs, count = plan->at;
-    sf_real s = line->knots[first].s, v = line->knots[first].v, time = plan->time;
-    sf_real end_s = line->knots[first + 1].s, end_v = line->knots[first + 1].v;
+    sf_real s = line->next->s, v = line->next->v, time = line->finish;
+    sf_real end_s = line->next[1].s, end_v = line->next[1].v;
     sf_real slope = (end_v * end_v - v * v) / (end_s - s);
     for (; plan->stop < plan->counts[PACKED_STOPS]; plan->stop++) {
         const uint8_t *stop = plan->packed[PACKED_STOPS] + 12 * plan->stop;
         sf_real stop_s = real(stop);
         if (!(stop_s < end_s)) break;
         if (stop_s > s) {
-            sf_real next_v = SF_SQRT(sf_most(v * v + slope * (stop_s - s), R(0)));
-            if (count > SF_LEGS) return false;
-            for (unsigned i = count++; i > line->legs + 1u; i--) {
-                line->knots[i].s = line->knots[i - 1].s;
-                line->knots[i].v = line->knots[i - 1].v;
-            }
-            line->knots[line->legs + 1].s = stop_s;
-            line->knots[line->legs + 1].v = next_v;
-            if (!sf_timeline_leg(line, time, stop_s, next_v)) return false;
-            time = line->finish;
+            v = SF_SQRT(sf_most(v * v + slope * (stop_s - s), R(0)));
             s = stop_s;
-            v = next_v;
+            if (!add_knot(plan, line, s, v, true) || !sf_timeline_leg(line, time)) return false;
+            time = line->finish;
         }
         int64_t origin_ns = course->origin_ms * MILLISECOND;
         time = sf_most(time, sf_seconds_of_ns(departure_ns(stop) - origin_ns));
     }
-    if (!sf_timeline_leg(line, time, end_s, end_v)) return false;
-    plan->time = line->finish;
-    plan->at = (uint16_t)count;
-    return true;
+    return sf_timeline_leg(line, time);
 }
 
 static void begin_course(sf_plan *plan, sf_course *course) {
@@ -197,7 +183,7 @@ static void begin_course(sf_plan *plan, sf_course *course) {
 #else
     course->origin_ms = plan->begin_ms;
 #endif
-    course->begin = plan->time = sf_time_of_ms(course, plan->begin_ms);
+    course->begin = course->timeline.finish = sf_time_of_ms(course, plan->begin_ms);
 }
 
 static bool is_sealed(const sf_plan *plan) {
@@ -221,8 +207,7 @@ static bool go_on(sf_agent *agent, sf_course *course) {
         if (plan->at == curve->count) plan->stage = MEASURE;
         return true;
     case MEASURE:
-        if (!sf_curve_begin(curve)) return false;
-        sf_measure_begin(plan, curve);
+        if (!sf_curve_begin(plan, curve)) return false;
         plan->at = plan->stop = 0;
         plan->stage = SPEED_KNOTS;
         return true;
@@ -232,17 +217,17 @@ static bool go_on(sf_agent *agent, sf_course *course) {
             return true;
         }
         knot = plan->packed[PROFILE] + 5 * plan->at;
-        return add_knot(line, plan->at++, real(knot), real(plan->packed[SPEEDS] + 4 * knot[4]), braking);
+        return add_knot(plan, line, real(knot), real(plan->packed[SPEEDS] + 4 * knot[4]), braking);
     case STOPS:
         if (braking && plan->stop < plan->counts[PACKED_STOPS]) {
             sf_real s = real(plan->packed[PACKED_STOPS] + 12 * plan->stop++);
-            return !(s > R(0)) || add_knot(line, plan->at++, s, R(0), true);
+            return !(s > R(0)) || add_knot(plan, line, s, R(0), true);
         }
         plan->stop = 0;
         plan->stage = LEGS;
         return is_profile(line, plan->at) && are_stops(plan, line);
     default:
-        if (line->legs + 1u < plan->at) return add_legs(plan, course);
+        if (line->next + 1 < line->knots + plan->at) return add_legs(plan, course);
         plan->stage = CELLS;
         return true;
     }
