@@ -80,8 +80,12 @@ typedef struct {
 } sf_timeline;
 
 typedef struct {
-    sf_real s, lateral, beyond, off, heading_error;
-    sf_real x, y, heading, tangent_s, tx, ty, still_at, bend_travel, bend;
+    sf_real x, y, heading;
+} sf_pose;
+
+typedef struct {
+    sf_real s, lateral, beyond, off, heading_error, tangent_s, tx, ty, still_at;
+    sf_pose pose;
 } sf_follower;
 
 /* One course and the robot on it.  Times are seconds of plan time after origin_ms. */
@@ -93,7 +97,7 @@ typedef struct {
     sf_real brake_speed, brake_from, rest_from, rest_x, rest_y, stuck_from, stuck_s;
     sf_real pace, pace_time, pace_s, authority, granted, watch, time, begin, until;
     sf_real rate, reaction, foresight;
-    bool halted, holds, may_turn;
+    bool halted, holds, may_turn, from_rest;
     sf_timeline timeline;
     sf_curve curve;
 } sf_course;
@@ -147,7 +151,8 @@ typedef struct {
     sf_rest rest;
     int64_t late_tick_ns, ticked_ns, start_ns, reported_ns, hello_ns, report_stamp_ms;
     int64_t newest_term, newest_boot, newest_sequence;
-    sf_real unsure, passed, x, y, heading;
+    sf_real unsure, passed;
+    sf_pose pose;
     uint32_t spent_epoch, report_sequence, hellos, report_late;
     uint32_t reported_epoch, reported_revision, reported_holds;
     uint8_t reported_phase, reported_fault;

@@ -33,10 +33,8 @@ static const uint8_t TRANSITIONS[6][EVENTS] = {
 const sf_robot *sf_robot_of(const sf_agent *agent) { return (const sf_robot *)agent->robot; }
 
 void sf_init(sf_agent *agent, const sf_robot *robot) {
-    uint8_t *bytes = (uint8_t *)agent;
-    for (size_t i = 0; i < sizeof *agent; i++) bytes[i] = 0;
+    sf_clear(agent, sizeof *agent);
     agent->robot = robot;
-    agent->ride = agent->coming = NULL;
     agent->ticked_ns = SF_UNKNOWN;
     agent->leader.term = agent->leader.boot = agent->leader.sequence = -1;
     agent->leader.heard_ns = SF_NEVER;
@@ -66,7 +64,7 @@ static void rest(sf_agent *agent, bool tell) {
     rest->revision = agent->revision;
     rest->s = agent->ride->follower.s;
     rest->tell = tell;
-    sf_offset(&agent->ride->follower, &rest->off, &rest->turn, &rest->beyond);
+    sf_offset(&agent->ride->follower, rest);
 }
 
 static void apply(sf_agent *agent, int event, int64_t now_ns) {
@@ -257,9 +255,8 @@ static int64_t plan_time_ms(const sf_agent *agent, const sf_course *ride, int64_
 }
 
 static void try_to_arm(sf_agent *agent, sf_course *ride, int64_t now_ns) {
-    bool stands = sf_stands_at_start(ride, agent->x, agent->y, agent->heading, &agent->fault,
-                                     &agent->drive_turn);
-    if (!stands) return;
+    agent->fault = sf_fault_at_start(ride, &agent->pose, &agent->drive_turn);
+    if (agent->fault || agent->drive_turn != R(0)) return;
     agent->unsure += agent->passed;
     if (sf_clock_within(&agent->clock, ride->clock_error_ns - CLOCK_RESERVE, now_ns)) {
         agent->unsure = R(0);
@@ -272,10 +269,9 @@ static void try_to_arm(sf_agent *agent, sf_course *ride, int64_t now_ns) {
 }
 
 static void drive(sf_agent *agent, sf_course *ride, int64_t now_ns) {
-    sf_real x = agent->x, y = agent->y, heading = agent->heading;
-    sf_locate(ride, x, y, heading);
+    sf_locate(ride, &agent->pose);
     if (agent->phase == SF_MOVING) {
-        if (ride->may_turn) agent->drive_turn = sf_turn_before_start(ride, x, y, heading);
+        if (ride->may_turn) agent->drive_turn = sf_turn_before_start(ride, &agent->pose);
         sf_real now = plan_time(agent, ride, now_ns, agent->passed);
         uint8_t fault = sf_trouble(ride);
         if (fault != SF_NO_FAULT) fail(agent, fault, now_ns);
@@ -284,7 +280,7 @@ static void drive(sf_agent *agent, sf_course *ride, int64_t now_ns) {
     }
     if (agent->phase == SF_BRAKING) {
         sf_keep_braking(ride);
-        if (sf_rests(ride, x, y)) apply(agent, sf_at_goal(ride) ? ARRIVED : AT_REST, now_ns);
+        if (sf_rests(ride, &agent->pose)) apply(agent, sf_at_goal(ride) ? ARRIVED : AT_REST, now_ns);
     }
     agent->drive_speed = ride->speed;
     agent->drive_distance = ride->distance;
@@ -308,14 +304,14 @@ static sf_course *on_course(sf_agent *agent, int64_t now_ns) {
     sf_course *ride = agent->ride, *coming = agent->coming;
     if (agent->phase == SF_FROZEN) {
         if (agent->leader.phase != GO) return ride;
-        sf_locate(ride, agent->x, agent->y, agent->heading);
+        sf_locate(ride, &agent->pose);
         if (!sf_rests_where(ride, coming)) return ride;
         bool begun = !knows_time(agent, coming, now_ns) ||
                      plan_time(agent, coming, now_ns, R(0)) >= coming->begin;
         return begun ? change(agent, now_ns) : ride;
     }
     if (before_motion(agent)) return ride;
-    sf_locate(ride, agent->x, agent->y, agent->heading);
+    sf_locate(ride, &agent->pose);
     sf_real now = plan_time(agent, ride, now_ns, R(0));
     /* At its goal no plan time passes for a robot that does not know the time. */
     if (agent->phase == SF_DONE && !knows_time(agent, ride, now_ns)) now = SF_INF;
@@ -332,9 +328,7 @@ void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real head
     sf_real passed = passed_ns > 0 ? sf_seconds_of_ns(passed_ns) : R(0);
     agent->passed = passed < HOLD_OUT ? passed : HOLD_OUT;
     agent->has_pose = x == x;
-    agent->x = agent->has_pose ? x : R(0);
-    agent->y = agent->has_pose ? y : R(0);
-    agent->heading = agent->has_pose ? heading : R(0);
+    agent->pose = agent->has_pose ? (sf_pose){x, y, heading} : (sf_pose){R(0), R(0), R(0)};
     sf_clock_follow(&agent->clock, now_ns, on_its_way(phase));
     agent->drive_speed = agent->drive_curvature = agent->drive_distance = agent->drive_turn = R(0);
     if (!ride) return;
@@ -348,7 +342,7 @@ void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real head
     } else if (on_its_way(phase)) {
         drive(agent, ride, now_ns);
     } else if (phase == SF_DONE) {
-        sf_locate(ride, agent->x, agent->y, agent->heading);
+        sf_locate(ride, &agent->pose);
         if (sf_has_left_goal(ride)) fail(agent, SF_OFF_PATH, now_ns);
     }
 }
@@ -398,7 +392,11 @@ bool sf_may_leave(const sf_agent *agent, int64_t now_ns) {
 
 bool sf_start_pose(sf_agent *agent, sf_real *x, sf_real *y, sf_real *heading) {
     if (!agent->ride) return false;
-    sf_start_of(agent->ride, x, y, heading);
+    sf_pose pose;
+    sf_start_of(agent->ride, &pose);
+    *x = pose.x;
+    *y = pose.y;
+    *heading = pose.heading;
     return true;
 }
 

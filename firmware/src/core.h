@@ -47,6 +47,7 @@ float fabsf(float), sqrtf(float), sinf(float), cosf(float), atan2f(float, float)
 #define CLOCK_PERIOD (2 * SECOND)
 #define CLOCK_SAMPLES 8
 #define LATE_STEP_MS 50
+#define SETTLING_LENGTH R(0.1)
 
 #ifdef SF_DOUBLE
 typedef int64_t sf_int;
@@ -72,6 +73,7 @@ sf_int sf_floor(sf_real value);   /* saturates */
 sf_int sf_nearest(sf_real value); /* half to even */
 sf_real sf_seconds_of_ns(int64_t ns);
 sf_real sf_seconds_of_ms(int64_t ms);
+void sf_clear(void *memory, size_t bytes);
 
 /* curve.c */
 bool sf_curve_begin(sf_plan *plan, sf_curve *curve); /* checks degree, count, knots, hw */
@@ -87,14 +89,13 @@ sf_real sf_time_at(const sf_timeline *line, sf_real s);
 sf_real sf_rest_until(sf_timeline *line, sf_real time);
 
 /* steering.c: the curve of a follower is that of its course */
-void sf_follower_begin(sf_course *course);
-void sf_start_of(sf_course *course, sf_real *x, sf_real *y, sf_real *heading);
+void sf_follower_begin(sf_follower *follower);
+void sf_start_of(sf_course *course, sf_pose *pose);
 sf_real sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there, sf_real *turn);
-sf_real sf_misplacement(sf_course *course, sf_real x, sf_real y, sf_real heading);
-sf_real sf_turn_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, sf_real *turn);
-void sf_locate(sf_course *course, sf_real x, sf_real y, sf_real heading);
+sf_real sf_turn_at_start(sf_course *course, const sf_pose *pose, sf_real *turn);
+void sf_locate(sf_course *course, const sf_pose *pose);
 void sf_find(sf_course *course);
-void sf_offset(const sf_follower *follower, int16_t *off, int16_t *turn, int16_t *beyond);
+void sf_offset(const sf_follower *follower, sf_rest *rest);
 sf_real sf_curvature(sf_course *course, sf_real travel);
 
 /* ride.c */
@@ -106,10 +107,9 @@ bool sf_rests_where(const sf_course *course, sf_course *coming);
 void sf_end_with(sf_course *course, sf_course *coming);
 bool sf_is_over(sf_course *course, sf_course *coming, sf_real now);
 void sf_follow(sf_course *course, sf_course *before);
-sf_real sf_turn_before_start(sf_course *course, sf_real x, sf_real y, sf_real heading);
+sf_real sf_turn_before_start(sf_course *course, const sf_pose *pose);
 void sf_reckon(sf_course *course, int64_t now_ms);
-bool sf_stands_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, uint8_t *fault,
-                        sf_real *turn);
+uint8_t sf_fault_at_start(sf_course *course, const sf_pose *pose, sf_real *turn);
 uint8_t sf_trouble(const sf_course *course);
 bool sf_arrived(const sf_course *course);
 bool sf_at_goal(const sf_course *course);
@@ -117,7 +117,7 @@ bool sf_has_left_goal(const sf_course *course);
 void sf_keep_to_plan(sf_course *course, sf_real now);
 void sf_begin_to_brake(sf_course *course);
 void sf_keep_braking(sf_course *course);
-bool sf_rests(sf_course *course, sf_real x, sf_real y);
+bool sf_rests(sf_course *course, const sf_pose *pose);
 void sf_stand(sf_course *course);
 
 /* clock_sync.c */

@@ -171,9 +171,9 @@ static uint8_t *put_hello(uint8_t *at, const sf_agent *agent) {
     at = put_double(at, robot->max_accel);
     bool may_tell = agent->leader.phase == FREEZE || agent->leader.asks;
     if (agent->has_pose && may_tell && !sf_has_driven(agent)) {
-        at = put_int(put_array(at, 3), sf_nearest(R(1000) * agent->x));
-        at = put_int(put_int(at, sf_nearest(R(1000) * agent->y)),
-                     sf_nearest(R(1000) * agent->heading));
+        at = put_int(put_array(at, 3), sf_nearest(R(1000) * agent->pose.x));
+        at = put_int(put_int(at, sf_nearest(R(1000) * agent->pose.y)),
+                     sf_nearest(R(1000) * agent->pose.heading));
     } else {
         at = put_nil(at);
     }

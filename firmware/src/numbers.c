@@ -1,4 +1,4 @@
-/* Numbers: limits, rounding, seconds.  Saturates where an integer would overflow. */
+/* Numbers: limits, rounding, seconds, zeros.  Saturates where an integer would overflow. */
 
 #include "core.h"
 
@@ -49,3 +49,7 @@ sf_int sf_nearest(sf_real value) { return sf_whole((value + UNIT) - UNIT); }
 
 sf_real sf_seconds_of_ns(int64_t ns) { return (sf_real)ns / R(1e9); }
 sf_real sf_seconds_of_ms(int64_t ms) { return (sf_real)ms / R(1000); }
+
+void sf_clear(void *memory, size_t bytes) {
+    for (uint8_t *at = memory; bytes > 0; bytes--) *at++ = 0;
+}

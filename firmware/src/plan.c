@@ -177,6 +177,7 @@ static bool add_legs(sf_plan *plan, sf_course *course) {
 }
 
 static void begin_course(sf_plan *plan, sf_course *course) {
+    sf_clear(course, offsetof(sf_course, timeline));
     course->begin_ms = plan->begin_ms;
 #ifdef SF_DOUBLE
     course->origin_ms = 0;

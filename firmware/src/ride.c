@@ -49,16 +49,21 @@ SHARED static bool is_stuck(const sf_course *course) {
     return course->watch - course->stuck_from >= REST_TIME;
 }
 
+SHARED static void limit_authority(sf_course *course) {
+    int64_t told = course->told_ms, rests = course->rests_ms;
+    course->authority = sf_time_of_ms(course, told < rests ? told : rests);
+    course->granted = planned_s(course, course->authority);
+}
+
+/* Of a course whose curve and timeline are there, and all else but its beginning zeros. */
 bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf_real period) {
-    const sf_timeline *line = &course->timeline;
+    sf_timeline *line = &course->timeline;
     if (!(course->curve.length > R(0)) || !(course->curve.length < R(1e6))) return false;
     if (sf_abs(line->length - course->curve.length) > ARRIVAL_SLACK) return false;
-    sf_follower_begin(course);
+    sf_follower_begin(&course->follower);
     course->clock_error_ns = plan->clock_ms * MILLISECOND;
     course->stamp_ms = SF_UNSAID;
-    course->late = 0;
     course->track = R(plan->track_mm) / R(1000);
-    course->speed = course->curvature = course->distance = R(0);
     course->brake = plan->brake_mmps2 ? R(plan->brake_mmps2) / R(1000) : SF_INF;
     course->period = period;
     course->catch_up = CATCH_UP_RATE;
@@ -66,40 +71,25 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
         sf_real quick = sf_least(QUICK_CATCH_UP_RATE, QUICK_CATCH_UP_SHARE / period);
         course->catch_up = sf_most(CATCH_UP_RATE, quick);
     }
+    /* A robot that starts and stops at once may rest where a course begins with any speed. */
+    course->from_rest = course->brake == SF_INF || sf_v_at(line, course->begin) == R(0);
     course->slack = sf_most(ARRIVAL_SLACK, LATE_SHARE * course->track);
     course->limit = max_speed > R(0) ? max_speed : SPARE_SPEED * line->most_v;
-    course->brake_speed = course->rest_x = course->rest_y = R(0);
     course->brake_from = course->stuck_s = course->pace_time = -SF_INF;
-    course->rest_from = course->pace = SF_INF;
-    course->stuck_from = course->pace_s = course->watch = R(0);
-    course->told_ms = 0;
-    course->authority = sf_time_of_ms(course, 0);
-    course->granted = planned_s(course, course->authority);
-    course->halted = course->holds = course->may_turn = false;
+    course->rest_from = course->pace = course->until = SF_INF;
     course->time = course->begin;
     course->rests_ms = INT64_MAX;
-    course->until = SF_INF;
-    course->rate = sf_least(sf_most(course->limit / line->most_v, R(1)), MOST_HURRY);
+    course->rate = sf_clamp(course->limit / line->most_v, R(1), MOST_HURRY);
     course->reaction = REACTION_TICKS * period;
     course->foresight = HOLD_OUT + course->reaction + course->limit / course->brake;
+    limit_authority(course);
     return true;
-}
-
-SHARED static void limit_authority(sf_course *course) {
-    int64_t told = course->told_ms, rests = course->rests_ms;
-    course->authority = sf_time_of_ms(course, told < rests ? told : rests);
-    course->granted = planned_s(course, course->authority);
 }
 
 void sf_grant(sf_course *course, int64_t authority_ms) {
     if (authority_ms <= course->told_ms) return;
     course->told_ms = authority_ms;
     limit_authority(course);
-}
-
-/* A robot that starts and stops at once may rest where a course begins with any speed. */
-SHARED static bool begins_at_rest(sf_course *course) {
-    return sf_v_at(&course->timeline, course->begin) == R(0) || course->brake == SF_INF;
 }
 
 /* A plan time of one course as another one counts it. */
@@ -111,7 +101,7 @@ bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
     sf_timeline *line = &course->timeline;
     int64_t passed_ms = course->stamp_ms - LATE_STEP_MS * (int64_t)course->late;
     sf_real begin = sf_time_of_ms(course, coming->begin_ms), time = begin, turn;
-    bool rests = begins_at_rest(coming);
+    bool rests = coming->from_rest;
     if (!rests) time = sf_most(sf_most(begin, course->time), sf_time_of_ms(course, passed_ms));
     sf_real there = as_of(coming, course, time), s = at_goal ? line->length : sf_s_at(line, time);
     if (sf_joint(course, s, coming, planned_s(coming, there), &turn) > JOINT_GAP) return false;
@@ -126,16 +116,14 @@ bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
 
 bool sf_rests_where(const sf_course *course, sf_course *coming) {
     const sf_follower *mine = &course->follower;
-    uint8_t fault;
     sf_real turn;
-    if (!begins_at_rest(coming) || !(mine->off < SF_INF) || !(mine->x < SF_INF)) return false;
-    sf_stands_at_start(coming, mine->x, mine->y, mine->heading, &fault, &turn);
-    return fault == SF_NO_FAULT;
+    if (!coming->from_rest || !(mine->off < SF_INF) || !(mine->pose.x < SF_INF)) return false;
+    return sf_fault_at_start(coming, &mine->pose, &turn) == SF_NO_FAULT;
 }
 
 void sf_end_with(sf_course *course, sf_course *coming) {
     course->until = sf_time_of_ms(course, coming->begin_ms);
-    course->rests_ms = begins_at_rest(coming) ? coming->begin_ms : INT64_MAX;
+    course->rests_ms = coming->from_rest ? coming->begin_ms : INT64_MAX;
     limit_authority(course);
 }
 
@@ -143,14 +131,14 @@ bool sf_is_over(sf_course *course, sf_course *coming, sf_real now) {
     sf_real until = course->until, told = sf_time_of_ms(course, course->told_ms);
     if (now < until || course->time < sf_least(until, course->timeline.finish)) return false;
     sf_real enough = sf_least(told, course->time + course->foresight);
-    if (!begins_at_rest(coming) && sf_time_of_ms(course, coming->told_ms) < enough) return false;
+    if (!coming->from_rest && sf_time_of_ms(course, coming->told_ms) < enough) return false;
     sf_real left = planned_s(course, until) - course->follower.s;
     if (left <= sf_most(ARRIVAL_SLACK, course->speed * course->period)) return true;
     return is_stuck(course) && left <= ARRIVAL_SHARE * course->track;
 }
 
 void sf_follow(sf_course *course, sf_course *before) {
-    if (!begins_at_rest(course)) {
+    if (!course->from_rest) {
         sf_real begin = sf_time_of_ms(before, course->begin_ms);
         sf_real passed = before->follower.s - planned_s(before, begin);
         course->time = sf_most(course->begin, as_of(course, before, before->time));
@@ -159,7 +147,7 @@ void sf_follow(sf_course *course, sf_course *before) {
     course->halted = before->halted;
     course->holds = false;
     limit_authority(course);
-    course->may_turn = begins_at_rest(course);
+    course->may_turn = course->from_rest;
     course->watch = course->pace_time = before->watch;
     course->speed = before->speed;
     course->pace = before->pace;
@@ -167,12 +155,11 @@ void sf_follow(sf_course *course, sf_course *before) {
     course->brake_from = before->brake_from;
 }
 
-sf_real sf_turn_before_start(sf_course *course, sf_real x, sf_real y, sf_real heading) {
-    uint8_t fault;
-    sf_real turn;
-    if (course->halted || !course->may_turn) return R(0);
-    bool stands = sf_stands_at_start(course, x, y, heading, &fault, &turn);
-    course->may_turn = !stands && course->follower.s <= course->track;
+sf_real sf_turn_before_start(sf_course *course, const sf_pose *pose) {
+    sf_real turn = R(0);
+    if (course->halted || !course->may_turn) return turn;
+    uint8_t fault = sf_fault_at_start(course, pose, &turn);
+    course->may_turn = (fault || turn != R(0)) && course->follower.s <= course->track;
     return course->may_turn ? turn : R(0);
 }
 
@@ -202,15 +189,13 @@ SHARED static bool lags(sf_course *course, sf_real time) {
     return !(course->follower.s >= planned_s(course, time - GRACE) - bearable);
 }
 
-bool sf_stands_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, uint8_t *fault,
-                        sf_real *turn) {
-    sf_real enough = TURN_SHARE * course->track, angle;
-    *fault = SF_NO_FAULT;
-    *turn = R(0);
-    if (sf_misplacement(course, x, y, heading) <= enough) return true;
-    if (sf_turn_at_start(course, x, y, heading, &angle) <= enough) *turn = angle;
-    else *fault = SF_OFF_PATH;
-    return false;
+/* What keeps a robot from starting with this pose: a fault, or a turn that is not 0.  A heading
+   error theta leads theta / (e lambda) off the path before it is corrected. */
+uint8_t sf_fault_at_start(sf_course *course, const sf_pose *pose, sf_real *turn) {
+    sf_real enough = TURN_SHARE * course->track, off = sf_turn_at_start(course, pose, turn);
+    bool stands = off + sf_abs(*turn) * SETTLING_LENGTH * R(0.37) <= enough, fault = !(off <= enough);
+    if (stands || fault) *turn = R(0);
+    return fault && !stands ? SF_OFF_PATH : SF_NO_FAULT;
 }
 
 uint8_t sf_trouble(const sf_course *course) {
@@ -313,10 +298,7 @@ void sf_keep_to_plan(sf_course *course, sf_real now) {
     sf_real planned = planned_s(course, time), speed = (planned_s(course, time + period) - planned) / period;
     sf_real lag = planned - s, more = lag * course->catch_up;
     if (lag > R(0)) more = sf_least(more, SF_SQRT(R(2) * CATCH_UP_BRAKE * course->brake * lag));
-    speed += more;
-    if (speed < R(0)) speed = R(0);
-    else if (speed > course->limit) speed = course->limit;
-    course->speed = speed;
+    course->speed = sf_clamp(speed + more, R(0), course->limit);
     sf_real room = planned_s(course, time + HOLD_OUT) - s;
     if (course->authority < time + course->foresight) room = within_authority(course, room);
     course->distance = room > R(0) ? room : R(0);
@@ -336,7 +318,8 @@ void sf_keep_braking(sf_course *course) {
     brake_on(course);
 }
 
-bool sf_rests(sf_course *course, sf_real x, sf_real y) {
+bool sf_rests(sf_course *course, const sf_pose *pose) {
+    sf_real x = pose->x, y = pose->y;
     bool moved = !(sf_abs(x - course->rest_x) + sf_abs(y - course->rest_y) <= REST_SLACK);
     if (course->speed > R(0) || moved || course->rest_from == SF_INF) {
         course->rest_from = course->watch;
