@@ -36,9 +36,8 @@ void sf_init(sf_agent *agent, const sf_robot *robot) {
     sf_clear(agent, sizeof *agent);
     agent->robot = robot;
     agent->ticked_ns = SF_UNKNOWN;
-    agent->leader.term = agent->leader.boot = agent->leader.sequence = -1;
     agent->leader.heard_ns = SF_NEVER;
-    agent->newest_term = agent->newest_boot = agent->newest_sequence = -1;
+    agent->newest_sequence = -1;
     agent->reported_ns = agent->hello_ns = SF_NEVER;
     agent->late_tick_ns = 2 * robot->period_ns > LATE_TICK ? 2 * robot->period_ns : LATE_TICK;
     sf_clock_begin(&agent->clock);
@@ -118,11 +117,11 @@ static bool is_silent(const sf_leader *leader, int64_t now_ns, int64_t patience_
 /* Whether a Command is to be obeyed: the highest (term, boot) leads. */
 static bool counts(const sf_agent *agent, const sf_command *command, int64_t now_ns) {
     const sf_leader *leader = &agent->leader;
+    uint32_t term = leader->term, boot = leader->boot;
     if (!before_motion(agent) && command->run != leader->run) return false;
-    if (command->term == leader->term && command->boot == leader->boot)
-        return command->sequence > leader->sequence;
-    if (command->term > leader->term) return true;
-    if (command->term == leader->term && command->boot > leader->boot) return true;
+    if (!leader->heard) return true;
+    if (command->term == term && command->boot == boot) return command->sequence > leader->sequence;
+    if (command->term == term ? command->boot > boot : command->term > term) return true;
     return before_motion(agent) && is_silent(leader, now_ns, COORDINATOR_TIMEOUT);
 }
 
@@ -134,8 +133,9 @@ bool sf_hear_command(sf_agent *agent, const sf_command *command, int64_t now_ns)
     if (!counts(agent, command, now_ns)) return false;
     leader->run = command->run;
     if (epoch != leader->epoch && !agent->ride) agent->fault = SF_NO_FAULT;
-    bool another = (leader->boot != -1 && leader->boot != command->boot) ||
-                   (leader->term != -1 && leader->term != command->term);
+    bool another = (leader->known && leader->boot != command->boot) ||
+                   (leader->heard && leader->term != command->term);
+    leader->known = leader->heard = true;
     leader->term = command->term;
     leader->boot = command->boot;
     leader->sequence = command->sequence;
@@ -157,8 +157,8 @@ bool sf_hear_command(sf_agent *agent, const sf_command *command, int64_t now_ns)
     } else if (epoch == agent->epoch && agent->ride) {
         agent->ride->halted = phase == STOP;
         if (phase == GO) {
-            sf_grant(agent->ride, command->authority_ms);
-            if (agent->coming) sf_grant(agent->coming, command->next_authority_ms);
+            sf_grant(agent->ride, command->authority_ms[0]);
+            if (agent->coming) sf_grant(agent->coming, command->authority_ms[1]);
             agent->start_ns = command->start_ns;
             if (command->said_ns >= command->start_ns || knows_time(agent, agent->ride, now_ns))
                 apply(agent, TOLD_TO_GO, now_ns);
@@ -170,7 +170,7 @@ bool sf_hear_command(sf_agent *agent, const sf_command *command, int64_t now_ns)
 
 void sf_hear_clock(sf_agent *agent, uint32_t coordinator, int64_t sent, int64_t received,
                    int64_t answered, int64_t now) {
-    if (coordinator != agent->leader.boot) return; /* Only whom it obeys tells it the time. */
+    if (!agent->leader.known || coordinator != agent->leader.boot) return; /* Only whom it obeys tells it the time. */
     if (!sf_clock_add(&agent->clock, sent, received, answered, now)) lose_clock(agent, now);
 }
 
@@ -186,7 +186,8 @@ static bool is_of_leader(const sf_agent *agent, const sf_plan *plan) {
 
 bool sf_takes_plan(sf_agent *agent, sf_plan *plan) {
     sf_leader *leader = &agent->leader;
-    if (leader->boot < 0) {
+    if (!leader->known) {
+        leader->known = true;
         leader->boot = plan->boot;
         leader->epoch = plan->epoch;
     }

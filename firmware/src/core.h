@@ -60,6 +60,7 @@ typedef int32_t sf_int; /* Conversions to 64 bits take double arithmetic in some
 #define SF_UNSAID (-SF_UNKNOWN) /* no authority, no stamp [ms] */
 
 enum { HOLD, GO, FREEZE, OVER, STOP }; /* the phase in a Command */
+enum { HELLO = 1, PLAN, COMMAND, REPORT, CLOCK, REFUSAL }; /* tags */
 
 /* numbers.c */
 sf_real sf_least(sf_real a, sf_real b);
@@ -132,8 +133,9 @@ bool sf_clock_within(const sf_clock *clock, int64_t limit_ns, int64_t now_ns);
 
 /* agent.c */
 typedef struct {
-    int64_t start_ns, said_ns, authority_ms, next_authority_ms;
-    uint32_t boot, term, sequence, epoch, run;
+    int64_t start_ns, said_ns, authority_ms[2]; /* of the present course, of the newer one */
+    uint32_t boot, term, sequence, epoch, run, first, last;
+    int32_t headroom_ms;
     uint8_t phase;
     bool wanted;
 } sf_command;
@@ -156,20 +158,24 @@ void sf_read_plan(sf_agent *agent, int work); /* goes on with the Plan that is b
 /* reader.c */
 typedef struct {
     const uint8_t *at, *end;
-    uint32_t left; /* elements of the message's array that have not been read */
+    uint32_t left; /* elements of the present array that have not been read */
+    uint8_t type;
     bool bad;
 } sf_reader;
 
-void sf_open(sf_reader *reader, const uint8_t *bytes, size_t length);
-int64_t sf_get_int(sf_reader *reader, int64_t least, int64_t most);
-uint32_t sf_get_small(sf_reader *reader, uint32_t least, uint32_t most);
-uint32_t sf_get_counter(sf_reader *reader);
-int32_t sf_get_ms(sf_reader *reader);
-int64_t sf_get_stamp(sf_reader *reader);
+/* An integer in a message, and its place in a struct. */
+typedef struct {
+    uint8_t kind, at;
+} sf_field;
+
+enum { SF_U8 = 1, SF_U16, SF_U32, SF_I32, SF_STAMP, SF_OPTIONAL = 8, SF_NULLABLE = 16 };
+
+uint32_t sf_open(sf_reader *reader, const uint8_t *bytes, size_t length); /* the message's tag */
+int64_t sf_get_int(sf_reader *reader);
+void sf_get_fields(sf_reader *reader, void *into, const sf_field *fields, unsigned count);
 uint32_t sf_get_array(sf_reader *reader);
 const uint8_t *sf_get_bytes(sf_reader *reader, uint32_t *length);
 const uint8_t *sf_get_text(sf_reader *reader, uint32_t *length);
-bool sf_get_nil(sf_reader *reader);
 bool sf_close(sf_reader *reader); /* skips further fields; whether all was well */
 bool sf_is_id(const uint8_t *text, uint32_t length);
 bool sf_is_named(const char *id, const uint8_t *text, uint32_t length); /* whether it is this id */

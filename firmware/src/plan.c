@@ -45,25 +45,25 @@ static uint32_t crc(uint32_t state, uint8_t byte) {
     return state >> 4 ^ TABLE[state & 15];
 }
 
+#define FIELD(kind, name) {(kind), offsetof(sf_plan, name)}
+static const sf_field HEAD_FIELDS[] = {FIELD(SF_U32, epoch), FIELD(SF_U32, boot)};
+static const sf_field FIELDS_BEHIND[] = {
+    FIELD(SF_U32, number), FIELD(SF_U32, revision), FIELD(SF_I32, begin_ms), FIELD(SF_STAMP, tau_ns),
+    FIELD(SF_U16, track_mm), FIELD(SF_U32, brake_mmps2), FIELD(SF_U16, clock_ms), FIELD(SF_U8, degree),
+};
+
 /* Read the fields, and check what has to hold for the message to be acceptable. */
 static bool read_fields(sf_agent *agent) {
     sf_plan *plan = &agent->plan;
     sf_reader reader;
-    sf_open(&reader, plan->bytes, plan->length);
-    sf_get_small(&reader, 2, 2);
-    plan->epoch = sf_get_counter(&reader);
-    plan->boot = sf_get_counter(&reader);
     uint32_t length;
+    sf_open(&reader, plan->bytes, plan->length);
+    sf_get_fields(&reader, plan, HEAD_FIELDS, 2);
     const uint8_t *robot = sf_get_text(&reader, &length);
     if (length == 0 || !sf_is_named(sf_robot_of(agent)->id, robot, length)) return false;
-    plan->number = sf_get_counter(&reader);
-    plan->revision = sf_get_counter(&reader);
-    plan->begin_ms = sf_get_ms(&reader);
-    sf_get_int(&reader, 0, 1000000000000);
-    plan->track_mm = (uint16_t)sf_get_small(&reader, 0, 65535);
-    plan->brake_mmps2 = sf_get_counter(&reader);
-    plan->clock_ms = (uint16_t)sf_get_small(&reader, 1, 65535);
-    plan->degree = (uint8_t)sf_get_small(&reader, 1, SF_DEGREE);
+    sf_get_fields(&reader, plan, FIELDS_BEHIND, 8);
+    if (plan->tau_ns < 0 || plan->tau_ns > 1000 * SECOND || plan->clock_ms < 1) return false;
+    if (plan->degree < 1 || plan->degree > SF_DEGREE) return false;
     for (int field = 0; field < FIELDS_PACKED; field++) {
         plan->packed[field] = sf_get_bytes(&reader, &length);
         if (length > MOST_PACKED || length % SIZES[field][0]) return false;
