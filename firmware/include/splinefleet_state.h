@@ -76,6 +76,7 @@ typedef struct {
     sf_real length, finish, most_v;
     const sf_knot *leg; /* where the robot was last */
     sf_knot *next;      /* the leg to be added; behind the last one */
+    sf_knot *end;       /* of the knots */
     sf_knot knots[SF_LEGS + 1];
 } sf_timeline;
 
