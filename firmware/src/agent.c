@@ -51,7 +51,7 @@ static bool on_its_way(uint8_t phase) { return phase == SF_MOVING || phase == SF
 
 bool sf_has_driven(const sf_agent *agent) { return agent->spent_epoch > 0; }
 
-static bool knows_time(const sf_agent *agent, const sf_course *ride, int64_t now_ns) {
+SHARED static bool knows_time(const sf_agent *agent, const sf_course *ride, int64_t now_ns) {
     return sf_clock_within(&agent->clock, ride->clock_error_ns, now_ns);
 }
 
@@ -101,7 +101,7 @@ static void fail(sf_agent *agent, uint8_t fault, int64_t now_ns) {
 }
 
 /* Arm again with the time, unless the robot does without it. */
-static void disarm(sf_agent *agent, int64_t now_ns) {
+SHARED static void disarm(sf_agent *agent, int64_t now_ns) {
     if (agent->phase == SF_ARMED && agent->unsure <= CLOCK_PATIENCE) apply(agent, NOT_READY, now_ns);
 }
 

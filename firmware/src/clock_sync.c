@@ -12,7 +12,7 @@
 #define FAR_APART ((int64_t)9000000000000)
 #define CLOSED INT64_MIN /* no message can name this time */
 
-static int64_t drift(int64_t passed_ns) { return 1 + sf_floor_ratio(passed_ns, 1000000 / DRIFT_PPM); }
+SHARED static int64_t drift(int64_t passed_ns) { return 1 + sf_floor_ratio(passed_ns, 1000000 / DRIFT_PPM); }
 
 static int64_t middle(int64_t low, int64_t high) { return (low >> 1) + (high >> 1) + (low & high & 1); }
 
@@ -23,7 +23,7 @@ static int64_t *question(sf_clock *clock, int64_t sent_ns) {
     return NULL;
 }
 
-static void doubt(sf_clock *clock, int64_t now_ns) {
+SHARED static void doubt(sf_clock *clock, int64_t now_ns) {
     clock->since_ns = now_ns;
     clock->asked_ns = -SF_UNKNOWN;
     clock->good = clock->asked = 0;

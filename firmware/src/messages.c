@@ -45,7 +45,7 @@ static const sf_field CLOCK_FIELDS[] = {
 static const sf_field REFUSAL_FIELDS[] = {{SF_U32, 0}};
 
 /* Begin a list that may be left out: return its length, and how many elements are left behind it. */
-static uint32_t open_list(sf_reader *reader, uint32_t most, uint32_t *left) {
+SHARED static uint32_t open_list(sf_reader *reader, uint32_t most, uint32_t *left) {
     uint32_t count = reader->left ? sf_get_array(reader) : 0;
     *left = reader->left;
     if (count > most) reader->bad = true;
@@ -53,7 +53,7 @@ static uint32_t open_list(sf_reader *reader, uint32_t most, uint32_t *left) {
     return reader->bad ? 0 : count;
 }
 
-static bool hear_command(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
+SHARED static bool hear_command(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
     sf_command command = {.authority_ms = {SF_UNSAID, SF_UNSAID}, .last = UINT32_MAX};
     const uint32_t numbers[2] = {agent->number, agent->next_number};
     uint32_t left, length;
@@ -135,7 +135,7 @@ SHARED static uint8_t *put(uint8_t *at, int head, uint64_t bits, int bytes) {
 }
 
 /* One byte: a small number, a head, or nothing. */
-SHARED static uint8_t *put_byte(uint8_t *at, int byte) {
+static uint8_t *put_byte(uint8_t *at, int byte) {
     *at = (uint8_t)byte;
     return at + 1;
 }
@@ -181,7 +181,7 @@ static uint8_t *put_tag(uint8_t *at, int count, int tag) {
     return put_byte(put_byte(at, ARRAY_HEAD + count), tag);
 }
 
-static uint8_t *put_milli(uint8_t *at, sf_real value) {
+SHARED static uint8_t *put_milli(uint8_t *at, sf_real value) {
     return put_long(at, sf_nearest(R(1000) * value));
 }
 

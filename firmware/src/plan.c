@@ -29,7 +29,7 @@ static uint32_t word(const uint8_t *at) {
     return at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
 }
 
-SHARED static sf_real real(const uint8_t *at) {
+static sf_real real(const uint8_t *at) {
     union {
         uint32_t bits;
         float value;
@@ -101,7 +101,7 @@ SHARED static int check_numbers(sf_plan *plan) {
     return plan->stop < FIELDS_PACKED ? AGAIN : NEXT;
 }
 
-SHARED static void begin_course(const sf_plan *plan, sf_course *course) {
+static void begin_course(const sf_plan *plan, sf_course *course) {
     sf_clear(course, offsetof(sf_course, timeline));
     course->begin_ms = plan->begin_ms;
 #ifndef SF_DOUBLE
@@ -122,7 +122,7 @@ static bool fits(const sf_plan *plan) {
 }
 
 /* Read one more knot and control point. */
-SHARED static int read_curve(sf_plan *plan, sf_curve *curve) {
+static int read_curve(sf_plan *plan, sf_curve *curve) {
     unsigned i = plan->at++, degree = plan->degree, last = plan->counts[KNOTS] - 1u;
     if (i == 0 && !fits(plan)) return FAILED;
     unsigned knot = i - degree - 1;
@@ -152,7 +152,7 @@ SHARED static bool add_knot(sf_timeline *line, sf_real s, sf_real v, bool sorted
     return true;
 }
 
-SHARED static int read_speed(sf_plan *plan, sf_timeline *line) {
+static int read_speed(sf_plan *plan, sf_timeline *line) {
     if (plan->at == plan->counts[PROFILE]) return NEXT;
     const uint8_t *knot = plan->packed[PROFILE] + 5 * plan->at++;
     sf_real v = real(plan->packed[SPEEDS] + 4 * knot[4]);
@@ -191,7 +191,7 @@ SHARED static int read_stop(sf_plan *plan, sf_timeline *line) {
 }
 
 /* Add the legs up to the next speed knot, with the stops between. */
-SHARED static int add_legs(sf_plan *plan, sf_timeline *line, int64_t origin_ms) {
+static int add_legs(sf_plan *plan, sf_timeline *line, int64_t origin_ms) {
     if (line->next + 1 == line->end) return NEXT;
     sf_real s = line->next->s, v = line->next->v, time = line->finish;
     sf_real end_s = line->next[1].s, end_v = line->next[1].v;

@@ -22,7 +22,7 @@ static const uint8_t HEADS[32] = {
     KIND(ARRAY, 2), KIND(ARRAY, 4), KIND(MAP, 2), KIND(MAP, 4),
 };
 
-static uint64_t fail(sf_reader *reader) {
+SHARED static uint64_t fail(sf_reader *reader) {
     reader->bad = true;
     reader->at = reader->end;
     return 0;
