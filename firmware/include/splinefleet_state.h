@@ -92,12 +92,12 @@ typedef struct {
 /* One course and the robot on it.  Times are seconds of plan time after origin_ms. */
 typedef struct {
     bool halted, holds, may_turn, from_rest;
+    uint16_t clock_ms, late;
+    int32_t begin_ms, origin_ms, stamp_ms;
     sf_follower follower;
-    int64_t clock_error_ns, stamp_ms, told_ms, rests_ms, origin_ms;
-    int32_t begin_ms, late;
     sf_real track, speed, curvature, distance, brake, period, catch_up, slack, limit;
     sf_real brake_speed, brake_from, rest_from, rest_x, rest_y, stuck_from, stuck_s;
-    sf_real pace, pace_time, pace_s, authority, granted, watch, time, begin, until;
+    sf_real pace, pace_time, pace_s, told, rests, authority, granted, watch, time, begin, until;
     sf_real rate, reaction, foresight;
     sf_timeline timeline;
     sf_curve curve;
@@ -148,12 +148,13 @@ typedef struct {
     bool report_rest;
     uint32_t epoch, number, revision, next_number, holds;
     uint32_t reported_epoch, reported_revision, reported_holds;
+    int32_t report_stamp_ms;
     uint32_t spent_epoch, report_sequence, report_late, hellos, newest_term, newest_boot;
     const void *robot; /* the sf_robot */
     sf_course *ride, *coming;
     sf_real unsure, passed;
     sf_pose pose;
-    int64_t late_tick_ns, ticked_ns, start_ns, reported_ns, hello_ns, report_stamp_ms;
+    int64_t late_tick_ns, ticked_ns, start_ns, reported_ns, hello_ns;
     int64_t newest_sequence;
     sf_rest rest;
     sf_leader leader;

@@ -52,7 +52,7 @@ static bool on_its_way(uint8_t phase) { return phase == SF_MOVING || phase == SF
 bool sf_has_driven(const sf_agent *agent) { return agent->spent_epoch > 0; }
 
 SHARED static bool knows_time(const sf_agent *agent, const sf_course *ride, int64_t now_ns) {
-    return sf_clock_within(&agent->clock, ride->clock_error_ns, now_ns);
+    return sf_clock_within(&agent->clock, ride->clock_ms, now_ns);
 }
 
 /* Stand, and store the place of rest until the robot moves, even if the plan is dropped. */
@@ -259,7 +259,7 @@ static void try_to_arm(sf_agent *agent, sf_course *ride, int64_t now_ns) {
     agent->fault = sf_fault_at_start(ride, &agent->pose, &agent->drive_turn);
     if (agent->fault || agent->drive_turn != R(0)) return;
     agent->unsure += agent->passed;
-    if (sf_clock_within(&agent->clock, ride->clock_error_ns - CLOCK_RESERVE, now_ns)) {
+    if (sf_clock_within(&agent->clock, ride->clock_ms - CLOCK_RESERVE_MS, now_ns)) {
         agent->unsure = R(0);
         apply(agent, READY, now_ns);
     } else if (agent->unsure > CLOCK_PATIENCE) {
@@ -326,8 +326,7 @@ void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real head
     int64_t passed_ns = sf_difference(now_ns, agent->ticked_ns);
     agent->ticked_ns = now_ns;
     if (passed_ns > agent->late_tick_ns) sf_clock_doubt(&agent->clock, now_ns); /* It hung. */
-    sf_real passed = passed_ns > 0 ? sf_seconds_of_ns(passed_ns) : R(0);
-    agent->passed = passed < HOLD_OUT ? passed : HOLD_OUT;
+    agent->passed = sf_clamp(sf_seconds_of_ns(passed_ns), R(0), HOLD_OUT);
     agent->has_pose = x == x;
     agent->pose = agent->has_pose ? (sf_pose){x, y, heading} : (sf_pose){R(0), R(0), R(0)};
     sf_clock_follow(&agent->clock, now_ns, on_its_way(phase));
@@ -362,13 +361,13 @@ bool sf_report_due(sf_agent *agent, int64_t now_ns) {
     agent->report_sequence++;
     agent->report_rest = agent->rest.tell && agent->rest.epoch > 0;
     agent->rest.tell = false;
-    agent->report_stamp_ms = SF_UNSAID;
+    agent->report_stamp_ms = SF_NO_STAMP;
     agent->report_late = 0;
     sf_course *ride = agent->ride;
     if (ride && (agent->phase == SF_MOVING || agent->phase == SF_DONE)) {
         sf_reckon(ride, plan_time_ms(agent, ride, now_ns));
         agent->report_stamp_ms = ride->stamp_ms;
-        if (agent->phase == SF_MOVING) agent->report_late = (uint32_t)ride->late;
+        if (agent->phase == SF_MOVING) agent->report_late = ride->late;
     }
     return true;
 }
@@ -381,9 +380,9 @@ bool sf_hello_due(sf_agent *agent, int64_t now_ns) {
 }
 
 bool sf_clock_due(sf_agent *agent, int64_t now_ns) {
-    int64_t error_ns = agent->ride ? agent->ride->clock_error_ns : CLOCK_ERROR;
+    int error_ms = agent->ride ? agent->ride->clock_ms : CLOCK_ERROR_MS;
     bool moving = on_its_way(agent->phase);
-    return sf_clock_asks(&agent->clock, now_ns, error_ns - CLOCK_RESERVE, moving);
+    return sf_clock_asks(&agent->clock, now_ns, error_ms - CLOCK_RESERVE_MS, moving);
 }
 
 bool sf_may_leave(const sf_agent *agent, int64_t now_ns) {

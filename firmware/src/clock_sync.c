@@ -9,7 +9,6 @@
 #define DRIFT_PPM 100
 #define SLEW_SHARE 50
 #define LONGEST_DELAY (10 * SECOND)
-#define FAR_APART ((int64_t)9000000000000)
 #define CLOSED INT64_MIN /* no message can name this time */
 
 SHARED static int64_t drift(int64_t passed_ns) { return 1 + sf_floor_ratio(passed_ns, 1000000 / DRIFT_PPM); }
@@ -48,12 +47,9 @@ void sf_clock_doubt(sf_clock *clock, int64_t now_ns) {
     clock->compares = true;
 }
 
-static int64_t widened_low(const sf_clock *clock, int64_t now_ns) {
-    return sf_difference(clock->low_ns, drift(sf_difference(now_ns, clock->at_ns)));
-}
-
-static int64_t widened_high(const sf_clock *clock, int64_t now_ns) {
-    return sf_sum(clock->high_ns, drift(sf_difference(now_ns, clock->at_ns)));
+/* How much wider than when it was made the interval is now, on either side. */
+SHARED static int64_t aged(const sf_clock *clock, int64_t now_ns) {
+    return drift(sf_difference(now_ns, clock->at_ns));
 }
 
 bool sf_clock_add(sf_clock *clock, int64_t sent, int64_t received, int64_t answered, int64_t now) {
@@ -62,9 +58,11 @@ bool sf_clock_add(sf_clock *clock, int64_t sent, int64_t received, int64_t answe
     *open = CLOSED;
     int64_t passed = sf_difference(now, sent);
     if (passed < 0 || passed > LONGEST_DELAY) return true;
-    int64_t low = sf_difference(sf_difference(answered, now), drift(passed));
-    int64_t high = sf_sum(sf_difference(received, sent), drift(passed));
-    int64_t old_low = widened_low(clock, now), old_high = widened_high(clock, now);
+    int64_t error = drift(passed), old_error = aged(clock, now);
+    int64_t low = sf_difference(sf_difference(answered, now), error);
+    int64_t high = sf_sum(sf_difference(received, sent), error);
+    int64_t old_low = sf_difference(clock->low_ns, old_error);
+    int64_t old_high = sf_sum(clock->high_ns, old_error);
     bool known = clock->good > 0 || clock->compares;
     if (low > high || (known && (low > old_high || high < old_low))) return false;
     if (clock->good > 0) {
@@ -82,7 +80,8 @@ bool sf_clock_add(sf_clock *clock, int64_t sent, int64_t received, int64_t answe
 }
 
 bool sf_is_said_in_future(const sf_clock *clock, int64_t said_ns, int64_t now_ns) {
-    return clock->good > 0 && sf_difference(said_ns, now_ns) > widened_high(clock, now_ns);
+    return clock->good > 0 &&
+           sf_difference(said_ns, now_ns) > sf_sum(clock->high_ns, aged(clock, now_ns));
 }
 
 void sf_clock_follow(sf_clock *clock, int64_t now_ns, bool slewing) {
@@ -98,11 +97,11 @@ void sf_clock_follow(sf_clock *clock, int64_t now_ns, bool slewing) {
         clock->offset_ns = clock->middle_ns;
 }
 
-bool sf_clock_asks(sf_clock *clock, int64_t now_ns, int64_t enough_ns, bool moving) {
+bool sf_clock_asks(sf_clock *clock, int64_t now_ns, int enough_ms, bool moving) {
     int64_t passed = sf_difference(now_ns, clock->asked_ns);
     if (passed < clock->period_ns) return false;
     bool enough = moving || clock->good >= CLOCK_SAMPLES;
-    bool rarely = enough && sf_clock_within(clock, enough_ns, now_ns);
+    bool rarely = enough && sf_clock_within(clock, enough_ms, now_ns);
     if (rarely && passed < CLOCK_PERIOD) return false;
     clock->asked_ns = clock->open_ns[clock->place % SF_QUESTIONS] = now_ns;
     clock->place++;
@@ -112,15 +111,9 @@ bool sf_clock_asks(sf_clock *clock, int64_t now_ns, int64_t enough_ns, bool movi
     return true;
 }
 
-bool sf_clock_within(const sf_clock *clock, int64_t limit_ns, int64_t now_ns) {
-    if (clock->good == 0) return false;
+bool sf_clock_within(const sf_clock *clock, int limit_ms, int64_t now_ns) {
     int64_t above = sf_difference(clock->high_ns, clock->offset_ns);
     int64_t below = sf_difference(clock->offset_ns, clock->low_ns);
-    int64_t room = sf_difference(limit_ns, above > below ? above : below);
-    int64_t passed = sf_difference(now_ns, clock->at_ns);
-    if (room < -FAR_APART) room = -FAR_APART;
-    if (room > FAR_APART) room = FAR_APART;
-    if (passed < -1000 * FAR_APART) passed = -1000 * FAR_APART;
-    if (passed > 1000 * FAR_APART) passed = 1000 * FAR_APART;
-    return passed * DRIFT_PPM < room * 1000000;
+    int64_t error = sf_sum(above > below ? above : below, aged(clock, now_ns));
+    return clock->good > 0 && error <= limit_ms * MILLISECOND;
 }

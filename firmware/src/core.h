@@ -41,8 +41,8 @@ float fabsf(float), sqrtf(float), sinf(float), cosf(float), atan2f(float, float)
 #define HELLO_PERIOD (200 * MILLISECOND)
 #define COORDINATOR_TIMEOUT (2 * SECOND)
 #define LEAVE_TIMEOUT (10 * SECOND)
-#define CLOCK_ERROR (10 * MILLISECOND)
-#define CLOCK_RESERVE (2 * MILLISECOND)
+#define CLOCK_ERROR_MS 10
+#define CLOCK_RESERVE_MS 2
 #define CLOCK_PERIOD_FAST (40 * MILLISECOND)
 #define CLOCK_PERIOD (2 * SECOND)
 #define CLOCK_SAMPLES 8
@@ -57,7 +57,8 @@ typedef int32_t sf_int; /* Conversions to 64 bits take double arithmetic in some
 
 #define SF_UNKNOWN ((int64_t)1 << 62)
 #define SF_NEVER (-SF_UNKNOWN)
-#define SF_UNSAID (-SF_UNKNOWN) /* no authority, no stamp [ms] */
+#define SF_UNSAID (-SF_UNKNOWN) /* no authority [ms] */
+#define SF_NO_STAMP INT32_MIN
 
 enum { HOLD, GO, FREEZE, OVER, STOP }; /* the phase in a Command */
 enum { HELLO = 1, PLAN, COMMAND, REPORT, CLOCK, REFUSAL }; /* tags */
@@ -128,8 +129,8 @@ void sf_clock_doubt(sf_clock *clock, int64_t now_ns);
 bool sf_clock_add(sf_clock *clock, int64_t sent, int64_t received, int64_t answered, int64_t now);
 bool sf_is_said_in_future(const sf_clock *clock, int64_t said_ns, int64_t now_ns);
 void sf_clock_follow(sf_clock *clock, int64_t now_ns, bool slewing);
-bool sf_clock_asks(sf_clock *clock, int64_t now_ns, int64_t enough_ns, bool moving);
-bool sf_clock_within(const sf_clock *clock, int64_t limit_ns, int64_t now_ns);
+bool sf_clock_asks(sf_clock *clock, int64_t now_ns, int enough_ms, bool moving);
+bool sf_clock_within(const sf_clock *clock, int limit_ms, int64_t now_ns);
 
 /* agent.c */
 typedef struct {

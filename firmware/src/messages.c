@@ -213,8 +213,8 @@ static uint8_t *put_report(uint8_t *at, const sf_agent *agent) {
     } else {
         at = put_byte(at, NIL);
     }
-    if (agent->report_stamp_ms == SF_UNSAID) at = put_byte(at, NIL);
-    else at = put_long(at, agent->report_stamp_ms);
+    if (agent->report_stamp_ms == SF_NO_STAMP) at = put_byte(at, NIL);
+    else at = put_int(at, agent->report_stamp_ms);
     at = put_count(at, agent->report_late);
     return put_count(put_count(at, agent->revision), agent->holds);
 }

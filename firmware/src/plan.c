@@ -191,7 +191,7 @@ SHARED static int read_stop(sf_plan *plan, sf_timeline *line) {
 }
 
 /* Add the legs up to the next speed knot, with the stops between. */
-static int add_legs(sf_plan *plan, sf_timeline *line, int64_t origin_ms) {
+static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
     if (line->next + 1 == line->end) return NEXT;
     sf_real s = line->next->s, v = line->next->v, time = line->finish;
     sf_real end_s = line->next[1].s, end_v = line->next[1].v;

@@ -22,7 +22,7 @@
 #define REACTION_TICKS R(3)
 #define MOST_HURRY R(1.1)
 #define MOST_LATE 65535
-#define MOST_STAMP ((int64_t)INT32_MAX)
+#define MOST_STAMP INT32_MAX
 #define SPARE_SPEED R(1.05)
 #define JOINT_GAP R(3e-3)
 #define JOINT_TURN R(0.02)
@@ -37,7 +37,12 @@
 #endif
 
 SHARED sf_real sf_time_of_ms(const sf_course *course, int64_t plan_ms) {
-    return sf_seconds_of_ms(sf_difference(plan_ms, course->origin_ms));
+    return sf_seconds_of_ms(plan_ms - course->origin_ms);
+}
+
+/* A plan time of one course as another one counts it. */
+SHARED static sf_real as_of(const sf_course *other, const sf_course *course, sf_real time) {
+    return time + sf_time_of_ms(other, course->origin_ms);
 }
 
 /* Where the plan has the robot at a time. */
@@ -50,8 +55,7 @@ SHARED static bool is_stuck(const sf_course *course) {
 }
 
 SHARED static void limit_authority(sf_course *course) {
-    int64_t told = course->told_ms, rests = course->rests_ms;
-    course->authority = sf_time_of_ms(course, told < rests ? told : rests);
+    course->authority = sf_least(course->told, course->rests);
     course->granted = planned_s(course, course->authority);
 }
 
@@ -61,8 +65,8 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
     if (!(course->curve.length > R(0)) || !(course->curve.length < R(1e6))) return false;
     if (sf_abs(line->length - course->curve.length) > ARRIVAL_SLACK) return false;
     sf_follower_begin(&course->follower);
-    course->clock_error_ns = plan->clock_ms * MILLISECOND;
-    course->stamp_ms = SF_UNSAID;
+    course->clock_ms = plan->clock_ms;
+    course->stamp_ms = SF_NO_STAMP;
     course->track = R(plan->track_mm) / R(1000);
     course->brake = plan->brake_mmps2 ? R(plan->brake_mmps2) / R(1000) : SF_INF;
     course->period = period;
@@ -76,9 +80,9 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
     course->slack = sf_most(ARRIVAL_SLACK, LATE_SHARE * course->track);
     course->limit = max_speed > R(0) ? max_speed : SPARE_SPEED * line->most_v;
     course->brake_from = course->stuck_s = course->pace_time = -SF_INF;
-    course->rest_from = course->pace = course->until = SF_INF;
+    course->rest_from = course->pace = course->until = course->rests = SF_INF;
     course->time = course->begin;
-    course->rests_ms = INT64_MAX;
+    course->told = sf_time_of_ms(course, 0);
     course->rate = sf_clamp(course->limit / line->most_v, R(1), MOST_HURRY);
     course->reaction = REACTION_TICKS * period;
     course->foresight = HOLD_OUT + course->reaction + course->limit / course->brake;
@@ -87,27 +91,22 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
 }
 
 void sf_grant(sf_course *course, int64_t authority_ms) {
-    if (authority_ms <= course->told_ms) return;
-    course->told_ms = authority_ms;
+    sf_real authority = sf_time_of_ms(course, authority_ms);
+    if (authority <= course->told) return;
+    course->told = authority;
     limit_authority(course);
-}
-
-/* A plan time of one course as another one counts it. */
-static sf_real as_of(const sf_course *other, const sf_course *course, sf_real time) {
-    return time + sf_seconds_of_ms(course->origin_ms - other->origin_ms);
 }
 
 bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
     sf_timeline *line = &course->timeline;
-    int64_t passed_ms = course->stamp_ms - LATE_STEP_MS * (int64_t)course->late;
-    sf_real begin = sf_time_of_ms(course, coming->begin_ms), time = begin, turn;
     bool rests = coming->from_rest;
-    if (!rests) time = sf_most(sf_most(begin, course->time), sf_time_of_ms(course, passed_ms));
+    sf_real begin = sf_time_of_ms(course, coming->begin_ms), time = begin, turn;
+    sf_real reported = sf_time_of_ms(course, course->stamp_ms - (int64_t)LATE_STEP_MS * course->late);
+    if (!rests) time = sf_most(sf_most(begin, course->time), reported);
     sf_real there = as_of(coming, course, time), s = at_goal ? line->length : sf_s_at(line, time);
     if (sf_joint(course, s, coming, planned_s(coming, there), &turn) > JOINT_GAP) return false;
-    bool ends = at_goal || begin >= line->finish || course->told_ms <= coming->begin_ms;
-    if (rests && ends) return true;
-    if (rests && (course->time > begin || passed_ms > coming->begin_ms)) return false;
+    if (rests && (at_goal || begin >= line->finish || course->told <= begin)) return true;
+    if (course->time > time || reported > time) return false;
     sf_real speed = sf_v_at(line, time);
     if (rests && speed == R(0)) return true;
     sf_real differ = sf_abs(speed - sf_v_at(&coming->timeline, there));
@@ -123,15 +122,15 @@ bool sf_rests_where(const sf_course *course, sf_course *coming) {
 
 void sf_end_with(sf_course *course, sf_course *coming) {
     course->until = sf_time_of_ms(course, coming->begin_ms);
-    course->rests_ms = coming->from_rest ? coming->begin_ms : INT64_MAX;
+    course->rests = coming->from_rest ? course->until : SF_INF;
     limit_authority(course);
 }
 
 bool sf_is_over(sf_course *course, sf_course *coming, sf_real now) {
-    sf_real until = course->until, told = sf_time_of_ms(course, course->told_ms);
+    sf_real until = course->until;
     if (now < until || course->time < sf_least(until, course->timeline.finish)) return false;
-    sf_real enough = sf_least(told, course->time + course->foresight);
-    if (!coming->from_rest && sf_time_of_ms(course, coming->told_ms) < enough) return false;
+    sf_real enough = sf_least(course->told, course->time + course->foresight);
+    if (!coming->from_rest && as_of(course, coming, coming->told) < enough) return false;
     sf_real left = planned_s(course, until) - course->follower.s;
     if (left <= sf_most(ARRIVAL_SLACK, course->speed * course->period)) return true;
     return is_stuck(course) && left <= ARRIVAL_SHARE * course->track;
@@ -167,20 +166,17 @@ void sf_reckon(sf_course *course, int64_t now_ms) {
     sf_timeline *line = &course->timeline;
     sf_real bearable = course->track - course->follower.off;
     sf_real reached = course->follower.s + sf_least(course->slack, bearable);
-    course->stamp_ms = now_ms;
+    int64_t stamp_ms = now_ms;
     course->late = 0;
     if (reached < sf_s_at(line, sf_time_of_ms(course, now_ms)) || now_ms > MOST_STAMP) {
         sf_real passed = sf_time_at(line, sf_most(reached, R(0)));
         passed -= TIME_ERROR * sf_abs(passed);
-        int64_t passed_ms = course->origin_ms + sf_floor(R(1000) * passed);
-        int64_t late = -sf_floor_ratio(passed_ms - now_ms, LATE_STEP_MS);
-        course->late = late > MOST_LATE ? MOST_LATE : late > 0 ? (int32_t)late : 0;
-        if (late > MOST_LATE || now_ms > MOST_STAMP) {
-            course->stamp_ms = passed_ms;
-            course->late = 0;
-        }
+        int64_t passed_ms = course->origin_ms + (int64_t)sf_floor(R(1000) * passed);
+        int64_t late_ms = now_ms - passed_ms;
+        if (late_ms > MOST_LATE * LATE_STEP_MS || now_ms > MOST_STAMP) stamp_ms = passed_ms;
+        else if (late_ms > 0) course->late = (uint16_t)(((int)late_ms + LATE_STEP_MS - 1) / LATE_STEP_MS);
     }
-    if (course->stamp_ms < -MOST_STAMP) course->stamp_ms = -MOST_STAMP;
+    course->stamp_ms = stamp_ms > -MOST_STAMP ? (int32_t)stamp_ms : -MOST_STAMP;
 }
 
 /* Whether the robot is more than GRACE behind a plan time. */
