@@ -63,9 +63,10 @@ typedef struct {
 typedef struct {
     uint8_t degree, piece;
     bool plain;
-    uint16_t count, span, cells;
+    uint16_t count, span;
     sf_real x, y, dx, dy, length;
     const sf_cell *cell; /* where the curve was evaluated last */
+    sf_cell *last;       /* where it ends */
     sf_piece pieces[2];
     sf_real knots[SF_POINTS + SF_DEGREE + 1];
     sf_real hx[SF_POINTS], hy[SF_POINTS], hw[SF_POINTS];
@@ -130,11 +131,10 @@ typedef struct {
 typedef struct {
     uint8_t stage, degree, course;
     bool next; /* of the epoch that the robot drives in */
-    uint16_t at, stop, span, part, parts, length, track_mm, clock_ms;
+    uint16_t at, stop, span, parts, length, track_mm, clock_ms;
     int32_t begin_ms;
     uint32_t crc, epoch, boot, number, revision, brake_mmps2;
     const uint8_t *bytes;
-    sf_real previous;
     int64_t tau_ns;
     uint16_t counts[6];
     const uint8_t *packed[6]; /* points, knots, weights, speeds, profile, stops */

@@ -16,40 +16,6 @@ static const sf_real GAUSS[5][2] = {
     {R(0.9061798459386640), R(0.2369268850561891)},
 };
 
-SHARED static sf_real speed(sf_curve *curve, sf_real u);
-
-bool sf_curve_begin(sf_plan *plan, sf_curve *curve) {
-    const sf_real *knots = curve->knots;
-    unsigned degree = curve->degree, count = curve->count, last = count + degree, spans = 0;
-    if (count <= degree || knots[0] != R(0) || !(knots[last] > R(0))) return false;
-    curve->plain = degree == 3;
-    for (unsigned i = 0; i < last; i++) {
-        if (!(knots[i] <= knots[i + 1])) return false;
-        spans += knots[i] < knots[i + 1];
-        if (i >= count) continue;
-        if (i > 0 && !(knots[i] < knots[i + degree])) return false;
-        if (!(curve->hw[i] > R(0))) return false;
-        if (curve->hw[i] != R(1)) curve->plain = false;
-    }
-    curve->span = (uint16_t)degree;
-    curve->cells = 0;
-    curve->piece = 0;
-    curve->x = curve->y = curve->dx = curve->dy = R(0);
-    curve->cell = curve->table;
-    for (int i = 0; i < 2; i++) curve->pieces[i].begin = curve->pieces[i].end = SF_INF;
-    unsigned parts = MOST_CELLS / spans;
-    if (parts < LEAST_CELLS_PER_SPAN) parts = LEAST_CELLS_PER_SPAN;
-    if (parts > CELLS_PER_SPAN) parts = CELLS_PER_SPAN;
-    if (parts > SF_CELLS / spans) parts = SF_CELLS / spans;
-    plan->parts = (uint16_t)parts;
-    plan->span = 0;
-    plan->part = 0;
-    plan->previous = R(0);
-    curve->table[0].u = curve->table[0].s = R(0);
-    curve->table[0].slope = (float)(R(1) / sf_most(speed(curve, R(0)), R(1e-9)));
-    return true;
-}
-
 /* Expand one coordinate of the span in powers of u minus the span's first knot: De Boor's algorithm
    on polynomials instead of numbers. */
 SHARED static void expand(const sf_curve *curve, const sf_real *points, sf_real *powers) {
@@ -122,16 +88,6 @@ SHARED static void evaluate(sf_curve *curve, sf_real u) {
     curve->dy = (curve->dy - dw * curve->y) / w;
 }
 
-static const sf_cell *find_cell(const sf_curve *curve, sf_real s) {
-    unsigned cell = 0, end = curve->cells;
-    while (end - cell > 1) {
-        unsigned middle = (cell + end) / 2;
-        if (s >= curve->table[middle].s) cell = middle;
-        else end = middle;
-    }
-    return &curve->table[cell];
-}
-
 SHARED sf_real sf_on_curve(const sf_curve *curve, sf_real s) {
     return sf_clamp(s, R(0), curve->length);
 }
@@ -139,7 +95,9 @@ SHARED sf_real sf_on_curve(const sf_curve *curve, sf_real s) {
 void sf_curve_place(sf_curve *curve, sf_real s) {
     s = sf_on_curve(curve, s);
     const sf_cell *cell = curve->cell;
-    if (!(cell->s <= s && s < cell[1].s)) cell = curve->cell = find_cell(curve, s);
+    while (cell + 1 < curve->last && s >= cell[1].s) cell++;
+    while (cell > curve->table && s < cell->s) cell--;
+    curve->cell = cell;
     sf_real size = cell[1].s - cell->s, part = (s - cell->s) / size, rest = R(1) - part;
     sf_real m0 = (sf_real)cell->slope * size, m1 = (sf_real)cell[1].slope * size;
     sf_real value = rest * rest * ((R(1) + R(2) * part) * cell->u + part * m0);
@@ -152,31 +110,58 @@ SHARED static sf_real speed(sf_curve *curve, sf_real u) {
     return SF_SQRT(curve->dx * curve->dx + curve->dy * curve->dy);
 }
 
+/* The cell that ends the table: its parameter, arc length, and slope. */
+SHARED static void end_table(sf_curve *curve, sf_real u, sf_real s) {
+    sf_cell *cell = curve->last;
+    cell->u = u;
+    cell->s = s;
+    cell->slope = (float)(R(1) / sf_most(speed(curve, u), R(1e-9)));
+}
+
+bool sf_curve_begin(sf_plan *plan, sf_curve *curve) {
+    const sf_real *knots = curve->knots;
+    unsigned degree = curve->degree, count = curve->count, last = count + degree, spans = 0;
+    if (count <= degree || knots[0] != R(0) || !(knots[last] > R(0))) return false;
+    curve->plain = degree == 3;
+    for (unsigned i = 0; i < last; i++) {
+        if (!(knots[i] <= knots[i + 1])) return false;
+        spans += knots[i] < knots[i + 1];
+        if (i >= count) continue;
+        if (i > 0 && !(knots[i] < knots[i + degree])) return false;
+        if (!(curve->hw[i] > R(0))) return false;
+        if (curve->hw[i] != R(1)) curve->plain = false;
+    }
+    unsigned parts = MOST_CELLS / spans, most = SF_CELLS / spans;
+    if (parts < LEAST_CELLS_PER_SPAN) parts = LEAST_CELLS_PER_SPAN;
+    if (most > CELLS_PER_SPAN) most = CELLS_PER_SPAN;
+    plan->parts = (uint16_t)(parts < most ? parts : most);
+    curve->span = (uint16_t)degree;
+    plan->span = (uint16_t)(degree + 1);
+    curve->cell = curve->last = curve->table;
+    curve->pieces[0].begin = curve->pieces[1].begin = SF_INF;
+    end_table(curve, R(0), R(0));
+    return true;
+}
+
 bool sf_measure_cell(sf_plan *plan, sf_curve *curve) {
-    unsigned knots = curve->count + curve->degree + 1u;
-    while (plan->span < knots && !(curve->knots[plan->span] > plan->previous)) plan->span++;
-    if (plan->span == knots) {
-        curve->length = curve->table[curve->cells].s;
-        return false;
+    const sf_real *knot = &curve->knots[plan->span];
+    curve->length = curve->last->s;
+    if (plan->span > curve->count) return false;
+    unsigned parts = plan->parts, part = plan->at++;
+    sf_real step = (*knot - knot[-1]) / (sf_real)parts, u0 = knot[-1] + (sf_real)part * step;
+    sf_real u1 = u0 + step, size = R(0);
+    if (part + 1 >= parts) { /* Go on with the next span, which ends at a greater knot. */
+        u1 = *knot;
+        plan->at = 0;
+        do plan->span++;
+        while (plan->span <= curve->count && !(curve->knots[plan->span] > u1));
     }
-    sf_real knot = curve->knots[plan->span], step = (knot - plan->previous) / (sf_real)plan->parts;
-    sf_real u0 = plan->previous + (sf_real)plan->part * step;
-    bool last = plan->part + 1u >= plan->parts;
-    sf_real u1 = last ? knot : u0 + step, size = R(0);
-    for (int i = 0; i < 5; i++)
-        size += GAUSS[i][1] * speed(curve, R(0.5) * (u0 + u1) + R(0.5) * (u1 - u0) * GAUSS[i][0]);
-    size *= R(0.5) * (u1 - u0);
+    sf_real middle = R(0.5) * (u0 + u1), half = R(0.5) * (u1 - u0);
+    for (int i = 0; i < 5; i++) size += GAUSS[i][1] * speed(curve, middle + half * GAUSS[i][0]);
+    size *= half;
     if (size > R(0)) {
-        unsigned cell = curve->cells;
-        curve->table[cell + 1].u = u1;
-        curve->table[cell + 1].s = curve->table[cell].s + size;
-        curve->table[cell + 1].slope = (float)(R(1) / sf_most(speed(curve, u1), R(1e-9)));
-        curve->cells++;
-    }
-    plan->part++;
-    if (last) {
-        plan->part = 0;
-        plan->previous = knot;
+        curve->last++;
+        end_table(curve, u1, curve->length + size);
     }
     return true;
 }
