@@ -108,7 +108,7 @@ typedef struct {
     uint8_t place; /* in open_ns, of the next question */
     bool slewing, compares;
     uint32_t good, asked;
-    int64_t offset_ns, low_ns, high_ns, at_ns, middle_ns, asked_ns, since_ns, followed_ns, period_ns;
+    int64_t now_ns, offset_ns, low_ns, high_ns, at_ns, middle_ns, asked_ns, since_ns, followed_ns, period_ns;
     int64_t open_ns[SF_QUESTIONS]; /* when open questions were asked; a ring */
 } sf_clock;
 

@@ -22,8 +22,8 @@ static int64_t *question(sf_clock *clock, int64_t sent_ns) {
     return NULL;
 }
 
-SHARED static void doubt(sf_clock *clock, int64_t now_ns) {
-    clock->since_ns = now_ns;
+SHARED static void doubt(sf_clock *clock) {
+    clock->since_ns = clock->now_ns;
     clock->asked_ns = -SF_UNKNOWN;
     clock->good = clock->asked = 0;
     clock->period_ns = CLOCK_PERIOD_FAST;
@@ -33,33 +33,35 @@ void sf_clock_begin(sf_clock *clock) {
     clock->low_ns = -SF_UNKNOWN;
     clock->high_ns = SF_UNKNOWN;
     for (int i = 0; i < SF_QUESTIONS; i++) clock->open_ns[i] = CLOSED;
-    doubt(clock, -SF_UNKNOWN);
+    clock->now_ns = -SF_UNKNOWN;
+    doubt(clock);
 }
 
-void sf_clock_start_over(sf_clock *clock, int64_t now_ns) {
-    doubt(clock, now_ns);
+void sf_clock_start_over(sf_clock *clock) {
+    doubt(clock);
     clock->compares = clock->slewing = false;
 }
 
-void sf_clock_doubt(sf_clock *clock, int64_t now_ns) {
+void sf_clock_doubt(sf_clock *clock) {
     if (clock->good == 0) return;
-    doubt(clock, now_ns);
+    doubt(clock);
     clock->compares = true;
 }
 
 /* How much wider than when it was made the interval is now, on either side. */
-SHARED static int64_t aged(const sf_clock *clock, int64_t now_ns) {
-    return drift(sf_difference(now_ns, clock->at_ns));
+SHARED static int64_t aged(const sf_clock *clock) {
+    return drift(sf_difference(clock->now_ns, clock->at_ns));
 }
 
-bool sf_clock_add(sf_clock *clock, int64_t sent, int64_t received, int64_t answered, int64_t now) {
+bool sf_clock_add(sf_clock *clock, const sf_answer *answer) {
+    int64_t sent = answer->sent_ns, received = answer->received_ns, answered = answer->answered_ns;
     int64_t *open = question(clock, sent);
     if (sent < clock->since_ns || answered < received || !open) return true;
     *open = CLOSED;
-    int64_t passed = sf_difference(now, sent);
+    int64_t passed = sf_difference(clock->now_ns, sent);
     if (passed < 0 || passed > LONGEST_DELAY) return true;
-    int64_t error = drift(passed), old_error = aged(clock, now);
-    int64_t low = sf_difference(sf_difference(answered, now), error);
+    int64_t error = drift(passed), old_error = aged(clock);
+    int64_t low = sf_difference(sf_difference(answered, clock->now_ns), error);
     int64_t high = sf_sum(sf_difference(received, sent), error);
     int64_t old_low = sf_difference(clock->low_ns, old_error);
     int64_t old_high = sf_sum(clock->high_ns, old_error);
@@ -71,7 +73,7 @@ bool sf_clock_add(sf_clock *clock, int64_t sent, int64_t received, int64_t answe
     }
     clock->low_ns = low;
     clock->high_ns = high;
-    clock->at_ns = now;
+    clock->at_ns = clock->now_ns;
     clock->middle_ns = middle(low, high);
     clock->compares = false;
     if (clock->good < UINT32_MAX) clock->good++;
@@ -79,31 +81,31 @@ bool sf_clock_add(sf_clock *clock, int64_t sent, int64_t received, int64_t answe
     return true;
 }
 
-bool sf_is_said_in_future(const sf_clock *clock, int64_t said_ns, int64_t now_ns) {
+bool sf_is_said_in_future(const sf_clock *clock, int64_t said_ns) {
     return clock->good > 0 &&
-           sf_difference(said_ns, now_ns) > sf_sum(clock->high_ns, aged(clock, now_ns));
+           sf_difference(said_ns, clock->now_ns) > sf_sum(clock->high_ns, aged(clock));
 }
 
-void sf_clock_follow(sf_clock *clock, int64_t now_ns, bool slewing) {
-    int64_t before_ns = clock->followed_ns;
-    clock->followed_ns = now_ns;
+void sf_clock_follow(sf_clock *clock, bool slewing) {
+    int64_t passed = sf_difference(clock->now_ns, clock->followed_ns);
+    clock->followed_ns = clock->now_ns;
     clock->slewing = slewing;
     int64_t left = sf_difference(clock->middle_ns, clock->offset_ns);
     if (left == 0 || clock->good == 0) return;
-    int64_t most = slewing ? sf_floor_ratio(sf_difference(now_ns, before_ns), SLEW_SHARE) : 0;
+    int64_t most = slewing ? sf_floor_ratio(passed, SLEW_SHARE) : 0;
     if (slewing && (left > most || left < -most))
         clock->offset_ns = sf_sum(clock->offset_ns, left > 0 ? most : -most);
     else
         clock->offset_ns = clock->middle_ns;
 }
 
-bool sf_clock_asks(sf_clock *clock, int64_t now_ns, int enough_ms, bool moving) {
-    int64_t passed = sf_difference(now_ns, clock->asked_ns);
+bool sf_clock_asks(sf_clock *clock, int enough_ms, bool moving) {
+    int64_t passed = sf_difference(clock->now_ns, clock->asked_ns);
     if (passed < clock->period_ns) return false;
     bool enough = moving || clock->good >= CLOCK_SAMPLES;
-    bool rarely = enough && sf_clock_within(clock, enough_ms, now_ns);
+    bool rarely = enough && sf_clock_within(clock, enough_ms);
     if (rarely && passed < CLOCK_PERIOD) return false;
-    clock->asked_ns = clock->open_ns[clock->place % SF_QUESTIONS] = now_ns;
+    clock->asked_ns = clock->open_ns[clock->place % SF_QUESTIONS] = clock->now_ns;
     clock->place++;
     clock->asked = rarely ? 0 : clock->asked + (clock->asked < UINT32_MAX);
     int64_t period = CLOCK_PERIOD_FAST * (int64_t)(1 + clock->asked / CLOCK_SAMPLES);
@@ -111,9 +113,9 @@ bool sf_clock_asks(sf_clock *clock, int64_t now_ns, int enough_ms, bool moving) 
     return true;
 }
 
-bool sf_clock_within(const sf_clock *clock, int limit_ms, int64_t now_ns) {
+bool sf_clock_within(const sf_clock *clock, int limit_ms) {
     int64_t above = sf_difference(clock->high_ns, clock->offset_ns);
     int64_t below = sf_difference(clock->offset_ns, clock->low_ns);
-    int64_t error = sf_sum(above > below ? above : below, aged(clock, now_ns));
+    int64_t error = sf_sum(above > below ? above : below, aged(clock));
     return clock->good > 0 && error <= limit_ms * MILLISECOND;
 }

@@ -122,17 +122,22 @@ void sf_keep_braking(sf_course *course);
 bool sf_rests(sf_course *course, const sf_pose *pose);
 void sf_stand(sf_course *course);
 
-/* clock_sync.c */
-void sf_clock_begin(sf_clock *clock);
-void sf_clock_start_over(sf_clock *clock, int64_t now_ns);
-void sf_clock_doubt(sf_clock *clock, int64_t now_ns);
-bool sf_clock_add(sf_clock *clock, int64_t sent, int64_t received, int64_t answered, int64_t now);
-bool sf_is_said_in_future(const sf_clock *clock, int64_t said_ns, int64_t now_ns);
-void sf_clock_follow(sf_clock *clock, int64_t now_ns, bool slewing);
-bool sf_clock_asks(sf_clock *clock, int64_t now_ns, int enough_ms, bool moving);
-bool sf_clock_within(const sf_clock *clock, int limit_ms, int64_t now_ns);
+/* clock_sync.c: all of it at clock->now_ns */
+typedef struct {
+    int64_t sent_ns, received_ns, answered_ns;
+    uint32_t boot, coordinator;
+} sf_answer;
 
-/* agent.c */
+void sf_clock_begin(sf_clock *clock);
+void sf_clock_start_over(sf_clock *clock);
+void sf_clock_doubt(sf_clock *clock);
+bool sf_clock_add(sf_clock *clock, const sf_answer *answer);
+bool sf_is_said_in_future(const sf_clock *clock, int64_t said_ns);
+void sf_clock_follow(sf_clock *clock, bool slewing);
+bool sf_clock_asks(sf_clock *clock, int enough_ms, bool moving);
+bool sf_clock_within(const sf_clock *clock, int limit_ms);
+
+/* agent.c: at agent->clock.now_ns, which every call from outside sets */
 typedef struct {
     int64_t start_ns, said_ns, authority_ms[2]; /* of the present course, of the newer one */
     uint32_t boot, term, sequence, epoch, run, first, last;
@@ -141,14 +146,13 @@ typedef struct {
     bool wanted;
 } sf_command;
 
-bool sf_hear_command(sf_agent *agent, const sf_command *command, int64_t now_ns);
-void sf_hear_clock(sf_agent *agent, uint32_t coordinator, int64_t sent, int64_t received,
-                   int64_t answered, int64_t now);
+bool sf_hear_command(sf_agent *agent, const sf_command *command);
+void sf_hear_clock(sf_agent *agent, const sf_answer *answer);
 bool sf_takes_plan(sf_agent *agent, sf_plan *plan);
 void sf_plan_taken(sf_agent *agent, sf_course *course, bool valid);
-bool sf_hello_due(sf_agent *agent, int64_t now_ns);
-bool sf_clock_due(sf_agent *agent, int64_t now_ns);
-bool sf_report_due(sf_agent *agent, int64_t now_ns);
+bool sf_hello_due(sf_agent *agent);
+bool sf_clock_due(sf_agent *agent);
+bool sf_report_due(sf_agent *agent);
 bool sf_has_driven(const sf_agent *agent);
 const sf_robot *sf_robot_of(const sf_agent *agent);
 

@@ -30,16 +30,11 @@ static const sf_field COMMAND_FIELDS[] = {
 };
 static const sf_field HELD_FIELDS[] = {FIELD(SF_U32, held, number), FIELD(SF_I32, held, time_ms)};
 
-typedef struct {
-    int64_t sent_ns, received_ns, answered_ns;
-    uint32_t boot, coordinator;
-} answer;
-
 static const sf_field CLOCK_FIELDS[] = {
-    FIELD(SF_U32, answer, boot), FIELD(SF_STAMP, answer, sent_ns),
-    FIELD(SF_STAMP | SF_NULLABLE, answer, received_ns),
-    FIELD(SF_STAMP | SF_NULLABLE, answer, answered_ns),
-    FIELD(SF_U32 | SF_OPTIONAL, answer, coordinator),
+    FIELD(SF_U32, sf_answer, boot), FIELD(SF_STAMP, sf_answer, sent_ns),
+    FIELD(SF_STAMP | SF_NULLABLE, sf_answer, received_ns),
+    FIELD(SF_STAMP | SF_NULLABLE, sf_answer, answered_ns),
+    FIELD(SF_U32 | SF_OPTIONAL, sf_answer, coordinator),
 };
 
 static const sf_field REFUSAL_FIELDS[] = {{SF_U32, 0}};
@@ -53,7 +48,7 @@ SHARED static uint32_t open_list(sf_reader *reader, uint32_t most, uint32_t *lef
     return reader->bad ? 0 : count;
 }
 
-SHARED static bool hear_command(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
+SHARED static bool hear_command(sf_agent *agent, sf_reader *reader) {
     sf_command command = {.authority_ms = {SF_UNSAID, SF_UNSAID}, .last = UINT32_MAX};
     const uint32_t numbers[2] = {agent->number, agent->next_number};
     uint32_t left, length;
@@ -89,7 +84,7 @@ SHARED static bool hear_command(sf_agent *agent, sf_reader *reader, int64_t now_
         if (numbers[i] < command.first || numbers[i] > command.last)
             command.authority_ms[i] = SF_UNSAID;
     }
-    sf_hear_command(agent, &command, now_ns);
+    sf_hear_command(agent, &command);
     return true;
 }
 
@@ -103,23 +98,22 @@ static bool hear_refusal(sf_agent *agent, sf_reader *reader) {
     return true;
 }
 
-static bool hear_clock(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
-    answer heard = {.received_ns = SF_UNANSWERED, .answered_ns = SF_UNANSWERED};
-    sf_get_fields(reader, &heard, CLOCK_FIELDS, COUNT(CLOCK_FIELDS));
+static bool hear_clock(sf_agent *agent, sf_reader *reader) {
+    sf_answer answer = {.received_ns = SF_UNANSWERED, .answered_ns = SF_UNANSWERED};
+    sf_get_fields(reader, &answer, CLOCK_FIELDS, COUNT(CLOCK_FIELDS));
     if (!sf_close(reader)) return false;
-    if (heard.received_ns != SF_UNANSWERED && heard.answered_ns != SF_UNANSWERED &&
-        heard.boot == sf_robot_of(agent)->boot)
-        sf_hear_clock(agent, heard.coordinator, heard.sent_ns, heard.received_ns, heard.answered_ns,
-                      now_ns);
+    bool answered = answer.received_ns != SF_UNANSWERED && answer.answered_ns != SF_UNANSWERED;
+    if (answered && answer.boot == sf_robot_of(agent)->boot) sf_hear_clock(agent, &answer);
     return true;
 }
 
 bool sf_hear(sf_agent *agent, int kind, const uint8_t *bytes, size_t length, int64_t now_ns) {
     sf_reader reader;
+    agent->clock.now_ns = now_ns;
     if (length > MOST_MESSAGE) return false;
     uint32_t tag = sf_open(&reader, bytes, length);
-    if (kind == SF_COMMAND && tag == COMMAND) return hear_command(agent, &reader, now_ns);
-    if (kind == SF_CLOCK && tag == CLOCK) return hear_clock(agent, &reader, now_ns);
+    if (kind == SF_COMMAND && tag == COMMAND) return hear_command(agent, &reader);
+    if (kind == SF_CLOCK && tag == CLOCK) return hear_clock(agent, &reader);
     if (kind == SF_PLAN && tag == REFUSAL) return hear_refusal(agent, &reader);
     return kind == SF_PLAN && tag == PLAN && sf_hear_plan(agent, bytes, length);
 }
@@ -221,15 +215,16 @@ static uint8_t *put_report(uint8_t *at, const sf_agent *agent) {
 
 int sf_speak(sf_agent *agent, int64_t now_ns, uint8_t *bytes, size_t *length) {
     uint8_t *at = bytes;
+    agent->clock.now_ns = now_ns;
     int kind = SF_NOTHING;
-    if (sf_hello_due(agent, now_ns)) {
+    if (sf_hello_due(agent)) {
         at = put_hello(at, agent);
         kind = SF_HELLO;
-    } else if (sf_clock_due(agent, now_ns)) {
+    } else if (sf_clock_due(agent)) {
         at = put_count(put_tag(at, 6, CLOCK), sf_robot_of(agent)->boot);
         at = put_byte(put_byte(put_byte(put_long(at, now_ns), NIL), NIL), 0);
         kind = SF_CLOCK;
-    } else if (sf_report_due(agent, now_ns)) {
+    } else if (sf_report_due(agent)) {
         at = put_report(at, agent);
         kind = SF_REPORT;
     }
