@@ -66,6 +66,7 @@ enum { HELLO = 1, PLAN, COMMAND, REPORT, CLOCK, REFUSAL }; /* tags */
 /* numbers.c */
 sf_real sf_least(sf_real a, sf_real b);
 sf_real sf_most(sf_real a, sf_real b);
+sf_real sf_positive(sf_real value); /* or 0 */
 sf_real sf_clamp(sf_real value, sf_real low, sf_real high);
 int64_t sf_sum(int64_t a, int64_t b);        /* saturates */
 int64_t sf_difference(int64_t a, int64_t b); /* saturates */

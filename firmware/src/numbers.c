@@ -5,6 +5,8 @@
 sf_real sf_least(sf_real a, sf_real b) { return b < a ? b : a; }
 sf_real sf_most(sf_real a, sf_real b) { return b > a ? b : a; }
 
+sf_real sf_positive(sf_real value) { return sf_most(value, R(0)); }
+
 sf_real sf_clamp(sf_real value, sf_real low, sf_real high) {
     return sf_least(sf_most(value, low), high);
 }

@@ -108,6 +108,7 @@ static void begin_course(const sf_plan *plan, sf_course *course) {
     course->origin_ms = plan->begin_ms;
 #endif
     course->begin = course->timeline.finish = sf_time_of_ms(course, plan->begin_ms);
+    course->timeline.most_v = R(0);
     course->timeline.leg = course->timeline.next = course->timeline.end = course->timeline.knots;
     course->curve.degree = plan->degree;
     course->curve.count = plan->counts[POINTS];
@@ -159,49 +160,33 @@ static int read_speed(sf_plan *plan, sf_timeline *line) {
     return add_knot(line, real(knot), v, plan->brake_mmps2 > 0) ? AGAIN : FAILED;
 }
 
-/* The checks of a Timeline. */
-static bool is_motion(const sf_plan *plan, sf_timeline *line) {
-    const sf_knot *knot = line->knots;
-    sf_real before = R(-1);
-    line->most_v = R(0);
-    if (line->end < knot + 2 || knot->s != R(0)) return false;
-    for (; knot < line->end; knot++) {
-        if (!(knot->v >= R(0)) || !(knot->v < R(1e3))) return false;
-        if (knot > line->knots && (!(knot->s > knot[-1].s) || !(knot->v + knot[-1].v > R(0)))) return false;
-        line->most_v = sf_most(line->most_v, knot->v);
-    }
-    line->length = knot[-1].s;
-    for (unsigned i = 0; i < plan->counts[PACKED_STOPS]; i++) {
-        const uint8_t *stop = stop_at(plan, i);
-        sf_real s = real(stop);
-        if (!(s >= R(0)) || !(s < line->length) || !(s > before)) return false;
-        if (!(sf_abs(sf_seconds_of_ns(departure_ns(stop))) < R(1e6))) return false;
-        before = s;
-    }
-    return true;
+/* Where a robot brakes, its stops are speed knots. */
+static int read_stop(sf_plan *plan, sf_timeline *line) {
+    if (!plan->brake_mmps2 || plan->at == plan->counts[PACKED_STOPS])
+        return line->end >= line->knots + 2 && line->knots[0].s == R(0) ? NEXT : FAILED;
+    sf_real s = real(stop_at(plan, plan->at++));
+    return !(s > R(0)) || add_knot(line, s, R(0), true) ? AGAIN : FAILED;
 }
 
-/* Where a robot brakes, its stops are speed knots; check them all then. */
-SHARED static int read_stop(sf_plan *plan, sf_timeline *line) {
-    if (plan->brake_mmps2 && plan->at < plan->counts[PACKED_STOPS]) {
-        sf_real s = real(stop_at(plan, plan->at++));
-        return !(s > R(0)) || add_knot(line, s, R(0), true) ? AGAIN : FAILED;
-    }
-    return is_motion(plan, line) ? NEXT : FAILED;
-}
+static bool is_speed(sf_real v) { return v >= R(0) && v < R(1e3); }
 
 /* Add the legs up to the next speed knot, with the stops between. */
 static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
-    if (line->next + 1 == line->end) return NEXT;
-    sf_real s = line->next->s, v = line->next->v, time = line->finish;
+    sf_real s = line->next->s, v = line->next->v, time = line->finish, before = R(-1);
+    line->length = s;
+    line->most_v = sf_most(line->most_v, v);
+    if (line->next + 1 == line->end) return plan->stop == plan->counts[PACKED_STOPS] ? NEXT : FAILED;
     sf_real end_s = line->next[1].s, end_v = line->next[1].v;
+    if (!(end_s > s) || !is_speed(v) || !is_speed(end_v)) return FAILED;
     sf_real slope = (end_v * end_v - v * v) / (end_s - s);
     for (; plan->stop < plan->counts[PACKED_STOPS]; plan->stop++) {
         const uint8_t *stop = stop_at(plan, plan->stop);
-        sf_real stop_s = real(stop);
+        sf_real stop_s = real(stop), departs = sf_seconds_of_ns(departure_ns(stop));
         if (!(stop_s < end_s)) break;
+        if (plan->stop > 0) before = real(stop - 12);
+        if (!(stop_s >= R(0)) || !(stop_s > before) || !(sf_abs(departs) < R(1e6))) return FAILED;
         if (stop_s > s) {
-            v = SF_SQRT(sf_most(v * v + slope * (stop_s - s), R(0)));
+            v = SF_SQRT(sf_positive(v * v + slope * (stop_s - s)));
             s = stop_s;
             if (!add_knot(line, s, v, true) || !sf_timeline_leg(line, time)) return FAILED;
             time = line->finish;

@@ -45,6 +45,10 @@ SHARED static sf_real as_of(const sf_course *other, const sf_course *course, sf_
     return time + sf_time_of_ms(other, course->origin_ms);
 }
 
+SHARED static sf_real begin_of(const sf_course *coming, const sf_course *course) {
+    return as_of(course, coming, coming->begin);
+}
+
 /* Where the plan has the robot at a time. */
 SHARED static sf_real planned_s(sf_course *course, sf_real time) {
     return sf_s_at(&course->timeline, time);
@@ -100,7 +104,7 @@ void sf_grant(sf_course *course, int64_t authority_ms) {
 bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
     sf_timeline *line = &course->timeline;
     bool rests = coming->from_rest;
-    sf_real begin = sf_time_of_ms(course, coming->begin_ms), time = begin, turn;
+    sf_real begin = begin_of(coming, course), time = begin, turn;
     sf_real reported = sf_time_of_ms(course, course->stamp_ms - (int64_t)LATE_STEP_MS * course->late);
     if (!rests) time = sf_most(sf_most(begin, course->time), reported);
     sf_real there = as_of(coming, course, time), s = at_goal ? line->length : sf_s_at(line, time);
@@ -116,12 +120,12 @@ bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
 bool sf_rests_where(const sf_course *course, sf_course *coming) {
     const sf_follower *mine = &course->follower;
     sf_real turn;
-    if (!coming->from_rest || !(mine->off < SF_INF) || !(mine->pose.x < SF_INF)) return false;
+    if (!coming->from_rest || mine->off == SF_INF || mine->pose.x == SF_INF) return false;
     return sf_fault_at_start(coming, &mine->pose, &turn) == SF_NO_FAULT;
 }
 
 void sf_end_with(sf_course *course, sf_course *coming) {
-    course->until = sf_time_of_ms(course, coming->begin_ms);
+    course->until = begin_of(coming, course);
     course->rests = coming->from_rest ? course->until : SF_INF;
     limit_authority(course);
 }
@@ -138,10 +142,10 @@ bool sf_is_over(sf_course *course, sf_course *coming, sf_real now) {
 
 void sf_follow(sf_course *course, sf_course *before) {
     if (!course->from_rest) {
-        sf_real begin = sf_time_of_ms(before, course->begin_ms);
+        sf_real begin = begin_of(course, before);
         sf_real passed = before->follower.s - planned_s(before, begin);
         course->time = sf_most(course->begin, as_of(course, before, before->time));
-        course->follower.s = sf_least(sf_most(passed, R(0)), course->timeline.length);
+        course->follower.s = sf_least(sf_positive(passed), course->timeline.length);
     }
     course->halted = before->halted;
     course->holds = false;
@@ -169,7 +173,7 @@ void sf_reckon(sf_course *course, int64_t now_ms) {
     int64_t stamp_ms = now_ms;
     course->late = 0;
     if (reached < sf_s_at(line, sf_time_of_ms(course, now_ms)) || now_ms > MOST_STAMP) {
-        sf_real passed = sf_time_at(line, sf_most(reached, R(0)));
+        sf_real passed = sf_time_at(line, sf_positive(reached));
         passed -= TIME_ERROR * sf_abs(passed);
         int64_t passed_ms = course->origin_ms + (int64_t)sf_floor(R(1000) * passed);
         int64_t late_ms = now_ms - passed_ms;
@@ -189,9 +193,10 @@ SHARED static bool lags(sf_course *course, sf_real time) {
    error theta leads theta / (e lambda) off the path before it is corrected. */
 uint8_t sf_fault_at_start(sf_course *course, const sf_pose *pose, sf_real *turn) {
     sf_real enough = TURN_SHARE * course->track, off = sf_turn_at_start(course, pose, turn);
-    bool stands = off + sf_abs(*turn) * SETTLING_LENGTH * R(0.37) <= enough, fault = !(off <= enough);
-    if (stands || fault) *turn = R(0);
-    return fault && !stands ? SF_OFF_PATH : SF_NO_FAULT;
+    bool stands = off + sf_abs(*turn) * SETTLING_LENGTH * R(0.37) <= enough;
+    if (!stands && off <= enough) return SF_NO_FAULT;
+    *turn = R(0);
+    return stands ? SF_NO_FAULT : SF_OFF_PATH;
 }
 
 uint8_t sf_trouble(const sf_course *course) {
@@ -234,11 +239,11 @@ static void pass_period(sf_course *course) {
 
 static void brake_on(sf_course *course) {
     sf_real passed = course->watch - course->brake_from;
-    sf_real fell = passed > R(0) ? course->brake * passed : R(0);
-    course->speed = sf_most(course->brake_speed - fell, R(0));
+    sf_real fell = passed > R(0) ? course->brake * passed : R(0); /* The brake may be infinite. */
+    course->speed = sf_positive(course->brake_speed - fell);
     sf_real later = course->time + passed + HOLD_OUT;
     sf_real room = planned_s(course, sf_least(later, course->authority)) - course->follower.s;
-    course->distance = sf_most(sf_least(room, course->speed * HOLD_OUT), R(0));
+    course->distance = sf_positive(sf_least(room, course->speed * HOLD_OUT));
     course->curvature = sf_curvature(course, course->speed * course->period);
 }
 
@@ -252,16 +257,15 @@ static sf_real advanced(sf_course *course, sf_real now) {
 
 /* The room that is left, at most to where the authority ends; limits the speed. */
 static sf_real within_authority(sf_course *course, sf_real room) {
-    sf_real left = course->granted - course->follower.s, most;
-    if (left < R(0)) left = R(0);
+    sf_real left = sf_positive(course->granted - course->follower.s), most;
     if (course->brake == SF_INF) {
         most = left / course->reaction;
     } else {
         sf_real lost = course->brake * course->reaction;
         most = SF_SQRT(lost * lost + R(2) * course->brake * left) - lost;
     }
-    if (course->speed > most) course->speed = most;
-    return room < left ? room : left;
+    course->speed = sf_least(course->speed, most);
+    return sf_least(left, room);
 }
 
 void sf_keep_to_plan(sf_course *course, sf_real now) {
@@ -297,13 +301,13 @@ void sf_keep_to_plan(sf_course *course, sf_real now) {
     course->speed = sf_clamp(speed + more, R(0), course->limit);
     sf_real room = planned_s(course, time + HOLD_OUT) - s;
     if (course->authority < time + course->foresight) room = within_authority(course, room);
-    course->distance = room > R(0) ? room : R(0);
+    course->distance = sf_positive(room);
     course->curvature = sf_curvature(course, course->speed * period);
 }
 
 SHARED void sf_begin_to_brake(sf_course *course) {
     bool stuck = is_stuck(course);
-    sf_real seen = sf_most(course->pace, R(0)) + R(2) * PACE_TIME * course->brake;
+    sf_real seen = sf_positive(course->pace) + R(2) * PACE_TIME * course->brake;
     course->brake_speed = stuck ? R(0) : sf_least(course->speed, seen);
     course->brake_from = course->watch;
     course->rest_from = SF_INF;

@@ -119,7 +119,7 @@ void sf_find(sf_course *course) {
     sf_follower *follower = &course->follower;
     const sf_curve *curve = &course->curve;
     sf_real s = follower->s, step = SEARCH_STEP;
-    if (!(follower->lateral < SF_INF) || !(follower->pose.x < SF_INF)) return;
+    if (follower->lateral == SF_INF || follower->pose.x == SF_INF) return;
     sf_real nearest = apart(course, s), lateral;
     take(course, s);
     lateral = follower->lateral;
@@ -160,14 +160,14 @@ sf_real sf_curvature(sf_course *course, sf_real travel) {
     if (ahead > CLOSE_ENOUGH) {
         tangent_at(course, follower->s + ahead);
         bend = angle(tx, ty, follower->tx, follower->ty) / ahead;
-        if (still_at < SF_INF) { /* The next `sf_locate` may leave all as it is. */
+        if (still_at != SF_INF) { /* The next `sf_locate` may leave all as it is. */
             follower->tx = tx;
             follower->ty = ty;
             follower->still_at = still_at;
             follower->tangent_s = SF_INF;
         }
     }
-    if (follower->lateral < SF_INF) {
+    if (follower->lateral != SF_INF) {
         sf_real rate = R(1) / sf_most(SETTLING_LENGTH, TICKS_TO_SETTLE * travel);
         bend -= rate * (rate * follower->lateral + R(2) * follower->heading_error);
     }

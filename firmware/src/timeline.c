@@ -45,10 +45,10 @@ sf_real sf_v_at(sf_timeline *line, sf_real time) {
 sf_real sf_time_at(const sf_timeline *line, sf_real s) {
     for (const sf_knot *leg = line->knots; leg < line->next; leg++) {
         if (!(s <= leg[1].s)) continue;
-        sf_real passed = sf_most(s - leg->s, R(0)), v0 = leg->v, v1 = leg[1].v;
+        sf_real passed = sf_positive(s - leg->s), v0 = leg->v, v1 = leg[1].v;
         if (!(passed > R(0))) return leg->t0;
         sf_real slope = (v1 * v1 - v0 * v0) / (leg[1].s - leg->s);
-        sf_real v = SF_SQRT(sf_most(v0 * v0 + slope * passed, R(0)));
+        sf_real v = SF_SQRT(sf_positive(v0 * v0 + slope * passed));
         return leg->t0 + R(2) * passed / (v0 + v);
     }
     return line->finish;
