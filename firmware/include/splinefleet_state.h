@@ -107,8 +107,8 @@ typedef struct {
 typedef struct {
     uint8_t place; /* in open_ns, of the next question */
     bool slewing, compares;
-    uint32_t good, asked;
-    int64_t now_ns, offset_ns, low_ns, high_ns, at_ns, middle_ns, asked_ns, since_ns, followed_ns, period_ns;
+    uint32_t good, asked, period_ns;
+    int64_t now_ns, offset_ns, low_ns, high_ns, at_ns, middle_ns, asked_ns, since_ns, followed_ns;
     int64_t open_ns[SF_QUESTIONS]; /* when open questions were asked; a ring */
 } sf_clock;
 
@@ -154,7 +154,7 @@ typedef struct {
     sf_course *ride, *coming;
     sf_real unsure, passed;
     sf_pose pose;
-    int64_t late_tick_ns, ticked_ns, start_ns, reported_ns, hello_ns;
+    int64_t ticked_ns, start_ns, reported_ns, hello_ns;
     int64_t newest_sequence;
     sf_rest rest;
     sf_leader leader;

@@ -30,8 +30,6 @@ static const uint8_t TRANSITIONS[6][EVENTS] = {
                  [LEFT_PATH] = SF_FROZEN + 1},
 };
 
-const sf_robot *sf_robot_of(const sf_agent *agent) { return (const sf_robot *)agent->robot; }
-
 void sf_init(sf_agent *agent, const sf_robot *robot) {
     sf_clear(agent, sizeof *agent);
     agent->robot = robot;
@@ -39,7 +37,6 @@ void sf_init(sf_agent *agent, const sf_robot *robot) {
     agent->leader.heard_ns = SF_NEVER;
     agent->newest_sequence = -1;
     agent->reported_ns = agent->hello_ns = SF_NEVER;
-    agent->late_tick_ns = 2 * robot->period_ns > LATE_TICK ? 2 * robot->period_ns : LATE_TICK;
     sf_clock_begin(&agent->clock);
 }
 
@@ -48,8 +45,6 @@ static bool before_motion(const sf_agent *agent) {
 }
 
 static bool on_its_way(uint8_t phase) { return phase == SF_MOVING || phase == SF_BRAKING; }
-
-bool sf_has_driven(const sf_agent *agent) { return agent->spent_epoch > 0; }
 
 SHARED static bool knows_time(const sf_agent *agent, const sf_course *ride) {
     return sf_clock_within(&agent->clock, ride->clock_ms);
@@ -66,6 +61,7 @@ static void rest(sf_agent *agent, bool tell) {
     sf_offset(&agent->ride->follower, rest);
 }
 
+/* In every phase but IDLE the robot has a course. */
 static void apply(sf_agent *agent, int event) {
     uint8_t entry = TRANSITIONS[agent->phase][event];
     if (entry == 0) return;
@@ -76,9 +72,9 @@ static void apply(sf_agent *agent, int event) {
         agent->fault = SF_NO_FAULT;
         agent->rest.tell = false;
         sf_clock_start_over(&agent->clock);
-    } else if (after == SF_BRAKING && agent->ride) {
+    } else if (after == SF_BRAKING) {
         sf_begin_to_brake(agent->ride);
-    } else if ((after == SF_FROZEN || after == SF_DONE) && agent->ride) {
+    } else if (after == SF_FROZEN || after == SF_DONE) {
         rest(agent, after == SF_FROZEN);
         if (after == SF_FROZEN) { /* Where a course begins that has not begun, it does not stand. */
             agent->coming = NULL;
@@ -133,8 +129,8 @@ bool sf_hear_command(sf_agent *agent, const sf_command *command) {
     if (!counts(agent, command)) return false;
     leader->run = command->run;
     if (epoch != leader->epoch && !agent->ride) agent->fault = SF_NO_FAULT;
-    bool another = (leader->known && leader->boot != command->boot) ||
-                   (leader->heard && leader->term != command->term);
+    bool other_term = leader->heard && leader->term != command->term;
+    bool another = leader->known && (leader->boot != command->boot || other_term);
     leader->known = leader->heard = true;
     leader->term = command->term;
     leader->boot = command->boot;
@@ -177,7 +173,7 @@ void sf_hear_clock(sf_agent *agent, const sf_answer *answer) {
 static bool takes_courses(const sf_agent *agent, const sf_plan *plan) {
     uint8_t phase = agent->phase;
     bool may = phase == SF_MOVING || phase == SF_DONE || phase == SF_FROZEN;
-    return may && agent->ride && plan->epoch == agent->epoch;
+    return may && plan->epoch == agent->epoch;
 }
 
 static bool is_of_leader(const sf_agent *agent, const sf_plan *plan) {
@@ -329,7 +325,8 @@ void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real head
     uint8_t phase = agent->phase;
     int64_t passed_ns = sf_difference(now_ns, agent->ticked_ns);
     agent->ticked_ns = now_ns;
-    if (passed_ns > agent->late_tick_ns) sf_clock_doubt(&agent->clock); /* It hung. */
+    bool late = passed_ns > LATE_TICK && passed_ns > 2 * ROBOT(agent)->period_ns;
+    if (late) sf_clock_doubt(&agent->clock); /* It hung. */
     agent->passed = sf_clamp(sf_seconds_of_ns(passed_ns), R(0), HOLD_OUT);
     agent->has_pose = x == x;
     agent->pose = (sf_pose){x, y, heading};

@@ -9,6 +9,8 @@
 #define DRIFT_PPM 100
 #define SLEW_SHARE 50
 #define LONGEST_DELAY (10 * SECOND)
+/* Asked so often, the robot asks every CLOCK_PERIOD. */
+#define MOST_ASKED (CLOCK_SAMPLES * (CLOCK_PERIOD / CLOCK_PERIOD_FAST - 1))
 #define CLOSED INT64_MIN /* no message can name this time */
 
 SHARED static int64_t drift(int64_t passed_ns) { return 1 + sf_floor_ratio(passed_ns, 1000000 / DRIFT_PPM); }
@@ -101,15 +103,12 @@ void sf_clock_follow(sf_clock *clock, bool slewing) {
 
 bool sf_clock_asks(sf_clock *clock, int enough_ms, bool moving) {
     int64_t passed = sf_difference(clock->now_ns, clock->asked_ns);
-    if (passed < clock->period_ns) return false;
-    bool enough = moving || clock->good >= CLOCK_SAMPLES;
-    bool rarely = enough && sf_clock_within(clock, enough_ms);
-    if (rarely && passed < CLOCK_PERIOD) return false;
-    clock->asked_ns = clock->open_ns[clock->place % SF_QUESTIONS] = clock->now_ns;
-    clock->place++;
-    clock->asked = rarely ? 0 : clock->asked + (clock->asked < UINT32_MAX);
-    int64_t period = CLOCK_PERIOD_FAST * (int64_t)(1 + clock->asked / CLOCK_SAMPLES);
-    clock->period_ns = period < CLOCK_PERIOD ? period : CLOCK_PERIOD;
+    bool rarely = (moving || clock->good >= CLOCK_SAMPLES) && sf_clock_within(clock, enough_ms);
+    if (passed < (rarely ? CLOCK_PERIOD : clock->period_ns)) return false;
+    clock->asked_ns = clock->open_ns[clock->place++ % SF_QUESTIONS] = clock->now_ns;
+    if (rarely) clock->asked = 0;
+    else if (clock->asked < MOST_ASKED) clock->asked++;
+    clock->period_ns = (uint32_t)CLOCK_PERIOD_FAST * (1u + clock->asked / CLOCK_SAMPLES);
     return true;
 }
 

@@ -75,7 +75,6 @@ sf_int sf_whole(sf_real value);   /* towards 0; saturates */
 sf_int sf_floor(sf_real value);   /* saturates */
 sf_int sf_nearest(sf_real value); /* half to even */
 sf_real sf_seconds_of_ns(int64_t ns);
-sf_real sf_seconds_of_ms(int64_t ms);
 void sf_clear(void *memory, size_t bytes);
 
 /* curve.c */
@@ -139,6 +138,8 @@ bool sf_clock_asks(sf_clock *clock, int enough_ms, bool moving);
 bool sf_clock_within(const sf_clock *clock, int limit_ms);
 
 /* agent.c: at agent->clock.now_ns, which every call from outside sets */
+#define ROBOT(agent) ((const sf_robot *)(agent)->robot)
+
 typedef struct {
     int64_t start_ns, said_ns, authority_ms[2]; /* of the present course, of the newer one */
     uint32_t boot, term, sequence, epoch, run, first, last;
@@ -154,8 +155,6 @@ void sf_plan_taken(sf_agent *agent, sf_course *course, bool valid);
 bool sf_hello_due(sf_agent *agent);
 bool sf_clock_due(sf_agent *agent);
 bool sf_report_due(sf_agent *agent);
-bool sf_has_driven(const sf_agent *agent);
-const sf_robot *sf_robot_of(const sf_agent *agent);
 
 /* plan.c */
 bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length); /* keeps `bytes` */

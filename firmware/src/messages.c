@@ -66,7 +66,7 @@ SHARED static bool hear_command(sf_agent *agent, sf_reader *reader) {
     for (uint32_t count = open_list(reader, MOST_WANTED, &left); count > 0; count--) {
         const uint8_t *text = sf_get_text(reader, &length);
         if (!sf_is_id(text, length)) return false;
-        if (sf_is_named(sf_robot_of(agent)->id, text, length)) command.wanted = true;
+        if (sf_is_named(ROBOT(agent)->id, text, length)) command.wanted = true;
     }
     reader->left = left;
     sf_get_fields(reader, &command, COMMAND_FIELDS + 10, 1);
@@ -94,16 +94,18 @@ static bool hear_refusal(sf_agent *agent, sf_reader *reader) {
     const uint8_t *reason = sf_get_text(reader, &length);
     for (uint32_t i = 0; i < length; i++) characters += (reason[i] & 0xC0) != 0x80;
     if (characters > MOST_REASON || !sf_close(reader)) return false;
-    if (boot == sf_robot_of(agent)->boot) agent->refused = true;
+    if (boot == ROBOT(agent)->boot) agent->refused = true;
     return true;
 }
 
 static bool hear_clock(sf_agent *agent, sf_reader *reader) {
-    sf_answer answer = {.received_ns = SF_UNANSWERED, .answered_ns = SF_UNANSWERED};
+    sf_answer answer;
+    sf_clear(&answer, sizeof answer);
+    answer.received_ns = answer.answered_ns = SF_UNANSWERED;
     sf_get_fields(reader, &answer, CLOCK_FIELDS, COUNT(CLOCK_FIELDS));
     if (!sf_close(reader)) return false;
     bool answered = answer.received_ns != SF_UNANSWERED && answer.answered_ns != SF_UNANSWERED;
-    if (answered && answer.boot == sf_robot_of(agent)->boot) sf_hear_clock(agent, &answer);
+    if (answered && answer.boot == ROBOT(agent)->boot) sf_hear_clock(agent, &answer);
     return true;
 }
 
@@ -180,12 +182,12 @@ SHARED static uint8_t *put_milli(uint8_t *at, sf_real value) {
 }
 
 static uint8_t *put_hello(uint8_t *at, const sf_agent *agent) {
-    const sf_robot *robot = sf_robot_of(agent);
+    const sf_robot *robot = ROBOT(agent);
     at = put_byte(put_tag(at, 11, HELLO), PROTOCOL_VERSION);
     at = put_double(put_count(at, robot->boot), robot->radius);
     at = put_double(put_double(at, robot->max_speed), robot->max_accel);
     bool may_tell = agent->leader.phase == FREEZE || agent->leader.asks;
-    if (agent->has_pose && may_tell && !sf_has_driven(agent)) {
+    if (agent->has_pose && may_tell && agent->spent_epoch == 0) {
         at = put_milli(put_byte(at, ARRAY_HEAD + 3), agent->pose.x);
         at = put_milli(put_milli(at, agent->pose.y), agent->pose.heading);
     } else {
@@ -197,7 +199,7 @@ static uint8_t *put_hello(uint8_t *at, const sf_agent *agent) {
 
 static uint8_t *put_report(uint8_t *at, const sf_agent *agent) {
     const sf_rest *rest = &agent->rest;
-    at = put_count(put_tag(at, 11, REPORT), sf_robot_of(agent)->boot);
+    at = put_count(put_tag(at, 11, REPORT), ROBOT(agent)->boot);
     at = put_count(put_count(at, agent->report_sequence), agent->epoch);
     at = put_byte(put_byte(at, agent->phase), agent->fault);
     if (agent->report_rest) {
@@ -221,7 +223,7 @@ int sf_speak(sf_agent *agent, int64_t now_ns, uint8_t *bytes, size_t *length) {
         at = put_hello(at, agent);
         kind = SF_HELLO;
     } else if (sf_clock_due(agent)) {
-        at = put_count(put_tag(at, 6, CLOCK), sf_robot_of(agent)->boot);
+        at = put_count(put_tag(at, 6, CLOCK), ROBOT(agent)->boot);
         at = put_byte(put_byte(put_byte(put_long(at, now_ns), NIL), NIL), 0);
         kind = SF_CLOCK;
     } else if (sf_report_due(agent)) {

@@ -50,7 +50,6 @@ sf_int sf_floor(sf_real value) {
 sf_int sf_nearest(sf_real value) { return sf_whole((value + UNIT) - UNIT); }
 
 sf_real sf_seconds_of_ns(int64_t ns) { return (sf_real)ns / R(1e9); }
-sf_real sf_seconds_of_ms(int64_t ms) { return (sf_real)ms / R(1000); }
 
 void sf_clear(void *memory, size_t bytes) {
     for (uint8_t *at = memory; bytes > 0; bytes--) *at++ = 0;

@@ -198,7 +198,7 @@ static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
 
 /* Do one piece of the work on a Plan. */
 SHARED static int work_on(sf_agent *agent, sf_plan *plan, sf_course *course) {
-    const sf_robot *robot = sf_robot_of(agent);
+    const sf_robot *robot = ROBOT(agent);
     switch (plan->stage) {
     case FIELDS: return read_fields(plan, robot->id);
     case CHECKSUM: return check_sum(plan);

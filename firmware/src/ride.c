@@ -37,7 +37,7 @@
 #endif
 
 SHARED sf_real sf_time_of_ms(const sf_course *course, int64_t plan_ms) {
-    return sf_seconds_of_ms(plan_ms - course->origin_ms);
+    return (sf_real)(plan_ms - course->origin_ms) / R(1000);
 }
 
 /* A plan time of one course as another one counts it. */
