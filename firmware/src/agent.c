@@ -90,7 +90,7 @@ static void apply(sf_agent *agent, int event) {
 }
 
 /* Brake, and record the fault if none is recorded yet; at the goal the only one is OFF_PATH. */
-static void fail(sf_agent *agent, uint8_t fault) {
+SHARED static void fail(sf_agent *agent, uint8_t fault) {
     bool left = fault == SF_OFF_PATH;
     if (agent->fault == SF_NO_FAULT && (agent->phase != SF_DONE || left)) agent->fault = fault;
     apply(agent, left ? LEFT_PATH : TROUBLE);

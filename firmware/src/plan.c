@@ -47,7 +47,7 @@ static int64_t departure_ns(const uint8_t *stop) {
 }
 
 /* Read the fields, and check what has to hold for the message to be acceptable. */
-SHARED static int read_fields(sf_plan *plan, const char *id) {
+static int read_fields(sf_plan *plan, const char *id) {
     sf_reader reader;
     uint32_t length;
     sf_open(&reader, plan->bytes, plan->length);

@@ -41,7 +41,7 @@ SHARED sf_real sf_time_of_ms(const sf_course *course, int64_t plan_ms) {
 }
 
 /* A plan time of one course as another one counts it. */
-SHARED static sf_real as_of(const sf_course *other, const sf_course *course, sf_real time) {
+static sf_real as_of(const sf_course *other, const sf_course *course, sf_real time) {
     return time + sf_time_of_ms(other, course->origin_ms);
 }
 
