@@ -318,35 +318,34 @@ static sf_course *on_course(sf_agent *agent) {
     return sf_is_over(ride, coming, now) ? change(agent) : ride;
 }
 
-void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real heading) {
-    agent->clock.now_ns = now_ns;
-    sf_read_plan(agent, SF_WORK);
+/* Decide what the robot does in its phase. */
+static void decide(sf_agent *agent) {
     sf_course *ride = agent->ride;
-    uint8_t phase = agent->phase;
+    if (agent->phase == SF_ARMED && !knows_time(agent, ride)) disarm(agent);
+    if (agent->coming) ride = on_course(agent);
+    if (agent->phase == SF_IDLE) {
+        try_to_arm(agent, ride);
+    } else if (on_its_way(agent->phase)) {
+        drive(agent, ride);
+    } else if (agent->phase == SF_DONE) {
+        sf_locate(ride, &agent->pose);
+        if (sf_has_left_goal(ride)) fail(agent, SF_OFF_PATH);
+    }
+}
+
+void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real heading) {
     int64_t passed_ns = sf_difference(now_ns, agent->ticked_ns);
-    agent->ticked_ns = now_ns;
+    agent->clock.now_ns = agent->ticked_ns = now_ns;
     bool late = passed_ns > LATE_TICK && passed_ns > 2 * ROBOT(agent)->period_ns;
     if (late) sf_clock_doubt(&agent->clock); /* It hung. */
     agent->passed = sf_clamp(sf_seconds_of_ns(passed_ns), R(0), HOLD_OUT);
     agent->has_pose = x == x;
     agent->pose = (sf_pose){x, y, heading};
     if (!agent->has_pose) sf_clear(&agent->pose, sizeof agent->pose);
-    sf_clock_follow(&agent->clock, on_its_way(phase));
+    sf_clock_follow(&agent->clock, on_its_way(agent->phase));
     agent->drive_speed = agent->drive_curvature = agent->drive_distance = agent->drive_turn = R(0);
-    if (!ride) return;
-    if (phase == SF_ARMED && !knows_time(agent, ride)) disarm(agent);
-    if (agent->coming) {
-        ride = on_course(agent);
-        phase = agent->phase;
-    }
-    if (agent->phase == SF_IDLE) {
-        try_to_arm(agent, ride);
-    } else if (on_its_way(phase)) {
-        drive(agent, ride);
-    } else if (phase == SF_DONE) {
-        sf_locate(ride, &agent->pose);
-        if (sf_has_left_goal(ride)) fail(agent, SF_OFF_PATH);
-    }
+    if (agent->ride) decide(agent);
+    sf_read_plan(agent, SF_WORK); /* Last, so that no tick takes a course and changes to it. */
 }
 
 bool sf_report_due(sf_agent *agent) {

@@ -65,6 +65,13 @@ static sf_piece *piece_at(sf_curve *curve, sf_real u) {
 /* The value of a polynomial at t, and its derivative, by Horner's rule. */
 SHARED static sf_real value_at(const sf_real *powers, int degree, sf_real t, sf_real *slope) {
     sf_real value = powers[degree], rate = R(0);
+    if (degree == 3) { /* As nearly always: the same, without a loop. */
+        rate = value * t;
+        sf_real square = rate + powers[2];
+        value = square * t + powers[1];
+        *slope = (rate + square) * t + value;
+        return value * t + powers[0];
+    }
     while (degree-- > 0) {
         rate = rate * t + value;
         value = value * t + powers[degree];
@@ -92,12 +99,20 @@ SHARED sf_real sf_on_curve(const sf_curve *curve, sf_real s) {
     return sf_clamp(s, R(0), curve->length);
 }
 
+static const sf_cell *find_cell(const sf_curve *curve, sf_real s) {
+    unsigned cell = 0, end = (unsigned)(curve->last - curve->table);
+    while (end - cell > 1) {
+        unsigned middle = (cell + end) / 2;
+        if (s >= curve->table[middle].s) cell = middle;
+        else end = middle;
+    }
+    return &curve->table[cell];
+}
+
 void sf_curve_place(sf_curve *curve, sf_real s) {
     s = sf_on_curve(curve, s);
     const sf_cell *cell = curve->cell;
-    while (cell + 1 < curve->last && s >= cell[1].s) cell++;
-    while (cell > curve->table && s < cell->s) cell--;
-    curve->cell = cell;
+    if (!(cell->s <= s && s < cell[1].s)) cell = curve->cell = find_cell(curve, s);
     sf_real size = cell[1].s - cell->s, part = (s - cell->s) / size, rest = R(1) - part;
     sf_real m0 = (sf_real)cell->slope * size, m1 = (sf_real)cell[1].slope * size;
     sf_real value = rest * rest * ((R(1) + R(2) * part) * cell->u + part * m0);

@@ -7,7 +7,8 @@
 
 #include "core.h"
 
-enum { NONE, FIELDS, CHECKSUM, NUMBERS, CURVE, MEASURE, SPEED_KNOTS, STOPS, LEGS, CELLS, TAKE };
+enum { NONE, FIELDS, CHECKSUM, NUMBERS, CURVE, MEASURE, SPEED_KNOTS, STOPS, LEGS, CELLS, RIDE,
+       TAKE };
 
 enum { FAILED, AGAIN, NEXT }; /* what a piece of work says of its stage */
 
@@ -216,15 +217,18 @@ SHARED static int work_on(sf_agent *agent, sf_plan *plan, sf_course *course) {
     case STOPS: return read_stop(plan, &course->timeline);
     case LEGS: return add_legs(plan, &course->timeline, course->origin_ms);
     case CELLS: return sf_measure_cell(plan, &course->curve) ? AGAIN : NEXT;
-    default:
-        return sf_ride_begin(course, plan, robot->speed_limit, sf_seconds_of_ns(robot->period_ns));
+    case RIDE: {
+        sf_real period = sf_seconds_of_ns(robot->period_ns);
+        return sf_ride_begin(course, plan, robot->speed_limit, period) ? NEXT : FAILED;
+    }
+    default: return NEXT;
     }
 }
 
 void sf_read_plan(sf_agent *agent, int work) {
     static const uint8_t WORK[] = {
         [FIELDS] = 14, [CHECKSUM] = 18, [NUMBERS] = 6, [CURVE] = 2, [MEASURE] = 40,
-        [SPEED_KNOTS] = 1, [STOPS] = 15, [LEGS] = 3, [CELLS] = 8, [TAKE] = 40,
+        [SPEED_KNOTS] = 1, [STOPS] = 2, [LEGS] = 4, [CELLS] = 8, [RIDE] = 40, [TAKE] = 40,
     };
     sf_plan *plan = &agent->plan;
     while (plan->stage && work > 0) {
@@ -232,11 +236,11 @@ void sf_read_plan(sf_agent *agent, int work) {
         unsigned stage = plan->stage;
         work -= stage == CELLS && !course->curve.plain ? 24 : WORK[stage];
         int done = work_on(agent, plan, course);
-        if (done == AGAIN && stage < TAKE) continue;
+        if (done == AGAIN) continue;
         plan->at = plan->stop = 0;
-        plan->stage = done == NEXT ? (uint8_t)(stage + 1) : NONE;
-        if (done != NEXT && stage > NUMBERS) sf_plan_taken(agent, course, done == AGAIN);
-        if (plan->stage == TAKE) break; /* What is left is enough for a tick of its own. */
+        plan->stage = done == NEXT && stage < TAKE ? (uint8_t)(stage + 1) : NONE;
+        if (plan->stage == NONE && stage > NUMBERS) sf_plan_taken(agent, course, done == NEXT);
+        if (plan->stage > CELLS) break; /* What is left is enough for two ticks of its own. */
     }
 }
 

@@ -91,6 +91,7 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
     course->reaction = REACTION_TICKS * period;
     course->foresight = HOLD_OUT + course->reaction + course->limit / course->brake;
     limit_authority(course);
+    sf_curve_place(&course->curve, R(0)); /* Whether a course leads there is then found sooner. */
     return true;
 }
 
