@@ -66,7 +66,7 @@ typedef struct {
     uint16_t count, span;
     sf_real x, y, dx, dy, length;
     const sf_cell *cell; /* where the curve was evaluated last */
-    sf_cell *last;       /* where it ends */
+    sf_cell *last;       /* of the table: where the curve ends */
     sf_piece pieces[2];
     sf_real knots[SF_POINTS + SF_DEGREE + 1];
     sf_real hx[SF_POINTS], hy[SF_POINTS], hw[SF_POINTS];

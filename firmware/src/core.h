@@ -24,7 +24,7 @@ float fabsf(float), sqrtf(float), sinf(float), cosf(float), atan2f(float, float)
 #define SF_SQRT SF_NAME(sqrt)
 #endif
 
-/* For small functions with many callers: compilers copy them into each, even with -Os. */
+/* For functions that make callers longer where compilers copy them in, even with -Os. */
 #if defined(__GNUC__)
 #define SHARED __attribute__((noinline))
 #else

@@ -1,9 +1,9 @@
 /* A Plan message becomes a course, a piece of work per tick: protocol/codec.py, plan_bytes.py,
    plan_parts.py and the constructors of Curve, Timeline and Ride.
 
-   The stages: fields, checksum, their numbers, whether the robot takes it, points, speed knots, stops,
-   legs, arc lengths.  A message that is not acceptable is dropped; one that is, but is no
-   valid course, is told to the agent. */
+   The stages: fields, checksum, their numbers and whether the robot takes it, knots and points, the
+   curve they make, speed knots, stops, legs, arc lengths, the ride, its taking.  A message that is
+   not acceptable is dropped; one that is, but is no valid course, is told to the agent. */
 
 #include "core.h"
 
